@@ -25,7 +25,8 @@ ROOT = Path(__file__).resolve().parents[1]
 FOLDER = ROOT / "docs" / "results"
 README = ROOT / "README.md"
 MARKERS = ("<!-- results: written by make results -->", "<!-- end of results -->")
-CODE = ("pipeline", "sarsim", "scripts", "assets", "requirements.txt", ":!*.md", ":!scripts/results.py")
+UNRELATED = ":!*.md", ":!*.sh", ":!*.yaml", ":!scripts/results.py"
+CODE = ("pipeline", "sarsim", "scripts", "assets", "requirements.txt", *UNRELATED)
 """What figures depend on, as git names it: a change elsewhere leaves them valid."""
 WRITTEN = "Written by make results from pages.yaml and JSON"  # In every page
 NOT_MEASURED = "not measured on this state yet"
@@ -80,7 +81,7 @@ def renew(name: str, page: Mapping[str, Any], settings: Results) -> None:
     record = measured(command, ROOT / "runs" / "results" / name) | {"commit": commit}
     with whole_file(FOLDER / f"{name}.json") as part:
         part.write_text(json.dumps(record, indent=1, sort_keys=True) + "\n")
-    print(f"{name}: took {duration(page, record)}", flush=True)
+    print(f"{name}: took {record['processor_s']} s of processor time", flush=True)
 
 
 def state_of_code() -> str:
@@ -235,8 +236,9 @@ def number(value: float) -> str:
 
 
 def duration(page: Mapping[str, Any], record: Record | None) -> str:
-    """How long a page takes: by its last measurement, else as it is planned."""
-    seconds = record["processor_s"] if record else 60 * page["minutes"]
+    """How long a page takes: by its last measurement if that was whole, else as it is planned."""
+    whole = record and shown(record["command"]) == shown(page["command"])
+    seconds = record["processor_s"] if record and whole else 60 * page["minutes"]
     return f"{seconds:.0f} s of processor time" if seconds < 100 else f"{seconds / 60:.0f} min of processor time"
 
 

@@ -49,7 +49,7 @@ def test_a_page_tells_where_its_figures_come_from() -> None:
         "2026-11-24",
         "abc",
         "2 cores of P (AVX2)",
-        "4 min",
+        "2 min",
         "`benchmark.py camera --frames 8`",
         "camera.json",
     ):

@@ -2,7 +2,7 @@
 PYTHON := .venv/bin/python
 SUBJECT ?= camera
 
-.PHONY: help setup ros episode test endurance lint benchmark docs dist clean
+.PHONY: help setup ros episode test endurance lint benchmark results docs dist clean
 
 help: ## show this list
 	@sed -n 's/^\([a-z]*\):.*## /  make \1\t/p' Makefile
@@ -34,6 +34,9 @@ lint: setup ## check style and types
 
 benchmark: setup ## measure against peers: make benchmark SUBJECT=camera
 	$(PYTHON) scripts/benchmark.py $(SUBJECT)
+
+results: setup ## measure all pages of results and write them, or one: make results PAGE=metric-map FLAGS="--frames 8" AGAIN=1
+	$(PYTHON) scripts/results.py $(PAGE) $(if $(FLAGS),--flags="$(FLAGS)") $(if $(AGAIN),--again)
 
 docs: setup .venv/docs-installed ## build the documentation's site in build/site
 	NO_MKDOCS_2_WARNING=1 $(PYTHON) -m mkdocs build --strict --quiet

@@ -12,12 +12,15 @@ import pytest
 import yaml
 
 from sarsim.arenas.load import load_arena
+from sarsim.scripts.results import MARKERS, README, texts
 from tests.source_tree import ROOT, modules
 
 DOCUMENTS = sorted([*ROOT.glob("*.md"), *(p for top in ("assets", "docs") for p in (ROOT / top).rglob("*.md"))])
 WEIGHTS = sorted(p for p in (ROOT / "assets" / "weights").iterdir() if p.suffix in (".safetensors", ".weights"))
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 PAGES = sorted((ROOT / "docs").glob("*.md"))
+RESULTS = sorted((ROOT / "docs" / "results").glob("*.md"))
+MOST_WORDS = 20_000  # In all documents that are not generated
 CODE = re.compile(r"```.*?```|`[^`\n]*`", re.DOTALL)
 TARGET = re.compile(r"\]\(<?([^)\s>]+)|^\[[^\]]+\]:\s*(\S+)|(?:src|href)=\"([^\"]+)\"", re.MULTILINE)
 ELSEWHERE = re.compile(r"[a-z]+:")
@@ -57,6 +60,13 @@ def test_links_lead_somewhere(document: Path) -> None:
 
 
 @document
+def test_tables_are_whole(document: Path) -> None:
+    """A blank line among the rows would end a table."""
+    tables = re.findall(r"(?:^ *\|.*\n)+", FENCED.sub("", document.read_text()), re.MULTILINE)
+    assert not [table for table in tables if not re.fullmatch(r" *\|[-|]+\|", table.split("\n")[1])]
+
+
+@document
 def test_paths_that_are_named_are_there(document: Path) -> None:
     assert not [path for path in NAMED.findall(document.read_text()) if not (ROOT / path).exists()]
 
@@ -93,17 +103,25 @@ def test_targets_and_headings_are_found() -> None:
     assert anchors("# `a.raf` files\n```sh\n# none\n```\n## On the map\n") == {"araf-files", "on-the-map"}
 
 
-def test_every_picture_is_shown_in_the_gallery_and_on_a_page() -> None:
+def test_every_picture_is_shown_on_a_page() -> None:
     pictures = {f"images/{path.name}" for path in (ROOT / "docs" / "images").iterdir()}
-    shown = {page.name: set(targets(page.read_text())) for page in PAGES}
-    assert pictures <= shown["gallery.md"]
-    others = (targets for name, targets in shown.items() if name not in ("gallery.md", "index.md"))
-    assert pictures <= set().union(*others)
+    assert pictures <= set().union(*(targets(page.read_text()) for page in PAGES))
 
 
 def test_every_page_opens_with_something_to_do() -> None:
-    without = [p.name for p in PAGES if not re.search(r"```(sh|python)", p.read_text()[:1600])]
-    assert without == ["gallery.md"]
+    assert not [p.name for p in [*PAGES, *RESULTS] if not re.search(r"```(sh|python)", p.read_text()[:1600])]
+
+
+def test_pages_of_results_are_what_is_made_of_the_figures() -> None:
+    made = texts()
+    assert {path for path in made if path.read_text() != made[path]} == set()
+    assert set(RESULTS) - made.keys() == {ROOT / "docs" / "results" / "earlier.md"}
+
+
+def test_documents_are_short() -> None:
+    written = {path: path.read_text() for path in DOCUMENTS if path not in texts() or path == README}
+    written[README] = "".join(part.split(MARKERS[1])[-1] for part in written[README].split(MARKERS[0]))
+    assert sum(len(text.split()) for text in written.values()) <= MOST_WORDS
 
 
 @pytest.mark.parametrize("name", ["first.raf", "example.raf"])
@@ -127,8 +145,9 @@ def test_shipped_weights_have_a_card_as_hugging_face_reads_them(weights: Path) -
 
 
 def test_the_site_has_every_page_once() -> None:
-    listed = re.findall(r": ([\w-]+\.md)$", (ROOT / "mkdocs.yml").read_text(), re.MULTILINE)
-    assert sorted(listed) == [page.name for page in PAGES]
+    listed = re.findall(r"[:-] ([\w/-]+\.md)$", (ROOT / "mkdocs.yml").read_text(), re.MULTILINE)
+    pages = [str(page.relative_to(ROOT / "docs")) for page in [*PAGES, *RESULTS]]
+    assert sorted(listed) == sorted([*pages, "index.md", "gallery.md"])
 
 
 def test_the_notebook_runs_from_an_episode_to_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

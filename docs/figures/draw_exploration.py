@@ -1,4 +1,4 @@
-"""Join pictures of the worst runs, print the table for exploration.md: ``draw_exploration.py FIGURES.json``."""
+"""Join the pictures of the worst runs: ``draw_exploration.py FIGURES.json``."""
 
 import json
 import sys
@@ -7,10 +7,6 @@ from pathlib import Path
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from rich import box
-from rich.console import Console
-
-from sarsim.scripts.benchmarks.exploration_table import rich_table, sections
 
 WIDTH = 800  # pixels of a picture
 IMAGE = Path(__file__).parents[1] / "images" / "exploration-worst.jpg"
@@ -28,15 +24,10 @@ def pictures(file: Path, worst: dict[str, list[str]]) -> NDArray[np.uint8]:
 
 
 def main() -> None:
-    """Draw and print."""
+    """Draw."""
     file = Path(sys.argv[1])
     content = json.loads(file.read_text())
     cv2.imwrite(str(IMAGE), pictures(file, content["worst"]), [cv2.IMWRITE_JPEG_QUALITY, 85])
-    table = rich_table(
-        "exploration", content["figures"], sections(content["figures"], content["config"]["baselines"])
-    )
-    table.title, table.box = None, box.MARKDOWN
-    Console(width=1000).print(table)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""What mkdocs does beside its plugins: writes the pages of the API reference, and leads links to code there."""
+"""What mkdocs does beside its plugins: writes home page, gallery and API reference, and leads links to code there."""
 
 import os
 import re
@@ -13,6 +13,12 @@ ROOT = Path(__file__).parents[2]
 PACKAGES = ("pipeline", "sarsim")
 OUTSIDE = re.compile(r"\[([^\]]*)\]\((\.\./[^)#\s]+)(?:#[^)]*)?\)")
 """Markdown links that leave ``docs/``."""
+
+
+IN_README = re.compile(r"(\]\(|src=\")(?!https?:|#)(docs/)?")
+"""Where a link of README.md begins that leads into the repository, and whether it leads into ``docs/``."""
+PICTURE = re.compile(r"!\[([^\]]+)\]\((images/[^)]+)\)")
+"""A picture of a page: what it shows, and its file."""
 
 
 def packages(top: str) -> list[Path]:
@@ -39,6 +45,22 @@ def reference(package: Path) -> str:
     return own + "".join(f"\n::: {module}\n" for module in modules)
 
 
+def home() -> str:
+    """README.md as a page of the site."""
+    text = (ROOT / "README.md").read_text()
+    return IN_README.sub(lambda link: link[1] if link[2] else f"{link[1]}../", text)
+
+
+def gallery() -> str:
+    """A page with every picture of the other pages, each of which leads to its page."""
+    shown: dict[str, str] = {}
+    for page in sorted((ROOT / "docs").glob("*.md")):
+        for what, file in PICTURE.findall(page.read_text()):
+            shown.setdefault(file, f"[![]({file}) {what}]({page.name})")
+    pictures = "\n\n".join(shown.values())
+    return f'# Gallery\n\n<div class="gallery" markdown>\n\n{pictures}\n\n</div>\n'
+
+
 def on_config(config: MkDocsConfig) -> MkDocsConfig:
     """Put the reference at the end of the navigation."""
     assert config.nav is not None
@@ -48,7 +70,9 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """Add the reference's pages, which no file in ``docs/`` holds."""
+    """Add the pages that no file in ``docs/`` holds."""
+    for name, content in (("index.md", home()), ("gallery.md", gallery())):
+        files.append(File.generated(config, name, content=content))
     for top in PACKAGES:
         for package in packages(top):
             files.append(File.generated(config, page_of(package), content=reference(package)))

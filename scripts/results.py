@@ -1,0 +1,251 @@
+"""Run the benchmarks of the pages of results, and write these pages: ``results.py [PAGE ...]``."""
+
+import json
+import re
+import resource
+import shlex
+import subprocess
+import sys
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass
+from datetime import date
+from pathlib import Path
+from typing import Annotated, Any
+
+import tyro
+import yaml
+
+from pipeline.errors import InputError
+from pipeline.files import whole_file
+from sarsim.scripts.benchmark import machine
+from sarsim.scripts.settings import run_with_settings
+from sarsim.scripts.tables import figures as flat
+
+ROOT = Path(__file__).resolve().parents[1]
+FOLDER = ROOT / "docs" / "results"
+README = ROOT / "README.md"
+MARKERS = ("<!-- results: written by make results -->", "<!-- end of results -->")
+UNRELATED = ":!*.md", ":!*.sh", ":!*.yaml", ":!scripts/results.py"
+CODE = ("pipeline", "sarsim", "scripts", "assets", "requirements.txt", *UNRELATED)
+"""What figures depend on, as git names it: a change elsewhere leaves them valid."""
+WRITTEN = "Written by make results from pages.yaml and JSON"  # In every page
+NOT_MEASURED = "not measured on this state yet"
+DIGITS = 5  # Significant digits of a figure that is kept
+
+Record = Mapping[str, Any]
+"""Figures, by name, and for what they hold: date, commit, command, version, machine, processor_s."""
+
+
+@dataclass(frozen=True)
+class Results:
+    """Which pages are measured and written.
+
+    Attributes:
+        pages: names in docs/results/pages.yaml; by default all.
+        again: measure again even if there are figures of this state of the code.
+        write: only write the pages of the figures that are there.
+        flags: further flags of the benchmark, such as --flags="--frames 8"; the page names them.
+    """
+
+    pages: Annotated[tuple[str, ...], tyro.conf.Positional] = ()
+    again: bool = False
+    write: bool = False
+    flags: str = ""
+
+
+def results(settings: Results) -> None:
+    """Measure each page that has no figures of this state of the code yet, and write all pages and README's table."""
+    known = plan()["pages"]
+    if unknown := set(settings.pages) - known.keys():
+        raise InputError(f"{', '.join(sorted(unknown))}: no page of results; there are {', '.join(known)}")
+    for name in () if settings.write else settings.pages or known:
+        renew(name, known[name], settings)
+        write_pages()
+    write_pages()
+
+
+def plan() -> dict[str, Any]:
+    """The pages: title, command, minutes of processor time, and tables of figures of each, and README's rows."""
+    content: dict[str, Any] = yaml.safe_load((FOLDER / "pages.yaml").read_text())
+    return content
+
+
+def renew(name: str, page: Mapping[str, Any], settings: Results) -> None:
+    """Measure a page unless its figures are of this state of the code."""
+    commit, old = state_of_code(), record_of(name)
+    if old and old["commit"] == commit and not commit.endswith("+") and not settings.again:
+        print(f"{name}: measured on {commit} already")
+        return
+    print(f"{name}: takes about {duration(page, old)}", flush=True)
+    command = " ".join([page["command"].format(commit=commit), settings.flags]).strip()
+    record = measured(command, ROOT / "runs" / "results" / name) | {"commit": commit}
+    with whole_file(FOLDER / f"{name}.json") as part:
+        part.write_text(json.dumps(record, indent=1, sort_keys=True) + "\n")
+    print(f"{name}: took {record['processor_s']} s of processor time", flush=True)
+
+
+def state_of_code() -> str:
+    """The commit that changed the code last, with a + if changes are not committed.
+
+    Raises:
+        InputError: this is no checkout of git.
+    """
+    found = _git("log", "-1", "--format=%h", "--", *CODE)
+    changed = _git("status", "--porcelain", "--untracked-files=no", "--", *CODE)
+    return found + "+" * bool(changed)
+
+
+def _git(*words: str) -> str:
+    try:
+        return subprocess.run(["git", *words], cwd=ROOT, check=True, capture_output=True, text=True).stdout.strip()
+    except (OSError, subprocess.CalledProcessError) as error:
+        raise InputError(f"{ROOT}: results need a checkout with git: {error}") from error
+
+
+def measured(command: str, folder: Path) -> dict[str, Any]:
+    """The record of a command, without the commit: of a benchmark, or of an episode by its report.
+
+    Raises:
+        InputError: the command failed.
+    """
+    folder.mkdir(parents=True, exist_ok=True)
+    benchmark = command.startswith("benchmark.py")
+    output = ["--json", str(folder / "figures.json")] if benchmark else ["--out", str(folder)]
+    before = resource.getrusage(resource.RUSAGE_CHILDREN)
+    script, *flags = shlex.split(command)
+    if status := subprocess.call([sys.executable, str(ROOT / "scripts" / script), *flags, *output], cwd=ROOT):
+        raise InputError(f"{command}: ended with status {status}")
+    after = resource.getrusage(resource.RUSAGE_CHILDREN)
+    content = json.loads((folder / ("figures.json" if benchmark else "report.json")).read_text())
+    return {
+        "command": command,
+        "date": date.today().isoformat(),
+        "processor_s": round(after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime),
+        "version": content["version"],
+        "machine": content.get("machine") or machine(),
+        "figures": kept(content["figures"] if benchmark else dict(flat("", content))),
+    }
+
+
+def kept(figures: Mapping[str, Any]) -> dict[str, float]:
+    """The figures that are numbers, rounded to ``DIGITS``, with names that do not begin with a dot."""
+    numbers = {name.lstrip("."): value for name, value in figures.items() if isinstance(value, int | float)}
+    return {name: float(f"{value:.{DIGITS}g}") for name, value in numbers.items() if not name.startswith("config")}
+
+
+def record_of(name: str) -> Record | None:
+    """What was measured for a page, if anything was."""
+    file = FOLDER / f"{name}.json"
+    return json.loads(file.read_text()) if file.exists() else None
+
+
+def write_pages() -> None:
+    """Write every page of results and README's table from the figures that are there."""
+    for file, text in texts().items():
+        with whole_file(file) as part:
+            part.write_text(text)
+
+
+def texts() -> dict[Path, str]:
+    """The text of every file that is written from figures."""
+    content = plan()
+    pages, records = content["pages"], {name: record_of(name) for name in content["pages"]}
+    written = {FOLDER / f"{name}.md": text_of(name, page, records[name]) for name, page in pages.items()}
+    before, _, rest = README.read_text().partition(MARKERS[0])
+    rows = [readme_row(row, records[row["page"]]) for row in content["readme"]]
+    table = "\n".join(["| what | result | measured |", "|---|---|---|", *rows])
+    readme = f"{before}{MARKERS[0]}\n\n{table}\n\n{MARKERS[1]}{rest.partition(MARKERS[1])[2]}"
+    return written | {FOLDER / "index.md": index_of(pages, records), README: readme}
+
+
+def index_of(pages: Mapping[str, Any], records: Mapping[str, Record | None]) -> str:
+    """The page that lists all pages of results, as Markdown."""
+    rows = ["| results | measured | takes |", "|---|---|---|"]
+    for name, page in pages.items():
+        when = f"{record['date']}, {record['commit']}" if (record := records[name]) else NOT_MEASURED
+        rows.append(line([f"[{page['title']}]({name}.md)", when, duration(page, record)]))
+    about = "[Earlier states](earlier.md) have older figures, [what was tried](../tried.md) those of ideas left out."
+    return markdown("Results", "make results   # measure all", "\n".join(rows), about)
+
+
+def text_of(name: str, page: Mapping[str, Any], record: Record | None) -> str:
+    """A page as Markdown."""
+    command = f"make results PAGE={name}   # about {duration(page, record)}"
+    parts = [f"Results: {page['title']}", command, page["about"]]
+    if record is None:
+        return markdown(*parts, f"{NOT_MEASURED.capitalize()}.")
+    whole, done = shown(page["command"]), shown(record["command"])
+    part = [f"This is a part of `{whole}`."] if done != whole else []
+    tables = [text for table in page["tables"] if (text := table_of(table, record["figures"]))]
+    every = f"[{name}.json]({name}.json) has every figure."
+    return markdown(*parts, f"{origin(record)} `{done}`.", *part, *tables, every)
+
+
+def markdown(title: str, command: str, *parts: str) -> str:
+    """A page with a title, the command that makes it, and paragraphs or tables."""
+    return "\n\n".join([f"# {title}", f"<!-- {WRITTEN} -->", f"```sh\n{command}\n```", *parts]) + "\n"
+
+
+def origin(record: Record) -> str:
+    """When, on what code and on what machine the figures were measured."""
+    machine = record["machine"]
+    on = f"{machine['cores']} cores of {machine['processor']} ({machine['instructions']})"
+    return f"Measured on {record['date']}, commit {record['commit']}, version {record['version']}, on {on} by"
+
+
+def shown(command: str) -> str:
+    """A command as a page shows it: without the folder of unfinished runs."""
+    return re.sub(r" --runs \S+", "", command)
+
+
+def table_of(table: Mapping[str, Any], figures: Mapping[str, float]) -> str:
+    """A table of the rows that have a figure, empty without such rows.
+
+    A figure's name is ``cell`` with the parts of its name that row and column stand for.
+    """
+    columns, cell = table.get("columns", {table.get("unit", "value"): ""}), table.get("cell", "{row}")
+    rows = []
+    for label, row in table["rows"].items():
+        names = [cell.format(row=row, column=column) for column in columns.values()]
+        if any(name in figures for name in names):
+            rows.append(line([label, *(number(figures[name]) if name in figures else "–" for name in names)]))
+    heads = [line([table.get("title", "figure"), *columns]), "|---" * (1 + len(columns)) + "|"]
+    return "\n".join([*heads, *rows]) if rows else ""
+
+
+def line(cells: Iterable[str]) -> str:
+    """A row of a table in Markdown."""
+    return f"| {' | '.join(cells)} |"
+
+
+def readme_row(row: Mapping[str, str], record: Record | None) -> str:
+    """A row of README's table: ``text`` with the figures that stand in braces."""
+    link = f"[{row['page']}](docs/results/{row['page']}.md)"
+    try:
+        figures = record["figures"] if record else {}
+        told = re.sub(r"\{([^:{}]+):([^{}]*)\}", lambda field: format(figures[field[1]], field[2]), row["text"])
+        when = f"{record['date']}, {record['commit']}" if record else ""
+    except KeyError:
+        told, when = NOT_MEASURED, f"`make results PAGE={row['page']}`"
+    return line([row["what"], told, f"{link}, {when}"])
+
+
+def number(value: float) -> str:
+    """A figure in four digits."""
+    return f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.4g}"
+
+
+def duration(page: Mapping[str, Any], record: Record | None) -> str:
+    """How long a page takes: by its last measurement if that was whole, else as it is planned."""
+    whole = record and shown(record["command"]) == shown(page["command"])
+    seconds = record["processor_s"] if record and whole else 60 * page["minutes"]
+    return f"{seconds:.0f} s of processor time" if seconds < 100 else f"{seconds / 60:.0f} min of processor time"
+
+
+def main() -> None:
+    """Entry point."""
+    run_with_settings(results, Results)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,85 @@
+"""Pages of results: what is kept of a measurement, what is measured again, and how figures become tables."""
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from pipeline.errors import InputError
+from sarsim.scripts import results
+from sarsim.scripts.results import Results, kept, number, readme_row, renew, table_of, text_of
+
+PAGE = {"title": "speed", "command": "benchmark.py camera", "minutes": 2, "about": "How fast.", "tables": []}
+RECORD: dict[str, Any] = {
+    "command": "benchmark.py camera --frames 8", "commit": "abc", "date": "2026-11-24", "figures": {"a.ms": 2.0},
+    "machine": {"cores": 2, "processor": "P", "instructions": "AVX2"}, "processor_s": 240, "version": "0.1",
+}  # fmt: skip
+
+
+def test_numbers_are_kept_with_five_digits() -> None:
+    figures = {".sim_time_s": 123.4567, "arena": "nist_6x4", "config.steps": 8, "missing": None, "runs": 3}
+    assert kept(figures) == {"sim_time_s": 123.46, "runs": 3.0}
+
+
+def test_a_table_has_the_rows_that_have_a_figure() -> None:
+    table = {"title": "ms", "rows": {"one": "a", "none": "b"}, "columns": {"ours": "x", "theirs": "y"}}
+    figures = {"x.a": 12345.6, "y.b.c": 1.0}
+    assert table_of(table | {"cell": "{column}.{row}"}, figures).splitlines() == [
+        "| ms | ours | theirs |", "|---|---|---|", "| one | 12,346 | – |",
+    ]  # fmt: skip
+    assert table_of(table, {}) == ""
+
+
+def test_figures_have_four_digits() -> None:
+    assert [number(value) for value in (0.123456, 3.0, 12345.6, 1000)] == ["0.1235", "3", "12,346", "1,000"]
+
+
+def test_a_row_of_the_readme_takes_its_figures_from_braces() -> None:
+    row = {"what": "speed", "page": "camera", "text": "{a.ms:.1f} ms"}
+    assert readme_row(row, RECORD) == "| speed | 2.0 ms | [camera](docs/results/camera.md), 2026-11-24, abc |"
+    unknown = readme_row(row | {"text": "{b.ms:.1f} ms"}, RECORD)
+    assert "not measured on this state yet" in unknown and "make results PAGE=camera" in unknown
+    assert readme_row(row, None) == unknown
+
+
+def test_a_page_tells_where_its_figures_come_from() -> None:
+    text = text_of("camera", PAGE, RECORD)
+    for part in (
+        "2026-11-24",
+        "abc",
+        "2 cores of P (AVX2)",
+        "2 min",
+        "`benchmark.py camera --frames 8`",
+        "camera.json",
+    ):
+        assert part in text
+    assert "This is a part of `benchmark.py camera`." in text
+    assert "Not measured on this state yet." in text_of("camera", PAGE, None)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "again", "runs"),
+    [("abc", "abc", False, 0), ("abc", "abc", True, 1), ("abc", "def", False, 1), ("abc+", "abc+", False, 1)],
+)
+def test_figures_of_this_state_are_not_measured_again(
+    old: str, new: str, again: bool, runs: int, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    commands: list[str] = []
+
+    def measured(command: str, folder: Path) -> dict[str, Any]:
+        commands.append(command)
+        return RECORD | {"command": command}
+
+    monkeypatch.setattr(results, "FOLDER", tmp_path)
+    monkeypatch.setattr(results, "state_of_code", lambda: new)
+    monkeypatch.setattr(results, "measured", measured)
+    (tmp_path / "camera.json").write_text(json.dumps(RECORD | {"commit": old}))
+    renew("camera", PAGE, Results(again=again, flags="--frames 8"))
+    assert commands == ["benchmark.py camera --frames 8"] * runs
+    assert json.loads((tmp_path / "camera.json").read_text())["commit"] == new
+
+
+def test_a_page_that_is_not_there_is_refused_with_those_that_are() -> None:
+    with pytest.raises(InputError, match="speed: no page of results; there are episode, metric-map"):
+        results.results(Results(pages=("speed",)))

@@ -119,3 +119,30 @@ def test_foreign_file_is_refused(tmp_path) -> None:
     (tmp_path / "map.npz").write_bytes(b"PK not a map")
     with pytest.raises(InputError, match=r"map\.npz"):
         load_metric_map(tmp_path / "map.npz")
+
+
+def test_returns_besides_the_image_are_end_points_up_to_its_range():
+    camera, depth = Intrinsics(8, 8, 8.0, 8.0, 4.0, 4.0), np.full((8, 8), 3.0, np.float32)
+    T_map_camera = np.eye(4)  # looks along z
+    plain, told = MetricMap(), MetricMap()
+    plain.integrate(depth, camera, T_map_camera)
+    near, far = np.float32([(0.01, 0.01, 1.0)]), np.float32([(0.01, 0.01, 3.6), (50.0, 0.0, 1.0)])
+    told.integrate(depth, camera, T_map_camera, np.concatenate([near, far]))
+    assert plain.state_at(near) == FREE and told.state_at(near) == OCCUPIED
+    assert (told.state_at(far) != OCCUPIED).all()
+
+
+def test_only_the_blocks_that_a_box_touches_are_made_anew():
+    metric_map = MetricMap()
+    places = np.array([(0.5, 0.5, 0.5), (30.5, 0.5, 0.5)])
+    for place in places:
+        metric_map.integrate_points(place[None], place - (0.0, 0.0, 1.0))
+    box = np.array([[(0.0, 0.0, 0.0), (1.0, 1.0, 1.0)]])
+    with metric_map.made_anew(box) as meets:
+        assert meets(np.stack([places - 0.1, places + 0.1], axis=1)).tolist() == [True, False]
+        for _ in range(3):
+            metric_map.integrate_points(places[1:], places[1] - (0.0, 0.0, 1.0))  # elsewhere nothing changes
+    assert metric_map.state_at(places).tolist() == [UNKNOWN, OCCUPIED]
+    hits = metric_map.log_odds_at(metric_map.voxel_index(places[1:]))
+    metric_map.integrate_points(places[1:], places[1] - (0.0, 0.0, 1.0))
+    assert metric_map.log_odds_at(metric_map.voxel_index(places[1:])) > hits

@@ -191,3 +191,14 @@ def test_where_the_robot_has_been_no_panel_stands():
         assert world.grid.at(world.dropout, (0.025, 0.5))
         assert not world.grid.at(world.dropout, [(0.025, y) for y in (-0.15, 0.0, 0.15)]).any()
         assert world.grid.at(world.elevation, (0.025, 0.0), outside=np.nan) == 0.0
+
+
+def test_only_what_lies_within_boxes_is_made_anew():
+    ground = ground_points(flat, (-1, 1), (-1, 1))
+    elevation_map, box = surface_of(ground), np.array([[(0.0, -0.5), (0.5, 0.5)]])
+    with elevation_map.made_anew(box) as meets:
+        others = np.array([[(-1.0, -1.0), (-0.06, 1.0)], [(0.4, 0.4), (9.0, 9.0)], [(8.0, 8.0), (9.0, 9.0)]])
+        assert meets(others).tolist() == [False, True, False]
+        elevation_map.update(ground + np.float32([0, 0, 0.2]))
+    at = elevation_map.grid.at(elevation_map.measured, [(0.2, 0.2), (-0.2, 0.2), (0.2, 0.7)], np.nan)
+    assert at == pytest.approx([0.2, 0.0, 0.0], abs=1e-6)

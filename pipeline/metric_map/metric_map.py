@@ -30,7 +30,7 @@ OFFSET = (-0.25, -0.25, -0.4)
 spreads a surface on the face between two voxel layers over both. So z = 0 and all multiples of half a voxel along
 every axis lie inside a layer."""
 
-FARTHEST = 1e5  # m; a pose farther from the map's origin than this is an error
+FARTHEST_POINT = 1e5  # m; a pose farther from the map's origin than this is an error
 
 
 class MetricMap:
@@ -77,8 +77,8 @@ class MetricMap:
     def _check_settings(self) -> None:
         if not 1e-3 <= self.voxel_size < np.inf:
             raise InputError(f"metric map: voxel_size must be 1 mm or more, got {self.voxel_size}")
-        if not 0 < self.max_range <= FARTHEST:
-            raise InputError(f"metric map: max_range must be at most {FARTHEST:.0f} m, got {self.max_range}")
+        if not 0 < self.max_range <= FARTHEST_POINT:
+            raise InputError(f"metric map: max_range must be at most {FARTHEST_POINT:.0f} m, got {self.max_range}")
         if not 0 <= self.margin < np.inf:
             raise InputError(f"metric map: margin must not be negative, got {self.margin}")
         if np.shape(self.offset) != (3,) or not np.isfinite(self.offset).all():
@@ -154,9 +154,9 @@ class MetricMap:
                 unchanged.
         """
         cloud, start = _points(points), np.asarray(origin, np.float64)
-        if start.shape != (3,) or not np.abs(start).max() <= FARTHEST:
-            raise InputError(f"the origin of a point cloud must be three numbers of at most {FARTHEST:.0f} m")
-        cloud = cloud[(np.abs(cloud) <= FARTHEST).all(axis=1)] - self.corner
+        if start.shape != (3,) or not np.abs(start).max() <= FARTHEST_POINT:
+            raise InputError(f"the origin of a point cloud must be three numbers of at most {FARTHEST_POINT:.0f} m")
+        cloud = cloud[(np.abs(cloud) <= FARTHEST_POINT).all(axis=1)] - self.corner
         if len(cloud):
             self._fold(self._updater.trace(cloud, start - self.corner))
 
@@ -271,8 +271,8 @@ def _rigid(T: NDArray[np.float64]) -> NDArray[np.float64]:
     T = np.array(T, np.float64)
     if T.shape != (4, 4) or not is_rigid(T):
         raise InputError("a pose must be a rigid 4×4 transform: finite, orthonormal, not mirroring, last row 0 0 0 1")
-    if max(map(abs, T[:3, 3].tolist())) > FARTHEST:
-        raise InputError(f"the pose of the camera must lie within {FARTHEST:.0f} m of the map's origin")
+    if max(map(abs, T[:3, 3].tolist())) > FARTHEST_POINT:
+        raise InputError(f"the pose of the camera must lie within {FARTHEST_POINT:.0f} m of the map's origin")
     return T
 
 

@@ -10,7 +10,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pipeline.traversability import pose_paths_kernels as kernels
 from pipeline.traversability.pose_kernels import ANGLES, BUCKETS, HEADINGS, STOP, TICK, VECTORS
-from pipeline.traversability.traversability import LEAST, STANDING, Traversability, costs_of
+from pipeline.traversability.traversability import LEAST_CLEARANCE, STANDING, Traversability, costs_of
 
 SNAP = 0.5
 """m; a start where the robot cannot stand is moved to the nearest place where it can within this distance."""
@@ -80,7 +80,7 @@ class PosePaths:
         t, size = self.traversability, self.traversability.clearance.size
         i, j, h = starts.T
         # By LEAST, not by the smaller clearance that is enough where the robot has been.
-        can_escape = (t.clearance[i, j, h % STANDING] < round(100 * LEAST)).any()
+        can_escape = (t.clearance[i, j, h % STANDING] < round(100 * LEAST_CLEARANCE)).any()
         count, first = len(starts), np.full(BUCKETS, -1, np.int32)
         # Zeros or nothing, so that pages of memory that the search does not reach are never touched.
         state, after = np.empty((2, 4 * size + count), np.int32)

@@ -27,7 +27,7 @@ RAMP_SPEED, TURN_RATE, RAMP_TURN_RATE = 0.67, 0.63, 0.43
 """Expected, as shares of the robot's greatest: it speeds up and brakes, and on ramps it aligns itself and slips."""
 STRAY = 0.1
 """m, greatest deviation of the robot from its way."""
-LEAST = 0.04
+LEAST_CLEARANCE = 0.04
 """m, least clearance of the footprint from hazards: cells and the headings of a plan are only so exact."""
 LEAST_DRIVEN = -0.03
 """m, least clearance where the middle of the robot has been, so that noise of later keyframes does not shut it in."""
@@ -171,7 +171,7 @@ def assess(
     obstacle, to_obstacle = _obstacles(elevation, hazard | dropout, cell, reach)
     ramp, uphill = _ramps(slope, gradient, hazard, cell)
     clearance = _clearances(obstacle, to_obstacle, robot, cell, within)
-    least = np.where(driven, round(100 * LEAST_DRIVEN), round(100 * LEAST)).astype(np.int8)
+    least = np.where(driven, round(100 * LEAST_DRIVEN), round(100 * LEAST_CLEARANCE)).astype(np.int8)
     pose_kernels.allow_driven(clearance, driven, least, -round(50 * robot.half_width))
     free = pose_kernels.free_poses(clearance, least)
     return Traversability(
@@ -187,7 +187,7 @@ def assess(
         ramp=ramp,
         uphill=uphill,
         free=free,
-        turnable=(clearance.min(axis=2) >= round(100 * LEAST)) & ~ramp,
+        turnable=(clearance.min(axis=2) >= round(100 * LEAST_CLEARANCE)) & ~ramp,
         tall=hazard & (elevation > ndimage.minimum_filter(np.nan_to_num(elevation, nan=np.inf), WALL_GAP) + TALL),
         sealed=_without_gaps(elevation, hazard),
         robot=robot,

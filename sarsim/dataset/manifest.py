@@ -14,8 +14,8 @@ from sarsim.dataset.recipe import Recipe
 
 FILE = "dataset.json"
 SCENES = "scenes"
-FORMAT = "sarsim-dataset"
-VERSION = 1
+DATASET_FORMAT = "sarsim-dataset"
+DATASET_VERSION = 1
 SPLITS = ("train", "val", "test")
 MOST_SCENES = 10**9
 _HELD_OUT = {4: "val", 9: "test"}
@@ -78,10 +78,12 @@ class Manifest:
             raise InputError(f"{path}: {error.strerror or error}") from error
         except (ValueError, RecursionError) as error:
             raise InputError(f"{path}: broken: not JSON") from error
-        if not isinstance(content, dict) or content.get("format") != FORMAT:
+        if not isinstance(content, dict) or content.get("format") != DATASET_FORMAT:
             raise InputError(f"{path}: not the {FILE} of a dataset")
-        if content.get("version") != VERSION:
-            raise InputError(f"{path}: format version {content.get('version')}; this program reads version {VERSION}")
+        if content.get("version") != DATASET_VERSION:
+            raise InputError(
+                f"{path}: format version {content.get('version')}; this program reads version {DATASET_VERSION}"
+            )
         try:
             entries = [_entry(row) for row in content["scenes"]]
             recipe = dict(**content["recipe"])
@@ -92,8 +94,8 @@ class Manifest:
     def write(self, folder: Path) -> None:
         """Replace the file; InputError if it cannot be written."""
         content = {
-            "format": FORMAT,
-            "version": VERSION,
+            "format": DATASET_FORMAT,
+            "version": DATASET_VERSION,
             "generator": self.generator,
             "recipe": self.recipe,
             "sensor": {"name": "ASUS Xtion PRO LIVE", "depth_unit_m": 0.001},

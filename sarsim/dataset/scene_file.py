@@ -18,8 +18,8 @@ from pipeline.metric_map.grid_kernels import is_rigid
 from sarsim.dataset import image_kernels
 from sarsim.dataset.hdf5 import FAST, NewFile, open_file, write_noisy
 
-FORMAT = "sarsim-scene"
-VERSION = 1
+SCENE_FORMAT = "sarsim-scene"
+SCENE_VERSION = 1
 MILLIMETRE = np.float32(0.001)
 NO_BOX = -1
 
@@ -130,7 +130,7 @@ class SceneWriter(ExitStack):
         self.label_points = np.zeros(len(Label), np.int64)
         k = content.intrinsics
         self._millimetres = np.empty((k.height, k.width), np.uint16)
-        self._file.attrs.update(format=FORMAT, version=VERSION, settings=json.dumps(content.settings))
+        self._file.attrs.update(format=SCENE_FORMAT, version=SCENE_VERSION, settings=json.dumps(content.settings))
         self._dataset("intrinsics", np.array([k.fx, k.fy, k.cx, k.cy]))
         self._dataset("mjcf", np.frombuffer(content.mjcf.encode(), np.uint8), **FAST)
         for name, attribute in _CONTENT.items():
@@ -207,10 +207,10 @@ class Scene(ExitStack):
 
     def _read_head(self) -> None:
         file = self._file
-        if file.attrs.get("format") != FORMAT:
+        if file.attrs.get("format") != SCENE_FORMAT:
             raise InputError(f"{self.path}: not a scene of a dataset")
-        if (version := file.attrs.get("version")) != VERSION:
-            raise InputError(f"{self.path}: format version {version}; this program reads version {VERSION}")
+        if (version := file.attrs.get("version")) != SCENE_VERSION:
+            raise InputError(f"{self.path}: format version {version}; this program reads version {SCENE_VERSION}")
         self.settings: dict[str, Any] = json.loads(file.attrs["settings"])
         if not isinstance(self.settings, dict) or not isinstance(self.settings.get("dust", 0.0), float | int):
             raise ValueError("settings are none of a scene")

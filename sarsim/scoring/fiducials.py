@@ -17,7 +17,7 @@ from sarsim.arenas.fiducials import FAMILY, TAG_SIDE
 
 TAG_CORNERS = TAG_SIDE / 2 * np.array([(-1, 1, 0), (1, 1, 0), (1, -1, 0), (-1, -1, 0)], np.float64)
 """(4, 3) m, corners of the black square in OpenCV's order: x right, y up, z towards the viewer."""
-NEAR = 1.0
+MATCHED_TAG = 1.0
 """m up to which the corners give the distance within some millimetres; the depth camera sees from 0.8 m."""
 
 
@@ -49,7 +49,7 @@ def _middle(corners: NDArray[np.float32], frame: Frame) -> NDArray[np.float64] |
         return float(np.median(returns)) * ray
     matrix = np.array([[camera.fx, 0, camera.cx - 0.5], [0, camera.fy, camera.cy - 0.5], [0, 0, 1]])
     _, _, t = cv2.solvePnP(TAG_CORNERS, corners.astype(np.float64), matrix, None, flags=cv2.SOLVEPNP_IPPE_SQUARE)
-    return float(t[2, 0]) * ray if t[2, 0] < NEAR else None
+    return float(t[2, 0]) * ray if t[2, 0] < MATCHED_TAG else None
 
 
 class FiducialScore:

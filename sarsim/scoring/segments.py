@@ -21,7 +21,7 @@ ONE_PLANE = 0.01
 SHIFT = 0.37  # of these bins, so that round numbers, as those of panels, are not on the border of two bins
 NEAR = 0.005  # m, largest distance from a true face of noise-free points on it
 STRIDE = 4  # Only every fourth return marks surfaces as seen
-CELL = 0.025  # m, of a surface
+SURFACE_CELL = 0.025  # m, of a surface
 CORNERS = np.array([(0, 0), (1, 0), (0, 1), (1, 1)])  # Of a cell
 GAP = 2  # Cells; seen parts of a surface that are at most this far from each other are one piece
 LEVEL = 0.99  # Vertical part of a normal beyond which a plane has no direction of ascent
@@ -72,7 +72,7 @@ class _Surface:
     def see(self, points: NDArray[np.float32]) -> None:
         """Mark the cells of those (N, 3) points that lie on the plane."""
         on = points[np.abs(points @ self._face.normal - self._offset) < NEAR]
-        self._seen.update(np.unique(np.floor(on @ self._axes / CELL) @ [1, 1j]).tolist())
+        self._seen.update(np.unique(np.floor(on @ self._axes / SURFACE_CELL) @ [1, 1j]).tolist())
 
     def pieces(self) -> Iterator[Face]:
         """Rectangles around the seen parts: upright rectangles, or on level planes those of least area."""
@@ -84,7 +84,7 @@ class _Surface:
         image[where] = True
         pieces, count = ndimage.label(ndimage.binary_dilation(image, np.ones((GAP + 1, GAP + 1))))
         for n in range(1, count + 1):
-            inside = MultiPoint(CELL * (cells[pieces[where] == n, None] + CORNERS).reshape(-1, 2))
+            inside = MultiPoint(SURFACE_CELL * (cells[pieces[where] == n, None] + CORNERS).reshape(-1, 2))
             around = inside.minimum_rotated_rectangle if abs(self._face.normal[2]) > LEVEL else inside.envelope
             if isinstance(around, Polygon):
                 outline = np.array(around.exterior.coords)[:4] @ self._axes.T + self._offset * self._face.normal

@@ -29,7 +29,7 @@ from sarsim.scripts.benchmarks.common import Result, at_least
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 
 WARM_UP = 2  # Steps that are not counted: in the first one the whole floor is new
-NOISE = 0.003  # m, standard deviation of heights from keyframe to keyframe
+GROUND_NOISE = 0.003  # m, standard deviation of heights from keyframe to keyframe
 HALF_VIEW = np.deg2rad(29)  # Half the camera's horizontal field of view
 HITS = 9  # Returns of a cell in a keyframe
 WALL_TOPS = np.arange(0, 1.01, 0.1)  # m, heights of the points of walls and of the new box
@@ -92,7 +92,7 @@ class _Floor:
         in_view = (away > XTION.nearest) & (away < XTION.farthest) & (np.abs(np.arctan2(*ahead.T[::-1])) < HALF_VIEW)
         is_box = np.abs(ahead - (AWAY, 0)).max(axis=1) < FLOOR_SIDE / 2
         box = np.vstack([self._ground[is_box] + (0, 0, z) for z in WALL_TOPS])
-        seen = self._ground[in_view] + self._rng.normal(0, [0, 0, NOISE], (in_view.sum(), 3))
+        seen = self._ground[in_view] + self._rng.normal(0, [0, 0, GROUND_NOISE], (in_view.sum(), 3))
         self._show(np.vstack([seen, box]))
 
     def _show(self, points: NDArray[np.float64]) -> None:

@@ -13,7 +13,7 @@ MOST_SAMPLES = 3000  # Approximate number of pixels sampled from the box and its
 TRIALS = 200  # RANSAC's random draws for each plane
 MIN_SHARE = 0.02  # Least share of the samples on a plane
 BEYOND = 0.25  # Least ratio of a plane's samples outside the box to those inside for it to be background
-TOLERANCE = 0.012  # m from a plane, in addition to twice the sensor's noise, within which a point belongs to it
+PLANE_TOLERANCE = 0.012  # m from a plane, in addition to twice the sensor's noise, within which a point belongs to it
 FLAT, FLAT_AREA, SURFACE_NOISE = 0.6, 0.04, 0.002
 """A plane is flatter than any person if the share FLAT of its samples is nearer to it than the sensor's noise plus
 SURFACE_NOISE, m, and they cover at least FLAT_AREA, m² across the line of sight."""
@@ -74,7 +74,7 @@ def _is_flat(samples: _Samples, plane: NDArray[np.float64]) -> bool:
 
 def near_plane(points: NDArray[np.float32], plane: NDArray[np.float64], sensor: SensorModel) -> NDArray[np.bool_]:
     """(N,) bool: which points (N, 3) in ``camera_optical`` belong to a plane (4,)."""
-    return np.abs(points @ plane[:3] - plane[3]) < TOLERANCE + 2 * sensor.sigma(points[:, 2])
+    return np.abs(points @ plane[:3] - plane[3]) < PLANE_TOLERANCE + 2 * sensor.sigma(points[:, 2])
 
 
 def _samples(frame: Frame, box: tuple[float, float, float, float]) -> _Samples:
@@ -100,7 +100,7 @@ def _plane(samples: _Samples, rng: np.random.Generator) -> NDArray[np.float64]:
     planes = _planes_of(_triples(samples, TRIALS, rng))
     points = samples.points
     distance = np.abs(points @ planes[:, :3].T.astype(np.float32) - planes[:, 3].astype(np.float32))
-    near = distance < (TOLERANCE + 2 * samples.sensor.sigma(points[:, 2]))[:, None]
+    near = distance < (PLANE_TOLERANCE + 2 * samples.sensor.sigma(points[:, 2]))[:, None]
     best = planes[near.sum(axis=0).argmax()]
     members = samples.points[near_plane(samples.points, best, samples.sensor)]
     if len(members) < 3:

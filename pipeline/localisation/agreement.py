@@ -14,8 +14,8 @@ from pipeline.localisation.relocalisation_kernels import cast
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.transforms import angle_of, inverse
 
-PATCH = 20
-"""Pixels along each side of the squares that are compared: 1.8° of the Xtion's 640 × 480."""
+TILES = 32
+"""Tiles across an image, along each side of which depths are compared: 1.8° of the Xtion."""
 DEPTH_TOLERANCE = 0.2
 """m by which a depth may differ from the map's: the diagonal of a voxel, 0.17, and noise."""
 LEAST_EXPLAINED = 0.85
@@ -114,11 +114,18 @@ def _highest(depths: NDArray[np.float64]) -> NDArray[np.float64]:
     return ndimage.maximum_filter(depths, 3)
 
 
+def _side(frame: Frame) -> int:
+    """Pixels along the sides of a tile."""
+    return max(2, frame.intrinsics.width // TILES)
+
+
 def tile_depths(frame: Frame) -> NDArray[np.float64]:
-    """(H / PATCH, W / PATCH) median depths, m; infinite where fewer than half of the pixels have a return."""
-    rows, columns = (n // PATCH for n in frame.depth.shape)
-    depth = np.where(frame.returns, frame.depth, np.inf)[: rows * PATCH : 2, : columns * PATCH : 2]
-    tiles = depth.reshape(rows, PATCH // 2, columns, PATCH // 2).swapaxes(1, 2).reshape(rows, columns, -1)
+    """(rows, ``TILES``) median depths, m; infinite where fewer than half of a tile's pixels have a return."""
+    side = _side(frame)
+    rows, columns = (n // side for n in frame.depth.shape)
+    depth = np.where(frame.returns, frame.depth, np.inf)[: rows * side, : columns * side]
+    # Every second pixel of every second row is enough for a median.
+    tiles = depth.reshape(rows, side, columns, side)[:, ::2, :, ::2].swapaxes(1, 2).reshape(rows, columns, -1)
     middle = tiles.shape[-1] // 2
     return np.partition(tiles, middle, axis=-1)[..., middle].astype(np.float64)
 
@@ -126,14 +133,15 @@ def tile_depths(frame: Frame) -> NDArray[np.float64]:
 def expected_depths(
     frame: Frame, T_map_camera: NDArray[np.float64], metric_map: MetricMap
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Depths in the map before a camera off by up to ``FINE``, at the middle of every tile (H / PATCH, W / PATCH).
+    """Depths in the map before a camera off by up to ``FINE``, at the middle of every tile (rows, ``TILES``).
 
     Returns:
         m along the optical axis: the least depth up to which space is free, and the greatest at which the ray meets a
         surface; infinite if it meets none from one of the positions.
     """
-    rows, columns = (n // PATCH * PATCH for n in frame.depth.shape)
-    middle = frame.intrinsics.rays[PATCH // 2 : rows : PATCH, PATCH // 2 : columns : PATCH].astype(np.float64)
+    side = _side(frame)
+    rows, columns = (n // side * side for n in frame.depth.shape)
+    middle = frame.intrinsics.rays[side // 2 : rows : side, side // 2 : columns : side].astype(np.float64)
     shape, size = middle.shape[:2], metric_map.voxel_size
     rays = middle.reshape(-1, 3) @ T_map_camera[:3, :3].T
     shifts = FINE * np.array([(0, 0, 0), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0)])

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pipeline.frame import Intrinsics
-from pipeline.localisation.agreement import PATCH, Agreement, agreement, shows_another_place
+from pipeline.localisation.agreement import TILES, Agreement, agreement, shows_another_place
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.transforms import from_yaw
 from tests.pipeline.localisation.carried_robot import ROOM, T_BASE_CAMERA, Maps, seen, tour
@@ -83,4 +83,5 @@ def test_a_camera_of_any_size_is_compared_tile_by_tile(width: int, height: int) 
     camera = Intrinsics(width, height, 400.0, 400.0, width / 2, height / 2)
     depth = np.full((height, width), 2.0, np.float32)
     frame = replace(seen(ROOM, HERE), rgb=np.zeros((height, width, 3), np.uint8), depth=depth, intrinsics=camera)
-    assert agreement(frame, HERE @ T_BASE_CAMERA, room()).seen == (height // PATCH - 2) * (width // PATCH - 2)
+    side = width // TILES
+    assert agreement(frame, HERE @ T_BASE_CAMERA, room()).seen == (height // side - 2) * (width // side - 2)

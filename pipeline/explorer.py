@@ -1,6 +1,5 @@
 """The whole pipeline (thesis, chapter 3): sense, map, decide where to go, plan, drive."""
 
-from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,7 +17,7 @@ from pipeline.navigation.navigator import Navigator, Outcome
 from pipeline.navigation.obstacle_check import ObstacleCheck
 from pipeline.navigation.speed_limit import SpeedLimit
 from pipeline.planning.path_plan import PathPlan, plan_path
-from pipeline.robot import Robot
+from pipeline.robot import Motion, Robot
 from pipeline.segments.cells import centres
 from pipeline.transforms import yaw_of
 from pipeline.traversability.pose_paths import PosePaths
@@ -57,6 +56,25 @@ class Step:
         return self.context.traversability
 
 
+class Observer:
+    """Watches an explorer; what a subclass does not override, it ignores."""
+
+    def on_motion(self, motion: Motion) -> None:
+        """The robot has moved for a control period."""
+
+    def on_keyframe(self, keyframe: Keyframe) -> None:
+        """A keyframe is in the maps, in a step or during a drive."""
+
+    def on_correction(self, moves: Moves) -> None:
+        """The maps were made anew where the poses of their keyframes were corrected."""
+
+    def on_step(self, explorer: "Explorer", step: Step) -> None:
+        """A step is decided; the drive is yet to come."""
+
+    def close(self) -> None:
+        """The explorer has ended; write what is left."""
+
+
 class Explorer:
     """Explores with a robot: each :meth:`step` renews the maps and the plan, each :meth:`drive` follows the plan.
 
@@ -67,7 +85,7 @@ class Explorer:
         navigator: drives the robot.
         keyframing: takes frames, also during a drive.
         steps: number of steps so far.
-        on_correction: called after the maps were made anew with corrected poses of the keyframes.
+        observers: told of every event, in their order.
     """
 
     def __init__(self, robot: Robot, mapper: Mapper):
@@ -77,10 +95,10 @@ class Explorer:
         exploration = Exploration(robot.model)
         exploration.rewards = self.reobservation
         self.mission = Mission(exploration)
-        self.navigator = Navigator(robot)
-        self.keyframing = Keyframing(self.navigator, self.mapper)
+        self.observers: list[Observer] = []
+        self.navigator = Navigator(robot, on_motion=self._moved)
+        self.keyframing = Keyframing(self.navigator, self.mapper, self._added)
         self.steps = 0
-        self.on_correction: Callable[[Moves], object] = lambda moves: None
         self._failed_drives = 0
 
     def step(self) -> Step:
@@ -98,7 +116,10 @@ class Explorer:
         with self.mapper.stopwatch("path_plan"):
             plan = self._plan(viewpoint, context) if viewpoint else None
         can_drive = context.paths.start is not None and not self.is_held
-        return Step(keyframe, context, viewpoint, plan, frontiers, can_drive, was_kidnapped)
+        step = Step(keyframe, context, viewpoint, plan, frontiers, can_drive, was_kidnapped)
+        for observer in self.observers:
+            observer.on_step(self, step)
+        return step
 
     def drive(self, step: Step) -> bool:
         """Follow the plan of a step and turn to the viewpoint's heading; True if the robot got there.
@@ -111,7 +132,6 @@ class Explorer:
         check = ObstacleCheck(self.keyframing.returns, step.traversability, step.keyframe.frame.sensor)
         ramps = [centres(ramp.cells) for ramp in self.mapper.segments.of(Label.INCLINED_RAMP)]
         people = [victim.points for victim in self.mapper.victims.confirmed]
-        self.navigator.speed_limit = SpeedLimit(step.traversability, ramps, people)
         with self.mapper.stopwatch("navigation"):
             reached = self.navigator.follow(
                 step.plan.way_points[:, :2],
@@ -119,6 +139,8 @@ class Explorer:
                 step.plan.backwards,
                 T_map_start[:2, 3],
                 check.is_clear,
+                SpeedLimit(step.traversability, ramps, people),
+                self.keyframing.look,
             )
         T_map_base = self.navigator.T_map_base
         was_kidnapped = self.navigator.legs[-1].outcome is Outcome.MOVED
@@ -128,6 +150,14 @@ class Explorer:
         self._failed_drives = 0 if came_away else self._failed_drives + (not reached)
         self._learn_from_drive(check.obstacles)
         return reached
+
+    def _moved(self, motion: Motion) -> None:
+        for observer in self.observers:
+            observer.on_motion(motion)
+
+    def _added(self, keyframe: Keyframe) -> None:
+        for observer in self.observers:
+            observer.on_keyframe(keyframe)
 
     @property
     def T_map_start(self) -> NDArray[np.float64] | None:
@@ -170,6 +200,7 @@ class Explorer:
         """Correct the keyframes' poses, the maps and all places in them; True if any moved noticeably."""
         moves = self.mapper.settle()
         if moves is not None:
-            self.on_correction(moves)
-        self.navigator.T_map_odom = self.mapper.localisation.T_map_odom
+            for observer in self.observers:
+                observer.on_correction(moves)
+        self.navigator.correct(self.mapper.localisation.T_map_odom)
         return moves is not None

@@ -38,6 +38,17 @@ def whole_file(path: Path) -> Iterator[Path]:
             partial.unlink()
 
 
+def make_folder(path: Path) -> None:
+    """Make sure that files can be written into a folder for results; InputError if they cannot."""
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+        with whole_file(path / ".probe") as probe:
+            probe.touch()
+        (path / ".probe").unlink()
+    except OSError as error:
+        raise InputError(f"--out {path}: {error.strerror or error}") from error
+
+
 def each(*actions: Callable[[], object]) -> None:
     """Run every action, whatever fails in others; then raise the first failure, the others being its consequences."""
     failures: list[Exception] = []

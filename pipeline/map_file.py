@@ -11,13 +11,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.errors import InputError
-from pipeline.files import load_arrays, whole_file
+from pipeline.files import each, load_arrays, whole_file
 from pipeline.frame import Intrinsics
 from pipeline.keyframes import Keyframes, Places, Seen
 from pipeline.labels import Label
 from pipeline.localisation.localisation import SavedKeyframes
 from pipeline.mapper import Mapper
 from pipeline.metric_map.grid_kernels import is_rigid
+from pipeline.metric_map.io.npz import save_metric_map
 from pipeline.robot import RobotModel
 from pipeline.segments.members import Member
 from pipeline.segments.plane import Moments
@@ -26,6 +27,7 @@ from pipeline.traversability.elevation_map import ElevationMap
 from pipeline.traversability.ground_evidence import Assumed, Driven, GroundEvidence
 from pipeline.victims.victim_map import Sighting, Victim
 
+KEYFRAMES = "keyframes.npz"  # The file that ``--map`` reads in a folder of results
 FORMAT, VERSION = "sarsim keyframes", 3
 
 Row = dict[str, Any]
@@ -101,6 +103,16 @@ LAYOUT: dict[str, dict[str, Field]] = {
     },
 }
 """The rows of each kind. A field of rows of different lengths is stored end to end, with its lengths beside it."""
+
+
+def save_maps(mapper: Mapper, folder: Path) -> None:
+    """Write every map into a folder, each by itself; then InputError if one could not be written."""
+    each(
+        lambda: save_keyframes(mapper, folder / KEYFRAMES),
+        lambda: save_metric_map(mapper.metric_map, folder / "metric_map.npz"),
+        lambda: mapper.semantic_map.save(folder / "semantic_map.ply"),
+        lambda: mapper.topological_map.save(folder / "topology.json"),
+    )
 
 
 def save_keyframes(mapper: Mapper, path: Path) -> None:

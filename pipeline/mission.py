@@ -20,7 +20,7 @@ HOME_SNAP = 0.5
 """m; reachable ground this close to where the robot was set down counts as home: it may not be reachable itself."""
 
 
-class Standing(Protocol):
+class RobotState(Protocol):
     """What a mission must know of the robot that it sends."""
 
     @property
@@ -74,7 +74,7 @@ class Mission:
                 return strategy, viewpoint
         return None
 
-    def tasks(self, goals: Sequence[ArrayLike], home: bool, robot: Standing) -> Iterator[str]:
+    def tasks(self, goals: Sequence[ArrayLike], home: bool, robot: RobotState) -> Iterator[str]:
         """Begin one task after the other: explore, drive to goals (2,) m in ``map``, drive home.
 
         Yields:
@@ -86,12 +86,12 @@ class Mission:
         if home and robot.T_map_start is not None:
             yield from self._visit("home", Goals([robot.T_map_start[:2, 3]], HOME_SNAP), robot)
 
-    def _visit(self, name: str, goals: "Goals", robot: Standing) -> Iterator[str]:
+    def _visit(self, name: str, goals: "Goals", robot: RobotState) -> Iterator[str]:
         self.goals = self._visited[name] = goals
         yield name
         goals.refuse("the robot is held where it stands" if robot.is_held else None)
 
-    def news(self) -> Iterator[tuple[str, bool]]:
+    def new_outcomes(self) -> Iterator[tuple[str, bool]]:
         """A line for each goal visited or given up since the last call, and whether it was reached."""
         for name, goals in self._visited.items():
             for visit in goals.visits[self._told.get(name, 0) :]:

@@ -16,9 +16,9 @@ from pipeline.rerun.blueprint import blueprint
 from pipeline.rerun.recorder import Recorder
 from pipeline.rerun.track import Track
 from pipeline.rerun.viewer import Viewer, ViewerKind
+from pipeline.robot import Motion
 from pipeline.transforms import from_rotation, inverse
 from sarsim.ground_truth.meshes import Mesh, drawn_geoms, geom_poses, joined_mesh
-from sarsim.robots.pose import Pose
 from sarsim.sensors.camera import geom_labels
 from sarsim.simulated_robot import SimulatedRobot
 
@@ -52,16 +52,16 @@ class EpisodeRecorder(Recorder):
             self.stream.log(f"world/arena/{label.name.lower()}", _mesh3d(mesh), static=True)
         self._log_robot()
 
-    def log_step(self, index: int, explorer: Explorer, step: Step) -> None:
-        """Log step ``index`` of the explorer, counted from 0, and the maps after it."""
+    def on_step(self, explorer: Explorer, step: Step) -> None:
+        """Log a step of the explorer, and the maps after it."""
         self._true_track.add(self._T_world_base[:3, 3])
-        super().log_step(index, explorer, step)
+        super().on_step(explorer, step)
         self._log_joints()
 
-    def log_motion(self, pose: Pose) -> None:
+    def on_motion(self, motion: Motion) -> None:
         """Log the robot's pose after a control period; thinned to 5 poses a second."""
-        self._true_track.add(pose.T_world_base[:3, 3])
-        if self.log_pose(pose.time, pose.T_odom_base):
+        self._true_track.add(self._T_world_base[:3, 3])
+        if self.log_pose(motion.time, motion.T_odom_base):
             self._log_joints()
             self._log_error()
 

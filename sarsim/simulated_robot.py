@@ -1,6 +1,5 @@
 """The simulated robot that the pipeline drives."""
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -14,8 +13,9 @@ from pipeline.robot import Motion, Velocity
 from pipeline.transforms import transform_points
 from sarsim.arenas.arena import RescueArena
 from sarsim.ground_truth.contacts import CollisionCounter
+from sarsim.robots.model import ROBOTS
 from sarsim.robots.pose import Pose
-from sarsim.robots.skid_steered import ROBOTS, SkidSteered
+from sarsim.robots.skid_steered import SkidSteered
 from sarsim.sensors.air import Air
 from sarsim.sensors.camera import LabelledImage, RgbdCamera
 from sarsim.sensors.conditions import Conditions
@@ -79,7 +79,6 @@ class SimulatedRobot:
         true_frame: of the newest frame.
         trajectory: a pose every control period.
         collisions: counts the robot's contacts with walls, clutter and victims.
-        on_motion: called with every new pose of the trajectory.
     """
 
     control_period = 2 * CONTROL_TIMESTEP
@@ -105,7 +104,6 @@ class SimulatedRobot:
         self.collisions = CollisionCounter(self.physics.model.ptr, self._camera.base_body)
         self.true_frame: TrueFrame | None = None
         self.trajectory: list[Pose] = []
-        self.on_motion: Callable[[Pose], None] = lambda pose: None
         self._settle()
 
     def _settle(self) -> None:
@@ -156,7 +154,6 @@ class SimulatedRobot:
         T_world_base = robot.T_world_base(physics)
         T_odom_base = T_world_base if self.config.odometry == "truth" else self.T_wheel_base
         self.trajectory.append(Pose(self.time, T_world_base, T_odom_base))
-        self.on_motion(self.trajectory[-1])
         wheel_speed = robot.wheel_speed(physics) * robot.drive.wheel_radius
         return Motion(self.time, T_odom_base, gyro, accelerometer, wheel_speed)
 

@@ -8,8 +8,9 @@ from numpy.typing import NDArray
 
 from pipeline.robot import Velocity
 from sarsim.arenas.arena import RescueArena
+from sarsim.robots.model import ROBOTS
 from sarsim.robots.skid_steer import SkidSteer
-from sarsim.robots.skid_steered import ROBOTS, SkidSteered
+from sarsim.robots.skid_steered import SkidSteered
 
 CONTROL_TIMESTEP = 0.02
 """s, the period of the drive's firmware."""

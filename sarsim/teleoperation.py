@@ -16,14 +16,14 @@ import numpy as np
 from pipeline.errors import InputError
 from pipeline.localisation.localisation import is_keyframe
 from pipeline.localisation.slam import Slam
+from pipeline.map_file import save_maps
 from pipeline.mapper import Mapper
 from pipeline.metric_map.isolated_returns import without_isolated_returns
-from pipeline.results import save_maps
 from pipeline.robot import Velocity
 from pipeline.semantic_map.classifier import PointClassifier
 from sarsim.arenas.arena import RescueArena
 from sarsim.recording import EpisodeRecorder
-from sarsim.robots.skid_steered import ROBOTS
+from sarsim.robots.model import ROBOTS
 from sarsim.simulated_robot import SimulatedRobot
 from sarsim.task import CONTROL_TIMESTEP, rescue_environment
 
@@ -92,14 +92,14 @@ class Gamepad:
     def steer(self, throttle: Throttle) -> None:
         """Apply the events since the last call to the throttle; an unplugged gamepad stops the robot."""
         try:
-            news = os.read(self._file, 64 * JS_EVENT.size)
+            data = os.read(self._file, 64 * JS_EVENT.size)
         except BlockingIOError:  # no events
             return
         except OSError:
-            news = b""
-        if not news:
+            data = b""
+        if not data:
             throttle.v = throttle.omega = 0.0
-        self._rest += news
+        self._rest += data
         whole = len(self._rest) // JS_EVENT.size * JS_EVENT.size
         for _, value, kind, number in JS_EVENT.iter_unpack(self._rest[:whole]):
             share = -value / FULL if abs(value) > SLACK * FULL else 0.0
@@ -172,19 +172,19 @@ class MappedDrive:
         self.physics, self.base_body, self.control_period = robot.physics, robot.base_body, robot.control_period
         self.limits = robot.robot.drive.limits
         self.mapper = Mapper(robot.model, classifier, localisation=Slam())
-        robot.on_motion = recorder.log_motion
         self._add_keyframe()
 
     def drive(self, command: Velocity) -> None:
         """Follow ``command`` for one control period, and take a keyframe if the robot has moved far enough."""
         motion = self._robot.drive(command)
+        self._recorder.on_motion(motion)
         if is_keyframe(self._T_odom_keyframe, motion.T_odom_base):
             self._add_keyframe()
 
     def _add_keyframe(self) -> None:
         frame = without_isolated_returns(self._robot.sense())
         if correction := self.mapper.settle():
-            self._recorder.log_correction(correction)
+            self._recorder.on_correction(correction)
         T_map_base = self.mapper.localise(frame)
         if not len(self.mapper.keyframes):
             self.mapper.assume_ground(T_map_base)

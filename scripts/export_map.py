@@ -68,7 +68,7 @@ def _export_ground(keyframes: Path, out: Path, robot: Robot) -> None:
     from pipeline.metric_map.io.plans import SAVED
     from pipeline.traversability.ros_map import known_costs, save_ros_map, trinary
     from pipeline.traversability.traversability import assess_map
-    from sarsim.robots.skid_steered import robot_model
+    from sarsim.robots.model import robot_model
 
     if not keyframes.exists():
         instead = "; --heights 0.25 0.65 makes a map of the occupancy grid instead" if out.suffix == ".pgm" else ""

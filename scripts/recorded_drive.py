@@ -1,6 +1,7 @@
 """Maps a recording, and writes the files of an episode."""
 
 from collections.abc import Callable
+from functools import partial
 from time import perf_counter
 from typing import Any
 
@@ -9,17 +10,17 @@ import numpy as np
 from pipeline.datasets.recording import CameraPose, Recording
 from pipeline.datasets.replay import Replay, Replayed, default_poses, localisation_of
 from pipeline.errors import InputError
+from pipeline.expedition import ResultFolder
+from pipeline.files import make_folder
 from pipeline.localisation.localisation import LostError
+from pipeline.localisation.trajectory import EstimatedTrajectory
 from pipeline.mapper import Mapper
 from pipeline.rerun.recorder import Recorder
-from pipeline.rescue_report.report import write_page
-from pipeline.rescue_report.situation import situation_of
-from pipeline.results import save_maps
+from pipeline.rescue_report.situation import Situation, situation_of
 from pipeline.transforms import inverse
-from pipeline.victims.detection.detector import VictimDetector
-from sarsim.episode import make_classifier, make_folder, run_report, write_report
+from sarsim.perception import make_perception
+from sarsim.robots.model import robot_model
 from sarsim.robots.pose import Pose
-from sarsim.robots.skid_steered import robot_model
 from sarsim.scoring.trajectory import TrajectoryScore
 from sarsim.settings import MapRecording
 
@@ -27,32 +28,35 @@ RECORDING = "episode.rrd"  # The file for Rerun's viewer
 
 
 class RecordedDrive:
-    """A recording, a mapper, and the recorder and score that observe them.
+    """A recording, a mapper, and the results of a run through both.
 
     Attributes:
         mapper: all maps.
         frames: number of frames so far.
-        report: the content of report.json; empty if no frame was mapped.
         error: why the recording could not be mapped to its end; empty otherwise.
     """
 
     def __init__(self, recording: Recording, config: MapRecording):
         """Raises InputError if the recording lacks the wanted poses, or the output folder cannot be written."""
         self.recording, self.config = recording, config
-        detector = VictimDetector.load(*config.detector) if config.detector else None
         poses = config.poses or default_poses(recording)
-        classifier, localisation = make_classifier(config.labels, config.weights), localisation_of(poses)
+        (classifier, detector), localisation = make_perception(config), localisation_of(poses)
         self._robot = robot_model(config.robot)
         self.mapper = Mapper(self._robot, classifier, detector, localisation=localisation)
         camera = config.camera and CameraPose(*config.camera).T_base_camera
         self._replay = Replay(recording, self.mapper, poses, camera)
         make_folder(config.out)
         self._recorder = Recorder(config.out / RECORDING)
+        self._results = ResultFolder(config, config.out, config.path.name, 0, self.mapper, self._recorder)
         self.frames, self._labelled, self.error = 0, list[int](), ""
-        self.report: dict[str, Any] = {}
-        self._trajectory: list[Pose] = []
-        self._score = TrajectoryScore(localisation, self._trajectory)
+        self._poses: list[Pose] = []
+        self._score = TrajectoryScore(localisation, self._poses)
         self._has_truth, self._T_map_world = False, np.eye(4)
+
+    @property
+    def report(self) -> dict[str, Any]:
+        """The content of report.json; empty if no frame was mapped."""
+        return self._results.report
 
     def run(
         self,
@@ -60,7 +64,7 @@ class RecordedDrive:
         on_frame: Callable[[str], object] = lambda description: None,
     ) -> None:
         """Map until the recording ends, breaks, or is ``interrupted``, and write the results."""
-        start = perf_counter()
+        begin = perf_counter()
         try:
             for replayed in self._replay:
                 self._add(replayed)
@@ -69,17 +73,7 @@ class RecordedDrive:
                     break
         except (InputError, LostError) as error:
             self.error = str(error)
-        if self._labelled:
-            self.mapper.settle()
-            self.report = self._report(perf_counter() - start)
-        self._recorder.close()
-        if self._labelled:
-            self._write()
-            return
-        (self.config.out / RECORDING).unlink()
-        if not self.error:
-            left_out = ", ".join(f"{count} {reason}" for reason, count in self.recording.left_out.items())
-            self.error = f"{self.recording.path}: holds no frame that could be used; {left_out or 'it is empty'}"
+        self._finish(perf_counter() - begin)
 
     def _add(self, replayed: Replayed) -> None:
         frame, keyframe, truth = replayed
@@ -89,7 +83,7 @@ class RecordedDrive:
             self._has_truth, self._T_map_world = True, T @ inverse(truth)
         self.frames += 1
         if truth is not None or not self._has_truth:
-            self._trajectory.append(Pose(frame.time, T if truth is None else self._T_map_world @ truth, T))
+            self._poses.append(Pose(frame.time, T if truth is None else self._T_map_world @ truth, T))
         if keyframe is None:
             self._recorder.log_pose(frame.time, T)
             return
@@ -98,29 +92,36 @@ class RecordedDrive:
             self._recorder.log_keyframe(len(self._labelled), self.mapper, keyframe)
             self._labelled.append(keyframe.index)
 
-    def _report(self, wall_time: float) -> dict[str, Any]:
-        sim_time = self._trajectory[-1].time - self._trajectory[0].time
-        return {
-            "arena": self.config.path.name,
-            "seed": 0,
-            "steps": len(self._labelled),
-            **run_report(self.config, self.config.out, sim_time, wall_time, self.mapper),
+    def _finish(self, wall_time: float) -> None:
+        """Write the results of a run of ``wall_time`` s."""
+        if self._labelled:
+            score, close = self._score, [self._recorder.close]
+            save = score.save if self._has_truth else partial(EstimatedTrajectory.save, score)
+            report = partial(self._write_report, wall_time)
+            self._results.write(self.mapper.settle, save, self._situation, close, report)
+            return
+        self._recorder.close()
+        (self.config.out / RECORDING).unlink()
+        if not self.error:
+            left_out = ", ".join(f"{count} {reason}" for reason, count in self.recording.left_out.items())
+            self.error = f"{self.recording.path}: holds no frame that could be used; {left_out or 'it is empty'}"
+
+    def _situation(self) -> Situation:
+        poses = self.mapper.keyframes.poses[self._labelled]
+        height = float(self.mapper.keyframes.seen[self._labelled[0]].T_base_camera[2, 3])
+        return situation_of(self.mapper, self._robot, poses, height, finished=not self.error)
+
+    def _write_report(self, wall_time: float) -> None:
+        figures: dict[str, Any] = {
             "recording": {
                 "frames": self.frames,
                 "keyframes": len(self.mapper.keyframes),
                 "loops": len(self.mapper.localisation.loops),
                 "left_out": self.recording.left_out,
                 **({"stopped": self.error} if self.error else {}),
-            },
-            **({"localisation": self._score.report()} if self._has_truth else {}),
+            }
         }
-
-    def _write(self) -> None:
-        out, mapper = self.config.out, self.mapper
-        write_report(self.report, out)
-        save_maps(mapper, out)
-        self._score.save(out, with_truth=self._has_truth)
-        poses = mapper.keyframes.poses[self._labelled]
-        height = float(mapper.keyframes.seen[self._labelled[0]].T_base_camera[2, 3])
-        situation = situation_of(mapper, self._robot, poses, height, finished=not self.error)
-        write_page(out / "report.html", situation, self.report)
+        if self._has_truth:
+            figures["localisation"] = self._score.report()
+        sim_time = self._poses[-1].time - self._poses[0].time
+        self._results.write_report(len(self._labelled), sim_time, wall_time, figures)

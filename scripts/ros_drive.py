@@ -2,12 +2,19 @@
 
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
 
 from pipeline.datasets.recording import CameraPose
 from pipeline.errors import InputError
-from pipeline.explorer import Explorer, Step
+from pipeline.expedition import Expedition, ResultFolder
+from pipeline.explorer import Explorer, Observer, Step
+from pipeline.files import make_folder
 from pipeline.localisation.slam import Slam
+from pipeline.localisation.trajectory import EstimatedTrajectory
+from pipeline.map_file import KEYFRAMES, load_keyframes
 from pipeline.mapper import Keyframe, Mapper
 from pipeline.navigation.navigator import Outcome
 from pipeline.rerun.recorder import Recorder
@@ -17,11 +24,8 @@ from pipeline.ros.live.node import RosNode
 from pipeline.ros.live.ros_robot import RosRobot
 from pipeline.ros.messages import MAP, ODOM, transforms
 from pipeline.ros.topics import MapTopics
-from pipeline.victims.detection.detector import VictimDetector
-from sarsim.episode import Expedition, make_classifier, make_folder
-from sarsim.robots.pose import Pose
-from sarsim.robots.skid_steered import robot_model
-from sarsim.scoring.trajectory import TrajectoryScore
+from sarsim.perception import make_perception
+from sarsim.robots.model import robot_model
 from sarsim.settings import RosExploration
 
 
@@ -29,7 +33,14 @@ class InterruptedDriveError(Exception):
     """The drive was interrupted."""
 
 
-class RosDrive(Expedition):
+class TimedPose(NamedTuple):
+    """A 4×4 pose by odometry at a time in s."""
+
+    time: float
+    T_odom_base: NDArray[np.float64]
+
+
+class RosDrive(Expedition, Observer):
     """An expedition that publishes its maps and its plan.
 
     Attributes:
@@ -37,25 +48,25 @@ class RosDrive(Expedition):
         stopped: why the robot was stopped before the end; None if it was not.
     """
 
-    config: RosExploration
-
     def __init__(self, config: RosExploration, node: RosNode):
         """Raises InputError if no robot is found, or a file cannot be read or written."""
-        classifier = make_classifier(config.labels, config.weights)
-        detector = VictimDetector.load(*config.detector) if config.detector else None
+        classifier, detector = make_perception(config)
         make_folder(config.out)
         camera = config.camera and CameraPose(*config.camera).T_base_camera
         model = replace(robot_model(config.robot), speed=config.speed)
-        self.robot = RosRobot(node, model, config.topics, camera, config.patience)
-        mapper = Mapper(self.robot.model, classifier, detector, localisation=Slam())
-        super().__init__(config, Explorer(self.robot, mapper))
-        self.recorder = Recorder(self.out / "episode.rrd", None if config.view == "none" else Viewer(config.view))
-        self.explorer.on_correction = self.recorder.log_correction
-        self.robot.on_motion = self._log_motion
-        self.stopped: str | None = None
+        self.robot = RosRobot(node, model, config.topics, camera, config.patience, self._log_motion)
+        mapper = Mapper(model, classifier, detector, localisation=Slam())
+        explorer = Explorer(self.robot, mapper)
+        if config.map:
+            load_keyframes(config.map / KEYFRAMES, mapper)
+        explorer.observers.append(self)
+        recorder = Recorder(config.out / "episode.rrd", None if config.view == "none" else Viewer(config.view))
+        results = ResultFolder(config, config.out, config.out.name, 0, mapper, recorder)
         self._node, self._maps, self._frontiers = node, MapTopics(node.send), 0
-        self._poses: list[Pose] = []
-        self.trajectory = TrajectoryScore(self.explorer.mapper.localisation, self._poses)
+        self._poses: list[TimedPose] = []
+        self._estimate = EstimatedTrajectory(mapper.localisation, self._poses)
+        super().__init__(explorer, results, self._estimate, config.steps, config.goals, config.home)
+        self.stopped: str | None = None
 
     def run(
         self,
@@ -87,27 +98,27 @@ class RosDrive(Expedition):
             raise
 
     def _log_motion(self, motion: Motion) -> None:
-        self.recorder.log_pose(motion.time, motion.T_odom_base)
-        self._poses.append(Pose(motion.time, motion.T_odom_base, motion.T_odom_base))
+        self._poses.append(TimedPose(motion.time, motion.T_odom_base))
         if self.explorer.steps:
             link = {(MAP, ODOM): self.explorer.mapper.localisation.T_map_odom}
             self._node.send("/tf", motion.time, transforms(motion.time, link))
         if self._interrupted():
             raise InterruptedDriveError
 
-    def _add_keyframe(self, keyframe: Keyframe) -> None:
-        frame = keyframe.frame
-        self.trajectory.add(Pose(frame.time, frame.T_odom_base, frame.T_odom_base))
+    def on_keyframe(self, keyframe: Keyframe) -> None:
+        """Publish the newest keyframe."""
+        self._estimate.add(TimedPose(keyframe.frame.time, keyframe.frame.T_odom_base))
         self._maps.keyframe(keyframe)
 
-    def _add(self, step: Step) -> None:
+    def on_step(self, explorer: Explorer, step: Step) -> None:
+        """Publish the maps and the plan."""
         self._frontiers = len(step.frontiers)
-        self._maps.maps(self.explorer.mapper, step.keyframe, step.plan)
+        self._maps.maps(explorer.mapper, step.keyframe, step.plan)
 
     def _time(self) -> float:
         return self.robot.time
 
-    def _figures(self) -> dict[str, Any]:
+    def _stages(self) -> dict[str, Any]:
         navigator, localisation = self.explorer.navigator, self.explorer.mapper.localisation
         outcomes = [leg.outcome for leg in navigator.legs]
         return {

@@ -20,16 +20,16 @@ def ros_explore(config: RosExploration) -> None:
 
     with closing(RosNode(config.name, config.network)) as node:
         drive = RosDrive(config, node)
-        save_settings(config, drive.out / "config.yaml")
+        save_settings(config, config.out / "config.yaml")
         ended_by = run_watched(
             lambda interrupted, on_step: drive.run(interrupted, lambda line: on_step(drive.explorer.steps, line)),
-            drive.place,
+            config.out.name,
             config.steps,
         )
     console = Console()
     if drive.explorer.steps or drive.lost:
         console.print(report_table(drive.report))
-    console.print(f"Results in {drive.out}", soft_wrap=True)
+    console.print(f"Results in {config.out}", soft_wrap=True)
     end_by(ended_by)
 
 

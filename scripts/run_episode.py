@@ -18,8 +18,8 @@ from sarsim.scripts.tables import report_table
 from sarsim.settings import POINT_NETWORKS, EpisodeConfig
 
 if TYPE_CHECKING:
-    from pipeline.network_cache import OutputCache
     from sarsim.episode import Episode
+    from sarsim.network_cache import OutputCache
 
 
 def run_episode(config: EpisodeConfig) -> None:
@@ -30,7 +30,7 @@ def run_episode(config: EpisodeConfig) -> None:
         raise InputError(f"--resume {config.resume}: neither into another folder (--out) nor on its own map (--map)")
     announce_compilation()
     episode = Episode(config)
-    save_settings(config, episode.out / "config.yaml")
+    save_settings(config, config.folder / "config.yaml")
     cache = cache_outputs(episode)
     ended_by = run_watched(
         lambda interrupted, on_step: episode.run(interrupted, lambda line: on_step(episode.explorer.steps, line)),
@@ -45,9 +45,9 @@ def run_episode(config: EpisodeConfig) -> None:
     if episode.explorer.steps or episode.lost:
         console.print(report_table(episode.report))
     viewer = os.path.relpath(Path(sys.executable).with_name("sarsim-view"))
-    console.print(f"Results in {episode.out}; to look at the recording: {viewer} {episode.out}", soft_wrap=True)
+    console.print(f"Results in {config.folder}; to look at the recording: {viewer} {config.folder}", soft_wrap=True)
     if episode.explorer.steps:
-        console.print(f"The page for rescuers: {episode.out / 'report.html'}", soft_wrap=True)
+        console.print(f"The page for rescuers: {config.folder / 'report.html'}", soft_wrap=True)
     end_by(ended_by)
     if episode.recorder.viewer and episode.recorder.viewer.page:
         console.print("Ctrl-C ends the page")
@@ -56,9 +56,10 @@ def run_episode(config: EpisodeConfig) -> None:
 
 def cache_outputs(episode: "Episode") -> "OutputCache":
     """Cache the outputs of an episode's networks in its folder, so that a resumed episode need not run them again."""
-    from pipeline.network_cache import CachedClassifier, CachedDetector, OutputCache
+    from sarsim.network_cache import CachedClassifier, CachedDetector, OutputCache
 
-    config, mapper, cache = episode.config, episode.explorer.mapper, OutputCache(episode.out / "network_outputs")
+    config, mapper = episode.config, episode.explorer.mapper
+    cache = OutputCache(config.folder / "network_outputs")
     if config.labels in POINT_NETWORKS:
         weights = config.weights or asset("weights", f"{config.labels}.safetensors")
         mapper.classifier = CachedClassifier(mapper.classifier, cache, weights)

@@ -10,15 +10,16 @@ from typing import Any
 import numpy as np
 
 from pipeline.errors import InputError
+from pipeline.expedition import write_report
+from pipeline.files import make_folder
 from pipeline.robot import Velocity
 from pipeline.ros.live.node import RosNode
 from pipeline.ros.messages import BASE, CAMERA, command_of, decode, time_of, transform
 from pipeline.ros.topics import Joints, OdometrySample, RobotTopics
 from sarsim.arenas.load import load_arena
-from sarsim.episode import make_folder, write_report
 from sarsim.robots.skid_steered import WHEELS
 from sarsim.scoring.coverage import Coverage
-from sarsim.scoring.trajectory import motion_figures, write_tum
+from sarsim.scoring.trajectory import motion_figures, write_true_tum
 from sarsim.settings import RosRobotConfig
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig, TrueFrame
 
@@ -87,10 +88,7 @@ class SimulatedNode:
         finally:
             if self.config.out:
                 write_report(self.report(), self.config.out)
-                poses = self.robot.trajectory
-                write_tum(
-                    self.config.out / "trajectory_true.tum", [p.time for p in poses], [p.T_world_base for p in poses]
-                )
+                write_true_tum(self.config.out / "trajectory_true.tum", self.robot.trajectory)
             self.robot.close()
 
     def _is_told_since(self, commands: int) -> bool:
@@ -98,7 +96,7 @@ class SimulatedNode:
 
     def period(self) -> None:
         """Follow the newest command for a control period, and publish the sensors' measurements, odometry last."""
-        with self._node.news:
+        with self._node.received:
             is_commanded = self.robot.time - self._commanded < WATCHDOG
             command = self._command if is_commanded else Velocity()
             keyframes, self._keyframes = self._keyframes, []

@@ -53,7 +53,8 @@ def teleop(
 
 def map_drive(arena: "RescueArena", out: Path, labels: Labels, robot: str) -> "MappedDrive":
     """A drive that is mapped and recorded; InputError if the folder, the labels or the viewer are not available."""
-    from sarsim.episode import make_classifier, make_folder
+    from pipeline.files import make_folder
+    from sarsim.perception import make_classifier
     from sarsim.recording import EpisodeRecorder
     from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
     from sarsim.teleoperation import MappedDrive

@@ -17,7 +17,7 @@ from pipeline.labels import COLOURS, Label
 from pipeline.map_file import load_keyframes
 from pipeline.mapper import Mapper
 from pipeline.semantic_map.classifier import TruthClassifier
-from sarsim.robots.skid_steered import robot_model
+from sarsim.robots.model import robot_model
 
 PIXELS = 90
 """Pixels per metre."""

@@ -6,15 +6,16 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.explorer import Explorer
+from pipeline.explorer import Explorer, Observer
 from pipeline.labels import COLOURS
 from pipeline.mapper import Mapper
 from pipeline.metric_map.io.octomap import voxel_labels
 from pipeline.metric_map.metric_map import MetricMap
+from pipeline.robot import Motion
 from pipeline.semantic_map.classifier import TruthClassifier
 from pipeline.semantic_map.semantic_map import SemanticMap
 from sarsim.arenas.load import load_arena
-from sarsim.simulated_robot import Pose, SimulatedRobot, SimulationConfig
+from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 
 PERIOD = 1.4  # s between two frames
 FRAMES = (40, 80, 120, 160)
@@ -24,7 +25,7 @@ SIZE = (800, 560)  # width, height of a panel
 BRIGHTNESS = (0.62, 0.8, 1.0)  # of faces whose normals are along x, y and z
 
 
-class PeriodicMaps:
+class PeriodicMaps(Observer):
     """Maps a frame every ``PERIOD`` s while the robot drives, and draws the map after each of ``FRAMES``."""
 
     def __init__(self, robot: SimulatedRobot):
@@ -33,11 +34,11 @@ class PeriodicMaps:
         self._next, self._frames = 0.0, 0
         self.panels: list[NDArray[np.uint8]] = []
 
-    def step(self, pose: Pose) -> None:
+    def on_motion(self, motion: Motion) -> None:
         """Take a frame if one is due."""
-        if pose.time < self._next or self._frames == FRAMES[-1]:
+        if motion.time < self._next or self._frames == FRAMES[-1]:
             return
-        self._next = pose.time + PERIOD
+        self._next = motion.time + PERIOD
         self._frames += 1
         frame = self._robot.sense()
         T_map_camera = frame.T_odom_base @ frame.T_base_camera
@@ -93,7 +94,7 @@ def main() -> None:
     """Explore and draw."""
     robot = SimulatedRobot(load_arena("nist_6x4"), SimulationConfig(), seed=0)
     explorer, maps = Explorer(robot, Mapper(robot.model, TruthClassifier(), seed=0)), PeriodicMaps(robot)
-    robot.on_motion = maps.step
+    explorer.observers.append(maps)
     step = explorer.step()
     while step.plan is not None and len(maps.panels) < len(FRAMES):
         explorer.drive(step)

@@ -17,8 +17,8 @@ from pipeline.datasets.tum_folder import read_tum_folder
 from pipeline.frame import Calibration
 from pipeline.labels import COLOURS, Label
 from pipeline.mapper import Mapper
-from sarsim.episode import make_classifier
-from sarsim.robots.skid_steered import robot_model
+from sarsim.perception import make_classifier
+from sarsim.robots.model import robot_model
 from sarsim.settings import NETWORK
 
 SCALE = 5000

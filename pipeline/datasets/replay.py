@@ -144,7 +144,7 @@ class Replay:
         self._T_odom_keyframe = frame.T_odom_base
         is_step = labelled if self.recording.keyframes is None else frame.time in self.recording.steps
         if is_step:
-            self._settle()
+            self._correct()
         T_map_base = self.mapper.localise(frame)
         if not len(self.mapper.keyframes) and self._is_on_ground:
             self.mapper.assume_ground(T_map_base)
@@ -161,7 +161,7 @@ class Replay:
             return None
         return len(self.mapper.keyframes) % LABELLED == 0
 
-    def _settle(self) -> None:
+    def _correct(self) -> None:
         """Add the driven track to the maps and correct them, as an explorer does before each step."""
         if self._is_on_ground and len(self.mapper.keyframes):
             poses = self.mapper.localisation.T_map_odom @ np.reshape(self._track, (-1, 4, 4))

@@ -1,12 +1,17 @@
-"""Poses at times: what an odometry measured, or what is true."""
+"""Poses at times: what an odometry measured, what is estimated, or what is true."""
 
+from bisect import bisect_right
+from collections.abc import Sequence
 from pathlib import Path
+from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
 from pipeline.errors import InputError
+from pipeline.files import whole_file
+from pipeline.localisation.localisation import Localisation
 from pipeline.transforms import from_rotation, inverse
 
 STILL_VALID = 0.02  # s from a pose within which it is still valid
@@ -44,6 +49,62 @@ class Trajectory:
     def of_base(self, T_base_camera: NDArray[np.float64]) -> "Trajectory":
         """The trajectory of ``base_link``, on which the camera has a 4×4 pose."""
         return Trajectory(self.times, self.poses @ inverse(T_base_camera)) if self.of_camera else self
+
+
+class OdometryPose(Protocol):
+    """A pose by odometry at a time, such as a frame's or a motion's."""
+
+    @property
+    def time(self) -> float:
+        """Time, s."""
+
+    @property
+    def T_odom_base(self) -> NDArray[np.float64]:
+        """4×4 pose of ``base_link`` in ``odom``."""
+
+
+Sample = TypeVar("Sample", bound=OdometryPose)
+
+
+class EstimatedTrajectory(Generic[Sample]):
+    """The robot's poses in ``map``, also those between the keyframes."""
+
+    def __init__(self, localisation: Localisation, odometry: Sequence[Sample]):
+        """``odometry`` grows while the robot drives. Keyframes that ``localisation`` has are an earlier episode's."""
+        self._localisation, self._odometry = localisation, odometry
+        self._keyframes: list[Sample] = []
+        self._loaded = localisation.poses.copy()
+
+    def add(self, keyframe: Sample | None = None) -> None:
+        """Add the newest keyframe, by default at the newest pose of the odometry."""
+        self._keyframes.append(keyframe or self._odometry[-1])
+
+    def estimated(self) -> list[NDArray[np.float64]]:
+        """4×4 ``T_map_base`` at every pose of the odometry: by odometry from the keyframe before it."""
+        if not self._keyframes:
+            return [pose.T_odom_base for pose in self._odometry]
+        pairs = zip(self._localisation.poses[len(self._loaded) :], self._keyframes, strict=True)
+        T_map_odom = [T @ inverse(keyframe.T_odom_base) for T, keyframe in pairs]
+        times = [keyframe.time for keyframe in self._keyframes]
+        return [T_map_odom[max(bisect_right(times, p.time) - 1, 0)] @ p.T_odom_base for p in self._odometry]
+
+    def save(self, folder: Path) -> None:
+        """Write trajectory_estimated.tum into a folder."""
+        write_tum(folder / "trajectory_estimated.tum", [pose.time for pose in self._odometry], self.estimated())
+
+
+def write_tum(path: Path, times: Sequence[float], poses: Sequence[NDArray[np.float64]]) -> None:
+    """Write 4×4 poses at times in s in the TUM format: time, position, quaternion (x y z w).
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    lines = []
+    for time, T in zip(times, poses, strict=True):
+        numbers = [*T[:3, 3], *Rotation.from_matrix(T[:3, :3]).as_quat()]
+        lines.append(f"{time:.3f} " + " ".join(f"{n:.6f}" for n in numbers))
+    with whole_file(path) as partial:
+        partial.write_text("\n".join(lines) + "\n")
 
 
 def read_trajectory(path: Path, of_camera: bool) -> Trajectory:

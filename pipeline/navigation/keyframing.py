@@ -10,7 +10,7 @@ from pipeline.frame import Frame
 from pipeline.localisation.localisation import KEYFRAME_WAY, is_keyframe
 from pipeline.mapper import Keyframe, Mapper
 from pipeline.metric_map.isolated_returns import without_isolated_returns
-from pipeline.navigation.navigator import Navigator
+from pipeline.navigation.navigator import MotionCheck, Navigator
 from pipeline.navigation.pose_check import PoseCheck
 from pipeline.navigation.progress import BLOCKED_SHARE
 from pipeline.transforms import inverse
@@ -34,19 +34,18 @@ class Keyframing:
     """Makes keyframes for the mapper, and tells the navigator where the robot is.
 
     Attributes:
-        on_keyframe: called with every keyframe, also those taken during a drive.
         pose_check: whether the robot is where it thinks.
     """
 
-    def __init__(self, navigator: Navigator, mapper: Mapper) -> None:
-        """Begin to take keyframes during the navigator's drives."""
-        self.on_keyframe: Callable[[Keyframe], object] = lambda keyframe: None
+    def __init__(
+        self, navigator: Navigator, mapper: Mapper, on_keyframe: Callable[[Keyframe], object] = lambda keyframe: None
+    ) -> None:
+        """``on_keyframe`` is called with every keyframe, also those taken during a drive."""
         self.pose_check = PoseCheck(navigator, mapper, self._sense)
-        self._navigator, self._mapper = navigator, mapper
+        self._navigator, self._mapper, self._on_keyframe = navigator, mapper, on_keyframe
         self._T_odom_keyframe = np.eye(4)
         self._looked = Look(np.eye(4), np.eye(4))
         self._last: Frame | None = None
-        navigator.look = self.look
 
     def sense(self) -> Frame:
         """The newest frame, once the robot has looked around as much as it needs to know its pose.
@@ -57,34 +56,32 @@ class Keyframing:
         last = self._last
         with self._mapper.stopwatch("sense"):
             frame = self._sense()
-        self._navigator.look = lambda: True
-        frame = self.pose_check.confirmed(frame, last)
-        self._navigator.look = self.look
-        return frame
+        return self.pose_check.confirmed(frame, last)
 
     def add(self, frame: Frame, labelled: bool) -> Keyframe:
         """Make a keyframe of a frame."""
         keyframe = self._mapper.add(frame, self._mapper.localise(frame), labelled)
         self._T_odom_keyframe = frame.T_odom_base
         self._looked = Look(frame.T_odom_base, keyframe.T_map_base)
-        self._navigator.T_map_odom = self._mapper.localisation.T_map_odom
-        self.on_keyframe(keyframe)
+        self._navigator.correct(self._mapper.localisation.T_map_odom)
+        self._on_keyframe(keyframe)
         return keyframe
 
-    def look(self) -> bool:
-        """Take a keyframe if the robot has moved far enough; False if its pose is wrong or no longer certain."""
+    def look(self) -> MotionCheck:
+        """Take a keyframe if the robot has moved far enough; by it, whether the robot moves and its pose is sure."""
         assert self._navigator.motion is not None
-        if is_keyframe(self._looked.T_odom_base, self._navigator.motion.T_odom_base):
-            last, frame = self._looked, self._sense()
-            localisation = self._mapper.localisation
-            if localisation.may_err and self.pose_check.was_carried(frame):
-                return False
-            driven = np.linalg.norm((inverse(last.T_odom_base) @ frame.T_odom_base)[:3, 3])
-            moved = np.linalg.norm((self._mapper.localise(frame) - last.T_map_base)[:3, 3])
-            self._navigator.spins = bool(driven >= KEYFRAME_WAY and moved < BLOCKED_SHARE * driven)
-            self._add_if_due(frame, labelled=len(self._mapper.keyframes) % LABELLED == 0)
-            return not localisation.is_blind
-        return True
+        if not is_keyframe(self._looked.T_odom_base, self._navigator.motion.T_odom_base):
+            return MotionCheck.FINE
+        last, frame, localisation = self._looked, self._sense(), self._mapper.localisation
+        if localisation.may_err and self.pose_check.was_carried(frame):
+            return MotionCheck.UNSURE
+        driven = np.linalg.norm((inverse(last.T_odom_base) @ frame.T_odom_base)[:3, 3])
+        moved = np.linalg.norm((self._mapper.localise(frame) - last.T_map_base)[:3, 3])
+        self._add_if_due(frame, labelled=len(self._mapper.keyframes) % LABELLED == 0)
+        if localisation.is_blind:
+            return MotionCheck.UNSURE
+        spins = driven >= KEYFRAME_WAY and moved < BLOCKED_SHARE * driven
+        return MotionCheck.SPINNING if spins else MotionCheck.FINE
 
     def returns(self) -> NDArray[np.float32]:
         """(N, 3) the camera's present returns, m in ``map``."""
@@ -100,7 +97,7 @@ class Keyframing:
             self.add(frame, labelled)
         else:
             self._looked = Look(frame.T_odom_base, T_map_base)
-            self._navigator.T_map_odom = mapper.localisation.T_map_odom
+            self._navigator.correct(mapper.localisation.T_map_odom)
         return T_map_base
 
     def _sense(self) -> Frame:

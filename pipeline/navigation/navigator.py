@@ -85,6 +85,16 @@ class Halt:
 
 IsClear = Callable[[NDArray[np.float64], NDArray[np.float64]], bool]
 """Whether no obstacle stands between a robot at a place (2,) and the way point (2,) that it drives straight to."""
+SpeedAt = Callable[[NDArray[np.float64], NDArray[np.float64]], float]
+"""m/s, the greatest speed of a robot at a place (2,) that drives along a unit vector (2,)."""
+
+
+class MotionCheck(Enum):
+    """What a look around says of the robot's motion."""
+
+    FINE = "it moves as the odometry says"
+    SPINNING = "its wheels turn and it stays"
+    UNSURE = "its pose is in doubt"
 
 
 @dataclass
@@ -94,31 +104,32 @@ class Navigator:
     Attributes:
         robot: the body.
         hold_gain: 1/s, speed over the present and expected slide in a turn on a ramp; 0 for wheels that do not slide.
-        T_map_odom: 4×4 pose of ``odom`` in ``map`` by the localisation.
+        on_motion: called with every motion of the body.
         legs: every leg driven so far.
         halts: the robot's halts on the last way that it followed.
         track: (3,) m and rad in ``map``, places and headings of the robot since it began to follow that way.
         recovered: number of times so far that the robot backed out of a halt.
         motion: the newest motion of the body.
         attitude: estimate of the robot's tilt.
-        speed_limit: m/s, the greatest speed of a robot at a place (2,) that drives along a unit vector (2,).
-        look: called before each command; it may renew ``T_map_odom`` and ``spins``. False if the robot must stop.
-        spins: whether the wheels turn and the robot stays, by its poses in ``map``.
     """
 
     robot: Robot
     hold_gain: float = 1.0
-    T_map_odom: NDArray[np.float64] = field(default_factory=lambda: np.eye(4))
+    on_motion: Callable[[Motion], object] = lambda motion: None
     legs: list[DrivenLeg] = field(default_factory=list)
     halts: list[Halt] = field(default_factory=list)
     track: list[NDArray[np.float64]] = field(default_factory=list)
     recovered: int = 0
     motion: Motion | None = None
     attitude: Attitude = field(default_factory=Attitude)
-    speed_limit: Callable[[NDArray[np.float64], NDArray[np.float64]], float] = lambda here, along: np.inf
-    look: Callable[[], bool] = lambda: True
-    spins: bool = False
+    _T_map_odom: NDArray[np.float64] = field(default_factory=lambda: np.eye(4), init=False)
     _leaned_at: NDArray[np.float64] | None = field(default=None, init=False)
+    _look: Callable[[], MotionCheck] = field(init=False)
+    _speed_limit: SpeedAt = field(init=False)
+
+    def correct(self, T_map_odom: NDArray[np.float64]) -> None:
+        """Go on with the newest 4×4 pose of ``odom`` in ``map``, also within a drive."""
+        self._T_map_odom = T_map_odom
 
     def follow(
         self,
@@ -127,6 +138,8 @@ class Navigator:
         backwards: NDArray[np.bool_] | None = None,
         start: NDArray[np.float64] | None = None,
         is_clear: IsClear = lambda position, target: True,
+        speed_limit: SpeedAt = lambda here, along: np.inf,
+        look: Callable[[], MotionCheck] = lambda: MotionCheck.FINE,
     ) -> bool:
         """Drive through way points; True if all of them, and the heading, were reached.
 
@@ -136,8 +149,10 @@ class Navigator:
             backwards: (N,) which of the way points the robot backs up to; None for none.
             start: (2,) m, where the way begins. A robot that stands elsewhere was kidnapped and does not follow it.
             is_clear: called while the robot drives forward, not in turns; it stops if the result is False.
+            speed_limit: by the ground on the way.
+            look: called before each command; it may :meth:`correct` the pose.
         """
-        self.halts, self.track = [], []
+        self.halts, self.track, self._speed_limit, self._look = [], [], speed_limit, look
         here = self._drive(Velocity())[:2, 3]
         if start is not None and np.linalg.norm(here - start) > KEYFRAME_WAY:
             self.legs.append(DrivenLeg(here, Outcome.MOVED))
@@ -154,6 +169,7 @@ class Navigator:
 
     def turn(self, angle: float) -> bool:
         """Turn in place by an angle, rad, counter-clockwise; True if it was possible."""
+        self._look = lambda: MotionCheck.FINE
         self._drive(Velocity())
         return self._finish(self._turn_to(yaw_of(self.T_map_base) + angle)) is Outcome.REACHED
 
@@ -233,7 +249,7 @@ class Navigator:
             error = wrap_angle(bearing - offset - yaw_of(T))
             # Slowing down before the way point keeps the wheels from skidding past it.
             slower = np.sqrt(model.acceleration * max(0.0, remaining - POSITION_TOLERANCE))
-            speed = min(self._limits[0], max(model.ramp_speed / 3, slower), self.speed_limit(T[:2, 3], along))
+            speed = min(self._limits[0], max(model.ramp_speed / 3, slower), self._speed_limit(T[:2, 3], along))
             rate = float(np.clip(TURN_GAIN * error, -model.turn_rate, model.turn_rate))
             yield Velocity(-speed if backwards else speed, rate)
 
@@ -244,10 +260,11 @@ class Navigator:
         length: float = 0.0,
     ) -> Outcome:
         """Give commands until they end or an obstacle is ahead; back out if the robot leans too far or is held."""
-        start, self.spins = self._T_odom_base, False
+        start = self._T_odom_base
         progress = Progress(self.robot.model, start, self._time, length)
         for command in commands:
-            if not self.look():
+            look = self._look()
+            if look is MotionCheck.UNSURE:
                 self._drive(Velocity())
                 return Outcome.UNSURE
             if command.v > 0 and not isinstance(command, Turn) and not is_clear(self.T_map_base[:2, 3]):
@@ -260,7 +277,8 @@ class Navigator:
                 self._drive(Velocity())
                 return Outcome.MOVED
             leans = self.attitude.tilt_in(TILT_LEAD) > self.robot.model.tipping_tilt
-            if leans or self.spins or progress.is_stuck(self._T_odom_base, self._time, command, self._on_ramp):
+            is_stuck = progress.is_stuck(self._T_odom_base, self._time, command, self._on_ramp)
+            if leans or look is MotionCheck.SPINNING or is_stuck:
                 self.halts.append(Halt(T, command, self._back_out(start, command)))
                 self.recovered += self.halts[-1].freed
                 return Outcome.TILTED if leans else Outcome.STUCK
@@ -289,6 +307,7 @@ class Navigator:
 
     def _drive(self, command: Velocity) -> NDArray[np.float64]:
         self.motion = self.robot.drive(command)
+        self.on_motion(self.motion)
         self.attitude.update(self.motion.gyro, self.motion.accelerometer, self.robot.control_period)
         if self.attitude.tilt_in(0.0) > LEAN:
             self._leaned_at = self.T_map_base[:3, 3]
@@ -299,7 +318,7 @@ class Navigator:
     def T_map_base(self) -> NDArray[np.float64]:
         """4×4 pose of the robot after its newest motion."""
         assert self.motion is not None
-        return self.T_map_odom @ self.motion.T_odom_base
+        return self._T_map_odom @ self.motion.T_odom_base
 
     @property
     def _T_odom_base(self) -> NDArray[np.float64]:

@@ -11,7 +11,7 @@ import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
 from pipeline.errors import InputError
-from pipeline.explorer import Explorer, Step
+from pipeline.explorer import Explorer, Observer, Step
 from pipeline.keyframes import Moves
 from pipeline.localisation.localisation import Localisation
 from pipeline.mapper import Keyframe, Mapper
@@ -20,6 +20,7 @@ from pipeline.rerun.blueprint import blueprint
 from pipeline.rerun.legend import legend
 from pipeline.rerun.track import EstimatedTrack
 from pipeline.rerun.viewer import VIEWER_TIME, Viewer, start_rerun
+from pipeline.robot import Motion
 from pipeline.transforms import tilt_of
 from pipeline.victims.victim_map import Victims
 
@@ -29,7 +30,7 @@ GROWTH = 0.05  # Share by which a cloud has to grow to be logged again; all are 
 MOTION_PERIOD = 0.2  # s between two logged poses of the moving robot
 
 
-class Recorder:
+class Recorder(Observer):
     """Logs what the robot's software knows to a file, and to a viewer if there is one.
 
     Attributes:
@@ -63,9 +64,13 @@ class Recorder:
         self.stream.log("legend", rr.Image(legend()), static=True)
         self.stream.log("metrics/localisation/correction_m", rr.SeriesPoints(marker_sizes=3), static=True)
 
-    def log_step(self, index: int, explorer: Explorer, step: Step) -> None:
-        """Log a step of the explorer, the ``index``-th counted from 0, and the maps after it."""
-        self.log_keyframe(index, explorer.mapper, step.keyframe)
+    def on_motion(self, motion: Motion) -> None:
+        """Log the robot's pose, thinned to 5 per second."""
+        self.log_pose(motion.time, motion.T_odom_base)
+
+    def on_step(self, explorer: Explorer, step: Step) -> None:
+        """Log a step of the explorer, and the maps after it."""
+        self.log_keyframe(explorer.steps - 1, explorer.mapper, step.keyframe)
         self.stream.log("world/path_plan", drawings.path(step))
         self.stream.log("world/frontiers", drawings.frontier_points(step.frontiers))
         self._log_metrics("map/", frontiers=len(step.frontiers))
@@ -104,7 +109,7 @@ class Recorder:
         self._moved = (time, self._track.distance)
         return True
 
-    def log_correction(self, moves: Moves) -> None:
+    def on_correction(self, moves: Moves) -> None:
         """Log that keyframes were corrected; the corrected maps are logged with the next step."""
         self._logged_size.clear()
         ways, turns = moves.ways, moves.turns

@@ -5,34 +5,31 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from pipeline.explorer import Explorer, Step
+from pipeline.explorer import Explorer, Observer, Step
 from pipeline.files import whole_file
 from pipeline.rescue_report.page import page
 from pipeline.rescue_report.people import write_people
 from pipeline.rescue_report.situation import Situation, situation_of
 
 
-class RescueReport:
+class RescueReport(Observer):
     """Gathers the data of the report step by step."""
 
-    def __init__(self, explorer: Explorer):
-        """Report the knowledge of ``explorer``."""
-        self._explorer = explorer
+    def __init__(self) -> None:
         self._keyframes: list[int] = []
         self._camera_height = 0.0
         self._finished = False
 
-    def add(self, step: Step) -> None:
+    def on_step(self, explorer: Explorer, step: Step) -> None:
         """Add the newest step."""
         self._keyframes.append(step.keyframe.index)
         self._camera_height = float(step.keyframe.frame.T_base_camera[2, 3])
-        if self._explorer.mission.goals is None:  # only exploring shows whether viewpoints are left
+        if explorer.mission.goals is None:  # only exploring shows whether viewpoints are left
             self._finished = step.viewpoint is None and step.can_drive
 
-    @property
-    def situation(self) -> Situation:
-        """The explorer's present knowledge; at least one step must have been added."""
-        mapper, robot = self._explorer.mapper, self._explorer.robot.model
+    def situation(self, explorer: Explorer) -> Situation:
+        """The present knowledge of an explorer that has made at least one step."""
+        mapper, robot = explorer.mapper, explorer.robot.model
         # The mapper's poses are the corrected ones: those of the steps are stale once a loop was closed.
         return situation_of(
             mapper, robot, mapper.keyframes.poses[self._keyframes], self._camera_height, self._finished

@@ -8,13 +8,15 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.explorer import Explorer, Step
+from pipeline.explorer import Explorer, Observer, Step
 from pipeline.frame import Frame
-from pipeline.mapper import Keyframe
+from pipeline.mapper import Keyframe, Mapper
 from pipeline.robot import Motion, Robot, Velocity
 from pipeline.ros.bag import Bag
 from pipeline.ros.topics import ImageFormat, Joints, MapTopics, OdometrySample, RobotTopics
 
+CurrentPose = Callable[[], NDArray[np.float64] | None]
+"""Returns a 4×4 pose; None while it is not known."""
 TICK = 1e-6  # s added between frames that were taken at the same time: bags identify them by their times
 
 
@@ -35,21 +37,28 @@ class Listener(Protocol):
 
 
 class RecordedRobot:
-    """Implements :class:`pipeline.robot.Robot` by another robot, and reports what that robot senses and does.
+    """Implements :class:`pipeline.robot.Robot` by another robot, and reports what that robot senses and does."""
 
-    Attributes:
-        T_map_odom: returns the present 4×4 pose of ``odom`` in ``map``; None while it is not known.
-        T_world_base: returns the present true 4×4 pose of the robot; None if it is not known.
-        joints: returns the present state of the wheels; None if it is not known.
-    """
+    def __init__(
+        self,
+        robot: Robot,
+        topics: Listener,
+        T_map_odom: CurrentPose = lambda: None,
+        T_world_base: CurrentPose = lambda: None,
+        joints: Callable[[], Joints | None] = lambda: None,
+    ):
+        """Report to ``topics``.
 
-    def __init__(self, robot: Robot, topics: Listener):
-        """``topics`` takes what the robot senses and does."""
+        Args:
+            robot: senses and drives.
+            topics: takes what the robot senses and does.
+            T_map_odom: returns the present pose of ``odom`` in ``map``.
+            T_world_base: returns the robot's present true pose.
+            joints: returns the present state of the wheels; None if it is not known.
+        """
         self.robot, self.model, self.control_period = robot, robot.model, robot.control_period
-        self.T_map_odom: Callable[[], NDArray[np.float64] | None] = lambda: None
-        self.T_world_base: Callable[[], NDArray[np.float64] | None] = lambda: None
-        self.joints: Callable[[], Joints | None] = lambda: None
-        self._topics = topics
+        self._topics, self._joints = topics, joints
+        self._T_map_odom, self._T_world_base = T_map_odom, T_world_base
         self._told = self._seen = -np.inf
 
     def sense(self) -> Frame:
@@ -63,7 +72,7 @@ class RecordedRobot:
 
     def drive(self, command: Velocity) -> Motion:
         """Follow ``command`` for one control period."""
-        motion, joints = self.robot.drive(command), self.joints()
+        motion, joints = self.robot.drive(command), self._joints()
         self._topics.motion(motion, command)
         if joints is not None:
             self._topics.joints(motion.time, joints)
@@ -73,34 +82,43 @@ class RecordedRobot:
     def _tell(self, time: float, T_odom_base: NDArray[np.float64], twist: Velocity) -> None:
         """Report the robot's pose, once for each time."""
         if time > self._told:
-            self._topics.odometry(OdometrySample(time, T_odom_base, twist, self.T_map_odom(), self.T_world_base()))
+            self._topics.odometry(OdometrySample(time, T_odom_base, twist, self._T_map_odom(), self._T_world_base()))
             self._told = time
 
 
-class ExplorerBag(Bag):
+class ExplorerBag(Bag, Observer):
     """A bag of all that a robot senses and does and of the maps that an explorer makes from it.
 
     Attributes:
         robot: the robot for the explorer to drive.
     """
 
-    def __init__(self, path: Path, images: ImageFormat, robot: Robot):
-        """Begin a bag; InputError if it cannot be written."""
+    def __init__(
+        self,
+        path: Path,
+        images: ImageFormat,
+        robot: Robot,
+        mapper: Mapper,
+        T_world_base: CurrentPose = lambda: None,
+        joints: Callable[[], Joints | None] = lambda: None,
+    ):
+        """Begin a bag of a robot that drives by the maps of ``mapper``; InputError if it cannot be written.
+
+        The other arguments are those of :class:`RecordedRobot`.
+        """
         super().__init__(path)
-        self.robot = RecordedRobot(robot, RobotTopics(self.write, images))
+        topics = RobotTopics(self.write, images)
+
+        def T_map_odom() -> NDArray[np.float64] | None:
+            return None if mapper.T_map_start is None else mapper.localisation.T_map_odom
+
+        self.robot = RecordedRobot(robot, topics, T_map_odom, T_world_base, joints)
         self._maps = MapTopics(self.write)
-        self._explorer: Explorer | None = None
 
-    def watch(self, explorer: Explorer) -> None:
-        """From now on report the robot's pose by the explorer's localisation."""
-        self._explorer = explorer
-        self.robot.T_map_odom = lambda: explorer.mapper.localisation.T_map_odom if explorer.steps else None
-
-    def add_keyframe(self, keyframe: Keyframe) -> None:
+    def on_keyframe(self, keyframe: Keyframe) -> None:
         """Write the newest keyframe."""
         self._maps.keyframe(keyframe)
 
-    def add(self, step: Step) -> None:
+    def on_step(self, explorer: Explorer, step: Step) -> None:
         """Write the maps and the plan of the newest step."""
-        assert self._explorer is not None
-        self._maps.maps(self._explorer.mapper, step.keyframe, step.plan)
+        self._maps.maps(explorer.mapper, step.keyframe, step.plan)

@@ -14,8 +14,8 @@ from pipeline.traversability.traversability import Traversability, assess
 from sarsim.dataset.settings import KEYFRAME_WAY
 from sarsim.dataset.wheel_contact import WheelContact
 from sarsim.ground_truth.true_surface import TrueSurface
+from sarsim.robots.model import robot_model
 from sarsim.robots.pose import Pose
-from sarsim.robots.skid_steered import robot_model
 from sarsim.sensors.inertial import GRAVITY
 from sarsim.sensors.odometry import WheelOdometry
 

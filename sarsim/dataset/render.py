@@ -25,8 +25,9 @@ from sarsim.dataset.recipe import PREFIX, Recipe, SceneRecipe
 from sarsim.dataset.scene_file import NO_BOX, SceneContent, SceneFrame, SceneWriter
 from sarsim.dataset.wheel_contact import WheelContact
 from sarsim.ground_truth.true_surface import Survey
+from sarsim.robots.model import ROBOTS, robot_file
 from sarsim.robots.pose import Pose
-from sarsim.robots.skid_steered import ROBOTS, SkidSteered, robot_file
+from sarsim.robots.skid_steered import SkidSteered
 from sarsim.sensors.camera import RgbdCamera, geom_labels
 from sarsim.sensors.lighting import set_lighting
 from sarsim.sensors.rendering import Renderer, hidden

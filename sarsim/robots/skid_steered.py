@@ -1,10 +1,6 @@
 """A skid-steered robot as a dm_control entity, defined by its MJCF alone."""
 
-from collections.abc import Mapping
-from dataclasses import fields
-from functools import cache, cached_property
-from pathlib import Path
-from typing import TypeVar
+from functools import cached_property
 
 import numpy as np
 from dm_control import composer, mjcf
@@ -12,10 +8,8 @@ from dm_control.composer.observation import observable
 from numpy.typing import NDArray
 
 from pipeline.errors import InputError
-from pipeline.robot import RobotModel
 from pipeline.transforms import from_rotation
-from sarsim.assets import asset
-from sarsim.robots.skid_steer import DriveModel
+from sarsim.robots.model import ROBOTS, drive_model, robot_file, robot_model
 
 WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
 SIDES = ("left", "right")
@@ -26,9 +20,6 @@ PARTS = [
     *(("actuator", side) for side in SIDES),
 ]
 """Kinds and names of the elements that the MJCF of a robot must have."""
-ROBOTS = ("pioneer3at", "jackal")
-"""Names of the robots that sarsim ships."""
-Model = TypeVar("Model", RobotModel, DriveModel)
 
 
 class SkidSteered(composer.Robot):
@@ -52,12 +43,9 @@ class SkidSteered(composer.Robot):
             raise InputError(f"--robot {robot}: {error.strerror or error}; known are {', '.join(ROBOTS)}") from error
         except (SyntaxError, ValueError, KeyError, AttributeError, TypeError) as error:
             raise InputError(f"--robot {robot}: not readable MJCF: {' '.join(str(error).split())}") from error
-        find, numeric = self._mjcf_root.find, self._mjcf_root.custom.numeric
-        if missing := [" ".join(part) for part in PARTS if find(*part) is None]:
+        if missing := [" ".join(part) for part in PARTS if self._mjcf_root.find(*part) is None]:
             raise InputError(f"--robot {robot}: has no {', '.join(missing)}")
-        numbers = {number.name: np.atleast_1d(np.array(number.data, np.float64)) for number in numeric}
-        self.model: RobotModel = _filled(RobotModel, numbers, robot)
-        self.drive: DriveModel = _filled(DriveModel, numbers, robot)
+        self.model, self.drive = robot_model(robot), drive_model(robot)
 
     def _build_observables(self) -> "SkidSteeredObservables":
         return SkidSteeredObservables(self)
@@ -149,23 +137,3 @@ class SkidSteeredObservables(composer.Observables):
 def _per_side(wheels: NDArray[np.float64]) -> NDArray[np.float64]:
     """(2,) means of the left and right pairs of a (4,) array in the order of ``WHEELS``."""
     return wheels.reshape(2, 2).mean(axis=0)
-
-
-def robot_file(robot: str) -> Path:
-    """Path of the MJCF of one of ``ROBOTS``; any other ``robot`` is itself a path."""
-    return asset("robots", robot, f"{robot}.xml") if robot in ROBOTS else Path(robot)
-
-
-@cache
-def robot_model(robot: str = ROBOTS[0]) -> RobotModel:
-    """Parameters of a robot for the pipeline; raises InputError as :class:`SkidSteered` does."""
-    return SkidSteered(robot).model
-
-
-def _filled(kind: type[Model], numbers: Mapping[str, NDArray[np.float64]], robot: str) -> Model:
-    """A ``kind`` whose fields are the positive numbers of the same names."""
-    values = {f.name: numbers.get(f.name, np.empty(0)) for f in fields(kind)}
-    for name, value in values.items():
-        if len(value) != 1 or not ((value > 0) & np.isfinite(value)).all():
-            raise InputError(f'--robot {robot}: <custom> has no proper <numeric name="{name}">: {value.tolist()}')
-    return kind(**{name: value.item() for name, value in values.items()})

@@ -5,7 +5,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.explorer import Explorer, Step
+from pipeline.explorer import Explorer, Observer, Step
 from pipeline.mapper import Keyframe
 from pipeline.navigation.navigator import Outcome
 from sarsim.ground_truth.faces import true_faces
@@ -23,7 +23,7 @@ from sarsim.simulated_robot import SimulatedRobot
 MOST = 0.9  # Share of the drivable area for which the time until it was seen is reported
 
 
-class EpisodeScore:
+class EpisodeScore(Observer):
     """Scores an episode from outside, by ground truth.
 
     Attributes:
@@ -55,7 +55,7 @@ class EpisodeScore:
         self._frontiers_left = 0
         self.progress: list[tuple[float, float]] = []
 
-    def add_keyframe(self, keyframe: Keyframe) -> None:
+    def on_keyframe(self, keyframe: Keyframe) -> None:
         """Add the newest keyframe to the scores."""
         truth = self._robot.true_frame
         assert truth is not None
@@ -70,7 +70,7 @@ class EpisodeScore:
         if len(keyframe.labels):
             self._semantics.add(keyframe)
 
-    def add(self, step: Step) -> None:
+    def on_step(self, explorer: Explorer, step: Step) -> None:
         """Add the newest step to the scores."""
         truth = self._robot.true_frame
         assert truth is not None

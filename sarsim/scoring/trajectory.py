@@ -1,16 +1,17 @@
 """Errors of the estimated trajectory, and the distance and tilt of the true one."""
 
-from bisect import bisect_right
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from pipeline.files import whole_file
-from pipeline.localisation.localisation import Localisation, Loop
-from pipeline.transforms import inverse, tilt_of, wrap_angle, yaw_of
+from pipeline.files import each
+from pipeline.localisation.localisation import Loop
+from pipeline.localisation.trajectory import EstimatedTrajectory, write_tum
+from pipeline.transforms import tilt_of, wrap_angle, yaw_of
 from sarsim.robots.pose import Pose
 
 TIPPED = np.deg2rad(45)
@@ -20,42 +21,21 @@ LIFT = 0.15  # m from one pose to the next; in a larger step the robot was carri
 FALSE_LOOP = 0.2, np.deg2rad(5)  # m and rad by which the relative pose of a false loop is off
 
 
-class TrajectoryScore:
-    """Collects the keyframes, and compares the estimated trajectory with the true one."""
+class TrajectoryScore(EstimatedTrajectory[Pose]):
+    """The estimated trajectory, and its errors against the true one."""
 
-    def __init__(self, localisation: Localisation, trajectory: Sequence[Pose]):
-        """``trajectory`` grows while the robot drives. Poses already in ``localisation`` are an earlier episode's."""
-        self._localisation, self._trajectory = localisation, trajectory
-        self._keyframes: list[Pose] = []
-        self._loaded = localisation.poses.copy()
-
-    def add(self, pose: Pose | None = None) -> None:
-        """Add the pose of a new keyframe, by default the newest of the trajectory."""
-        self._keyframes.append(pose or self._trajectory[-1])
-
-    def estimated(self) -> list[NDArray[np.float64]]:
-        """4×4 ``T_map_base`` at every pose of the trajectory: by odometry from the keyframe before it."""
-        if not self._keyframes:
-            return [pose.T_odom_base for pose in self._trajectory]
-        pairs = zip(self._localisation.poses[len(self._loaded) :], self._keyframes, strict=True)
-        T_map_odom = [T @ inverse(keyframe.T_odom_base) for T, keyframe in pairs]
-        times = [keyframe.time for keyframe in self._keyframes]
-        return [T_map_odom[max(bisect_right(times, p.time) - 1, 0)] @ p.T_odom_base for p in self._trajectory]
-
-    def save(self, folder: Path, with_truth: bool) -> None:
-        """Write trajectory_estimated.tum and, where it is known, trajectory_true.tum into a folder."""
-        times = [pose.time for pose in self._trajectory]
-        write_tum(folder / "trajectory_estimated.tum", times, self.estimated())
-        if with_truth:
-            write_tum(folder / "trajectory_true.tum", times, [pose.T_world_base for pose in self._trajectory])
+    def save(self, folder: Path) -> None:
+        """Write trajectory_estimated.tum and trajectory_true.tum into a folder."""
+        write_true = partial(write_true_tum, folder / "trajectory_true.tum", self._odometry)
+        each(lambda: super(TrajectoryScore, self).save(folder), write_true)
 
     def report(self) -> dict[str, float]:
         """Errors without alignment, as ``map`` is the world's frame at the start; drift is the error at the end."""
-        true = np.array([pose.T_world_base for pose in self._trajectory])
+        true = np.array([pose.T_world_base for pose in self._odometry])
         estimated = np.array(self.estimated())
         error = np.linalg.norm(true[:, :3, 3] - estimated[:, :3, 3], axis=1)
         heading = [wrap_angle(yaw_of(a) - yaw_of(b)) for a, b in zip(true, estimated, strict=True)]
-        distance = driven(self._trajectory)
+        distance = driven(self._odometry)
         # The poses of an earlier episode are those of its map, because its true ones are unknown.
         loops, poses = self._localisation.loops, [*self._loaded, *(pose.T_world_base for pose in self._keyframes)]
         return {
@@ -107,11 +87,6 @@ def times_tipped(trajectory: Sequence[Pose]) -> int:
     return int(np.count_nonzero(np.diff(tipped.astype(int), prepend=0) > 0))
 
 
-def write_tum(path: Path, times: Sequence[float], poses: Sequence[NDArray[np.float64]]) -> None:
-    """Write 4×4 poses at times in s in the TUM format: time, position, quaternion (x y z w)."""
-    lines = []
-    for time, T in zip(times, poses, strict=True):
-        numbers = [*T[:3, 3], *Rotation.from_matrix(T[:3, :3]).as_quat()]
-        lines.append(f"{time:.3f} " + " ".join(f"{n:.6f}" for n in numbers))
-    with whole_file(path) as partial:
-        partial.write_text("\n".join(lines) + "\n")
+def write_true_tum(path: Path, trajectory: Sequence[Pose]) -> None:
+    """Write the true poses of a trajectory in the TUM format; InputError if that is impossible."""
+    write_tum(path, [pose.time for pose in trajectory], [pose.T_world_base for pose in trajectory])

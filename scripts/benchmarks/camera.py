@@ -15,6 +15,7 @@ from rich.progress import track
 from sarsim.assets import asset
 from sarsim.dataset.processes import connected
 from sarsim.scripts.benchmarks.common import RENDERERS, Result, ThreePasses, at_least, seconds
+from sarsim.scripts.benchmarks.settings import CameraSettings
 from sarsim.sensors.camera import RgbdCamera
 from sarsim.sensors.rendering import Renderer
 from sarsim.sensors.xtion import Xtion
@@ -37,16 +38,17 @@ CONTENDERS: dict[str, type[Renderer]] = {**RENDERERS, "renderer_without_multisam
 Times = dict[str, float]  # ms of one "frame", and of each of its parts alone
 
 
-def measure(frames: int = 60, width: int = 640, height: int = 480) -> Result:
-    """Medians over ``frames`` frames, and how many times faster than mujoco.Renderer a frame is.
+def measure(settings: CameraSettings) -> Result:
+    """Medians over the frames, and how many times faster than mujoco.Renderer a frame is.
 
     Raises:
         InputError: a number is below 1.
     """
-    at_least(1, frames=frames, width=width, height=height)
+    at_least(1, settings, "frames", "width", "height")
+    width, height = settings.width, settings.height
     times: dict[str, list[Times]] = {name: [] for name in CONTENDERS}
     workers = {name: connected(_serve, name, width, height, environment={})[1] for name in CONTENDERS}
-    for i in track(range(UNCOUNTED_ROUNDS + frames), "camera", transient=True):
+    for i in track(range(UNCOUNTED_ROUNDS + settings.frames), "camera", transient=True):
         for name, connection in workers.items():
             connection.send(POSES[i % len(POSES)])
             times[name].append(connection.recv())

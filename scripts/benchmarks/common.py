@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from rich.table import Table
 
 from pipeline.errors import InputError
+from sarsim.scripts.benchmarks.settings import SubjectSettings
 from sarsim.sensors.rendering import COLOUR_QUALITY, Renderer
 
 CameraName: TypeAlias = int | str | mujoco.MjvCamera
@@ -35,9 +36,10 @@ class Result:
     pictures: tuple[Path, ...] = ()
 
 
-def at_least(least: int, **flags: int | None) -> None:
-    """Raises InputError if the value of a flag is below ``least``; None is no value."""
-    for name, value in flags.items():
+def at_least(least: int, settings: SubjectSettings, *names: str) -> None:
+    """Raises InputError if one of these settings is below ``least``; None is no value."""
+    for name in names:
+        value = getattr(settings, name)
         if value is not None and value < least:
             raise InputError(f"--{name.replace('_', '-')} {value}: give at least {least}")
 

@@ -23,6 +23,7 @@ from pipeline.semantic_map.classifier import TruthClassifier
 from pipeline.transforms import from_yaw
 from sarsim.arenas.load import load_arena
 from sarsim.scripts.benchmarks.common import Result, at_least, seconds
+from sarsim.scripts.benchmarks.settings import CorrectionSettings
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 
 DRIVES = {"nist_6x4": 300, "random:3": 1000}
@@ -31,10 +32,11 @@ DRIFT, TURN = 0.1, np.deg2rad(1.5)
 """m and rad, greatest correction of the newest keyframe."""
 
 
-def measure(rounds: int = 30, seed: int = 0) -> Result:
-    """Seconds of ``rounds`` corrections in each of the arenas, and whether the maps equal those made from scratch."""
-    at_least(1, rounds=rounds)
-    at_least(0, seed=seed)
+def measure(settings: CorrectionSettings) -> Result:
+    """Seconds of the corrections in each of the arenas, and whether the maps equal those made from scratch."""
+    at_least(1, settings, "rounds")
+    at_least(0, settings, "seed")
+    rounds, seed = settings.rounds, settings.seed
     figures, equal = dict[str, float](), list[bool]()
     for arena, size in DRIVES.items():
         mapper = driven(arena, size, seed)

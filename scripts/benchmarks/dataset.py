@@ -25,26 +25,26 @@ from sarsim.dataset.processes import connected
 from sarsim.dataset.recipe import Recipe
 from sarsim.dataset.render import render_scene
 from sarsim.scripts.benchmarks.common import RENDERERS, Result, at_least
+from sarsim.scripts.benchmarks.settings import DatasetSettings
 
 
-def measure(scenes: int = 4, frames: int = 100, rounds: int = 5, seed: int = 0) -> Result:
+def measure(settings: DatasetSettings) -> Result:
     """Times of each contender, and how many times faster ours and two workers are.
 
-    Each contender makes ``scenes`` scenes, after one that is not counted; in each of ``rounds`` rounds, one worker
-    and then two workers make a scene each.
+    Each contender makes its scenes after one that is not counted.
 
     Raises:
         InputError: a number is below 1.
     """
-    at_least(1, scenes=scenes, rounds=rounds)
-    recipe = Recipe(seed=seed, frames=frames)
-    times = {name: np.array(values) for name, values in _contest(recipe, scenes).items()}
+    at_least(1, settings, "scenes", "rounds")
+    recipe = Recipe(seed=settings.seed, frames=settings.frames)
+    times = {name: np.array(values) for name, values in _contest(recipe, settings.scenes).items()}
     figures = {
         f"frames_vs_{name}": float(values.sum() / times["ours"].sum())
         for name, values in times.items()
         if name != "ours"
     }
-    undisturbed, clock = np.median(_scaling(recipe, rounds), axis=0).tolist()
+    undisturbed, clock = np.median(_scaling(recipe, settings.rounds), axis=0).tolist()
     figures |= {"two_workers_vs_one": undisturbed, "two_workers_vs_one.by_the_clock": clock}
     for name, values in times.items():
         figures[f"{name}.frames_per_s"] = float(values.size / values.sum())

@@ -23,15 +23,19 @@ from numpy.typing import NDArray
 
 from pipeline.errors import InputError
 from pipeline.exploration.baselines import NearestFrontier, RandomWalk
+from pipeline.explorer import Observer
 from pipeline.files import whole_file
 from pipeline.navigation.navigator import Outcome
+from pipeline.robot import Motion
 from sarsim.dataset import processes
-from sarsim.episode import Episode, make_classifier
-from sarsim.robots.pose import Pose
+from sarsim.episode import Episode
+from sarsim.perception import make_classifier
 from sarsim.scoring.episode import MOST
+from sarsim.scripts.benchmarks.settings import DrivesSettings
 from sarsim.scripts.benchmarks.top_view import top_view
 from sarsim.scripts.cli import progress
 from sarsim.settings import EpisodeConfig
+from sarsim.simulated_robot import SimulatedRobot
 
 GROUPS = ("nist_6x4", "esogu_52x15", "raf", "random")  # Groups of arenas whose episodes are summarised together
 STEPS = 1000  # At most; an episode ends earlier when no viewpoint is left
@@ -81,12 +85,11 @@ class Job:
 
 
 def configs(
-    base: EpisodeConfig, nist: int, esogu: int, random: int, raf: Path | None = None
+    base: EpisodeConfig, drives: DrivesSettings, raf: Path | None = None
 ) -> Iterator[tuple[str, EpisodeConfig]]:
     """Group and settings of each episode, the longest first.
 
-    ``base`` has the common settings; ``nist`` and ``esogu`` are numbers of seeds, ``random`` the number of arenas of
-    difficulties 0, 1 and 2, ``raf`` a folder of files.
+    ``base`` has the common settings, ``drives`` the numbers of episodes, ``raf`` is a folder of files.
 
     Raises:
         InputError: the weights cannot be used, or the folder holds no file.
@@ -96,11 +99,11 @@ def configs(
     if raf and not rafs:
         raise InputError(f"--raf {raf}: no .raf file is there")
     # A random arena's difficulty is its seed modulo 4.
-    seeds = islice((seed for seed in count() if seed % 4 != 3), random)
-    arenas = [("esogu_52x15", "esogu_52x15", seed) for seed in range(esogu)]
+    seeds = islice((seed for seed in count() if seed % 4 != 3), drives.random)
+    arenas = [("esogu_52x15", "esogu_52x15", seed) for seed in range(drives.esogu)]
     arenas += [("raf", str(file), 0) for file in rafs]
     arenas += [("random", f"random:{seed}", seed) for seed in seeds]
-    arenas += [("nist_6x4", "nist_6x4", seed) for seed in range(nist)]
+    arenas += [("nist_6x4", "nist_6x4", seed) for seed in range(drives.nist)]
     for group, arena, seed in arenas:
         yield group, replace(base, arena=arena, seed=seed, steps=STEPS)
 
@@ -135,12 +138,26 @@ def run_jobs(
     return [job.result(folder) for job in jobs]
 
 
-class BenchmarkEpisode(Episode):
-    """An episode with one of the strategies, which records where the robot was when it collided.
+class Contacts(Observer):
+    """Records where a robot was when it collided.
 
     Attributes:
-        contacts: (2,) m, the robot's position at each collision.
+        places: (2,) m, the robot's position at each collision.
     """
+
+    def __init__(self, robot: SimulatedRobot):
+        self._robot, self._collisions = robot, robot.collisions.collisions
+        self.places: list[NDArray[np.float64]] = []
+
+    def on_motion(self, motion: Motion) -> None:
+        """Record the place if the robot has just collided."""
+        if self._robot.collisions.collisions > self._collisions:
+            self._collisions = self._robot.collisions.collisions
+            self.places.append(self._robot.trajectory[-1].T_world_base[:2, 3])
+
+
+class BenchmarkEpisode(Episode):
+    """An episode with one of the strategies, which records where the robot was when it collided."""
 
     def __init__(self, job: Job, out: Path):
         super().__init__(replace(job.config, out=out))
@@ -149,20 +166,12 @@ class BenchmarkEpisode(Episode):
         elif job.strategy == "random_walk":
             self.explorer.mission.exploration = RandomWalk(self.robot.model, job.config.seed)
         self._is_random = job.strategy == "random_walk"
-        self.contacts: list[NDArray[np.float64]] = []
-        self._collisions = self.robot.collisions.collisions
-        self._log_motion = self.robot.on_motion
-        self.robot.on_motion = self._watch
+        self._contacts = Contacts(self.robot)
+        self.explorer.observers.append(self._contacts)
 
     def step(self) -> bool:
         """Like the step of every episode, except that a random walk ends when ``MOST`` of the arena was seen."""
         return super().step() and not (self._is_random and self.score.coverage.fraction >= MOST)
-
-    def _watch(self, pose: Pose) -> None:
-        self._log_motion(pose)
-        if self.robot.collisions.collisions > self._collisions:
-            self._collisions = self.robot.collisions.collisions
-            self.contacts.append(pose.T_world_base[:2, 3])
 
     def picture(self) -> NDArray[np.uint8]:
         """(H, W, 3) uint8 RGB, the run from above."""
@@ -172,9 +181,9 @@ class BenchmarkEpisode(Episode):
         text = (
             f"{Path(self.config.arena).name}, seed {self.config.seed}:"
             f" {self.score.coverage.fraction:.1%} seen in {end:.0f} s,"
-            f" {self.explorer.steps} steps, {len(self.contacts)} contacts, {len(failed)} legs not reached"
+            f" {self.explorer.steps} steps, {len(self._contacts.places)} contacts, {len(failed)} legs not reached"
         )
-        return top_view(self.score.surface, self.score.coverage.seen, track, self.contacts, failed, text)
+        return top_view(self.score.surface, self.score.coverage.seen, track, self._contacts.places, failed, text)
 
 
 def leave(job: Job, folder: Path, make: Callable[[], dict[str, Any] | None]) -> None:

@@ -3,7 +3,6 @@
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -21,63 +20,43 @@ from sarsim.scripts.benchmarks.exploration_table import (
     sections,
     seen90_ratio,
 )
-from sarsim.settings import EpisodeConfig, Labels, LightingName, Odometry
+from sarsim.scripts.benchmarks.settings import ExplorationSettings
 
 BASELINE_STAGES = ("sim_time_s", "steps", "navigation", "exploration")
 """The parts of a baseline's report that are summarised."""
 PICTURES = 2  # Number of worst runs of each group whose pictures are copied beside the file of the figures
-_DEFAULT = EpisodeConfig()
 
 Runs = Mapping[tuple[str, Strategy], Results]  # Results by group and strategy, None where a process failed
 
 
-def measure(
-    nist: int = 10,
-    esogu: int = 2,
-    random: int = 30,
-    raf: Path | None = None,
-    baselines: bool = True,
-    odometry: Odometry = _DEFAULT.odometry,
-    lighting: LightingName = _DEFAULT.lighting,
-    labels: Labels = _DEFAULT.labels,
-    weights: Path | None = _DEFAULT.weights,
-    detector: tuple[Path, Path] | None = _DEFAULT.detector,
-    workers: int | None = None,
-    runs: Path = Path("runs/benchmark-exploration"),
-) -> Result:
+def measure(settings: ExplorationSettings) -> Result:
     """Run the episodes that have not been run yet, and summarise all; the baselines have no victim detector.
-
-    ``benchmark.py --help`` explains the parameters.
 
     Raises:
         InputError: there is nothing to run, or a folder cannot be used.
     """
-    at_least(0, nist=nist, esogu=esogu, random=random)
-    at_least(1, workers=workers)
-    base = EpisodeConfig(odometry=odometry, lighting=lighting, labels=labels, weights=weights, detector=detector)
-    peers = BASELINES if baselines else ()
-    jobs = jobs_of(base, nist, esogu, random, raf, peers)
+    at_least(0, settings, "nist", "esogu", "random")
+    at_least(1, settings, "workers")
+    jobs, runs = jobs_of(settings), settings.runs
     if not jobs:
         raise InputError("no arena is to be explored")
-    results = run_jobs(jobs, runs, workers)
+    results = run_jobs(jobs, runs, settings.workers)
     found: dict[tuple[str, Strategy], list[dict[str, Any] | None]] = defaultdict(list)
     for job, result in zip(jobs, results, strict=True):
         found[job.group, job.strategy].append(result)
     figures, details = figures_of(found), _details(jobs, results)
-    table = rich_table("exploration", figures, sections(figures, peers))
+    table = rich_table("exploration", figures, sections(figures, BASELINES if settings.baselines else ()))
     table.caption = _caption(figures, details)
     pictures = tuple(runs / f"{name}.png" for names in details["worst"].values() for name in names)
     return Result(figures, details, table, pictures)
 
 
-def jobs_of(
-    base: EpisodeConfig, nist: int, esogu: int, random: int, raf: Path | None, baselines: Sequence[Strategy]
-) -> list[Job]:
+def jobs_of(settings: ExplorationSettings) -> list[Job]:
     """The episodes of our strategy and of each baseline."""
-    strategies: tuple[Strategy, ...] = ("ours", *baselines)
+    strategies: tuple[Strategy, ...] = ("ours", *(BASELINES if settings.baselines else ()))
     return [
         Job(group, strategy, config if strategy == "ours" else replace(config, detector=None))
-        for group, config in configs(base, nist, esogu, random, raf)
+        for group, config in configs(settings.episode, settings, settings.raf)
         for strategy in strategies
     ]
 

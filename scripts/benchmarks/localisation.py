@@ -19,7 +19,8 @@ from sarsim.scripts.benchmarks.exploration_table import Rows, group_figures, gro
 from sarsim.scripts.benchmarks.localisation_drives import DriveJob, record_job
 from sarsim.scripts.benchmarks.localisation_kidnappings import OUTCOMES, kidnap
 from sarsim.scripts.benchmarks.localisation_replay import replay_job
-from sarsim.settings import EpisodeConfig, LightingName
+from sarsim.scripts.benchmarks.settings import LocalisationSettings
+from sarsim.settings import EpisodeConfig
 
 OURS, PEERS = ("ours", "ours_without_loops"), ("odometry", "kiss_icp", "open3d")
 REGISTERING = PEERS[1:]
@@ -38,37 +39,25 @@ METHOD_ROWS: Mapping[str, str] = {
 """Names of the table's rows for each method, and the figures in them."""
 
 
-def measure(
-    nist: int = 10,
-    esogu: int = 1,
-    random: int = 9,
-    raf: Path | None = None,
-    frames: int = 3000,
-    baselines: bool = True,
-    lighting: LightingName = "normal",
-    workers: int | None = None,
-    runs: Path = Path("runs/benchmark-localisation"),
-    kidnappings: int = 0,
-) -> Result:
-    """Record the missing drives, each of at most ``frames`` frames, and replay all of them.
-
-    ``benchmark.py --help`` explains the parameters.
+def measure(settings: LocalisationSettings) -> Result:
+    """Record the missing drives, and replay all of them.
 
     Raises:
         InputError: there is no drive, a package is missing, or a folder cannot be used.
     """
-    at_least(0, nist=nist, esogu=esogu, random=random, kidnappings=kidnappings)
-    at_least(1, frames=frames, workers=workers)
+    at_least(0, settings, "nist", "esogu", "random", "kidnappings")
+    at_least(1, settings, "frames", "workers")
     if missing := [name for name in NEEDED if find_spec(name) is None]:
         raise InputError(f"{' and '.join(missing)} is missing: pip install -e '.[dev]'")
-    base = EpisodeConfig(labels="truth", detector=None, odometry="truth", lighting=lighting)
-    jobs = [DriveJob(group, "ours", config, frames) for group, config in configs(base, nist, esogu, random, raf)]
+    base = EpisodeConfig(labels="truth", detector=None, odometry="truth", lighting=settings.lighting)
+    drives_of = configs(base, settings, settings.raf)
+    jobs = [DriveJob(group, "ours", config, settings.frames) for group, config in drives_of]
+    kidnappings, runs, workers = settings.kidnappings, settings.runs, settings.workers
     if not jobs and not kidnappings:
         raise InputError("no arena is to be driven in")
     drives = dict(zip(jobs, run_jobs(jobs, runs, workers, record_job), strict=True))
-    replayed = _replay(
-        [job for job, drive in drives.items() if drive and "frames" in drive], runs, workers, baselines
-    )
+    recorded = [job for job, drive in drives.items() if drive and "frames" in drive]
+    replayed = _replay(recorded, runs, workers, settings.baselines)
     details: dict[str, Any] = {
         "left_out": {job.config.arena: r["left_out"] for job, r in drives.items() if r and "left_out" in r},
         "failed": [job.name for job in jobs if not drives[job] or (job in replayed and not replayed[job])],

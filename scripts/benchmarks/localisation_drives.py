@@ -17,18 +17,18 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from pipeline.errors import InputError
-from pipeline.explorer import Explorer
+from pipeline.explorer import Explorer, Observer
 from pipeline.files import whole_file
 from pipeline.frame import Frame, Intrinsics
 from pipeline.grid_map import Grid
 from pipeline.mapper import Mapper
+from pipeline.robot import Motion
 from pipeline.semantic_map.classifier import TruthClassifier
 from pipeline.transforms import inverse
 from sarsim.arenas.load import load_arena
 from sarsim.dataset.hdf5 import FAST, NewFile, open_file, write_noisy
 from sarsim.dataset.scene_file import MILLIMETRE
 from sarsim.ground_truth.true_surface import Survey, TrueSurface
-from sarsim.robots.pose import Pose
 from sarsim.scripts.benchmarks.episodes import Job, leave
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 
@@ -171,8 +171,8 @@ def _record(job: DriveJob, path: Path) -> int:
     surface = survey.surface_from(robot.trajectory[-1].T_world_base[:3, 3])
     with whole_file(path) as partial, DriveWriter(partial, job.settings, surface) as writer:
         recorder = _Recorder(robot, writer)
-        robot.on_motion = recorder.watch
         explorer = Explorer(robot, Mapper(robot.model, TruthClassifier(), seed=config.seed))
+        explorer.observers.append(recorder)
         step = explorer.step()
         recorder.take(step.keyframe.frame)
         while step.plan is not None and explorer.steps < config.steps and len(writer) < job.frames:
@@ -183,16 +183,16 @@ def _record(job: DriveJob, path: Path) -> int:
     return len(writer)
 
 
-class _Recorder:
+class _Recorder(Observer):
     """Takes a frame whenever the robot is ``SPACING`` or ``TURN`` away from its pose at the last frame."""
 
     def __init__(self, robot: SimulatedRobot, writer: DriveWriter):
         self._robot, self._writer = robot, writer
         self._last = robot.trajectory[-1]
 
-    def watch(self, pose: Pose) -> None:
+    def on_motion(self, motion: Motion) -> None:
         """Take a frame if the robot has moved or turned far enough."""
-        moved = inverse(self._last.T_world_base) @ pose.T_world_base
+        moved = inverse(self._last.T_world_base) @ self._robot.trajectory[-1].T_world_base
         turned = Rotation.from_matrix(moved[:3, :3]).magnitude()
         if np.linalg.norm(moved[:3, 3]) >= SPACING or turned >= TURN:
             self.take(self._robot.sense())

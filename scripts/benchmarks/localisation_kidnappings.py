@@ -12,11 +12,11 @@ from pipeline.errors import InputError
 from pipeline.explorer import Explorer
 from pipeline.localisation.localisation import LostError
 from pipeline.localisation.slam import Slam
-from pipeline.map_file import load_keyframes
+from pipeline.map_file import KEYFRAMES, load_keyframes
 from pipeline.mapper import Mapper
 from pipeline.robot import Velocity
 from pipeline.transforms import inverse
-from sarsim.episode import KEYFRAMES, Episode
+from sarsim.episode import Episode
 from sarsim.settings import EpisodeConfig
 
 ROOM = 0.4  # m of free ground around the robot's centre where it is set down

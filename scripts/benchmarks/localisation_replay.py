@@ -9,8 +9,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.localisation.trajectory import write_tum
 from sarsim.ground_truth.true_surface import TrueSurface
-from sarsim.scoring.trajectory import write_tum
 from sarsim.scripts.benchmarks.episodes import Job, leave
 from sarsim.scripts.benchmarks.localisation_drives import DriveReader, drive_file
 from sarsim.scripts.benchmarks.localisation_methods import METHODS, Method, is_blind

@@ -17,6 +17,7 @@ from pipeline.metric_map.metric_map import MetricMap
 from sarsim.scoring.voxels import VoxelScore
 from sarsim.scripts.benchmarks.common import Result, at_least
 from sarsim.scripts.benchmarks.recorded_frames import RecordedFrames, record
+from sarsim.scripts.benchmarks.settings import MetricMapSettings
 
 SMALL, LARGE = (6.0, 4.0), (520.0, 150.0)
 SIZES = (SMALL, (20.0, 15.0), (52.0, 15.0), (130.0, 60.0), LARGE)
@@ -25,27 +26,22 @@ TILE_FRAMES = 8  # Frames that fill each 6 m × 4 m of an environment before fra
 WARM_UP = 5  # Frames that are not counted
 
 
-def measure(
-    frames: int = 160, seed: int = 0, arenas: tuple[str, ...] = ("nist_6x4", "esogu_52x15"), baselines: bool = True
-) -> Result:
+def measure(settings: MetricMapSettings) -> Result:
     """Times, memory, accuracy, and times by the size of the environment.
-
-    Accuracy is measured in all ``arenas``, times on the frames of the first one; ``baselines``: also measure OctoMap
-    without ``discretize``, which takes a tenth of a second per frame.
 
     Raises:
         InputError: pyoctomap is missing, or there is nothing to measure.
     """
-    at_least(1, frames=frames)
-    at_least(0, seed=seed)
-    recording = record(arenas[0], seed, frames)
-    figures = _speed(recording, baselines)
-    sizes = _sizes(recording)
+    at_least(1, settings, "frames")
+    at_least(0, settings, "seed")
+    first, *others = settings.arenas
+    recording = record(first, settings.seed, settings.frames)
+    figures, sizes = _speed(recording, settings.baselines), _sizes(recording)
     figures["large_over_small"] = sizes[-1]["over_small"]
     figures |= _accuracy(recording)
-    for arena in arenas[1:]:
-        others = _accuracy(record(arena, seed, frames))
-        figures |= {f"{arena}.{name}": value for name, value in others.items()}
+    for arena in others:
+        accuracy = _accuracy(record(arena, settings.seed, settings.frames))
+        figures |= {f"{arena}.{name}": value for name, value in accuracy.items()}
     return Result(figures, {"sizes": sizes})
 
 

@@ -22,57 +22,52 @@ from pipeline.semantic_map.networks.weights import NETWORKS, load_weights
 from pipeline.semantic_map.planar_vote import planar_vote
 from sarsim.scripts.benchmarks.common import Result, at_least, seconds
 from sarsim.scripts.benchmarks.labelled_drives import PosedFrame, drive_through
-from sarsim.scripts.benchmarks.semantic import LIGHTINGS, SHARED, SPARSE_KEYFRAMES
+from sarsim.scripts.benchmarks.semantic import LIGHTINGS, SPARSE_KEYFRAMES
 from sarsim.scripts.benchmarks.semantic_accuracy import KINDS, Change, Scores, scores
 from sarsim.scripts.benchmarks.semantic_speed import THREADS, classifier_of, thesis_blocks
-from sarsim.settings import WEIGHTS, LightingName
+from sarsim.scripts.benchmarks.settings import NetworksSettings
 
 FIRST_RANDOM = 90_000
 """Seed of the first random arena: datasets draw the seeds of theirs from two thousand million."""
 
 
-def measure(
-    rounds: int = 7,
-    timed_frames: int = 5,
-    frames: int = 24,
-    raf_frames: int = 8,
-    random: int = 20,
-    seed: int = 0,
-    arenas: tuple[str, ...] = ("nist_6x4", "esogu_52x15"),
-    raf: Path = SHARED / "arenas" / "raf",
-    lighting: LightingName | None = None,
-    weights: Path = WEIGHTS.parent,
-) -> Result:
+def measure(settings: NetworksSettings) -> Result:
     """Every network's size, time, and accuracy in arenas that none was trained on.
 
-    ``benchmark.py --help`` explains the parameters; ``timed_frames`` frames of nist_6x4 are timed, and each of
-    ``arenas`` has figures of its own. Without frames, .raf files or weights there are no figures of them.
+    Without frames, .raf files or weights there are no figures of them.
 
     Raises:
         InputError: there is nothing to measure, or an arena or weights are broken.
     """
-    at_least(1, rounds=rounds, timed_frames=timed_frames)
-    at_least(0, frames=frames, raf_frames=raf_frames, random=random)
-    if not weights.is_dir():
-        raise InputError(f"--weights {weights}: no folder with weights named after their networks")
-    files = {
-        name: weights / f"{name}.safetensors" for name in NETWORKS if (weights / f"{name}.safetensors").is_file()
-    }
-    figures = _sizes(files) | _times(files, list(drive_through("nist_6x4", timed_frames, seed)), rounds)
-    groups = {Path(arena).stem: [arena] * bool(frames) for arena in arenas}
-    groups["raf_mean"] = [str(path) for path in sorted(raf.glob("*.raf"))] * bool(raf_frames)
-    groups["random_mean"] = [f"random:{FIRST_RANDOM + n}" for n in range(random if raf_frames else 0)]
-    lit = {suffix: value for suffix, value in LIGHTINGS.items() if lighting in (None, value.name)}
+    at_least(1, settings, "rounds", "timed_frames")
+    at_least(0, settings, "frames", "raf_frames", "random")
+    if not settings.weights.is_dir():
+        raise InputError(f"--weights {settings.weights}: no folder with weights named after their networks")
+    paths = {name: settings.weights / f"{name}.safetensors" for name in NETWORKS}
+    files = {name: path for name, path in paths.items() if path.is_file()}
+    timed = list(drive_through("nist_6x4", settings.timed_frames, settings.seed))
+    figures = _sizes(files) | _times(files, timed, settings.rounds)
+    groups = _groups(settings)
+    lit = {suffix: value for suffix, value in LIGHTINGS.items() if settings.lighting in (None, value.name)}
     jobs = [(group, arena, suffix) for suffix in lit for group in groups for arena in groups[group]]
     networks = {name: NetworkClassifier(path, False, THREADS, name) for name, path in files.items()}
     details: dict[str, dict[str, Scores]] = {}
     for group, arena, suffix in track(jobs if networks else [], "arenas", transient=True):
-        count = raf_frames if group.endswith("_mean") else frames
-        seen = drive_through(arena, count, seed, lit[suffix], SPARSE_KEYFRAMES)
+        count = settings.raf_frames if group.endswith("_mean") else settings.frames
+        seen = drive_through(arena, count, settings.seed, lit[suffix], SPARSE_KEYFRAMES)
         details.setdefault(group + suffix, {})[arena] = scores(seen, networks, VOTES)
     for group, of_arenas in details.items():
         figures |= group_figures(group, list(of_arenas.values()))
     return Result(figures, {"iou": details}, table(figures, list(groups)))
+
+
+def _groups(settings: NetworksSettings) -> dict[str, list[str]]:
+    """The arenas to label, by the group whose figures they go into."""
+    groups = {Path(arena).stem: [arena] * bool(settings.frames) for arena in settings.arenas}
+    count = settings.random if settings.raf_frames else 0
+    groups["raf_mean"] = [str(path) for path in sorted(settings.raf.glob("*.raf"))] * bool(settings.raf_frames)
+    groups["random_mean"] = [f"random:{FIRST_RANDOM + n}" for n in range(count)]
+    return groups
 
 
 def voted(frame: PosedFrame, given: NDArray[np.float32]) -> NDArray[np.float32]:
@@ -122,7 +117,7 @@ def _times(files: dict[str, Path], frames: list[PosedFrame], rounds: int) -> dic
     times: dict[str, list[float]] = {}
     for turn in track(range(-1, rounds), "blocks", transient=True):
         for name, network in ready.items():
-            took = seconds(_answers, network, [blocks[turn % len(blocks)]] * THREADS) / THREADS
+            took = seconds(_run, network, [blocks[turn % len(blocks)]] * THREADS) / THREADS
             times.setdefault(f"{name}.block_ms", []).extend([1000 * took] * (turn >= 0))
     classifiers = {
         name: NetworkClassifier(files[name], threads=THREADS) if name in files else classifier_of(network)
@@ -135,7 +130,7 @@ def _times(files: dict[str, Path], frames: list[PosedFrame], rounds: int) -> dic
     return {name: float(np.median(values)) for name, values in times.items()}
 
 
-def _answers(network: BlockClassifier, blocks: list[NDArray[np.float32]]) -> None:
+def _run(network: BlockClassifier, blocks: list[NDArray[np.float32]]) -> None:
     list(network.of_blocks(blocks))
 
 

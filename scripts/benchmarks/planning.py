@@ -26,6 +26,7 @@ from pipeline.traversability.traversability_layer import TraversabilityLayer
 from sarsim.arenas.load import load_arena
 from sarsim.ground_truth.true_surface import Survey
 from sarsim.scripts.benchmarks.common import Result, at_least
+from sarsim.scripts.benchmarks.settings import PlanningSettings
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 
 WARM_UP = 2  # Steps that are not counted: in the first one the whole floor is new
@@ -36,13 +37,14 @@ WALL_TOPS = np.arange(0, 1.01, 0.1)  # m, heights of the points of walls and of 
 AWAY, FLOOR_SIDE = 1.3, 0.3  # m, distance and side of the new box
 
 
-def measure(frames: int = 24, seed: int = 0, arenas: tuple[str, ...] = ("nist_6x4", "esogu_52x15")) -> Result:
-    """Median milliseconds of a step and of its stages in each of the arenas, over ``frames`` steps."""
-    at_least(1, frames=frames)
-    at_least(0, seed=seed)
+def measure(settings: PlanningSettings) -> Result:
+    """Median milliseconds of a step and of its stages in each of the arenas."""
+    at_least(1, settings, "frames")
+    at_least(0, settings, "seed")
+    arenas = settings.arenas
     figures: dict[str, float] = {}
     for arena in arenas:
-        seconds = _Floor(arena, seed).steps(frames)
+        seconds = _Floor(arena, settings.seed).steps(settings.frames)
         figures[f"{arena}.step_ms"] = 1e3 * float(np.median(np.sum(list(seconds.values()), axis=0)))
         figures |= {f"{arena}.{stage}_ms": 1e3 * float(np.median(times)) for stage, times in seconds.items()}
     figures["large_over_small"] = figures[f"{arenas[-1]}.step_ms"] / figures[f"{arenas[0]}.step_ms"]

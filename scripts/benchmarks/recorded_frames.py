@@ -6,12 +6,12 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.progress import Progress
 
-from pipeline.explorer import Explorer
+from pipeline.explorer import Explorer, Observer
 from pipeline.frame import Intrinsics
 from pipeline.mapper import Mapper
+from pipeline.robot import Motion
 from pipeline.semantic_map.classifier import TruthClassifier
 from sarsim.arenas.load import load_arena
-from sarsim.robots.pose import Pose
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 
 STEPS = 160  # Largest number of steps of an episode
@@ -50,7 +50,7 @@ def record(arena: str, seed: int, frames: int) -> RecordedFrames:
     robot = SimulatedRobot(load_arena(arena), SimulationConfig(), seed)
     explorer = Explorer(robot, Mapper(robot.model, TruthClassifier(), seed=seed))
     album = _Album(robot, frames)
-    robot.on_motion = album.take
+    explorer.observers.append(album)
     with Progress(transient=True) as progress:
         bar = progress.add_task(f"recording in {arena}", total=None)
         step = explorer.step()
@@ -63,7 +63,7 @@ def record(arena: str, seed: int, frames: int) -> RecordedFrames:
     return RecordedFrames(step.keyframe.frame.intrinsics, ideal, xtion, poses)
 
 
-class _Album:
+class _Album(Observer):
     """Frames at a constant period, which doubles whenever there are twice as many as wanted."""
 
     def __init__(self, robot: SimulatedRobot, wanted: int):
@@ -71,9 +71,9 @@ class _Album:
         self._period, self._next = 1.0, robot.time
         self._frames: list[tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float64]]] = []
 
-    def take(self, pose: Pose) -> None:
+    def on_motion(self, motion: Motion) -> None:
         """Take a frame if one is due."""
-        if pose.time < self._next:
+        if motion.time < self._next:
             return
         self._next += self._period
         depth, truth = self._robot.sense().depth, self._robot.true_frame

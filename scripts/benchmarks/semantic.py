@@ -11,43 +11,31 @@ from sarsim.scripts.benchmarks.common import Result, at_least
 from sarsim.scripts.benchmarks.labelled_drives import drive_through
 from sarsim.scripts.benchmarks.semantic_accuracy import accuracy
 from sarsim.scripts.benchmarks.semantic_speed import THREADS, agreement, speed
+from sarsim.scripts.benchmarks.settings import SemanticSettings
 from sarsim.sensors.lighting import Lighting
-from sarsim.settings import WEIGHTS
 
-SHARED = Path(__file__).resolve().parents[2].parent / "shared"  # Test data beside the checkout
 LIGHTINGS = {"": Lighting.normal, ".dark": Lighting.dark}  # By the suffix of the figures' names
 SPARSE_KEYFRAMES = (2.0, 0.8)
 """m and rad between the frames whose labels are compared: far apart, to show more of an arena than its start."""
 
 
-def measure(
-    rounds: int = 7,
-    timed_frames: int = 10,
-    frames: int = 40,
-    raf_frames: int = 10,
-    seed: int = 0,
-    arenas: tuple[str, ...] = ("nist_6x4", "esogu_52x15"),
-    raf: Path = SHARED / "arenas" / "raf",
-    checkpoint: Path = SHARED / "dgcnn",
-    weights: Path = WEIGHTS,
-) -> Result:
+def measure(settings: SemanticSettings) -> Result:
     """DGCNN's speed and agreement with a published checkpoint; the network's accuracy in arenas never trained on.
 
-    ``benchmark.py --help`` explains the parameters; ``timed_frames`` frames of nist_6x4 are timed, each of ``arenas``
-    has figures of its own, and ``checkpoint`` is the folder of a published checkpoint and its logits. Missing files
-    give no figures.
+    Missing files give no figures.
 
     Raises:
         InputError: there is nothing to measure, or an arena or the weights are broken.
     """
-    at_least(1, rounds=rounds, timed_frames=timed_frames)
-    at_least(0, frames=frames, raf_frames=raf_frames)
+    at_least(1, settings, "rounds", "timed_frames")
+    at_least(0, settings, "frames", "raf_frames")
+    weights, seed = settings.weights, settings.seed
     network = NetworkClassifier(weights, threads=THREADS) if weights.exists() else None
-    figures = speed(list(drive_through("nist_6x4", timed_frames, seed)), rounds, network)
-    if checkpoint.is_dir():
-        figures |= agreement(checkpoint)
-    jobs = [(arena, frames) for arena in arenas if frames]
-    jobs += [(str(path), raf_frames) for path in sorted(raf.glob("*.raf")) if raf_frames]
+    figures = speed(list(drive_through("nist_6x4", settings.timed_frames, seed)), settings.rounds, network)
+    if settings.checkpoint.is_dir():
+        figures |= agreement(settings.checkpoint)
+    jobs = [(arena, settings.frames) for arena in settings.arenas if settings.frames]
+    jobs += [(str(path), settings.raf_frames) for path in sorted(settings.raf.glob("*.raf")) if settings.raf_frames]
     lit = [(*job, suffix) for suffix in LIGHTINGS for job in jobs]
     details = {
         _name(arena) + suffix: accuracy(

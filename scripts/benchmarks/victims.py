@@ -2,7 +2,6 @@
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -21,6 +20,7 @@ from sarsim.assets import asset
 from sarsim.scripts.benchmarks.common import Result, at_least, seconds
 from sarsim.scripts.benchmarks.episodes import GROUPS, Job, Results, configs, run_jobs
 from sarsim.scripts.benchmarks.exploration_table import group_figures, groups_in, pairs, rich_table, rows_of
+from sarsim.scripts.benchmarks.settings import VictimsSettings
 from sarsim.scripts.benchmarks.victims_frames import (
     DISTANCES,
     HIDDEN,
@@ -31,7 +31,6 @@ from sarsim.scripts.benchmarks.victims_frames import (
     scene_frames,
 )
 from sarsim.sensors.lighting import Lighting
-from sarsim.settings import DETECTOR, EpisodeConfig, Labels, LightingName, Odometry
 
 THREADS = 2
 WIDTH, HEIGHT = 640, 480  # pixels of the image that is timed
@@ -50,53 +49,33 @@ ROWS: Mapping[str, str] = {
     "time of the episode, likewise": "sim_time_vs_without",
 }
 """Names of the table's rows, and the figures in them."""
-_DEFAULT = EpisodeConfig()
 
 
-def measure(
-    scenes: int = 30,
-    frames: int = 12,
-    seed: int = 2026,
-    rounds: int = 15,
-    nist: int = 10,
-    esogu: int = 2,
-    random: int = 30,
-    baselines: bool = True,
-    odometry: Odometry = _DEFAULT.odometry,
-    lighting: LightingName = _DEFAULT.lighting,
-    labels: Labels = _DEFAULT.labels,
-    weights: Path | None = _DEFAULT.weights,
-    detector: tuple[Path, Path] = DETECTOR,
-    workers: int | None = None,
-    runs: Path = Path("runs/benchmark-victims"),
-) -> Result:
+def measure(settings: VictimsSettings) -> Result:
     """Speed, average precision in frames of new arenas, and the victims found in whole episodes.
-
-    ``benchmark.py --help`` explains the parameters.
 
     Raises:
         InputError: a number is too low, a network is broken, or a folder cannot be used.
     """
-    at_least(0, scenes=scenes, rounds=rounds, nist=nist, esogu=esogu, random=random, seed=seed)
-    at_least(1, frames=frames, workers=workers)
-    network = load_network(*detector)
-    base = EpisodeConfig(odometry=odometry, lighting=lighting, labels=labels, weights=weights, detector=detector)
-    jobs = [Job(group, "ours", config) for group, config in configs(base, nist, esogu, random)]
+    at_least(0, settings, "scenes", "rounds", "nist", "esogu", "random", "seed")
+    at_least(1, settings, "frames", "workers")
+    network, rounds = load_network(*settings.detector), settings.rounds
+    jobs = [Job(group, "ours", config) for group, config in configs(settings.episode, settings)]
     figures = speed(network, rounds) if rounds else {}
     if rounds:
         figures |= {f"tiny.{name}": value for name, value in speed(tiny(), rounds).items()}
-    precision, by = _precision(_frames(VictimDetector(network, LEAST_CONFIDENCE), scenes, frames, seed))
+    precision, by = _precision(_frames(VictimDetector(network, LEAST_CONFIDENCE), settings))
     figures |= precision
-    episodes, failed = _episodes(jobs, runs, workers, baselines)
+    episodes, failed = _episodes(jobs, settings)
     figures |= episodes
     return Result(figures, {"ap50_by": by, "failed": failed}, _table(figures))
 
 
-def _frames(detector: VictimDetector, scenes: int, frames: int, seed: int) -> dict[str, list[PeopleInFrame]]:
+def _frames(detector: VictimDetector, settings: VictimsSettings) -> dict[str, list[PeopleInFrame]]:
     """People and detections in the frames of all scenes, by lighting."""
-    arenas = recipe(seed, frames)
-    result: dict[str, list[PeopleInFrame]] = {light.name: [] for light in Lighting if scenes}
-    for index in track(range(scenes), "frames", transient=True):
+    arenas = recipe(settings.seed, settings.frames)
+    result: dict[str, list[PeopleInFrame]] = {light.name: [] for light in Lighting if settings.scenes}
+    for index in track(range(settings.scenes), "frames", transient=True):
         for light in Lighting:
             result[light.name] += scene_frames(arenas, index, light, detector)
     return result
@@ -113,15 +92,13 @@ def _precision(frames: Mapping[str, Sequence[PeopleInFrame]]) -> tuple[dict[str,
     return figures, by
 
 
-def _episodes(
-    jobs: Sequence[Job], runs: Path, workers: int | None, baselines: bool
-) -> tuple[dict[str, float], list[str]]:
+def _episodes(jobs: Sequence[Job], settings: VictimsSettings) -> tuple[dict[str, float], list[str]]:
     """Figures by group, and the names of the failed episodes."""
     if not jobs:
         return {}, []
-    found = run_jobs(jobs, runs, workers)
-    bare = [replace(job, config=replace(job.config, detector=None)) for job in jobs if baselines]
-    others = run_jobs(bare, runs / "without", workers) if bare else []
+    found = run_jobs(jobs, settings.runs, settings.workers)
+    bare = [replace(job, config=replace(job.config, detector=None)) for job in jobs if settings.baselines]
+    others = run_jobs(bare, settings.runs / "without", settings.workers) if bare else []
     figures: dict[str, float] = {}
     for group in dict.fromkeys(job.group for job in jobs):
         members = [number for number, job in enumerate(jobs) if job.group == group]

@@ -54,8 +54,8 @@ def test_every_topic_is_there(episode: Episode) -> None:
     }
     mapper = episode.explorer.mapper
     assert count["/keyframe"] == len(mapper.keyframes)
-    labelled = [o for o in mapper.observations if o.probabilities is not None]
-    assert count["/semantic_cloud"] == sum(len(o.points) > 0 for o in labelled)
+    labelled = [seen for seen in mapper.keyframes.seen if seen.shares is not None]
+    assert count["/semantic_cloud"] == sum(len(seen.points) > 0 for seen in labelled)
     assert count["/map"] == count["/plan"] == episode.explorer.steps == 3
     assert count["/odom"] == count["/tf"] == count["/ground_truth/pose"] >= count["/imu"]
     assert count["/tf_static"] == 1

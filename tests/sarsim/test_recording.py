@@ -9,7 +9,7 @@ import pytest
 import rerun as rr
 from scipy.spatial.transform import Rotation
 
-from pipeline.explorer import Explorer
+from pipeline.explorer import Explorer, Observer
 from pipeline.localisation.slam import Slam
 from pipeline.mapper import Mapper
 from pipeline.robot import Velocity
@@ -34,11 +34,11 @@ def path(tmp_path_factory) -> Path:
     robot = SimulatedRobot(load_arena("nist_6x4"), SimulationConfig(odometry="wheel"), seed=3)
     explorer = Explorer(robot, Mapper(robot.model, TruthClassifier(), seed=3))
     recorder = EpisodeRecorder(robot, path)
-    recorder.log_step(0, explorer, explorer.step())
+    explorer.observers.append(recorder)
+    explorer.step()
     for _ in range(round(DRIVING_TIME / robot.control_period)):
-        robot.drive(Velocity(SPEED))
-        recorder.log_motion(robot.trajectory[-1])
-    recorder.log_step(1, explorer, explorer.step())
+        recorder.on_motion(robot.drive(Velocity(SPEED)))
+    explorer.step()
     recorder.close()
     robot.close()
     return path
@@ -114,17 +114,18 @@ def test_while_it_drives_the_robot_is_where_its_newest_keyframe_has_it(tmp_path)
     recorder = EpisodeRecorder(robot, tmp_path / "episode.rrd")
     believed, true = {}, {}
 
-    def watch(pose):
-        recorder.log_motion(pose)
-        T_map_base = slam.poses[-1] @ inverse(odometry[-1]) @ pose.T_odom_base
-        believed[round(pose.time, 3)], true[round(pose.time, 3)] = T_map_base[:3, 3], pose.T_world_base[:3, 3]
+    class Watch(Observer):
+        def on_keyframe(self, keyframe):
+            self.T_odom_keyframe = keyframe.frame.T_odom_base
 
-    odometry = []
-    robot.on_motion = watch
-    explorer.keyframing.on_keyframe = lambda keyframe: odometry.append(keyframe.frame.T_odom_base)
-    for index in range(2):
-        recorder.log_step(index, explorer, step := explorer.step())
-        explorer.drive(step)
+        def on_motion(self, motion):
+            T_map_base = slam.poses[-1] @ inverse(self.T_odom_keyframe) @ motion.T_odom_base
+            believed[round(motion.time, 3)] = T_map_base[:3, 3]
+            true[round(motion.time, 3)] = robot.trajectory[-1].T_world_base[:3, 3]
+
+    explorer.observers += [recorder, Watch()]
+    for _ in range(2):
+        explorer.drive(explorer.step())
     recorder.close()
     robot.close()
     rows = read(tmp_path / "episode.rrd")

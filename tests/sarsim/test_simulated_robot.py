@@ -103,11 +103,3 @@ def test_running_into_a_wall_is_counted_once(make_robot):
         robot.drive(Velocity(-0.2))  # the west wall is 0.3 m behind
     assert robot.collisions.collisions in (1, 2)  # one or both rear tyres
     assert make_robot().collisions.collisions == 0
-
-
-def test_every_motion_is_told(make_robot):
-    robot = make_robot()
-    told = []
-    robot.on_motion = told.append
-    forward(robot, 5)
-    assert told == robot.trajectory[-5:]

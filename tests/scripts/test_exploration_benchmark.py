@@ -11,15 +11,8 @@ from pipeline.grid_map import Grid
 from sarsim.ground_truth.true_surface import TrueSurface
 from sarsim.scripts.benchmarks import episodes, exploration
 from sarsim.scripts.benchmarks.episodes import GROUPS, Job, run_job
-from sarsim.scripts.benchmarks.exploration_table import (
-    BASELINES,
-    RATIO,
-    flat,
-    group_figures,
-    rich_table,
-    sections,
-    seen90_ratio,
-)
+from sarsim.scripts.benchmarks.exploration_table import RATIO, flat, group_figures, rich_table, sections, seen90_ratio
+from sarsim.scripts.benchmarks.settings import ExplorationSettings
 from sarsim.scripts.benchmarks.top_view import BAND, MOST_PIXELS, SEEN, UNSEEN, WALL, top_view
 from sarsim.settings import EpisodeConfig
 
@@ -80,7 +73,7 @@ def test_a_run_that_never_saw_enough_counts_against_us(ours, theirs, ratio):
 def test_each_strategy_explores_the_agreed_arenas(tmp_path):
     for name in ("b.raf", "a.raf", "readme.txt"):
         (tmp_path / name).touch()
-    everything = exploration.jobs_of(EpisodeConfig(), 10, 2, 30, tmp_path, BASELINES)
+    everything = exploration.jobs_of(ExplorationSettings(raf=tmp_path))
     ours = [job for job in everything if job.strategy == "ours"]
     count = {group: sum(job.group == group for job in ours) for group in GROUPS}
     assert count == {"nist_6x4": 10, "esogu_52x15": 2, "raf": 2, "random": 30}
@@ -101,13 +94,13 @@ def test_each_strategy_explores_the_agreed_arenas(tmp_path):
 )
 def test_what_cannot_be_run_is_refused(flags, message):
     with pytest.raises(InputError, match=message):
-        exploration.measure(**flags)
+        exploration.measure(ExplorationSettings(**flags))
 
 
 def test_a_folder_that_cannot_be_made_is_refused(tmp_path):
     (tmp_path / "file").touch()
     with pytest.raises(InputError, match="--runs"):
-        exploration.measure(runs=tmp_path / "file" / "runs")
+        exploration.measure(ExplorationSettings(runs=tmp_path / "file" / "runs"))
 
 
 class Pretended:
@@ -144,7 +137,7 @@ def pretended(monkeypatch):
 
 
 def test_figures_pictures_and_table(tmp_path, pretended):
-    result = exploration.measure(nist=3, esogu=0, random=1, runs=tmp_path)
+    result = exploration.measure(ExplorationSettings(nist=3, esogu=0, random=1, runs=tmp_path))
     figures = result.figures
     assert figures[RATIO] == figures[f"nist_6x4.{RATIO}.worst"] == 0.5
     assert figures["nist_6x4.runs"] == figures["nist_6x4.seen90_runs"] == 3
@@ -162,7 +155,7 @@ def test_figures_pictures_and_table(tmp_path, pretended):
 def test_a_baseline_that_never_saw_enough_is_told_instead_of_a_ratio(tmp_path, pretended):
     _, _, slow = pretended
     slow += ["nearest_frontier-nist_6x4-0", "nearest_frontier-random_0-0"]
-    figures = exploration.measure(nist=2, esogu=0, random=1, runs=tmp_path).figures
+    figures = exploration.measure(ExplorationSettings(nist=2, esogu=0, random=1, runs=tmp_path)).figures
     assert figures["nearest_frontier.nist_6x4.seen90_runs"] == 1
     assert figures["nearest_frontier.random.seen90_runs"] == 0
     assert figures[f"nist_6x4.{RATIO}.pairs"] == figures[f"{RATIO}.pairs"] == 1
@@ -184,26 +177,26 @@ def test_it_goes_on_where_it_stopped(tmp_path, pretended):
     started, fails, _ = pretended
     flags = {"nist": 2, "esogu": 0, "random": 0, "runs": tmp_path, "baselines": False}
     fails.append("ours-nist_6x4-1")
-    result = exploration.measure(**flags)
+    result = exploration.measure(ExplorationSettings(**flags))
     assert result.details["failed"] == ["ours-nist_6x4-1"]
     assert result.figures["nist_6x4.failed"] == 1
     assert result.figures["nist_6x4.runs"] == 1
     fails.clear()
-    assert exploration.measure(**flags).figures["nist_6x4.failed"] == 0
+    assert exploration.measure(ExplorationSettings(**flags)).figures["nist_6x4.failed"] == 0
     assert started == ["ours-nist_6x4-0", "ours-nist_6x4-1", "ours-nist_6x4-1"]
 
 
 def test_results_of_other_settings_are_not_mixed_in(tmp_path, pretended):
     flags = {"nist": 1, "esogu": 0, "random": 0, "runs": tmp_path, "baselines": False}
-    exploration.measure(**flags)
+    exploration.measure(ExplorationSettings(**flags))
     with pytest.raises(InputError, match="other settings"):
-        exploration.measure(**flags, lighting="dim")
+        exploration.measure(ExplorationSettings(**flags, lighting="dim"))
 
 
 def test_a_broken_result_is_named(tmp_path, pretended):
     (tmp_path / "ours-nist_6x4-0.json").write_text("{")
     with pytest.raises(InputError, match=r"ours-nist_6x4-0\.json: not an episode's result"):
-        exploration.measure(nist=1, esogu=0, random=0, runs=tmp_path, baselines=False)
+        exploration.measure(ExplorationSettings(nist=1, esogu=0, random=0, runs=tmp_path, baselines=False))
 
 
 def test_a_job_leaves_its_report_and_its_picture(tmp_path):

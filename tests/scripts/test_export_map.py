@@ -16,7 +16,7 @@ from pipeline.metric_map.io.npz import load_metric_map, save_metric_map
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.semantic_map.classifier import TruthClassifier
 from pipeline.semantic_map.ply import write_ply
-from sarsim.robots.skid_steered import robot_file
+from sarsim.robots.model import robot_file
 from sarsim.scripts.export_map import export_map
 from tests.pipeline.metric_map.io.octomap_files import colours, log_odds, read_bt, read_ot
 from tests.pipeline.polygon_scene import floor, look, pose, wall, wedge

@@ -15,6 +15,7 @@ from pipeline.semantic_map.rules import RuleClassifier
 from sarsim.scripts.benchmarks import networks
 from sarsim.scripts.benchmarks.labelled_drives import drive_through
 from sarsim.scripts.benchmarks.semantic_accuracy import KINDS, scores
+from sarsim.scripts.benchmarks.settings import NetworksSettings
 
 
 def test_the_truth_is_right_and_the_vote_changes_what_is_not() -> None:
@@ -41,7 +42,17 @@ def test_a_small_comparison_has_accuracy_of_what_has_weights_and_times_of_all(tm
     torch.manual_seed(0)
     network = NETWORKS["pointnext"]()
     save_classifier(tmp_path / "pointnext.safetensors", network, BlockConfig(), {"processor_s": 12.5})
-    result = networks.measure(1, 1, frames=1, raf_frames=0, arenas=("nist_6x4",), lighting="normal", weights=tmp_path)
+    result = networks.measure(
+        NetworksSettings(
+            rounds=1,
+            timed_frames=1,
+            frames=1,
+            raf_frames=0,
+            arenas=("nist_6x4",),
+            lighting="normal",
+            weights=tmp_path,
+        )
+    )
     for name in NETWORKS:
         assert {f"{name}.{figure}" for figure in ("parameters", "block_ms", "frame_s")} <= set(result.figures)
     assert result.figures["pointnext.train_s"] == 12.5
@@ -66,4 +77,4 @@ def test_a_small_comparison_has_accuracy_of_what_has_weights_and_times_of_all(tm
 )
 def test_nothing_to_measure_is_refused(change: dict) -> None:
     with pytest.raises(InputError, match=r"at least|no folder"):
-        networks.measure(**change)
+        networks.measure(NetworksSettings(**change))

@@ -9,6 +9,7 @@ from pipeline.semantic_map.classifier import TruthClassifier
 from sarsim.scripts.benchmarks import semantic
 from sarsim.scripts.benchmarks.labelled_drives import PosedFrame, drive_through
 from sarsim.scripts.benchmarks.semantic_accuracy import accuracy
+from sarsim.scripts.benchmarks.settings import SemanticSettings
 
 
 @pytest.fixture(scope="module")
@@ -61,4 +62,4 @@ def test_figures_have_the_agreed_names() -> None:
 @pytest.mark.parametrize("change", [{"rounds": 0}, {"timed_frames": 0}, {"frames": -1}, {"raf_frames": -1}])
 def test_nothing_to_measure_is_refused(change: dict[str, int]) -> None:
     with pytest.raises(InputError, match="at least"):
-        semantic.measure(**change)
+        semantic.measure(SemanticSettings(**change))

@@ -9,6 +9,7 @@ import pytest
 from pipeline.errors import InputError
 from pipeline.victims.detection.weights import load_network, write_weights
 from sarsim.scripts.benchmarks import victims
+from sarsim.scripts.benchmarks.settings import VictimsSettings
 from sarsim.scripts.benchmarks.victims import speed, tiny
 from sarsim.scripts.benchmarks.victims_frames import PeopleInFrame, ap50, ap50_by, recipe, scene_frames
 from sarsim.sensors.lighting import Lighting
@@ -100,7 +101,7 @@ def network(tmp_path) -> tuple[Path, Path]:
 
 def test_what_is_left_out_has_no_figures(network, tmp_path):
     nothing = {"scenes": 0, "rounds": 0, "nist": 0, "esogu": 0, "random": 0}
-    outcome = victims.measure(detector=network, runs=tmp_path / "runs", **nothing)
+    outcome = victims.measure(VictimsSettings(detector=network, runs=tmp_path / "runs", **nothing))
     assert outcome.figures == {}
     assert json.dumps(outcome.details)
 
@@ -111,4 +112,4 @@ def test_what_is_left_out_has_no_figures(network, tmp_path):
 )
 def test_what_cannot_be_measured_is_refused(flags, message, network, tmp_path):
     with pytest.raises(InputError, match=message):
-        victims.measure(**({"detector": network, "runs": tmp_path} | flags))
+        victims.measure(VictimsSettings(**({"detector": network, "runs": tmp_path} | flags)))

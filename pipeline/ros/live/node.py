@@ -30,7 +30,7 @@ class RosNode:
     Attributes:
         idle: called in that thread again and again.
         now: a function that returns the wall-clock time in s.
-        news: condition that is held while a message is handled and notified afterwards.
+        received: condition that is held while a message is handled and notified afterwards.
     """
 
     def __init__(self, name: str, network: bool = False):
@@ -51,7 +51,7 @@ class RosNode:
         self.idle: Callable[[], None] = lambda: None
         self.now = monotonic
         self._publishers: dict[str, Any] = {}
-        self.news, self._closing = Condition(), Event()
+        self.received, self._closing = Condition(), Event()
         context = rclpy.Context()
         context.init(args=[])
         with ExitStack() as stack:
@@ -122,21 +122,21 @@ class RosNode:
         )
 
         def heard(data: bytes) -> None:
-            with self.news:
+            with self.received:
                 take(data)
-                self.news.notify_all()
+                self.received.notify_all()
 
         self._node.create_subscription(kind, topic, heard, profile, raw=True)
 
     def wait(self, until: Callable[[], bool], seconds: float) -> bool:
         """Wait until a condition, checked after every message, holds; False if it does not within ``seconds``."""
         end = self.now() + seconds
-        with self.news:
+        with self.received:
             while not until():
                 left = end - self.now()
                 if left <= 0:
                     return False
-                self.news.wait(min(left, IDLE))
+                self.received.wait(min(left, IDLE))
         return True
 
     def types(self) -> dict[str, list[str]]:

@@ -36,7 +36,6 @@ class RosRobot:
     Attributes:
         model: its size and abilities.
         control_period: s.
-        on_motion: called with every motion; an exception that it raises ends the drive.
     """
 
     def __init__(
@@ -46,6 +45,7 @@ class RosRobot:
         topics: TopicNames,
         T_base_camera: NDArray[np.float64] | None = None,
         patience: float = 5.0,
+        on_motion: Callable[[Motion], object] = lambda motion: None,
     ):
         """Find the robot.
 
@@ -55,12 +55,13 @@ class RosRobot:
             topics: their names.
             T_base_camera: 4×4; by default taken from ``/tf_static`` or ``/camera/transform``.
             patience: s by the wall clock that a topic may be silent; in twice as many it must heed commands.
+            on_motion: called with every motion; an exception that it raises ends the drive.
 
         Raises:
             InputError: a necessary topic, listener or transform is missing.
         """
         self.model, self.topics = model, topics
-        self.on_motion: Callable[[Motion], object] = lambda motion: None
+        self._on_motion = on_motion
         self._node, self._patience = node, patience
         self._senses = Senses(model.half_width)
         self._heard: dict[str, float] = {}
@@ -133,12 +134,12 @@ class RosRobot:
         while self._last != Velocity() and not self._sees(after) and senses.time - start < HOLD:
             self.drive(self._last)
         self._wait(lambda: self._sees(after))
-        with self._node.news:
+        with self._node.received:
             self._frame_time = senses.newest(after) or after
             return senses.frame(self._frame_time, self._camera, self._T_base_camera)
 
     def _sees(self, after: float) -> bool:
-        with self._node.news:
+        with self._node.received:
             return self._senses.newest(after) is not None
 
     def drive(self, command: Velocity) -> Motion:
@@ -150,11 +151,11 @@ class RosRobot:
         start, self._is_driving = self._senses.time, True
         self._send(command)
         self._wait(lambda: self._senses.time > start + 0.9 * self.control_period)
-        with self._node.news:
+        with self._node.received:
             motion = self._senses.motion()
         self._is_driving = False
         self._check_heeded(command, motion, motion.time - start)
-        self.on_motion(motion)
+        self._on_motion(motion)
         return motion
 
     @property

@@ -12,7 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from pipeline.explorer import Explorer, Observer, Step
 from pipeline.frame import Frame, Intrinsics
+from pipeline.mapper import Keyframe
 from pipeline.robot import Motion, Velocity
 from pipeline.ros.topics import Joints, OdometrySample
 from sarsim.dataset.exports.export import Export, describe, room, whole_folder, write_image
@@ -87,7 +89,7 @@ class TumSequence:
         (self._folder / "calibration.txt").write_text(calibration(intrinsics))
 
 
-class TumDrive(ExitStack):
+class TumDrive(ExitStack, Observer):
     """A robot's drive as one sequence of the TUM RGB-D benchmark.
 
     rgb/, depth/ (16 bits, 5000 per metre), label/: images, with a list of each kind. accelerometer.txt, as in the
@@ -129,9 +131,13 @@ class TumDrive(ExitStack):
         if odometry.T_world_base is not None:
             self._poses.append(("groundtruth", odometry.time, odometry.T_world_base))
 
-    def keyframe(self, time: float, labelled: bool, stood: bool = False) -> None:
-        """Mark the image of a time in s as a keyframe; record whether it is labelled, and whether the robot stood."""
-        self._keyframes[time] = labelled, stood
+    def on_keyframe(self, keyframe: Keyframe) -> None:
+        """Mark a keyframe's image, and record whether it is labelled."""
+        self._keyframes[keyframe.frame.time] = len(keyframe.labels) > 0, False
+
+    def on_step(self, explorer: Explorer, step: Step) -> None:
+        """Record that the robot stood at the step's keyframe."""
+        self._keyframes[step.keyframe.frame.time] = len(step.keyframe.labels) > 0, True
 
     def _finish(self, folder: Path, title: str, seed: int) -> None:
         if self._newest is None:

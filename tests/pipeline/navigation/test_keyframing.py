@@ -44,9 +44,8 @@ class Outlook:
         self.robot = SeeingRobot()
         self.navigator = Navigator(self.robot)
         self.mapper = Mapper(PIONEER, TruthClassifier(), localisation=Slam())
-        self.keyframing = Keyframing(self.navigator, self.mapper)
         self.keyframes: list[Keyframe] = []
-        self.keyframing.on_keyframe = self.keyframes.append
+        self.keyframing = Keyframing(self.navigator, self.mapper, self.keyframes.append)
 
     def look_around(self, place: np.ndarray) -> "Outlook":
         """Make keyframes of a full turn."""
@@ -94,7 +93,6 @@ def test_a_thing_that_was_put_in_the_way_is_no_reason_to_be_lost(outlook):
     assert outlook.robot.looks > before + 1
     assert outlook.keyframing.pose_check.relocalised == 0
     assert not outlook.keyframing.pose_check.was_set_down(frame)
-    assert outlook.navigator.look == outlook.keyframing.look
 
 
 def test_nor_is_it_where_no_place_is_found_for_sure():
@@ -139,7 +137,7 @@ def test_keyframes_are_taken_on_the_way_where_they_add_something_and_else_to_tie
     outlook = Outlook()
     outlook.keyframing.add(outlook.keyframing.sense(), labelled=True)
     monkeypatch.setattr(outlook.mapper, "adds", lambda frame, T_map_base: is_new)
-    assert outlook.navigator.follow(np.array([(3.0, 2.0)]))
+    assert outlook.navigator.follow(np.array([(3.0, 2.0)]), look=outlook.keyframing.look)
     places = [keyframe.T_map_base[0, 3] for keyframe in outlook.keyframes]
     np.testing.assert_allclose(places, 2.0 + KEYFRAME_WAY * np.arange(0, 4, looks), atol=0.05)
     labelled = [len(keyframe.labels) > 0 for keyframe in outlook.keyframes]
@@ -171,7 +169,7 @@ def test_a_robot_whose_wheels_spin_is_held(robot, outcome):
     navigator, mapper = Navigator(robot), Mapper(PIONEER, TruthClassifier(), localisation=Slam())
     keyframing = Keyframing(navigator, mapper)
     keyframing.add(keyframing.sense(), labelled=True)
-    navigator.follow(np.array([(4.0, 2.0)]))
+    navigator.follow(np.array([(4.0, 2.0)]), look=keyframing.look)
     assert [leg.outcome for leg in navigator.legs] == [outcome]
     if outcome is Outcome.STUCK:
         assert robot.T[0, 3] < 2.5 + 3 * KEYFRAME_WAY

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.localisation.localisation import KEYFRAME_WAY
-from pipeline.navigation.navigator import Halt, Navigator, Outcome
+from pipeline.navigation.navigator import Halt, MotionCheck, Navigator, Outcome
 from pipeline.navigation.progress import OVERDUE
 from pipeline.robot import Velocity
 from pipeline.transforms import from_yaw, wrap_angle, yaw_of
@@ -64,8 +64,9 @@ def test_it_drives_at_the_speed_of_the_thesis_and_slower_on_ramps():
 def test_it_slows_down_to_the_pace_of_the_ground_ahead():
     robot = KinematicRobot()
     navigator = Navigator(robot)
-    navigator.speed_limit = lambda here, along: 0.1 if 1 < here[0] < 2 else np.inf
-    assert navigator.follow(np.array([(3.0, 0.0)]))
+    assert navigator.follow(
+        np.array([(3.0, 0.0)]), speed_limit=lambda here, along: 0.1 if 1 < here[0] < 2 else np.inf
+    )
     speeds = [c.v for c in robot.commands]
     assert speeds.count(0.1) * robot.control_period > 9
     assert max(speeds) == PIONEER.speed
@@ -151,11 +152,10 @@ def test_a_correction_of_the_map_is_no_sign_of_being_held(step, shift):
     navigator, looks = Navigator(KinematicRobot()), count()
 
     def look():
-        navigator.T_map_odom = from_yaw(-shift if next(looks) >= step else 0.0, 0, 0, 0)
-        return True
+        navigator.correct(from_yaw(-shift if next(looks) >= step else 0.0, 0, 0, 0))
+        return MotionCheck.FINE
 
-    navigator.look = look
-    assert navigator.follow(np.array([(2, 0)]))
+    assert navigator.follow(np.array([(2, 0)]), look=look)
     assert not navigator.halts
 
 
@@ -209,10 +209,9 @@ def test_time_that_goes_on_while_a_keyframe_is_mapped_is_nothing_strange(seconds
         if next(looks) % 40 == 30:
             for _ in range(round(seconds / robot.control_period)):
                 robot.drive(Velocity(PIONEER.speed if seconds < 2 else 0.0))
-        return True
+        return MotionCheck.FINE
 
-    navigator.look = look
-    assert navigator.follow(np.array([(1.5, 0), (1.5, 1)]), 0.0)
+    assert navigator.follow(np.array([(1.5, 0), (1.5, 1)]), 0.0, look=look)
     assert [leg.outcome for leg in navigator.legs] == [Outcome.REACHED] * 2
 
 
@@ -255,7 +254,7 @@ def test_on_a_ramp_it_turns_slowly_where_the_way_leads_across():
 def test_way_points_are_in_map_whatever_odom_is():
     robot = KinematicRobot()
     navigator = Navigator(robot)
-    navigator.T_map_odom = from_yaw(5, 5, 0, np.pi / 2)
+    navigator.correct(from_yaw(5, 5, 0, np.pi / 2))
     assert navigator.follow(np.array([(5, 6)]))
     np.testing.assert_allclose(robot.T[:2, 3], (1, 0), atol=0.06)
 

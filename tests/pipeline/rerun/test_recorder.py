@@ -40,7 +40,7 @@ def recording(tmp_path_factory):
     recorder = Recorder(path)
     for index in range(STEPS):
         steps.append(explorer.step())
-        recorder.log_step(index, explorer, steps[-1])
+        recorder.on_step(explorer, steps[-1])
         if index == 0:
             for k in range(1, 51):
                 robot.time = 0.04 * k
@@ -256,7 +256,7 @@ def corrected(tmp_path_factory):
     path = tmp_path_factory.mktemp("wall-1") / "episode.rrd"
     explorer = Explorer(StillRobot(), Mapper(PIONEER, TruthClassifier(), detector=Blind()))
     recorder = Recorder(path)
-    explorer.on_correction = recorder.log_correction
+    explorer.observers.append(recorder)
     for index in range(STEPS):
         if index == 1:
             person = victim(block((1.6, 0.3, 0.2), (0.3, 0.4, 0.5)))
@@ -265,7 +265,7 @@ def corrected(tmp_path_factory):
         if index == 2:
             be_elsewhere(explorer, pose(0.2))
             explorer.mapper.localisation.loops.append(Loop(0, 1, np.eye(4)))
-        recorder.log_step(index, explorer, explorer.step())
+        explorer.step()
     be_elsewhere(explorer, pose(0, 0.3))
     explorer.settle()
     recorder.close()
@@ -334,7 +334,7 @@ def test_between_steps_the_newest_keyframe_tells_where_the_odometry_is(tmp_path)
     robot = StillRobot()
     explorer = Explorer(robot, Mapper(robot.model, TruthClassifier()))
     recorder = Recorder(tmp_path / "episode.rrd")
-    recorder.log_step(0, explorer, explorer.step())
+    recorder.on_step(explorer, explorer.step())
     recorder.log_pose(0.2, pose(1))
     be_elsewhere(explorer, pose(yaw=np.pi / 2))
     explorer.mapper.add(robot.sense(), explorer.mapper.localisation.poses[-1], labelled=False)

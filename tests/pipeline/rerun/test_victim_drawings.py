@@ -39,7 +39,7 @@ def rows(tmp_path_factory):
     step = explorer.step()
     explorer.mapper.victims.all = [BOB, ALICE]
     recorder = Recorder(path)
-    recorder.log_step(0, explorer, step)
+    recorder.on_step(explorer, step)
     recorder.log_ways([WAY])
     recorder.close()
     return read(path)

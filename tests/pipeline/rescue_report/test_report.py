@@ -20,14 +20,14 @@ from tests.pipeline.still_robot import StillRobot
 
 def test_the_last_step_tells_whether_a_viewpoint_is_left() -> None:
     explorer = Explorer(StillRobot(), Mapper(PIONEER, TruthClassifier()))
-    report, step = RescueReport(explorer), explorer.step()
-    report.add(step)
+    report, step = RescueReport(), explorer.step()
+    report.on_step(explorer, step)
     assert step.viewpoint is not None
-    assert not report.situation.finished
-    report.add(replace(step, viewpoint=None, can_drive=False))  # held, not done
-    assert not report.situation.finished
-    report.add(replace(step, viewpoint=None))
-    situation = report.situation
+    assert not report.situation(explorer).finished
+    report.on_step(explorer, replace(step, viewpoint=None, can_drive=False))  # held, not done
+    assert not report.situation(explorer).finished
+    report.on_step(explorer, replace(step, viewpoint=None))
+    situation = report.situation(explorer)
     assert situation.finished
     np.testing.assert_array_equal(situation.T_map_entrance, np.eye(4))
     assert situation.positions.shape == (3, 2)
@@ -36,12 +36,12 @@ def test_the_last_step_tells_whether_a_viewpoint_is_left() -> None:
 
 def test_marks_and_entrance_follow_a_correction_of_the_poses() -> None:
     explorer = Explorer(StillRobot(), Mapper(PIONEER, TruthClassifier()))
-    report = RescueReport(explorer)
-    report.add(explorer.step())
+    report = RescueReport()
+    report.on_step(explorer, explorer.step())
     T_after_before = from_yaw(0.4, -0.2, 0.0, 0.3)
     corrected = T_after_before @ explorer.mapper.keyframes.poses
     explorer.mapper.correct(corrected)
-    situation = report.situation
+    situation = report.situation(explorer)
     np.testing.assert_array_equal(situation.T_map_entrance, corrected[0])
     np.testing.assert_array_equal(situation.positions, corrected[-1:, :2, 3])
 

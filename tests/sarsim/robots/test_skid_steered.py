@@ -15,8 +15,9 @@ from pipeline.frame import Frame
 from pipeline.navigation.navigator import Navigator
 from pipeline.robot import Motion, Velocity
 from pipeline.transforms import from_rotation, inverse, tilt_of, wrap_angle, yaw_of
+from sarsim.robots.model import ROBOTS, robot_file, robot_model
 from sarsim.robots.skid_steer import SkidSteer
-from sarsim.robots.skid_steered import ROBOTS, WHEELS, SkidSteered, robot_file, robot_model
+from sarsim.robots.skid_steered import WHEELS, SkidSteered
 from sarsim.sensors.odometry import WheelOdometry
 from tests.sarsim.sensors.no_noise import NoNoise
 

@@ -19,11 +19,9 @@ def score():
     robot = SimulatedRobot(load_arena("nist_6x4"), SimulationConfig(odometry="truth"), seed=0)
     explorer = Explorer(robot, Mapper(robot.model, TruthClassifier()))
     score = EpisodeScore(robot, explorer, np.zeros((0, 4, 4)))
-    explorer.keyframing.on_keyframe = score.add_keyframe
+    explorer.observers.append(score)
     for _ in range(3):
-        step = explorer.step()
-        score.add(step)
-        explorer.drive(step)
+        explorer.drive(explorer.step())
     yield score
     robot.close()
 

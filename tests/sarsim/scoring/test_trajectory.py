@@ -6,9 +6,10 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.localisation.localisation import Loop
 from pipeline.localisation.odometry import OdometryLocalisation
+from pipeline.localisation.trajectory import write_tum
 from pipeline.transforms import from_rotation, from_yaw, inverse
 from sarsim.robots.pose import Pose
-from sarsim.scoring.trajectory import TrajectoryScore, driven, greatest_tilt, times_tipped, write_tum
+from sarsim.scoring.trajectory import TrajectoryScore, driven, greatest_tilt, times_tipped
 
 
 def straight(length, drift=0.0):

@@ -14,6 +14,7 @@ from sarsim.scripts.benchmarks import localisation
 from sarsim.scripts.benchmarks.localisation_drives import DriveJob, DriveWriter, drive_file
 from sarsim.scripts.benchmarks.localisation_methods import METHODS
 from sarsim.scripts.benchmarks.localisation_replay import COLOURS, picture_of, replay_job
+from sarsim.scripts.benchmarks.settings import LocalisationSettings
 from sarsim.scripts.benchmarks.top_view import BAND, MOST_PIXELS, WALL
 from sarsim.settings import EpisodeConfig
 
@@ -127,13 +128,13 @@ def test_figures_are_of_groups_and_ratios_of_medians():
 )
 def test_what_cannot_be_measured_is_refused(flags, message):
     with pytest.raises(InputError, match=message):
-        localisation.measure(**flags)
+        localisation.measure(LocalisationSettings(**flags))
 
 
 def test_a_missing_package_is_named(monkeypatch):
     monkeypatch.setattr(localisation, "find_spec", lambda name: None if name == "evo" else name)
     with pytest.raises(InputError, match="evo is missing: pip install"):
-        localisation.measure()
+        localisation.measure(LocalisationSettings())
 
 
 def test_the_picture_shows_the_ways():

@@ -5,8 +5,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from pipeline.localisation.localisation import Loop
+from pipeline.localisation.trajectory import write_tum
 from pipeline.transforms import from_rotation, from_yaw
-from sarsim.scoring.trajectory import is_false, write_tum
+from sarsim.scoring.trajectory import is_false
 from sarsim.scripts.benchmarks.localisation_scores import errors_of, evo_ate, nees, trajectory_scores, way_driven
 
 

@@ -51,7 +51,7 @@ class End:
 
     def __init__(self, wire: Wire, name: str):
         self.wire, self.name = wire, name
-        self.news = nullcontext()
+        self.received = nullcontext()
         self.idle: Callable[[], None] = lambda: None
         self.work: Callable[[], None] = lambda: None
 

@@ -8,7 +8,7 @@ import pytest
 from pipeline.errors import InputError
 from pipeline.semantic_map.classifier import TruthClassifier
 from pipeline.semantic_map.rules import RuleClassifier
-from sarsim.episode import make_classifier
+from sarsim.perception import make_classifier
 from sarsim.settings import WEIGHTS
 
 OWN = "class Mine:\n    def classify(self, frame, points, T_map_camera):\n        return points\n"

@@ -6,8 +6,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.network_cache import CachedDetector, OutputCache
 from pipeline.victims.detection.detection import Detection
+from sarsim.network_cache import CachedDetector, OutputCache
 
 
 def get(cache: OutputCache, inputs: int, output: list[float]) -> list[float]:

@@ -1,0 +1,263 @@
+"""An expedition: a robot, simulated or real, explores, drives to goals and home; and the results of any run."""
+
+import json
+from abc import ABC, abstractmethod
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import asdict, dataclass, field
+from functools import partial
+from importlib.metadata import version
+from pathlib import Path
+from time import perf_counter
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from pipeline.explorer import Explorer, Step
+from pipeline.files import each, whole_file
+from pipeline.localisation.localisation import LostError
+from pipeline.localisation.trajectory import EstimatedTrajectory
+from pipeline.map_file import save_maps
+from pipeline.mapper import Mapper
+from pipeline.planning.path_plan import place_name
+from pipeline.rerun.recorder import Level, Recorder
+from pipeline.rescue_report.report import RescueReport, write_page
+from pipeline.rescue_report.situation import Situation
+from pipeline.traversability.elevation_map import CELL
+
+
+@dataclass
+class ResultFolder:
+    """The results of a run, in a folder.
+
+    Attributes:
+        settings: the command's, a dataclass.
+        out: the folder.
+        place: name of the place that is mapped.
+        seed: of all random numbers.
+        mapper: all maps.
+        recorder: writes the Rerun recording.
+        report: the content of report.json, once it is written.
+    """
+
+    settings: Any
+    out: Path
+    place: str
+    seed: int
+    mapper: Mapper
+    recorder: Recorder
+    report: dict[str, Any] = field(default_factory=dict, init=False)
+    _situation: Situation | None = field(default=None, init=False)
+
+    def write(
+        self,
+        settle: Callable[[], object],
+        save_trajectory: Callable[[Path], object],
+        find_situation: Callable[[], Situation],
+        close: Iterable[Callable[[], object]],
+        write_report: Callable[[], object],
+    ) -> None:
+        """Write the maps, then the other results, each by itself: a late failure costs no result but its own.
+
+        Args:
+            settle: corrects the poses of the keyframes for the last time.
+            save_trajectory: writes it into a folder.
+            find_situation: what rescuers need to know.
+            close: each ends a recording.
+            write_report: calls :meth:`write_report`.
+        """
+        each(
+            settle,
+            lambda: save_maps(self.mapper, self.out),
+            lambda: save_trajectory(self.out),
+            lambda: self._assess(find_situation()),
+            *close,
+            write_report,
+            self._write_page,
+        )
+
+    def _assess(self, situation: Situation) -> None:
+        self._situation = situation
+        self.recorder.log_ways([person.route.trace for person in situation.everyone if person.route])
+
+    def _write_page(self) -> None:
+        if self._situation is not None:
+            write_page(self.out / "report.html", self._situation, self.report)
+
+    def write_report(self, steps: int, sim_time: float, wall_time: float, figures: dict[str, Any]) -> None:
+        """Write report.json: number of steps, the robot's and the wall's time in s, and ``figures`` of the stages."""
+        self.report = {
+            "arena": self.place,
+            "seed": self.seed,
+            "steps": steps,
+            "version": version("sarsim"),
+            "config": {name: _plain(value) for name, value in asdict(self.settings).items()} | {"out": str(self.out)},
+            "sim_time_s": sim_time,
+            "wall_time_s": wall_time,
+            "real_time_factor": sim_time / wall_time,
+            "timing_ms": {stage: _percentiles(times) for stage, times in self.mapper.stopwatch.seconds.items()},
+            **figures,
+        }
+        write_report(self.report, self.out)
+
+
+def _plain(value: Any) -> Any:
+    """A setting for JSON, its paths as text."""
+    if isinstance(value, tuple):
+        return [_plain(item) for item in value]
+    return str(value) if isinstance(value, Path) else value
+
+
+def write_report(report: dict[str, Any], folder: Path) -> None:
+    """Write report.json; InputError if that is impossible."""
+    with whole_file(folder / "report.json") as path:
+        path.write_text(json.dumps(report, indent=1, default=float, allow_nan=False) + "\n")
+
+
+def _percentiles(seconds: list[float]) -> dict[str, float]:
+    """Median and 95th percentile, in ms."""
+    return {"median": 1e3 * float(np.median(seconds)), "p95": 1e3 * float(np.percentile(seconds, 95))}
+
+
+class Expedition(ABC):
+    """An explorer on a mission.
+
+    Attributes:
+        explorer: with all maps and its observers, which are closed at the end.
+        results: of the run.
+        lost: why localisation failed; None if it did not.
+    """
+
+    def __init__(
+        self,
+        explorer: Explorer,
+        results: ResultFolder,
+        trajectory: EstimatedTrajectory[Any],
+        steps: int,
+        goals: Sequence[ArrayLike] = (),
+        home: bool = False,
+    ):
+        """Begin where the explorer's robot stands.
+
+        Args:
+            explorer: that drives the robot.
+            results: to fill.
+            trajectory: the estimated trajectory.
+            steps: most steps of exploring.
+            goals: (2,) m in ``map`` each, places to drive to afterwards.
+            home: whether to drive back to the start at the end.
+        """
+        self.explorer, self.results = explorer, results
+        self._trajectory, self._steps, self._goals, self._home = trajectory, steps, goals, home
+        self._rescue_report = RescueReport()
+        explorer.observers += [self._rescue_report, results.recorder]
+        self.lost: str | None = None
+
+    @property
+    def report(self) -> dict[str, Any]:
+        """The content of report.json, once it is written."""
+        return self.results.report
+
+    @property
+    def explored(self) -> str:
+        """How much is explored, as text."""
+        area = np.isfinite(self.explorer.mapper.elevation_map.measured).sum() * CELL**2
+        return f"{area:.0f} m² mapped"
+
+    def run(
+        self,
+        interrupted: Callable[[], bool] = lambda: False,
+        on_step: Callable[[str], object] = lambda description: None,
+    ) -> bool:
+        """Explore, drive to the goals and home, and write the results.
+
+        Args:
+            interrupted: called before each step; the expedition ends if it returns True.
+            on_step: called after each step with a line on the task and how much is explored.
+
+        Returns:
+            Whether the expedition ended without an interruption.
+        """
+        begin, wall_begin = self._time(), perf_counter()
+        try:
+            for task in self.explorer.mission.tasks(self._goals, self._home, self.explorer):
+                while self._may_step() and not interrupted() and self.step():
+                    on_step(f"{self.results.place}: {task}, {self.explored}")
+            self._log_outcomes()
+        except LostError as error:
+            self.lost = str(error)
+            self._log("WARN", f"the robot does not know where it is and stays: {error}")
+        finally:
+            self._finish(self._time() - begin, perf_counter() - wall_begin)
+        return not interrupted()
+
+    def _may_step(self) -> bool:
+        """Whether the task continues: the steps of exploration are limited, those of a drive to goals are not."""
+        mission = self.explorer.mission
+        mission.may_explore = self.explorer.steps < self._steps
+        return mission.may_explore or mission.goals is not None
+
+    def step(self) -> bool:
+        """One step of the robot: sense, map, plan, drive; False when there is nowhere to drive to."""
+        relocalised = self.explorer.keyframing.pose_check.relocalised
+        step = self.explorer.step()
+        self._log_outcomes()
+        if step.was_kidnapped:
+            found_itself = self.explorer.keyframing.pose_check.relocalised > relocalised
+            how = "looked around and found itself" if found_itself else "was kidnapped and set down"
+            self._log("WARN", f"the robot {how} at {place_name(step.keyframe.T_map_base[:2, 3])}")
+        self._log("INFO" if step.can_drive else "WARN", self._tell(step))
+        if step.plan is None:
+            # Closing a loop merges doubled walls, which may have cut off the area behind them.
+            return self.explorer.settle()
+        if not self.explorer.drive(step):
+            leg = self.explorer.navigator.legs[-1]
+            self._log("WARN", f"leg to {place_name(leg.target)} ended: {leg.outcome.value}")
+        return True
+
+    def _log(self, level: Level, line: str) -> None:
+        self.results.recorder.log_message(level, line)
+
+    def _log_outcomes(self) -> None:
+        for line, is_good in self.explorer.mission.new_outcomes():
+            self._log("INFO" if is_good else "WARN", line)
+
+    def _tell(self, step: Step) -> str:
+        """The outcome of a step as a line for the log."""
+        if not step.can_drive:
+            return f"{self.explored}; the robot stands where it cannot drive"
+        if step.viewpoint is None or step.plan is None:
+            nothing = "that is worth a keyframe" if self.explorer.mission.goals is None else "to drive to"
+            return f"{self.explored}; nothing is left {nothing}"
+        place, nodes = place_name(step.viewpoint.position), ", ".join(map(str, step.plan.nodes))
+        way = f"{step.plan.length:.1f} m {f'over nodes {nodes}' if nodes else 'straight'}"
+        if not step.viewpoint.gain:
+            return f"{self.explored}; next to {place}, {way}"
+        heading = np.degrees(step.viewpoint.heading)
+        return f"{self.explored}; next from {place} towards {heading:.0f}°, {way}, for {step.viewpoint.gain:.2f} m²"
+
+    def _finish(self, sim_time: float, wall_time: float) -> None:
+        """Write the results of a run that took these times, s."""
+        close = [observer.close for observer in self.explorer.observers]
+
+        def write_report() -> None:
+            self.results.write_report(self.explorer.steps, sim_time, wall_time, self._figures())
+
+        if self.explorer.steps:
+            situation = partial(self._rescue_report.situation, self.explorer)
+            self.results.write(self.explorer.settle, self._trajectory.save, situation, close, write_report)
+        else:
+            each(*close, *([write_report] if self.lost else []))
+
+    def _figures(self) -> dict[str, Any]:
+        """The figures of all stages, tasks and failures for report.json."""
+        lost = {"lost": self.lost} if self.lost else {}
+        return self._stages() | self.explorer.mission.report() | lost
+
+    @abstractmethod
+    def _time(self) -> float:
+        """The robot's time, s."""
+
+    @abstractmethod
+    def _stages(self) -> dict[str, Any]:
+        """The figures of the stages for report.json."""

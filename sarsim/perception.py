@@ -1,0 +1,35 @@
+"""What labels points and finds people, by the settings of a command; it needs no simulator."""
+
+from pathlib import Path
+
+from pipeline.errors import InputError
+from pipeline.semantic_map.classifier import PointClassifier, TruthClassifier, own_classifier
+from pipeline.semantic_map.networks.classifier import NetworkClassifier
+from pipeline.semantic_map.rules import RuleClassifier
+from pipeline.victims.detection.detector import VictimDetector
+from sarsim.assets import asset
+from sarsim.settings import POINT_NETWORKS, Labels, PerceptionConfig
+
+
+def make_perception(config: PerceptionConfig) -> tuple[PointClassifier, VictimDetector | None]:
+    """The classifier and the victim detector, if any, of a command; InputError if their files cannot be used."""
+    classifier = make_classifier(config.labels, config.weights)
+    return classifier, VictimDetector.load(*config.detector) if config.detector else None
+
+
+def make_classifier(labels: Labels, weights: Path | None) -> PointClassifier:
+    """The classifier that ``--labels`` names, with ``weights`` or the shipped ones.
+
+    Raises:
+        InputError: the weights are missing or belong to another network, or there is no such class.
+    """
+    if labels == "truth":
+        return TruthClassifier()
+    if labels == "rules":
+        return RuleClassifier()
+    if labels not in POINT_NETWORKS:
+        return own_classifier(labels)
+    weights = weights or asset("weights", f"{labels}.safetensors")
+    if not weights.exists():
+        raise InputError(f"--weights {weights}: no such file; train.py {labels} makes one, --labels truth needs none")
+    return NetworkClassifier(weights, network=labels)

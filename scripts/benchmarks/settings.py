@@ -1,0 +1,251 @@
+"""Settings of the benchmark's subjects, in a module of their own: ``--help`` needs nothing else."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from tyro.conf import Fixed, FlagConversionOff
+
+from sarsim.settings import DETECTOR, WEIGHTS, EpisodeConfig, LightingName, Odometry, PerceptionConfig
+
+SHARED = Path(__file__).resolve().parents[2].parent / "shared"  # Test data beside the checkout
+ARENAS = "nist_6x4", "esogu_52x15"
+
+
+@dataclass(frozen=True, kw_only=True)
+class SubjectSettings:
+    """Settings of every subject.
+
+    Attributes:
+        json: file for the figures, the machine and the settings; by default the figures are only printed.
+    """
+
+    json: Path | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class CameraSettings(SubjectSettings):
+    """Time per frame, against mujoco.Renderer.
+
+    Attributes:
+        frames: number of frames; more give steadier figures.
+        width: of the images, pixels.
+        height: of the images, pixels.
+    """
+
+    frames: int = 60
+    width: Fixed[int] = 640
+    height: Fixed[int] = 480
+
+
+@dataclass(frozen=True, kw_only=True)
+class CorrectionSettings(SubjectSettings):
+    """Time to correct all maps after a loop closure, against inserting all frames into an octree again.
+
+    Attributes:
+        rounds: number of corrections in each arena.
+        seed: seed of the drives and of the corrections.
+    """
+
+    rounds: int = 30
+    seed: int = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class DatasetSettings(SubjectSettings):
+    """Time per scene, against a generator that draws with mujoco.Renderer, and of two workers.
+
+    Attributes:
+        scenes: number of scenes that each generator makes.
+        frames: number of frames of a scene.
+        rounds: number of rounds in which one worker and then two make a scene each.
+        seed: seed of the arenas.
+    """
+
+    scenes: int = 4
+    frames: int = 100
+    rounds: int = 5
+    seed: int = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class MetricMapSettings(SubjectSettings):
+    """Time, memory and accuracy of the metric map, against ray traversal and OctoMap.
+
+    Attributes:
+        frames: number of frames of an arena.
+        seed: seed of the drives.
+        arenas: arenas in which accuracy is measured; times are measured on the frames of the first.
+        baselines: measure OctoMap without discretize as well, which takes a tenth of a second per frame.
+    """
+
+    frames: int = 160
+    seed: int = 0
+    arenas: Fixed[tuple[str, ...]] = ARENAS
+    baselines: FlagConversionOff[bool] = True
+
+
+@dataclass(frozen=True, kw_only=True)
+class PlanningSettings(SubjectSettings):
+    """Time of a step on floors that are mapped whole.
+
+    Attributes:
+        frames: number of steps on each floor.
+        seed: of the robot's places.
+        arenas: whose floors are planned on, the smallest first.
+    """
+
+    frames: int = 24
+    seed: int = 0
+    arenas: Fixed[tuple[str, ...]] = ARENAS
+
+
+@dataclass(frozen=True, kw_only=True)
+class LabelSettings(SubjectSettings):
+    """Settings of the subjects that label frames of drives.
+
+    Attributes:
+        rounds: number of timed rounds.
+        seed: seed of the drives.
+        arenas: arenas that have figures of their own.
+        raf: folder of .raf arenas to label as well.
+    """
+
+    rounds: int = 7
+    seed: int = 0
+    arenas: Fixed[tuple[str, ...]] = ARENAS
+    raf: Path = SHARED / "arenas" / "raf"
+
+
+@dataclass(frozen=True, kw_only=True)
+class SemanticSettings(LabelSettings):
+    """Time of DGCNN, its agreement with a published checkpoint, and the accuracy of the network's labels.
+
+    Attributes:
+        timed_frames: number of frames of nist_6x4 that are timed.
+        frames: number of frames of an arena; 0 for no arena.
+        raf_frames: number of frames of a .raf arena; 0 for none.
+        checkpoint: folder of a published checkpoint and its logits; without it there is no figure of the agreement.
+        weights: weights file of the network that labels the points.
+    """
+
+    timed_frames: Fixed[int] = 10
+    frames: int = 40
+    raf_frames: int = 10
+    checkpoint: Fixed[Path] = SHARED / "dgcnn"
+    weights: Path = WEIGHTS
+
+
+@dataclass(frozen=True, kw_only=True)
+class NetworksSettings(LabelSettings):
+    """Size, time and accuracy of all five networks.
+
+    Attributes:
+        timed_frames: number of frames of nist_6x4 that are timed.
+        frames: number of frames of an arena; 0 for no arena.
+        raf_frames: number of frames of a .raf or random arena; 0 for none.
+        random: number of random arenas, of all four difficulties.
+        lighting: light in the frames; by default normal and dark.
+        weights: folder of weights files named after their networks.
+    """
+
+    timed_frames: Fixed[int] = 5
+    frames: int = 24
+    raf_frames: int = 8
+    random: int = 20
+    lighting: LightingName | None = None
+    weights: Path = WEIGHTS.parent
+
+
+@dataclass(frozen=True, kw_only=True)
+class DrivesSettings(SubjectSettings):
+    """Settings of the subjects that drive in many arenas.
+
+    Attributes:
+        nist: number of episodes in nist_6x4; fewer take less time.
+        esogu: number of episodes in esogu_52x15.
+        random: number of random arenas of difficulties 0, 1 and 2, with an episode in each.
+        lighting: light in the arenas.
+        baselines: run the baselines too; without them it takes less time.
+        workers: number of episodes at a time; by default one per core.
+        runs: folder for the result of each episode; episodes with a result in it are not run again.
+    """
+
+    nist: int = 10
+    esogu: int = 2
+    random: int = 30
+    lighting: LightingName = "normal"
+    baselines: FlagConversionOff[bool] = True
+    workers: int | None = None
+    runs: Path
+
+
+@dataclass(frozen=True, kw_only=True)
+class LocalisationSettings(DrivesSettings):
+    """Recorded drives, against odometry, KISS-ICP and Open3D; a drive in --runs takes half a gigabyte.
+
+    Attributes:
+        raf: folder of .raf arenas to drive in as well.
+        frames: most frames of a drive.
+        kidnappings: number of times that the robot is carried elsewhere in nist_6x4 and in random:1.
+    """
+
+    esogu: int = 1
+    random: int = 9
+    raf: Path | None = None
+    frames: int = 3000
+    kidnappings: int = 0
+    runs: Path = Path("runs/benchmark-localisation")
+
+
+@dataclass(frozen=True, kw_only=True)
+class EpisodesSettings(PerceptionConfig, DrivesSettings):
+    """Settings of the subjects that run whole episodes.
+
+    Attributes:
+        odometry: odometry of the episodes: wheels and gyro, or the true pose.
+    """
+
+    odometry: Odometry = "wheel"
+
+    @property
+    def episode(self) -> EpisodeConfig:
+        """Settings that all episodes have."""
+        return EpisodeConfig(
+            odometry=self.odometry,
+            lighting=self.lighting,
+            labels=self.labels,
+            weights=self.weights,
+            detector=self.detector,
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class ExplorationSettings(EpisodesSettings):
+    """Whole episodes, against the nearest frontier and a random walk.
+
+    Attributes:
+        raf: folder of .raf arenas to explore as well.
+    """
+
+    raf: Path | None = None
+    runs: Path = Path("runs/benchmark-exploration")
+
+
+@dataclass(frozen=True, kw_only=True)
+class VictimsSettings(EpisodesSettings):
+    """Precision and time of the detector, and whole episodes, with and without it.
+
+    Attributes:
+        scenes: number of random arenas to render; 0 for none.
+        frames: number of frames of an arena.
+        seed: seed of these arenas, on which no network was trained.
+        rounds: number of timed rounds; 0 skips the timing.
+        detector: victim detector: a YOLOv3 as Darknet's .cfg and .weights.
+    """
+
+    scenes: int = 30
+    frames: int = 12
+    seed: int = 2026
+    rounds: int = 15
+    detector: tuple[Path, Path] = DETECTOR
+    runs: Path = Path("runs/benchmark-victims")

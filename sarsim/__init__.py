@@ -4,6 +4,8 @@ import os
 from contextlib import suppress
 from importlib import import_module
 
+import pipeline as pipeline  # which limits NumPy's threads, before anything imports NumPy
+
 # Rendering needs no screen. MuJoCo reads this once, when it is first imported.
 os.environ.setdefault("MUJOCO_GL", "egl")
 

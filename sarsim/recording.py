@@ -43,6 +43,8 @@ class EpisodeRecorder(Recorder):
         base = robot.physics.bind(robot.robot.base).element_id
         self._is_robot = self._model.body_rootid == self._model.body_rootid[base]
         self._geoms = np.flatnonzero(drawn_geoms(self._model))
+        has_joint = self._is_robot & (self._model.body_jntnum > 0) & (self._model.body_parentid > 0)
+        self._jointed = [(body, self._entity(body)) for body in np.flatnonzero(has_joint).tolist()]
         self._true_track = Track()
         arena = self._arena_meshes()
         vertices = np.concatenate([mesh.vertices for mesh in arena.values()])
@@ -109,21 +111,20 @@ class EpisodeRecorder(Recorder):
                 entity = self._entity(body)
                 self.stream.log(entity, _mesh3d(mesh), static=True)
                 if not self._model.body_jntnum[body]:
-                    self.stream.log(entity, drawings.transform(self._T_base_body(body)), static=True)
+                    T_base_body = inverse(self._T_world_base) @ self._T_world_body(body)
+                    self.stream.log(entity, drawings.transform(T_base_body), static=True)
 
     def _log_joints(self) -> None:
         """Log the poses, relative to the robot's base, of the bodies with joints."""
-        moving = self._is_robot & (self._model.body_jntnum > 0)
-        moving &= self._model.body_rootid != np.arange(self._model.nbody)
-        for body in np.flatnonzero(moving).tolist():
-            self.stream.log(self._entity(body), drawings.transform(self._T_base_body(body)))
+        T_base_world = inverse(self._T_world_base)
+        for body, entity in self._jointed:
+            self.stream.log(entity, drawings.transform(T_base_world @ self._T_world_body(body)))
 
     def _entity(self, body: int) -> str:
         return "world/robot/" + self._model.body(body).name.rpartition("/")[2]
 
-    def _T_base_body(self, body: int) -> NDArray[np.float64]:
-        T_world_base = self._robot.robot.T_world_base(self._robot.physics)
-        return inverse(T_world_base) @ from_rotation(self._data.xmat[body].reshape(3, 3), self._data.xpos[body])
+    def _T_world_body(self, body: int) -> NDArray[np.float64]:
+        return from_rotation(self._data.xmat[body].reshape(3, 3), self._data.xpos[body])
 
 
 def _mesh3d(mesh: Mesh) -> rr.Mesh3D:

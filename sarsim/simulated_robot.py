@@ -10,12 +10,11 @@ from numpy.typing import NDArray
 from pipeline.errors import InputError
 from pipeline.frame import Frame
 from pipeline.robot import Motion, Velocity
-from pipeline.transforms import transform_points
 from sarsim.arenas.arena import RescueArena
+from sarsim.environment import CONTROL_TIMESTEP, RescueEnvironment
 from sarsim.ground_truth.contacts import CollisionCounter
 from sarsim.robots.model import ROBOTS
 from sarsim.robots.pose import Pose
-from sarsim.robots.skid_steered import SkidSteered
 from sarsim.sensors.air import Air
 from sarsim.sensors.camera import LabelledImage, RgbdCamera
 from sarsim.sensors.conditions import Conditions
@@ -23,7 +22,6 @@ from sarsim.sensors.lighting import Lighting, set_lighting
 from sarsim.sensors.odometry import WheelOdometry
 from sarsim.sensors.rendering import Renderer
 from sarsim.sensors.xtion import Xtion
-from sarsim.task import CONTROL_TIMESTEP, rescue_environment
 
 SENSORS = {"xtion": Xtion(), "ideal": Xtion.ideal()}
 SETTLING_TIME = 0.5
@@ -65,9 +63,7 @@ class TrueFrame:
 
     def points(self) -> NDArray[np.float32]:
         """(N, 3) float32 the noise-free returns, m in the world."""
-        returns = self.image.depth > 0
-        rays = self.image.intrinsics.rays[returns]
-        return transform_points(self.image.T_world_camera, rays * self.image.depth[returns, None])
+        return self.image.intrinsics.points(self.image.depth, self.image.T_world_camera)
 
 
 class SimulatedRobot:
@@ -90,9 +86,8 @@ class SimulatedRobot:
         lighting = Lighting[config.lighting]
         self._conditions = Conditions(SENSORS[config.sensor], lighting, Air(config.dust))
         self._sensor_rng = np.random.default_rng(sensor_seed)
-        self._environment = rescue_environment(arena, seed, config.robot)
-        self._environment.reset()
-        self.robot: SkidSteered = self._environment.task.robot
+        self._environment = RescueEnvironment(arena, config.robot)
+        self.robot = self._environment.robot
         speed = min(config.speed or self.robot.model.speed, self.robot.drive.top_speed)
         self.model = replace(self.robot.model, speed=speed)
         self.physics = self._environment.physics
@@ -146,10 +141,10 @@ class SimulatedRobot:
     def drive(self, command: Velocity) -> Motion:
         """Follow ``command`` for one control period."""
         for _ in range(round(self.control_period / CONTROL_TIMESTEP)):
-            self._environment.step(np.array([command.v, command.omega]))
+            self._environment.drive(command)
             self.collisions.count(self.physics.data.ptr)
         robot, physics = self.robot, self.physics
-        gyro, accelerometer = self._environment.task.inertial()
+        gyro, accelerometer = self._environment.inertial()
         self._odometry.update(robot.wheel_angle(physics), gyro, accelerometer, self.control_period)
         T_world_base = robot.T_world_base(physics)
         T_odom_base = T_world_base if self.config.odometry == "truth" else self.T_wheel_base

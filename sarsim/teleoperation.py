@@ -22,10 +22,10 @@ from pipeline.metric_map.isolated_returns import without_isolated_returns
 from pipeline.robot import Velocity
 from pipeline.semantic_map.classifier import PointClassifier
 from sarsim.arenas.arena import RescueArena
+from sarsim.environment import CONTROL_TIMESTEP, RescueEnvironment
 from sarsim.recording import EpisodeRecorder
 from sarsim.robots.model import ROBOTS
 from sarsim.simulated_robot import SimulatedRobot
-from sarsim.task import CONTROL_TIMESTEP, rescue_environment
 
 SPACE, RIGHT, LEFT, DOWN, UP = 32, 262, 263, 264, 265
 """GLFW's key codes."""
@@ -123,15 +123,14 @@ class FreeDrive:
     control_period = CONTROL_TIMESTEP
 
     def __init__(self, arena: RescueArena, robot: str = ROBOTS[0]):
-        self._environment = rescue_environment(arena, 0, robot)
-        self._environment.reset()
+        self._environment = RescueEnvironment(arena, robot)
         self.physics = self._environment.physics
-        self.base_body = self.physics.bind(self._environment.task.robot.base).element_id
-        self.limits = self._environment.task.robot.drive.limits
+        self.base_body = self.physics.bind(self._environment.robot.base).element_id
+        self.limits = self._environment.robot.drive.limits
 
     def drive(self, command: Velocity) -> None:
         """Follow ``command`` for one control period."""
-        self._environment.step(np.array([command.v, command.omega]))
+        self._environment.drive(command)
 
 
 def drive_by_keyboard(

@@ -12,9 +12,9 @@ from sarsim.arenas.fiducials import hang_fiducials
 from sarsim.arenas.load import load_arena
 from sarsim.arenas.random_arena import RandomArenaConfig
 from sarsim.assets import asset
+from sarsim.environment import RescueEnvironment
 from sarsim.sensors.rendering import Renderer
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
-from sarsim.task import rescue_environment
 
 DOCS = Path(__file__).parents[1]
 IMAGES = DOCS / "images"
@@ -53,8 +53,7 @@ def draw_library() -> None:
 
 def overview(name: str, random: RandomArenaConfig | None = None) -> NDArray[np.uint8]:
     """(H, W, 3) image of the whole arena, with the robot at its start."""
-    environment = rescue_environment(load_arena(name, random=random), seed=0)
-    environment.reset()
+    environment = RescueEnvironment(load_arena(name, random=random))
     model = environment.physics.model.ptr
     with Renderer(model, *SIZE) as renderer:
         picture = renderer.colour(environment.physics.data.ptr, "overview")

@@ -4,7 +4,6 @@ from functools import cached_property
 
 import numpy as np
 from dm_control import composer, mjcf
-from dm_control.composer.observation import observable
 from numpy.typing import NDArray
 
 from pipeline.errors import InputError
@@ -46,9 +45,6 @@ class SkidSteered(composer.Robot):
         if missing := [" ".join(part) for part in PARTS if self._mjcf_root.find(*part) is None]:
             raise InputError(f"--robot {robot}: has no {', '.join(missing)}")
         self.model, self.drive = robot_model(robot), drive_model(robot)
-
-    def _build_observables(self) -> "SkidSteeredObservables":
-        return SkidSteeredObservables(self)
 
     @property
     def mjcf_model(self) -> mjcf.RootElement:
@@ -100,6 +96,16 @@ class SkidSteered(composer.Robot):
         """(3,) m/s² in ``base_link``, gravity included (+9.81 along z at rest on level ground)."""
         return np.array(physics.bind(self._mjcf_root.find("sensor", "accelerometer")).sensordata)
 
+    def inertial_data(self, physics: mjcf.Physics) -> NDArray[np.int64]:
+        """(6,) indices of the gyro's and the accelerometer's axes in MuJoCo's ``sensordata``."""
+        sensors = [physics.bind(self._mjcf_root.find("sensor", name)) for name in ("gyro", "accelerometer")]
+        return np.concatenate([np.arange(3) + physics.model.sensor_adr[sensor.element_id] for sensor in sensors])
+
+    def measurements(self, physics: mjcf.Physics) -> dict[str, NDArray[np.float64]]:
+        """What the robot's own sensors measure, by the names of the methods that describe it."""
+        sensors = (self.encoders, self.wheel_speed, self.gyro, self.accelerometer)
+        return {sensor.__name__: sensor(physics) for sensor in sensors}
+
     def set_wheel_speed(self, physics: mjcf.Physics, left: float, right: float) -> None:
         """Set the target speed of the wheels of each side, rad/s."""
         physics.bind(self.actuators).ctrl = left, right
@@ -108,30 +114,6 @@ class SkidSteered(composer.Robot):
         """4×4 true pose of ``base_link``."""
         base = physics.bind(self.base)
         return from_rotation(base.xmat.reshape(3, 3), base.xpos)
-
-
-class SkidSteeredObservables(composer.Observables):
-    """Measurements of the robot's own sensors, off until enabled."""
-
-    @composer.observable
-    def encoders(self) -> observable.Generic:
-        """(4,) rad, the angle of every wheel."""
-        return observable.Generic(self._entity.encoders)
-
-    @composer.observable
-    def wheel_speed(self) -> observable.Generic:
-        """(2,) rad/s of the left and right wheels."""
-        return observable.Generic(self._entity.wheel_speed)
-
-    @composer.observable
-    def gyro(self) -> observable.Generic:
-        """(3,) rad/s in ``base_link``."""
-        return observable.Generic(self._entity.gyro)
-
-    @composer.observable
-    def accelerometer(self) -> observable.Generic:
-        """(3,) m/s² in ``base_link``."""
-        return observable.Generic(self._entity.accelerometer)
 
 
 def _per_side(wheels: NDArray[np.float64]) -> NDArray[np.float64]:

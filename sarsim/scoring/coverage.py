@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sarsim.ground_truth.true_surface import Survey, TrueSurface
+from sarsim.scoring.coverage_kernels import see
 from sarsim.simulated_robot import SimulatedRobot
 
 SEEN_HEIGHT = 0.15  # m; a cell counts as seen if a return is nearer than this to its ground
@@ -26,11 +27,7 @@ class Coverage:
     def see(self, points: NDArray[np.float32]) -> None:
         """Mark the cells that (N, 3) returns, m in the world, fell in."""
         grid = self.surface.grid
-        cells = grid.cell_of(points)
-        inside = grid.holds(cells)
-        i, j = cells[inside].T
-        on_ground = np.abs(points[inside, 2] - self.surface.height[i, j]) < SEEN_HEIGHT
-        self.seen[i[on_ground], j[on_ground]] = True
+        see(points, grid.origin, grid.cell, self.surface.height, SEEN_HEIGHT, self.seen)
 
     @property
     def fraction(self) -> float:

@@ -1,5 +1,6 @@
 """The score of an episode: what goes into report.json."""
 
+from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any
 
 import numpy as np
@@ -18,20 +19,17 @@ from sarsim.scoring.topology_kernels import way_lengths
 from sarsim.scoring.trajectory import TrajectoryScore, motion_figures
 from sarsim.scoring.victims import VictimScore
 from sarsim.scoring.voxels import VoxelScore
-from sarsim.simulated_robot import SimulatedRobot
+from sarsim.simulated_robot import SimulatedRobot, TrueFrame
 
 MOST = 0.9  # Share of the drivable area for which the time until it was seen is reported
 
 
 class EpisodeScore(Observer):
-    """Scores an episode from outside, by ground truth.
+    """Scores an episode from outside, by ground truth; a thread of its own does so while the robot drives on.
 
     Attributes:
-        coverage: true ground seen by noise-free returns and by the kept returns of an earlier episode.
-        victims: which victims came into view.
-        fiducials: where the tags on the walls were seen.
+        surface: the true ground.
         trajectory: the estimated trajectory against the true one.
-        progress: at each keyframe, s since the start and the share of the drivable area that was seen.
     """
 
     def __init__(self, robot: SimulatedRobot, explorer: Explorer, T_world_tag: NDArray[np.float64]):
@@ -39,36 +37,59 @@ class EpisodeScore(Observer):
         self._robot = robot
         self._explorer = explorer
         model, data = robot.physics.model.ptr, robot.physics.data.ptr
-        self.coverage = Coverage(robot)
-        self.surface = self.coverage.surface
+        self._coverage = Coverage(robot)
+        self.surface = self._coverage.surface
         self._segments = SegmentScore(true_faces(model, data), are_whole=explorer.mapper.keyframes.loaded > 0)
         self._voxels = VoxelScore(explorer.mapper.metric_map)
         self._semantics = KeyframeTruth(explorer.mapper.keyframes)
-        self.victims = VictimScore(model, data)
-        self.fiducials = FiducialScore(T_world_tag)
+        self._victims = VictimScore(model, data)
+        self._fiducials = FiducialScore(T_world_tag)
         self.trajectory = TrajectoryScore(explorer.mapper.localisation, robot.trajectory)
         for seen, T in zip(explorer.mapper.keyframes.seen, explorer.mapper.keyframes.poses, strict=True):
-            self.coverage.see(seen.points_at(T))
+            self._coverage.see(seen.points_at(T))
         self._cost_ratios: list[float] = []
         self._start_time = robot.time
         self._kidnaps = 0
         self._frontiers_left = 0
-        self.progress: list[tuple[float, float]] = []
+        self._progress: list[tuple[float, float]] = []
+        self._thread, self._pending = ThreadPoolExecutor(1), list[Future[None]]()
 
     def on_keyframe(self, keyframe: Keyframe) -> None:
         """Add the newest keyframe to the scores."""
         truth = self._robot.true_frame
         assert truth is not None
+        self.trajectory.add()
+        self._pending.append(self._thread.submit(self._compare, keyframe, truth))
+
+    def _compare(self, keyframe: Keyframe, truth: TrueFrame) -> None:
+        """Compare a keyframe with the noise-free frame of the same moment."""
         points = truth.points()
         self._voxels.add(points, truth.image.T_world_camera[:3, 3])
-        self.coverage.see(points)
-        self.progress.append((self._robot.time - self._start_time, self.coverage.fraction))
+        self._coverage.see(points)
+        self._progress.append((keyframe.frame.time - self._start_time, self._coverage.fraction))
         self._segments.add(points, truth.image.instance[truth.image.depth > 0])
-        self.victims.add(truth.image)
-        self.fiducials.add(keyframe.frame, keyframe.T_map_base)
-        self.trajectory.add()
+        self._victims.add(truth.image)
+        self._fiducials.add(keyframe.frame, keyframe.T_map_base)
         if len(keyframe.labels):
             self._semantics.add(keyframe)
+
+    def _wait(self) -> None:
+        """Wait until every keyframe is in the scores."""
+        for comparison in self._pending:
+            comparison.result()
+        self._pending.clear()
+
+    @property
+    def coverage(self) -> Coverage:
+        """True ground seen by noise-free returns and by the kept returns of an earlier episode."""
+        self._wait()
+        return self._coverage
+
+    @property
+    def progress(self) -> list[tuple[float, float]]:
+        """At each keyframe, s since the start and the share of the drivable area that was seen."""
+        self._wait()
+        return self._progress
 
     def on_step(self, explorer: Explorer, step: Step) -> None:
         """Add the newest step to the scores."""
@@ -83,6 +104,7 @@ class EpisodeScore(Observer):
 
     def report(self) -> dict[str, Any]:
         """The figures of all stages that have any; the commands add settings and times."""
+        self._wait()
         explorer, known = self._explorer, self._explorer.mapper.keyframes
         stages = {
             "metric_map": self._voxels.report(),
@@ -94,15 +116,15 @@ class EpisodeScore(Observer):
             "exploration": self._exploration(),
             "localisation": self.trajectory.report()
             | {"relocalised": explorer.keyframing.pose_check.relocalised}
-            | self.fiducials.report(list(known.poses[known.loaded :])),
-            **({"victims": self.victims.report(self._confirmed)} if explorer.mapper.detector else {}),
+            | self._fiducials.report(list(known.poses[known.loaded :])),
+            **({"victims": self._victims.report(self._confirmed)} if explorer.mapper.detector else {}),
         }
         return {name: stage for name, stage in stages.items() if stage}
 
     @property
     def position_errors(self) -> list[float]:
         """Position error in m of each victim that was found."""
-        errors = self.victims.matches(self._confirmed)
+        errors = self._victims.matches(self._confirmed)
         return errors[np.isfinite(errors)].tolist()
 
     @property

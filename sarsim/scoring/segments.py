@@ -13,6 +13,7 @@ from pipeline.segments.boxes import corners
 from pipeline.segments.segment import Segment
 from pipeline.segments.segments import Segments
 from sarsim.ground_truth.faces import Face, plane_axes
+from sarsim.scoring.segments_kernels import ROW, cells_on_plane
 
 MAX_ANGLE = np.deg2rad(20)
 MAX_DISTANCE = 0.15  # m, largest distance from a segment's centre to the planes that it is compared with
@@ -43,10 +44,12 @@ class SegmentScore:
     def add(self, points: NDArray[np.float32], geoms: NDArray[np.int32]) -> None:
         """Mark what noise-free returns show: (N, 3) m in the world, and the geom (N,) that each comes from."""
         points, geoms = points[::STRIDE], geoms[::STRIDE]
-        for geom in np.intersect1d(geoms, list(self._of_geom)):
-            of_geom = points[geoms == geom]
-            for surface in self._of_geom[geom]:
-                surface.see(of_geom)
+        order = np.argsort(geoms, kind="stable")
+        points, geoms = points[order], geoms[order]
+        for geom, surfaces in self._of_geom.items():
+            first, end = np.searchsorted(geoms, (geom, geom + 1))
+            for surface in surfaces if first < end else ():
+                surface.see(points[first:end])
 
     def report(self, segments: Segments) -> dict[str, Any]:
         """Compare every segment with the piece of surface of its label that it overlaps most."""
@@ -67,28 +70,36 @@ class _Surface:
         self._face = face
         self._offset = face.normal @ face.outline[0]
         self._axes = np.stack(plane_axes(face.normal), axis=1)
-        self._seen: set[complex] = set()
+        self._seen: set[int] = set()
 
     def see(self, points: NDArray[np.float32]) -> None:
         """Mark the cells of those (N, 3) points that lie on the plane."""
-        on = points[np.abs(points @ self._face.normal - self._offset) < NEAR]
-        self._seen.update(np.unique(np.floor(on @ self._axes / SURFACE_CELL) @ [1, 1j]).tolist())
+        cells = cells_on_plane(points, self._face.normal, self._offset, self._axes, NEAR, SURFACE_CELL)
+        self._seen.update(cells.tolist())
 
     def pieces(self) -> Iterator[Face]:
         """Rectangles around the seen parts: upright rectangles, or on level planes those of least area."""
-        seen = np.array(list(self._seen), complex)
-        cells = np.column_stack([seen.real, seen.imag]).astype(np.int64)
+        keys = np.array(sorted(self._seen), np.int64)
+        rows = (keys + ROW // 2) // ROW
+        cells = np.column_stack([rows, keys - rows * ROW])
         low = cells.min(axis=0, initial=0) - GAP
         image = np.zeros(cells.max(axis=0, initial=0) - low + GAP, bool)
         where = tuple((cells - low).T)
         image[where] = True
         pieces, count = ndimage.label(ndimage.binary_dilation(image, np.ones((GAP + 1, GAP + 1))))
         for n in range(1, count + 1):
-            inside = MultiPoint(SURFACE_CELL * (cells[pieces[where] == n, None] + CORNERS).reshape(-1, 2))
+            ends = row_ends(cells[pieces[where] == n])  # which have the same convex hull, and are far fewer
+            inside = MultiPoint(SURFACE_CELL * (ends[:, None] + CORNERS).reshape(-1, 2))
             around = inside.minimum_rotated_rectangle if abs(self._face.normal[2]) > LEVEL else inside.envelope
             if isinstance(around, Polygon):
                 outline = np.array(around.exterior.coords)[:4] @ self._axes.T + self._offset * self._face.normal
                 yield Face(self._face.geom, self._face.label, self._face.normal, outline)
+
+
+def row_ends(cells: NDArray[np.int64]) -> NDArray[np.int64]:
+    """(M, 2) the first and the last of each row of sorted cells (N, 2)."""
+    is_first = np.diff(cells[:, 0], prepend=cells[0, 0] - 1) > 0
+    return cells[is_first | np.roll(is_first, -1)]
 
 
 def _match(segment: Segment, faces: list[Face]) -> tuple[float, float] | None:

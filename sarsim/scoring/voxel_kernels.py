@@ -4,30 +4,57 @@ import numpy as np
 from numba import njit
 
 
-@njit(cache=True)
-def mark_rays(points, origin, crossed, ended):
-    """Mark the voxels that the straight lines from ``origin`` to each of ``points`` cross, and those where they end.
+@njit(cache=True, nogil=True)
+def box_of(points, camera, corner, size):
+    """The (3,) int64 lowest voxel and the one after the highest around (N, 3) points and a camera (3,), one to spare.
+
+    Lengths are in m; voxels have the edge ``size`` and are counted from ``corner`` (3,).
+    """
+    low, high = camera.copy(), camera.copy()
+    for n in range(len(points)):
+        for axis in range(3):
+            low[axis] = min(low[axis], points[n, axis])
+            high[axis] = max(high[axis], points[n, axis])
+    first, last = np.floor((low - corner) / size - 1), np.ceil((high - corner) / size + 1)
+    return first.astype(np.int64), last.astype(np.int64)
+
+
+@njit(cache=True, nogil=True)
+def mark_rays(points, camera, corner, size, lower, crossed, ended):
+    """Mark the voxels that the straight lines from a camera to points cross, and those where they end.
 
     Args:
-        points: (N, 3) float64, in voxels from the corner of ``crossed``.
-        origin: (3,) float64, in the same units.
-        crossed: (nx, ny, nz) bool, voxels before the last one of a line; origin and points lie inside.
+        points: (N, 3) m.
+        camera: (3,) m.
+        corner: (3,) m, of the voxel with the index 0.
+        size: edge of a voxel, m.
+        lower: (3,) index of the first voxel of ``crossed``.
+        crossed: (nx, ny, nz) bool, voxels before the last one of a line; camera and points lie inside.
         ended: (nx, ny, nz) bool, last voxels of lines.
     """
+    x, y, z = (camera - corner) / size - lower
     for n in range(len(points)):
         # Cross the faces of the grid in the order in which the ray meets them (Siddon's method).
-        i, j, k = int(origin[0]), int(origin[1]), int(origin[2])
-        a, b, c = int(points[n, 0]), int(points[n, 1]), int(points[n, 2])
+        u = (points[n, 0] - corner[0]) / size - lower[0]
+        v = (points[n, 1] - corner[1]) / size - lower[1]
+        w = (points[n, 2] - corner[2]) / size - lower[2]
+        i, j, k, a, b, c = int(x), int(y), int(z), int(u), int(v), int(w)
         ended[a, b, c] = True
-        dx, dy, dz = points[n, 0] - origin[0], points[n, 1] - origin[1], points[n, 2] - origin[2]
+        tx, ty, tz = _meets(i, a, x, u), _meets(j, b, y, v), _meets(k, c, z, w)
         for _ in range(abs(a - i) + abs(b - j) + abs(c - k)):
             crossed[i, j, k] = True
-            tx = ((i + (dx > 0)) - origin[0]) / dx if i != a else np.inf
-            ty = ((j + (dy > 0)) - origin[1]) / dy if j != b else np.inf
-            tz = ((k + (dz > 0)) - origin[2]) / dz if k != c else np.inf
             if tx <= ty and tx <= tz:
-                i += 1 if dx > 0 else -1
+                i += 1 if u > x else -1
+                tx = _meets(i, a, x, u)
             elif ty <= tz:
-                j += 1 if dy > 0 else -1
+                j += 1 if v > y else -1
+                ty = _meets(j, b, y, v)
             else:
-                k += 1 if dz > 0 else -1
+                k += 1 if w > z else -1
+                tz = _meets(k, c, z, w)
+
+
+@njit(cache=True, inline="always")
+def _meets(here, last, start, end):
+    """Share of the way from ``start`` to ``end`` at which a line leaves a voxel along one axis; inf from the last."""
+    return ((here + (end > start)) - start) / (end - start) if here != last else np.inf

@@ -4,9 +4,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from pipeline.metric_map.grid_kernels import box_around
 from pipeline.metric_map.metric_map import MetricMap
-from sarsim.scoring.voxel_kernels import mark_rays
+from sarsim.scoring.voxel_kernels import box_of, mark_rays
 
 
 class VoxelScore:
@@ -25,11 +24,8 @@ class VoxelScore:
         """Follow the noise-free rays of a frame: (N, 3) end points and (3,) camera, m in the world."""
         if not len(points):
             return
-        ends = (points.astype(np.float64) - self._corner) / self._size
-        start = (camera - self._corner) / self._size
-        boxes = np.array([box_around(ends, 1), box_around(start[None], 1)])
-        self._reserve(boxes[:, :3].min(axis=0), boxes.reshape(2, 2, 3).sum(axis=1).max(axis=0))
-        mark_rays(ends - self._lower, start - self._lower, self._crossed, self._surface)
+        self._reserve(*box_of(points, camera, self._corner, self._size))
+        mark_rays(points, camera, self._corner, self._size, self._lower, self._crossed, self._surface)
 
     def report(self) -> dict[str, float]:
         """The figures of the map; empty if nothing was seen.

@@ -4,10 +4,11 @@ import numpy as np
 import pytest
 from dm_control import mjcf
 
+from pipeline.robot import Velocity
 from sarsim.arenas.arena import RescueArena
 from sarsim.arenas.elements import ArenaBuilder
 from sarsim.arenas.load import load_arena
-from sarsim.task import CONTROL_TIMESTEP, rescue_environment
+from sarsim.environment import CONTROL_TIMESTEP, RescueEnvironment
 
 SPEED = 0.2
 SINKS = 0.004
@@ -47,13 +48,12 @@ def lane(elements):
 
 @pytest.mark.parametrize("name", sorted(LANES))
 def test_it_drives_over_ramps_and_the_seams_between_them(name):
-    environment = rescue_environment(lane(LANES[name]), seed=0)
-    environment.reset()
-    robot, physics = environment.task.robot, environment.physics
+    environment = RescueEnvironment(lane(LANES[name]))
+    robot, physics = environment.robot, environment.physics
     deepest, steepest, slowest = 0.0, 0.0, np.inf
     for step in range(round(30 / CONTROL_TIMESTEP)):
         before = robot.T_world_base(physics)[:3, 3]
-        environment.step(np.array([SPEED, 0.0]))
+        environment.drive(Velocity(SPEED))
         T = robot.T_world_base(physics)
         deepest = min(deepest, physics.data.contact.dist.min(initial=0))
         steepest = max(steepest, np.arccos(T[2, 2]))
@@ -89,13 +89,12 @@ RIDGES = {"half_ramp": ((90, -90), (90, -90)), "full_ramp": ((-90,), (90,))}
 @pytest.mark.parametrize("kind", sorted(RIDGES))
 @pytest.mark.parametrize("yaw_deg", [10, 25])
 def test_no_wheel_is_caught_in_a_seam_that_it_crosses_aslant(kind, yaw_deg):
-    environment = rescue_environment(field(kind, yaw_deg), seed=0)
-    environment.reset()
-    robot, physics = environment.task.robot, environment.physics
+    environment = RescueEnvironment(field(kind, yaw_deg))
+    robot, physics = environment.robot, environment.physics
     deepest, slowest = 0.0, np.inf
     for step in range(round(24 / CONTROL_TIMESTEP)):
         before = robot.T_world_base(physics)[:3, 3]
-        environment.step(np.array([SPEED, 0.0]))
+        environment.drive(Velocity(SPEED))
         place = robot.T_world_base(physics)[:3, 3]
         deepest = min(deepest, physics.data.contact.dist.min(initial=0))
         if step * CONTROL_TIMESTEP > 1.5:
@@ -108,12 +107,11 @@ def test_no_wheel_is_caught_in_a_seam_that_it_crosses_aslant(kind, yaw_deg):
 
 @pytest.mark.parametrize("name", ["random:1", "random:2", "random:3"])
 def test_it_stands_still_and_nothing_sinks_in(name):
-    environment = rescue_environment(load_arena(name), seed=0)
-    environment.reset()
-    robot, physics = environment.task.robot, environment.physics
+    environment = RescueEnvironment(load_arena(name))
+    robot, physics = environment.robot, environment.physics
     before = robot.T_world_base(physics)[:3, 3]
     for _ in range(round(10 / CONTROL_TIMESTEP)):
-        environment.step(np.zeros(2))
+        environment.drive(Velocity())
     assert np.linalg.norm(robot.T_world_base(physics)[:3, 3] - before) < 0.005
     assert physics.data.contact.dist.min() > -0.002
     assert not np.any([warning.number for warning in physics.data.warning])

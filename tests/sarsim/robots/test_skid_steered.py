@@ -236,16 +236,6 @@ def test_lamp_is_off():
     assert drive.physics.bind(drive.robot.lamp).active == 0
 
 
-def test_observables_say_what_the_sensors_say():
-    drive = on_track().go(1.0, 0.2, 0.5)
-    observables = drive.robot.observables.as_dict(fully_qualified=False)
-    observed = {name: item(drive.physics) for name, item in observables.items()}
-    assert_allclose(observed["encoders"], drive.robot.encoders(drive.physics))
-    assert_allclose(observed["wheel_speed"], drive.robot.wheel_speed(drive.physics))
-    assert_allclose(observed["gyro"], drive.robot.gyro(drive.physics))
-    assert_allclose(observed["accelerometer"], drive.robot.accelerometer(drive.physics))
-
-
 def test_stands_level_and_still(name):
     drive = on_track(name).go(2.0)
     assert_allclose(drive.robot.accelerometer(drive.physics), [0, 0, 9.81], atol=1e-3)

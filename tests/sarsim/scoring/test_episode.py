@@ -45,5 +45,16 @@ def test_what_was_seen_is_counted_on_drivable_ground_alone(score):
 
 def test_the_time_to_see_90_percent_is_that_of_the_first_keyframe_with_so_much(score, monkeypatch):
     assert "seen90_s" not in score.report()["exploration"]
-    monkeypatch.setattr(score, "progress", [(0.0, 0.3), (7.0, 0.9), (9.0, 0.95)])
+    monkeypatch.setattr(EpisodeScore, "progress", [(0.0, 0.3), (7.0, 0.9), (9.0, 0.95)])
     assert score.report()["exploration"]["seen90_s"] == 7.0
+
+
+def test_an_error_of_the_thread_that_scores_is_raised_where_the_score_is_read():
+    robot = SimulatedRobot(load_arena("nist_6x4"), SimulationConfig(), seed=0)
+    score = EpisodeScore(robot, Explorer(robot, Mapper(robot.model, TruthClassifier())), np.zeros((0, 4, 4)))
+    robot.sense()
+    score.add_keyframe(None)
+    for read in (lambda: score.coverage, lambda: score.progress, score.report):
+        with pytest.raises(AttributeError, match="NoneType"):
+            read()
+    robot.close()

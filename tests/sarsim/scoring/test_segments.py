@@ -1,5 +1,8 @@
 import numpy as np
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from shapely import MultiPoint
 
 from pipeline.labels import Label
 from pipeline.segments.cells import cells_of
@@ -7,7 +10,7 @@ from pipeline.segments.plane import Moments
 from pipeline.segments.planes import PlanePatch
 from pipeline.segments.segments import Segments
 from sarsim.ground_truth.faces import Face
-from sarsim.scoring.segments import STRIDE, SegmentScore
+from sarsim.scoring.segments import STRIDE, SegmentScore, row_ends
 from tests.sarsim.true_planes import faces_of_scene
 
 FRONT = 0.98
@@ -97,3 +100,11 @@ def test_a_wall_seen_from_the_wrong_side_or_of_another_label_matches_nothing():
     for label, viewer in ((Label.WALL, (5, 0, 0.5)), (Label.CEILING, (0, 0, 0.5))):
         segments = segments_of(label, wall_points() - np.float32([0.2, 0, 0]), viewer)
         assert score.report(segments)["matched"] == 0
+
+
+@given(st.sets(st.tuples(st.integers(-9, 9), st.integers(-9, 9)), min_size=1))
+def test_the_ends_of_rows_have_the_hull_of_all_cells(cells):
+    every = np.array(sorted(cells))
+    ends = row_ends(every)
+    assert MultiPoint(ends).convex_hull.equals(MultiPoint(every).convex_hull)
+    assert len(ends) <= 2 * len(np.unique(every[:, 0]))

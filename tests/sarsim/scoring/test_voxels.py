@@ -13,7 +13,7 @@ from sarsim.scoring.voxels import VoxelScore
 def test_crossed_voxels_are_those_that_fine_sampling_finds(ends):
     crossed, ended = np.zeros((2, 8, 8, 8), np.bool_)
     start, end = ends
-    mark_rays(end[None], start, crossed, ended)
+    mark_rays(end[None], start, np.zeros(3), 1.0, np.zeros(3, np.int64), crossed, ended)
     samples = start + np.linspace(0, 1, 4001)[:, None] * (end - start)
     expected = np.zeros_like(crossed)
     expected[tuple(samples.astype(int).T)] = True

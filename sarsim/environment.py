@@ -1,0 +1,107 @@
+"""A robot in an arena as a dm_env environment, driven by velocity commands."""
+
+import dm_env
+import mujoco
+import numpy as np
+from dm_control import mjcf
+from dm_env import specs
+from numpy.typing import NDArray
+
+from pipeline.errors import InputError
+from pipeline.robot import Velocity
+from sarsim.arenas.arena import RescueArena
+from sarsim.robots.model import ROBOTS
+from sarsim.robots.skid_steer import SkidSteer
+from sarsim.robots.skid_steered import SkidSteered
+
+CONTROL_TIMESTEP = 0.02
+"""s, the period of the drive's firmware."""
+
+
+class RescueEnvironment(dm_env.Environment):
+    """Drive through a rescue arena without a time limit; an action is (v m/s, ω rad/s), and there is no reward.
+
+    Attributes:
+        robot: in the arena.
+        physics: dm_control's, of the arena with the robot.
+        firmware: of the robot's drive.
+    """
+
+    def __init__(self, arena: RescueArena, robot: str = ROBOTS[0]):
+        """``robot``: see :class:`SkidSteered`; it stands at the arena's start.
+
+        Raises:
+            InputError: there is no such robot, or the arena's time step does not divide ``CONTROL_TIMESTEP``.
+        """
+        self._T_world_start = arena.T_world_start
+        self.robot = SkidSteered(robot)
+        arena.add_free_entity(self.robot)
+        self.physics = mjcf.Physics.from_mjcf_model(arena.mjcf_model)
+        self._substeps = substeps(self.physics.timestep())
+        self._inertial_data = self.robot.inertial_data(self.physics)
+        self.reset()
+
+    def reset(self) -> dm_env.TimeStep:
+        """Set the robot down at the arena's start."""
+        T, quat = self._T_world_start, np.empty(4)
+        mujoco.mju_mat2Quat(quat, np.ascontiguousarray(T[:3, :3]).ravel())
+        with self.physics.reset_context():
+            self.robot.set_pose(self.physics, T[:3, 3], quat)
+        self.firmware = SkidSteer(self.robot.drive)
+        self._inertial, self._measured = np.zeros(6), 0
+        return dm_env.restart(self._observation())
+
+    def step(self, action: NDArray[np.float64]) -> dm_env.TimeStep:
+        """Follow the command (2,), m/s and rad/s, for ``CONTROL_TIMESTEP``; PhysicsError if the physics diverges."""
+        self.drive(Velocity(float(action[0]), float(action[1])))
+        return dm_env.transition(reward=0.0, observation=self._observation())
+
+    def drive(self, command: Velocity) -> None:
+        """What :meth:`step` does, without an observation."""
+        robot, physics = self.robot, self.physics
+        gyro_z = float(robot.gyro(physics)[2])
+        wheels = self.firmware.command(command, robot.wheel_speed(physics), gyro_z, CONTROL_TIMESTEP)
+        robot.set_wheel_speed(physics, *wheels)
+        physics.step()
+        physics.forward()  # dm_control does so where it reads for the first time after a write
+        model, data, inertial = physics.model.ptr, physics.data.ptr, self._inertial_data
+        self._inertial += data.sensordata[inertial]
+        with physics.check_invalid_state():
+            for _ in range(self._substeps - 1):
+                mujoco.mj_step2(model, data)
+                mujoco.mj_step1(model, data)  # of the new state: its contacts, and what the gyro measures
+                self._inertial += data.sensordata[inertial]
+        self._measured += self._substeps
+
+    def inertial(self) -> NDArray[np.float64]:
+        """(2, 3) mean of the gyros, rad/s, and of the accelerometers, m/s², since the last call.
+
+        Inertial sensors sample much faster than they report (Xsens MTi: at 2 kHz), so that vibration averages out.
+        """
+        mean = (self._inertial / self._measured).reshape(2, 3)
+        self._inertial, self._measured = np.zeros(6), 0
+        return mean
+
+    def action_spec(self) -> specs.BoundedArray:
+        """(v m/s, ω rad/s)."""
+        limits = np.array(self.robot.drive.limits)
+        return specs.BoundedArray((2,), np.float64, -limits, limits, name="v\tomega")
+
+    def observation_spec(self) -> dict[str, specs.Array]:
+        """What :meth:`SkidSteered.measurements` describes."""
+        return {name: specs.Array(value.shape, value.dtype, name) for name, value in self._observation().items()}
+
+    def _observation(self) -> dict[str, NDArray[np.float64]]:
+        return self.robot.measurements(self.physics)
+
+    def close(self) -> None:
+        """Free the physics."""
+        self.physics.free()
+
+
+def substeps(timestep: float) -> int:
+    """Number of an arena's time steps, of ``timestep`` s, in ``CONTROL_TIMESTEP``; InputError if it is not whole."""
+    number = round(CONTROL_TIMESTEP / timestep)
+    if not np.isclose(number * timestep, CONTROL_TIMESTEP):
+        raise InputError(f"the arena's timestep of {timestep:g} s does not divide {CONTROL_TIMESTEP:g} s")
+    return number

@@ -116,7 +116,8 @@ def write_report(report: dict[str, Any], folder: Path) -> None:
 
 def _percentiles(seconds: list[float]) -> dict[str, float]:
     """Median and 95th percentile, in ms."""
-    return {"median": 1e3 * float(np.median(seconds)), "p95": 1e3 * float(np.percentile(seconds, 95))}
+    ms = 1e3 * np.array(seconds)
+    return {"median": float(np.median(ms)), "p95": float(np.percentile(ms, 95))}
 
 
 class Expedition(ABC):

@@ -271,7 +271,7 @@ def _keyframe_rows(mapper: Mapper) -> Iterator[Row]:
         yield {
             **vars(seen),
             "camera": (camera.fx, camera.fy, camera.cx, camera.cy),
-            "T_map_base": known.poses[k],
+            "T_map_base": surfaces.poses[k],  # as estimated, for in the maps it may stand unnoticeably elsewhere
             "up": surfaces.ups[k],
             "is_labelled": seen.shares is not None,
             **vars(shares),

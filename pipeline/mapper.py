@@ -2,14 +2,13 @@
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.errors import InputError
-from pipeline.exploration.viewpoint import MIN_GAIN
 from pipeline.frame import Frame
 from pipeline.keyframes import Keyframes, Moves, Seen, nearest
 from pipeline.localisation.localisation import Localisation
@@ -136,12 +135,6 @@ class Mapper:
             z = f"{T_map_base[2, 3]:.2f} m"
             raise InputError(f"the robot stands at {z}; ground is mapped from {lowest:.2f} to {highest:.2f} m alone")
         self._set_down = T_map_base
-
-    def adds(self, frame: Frame, T_map_base: NDArray[np.float64]) -> bool:
-        """Whether a frame at a 4×4 pose shows as much unmeasured ground as is worth a keyframe."""
-        depth, intrinsics = frame.every_nth(self.metric_map.stride(frame.intrinsics))
-        shown = replace(frame, depth=depth, intrinsics=intrinsics).points(T_map_base @ frame.T_base_camera)
-        return self.elevation_map.unmeasured(shown) >= MIN_GAIN
 
     def add(self, frame: Frame, T_map_base: NDArray[np.float64], labelled: bool = True) -> Keyframe:
         """Take a frame into every map but the topological one, which :meth:`connect` renews.

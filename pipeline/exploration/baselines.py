@@ -3,8 +3,8 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.exploration.next_best_view import Exploration
-from pipeline.exploration.viewpoint import MIN_GAIN, Context, Viewpoint
+from pipeline.exploration.next_best_view import MIN_GAIN, Exploration
+from pipeline.exploration.viewpoint import Context, Viewpoint
 from pipeline.robot import RobotModel
 from pipeline.transforms import wrap_angle
 

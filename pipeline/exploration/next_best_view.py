@@ -10,7 +10,7 @@ from scipy import ndimage
 
 from pipeline.exploration import visibility
 from pipeline.exploration import visibility_kernels as kernels
-from pipeline.exploration.viewpoint import ARRIVED, MIN_GAIN, Context, Viewpoint
+from pipeline.exploration.viewpoint import ARRIVED, Context, Viewpoint
 from pipeline.grid_map import GridMap, Layer, best_of_blocks
 from pipeline.keyframes import Places
 from pipeline.robot import RobotModel
@@ -19,8 +19,8 @@ from pipeline.traversability.elevation_map import CELL
 from pipeline.traversability.pose_kernels import ANGLES
 from pipeline.traversability.pose_paths import FIRST_HORIZON, GROWTH, bits
 
-MIN_RATE = 1 / 3600
-"""m²/s, 1 m² per hour; a viewpoint that is expected to show less is not worth the drive, nor its risk."""
+MIN_GAIN, MIN_RATE = 0.03, 1 / 3600
+"""m² and m²/s, 1 m² per hour; a viewpoint that is expected to show less is not worth the drive, nor its risk."""
 IS_THERE, IS_SHOWN = 0.9, 0.7
 """Probabilities that ground which should be in view is there at first, and that a keyframe shows ground in view."""
 EXPERIENCE = 1.0

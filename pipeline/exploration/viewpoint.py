@@ -13,9 +13,6 @@ from pipeline.traversability.traversability import Traversability
 ARRIVED = 0.15
 """m; a robot this close to a viewpoint or goal has reached it."""
 
-MIN_GAIN = 0.03
-"""m²; less new ground is worth neither a viewpoint nor a keyframe."""
-
 
 @dataclass(frozen=True, eq=False)
 class Viewpoint:

@@ -129,8 +129,7 @@ def check_odometry(frame: Frame) -> None:
         raise LostError(f"the odometry at {frame.time:.2f} s is not finite")
 
 
-def is_keyframe(T_odom_last: NDArray[np.float64], T_odom_base: NDArray[np.float64], times: int = 1) -> bool:
-    """Whether a pose (4×4) is so many ways, m, or turns, rad, of keyframes from the last one's."""
+def is_keyframe(T_odom_last: NDArray[np.float64], T_odom_base: NDArray[np.float64]) -> bool:
+    """Whether a pose (4×4) is far enough, in m or rad, from the last keyframe's to take another keyframe."""
     moved = inverse(T_odom_last) @ T_odom_base
-    is_far = np.linalg.norm(moved[:3, 3]) >= times * KEYFRAME_WAY
-    return bool(is_far or angle_of(moved) >= times * KEYFRAME_TURN)
+    return bool(np.linalg.norm(moved[:3, 3]) >= KEYFRAME_WAY or angle_of(moved) >= KEYFRAME_TURN)

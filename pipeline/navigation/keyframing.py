@@ -1,7 +1,6 @@
 """When the robot takes keyframes, and what the navigator learns from them while it drives."""
 
 from collections.abc import Callable
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,17 +18,6 @@ LABELLED = 6
 """During a drive one keyframe in this many is labelled: the network is the slowest stage."""
 
 
-MOST_LOOKS = 3
-"""Ways or turns of a keyframe after which any frame becomes one: the odometry is trusted for less than 1 m."""
-
-
-class Look(NamedTuple):
-    """Where a frame was taken: 4×4 poses of ``base_link``."""
-
-    T_odom_base: NDArray[np.float64]
-    T_map_base: NDArray[np.float64]
-
-
 class Keyframing:
     """Makes keyframes for the mapper, and tells the navigator where the robot is.
 
@@ -44,7 +32,6 @@ class Keyframing:
         self.pose_check = PoseCheck(navigator, mapper, self._sense)
         self._navigator, self._mapper, self._on_keyframe = navigator, mapper, on_keyframe
         self._T_odom_keyframe = np.eye(4)
-        self._looked = Look(np.eye(4), np.eye(4))
         self._last: Frame | None = None
 
     def sense(self) -> Frame:
@@ -62,7 +49,6 @@ class Keyframing:
         """Make a keyframe of a frame."""
         keyframe = self._mapper.add(frame, self._mapper.localise(frame), labelled)
         self._T_odom_keyframe = frame.T_odom_base
-        self._looked = Look(frame.T_odom_base, keyframe.T_map_base)
         self._navigator.correct(self._mapper.localisation.T_map_odom)
         self._on_keyframe(keyframe)
         return keyframe
@@ -70,35 +56,23 @@ class Keyframing:
     def look(self) -> MotionCheck:
         """Take a keyframe if the robot has moved far enough; by it, whether the robot moves and its pose is sure."""
         assert self._navigator.motion is not None
-        if not is_keyframe(self._looked.T_odom_base, self._navigator.motion.T_odom_base):
+        if not is_keyframe(self._T_odom_keyframe, self._navigator.motion.T_odom_base):
             return MotionCheck.FINE
-        last, frame, localisation = self._looked, self._sense(), self._mapper.localisation
+        frame, localisation = self._sense(), self._mapper.localisation
         if localisation.may_err and self.pose_check.was_carried(frame):
             return MotionCheck.UNSURE
-        driven = np.linalg.norm((inverse(last.T_odom_base) @ frame.T_odom_base)[:3, 3])
-        moved = np.linalg.norm((self._mapper.localise(frame) - last.T_map_base)[:3, 3])
-        self._add_if_due(frame, labelled=len(self._mapper.keyframes) % LABELLED == 0)
+        driven = np.linalg.norm((inverse(self._T_odom_keyframe) @ frame.T_odom_base)[:3, 3])
+        moved = np.linalg.norm((self._mapper.localise(frame) - localisation.poses[-1])[:3, 3])
+        self.add(frame, labelled=len(self._mapper.keyframes) % LABELLED == 0)
         if localisation.is_blind:
             return MotionCheck.UNSURE
         spins = driven >= KEYFRAME_WAY and moved < BLOCKED_SHARE * driven
         return MotionCheck.SPINNING if spins else MotionCheck.FINE
 
     def returns(self) -> NDArray[np.float32]:
-        """(N, 3) the camera's present returns, m in ``map``."""
+        """(N, 3) the camera's present returns, m in ``map``; their frame becomes a keyframe."""
         frame = self._sense()
-        return frame.points(self._add_if_due(frame, labelled=False) @ frame.T_base_camera)
-
-    def _add_if_due(self, frame: Frame, labelled: bool) -> NDArray[np.float64]:
-        """Make a keyframe of a frame if it shows new ground, or ties poses that nothing else ties; its 4×4 pose."""
-        mapper, T_map_base = self._mapper, self._mapper.localise(frame)
-        is_tied = mapper.localisation.agrees or not mapper.localisation.may_err
-        is_far = is_keyframe(self._T_odom_keyframe, frame.T_odom_base, MOST_LOOKS)
-        if is_far or not is_tied or mapper.adds(frame, T_map_base):
-            self.add(frame, labelled)
-        else:
-            self._looked = Look(frame.T_odom_base, T_map_base)
-            self._navigator.correct(mapper.localisation.T_map_odom)
-        return T_map_base
+        return frame.points(self.add(frame, labelled=False).T_map_base @ frame.T_base_camera)
 
     def _sense(self) -> Frame:
         self._last = without_isolated_returns(self._navigator.robot.sense())

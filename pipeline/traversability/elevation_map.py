@@ -171,12 +171,6 @@ class ElevationMap:
         missing[tuple(dropped.T)], returns[tuple(shown.T)] = 0, 0
         self._renew(tuple(np.concatenate([cells, passed]).T))
 
-    def unmeasured(self, points: NDArray[np.floating]) -> float:
-        """m² of the cells in which (N, 3) points, m in ``map``, lie and nothing was measured yet."""
-        cells = np.unique(self.grid.cell_of(points), axis=0)
-        known = cells[self.grid.holds(cells)]
-        return CELL**2 * (len(cells) - np.count_nonzero(np.isfinite(self.measured[tuple(known.T)])))
-
     @contextmanager
     def made_anew(self, boxes: NDArray[np.float64]) -> Iterator[Callable[[NDArray[np.float64]], NDArray[np.bool_]]]:
         """Forget all within boxes (M, 2, 2 or 3); the block of the ``with`` statement adds all evidence again.

@@ -225,16 +225,6 @@ def test_little_is_kept_of_a_keyframe():
         assert seen.nbytes < MOST_BYTES[labelled]
 
 
-def test_a_frame_adds_what_no_keyframe_has_measured():
-    mapper = Mapper(PIONEER, TruthClassifier())
-    assert mapper.adds(FRAMES[0], POSES[0])
-    for seed in range(3):
-        again = look(SCENE, POSES[0] @ T_BASE_CAMERA, 0.004, seed)
-        mapper.add(replace(again, T_base_camera=T_BASE_CAMERA), POSES[0], labelled=False)
-    assert not mapper.adds(FRAMES[0], POSES[0])
-    assert mapper.adds(FRAMES[0], POSES[0] @ from_yaw(0, 0, 0, 2.0))
-
-
 @pytest.mark.parametrize("bad", [POSES[:5], np.zeros_like(POSES), POSES * np.nan, POSES[0]])
 def test_poses_that_are_none_are_refused(bad):
     mapper = mapped(POSES)

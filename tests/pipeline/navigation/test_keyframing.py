@@ -7,7 +7,7 @@ from pipeline.frame import Frame
 from pipeline.localisation.localisation import KEYFRAME_WAY, LostError
 from pipeline.localisation.slam import Slam
 from pipeline.mapper import Keyframe, Mapper
-from pipeline.navigation.keyframing import LABELLED, MOST_LOOKS, Keyframing
+from pipeline.navigation.keyframing import LABELLED, Keyframing
 from pipeline.navigation.navigator import Navigator, Outcome
 from pipeline.navigation.pose_check import LOOKS
 from pipeline.semantic_map.classifier import TruthClassifier
@@ -132,16 +132,13 @@ def test_where_the_odometry_leaps_the_robot_was_set_down(outlook):
     assert outlook.keyframing.pose_check.was_set_down(far)
 
 
-@pytest.mark.parametrize(("is_new", "looks"), [(True, 1), (False, MOST_LOOKS)])
-def test_keyframes_are_taken_on_the_way_where_they_add_something_and_else_to_tie_poses(is_new, looks, monkeypatch):
+def test_keyframes_are_taken_on_the_way_and_every_so_many_one_is_labelled():
     outlook = Outlook()
     outlook.keyframing.add(outlook.keyframing.sense(), labelled=True)
-    monkeypatch.setattr(outlook.mapper, "adds", lambda frame, T_map_base: is_new)
     assert outlook.navigator.follow(np.array([(3.0, 2.0)]), look=outlook.keyframing.look)
     places = [keyframe.T_map_base[0, 3] for keyframe in outlook.keyframes]
-    np.testing.assert_allclose(places, 2.0 + KEYFRAME_WAY * np.arange(0, 4, looks), atol=0.05)
-    labelled = [len(keyframe.labels) > 0 for keyframe in outlook.keyframes]
-    assert labelled == [k % LABELLED == 0 for k in range(len(places))]
+    np.testing.assert_allclose(places, 2.0 + KEYFRAME_WAY * np.arange(4), atol=0.05)
+    assert [len(keyframe.labels) > 0 for keyframe in outlook.keyframes] == [k % LABELLED == 0 for k in range(4)]
 
 
 def test_the_returns_are_those_of_a_keyframe_that_is_not_labelled():

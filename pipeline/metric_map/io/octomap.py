@@ -17,7 +17,7 @@ from pipeline.files import whole_file
 from pipeline.labels import COLOURS, Label
 from pipeline.metric_map.metric_map import LOG_ODDS, MetricMap
 
-REACH = np.iinfo(np.int16)  # Voxels from the origin to the ends of an octree of OctoMap's 16 levels
+REACH = -int(np.iinfo(np.int16).min)  # Voxels from the origin to the end of an octree of OctoMap's 16 levels
 CLAMP = np.finfo(np.float64).eps  # Probability below which OctoMap clamps; less than that of any log-odds of the map
 
 
@@ -61,8 +61,8 @@ def _add_voxels(
 ) -> NDArray[np.floating]:
     """Add voxels with their log-odds; returns their (N, 3) centres in the octree, m."""
     index = metric_map.voxel_index(centres)
-    if np.any((index < REACH.min) | (index > REACH.max)):
-        raise InputError(f"an octree of OctoMap reaches {-REACH.min} voxels from the map's origin, not farther")
+    if np.any((index < -REACH) | (index >= REACH)):
+        raise InputError(f"an octree of OctoMap reaches {REACH} voxels from the map's origin, not farther")
     tree.setClampingThresMin(CLAMP)
     tree.setClampingThresMax(1 - CLAMP)
     places = (index + 0.5) * metric_map.voxel_size

@@ -11,7 +11,7 @@ from pipeline.keyframes import Moves
 from pipeline.labels import Label
 from pipeline.localisation.localisation import KEYFRAME_WAY
 from pipeline.mapper import Keyframe, Mapper
-from pipeline.mission import Mission
+from pipeline.mission import PATIENCE, Mission
 from pipeline.navigation.keyframing import Keyframing
 from pipeline.navigation.navigator import Navigator, Outcome
 from pipeline.navigation.obstacle_check import ObstacleCheck
@@ -23,9 +23,6 @@ from pipeline.transforms import yaw_of
 from pipeline.traversability.pose_paths import PosePaths
 from pipeline.traversability.traversability import Traversability
 from pipeline.victims.reobservation import Reobservation
-
-PATIENCE = 6
-"""Failed drives, counted since a drive last moved the robot by more than ``KEYFRAME_WAY``, after which it stays."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,7 +163,7 @@ class Explorer:
 
     @property
     def is_held(self) -> bool:
-        """Whether ``PATIENCE`` drives failed since the robot last moved away from where it was."""
+        """Whether ``PATIENCE`` drives failed since one last moved the robot by more than ``KEYFRAME_WAY``."""
         return self._failed_drives >= PATIENCE
 
     def decide(self, keyframe: Keyframe) -> tuple[Viewpoint | None, Context]:

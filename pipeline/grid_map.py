@@ -12,7 +12,7 @@ from scipy import ndimage
 Box = tuple[slice, slice]  # A rectangle of cells of a grid
 
 BLOCK = 64
-"""Cells along each side of the blocks in which a grid map grows where points fall: 3.2 m of cells of 5 cm."""
+"""Cells, or voxels, along each side of the blocks in which maps grow where points fall: 3.2 m of cells of 5 cm."""
 BORDER = 20
 """Cells beyond the points that lie on the grid as well, so that what borders on them can be looked for: 1 m."""
 

@@ -30,7 +30,7 @@ from pipeline.traversability.ground_evidence import GroundEvidence, box_of
 
 UNIT = 2.5e-4
 """m, to which kept points and depths are rounded: a fifth of the noise of the best depth camera."""
-FARTHEST = np.iinfo(np.int16).max * UNIT
+FARTHEST_KEPT = np.iinfo(np.int16).max * UNIT
 """m along an axis; returns farther away, beyond the range of any depth camera indoors, are left out."""
 NOTICEABLE = 0.01
 """m; keyframes of which nothing in view moves farther stay where they are in the maps, as in RTAB-Map."""
@@ -163,7 +163,7 @@ def thinned(
 ) -> tuple[VoxelCloud, NDArray[np.intp]]:
     """Points (N, 3), m in ``base_link``, thinned to voxels of that size, m, and which (K,) of these are kept."""
     cloud = VoxelCloud.of(points, voxel)
-    return cloud, np.flatnonzero((np.abs(cloud.points) < FARTHEST).all(axis=1))
+    return cloud, np.flatnonzero((np.abs(cloud.points) < FARTHEST_KEPT).all(axis=1))
 
 
 class Moves(NamedTuple):

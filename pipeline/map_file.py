@@ -32,12 +32,12 @@ FORMAT, VERSION = "sarsim keyframes", 3
 
 Row = dict[str, Any]
 Arrays = dict[str, NDArray[Any]]
-MANY = -1
+MANY = "*"
 """First length of a field of which each row has another number of entries."""
 
 
 class Field(NamedTuple):
-    """Type and shape of a field of a kind's rows; a letter stands for the same length in every row."""
+    """Type and shape of a field of a kind's rows; a letter other than ``MANY`` stands for one length in all."""
 
     kind: str
     shape: tuple[int | str, ...] = ()

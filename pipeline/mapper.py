@@ -25,7 +25,8 @@ from pipeline.topological_map.topological_map import TopologicalMap
 from pipeline.transforms import inverse, transform_points, yaw_of
 from pipeline.traversability.accessibility import is_inaccessible
 from pipeline.traversability.elevation_map import HEIGHTS, ElevationMap
-from pipeline.traversability.ground_evidence import UNDER, Assumed, Driven, GroundEvidence
+from pipeline.traversability.ground_evidence import Assumed, Driven, GroundEvidence
+from pipeline.traversability.pose_kernels import MOST_ROOM
 from pipeline.traversability.pose_paths import PosePaths
 from pipeline.traversability.traversability import Traversability
 from pipeline.traversability.traversability_layer import TraversabilityLayer
@@ -268,7 +269,7 @@ class Mapper:
         k = len(known) - 1
         if self._set_down is not None:
             T_base_start = inverse(known.poses[k]) @ self._set_down
-            if np.linalg.norm(T_base_start[:2, 3]) > (UNDER - 1) * robot.corner_radius:
+            if np.linalg.norm(T_base_start[:2, 3]) > MOST_ROOM:
                 self._set_down = None
             else:
                 self._put(k, Assumed.under(T_base_start, robot))

@@ -10,14 +10,11 @@ from numpy.typing import ArrayLike, NDArray
 from pipeline.exploration.next_best_view import Exploration
 from pipeline.exploration.viewpoint import ARRIVED, Context, Strategy, Viewpoint
 from pipeline.planning.path_plan import goal_name, obstacle_to, order_goals
+from pipeline.traversability.pose_kernels import STOP
 from pipeline.traversability.pose_paths import PosePaths
 
-PROGRESS = 0.5
-"""s; a drive that shortens the way to its goal by no more than this was in vain."""
 PATIENCE = 5
-"""Drives in vain after which a goal is given up."""
-HOME_SNAP = 0.5
-"""m; reachable ground this close to where the robot was set down counts as home: it may not be reachable itself."""
+"""Drives in vain after which a goal is given up, and failed drives from one place after which the robot stays."""
 
 
 class RobotState(Protocol):
@@ -84,7 +81,7 @@ class Mission:
         if goals:
             yield from self._visit("goals", Goals(goals), robot)
         if home and robot.T_map_start is not None:
-            yield from self._visit("home", Goals([robot.T_map_start[:2, 3]], HOME_SNAP), robot)
+            yield from self._visit("home", Goals([robot.T_map_start[:2, 3]], may_be_near=True), robot)
 
     def _visit(self, name: str, goals: "Goals", robot: RobotState) -> Iterator[str]:
         self.goals = self._visited[name] = goals
@@ -132,11 +129,15 @@ class Goals:
         visits: outcomes of the other goals, in the order in which they were visited or given up.
     """
 
-    def __init__(self, goals: Sequence[ArrayLike], snap: float = 0.0):
-        """Goals (2,), m in ``map``; the nearest reachable ground within ``snap`` m stands for one."""
+    def __init__(self, goals: Sequence[ArrayLike], may_be_near: bool = False):
+        """Goals (2,), m in ``map``.
+
+        ``may_be_near``: the nearest reachable ground within the robot's length stands for one, as where it was set
+        down, which may not be reachable itself.
+        """
         self.left = [np.asarray(goal, np.float64) for goal in goals]
         self.visits: list[Visit] = []
-        self._snap = snap
+        self._may_be_near = may_be_near
         self._context: Context | None = None
         self._goal: NDArray[np.float64] | None = None
         # By a goal's id: s of the shortest way to it so far, and how many drives since did not shorten it.
@@ -174,16 +175,17 @@ class Goals:
             self._end(goal, obstacle or f"{goal_name(goal)} was not reached: {why or 'the episode ended'}")
 
     def _place(self, goal: NDArray[np.float64], paths: PosePaths) -> NDArray[np.float64]:
-        """(2,) m, the place to drive to for a goal: the nearest reachable one within ``snap``, or else the goal."""
+        """(2,) m, the place to drive to for a goal: the nearest reachable one near it, or else the goal."""
         if not np.isfinite(goal).all():
             return goal
-        place = paths.traversability.grid.nearest(paths.reachable, goal, self._snap)
+        t = paths.traversability
+        place = t.grid.nearest(paths.reachable, goal, t.robot.length if self._may_be_near else 0.0)
         return goal if place is None else place
 
     def _was_in_vain(self, goal: NDArray[np.float64], way_left: float) -> bool:
-        """Whether ``PATIENCE`` drives to a goal, the last one among them, have not shortened the way to it."""
+        """Whether ``PATIENCE`` drives to a goal, this one included, shortened the way by less than a bend costs."""
         shortest, in_vain = self._tries[id(goal)]
-        is_shorter = way_left < shortest - PROGRESS
+        is_shorter = way_left < shortest - STOP
         self._tries[id(goal)] = (way_left, 0) if is_shorter else (shortest, in_vain + 1)
         return self._tries[id(goal)][1] >= PATIENCE
 

@@ -7,6 +7,9 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+SAME_SURFACE = np.float32(0.05)
+"""Share of a return's depth by which the depths of returns beside it on the same surface may differ from it."""
+
 Depth = TypeVar("Depth", float, NDArray[np.floating])
 
 

@@ -16,8 +16,8 @@ from pipeline.keyframes import Places
 from pipeline.robot import RobotModel
 from pipeline.transforms import wrap_angle
 from pipeline.traversability.elevation_map import CELL
-from pipeline.traversability.pose_kernels import ANGLES
-from pipeline.traversability.pose_paths import FIRST_HORIZON, GROWTH, bits
+from pipeline.traversability.pose_kernels import ANGLES, STOP
+from pipeline.traversability.pose_paths import bits
 
 MIN_GAIN, MIN_RATE = 0.03, 1 / 3600
 """m² and m²/s, 1 m² per hour; a viewpoint that is expected to show less is not worth the drive, nor its risk."""
@@ -187,7 +187,7 @@ class Exploration:
         if not is_some.any():
             return None
         candidates, gains, there = candidates[is_some], gains[is_some], there[is_some]
-        horizon, straight = FIRST_HORIZON, paths.least_seconds_to(there)[:, None]
+        horizon, straight = STOP, paths.least_seconds_to(there)[:, None]
         while True:
             known = paths.seconds_to(there, horizon)
             # Ways beyond the search's horizon cost more than the horizon, and no less than a straight drive.
@@ -198,7 +198,7 @@ class Exploration:
                 return None
             if np.isfinite(known[n, m]):
                 return Viewpoint(candidates[n], wrap_angle(float(ANGLES[m])), True, float(gains[n, m]))
-            horizon *= GROWTH
+            horizon *= 2
 
     def _place(self, poses: NDArray[np.float64]) -> None:
         """Count the misses of all cells anew if the poses (K, 4, 4) of keyframes were corrected."""

@@ -7,8 +7,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.errors import InputError
+from pipeline.grid_map import BLOCK
 
-SIDE = 64  # Voxels along a side of a block
+SIDE = BLOCK  # Voxels along a side of a block
 
 Key = tuple[int, int, int]
 Box = tuple[slice, slice, slice]

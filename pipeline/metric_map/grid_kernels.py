@@ -3,8 +3,8 @@
 import numpy as np
 from numba import njit
 
-WORD = 8
-"""Marks along z that are read together."""
+WORD = np.dtype(np.uint64).itemsize
+"""Marks along z that are read together, as an unsigned integer."""
 
 
 @njit(cache=True)

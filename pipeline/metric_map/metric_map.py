@@ -22,8 +22,10 @@ HIT, MISS = 10, 1
 """What an end point adds to a voxel's value and what a crossing ray subtracts. One return proves a surface, while
 rays cross a voxel that has a surface in one corner again and again."""
 
-LEAST, GREATEST = -9, 40
-"""Clamps of a voxel's value: one hit outweighs LEAST; a vanished surface is erased after GREATEST / MISS frames."""
+FREEST = MISS - HIT
+"""Least value of a voxel: one hit outweighs it."""
+FIRMEST = 40
+"""Greatest value of a voxel: a vanished surface is erased after FIRMEST / MISS frames."""
 
 OFFSET = (-0.25, -0.25, -0.4)
 """(x, y, z) of a voxel's corner in ``map``, in voxels. Built surfaces tend to lie at round coordinates, and noise
@@ -190,7 +192,7 @@ class MetricMap:
         Raises:
             InputError: if the map is full.
         """
-        self._log_odds.write(lower, np.clip(values, LEAST, GREATEST))
+        self._log_odds.write(lower, np.clip(values, FREEST, FIRMEST))
 
     def state_at(self, points: ArrayLike) -> NDArray[np.float32]:
         """(N,) float32 in {0 occupied, 0.5 unknown, 1 free} at (N, 3) points, m in ``map``."""
@@ -253,7 +255,7 @@ class MetricMap:
                 marked.append((key, part, in_block))
         self._log_odds.reserve(key for key, _, _ in marked)
         for key, part, in_block in marked:
-            fold(part, self._log_odds[key][in_block], HIT, MISS, LEAST, GREATEST)
+            fold(part, self._log_odds[key][in_block], HIT, MISS, FREEST, FIRMEST)
 
 
 def _check_image(depth: NDArray[np.float32], intrinsics: Intrinsics) -> None:

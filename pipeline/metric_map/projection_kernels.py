@@ -9,11 +9,12 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from pipeline.metric_map.grid_kernels import WORD
 from pipeline.metric_map.ray_kernels import FREE, HIT, walk
 
 # fastmath={"contract"} fuses a product and a sum into one instruction, which rounds once instead of twice.
 
-BLOCK = 8
+BLOCK = WORD
 """Voxels along a side of the blocks that are decided together."""
 SIDE = BLOCK + 1
 """Voxel corners along a side of a block."""
@@ -23,14 +24,12 @@ SEEN, HIDDEN = np.uint8(1), np.uint8(2)
 TILE = 8
 """Pixels along a side of the tiles of the depth pyramid's finest level."""
 
-TOO_NEAR = 1e-6
+TOO_NEAR = np.finfo(np.float32).eps
 """m of depth; the camera sees nothing nearer."""
 SHADE = 1.0
 """m behind a crest within which unseen ground may slope down from it."""
 NARROW = 6.0
 """Depth in voxels up to which the field of view is so narrow that it passes between the corners of voxels."""
-NARROW_ROWS, NARROW_COLUMNS = 7, 9
-"""Rows and columns of rays, spread over the image, that are traced up to that depth."""
 
 
 class DepthCamera(NamedTuple):
@@ -171,23 +170,30 @@ def _mark_narrow(depth, camera, marks):
     height, width = depth.shape
     x, y, z = camera.origin
     ax = camera.axes
-    for i in range(NARROW_ROWS):
-        v = i * (height - 1) // (NARROW_ROWS - 1)
+    rows, columns = _rays_across(height, camera.fy), _rays_across(width, camera.fx)
+    for i in range(rows):
+        v = i * (height - 1) // (rows - 1)
         b = (v + 0.5 - camera.cy) / camera.fy
-        for j in range(NARROW_COLUMNS):
-            u = j * (width - 1) // (NARROW_COLUMNS - 1)
+        for j in range(columns):
+            u = j * (width - 1) // (columns - 1)
             a = (u + 0.5 - camera.cx) / camera.fx
             d = depth[v, u]
             if not 0 < d < np.inf:
                 continue
             reach = min(d, camera.far) - camera.margin
-            if i % (NARROW_ROWS - 1) != 0 or j % (NARROW_COLUMNS - 1) != 0:
+            if i % (rows - 1) != 0 or j % (columns - 1) != 0:
                 reach = min(reach, NARROW * camera.size)
             if reach > 0:
                 x_stop = x + reach * (ax[0, 0] * a + ax[1, 0] * b + ax[2, 0])
                 y_stop = y + reach * (ax[0, 1] * a + ax[1, 1] * b + ax[2, 1])
                 z_stop = z + reach * (ax[0, 2] * a + ax[1, 2] * b + ax[2, 2])
                 walk(x, y, z, x_stop, y_stop, z_stop, marks)
+
+
+@njit(cache=True)
+def _rays_across(pixels, focal):
+    """Number of rays, spread over an image axis, that are a voxel or less apart where the view is ``NARROW``."""
+    return max(min(int(np.ceil(NARROW * pixels / focal)) + 1, pixels), 2)
 
 
 @njit(cache=True)

@@ -7,9 +7,9 @@ from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
 from pipeline.traversability.elevation_map import CELL
-from pipeline.traversability.pose_kernels import NARROW_SPEED, level_speed
+from pipeline.traversability.pose_kernels import NARROW_SPEED, STANDING, level_speed
 from pipeline.traversability.pose_paths import nearest_heading
-from pipeline.traversability.traversability import RAMP_MARGIN, STANDING, Traversability
+from pipeline.traversability.traversability import RAMP_MARGIN, Traversability
 
 BESIDE_PEOPLE = 1.0
 """m from a person within which the robot drives no faster than where it has no room."""

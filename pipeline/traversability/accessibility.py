@@ -8,9 +8,6 @@ from scipy import ndimage
 
 from pipeline.traversability.traversability import Traversability
 
-JOINT = 0.1
-"""m, side of the voxels that join a surface if they are neighbours, and greatest height of the foot of a ramp."""
-
 
 def is_inaccessible(
     ground: Traversability,
@@ -38,18 +35,21 @@ def is_inaccessible(
     near = ndimage.binary_dilation(broad, np.ones((2 * side - 1, 2 * side - 1)))
     narrow, height = ~near[tuple(cells.T)], height_above_accessible(ground, places, points)
     high = (height > ground.robot.headroom) & ~from_below
-    return narrow | high & ~_comes_down(points, ~narrow, height) if high.any() else narrow
+    return narrow | high & ~_comes_down(points, ~narrow, height, 2 * ground.grid.cell) if high.any() else narrow
 
 
 def _comes_down(
-    points: NDArray[np.floating], counts: NDArray[np.bool_], height: NDArray[np.float64]
+    points: NDArray[np.floating], counts: NDArray[np.bool_], height: NDArray[np.float64], joint: float
 ) -> NDArray[np.bool_]:
-    """(N,) whether points (N, 3) belong to a surface of those that count whose foot has almost no height (N,), m."""
-    voxels = tuple(((points - points.min(axis=0)) / JOINT).astype(np.int64).T)
+    """(N,) whether points (N, 3) belong to a surface of those that count whose foot has almost no height (N,), m.
+
+    ``joint``: m, side of the voxels that join a surface if they are neighbours, and greatest height of its foot.
+    """
+    voxels = tuple(((points - points.min(axis=0)) / joint).astype(np.int64).T)
     filled = np.zeros([side.max() + 1 for side in voxels], np.bool_)
     filled[tuple(side[counts] for side in voxels)] = True
     surface = ndimage.label(filled, np.ones((3, 3, 3)))[0][voxels]
-    return counts & np.isin(surface, surface[counts & (height < JOINT)])
+    return counts & np.isin(surface, surface[counts & (height < joint)])
 
 
 def height_above_accessible(

@@ -12,9 +12,7 @@ from pipeline.frame import Intrinsics
 from pipeline.sensor import SensorModel
 from pipeline.transforms import transform_points
 from pipeline.traversability import depth_dropouts_kernels as kernels
-
-LEAST_ROWS = 3
-"""Least number of searched rows in which a panel leaves its gap: one row of three pixels is noise."""
+from pipeline.traversability.elevation_kernels import MIN_HITS
 
 
 def find_depth_dropouts(
@@ -31,7 +29,7 @@ def find_depth_dropouts(
     dropouts = np.zeros_like(depth)
     kernels.dropout_depth(depth, intrinsics.fy, sensor.grazing, dropouts)
     gaps, _ = ndimage.label(dropouts[:: kernels.ROW_STEP] > 0, np.ones((3, 3)))
-    is_panel = [False, *(rows.stop - rows.start >= LEAST_ROWS for rows, _ in ndimage.find_objects(gaps))]
+    is_panel = [False, *(rows.stop - rows.start >= MIN_HITS for rows, _ in ndimage.find_objects(gaps))]
     v, u = np.nonzero(np.array(is_panel)[gaps])
     v *= kernels.ROW_STEP
     return transform_points(T_map_camera, intrinsics.rays[v, u] * dropouts[v, u, None])

@@ -3,14 +3,13 @@
 import numpy as np
 from numba import njit
 
-MIN_GAP, MAX_GAP = 3, 60
-"""Pixels, width of a gap: the sensor frays edges by less, and wider gaps leave unknown ground behind them."""
-TOLERANCE = np.float32(0.06)
-"""Share by which the depths to the left and to the right may differ."""
+from pipeline.sensor import SAME_SURFACE
+from pipeline.traversability.elevation_kernels import MIN_HITS
+
+MAX_GAP = 60
+"""Pixels, greatest width of a gap: wider ones leave unknown ground behind them."""
 ROW_STEP = 2
 """Rows from one searched row to the next."""
-_ROWS = 4
-"""Rows above and below a pixel by which its surface's slope is measured."""
 
 
 @njit(cache=True)
@@ -29,9 +28,9 @@ def dropout_depth(depth, focal, least_grazing, dropouts):
             if not z > 0:
                 continue
             if at >= 0 and u - at - 1 <= MAX_GAP:
-                if z < left * (1 - TOLERANCE):
+                if z < left * (1 - SAME_SURFACE):
                     continue
-                goes_on = z <= left * (1 + TOLERANCE) and u - at - 1 >= MIN_GAP
+                goes_on = z <= left * (1 + SAME_SURFACE) and u - at - 1 >= MIN_HITS
                 angle = min(grazing(depth, v, at, focal), grazing(depth, v, u, focal)) if goes_on else 0.0
                 if goes_on and angle >= least_grazing:
                     for k in range(at + 1, u):
@@ -42,7 +41,8 @@ def dropout_depth(depth, focal, least_grazing, dropouts):
 @njit(cache=True)
 def grazing(depth, v, u, focal):
     """Angle in rad between a pixel's ray and the surface that it meets, by ``depth`` (H, W), which is not 0 there."""
-    above, below = max(v - _ROWS, 0), min(v + _ROWS, depth.shape[0] - 1)
+    rows = 2 * ROW_STEP  # the next searched row may be as noisy as the pixel's own
+    above, below = max(v - rows, 0), min(v + rows, depth.shape[0] - 1)
     if not (depth[above, u] > 0 and depth[below, u] > 0):
         return 0.0
     rise = abs(depth[above, u] - depth[below, u])

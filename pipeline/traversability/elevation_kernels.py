@@ -6,21 +6,14 @@ from numba import njit
 Z_MIN, LEVELS, Z_BIN = -0.575, 53, 0.05
 """The lowest height that matters to the robot in ``map``, m, and the number and the height, m, of a column's bins.
 The returns of a bin are averaged; one bin is centred on z = 0."""
-MOST_HITS = 1000
+MOST_HITS = np.iinfo(np.uint16).max
 """Number of returns at which the count of a bin saturates."""
 MIN_HITS = 3
-"""Least number of returns of a bin that counts."""
+"""Least number of returns of a bin that counts, and of pixels and rows of a gap in the image: fewer are noise."""
 NOISE = 0.1
 """Share of a bin's hits that may stray into the next one."""
-MAX_GAP_RISE = 0.05
-"""m, greatest difference in height across a gap that the robot rolls over, and that is therefore filled."""
 RAY_HEIGHT = 0.3
 """m; a ray that passes over a cell no higher above its ground shows that no wall stands there."""
-DROPOUT_HEIGHT = 0.1
-"""m; a depth dropout makes the ground unknown only if it lies within this height of it."""
-COS_OTHER_SIDE = np.cos(np.deg2rad(15))
-"""Ground with a dropout is known again once it is seen at a greater angle to the dropout's direction: a panel without
-returns is seen within 8° of its plane."""
 _DIRECTIONS = ((1, 0), (0, 1), (1, 1), (1, -1))
 
 
@@ -45,7 +38,6 @@ def accumulate(points, counts, origin, cell, within, height, hits, returns):
         k = int(np.floor((z - Z_MIN) / Z_BIN))
         if not (0 <= i < nx and 0 <= j < ny and 0 <= k < nz and within[i, j]):
             continue
-        # The count saturates, so that an old surface can still follow a slow change.
         count = np.int64(counts[n])
         total = min(hits[i, j, k] + count, MOST_HITS)
         hits[i, j, k] = total
@@ -85,7 +77,7 @@ def column_height(height, hits, headroom):
 
 @njit(cache=True, nogil=True)
 def count_dropouts(points, counts, origin, cell, within, height, hits, headroom, dropouts):
-    """(K, 2) int64, the cells of those points (N, 3), m, that lie near the ground or where the ground is unknown.
+    """(K, 2) int64, the cells of those points (N, 3), m, within two bins of the ground or where it is unknown.
 
     Each point is the mean of ``counts`` (N,) dropouts. ``dropouts`` (nx, ny), 0 before, counts the dropouts by cell.
     """
@@ -95,7 +87,7 @@ def count_dropouts(points, counts, origin, cell, within, height, hits, headroom,
         i, j = cell_at(points[n, 0], points[n, 1], origin, cell)
         if not (0 <= i < nx and 0 <= j < ny and within[i, j]):
             continue
-        if abs(points[n, 2] - column_height(height[i, j], hits[i, j], headroom)) > DROPOUT_HEIGHT:
+        if abs(points[n, 2] - column_height(height[i, j], hits[i, j], headroom)) > 2 * Z_BIN:
             continue
         if dropouts[i, j] == 0:
             cells[size, 0], cells[size, 1] = i, j
@@ -105,12 +97,13 @@ def count_dropouts(points, counts, origin, cell, within, height, hits, headroom,
 
 
 @njit(cache=True)
-def renew_dropout(direction, dropouts, returns, cells, camera, origin, cell):
+def renew_dropout(direction, dropouts, returns, cells, camera, grazing, origin, cell):
     """Mark the cells in which a keyframe has enough dropouts, and clear those that it shows from another direction.
 
     ``direction`` (nx, ny, 2) is the horizontal direction in which a cell's last dropout was seen, 0 where there is
     none. A keyframe clears a cell if it has enough returns and no dropout there. ``dropouts`` and ``returns``
-    (nx, ny) count the points of the keyframe from ``camera`` (3,) in ``cells`` (K, 2).
+    (nx, ny) count the points of the keyframe from ``camera`` (3,) in ``cells`` (K, 2). A panel without returns is
+    seen within ``grazing``, rad, of its plane, so directions that differ by more than twice that show the ground.
     """
     for i, j in cells:
         if dropouts[i, j] < MIN_HITS and returns[i, j] < MIN_HITS:
@@ -120,7 +113,7 @@ def renew_dropout(direction, dropouts, returns, cells, camera, origin, cell):
         dx, dy = dx / distance, dy / distance
         if dropouts[i, j] >= MIN_HITS:
             direction[i, j, 0], direction[i, j, 1] = dx, dy
-        elif dropouts[i, j] == 0 and abs(dx * direction[i, j, 0] + dy * direction[i, j, 1]) < COS_OTHER_SIDE:
+        elif dropouts[i, j] == 0 and abs(dx * direction[i, j, 0] + dy * direction[i, j, 1]) < np.cos(2 * grazing):
             direction[i, j, 0], direction[i, j, 1] = 0.0, 0.0
 
 
@@ -225,7 +218,7 @@ def cells_to_known(elevation, i, j, di, dj, max_gap, dropout=None):
 
 @njit(cache=True, nogil=True)
 def bridge_gaps(elevation, dropout, ceiling, max_gap):
-    """(nx, ny) m, ``elevation`` with unknown cells between two known cells of nearly equal height filled.
+    """(nx, ny) m, ``elevation`` with unknown cells filled between two known ones that are level but for a bin.
 
     Gaps run along the axes and the diagonals over at most ``max_gap`` cells; where several gaps cross, the last one
     counts. Only cells are filled over which a ray passed, at most at ``ceiling`` (nx, ny), m: elsewhere a thin wall
@@ -240,7 +233,7 @@ def bridge_gaps(elevation, dropout, ceiling, max_gap):
                     continue
                 gap = cells_to_known(elevation, i, j, di, dj, max_gap, dropout)
                 rise = elevation[i + gap * di, j + gap * dj] - elevation[i, j]
-                for k in range(1, gap if abs(rise) <= MAX_GAP_RISE else 0):
+                for k in range(1, gap if abs(rise) <= Z_BIN else 0):
                     a, b, ground = i + k * di, j + k * dj, elevation[i, j] + rise * k / gap
                     if ceiling[a, b] <= ground + RAY_HEIGHT:
                         filled[a, b] = ground

@@ -13,14 +13,12 @@ from numpy.typing import NDArray
 
 from pipeline.grid_map import Grid, GridMap, Layer, box_around, inside
 from pipeline.robot import RobotModel
+from pipeline.sensor import XTION
 from pipeline.traversability import elevation_kernels as kernels
 from pipeline.traversability import pose_kernels
 
-CELL = 0.05
-"""m, side of a cell."""
-
-POSE_ERROR = 0.05
-"""m by which the radius of the disc that the robot certainly swept is smaller than half the footprint's width."""
+CELL = kernels.Z_BIN
+"""m, side of a cell: the bins of its column are cubes."""
 
 HEIGHTS = kernels.Z_MIN, kernels.Z_MIN + kernels.LEVELS * kernels.Z_BIN
 """m in ``map``, between which ground is mapped."""
@@ -132,8 +130,8 @@ class ElevationMap:
 
     @cached_property
     def _disc(self) -> NDArray[np.int64]:
-        """(K, 2) the cells that a robot in the middle of cell (0, 0) certainly sweeps."""
-        reach = max(self.robot.half_width - POSE_ERROR, 0.0)
+        """(K, 2) the cells that a robot in the middle of cell (0, 0) sweeps, even if its pose is wrong by a cell."""
+        reach = max(self.robot.half_width - CELL, 0.0)
         square = np.argwhere(np.ones((2 * int(reach / CELL) + 1,) * 2)) - int(reach / CELL)
         return square[np.hypot(*square.T) * CELL <= reach]
 
@@ -167,7 +165,7 @@ class ElevationMap:
         dropped = kernels.count_dropouts(dropouts, weights, *cell, within, height, filled, headroom, missing)
         cells = np.concatenate([shown, dropped])
         if camera is not None:
-            kernels.renew_dropout(layers["dropout_direction"], missing, returns, cells, camera, *cell)
+            kernels.renew_dropout(layers["dropout_direction"], missing, returns, cells, camera, XTION.grazing, *cell)
         missing[tuple(dropped.T)], returns[tuple(shown.T)] = 0, 0
         self._renew(tuple(np.concatenate([cells, passed]).T))
 

@@ -10,15 +10,14 @@ from pipeline.frame import Frame
 from pipeline.robot import RobotModel
 from pipeline.segments.cells_kernels import moved
 from pipeline.transforms import yaw_of
-from pipeline.traversability.elevation_kernels import MAX_GAP_RISE
+from pipeline.traversability.elevation_kernels import Z_BIN
 from pipeline.traversability.elevation_map import CELL, ElevationMap
+from pipeline.traversability.pose_kernels import MOST_ROOM
 
-UNDER = 1.4
-"""Corner radii of the robot around it, in which ground is taken for level where it was set down."""
-AHEAD, WIDTH = 1.4, 1.2
-"""m, and widths of the robot: the strip before it, in which ground may be taken for level there."""
-BIN = np.deg2rad(2)
-"""rad; directions in which the strip is level or not."""
+AHEAD = 1.4
+"""m, length of the strip before the robot, in which ground may be taken for level where it was set down."""
+BIN = CELL / AHEAD
+"""rad; directions in which the strip is level or not: a cell at its end."""
 
 
 def box_of(*clouds: NDArray[np.floating]) -> NDArray[np.float64]:
@@ -52,8 +51,8 @@ class Assumed:
 
     @classmethod
     def under(cls, T_base_start: NDArray[np.float64], robot: RobotModel) -> "Assumed":
-        """The ground around the 4×4 pose where the robot was set down."""
-        radius = UNDER * robot.corner_radius
+        """The ground around the 4×4 pose where the robot was set down, as far as room makes a difference to it."""
+        radius = robot.corner_radius + MOST_ROOM
         points = _lattice(-radius, radius, radius)
         return cls(moved(T_base_start, points[np.hypot(*points.T[:2]) <= radius]))
 
@@ -74,8 +73,8 @@ class Assumed:
         near = near[np.argsort(-near[:, 0])]
         height = np.full(int(2 * widest / BIN) + 1, np.inf)
         height[bin_of(near)] = near[:, 2]
-        strip = _lattice(0.0, AHEAD, WIDTH * robot.half_width)
-        return cls(strip[np.abs(height[bin_of(strip)]) <= MAX_GAP_RISE])
+        strip = _lattice(0.0, AHEAD, robot.half_width + CELL)
+        return cls(strip[np.abs(height[bin_of(strip)]) <= Z_BIN])
 
     @property
     def box(self) -> NDArray[np.float64]:

@@ -1,5 +1,6 @@
 """Compiled geometry of a footprint with a heading: how much room it has, and what moves cost."""
 
+import math
 from functools import cache
 from typing import NamedTuple
 
@@ -9,15 +10,16 @@ from numpy.typing import NDArray
 
 from pipeline.traversability.elevation_kernels import cell_at
 
-_QUADRANT = np.array([(1, 0), (2, 1), (1, 1), (1, 2)])
-VECTORS = np.concatenate([_QUADRANT @ np.linalg.matrix_power(np.array([[0, 1], [-1, 0]]), k) for k in range(4)])
+_HALF = np.array([(1, 0), (2, 1), (1, 1), (1, 2), (0, 1), (-1, 2), (-1, 1), (-2, 1)])
+VECTORS = np.concatenate([_HALF, -_HALF])
 """(16, 2) displacement in cells by a move along each heading: headings are those of a lattice, 18 to 27° apart."""
-HEADINGS = len(VECTORS)
-ANGLES = np.arctan2(VECTORS[:, 1], VECTORS[:, 0]) % (2 * np.pi)
+HEADINGS, STANDING = len(VECTORS), len(_HALF)
+"""Number of headings, and of those with different footprints: the opposite of a heading has the same."""
+ANGLES = np.arctan2(*VECTORS.T[::-1]) % math.tau
 """(16,) rad, the headings."""
 UNKNOWN, HAZARD = 1, 2
 """Kinds of obstacles; 0 is none."""
-FARTHEST = 0.2
+MOST_ROOM = 0.2
 """m; more room than this makes no difference."""
 LENIENCY = 0.03
 """m by which the robot may come nearer to unknown ground than to a hazard."""
@@ -101,15 +103,15 @@ def footprint_distances(half_length, half_width, cell):
     Returns:
         (N, 2) int64 offsets, (N, 16) int8 cm by heading and turn as in :class:`Terrain`, and (N,) cm, their least.
     """
-    reach, half = int((np.hypot(half_length, half_width) + FARTHEST) / cell) + 1, HEADINGS // 2
+    reach = int((np.hypot(half_length, half_width) + MOST_ROOM) / cell) + 1
     offsets = np.argwhere(np.ones((2 * reach + 1,) * 2)) - reach
     x, y = cell * offsets.T[:, :, None, None]
-    stands, turns = np.tile(ANGLES[:half], (6, 1)), np.linspace(ANGLES[:half], ANGLES[1 : half + 1], 6)
+    stands, turns = np.tile(ANGLES[:STANDING], (6, 1)), np.linspace(ANGLES[:STANDING], ANGLES[1 : STANDING + 1], 6)
     angles = np.hstack([stands, turns])
     room = distance_to_footprint(x, y, np.cos(angles), np.sin(angles), half_length, half_width).min(axis=1)
-    distances = np.floor(100 * np.minimum(room, FARTHEST)).astype(np.int8)
+    distances = np.floor(100 * np.minimum(room, MOST_ROOM)).astype(np.int8)
     least = distances.min(axis=1)
-    order = np.argsort(least)[: np.count_nonzero(least < int(100 * FARTHEST))]
+    order = np.argsort(least)[: np.count_nonzero(least < int(100 * MOST_ROOM))]
     return offsets[order], distances[order], least[order]
 
 
@@ -122,7 +124,7 @@ def clearances(obstacle, to_obstacle, footprint, near, rows, columns):
     """
     nx, ny = obstacle.shape
     offsets, distances, nearest = footprint
-    result = np.full((nx, ny, HEADINGS), int(100 * FARTHEST), np.int8)
+    result = np.full((nx, ny, HEADINGS), int(100 * MOST_ROOM), np.int8)
     for i in range(rows[0], rows[1]):
         for j in range(columns[0], columns[1]):
             if to_obstacle[i, j] > near:
@@ -149,20 +151,19 @@ def bits_of(cells, yaws):
 
     Poses in one of the ``cells`` (K, 2) after the other that turn from a heading to the next one set that turn's bit.
     """
-    half = HEADINGS // 2
     bits, last = np.zeros(len(cells), np.uint16), -1
     for k in range(len(cells)):
         heading, least = 0, np.inf
-        for h in range(half):
+        for h in range(STANDING):
             off = abs((yaws[k] - ANGLES[h] + np.pi / 2) % np.pi - np.pi / 2)
             if off < least:
                 heading, least = h, off
         bits[k] = np.uint16(1) << np.uint16(heading)
         is_there = k > 0 and cells[k, 0] == cells[k - 1, 0] and cells[k, 1] == cells[k - 1, 1]
-        if is_there and (heading - last) % half == 1:
-            bits[k] |= np.uint16(1) << np.uint16(half + last)
-        elif is_there and (last - heading) % half == 1:
-            bits[k] |= np.uint16(1) << np.uint16(half + heading)
+        if is_there and (heading - last) % STANDING == 1:
+            bits[k] |= np.uint16(1) << np.uint16(STANDING + last)
+        elif is_there and (last - heading) % STANDING == 1:
+            bits[k] |= np.uint16(1) << np.uint16(STANDING + heading)
         last = heading
     return bits
 
@@ -191,10 +192,10 @@ def free_poses(clearance, least):
     result = np.zeros((nx, ny, 2), np.uint8)
     for i in range(nx):
         for j in range(ny):
-            for h in range(HEADINGS // 2):
+            for h in range(STANDING):
                 if clearance[i, j, h] >= least[i, j]:
                     result[i, j, 0] |= 1 << h
-                if clearance[i, j, HEADINGS // 2 + h] + SWEEP >= least[i, j]:
+                if clearance[i, j, STANDING + h] + SWEEP >= least[i, j]:
                     result[i, j, 1] |= 1 << h
     return result
 
@@ -209,7 +210,7 @@ def danger(clearance, spread):
 def level_speed(room, speed):
     """m/s on level ground with ``room`` m around the footprint, a number or an array: the less, the slower."""
     narrow_speed = min(speed, NARROW_SPEED)
-    return narrow_speed + (speed - narrow_speed) * np.minimum(np.maximum(room, 0.0) / FARTHEST, 1.0)
+    return narrow_speed + (speed - narrow_speed) * np.minimum(np.maximum(room, 0.0) / MOST_ROOM, 1.0)
 
 
 @njit(cache=True)
@@ -245,10 +246,10 @@ def room_at(x, y, cos, sin, terrain, costs):
     i, j = cell_at(x, y, terrain.origin, terrain.cell)
     if not (0 <= i < nx and 0 <= j < ny):
         return -1.0
-    radius = np.hypot(costs.half_length, costs.half_width) + FARTHEST
+    radius = np.hypot(costs.half_length, costs.half_width) + MOST_ROOM
     if terrain.to_obstacle[i, j] > radius + terrain.cell:
-        return FARTHEST
-    least, reach = FARTHEST, int(radius / terrain.cell) + 1
+        return MOST_ROOM
+    least, reach = MOST_ROOM, int(radius / terrain.cell) + 1
     for a in range(i - reach, i + reach + 1):
         for b in range(j - reach, j + reach + 1):
             kind = terrain.obstacle[a, b] if 0 <= a < nx and 0 <= b < ny else UNKNOWN
@@ -309,7 +310,7 @@ def turn_seconds(x, y, start, end, terrain, costs):
     if not (0 <= i < nx and 0 <= j < ny):
         return np.inf
     angle = (end - start + np.pi) % (2 * np.pi) - np.pi
-    room = FARTHEST
+    room = MOST_ROOM
     steps = int(np.ceil(abs(angle) / 0.2))
     for s in range(1, steps):
         heading = start + angle * s / steps

@@ -9,15 +9,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pipeline.traversability import pose_paths_kernels as kernels
-from pipeline.traversability.pose_kernels import ANGLES, BUCKETS, HEADINGS, STOP, TICK, VECTORS
-from pipeline.traversability.traversability import LEAST_CLEARANCE, STANDING, Traversability, costs_of
-
-SNAP = 0.5
-"""m; a start where the robot cannot stand is moved to the nearest place where it can within this distance."""
-ESCAPE = 0.8
-"""m that a robot with too little clearance may drive despite that."""
-FIRST_HORIZON, GROWTH = 4.0, 1.5
-"""s, limit of the cost in the first search for a place, and the factor by which the limit grows until it is found."""
+from pipeline.traversability.pose_kernels import ANGLES, BUCKETS, HEADINGS, STANDING, STOP, TICK, VECTORS
+from pipeline.traversability.traversability import Traversability, costs_of, least_clearance
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +44,8 @@ class PosePaths:
     ):
         """Start at (2,) or (K, 2) places, m, more columns are ignored, with any heading or with one in rad.
 
+        Without a heading, a start where the robot cannot stand is moved to the nearest place within its length where
+        it can. With one, it may drive as far as across the circle in which it turns despite too little clearance.
         The costs allow for ``caution`` times the measured deviations of the robot from its way.
         """
         self._costs, self.caution = costs_of(traversability.robot, caution), caution
@@ -58,7 +53,9 @@ class PosePaths:
         self._heading = heading
         wanted = np.atleast_2d(np.asarray(start, np.float64)[..., :2])
         if heading is None:
-            snapped = [self._grid.nearest(traversability.traversable, xy, SNAP) for xy in wanted]
+            snapped = [
+                self._grid.nearest(traversability.traversable, xy, traversability.robot.length) for xy in wanted
+            ]
         else:
             snapped = [xy if self._grid.holds(self._grid.cell_of(xy)) else None for xy in wanted]
         places = [xy for xy in snapped if xy is not None]
@@ -79,8 +76,8 @@ class PosePaths:
     def _begin(self, starts: NDArray[np.int64]) -> kernels.Search:
         t, size = self.traversability, self.traversability.clearance.size
         i, j, h = starts.T
-        # By LEAST, not by the smaller clearance that is enough where the robot has been.
-        can_escape = (t.clearance[i, j, h % STANDING] < round(100 * LEAST_CLEARANCE)).any()
+        # Not by the smaller clearance that is enough where the robot has been.
+        can_escape = (t.clearance[i, j, h % STANDING] < least_clearance(t.grid.cell)).any()
         count, first = len(starts), np.full(BUCKETS, -1, np.int32)
         # Zeros or nothing, so that pages of memory that the search does not reach are never touched.
         state, after = np.empty((2, 4 * size + count), np.int32)
@@ -90,7 +87,7 @@ class PosePaths:
             np.zeros(size, np.uint8),
             np.zeros(size, np.int16),
             kernels.level_ticks(self._grid.cell, self._costs),
-            ESCAPE if can_escape else -1.0,
+            2 * t.robot.corner_radius if can_escape else -1.0,
             first,
             state,
             after,
@@ -125,7 +122,7 @@ class PosePaths:
     def least_seconds_to(self, cells: NDArray[np.int64]) -> NDArray[np.float64]:
         """(N,) s, lower bound of the cost of a way from the only start to cells (N, 2)."""
         # Nothing is quicker than to drive forward with much room.
-        per_cell = (self._search.level[kernels.FORWARD, :, -1] / np.linalg.norm(VECTORS, axis=1)).min() * TICK
+        per_cell = (self._search.level[kernels.Move.FORWARD, :, -1] / np.linalg.norm(VECTORS, axis=1)).min() * TICK
         return per_cell * np.linalg.norm(cells - self._search.starts[0, :2], axis=1)
 
     @cached_property
@@ -171,7 +168,7 @@ class PosePaths:
 
     def _settle(self, xy: ArrayLike, heading: int | None = None) -> NDArray[np.float32]:
         """(..., 16) s to points (...), m, with each heading; the least of all, or that of ``heading``, is known."""
-        cells, horizon = self._grid.cell_of(xy), FIRST_HORIZON
+        cells, horizon = self._grid.cell_of(xy), STOP
         if not self._grid.holds(cells).all():
             return np.full((*cells.shape[:-1], HEADINGS), np.inf, np.float32)
         where = tuple(np.moveaxis(cells, -1, 0))
@@ -181,7 +178,7 @@ class PosePaths:
             if np.isfinite(wanted).any() or self.is_complete or not self.reachable[where].any():
                 return seconds
             self._extend(horizon)
-            horizon *= GROWTH
+            horizon *= 2
 
     def sources(self) -> NDArray[np.int64]:
         """(nx, ny) flat index of the cell where the cheapest way to each cell starts; -1 if no way leads there."""

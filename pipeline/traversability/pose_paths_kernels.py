@@ -1,5 +1,6 @@
 """Compiled search over poses: cells of the grid times headings."""
 
+from enum import IntEnum, auto
 from typing import NamedTuple
 
 import numpy as np
@@ -9,8 +10,9 @@ from numpy.typing import NDArray
 from pipeline.traversability.pose_kernels import (
     ANGLES,
     BUCKETS,
-    FARTHEST,
     HEADINGS,
+    MOST_ROOM,
+    STANDING,
     STOP,
     SWEEP,
     VECTORS,
@@ -21,30 +23,39 @@ from pipeline.traversability.pose_kernels import (
     turn_seconds_per_radian,
 )
 
-FORWARD, BACKWARD, LEFT, RIGHT = 1, 2, 3, 4
-"""Moves."""
-ALL = (1 << HEADINGS) - 1
+ALL = np.iinfo(np.uint16).max
 """Bits of all headings."""
-_UNDO = np.array([0, BACKWARD, FORWARD, RIGHT, LEFT])
+
+
+class Move(IntEnum):
+    """By a vector, or to the next heading; 0 stands for none."""
+
+    FORWARD = auto()
+    BACKWARD = auto()
+    LEFT = auto()
+    RIGHT = auto()
+
+
+_UNDO = np.array([Move.BACKWARD, Move.FORWARD, Move.RIGHT, Move.LEFT])
 
 
 @njit(cache=True, inline="always")
 def move_from(i, j, h, move):
     """The state that a move leads to from (i, j, h)."""
-    if move == FORWARD:
+    if move == Move.FORWARD:
         return i + VECTORS[h, 0], j + VECTORS[h, 1], h
-    if move == BACKWARD:
+    if move == Move.BACKWARD:
         return i - VECTORS[h, 0], j - VECTORS[h, 1], h
-    return i, j, (h + (1 if move == LEFT else -1)) % HEADINGS
+    return i, j, (h + (1 if move == Move.LEFT else -1)) % HEADINGS
 
 
 @njit(cache=True)
 def move_ticks(h, move, room, uphill, cell, costs):
     """Cost in ticks of a move from a heading, with ``room`` cm around the footprint on a slope ``uphill`` (2,)."""
-    if move <= BACKWARD:
+    if move <= Move.BACKWARD:
         length = cell * np.hypot(VECTORS[h, 0], VECTORS[h, 1])
         cos, sin = np.cos(ANGLES[h]), np.sin(ANGLES[h])
-        return ticks(length * drive_seconds_per_metre(0.01 * room, cos, sin, uphill, move == BACKWARD, costs))
+        return ticks(length * drive_seconds_per_metre(0.01 * room, cos, sin, uphill, move == Move.BACKWARD, costs))
     angle = abs((ANGLES[h] - ANGLES[move_from(0, 0, h, move)[2]] + np.pi) % (2 * np.pi) - np.pi)
     return ticks(angle * turn_seconds_per_radian(0.01 * room, uphill, costs))
 
@@ -53,8 +64,8 @@ def move_ticks(h, move, room, uphill, cell, costs):
 def level_ticks(cell, costs):
     """(5, 16, R) int32 cost in ticks of each move from each heading on level ground, by the cm of room."""
     level = np.zeros(2, np.float32)
-    result = np.zeros((RIGHT + 1, HEADINGS, int(100 * FARTHEST) + 1), np.int32)
-    for move in range(FORWARD, RIGHT + 1):
+    result = np.zeros((Move.RIGHT + 1, HEADINGS, int(100 * MOST_ROOM) + 1), np.int32)
+    for move in range(Move.FORWARD, Move.RIGHT + 1):
         for h in range(HEADINGS):
             for room in range(result.shape[2]):
                 result[move, h, room] = move_ticks(h, move, room, level, cell, costs)
@@ -74,12 +85,11 @@ def was_near(i, j, least):
 @njit(cache=True, inline="always")
 def entry_ticks(i, j, h, a, b, k, move, start, terrain, level, costs, escape):
     """Cost in ticks of a move from (i, j, h) to (a, b, k) on a way from a start (2,); -1 if it is not allowed."""
-    half = HEADINGS // 2
-    before, entered = terrain.clearance[i, j, h % half], terrain.clearance[a, b, k % half]
-    if move <= BACKWARD:
+    before, entered = terrain.clearance[i, j, h % STANDING], terrain.clearance[a, b, k % STANDING]
+    if move <= Move.BACKWARD:
         room = min(before, entered)
     else:
-        room = terrain.clearance[i, j, half + (h if move == LEFT else k) % half]
+        room = terrain.clearance[i, j, STANDING + (h if move == Move.LEFT else k) % STANDING]
         # What the turn sweeps must have room as well.
         entered = min(entered, room + SWEEP)
     is_free = entered >= terrain.least[a, b]
@@ -144,7 +154,7 @@ def extend(search, terrain, costs, until):
             continue
         i, j, h = state // HEADINGS // ny, state // HEADINGS % ny, state % HEADINGS
         start = (search.starts[source[state], 0], search.starts[source[state], 1])
-        for move in range(FORWARD, RIGHT + 1):
+        for move in range(Move.FORWARD, Move.RIGHT + 1):
             a, b, k = move_from(i, j, h, move)
             then = (a * ny + b) * HEADINGS + k
             # What is settled already, such as where this way comes from, becomes no cheaper.
@@ -194,7 +204,7 @@ def flood(seeds, free, is_open):
         fresh = here & ~known
         reached[i, j] = here
         # On open ground the moves along the axes lead to all that the others lead to.
-        for h in range(0, HEADINGS // 2, HEADINGS // 4 if is_open[i, j] else 1):
+        for h in range(0, STANDING, HEADINGS // 4 if is_open[i, j] else 1):
             # A robot with the opposite heading drives backwards to the same cell.
             both = fresh & (257 << h)
             if both == 0:
@@ -217,7 +227,7 @@ def trace(came_by, i, j, h):
     """(N, 3) int64 poses (i, j, h) from the last one back to the start."""
     poses = [(i, j, h)]
     while came_by[i, j, h] > 0:
-        i, j, h = move_from(i, j, h, _UNDO[came_by[i, j, h]])
+        i, j, h = move_from(i, j, h, _UNDO[came_by[i, j, h] - 1])
         poses.append((i, j, h))
     return np.array(poses)
 
@@ -237,9 +247,9 @@ def straighten(places, headings, moves, seconds, heading, terrain, costs):
         heading: rad at the first pose.
     """
     bends, backwards, p = [0], [False], 0
-    while (moves[p + 1 :] <= BACKWARD).any():
-        drives = p + 1 + np.flatnonzero(moves[p + 1 :] <= BACKWARD)
-        back = moves[drives[0]] == BACKWARD
+    while (moves[p + 1 :] <= Move.BACKWARD.value).any():
+        drives = p + 1 + np.flatnonzero(moves[p + 1 :] <= Move.BACKWARD.value)
+        back = moves[drives[0]] == Move.BACKWARD
         # Only drives in the same direction; up to the first turn after them the way is straight already.
         others = np.flatnonzero(moves[drives] != moves[drives[0]])
         drives = drives[: others[0]] if len(others) else drives

@@ -15,21 +15,18 @@ from pipeline.traversability import elevation_kernels as kernels
 from pipeline.traversability import pose_kernels
 from pipeline.traversability.elevation_map import CELL, ElevationMap
 
-STANDING = pose_kernels.HEADINGS // 2
-"""Number of entries of the clearance of a standing robot, by heading; those of turns come after."""
 FAR = 1.0
 """m, greatest room that a robot may need."""
 MAX_DROP_GAP = 0.6
 """m, greatest width of unknown ground between the two sides of a drop."""
-RAMP_MARGIN = 0.2
-"""m; this close to a ramp the robot's wheels may already be on it."""
-RAMP_SPEED, TURN_RATE, RAMP_TURN_RATE = 0.67, 0.63, 0.43
-"""Expected, as shares of the robot's greatest: it speeds up and brakes, and on ramps it aligns itself and slips."""
+RAMP_MARGIN = pose_kernels.MOST_ROOM
+"""m; this close to a ramp, as to an obstacle, the robot minds it: its wheels may already be on it."""
+EXPECTED = 0.65
+"""Share of its greatest speed that the robot reaches on ramps, where it aligns itself and slips, and of its greatest
+turn rate, since it speeds up and brakes; of the turn rate on ramps, for both reasons, the square."""
 STRAY = 0.1
 """m, greatest deviation of the robot from its way."""
-LEAST_CLEARANCE = 0.04
-"""m, least clearance of the footprint from hazards: cells and the headings of a plan are only so exact."""
-LEAST_DRIVEN = -0.03
+LEAST_DRIVEN = -pose_kernels.LENIENCY
 """m, least clearance where the middle of the robot has been, so that noise of later keyframes does not shut it in."""
 TALL = 0.4
 """m; a hazard that is higher than this above the ground around it hides what is behind it."""
@@ -109,10 +106,15 @@ def reach_of(robot: RobotModel) -> float:
     Raises:
         InputError: the robot needs more room than :data:`FAR`.
     """
-    widest = robot.corner_radius + pose_kernels.FARTHEST
+    widest = robot.corner_radius + pose_kernels.MOST_ROOM
     if not widest <= FAR:
         raise InputError(f"a robot's clearances are at most {FAR:g} m, got {widest:g} m")
     return widest + 2 * CELL
+
+
+def least_clearance(cell: float) -> int:
+    """Whole cm, least clearance of the footprint from hazards: half the diagonal of a cell, m, which is as exact."""
+    return round(100 * np.hypot(cell, cell) / 2)
 
 
 def costs_of(robot: RobotModel, caution: float = 1.0) -> pose_kernels.Costs:
@@ -121,9 +123,9 @@ def costs_of(robot: RobotModel, caution: float = 1.0) -> pose_kernels.Costs:
         half_length=robot.half_length,
         half_width=robot.half_width,
         speed=robot.speed,
-        ramp_speed=RAMP_SPEED * robot.ramp_speed,
-        turn_rate=TURN_RATE * robot.turn_rate,
-        ramp_turn_rate=RAMP_TURN_RATE * robot.ramp_turn_rate,
+        ramp_speed=EXPECTED * robot.ramp_speed,
+        turn_rate=EXPECTED * robot.turn_rate,
+        ramp_turn_rate=EXPECTED**2 * robot.ramp_turn_rate,
         stray=caution * STRAY,
         slide=caution * robot.ramp_slide / np.tan(robot.max_tilt),
         lean=robot.body_height,
@@ -147,8 +149,8 @@ def assess(
 ) -> Traversability:
     """Assess every cell of a grid, beyond which all is unknown.
 
-    The footprint keeps ``LEAST`` from hazards and from depth dropouts, where a thin panel may stand, and ``LENIENCY``
-    less from unknown ground: a wall that is only seen at grazing angles stays unknown.
+    The footprint keeps :func:`least_clearance` from hazards and from depth dropouts, where a thin panel may stand,
+    and ``LENIENCY`` less from unknown ground: a wall that is only seen at grazing angles stays unknown.
 
     Args:
         grid: where the cells lie.
@@ -171,7 +173,7 @@ def assess(
     obstacle, to_obstacle = _obstacles(elevation, hazard | dropout, cell, reach)
     ramp, uphill = _ramps(slope, gradient, hazard, cell)
     clearance = _clearances(obstacle, to_obstacle, robot, cell, within)
-    least = np.where(driven, round(100 * LEAST_DRIVEN), round(100 * LEAST_CLEARANCE)).astype(np.int8)
+    least = np.where(driven, round(100 * LEAST_DRIVEN), least_clearance(cell)).astype(np.int8)
     pose_kernels.allow_driven(clearance, driven, least, -round(50 * robot.half_width))
     free = pose_kernels.free_poses(clearance, least)
     return Traversability(
@@ -187,7 +189,7 @@ def assess(
         ramp=ramp,
         uphill=uphill,
         free=free,
-        turnable=(clearance.min(axis=2) >= round(100 * LEAST_CLEARANCE)) & ~ramp,
+        turnable=(clearance.min(axis=2) >= least_clearance(cell)) & ~ramp,
         tall=hazard & (elevation > ndimage.minimum_filter(np.nan_to_num(elevation, nan=np.inf), WALL_GAP) + TALL),
         sealed=_without_gaps(elevation, hazard),
         robot=robot,
@@ -209,7 +211,7 @@ def _clearances(
 ) -> NDArray[np.int8]:
     rows, columns = (side.indices(n)[:2] for side, n in zip(within, obstacle.shape, strict=True))
     footprint = pose_kernels.footprint_distances(robot.half_length, robot.half_width, cell)
-    near = robot.corner_radius + pose_kernels.FARTHEST
+    near = robot.corner_radius + pose_kernels.MOST_ROOM
     return pose_kernels.clearances(obstacle, to_obstacle, footprint, near, rows, columns)
 
 

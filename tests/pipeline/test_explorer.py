@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from pipeline.exploration.viewpoint import Viewpoint
-from pipeline.explorer import PATIENCE, Explorer
+from pipeline.explorer import Explorer
 from pipeline.frame import Frame
 from pipeline.mapper import Mapper
-from pipeline.mission import Goals
+from pipeline.mission import PATIENCE, Goals
 from pipeline.navigation.navigator import DrivenLeg, Halt, Outcome
 from pipeline.planning.path_plan import PathPlan
 from pipeline.robot import Velocity

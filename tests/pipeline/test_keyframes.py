@@ -8,7 +8,7 @@ from scipy.spatial import cKDTree
 
 from pipeline.errors import InputError
 from pipeline.frame import Frame, Intrinsics
-from pipeline.keyframes import FARTHEST, NOTICEABLE, UNIT, Keyframes, Moves, Places, Seen, nearest
+from pipeline.keyframes import FARTHEST_KEPT, NOTICEABLE, UNIT, Keyframes, Moves, Places, Seen, nearest
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.transforms import from_yaw
 from pipeline.traversability.ground_evidence import Driven
@@ -43,9 +43,9 @@ def test_what_is_no_return_or_too_far_away_is_left_out():
     depth = np.full((48, 64), np.nan)
     depth[10], depth[20], depth[30], depth[40] = 2.0, 0.0, -1.0, np.inf
     assert seen(depth).hits.sum() == 64
-    far = seen(np.full((48, 64), FARTHEST + 3.0))
+    far = seen(np.full((48, 64), FARTHEST_KEPT + 3.0))
     assert not len(far.points)
-    assert far.frame.depth.max() == pytest.approx(FARTHEST + 3.0, abs=UNIT)  # but it shows free space
+    assert far.frame.depth.max() == pytest.approx(FARTHEST_KEPT + 3.0, abs=UNIT)  # but it shows free space
 
 
 def test_a_frame_without_returns_is_kept():

@@ -83,7 +83,7 @@ def test_goals_that_take_turns_are_given_up_too(world, monkeypatch):
 
 def test_home_may_be_beside_where_the_robot_can_drive(world):
     corner = (-2.9, -1.9)
-    refused, snapped = Goals([corner]), Goals([corner], snap=0.5)
+    refused, snapped = Goals([corner]), Goals([corner], may_be_near=True)
     assert drive(world, refused) == []
     assert "too near" in str(refused.visits[0].obstacle)
     (place,) = drive(world, snapped)

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 from pipeline.errors import InputError
-from pipeline.explorer import PATIENCE, Step
+from pipeline.explorer import Step
+from pipeline.mission import PATIENCE
 from pipeline.transforms import from_yaw
 from sarsim.episode import Episode
 from sarsim.settings import EpisodeConfig

@@ -7,7 +7,7 @@ import numpy as np
 
 from pipeline.errors import InputError
 from pipeline.files import load_arrays, whole_file
-from pipeline.metric_map.metric_map import GREATEST, HIT, LEAST, MISS, MetricMap
+from pipeline.metric_map.metric_map import FIRMEST, FREEST, HIT, MISS, MetricMap
 
 FORMAT = "sarsim metric map"
 VERSION = 1
@@ -36,8 +36,8 @@ def save_metric_map(metric_map: MetricMap, path: Path) -> None:
         "offset": metric_map.offset,
         "hit": HIT,
         "miss": MISS,
-        "least": LEAST,
-        "greatest": GREATEST,
+        "least": FREEST,
+        "greatest": FIRMEST,
         "margin": metric_map.margin,
         "max_bytes": metric_map.max_bytes,
     }

@@ -17,8 +17,8 @@ from pipeline.files import whole_file
 from pipeline.labels import COLOURS, Label
 from pipeline.metric_map.metric_map import LOG_ODDS, MetricMap
 
-REACH = 1 << 15  # Voxels from the origin to the end of an octree of OctoMap's 16 levels
-CLAMP = 1e-9  # Probability below which OctoMap clamps; less than that of any log-odds of the metric map
+REACH = -int(np.iinfo(np.int16).min)  # Voxels from the origin to the end of an octree of OctoMap's 16 levels
+CLAMP = np.finfo(np.float64).eps  # Probability below which OctoMap clamps; less than that of any log-odds of the map
 
 
 def write_bt(path: Path, metric_map: MetricMap) -> None:

@@ -6,7 +6,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image, TiffImagePlugin
+from PIL import Image, TiffImagePlugin, TiffTags
 
 from pipeline.files import whole_file
 from pipeline.metric_map.io.exports import PGM_FREE, PGM_OCCUPIED, PGM_UNKNOWN
@@ -14,7 +14,6 @@ from pipeline.metric_map.io.exports import PGM_FREE, PGM_OCCUPIED, PGM_UNKNOWN
 Cells = NDArray[np.uint8]
 GEO_KEYS = (1, 1, 0, 2, 1024, 0, 1, 32767, 1025, 0, 1, 1)
 """Keys of GeoTIFF 1.1: version 1.1.0, two keys: a user-defined model (m in ``map``), and pixels that are areas."""
-DOUBLES, SHORTS = 12, 3  # TIFF's types
 LOOKS = {"unknown": (PGM_UNKNOWN, "#cdcdcd"), "free": (PGM_FREE, "#ffffff"), "occupied": (PGM_OCCUPIED, "#1a1a1a")}
 """Grey value and colour of each kind of ground."""
 
@@ -27,9 +26,9 @@ def save_geotiff(path: Path, cells: Cells, cell: float, origin: NDArray[np.float
     """
     tags, height = TiffImagePlugin.ImageFileDirectory_v2(), cells.shape[1] * cell
     for tag, kind, value in (
-        (33550, DOUBLES, (cell, cell, 0.0)),  # ModelPixelScale
-        (33922, DOUBLES, (0.0, 0.0, 0.0, float(origin[0]), float(origin[1]) + height, 0.0)),  # ModelTiepoint
-        (34735, SHORTS, GEO_KEYS),
+        (33550, TiffTags.DOUBLE, (cell, cell, 0.0)),  # ModelPixelScale
+        (33922, TiffTags.DOUBLE, (0.0, 0.0, 0.0, float(origin[0]), float(origin[1]) + height, 0.0)),  # ModelTiepoint
+        (34735, TiffTags.SHORT, GEO_KEYS),
     ):
         tags.tagtype[tag], tags[tag] = kind, value
     with whole_file(path) as partial:

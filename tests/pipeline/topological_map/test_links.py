@@ -5,7 +5,7 @@ import pytest
 
 from pipeline.topological_map.links import StraightDrives, drive_seconds
 from pipeline.traversability.pose_kernels import STOP
-from pipeline.traversability.traversability import RAMP_SPEED, assess_map
+from pipeline.traversability.traversability import EXPECTED, assess_map
 from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.topological_map.grounds import room
 from tests.pipeline.worlds import RISE, RUN, flat, ground_points, ramp_and_deck, surface_of, wall_points
@@ -63,7 +63,7 @@ def test_a_metre_on_a_ramp_takes_longer():
     )
     assert level == pytest.approx(1.0 / PIONEER.speed + STOP)
     length = RUN + 1.2
-    assert length / PIONEER.speed * 1.3 < ramp - STOP < length / (RAMP_SPEED * PIONEER.ramp_speed)
+    assert length / PIONEER.speed * 1.3 < ramp - STOP < length / (EXPECTED * PIONEER.ramp_speed)
 
 
 def test_no_lines_are_free_of_obstacles():

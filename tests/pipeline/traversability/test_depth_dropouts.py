@@ -3,7 +3,7 @@ import pytest
 
 from pipeline.frame import Intrinsics
 from pipeline.sensor import XTION
-from pipeline.traversability.depth_dropouts import LEAST_ROWS, find_depth_dropouts
+from pipeline.traversability.depth_dropouts import MIN_HITS, find_depth_dropouts
 from pipeline.traversability.depth_dropouts_kernels import ROW_STEP
 
 WIDE = Intrinsics(width=101, height=8, fx=100.0, fy=100.0, cx=50.5, cy=-58.0)
@@ -46,10 +46,10 @@ def test_frayed_pixels_and_wide_shadows_are_not_missing(width):
 
 def test_a_few_rows_of_noise_are_no_panel():
     depth = ground_depth()
-    depth[: (LEAST_ROWS - 1) * ROW_STEP, 48:53] = 0
+    depth[: (MIN_HITS - 1) * ROW_STEP, 48:53] = 0
     assert not len(dropouts(depth))
-    depth[(LEAST_ROWS - 1) * ROW_STEP, 48:53] = 0
-    assert len(dropouts(depth)) == 5 * LEAST_ROWS
+    depth[(MIN_HITS - 1) * ROW_STEP, 48:53] = 0
+    assert len(dropouts(depth)) == 5 * MIN_HITS
 
 
 def test_what_lies_farther_behind_a_gap_is_other_ground():

@@ -10,7 +10,7 @@ from hypothesis.extra.numpy import arrays
 from pipeline.grid_map import Grid
 from pipeline.traversability import pose_kernels
 from pipeline.traversability import pose_paths_kernels as kernels
-from pipeline.traversability.pose_paths import ESCAPE, PosePaths, bits, nearest_heading, simplify
+from pipeline.traversability.pose_paths import PosePaths, bits, nearest_heading, simplify
 from pipeline.traversability.traversability import assess, assess_map, costs_of
 from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.worlds import flat, ground_points, ramp_and_deck, ridge, surface_of, wall_points
@@ -51,7 +51,7 @@ def graph_of(traversability):
     graph, terrain, costs = nx.DiGraph(), traversability.terrain, costs_of(PIONEER)
     stands, level = stands_in(traversability), kernels.level_ticks(terrain.cell, costs)
     for i, j, h in np.argwhere(stands).tolist():
-        for move in range(kernels.FORWARD, kernels.RIGHT + 1):
+        for move in kernels.Move:
             there = kernels.move_from(i, j, h, move)
             if all(0 <= k < n for k, n in zip(there, stands.shape, strict=True)) and stands[there]:
                 pose = (i, j, h)
@@ -79,7 +79,7 @@ def test_no_way_leads_where_there_is_no_room(blocks, heading):
     start = np.array([1.025, 1.025])
     paths = PosePaths(traversability, start, float(pose_kernels.ANGLES[heading]))
     cells = np.argwhere(np.isfinite(paths.seconds) & ~stands_in(traversability))
-    assert (np.abs(traversability.grid.centre_of(cells[:, :2]) - start) < ESCAPE + 0.1).all()
+    assert (np.abs(traversability.grid.centre_of(cells[:, :2]) - start) < 2 * PIONEER.corner_radius + 0.1).all()
     for cell in np.argwhere(paths.reachable)[::97]:
         goal = traversability.grid.centre_of(cell)
         way = paths.way_to(goal)

@@ -32,6 +32,11 @@ class Intrinsics:
         """(H, W, 3) points of depth 1 m through every pixel's centre, in ``camera_optical``."""
         return _rays(self)
 
+    @property
+    def matrix(self) -> NDArray[np.float64]:
+        """3×3 camera matrix of OpenCV, Open3D and ROS, whose pixel centres are at integers."""
+        return np.array([[self.fx, 0, self.cx - 0.5], [0, self.fy, self.cy - 0.5], [0, 0, 1]])
+
     def points(self, depth: NDArray[np.float32], T_target_camera: NDArray[np.float64]) -> NDArray[np.float32]:
         """(N, 3) float32 points of all returns of a depth image, (H, W) m, row-major, in the target frame, m."""
         T = T_target_camera.astype(np.float32)

@@ -44,7 +44,7 @@ def open_recording(config: MapRecording) -> "Recording":
     from pipeline.datasets.ros_bag import read_ros_bag
     from pipeline.datasets.tum_folder import read_tum_folder
     from pipeline.frame import Calibration
-    from sarsim.dataset.recorded_scene import read_scene
+    from sarsim.dataset.scene_file import read_scene
 
     path, calibration = config.path, config.intrinsics and Calibration(*config.intrinsics)
     if not path.exists():

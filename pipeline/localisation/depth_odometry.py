@@ -2,17 +2,18 @@
 
 from collections.abc import Sequence
 
+import cv2
 import numpy as np
 import small_gicp
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from pipeline.frame import Frame
 from pipeline.localisation.local_map import LocalMap
 from pipeline.localisation.localisation import KEYFRAME_TURN, KEYFRAME_WAY, LostError
 from pipeline.localisation.registration import WIDEST, Prior, Registration, Target, register, shares_of
 from pipeline.localisation.slam import cloud_of_frame
-from pipeline.localisation.visual_motion import visual_motion
-from pipeline.transforms import angle_of, inverse
+from pipeline.transforms import angle_of, from_rotation, inverse
 
 SIGMA = 0.15
 """rad and m, standard deviation of the pose of the next frame about a guess."""
@@ -22,6 +23,12 @@ LEAST_OVERLAP = 0.4
 """Share of a frame's points that must have been seen before, unless its image tells how the camera moved."""
 MOST_BLIND = 30
 """Consecutive frames with too few returns to register and no visual odometry, after which the pose is lost."""
+MOST_CORNERS, LEAST_QUALITY, CORNER_SPACING = 400, 0.01, 8
+"""Greatest number of corners, least quality relative to the strongest, and pixels between two corners."""
+PIXEL_ERROR = 2.0
+"""Pixels by which a corner may miss where a motion has it, or where it began when it is tracked there and back."""
+LEAST_CORNERS = 20
+"""Least number of corners that agree on a motion; at least half of all must."""
 
 
 class DepthOdometry:
@@ -110,3 +117,40 @@ class DepthOdometry:
         # Twice as often as keyframes, so that these find all their surfaces kept.
         moved = inverse(self._kept[-1]) @ self._T
         return bool(np.linalg.norm(moved[:3, 3]) > KEYFRAME_WAY / 2 or angle_of(moved) > KEYFRAME_TURN / 2)
+
+
+def visual_motion(before: Frame, after: Frame) -> NDArray[np.float64] | None:
+    """4×4 ``T_before_after`` of the camera; None where too few corners agree.
+
+    Corners with depth in the first frame are tracked into the second by optical flow (Lucas and Kanade). RANSAC
+    finds the pose that explains their pixels in the second.
+    """
+    first, second = (cv2.cvtColor(frame.rgb, cv2.COLOR_RGB2GRAY) for frame in (before, after))
+    corners = cv2.goodFeaturesToTrack(
+        first, MOST_CORNERS, LEAST_QUALITY, CORNER_SPACING, mask=before.returns.astype(np.uint8)
+    )
+    if corners is None or len(corners) < LEAST_CORNERS:
+        return None
+    there, found = _followed(first, second, corners)
+    back, found_back = _followed(second, first, there)
+    good = found & found_back & (np.linalg.norm(back - corners, axis=2).ravel() < PIXEL_ERROR)
+    if np.count_nonzero(good) < LEAST_CORNERS:
+        return None
+    columns, rows = np.rint(np.asarray(corners)[good, 0]).astype(int).T
+    points = before.intrinsics.rays[rows, columns] * before.depth[rows, columns, None]
+    ok, turn, way, inliers = cv2.solvePnPRansac(
+        points.astype(np.float64),
+        there[good].astype(np.float64),
+        after.intrinsics.matrix,
+        None,
+        reprojectionError=PIXEL_ERROR,
+    )
+    if not ok or inliers is None or len(inliers) < max(LEAST_CORNERS, np.count_nonzero(good) / 2):
+        return None
+    return inverse(from_rotation(Rotation.from_rotvec(turn.ravel()).as_matrix(), way.ravel()))
+
+
+def _followed(before: NDArray, after: NDArray, corners: NDArray) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
+    """Where corners (N, 1, 2) of one grey image are in another, and (N,) whether they were found."""
+    there, found, _ = cv2.calcOpticalFlowPyrLK(before, after, corners, np.zeros_like(corners))
+    return np.asarray(there, np.float32), np.asarray(found).ravel() > 0

@@ -137,8 +137,7 @@ def compressed_image(time: float, format: str, data: NDArray[np.uint8]) -> Messa
 
 
 def camera_info(time: float, k: Intrinsics) -> Message:
-    """Intrinsics without distortion as sensor_msgs/CameraInfo; in ROS pixel centres are at integers."""
-    K = np.array([[k.fx, 0, k.cx - 0.5], [0, k.fy, k.cy - 0.5], [0, 0, 1]], np.float64)
+    """Intrinsics without distortion as sensor_msgs/CameraInfo."""
     return make(
         "sensor_msgs/CameraInfo",
         header(time, CAMERA),
@@ -146,9 +145,9 @@ def camera_info(time: float, k: Intrinsics) -> Message:
         k.width,
         "plumb_bob",
         np.zeros(5),
-        K.ravel(),
+        k.matrix.ravel(),
         np.eye(3).ravel(),
-        np.column_stack([K, np.zeros(3)]).ravel(),
+        np.column_stack([k.matrix, np.zeros(3)]).ravel(),
         0,
         0,
         make("sensor_msgs/RegionOfInterest", 0, 0, 0, 0, False),

@@ -11,9 +11,15 @@ from pipeline.errors import InputError
 from sarsim.arenas.checks import failed_checks
 from sarsim.arenas.elements import TILE_SIZE, ArenaBuilder
 from sarsim.arenas.layout import Item, Layout, Side, Tile
-from sarsim.arenas.random_clutter import place_obstacles, scatter_clutter
 from sarsim.arenas.random_draws import RandomDraws
-from sarsim.arenas.random_furniture import OTHER_WALLS, hang_on_walls, place_bulky, place_furniture
+from sarsim.arenas.random_furniture import (
+    OTHER_WALLS,
+    hang_on_walls,
+    place_bulky,
+    place_furniture,
+    place_obstacles,
+    scatter_clutter,
+)
 from sarsim.arenas.random_ground import choose_start, ground_items, lay_ramps, make_maze, wall_items
 from sarsim.arenas.random_paint import paint
 from sarsim.arenas.random_rooms import Piece, furnish

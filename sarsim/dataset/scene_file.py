@@ -3,7 +3,7 @@
 import json
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any
@@ -11,9 +11,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.datasets.recording import Recording
 from pipeline.errors import InputError
 from pipeline.frame import Frame, Intrinsics
 from pipeline.labels import Label
+from pipeline.localisation.trajectory import Trajectory
 from pipeline.metric_map.grid_kernels import is_rigid
 from sarsim.dataset import image_kernels
 from sarsim.dataset.hdf5 import FAST, NewFile, open_file, write_noisy
@@ -314,3 +316,15 @@ class Scene(ExitStack):
             return self._file[name][index]
         except (OSError, RuntimeError) as error:
             raise InputError(f"{self.path}: broken: {name} of frame {index} cannot be read") from error
+
+
+def read_scene(path: Path) -> Recording:
+    """The frames, dead reckoning and true poses of a scene's file; InputError if it is missing or broken."""
+
+    def frames() -> Iterator[Frame]:
+        with Scene(path) as scene:
+            yield from (replace(frame, T_odom_base=np.eye(4)) for frame in scene)
+
+    with Scene(path) as scene:
+        odometry, truth = (Trajectory(scene.time, poses) for poses in (scene.pose_odom, scene.pose_true))
+    return Recording(path, frames, has_camera_pose=True, odometry=odometry, truth=truth)

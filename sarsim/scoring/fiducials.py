@@ -47,8 +47,9 @@ def _middle(corners: NDArray[np.float32], frame: Frame) -> NDArray[np.float64] |
     ray = np.array([(u - camera.cx) / camera.fx, (v - camera.cy) / camera.fy, 1.0])
     if returns.size >= within.sum() / 2:
         return float(np.median(returns)) * ray
-    matrix = np.array([[camera.fx, 0, camera.cx - 0.5], [0, camera.fy, camera.cy - 0.5], [0, 0, 1]])
-    _, _, t = cv2.solvePnP(TAG_CORNERS, corners.astype(np.float64), matrix, None, flags=cv2.SOLVEPNP_IPPE_SQUARE)
+    _, _, t = cv2.solvePnP(
+        TAG_CORNERS, corners.astype(np.float64), camera.matrix, None, flags=cv2.SOLVEPNP_IPPE_SQUARE
+    )
     return float(t[2, 0]) * ray if t[2, 0] < MATCHED_TAG else None
 
 

@@ -193,12 +193,11 @@ class Open3d(Guided):
     ) -> NDArray[np.float64]:
         """4×4 pose of the source's camera in the target's; the guess if Open3D finds none."""
         # In Open3D, pixel centres are at integers.
-        matrix = np.array([[k.fx, 0, k.cx - 0.5], [0, k.fy, k.cy - 0.5], [0, 0, 1]])
         try:
             result = o3d.t.pipelines.odometry.rgbd_odometry_multi_scale(
                 source,
                 target,
-                o3d.core.Tensor.from_numpy(matrix),
+                o3d.core.Tensor.from_numpy(k.matrix),
                 o3d.core.Tensor.from_numpy(guess),
                 depth_scale=1.0,
                 depth_max=XTION.farthest,

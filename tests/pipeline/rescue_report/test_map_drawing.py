@@ -10,8 +10,7 @@ import pytest
 
 from pipeline.grid_map import Grid
 from pipeline.labels import Label
-from pipeline.rescue_report.map_drawing import draw_map, pale
-from pipeline.rescue_report.paper import BORDER, EXTENT, Paper
+from pipeline.rescue_report.map_drawing import BORDER, EXTENT, Paper, draw_map, pale
 from tests.pipeline.rescue_report.html_page import read
 from tests.pipeline.rescue_report.people import before_a_wall, block, victim, victims
 

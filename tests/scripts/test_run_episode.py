@@ -177,7 +177,9 @@ def test_whatever_ends_it_leaves_a_whole_recording_and_report(ending, tmp_path, 
 
     step = Episode.step
     monkeypatch.setattr(Episode, "step", interrupted_step)
-    monkeypatch.setattr(sys, "argv", ["run_episode.py", "--labels", "truth", "--detector", "None", "--out", str(tmp_path)])
+    monkeypatch.setattr(
+        sys, "argv", ["run_episode.py", "--labels", "truth", "--detector", "None", "--out", str(tmp_path)]
+    )
     with pytest.raises(SystemExit) as stop:
         run_episode.main()
     assert stop.value.code == 128 + ending

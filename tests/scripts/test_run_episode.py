@@ -102,13 +102,13 @@ def test_the_report_has_the_agreed_names(episode, shared):
 
 
 def short_report(out: Path, seed: int, **changes: object) -> dict:
-    episode = Episode(EpisodeConfig(seed=seed, out=out, **({"labels": "truth", "steps": 5} | changes)))
+    episode = Episode(EpisodeConfig(seed=seed, out=out, **({"labels": "truth", "steps": 3} | changes)))
     assert episode.run()
     return json.loads((out / "report.json").read_text())
 
 
 def test_tags_on_the_walls_tell_how_true_the_maps_distances_are(tmp_path):
-    localisation = short_report(tmp_path, 0, fiducials=30, detector=None, steps=8)["localisation"]
+    localisation = short_report(tmp_path, 0, fiducials=30, detector=None, steps=4)["localisation"]
     assert 2 <= localisation["fiducials_found"] <= 30
     assert 0 < localisation["fiducial_error_m"] < 0.02
 
@@ -138,11 +138,11 @@ def test_the_same_seed_gives_the_same_episode(tmp_path):
 
 
 def test_victims_are_reported_if_there_is_a_detector(tmp_path):
-    assert "victims" not in short_report(tmp_path / "a", 0, detector=None)
+    assert "victims" not in short_report(tmp_path / "a", 0, detector=None, steps=1)
     files = tmp_path / "a.cfg", tmp_path / "a.weights"
     files[0].write_text(SMALL)
     write_weights(files[1], random_network(SMALL))
-    report = short_report(tmp_path / "b", 0, detector=files)
+    report = short_report(tmp_path / "b", 0, detector=files, steps=1)
     assert report["victims"]["present"] == 2
     assert report["timing_ms"]["victims"]["median"] > 0
     assert report["config"]["detector"] == [str(path) for path in files]
@@ -150,8 +150,8 @@ def test_victims_are_reported_if_there_is_a_detector(tmp_path):
 
 @pytest.mark.skipif(not WEIGHTS.exists(), reason="no network has been trained")
 def test_the_network_labels_and_the_robot_goes_on(tmp_path):
-    report = short_report(tmp_path, 0, labels="dgcnn")
-    assert report["steps"] == 5
+    report = short_report(tmp_path, 0, labels="dgcnn", steps=2)
+    assert report["steps"] == 2
     assert 0.6 < report["semantic_map"]["miou_four"] < 1
     assert report["segments"]["angle_error_deg"]["median"] < 1
     assert report["topological_map"]["edges_through_walls"] == 0
@@ -171,17 +171,19 @@ def test_whatever_ends_it_leaves_a_whole_recording_and_report(ending, tmp_path, 
     def interrupted_step(episode):
         nonlocal steps
         steps += 1
-        if steps == 3:
-            signal.raise_signal(ending)  # while the third step is under way
+        if steps == 2:
+            signal.raise_signal(ending)  # while the second step is under way
         return step(episode)
 
     step = Episode.step
     monkeypatch.setattr(Episode, "step", interrupted_step)
-    monkeypatch.setattr(sys, "argv", ["run_episode.py", "--out", str(tmp_path)])
+    monkeypatch.setattr(
+        sys, "argv", ["run_episode.py", "--labels", "truth", "--detector", "None", "--out", str(tmp_path)]
+    )
     with pytest.raises(SystemExit) as stop:
         run_episode.main()
     assert stop.value.code == 128 + ending
-    assert json.loads((tmp_path / "report.json").read_text())["steps"] == 3
+    assert json.loads((tmp_path / "report.json").read_text())["steps"] == 2
     assert (tmp_path / "episode.rrd").stat().st_size > 100_000
     assert "Results in" in capsys.readouterr().out
 
@@ -192,18 +194,18 @@ def test_an_episode_that_was_stopped_goes_on_bit_for_bit(tmp_path, monkeypatch, 
     def interrupted_step(episode):
         nonlocal steps
         steps += 1
-        if steps == 2:
+        if steps == 1:
             signal.raise_signal(signal.SIGTERM)
         return step(episode)
 
     whole, stopped = tmp_path / "whole", tmp_path / "stopped"
-    run_command(monkeypatch, "--steps", 3, "--out", whole)
+    run_command(monkeypatch, "--steps", 2, "--out", whole)
     monkeypatch.setattr(Episode, "step", interrupted_step)
     with pytest.raises(SystemExit):
-        run_command(monkeypatch, "--steps", 3, "--out", stopped)
-    assert json.loads((stopped / "report.json").read_text())["steps"] == 2
+        run_command(monkeypatch, "--steps", 2, "--out", stopped)
+    assert json.loads((stopped / "report.json").read_text())["steps"] == 1
     kept = len(list((stopped / "network_outputs").iterdir()))
-    assert kept >= 4  # two of each step
+    assert kept >= 2
     capsys.readouterr()
     run_command(monkeypatch, "--resume", stopped)
     assert f"with {kept} cached outputs" in capsys.readouterr().out
@@ -329,7 +331,7 @@ def run_command(monkeypatch, *flags: object) -> None:
 def test_its_config_file_repeats_an_episode_in_another_folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
     small = ("--arena", "random:1", "--random.columns", 3, "--random.rows", 4, "--random.victims", 0)
-    quick = ("--steps", 2, "--seed", 5, "--labels", "truth", "--sensor", "ideal", "--detector", None)
+    quick = ("--steps", 1, "--seed", 5, "--labels", "truth", "--sensor", "ideal", "--detector", None)
     run_command(monkeypatch, *small, *quick, "--goals", 0, 0)
     first = tmp_path / "runs" / "random:1-5"
     run_command(monkeypatch, "--config", first / "config.yaml")

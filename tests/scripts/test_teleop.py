@@ -10,14 +10,24 @@ from pathlib import Path
 
 import pytest
 
+from sarsim.scripts.cli import run
+from sarsim.scripts.teleop import teleop
+from tests.scripts.refusal import refusal
+
 TELEOP = Path(__file__).parents[2] / "scripts" / "teleop.py"
 NO_DISPLAY = {key: value for key, value in os.environ.items() if key not in ("DISPLAY", "WAYLAND_DISPLAY")}
+
+
+def test_without_a_display_it_ends_with_one_line_and_status_2():
+    done = subprocess.run([sys.executable, TELEOP], env=NO_DISPLAY, capture_output=True, text=True)
+    assert done.returncode == 2
+    assert "no display" in done.stderr
+    assert done.stderr.count("\n") == 1
 
 
 @pytest.mark.parametrize(
     ("flags", "reason"),
     [
-        ((), "no display"),
         (("--arena", "atlantis"), "unknown arena 'atlantis'"),
         (("--arena", "missing.xml"), "missing.xml"),
         (("--arena", "random:x"), "whole number"),
@@ -25,11 +35,8 @@ NO_DISPLAY = {key: value for key, value in os.environ.items() if key not in ("DI
         (("--gamepad", __file__), "not a device"),
     ],
 )
-def test_what_cannot_work_ends_with_one_line_and_status_2(flags, reason):
-    done = subprocess.run([sys.executable, TELEOP, *flags], env=NO_DISPLAY, capture_output=True, text=True)
-    assert done.returncode == 2
-    assert reason in done.stderr
-    assert done.stderr.count("\n") == 1
+def test_what_cannot_work_ends_with_one_line_and_status_2(flags, reason, capsys):
+    assert reason in refusal(capsys, run, teleop, flags)
 
 
 @pytest.mark.skipif(not shutil.which("xvfb-run"), reason="no Xvfb")

@@ -7,7 +7,7 @@ from sarsim.settings import EpisodeConfig
 
 
 def test_every_time_something_comes_of_it_and_the_map_is_made_once(tmp_path):
-    config = EpisodeConfig(labels="truth", detector=None, steps=8)
+    config = EpisodeConfig(labels="truth", detector=None, steps=4)
     counts = kidnap(config, 2, tmp_path)
     assert set(counts) == set(OUTCOMES)
     assert counts.total() == 2

@@ -1,6 +1,7 @@
 """Training: it learns, resumes after an interruption, and refuses data from which it cannot learn."""
 
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -47,40 +48,54 @@ def trainer(clouds, out, config=CONFIG):
     return PointTrainer(clouds[:3], clouds[3:], config, out, ALONE, {"data": "walls"}, "dgcnn")
 
 
-def test_floor_and_walls_are_learned(clouds, tmp_path: Path) -> None:
-    out = tmp_path / "w.safetensors"
+@pytest.fixture(scope="module")
+def learned(clouds, tmp_path_factory) -> tuple[PointTrainer, Path]:
+    """A training that went on until it had learned, and the weights that it left."""
+    out = tmp_path_factory.mktemp("learned") / "w.safetensors"
     training = trainer(clouds, out, replace(CONFIG, steps=60, validate_every=30))
     training.run()
+    return training, out
+
+
+@pytest.fixture(scope="module")
+def finished(clouds, tmp_path_factory) -> Path:
+    """The weights of a short training that nothing interrupted."""
+    out = tmp_path_factory.mktemp("finished") / "w.safetensors"
+    trainer(clouds, out).run()
+    return out
+
+
+def test_floor_and_walls_are_learned(learned: tuple[PointTrainer, Path]) -> None:
+    training, out = learned
     assert training.score > 0.85
     assert NetworkClassifier(out)
-    assert sorted(path.suffix for path in tmp_path.iterdir()) == [".checkpoint", ".csv", ".safetensors"]
-    header, *rows = (tmp_path / "w.csv").read_text().splitlines()
+    assert sorted(path.suffix for path in out.parent.iterdir()) == [".checkpoint", ".csv", ".safetensors"]
+    header, *rows = out.with_suffix(".csv").read_text().splitlines()
     assert header.startswith("step,loss,miou_four,iou.wall")
     assert [row.split(",")[0] for row in rows] == ["30", "60"]
 
 
-def test_interrupted_and_taken_up_again_it_leaves_the_same_weights(clouds, tmp_path: Path) -> None:
-    trainer(clouds, tmp_path / "whole.safetensors").run()
-
+def test_interrupted_and_taken_up_again_it_leaves_the_same_weights(clouds, finished: Path, tmp_path: Path) -> None:
     with pytest.raises(KeyboardInterrupt):
         trainer(clouds, tmp_path / "left.safetensors").run(at(8))
     again = trainer(clouds, tmp_path / "left.safetensors")
     assert again.step == 8
     again.run()
-    whole, left = (load_file(tmp_path / f"{name}.safetensors") for name in ("whole", "left"))
+    whole, left = (load_file(path) for path in (finished, tmp_path / "left.safetensors"))
     assert all((whole[name] == left[name]).all() for name in whole)
-    assert (tmp_path / "whole.csv").read_text() == (tmp_path / "left.csv").read_text()
+    assert finished.with_suffix(".csv").read_text() == (tmp_path / "left.csv").read_text()
 
 
-def test_a_finished_training_writes_the_weights_again_if_they_are_missing(clouds, tmp_path: Path) -> None:
-    out = tmp_path / "w.safetensors"
-    trainer(clouds, out).run()
-    before, table = load_file(out), (tmp_path / "w.csv").read_text()
+def test_a_finished_training_writes_the_weights_again_if_they_are_missing(
+    clouds, finished: Path, tmp_path: Path
+) -> None:
+    out = shutil.copytree(finished.parent, tmp_path / "copy") / finished.name
+    before, table = load_file(out), out.with_suffix(".csv").read_text()
     out.unlink()
     trainer(clouds, out).run()
     after = load_file(out)
     assert all((before[name] == after[name]).all() for name in before)
-    assert (tmp_path / "w.csv").read_text() == table
+    assert out.with_suffix(".csv").read_text() == table
 
 
 def test_the_last_weights_are_kept_however_they_validate(clouds, tmp_path: Path, monkeypatch) -> None:
@@ -104,11 +119,11 @@ def test_weights_of_a_training_that_diverged_are_not_written(clouds, tmp_path: P
     assert not out.exists()
 
 
-def test_a_training_may_begin_with_a_trained_network(clouds, tmp_path: Path) -> None:
-    first = tmp_path / "first.safetensors"
-    trainer(clouds, first, replace(CONFIG, steps=60, validate_every=30)).run()
+def test_a_training_may_begin_with_a_trained_network(
+    clouds, learned: tuple[PointTrainer, Path], tmp_path: Path
+) -> None:
     losses = {}
-    for name, initial in (("random", "dgcnn"), ("trained", load_classifier(first)[0])):
+    for name, initial in (("random", "dgcnn"), ("trained", load_classifier(learned[1])[0])):
         out = tmp_path / f"{name}.safetensors"
         training = PointTrainer(clouds[:3], clouds[3:], CONFIG, out, ALONE, {}, initial)
         with pytest.raises(KeyboardInterrupt):

@@ -204,8 +204,7 @@ class Mapper:
         """Make the maps anew where keyframes move, as if these had been at their (K, 4, 4) poses from the start.
 
         Keyframes that move unnoticeably stay. Whatever is a place on the map moves along with the keyframe that it is
-        anchored to. The next :meth:`connect`
-        fits the nodes of the topological map to the ground.
+        anchored to. The next :meth:`connect` fits the nodes of the topological map to the ground.
 
         Raises:
             InputError: there is not one rigid pose for every keyframe; the maps then stay as they were.

@@ -211,7 +211,7 @@ def test_arrays_that_expand_endlessly(tmp_path: Path, monkeypatch: pytest.Monkey
     np.savez_compressed(path, a=np.zeros(10**6))
     assert path.stat().st_size < 10_000
     assert load_arrays(path, "map").keys() == {"a"}
-    monkeypatch.setattr(files, "MOST_BYTES", 10**6)
+    monkeypatch.setattr(files, "MOST_UNPACKED", 10**6)
     with pytest.raises(InputError, match="a map that takes 8 MB"):
         load_arrays(path, "map")
 

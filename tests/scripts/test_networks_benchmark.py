@@ -7,8 +7,8 @@ import pytest
 import torch
 
 from pipeline.errors import InputError
-from pipeline.semantic_map.classifier import TruthClassifier
-from pipeline.semantic_map.networks.blocks import BlockConfig
+from pipeline.semantic_map.classifier import CLASSES, TruthClassifier
+from pipeline.semantic_map.networks.blocks import CHANNELS, BlockConfig
 from pipeline.semantic_map.networks.classifier import save_classifier
 from pipeline.semantic_map.networks.weights import NETWORKS
 from pipeline.semantic_map.rules import RuleClassifier
@@ -40,7 +40,7 @@ def test_figures_have_the_agreed_names_and_are_means_over_arenas() -> None:
 
 def test_a_small_comparison_has_accuracy_of_what_has_weights_and_times_of_all(tmp_path: Path) -> None:
     torch.manual_seed(0)
-    network = NETWORKS["pointnext"]()
+    network = NETWORKS["pointnext"](CHANNELS, len(CLASSES))
     save_classifier(tmp_path / "pointnext.safetensors", network, BlockConfig(), {"processor_s": 12.5})
     result = networks.measure(
         NetworksSettings(

@@ -53,7 +53,7 @@ def test_an_error_of_the_thread_that_scores_is_raised_where_the_score_is_read():
     robot = SimulatedRobot(load_arena("nist_6x4"), SimulationConfig(), seed=0)
     score = EpisodeScore(robot, Explorer(robot, Mapper(robot.model, TruthClassifier())), np.zeros((0, 4, 4)))
     robot.sense()
-    score.add_keyframe(None)
+    score.on_keyframe(None)
     for read in (lambda: score.coverage, lambda: score.progress, score.report):
         with pytest.raises(AttributeError, match="NoneType"):
             read()

@@ -151,7 +151,7 @@ def _packed(points: NDArray[np.floating]) -> NDArray[np.int16]:
 
 def _placed(points: NDArray[np.int16], T_map_base: NDArray[np.float64]) -> NDArray[np.float32]:
     """(N, 3) m in ``map``, kept points at a 4×4 pose."""
-    return moved(T_map_base @ np.diag([UNIT, UNIT, UNIT, 1.0]), points)
+    return moved(T_map_base * (UNIT, UNIT, UNIT, 1.0), points)
 
 
 def _count(hits: NDArray[np.uint32]) -> NDArray[np.uint8]:

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.labels import Label
+from pipeline.semantic_map.semantic_map_kernels import spread
 
 WHOLE = np.iinfo(np.uint8).max  # Sum of the shares of a point's two classes
 
@@ -39,8 +40,4 @@ class ClassShares:
     @property
     def probabilities(self) -> NDArray[np.uint8]:
         """(N, 8) uint8 of every class, in units of 1/255."""
-        result = np.zeros((len(self.share), len(Label)), np.uint8)
-        points = np.arange(len(self.share))
-        result[points, self.classes[:, 0]] = self.share
-        result[points, self.classes[:, 1]] = WHOLE - self.share
-        return result
+        return spread(self.classes, self.share, WHOLE, len(Label))

@@ -54,3 +54,13 @@ def accumulate(points, weights, unit, counts, per_metre, keys, indices, shift, b
         for c in range(weights.shape[1]):
             row[4 + c] += weights[n, c] * weight
     return number, voxels
+
+
+@njit(cache=True, nogil=True)
+def spread(classes, share, whole, size):
+    """(N, ``size``) uint8, the ``share`` (N,) for the first of ``classes`` (N, 2), the rest of ``whole`` for the other."""
+    result = np.zeros((len(share), size), np.uint8)
+    for n in range(len(share)):
+        result[n, classes[n, 0]] = share[n]
+        result[n, classes[n, 1]] = whole - share[n]
+    return result

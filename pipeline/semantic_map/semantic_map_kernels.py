@@ -58,7 +58,7 @@ def accumulate(points, weights, unit, counts, per_metre, keys, indices, shift, b
 
 @njit(cache=True, nogil=True)
 def spread(classes, share, whole, size):
-    """(N, ``size``) uint8: ``share`` (N,) for the first of ``classes`` (N, 2), what is left of ``whole`` for the next."""
+    """(N, ``size``) uint8: ``share`` (N,) for the first of ``classes`` (N, 2), the rest of ``whole`` for the next."""
     result = np.zeros((len(share), size), np.uint8)
     for n in range(len(share)):
         result[n, classes[n, 0]] = share[n]

@@ -78,8 +78,8 @@ class Seen:
         cloud, near = thinned(points, COLUMN if probabilities is None else VOXEL)
         shares = None if probabilities is None else ClassShares.of(cloud.means(probabilities)[near])
         dropouts = find_depth_dropouts(frame.depth, frame.intrinsics, frame.T_base_camera, frame.sensor)
-        missing = VoxelCloud.of(dropouts, CELL / 2)
-        rays = lowest_rays(cloud.points, cloud.hits, frame.T_base_camera[:3, 3], CELL)
+        missing, missing_near = thinned(dropouts, CELL / 2)
+        rays = lowest_rays(cloud.points[near], cloud.hits[near], frame.T_base_camera[:3, 3], CELL)
         depth, intrinsics = frame.every_nth(stride)
         kept = np.where(np.isfinite(depth) & (depth > 0), depth / UNIT, 0).clip(max=np.iinfo(np.uint16).max)
         return cls(
@@ -88,8 +88,8 @@ class Seen:
             T_base_camera=frame.T_base_camera,
             points=_packed(cloud.points[near]),
             hits=_count(cloud.hits[near]),
-            dropouts=_packed(missing.points),
-            dropout_hits=_count(missing.hits),
+            dropouts=_packed(missing.points[missing_near]),
+            dropout_hits=_count(missing.hits[missing_near]),
             rays=_packed(rays),
             shares=shares,
         )
@@ -116,8 +116,8 @@ class Seen:
 
     @property
     def box(self) -> NDArray[np.float64]:
-        """(2, 3) lowest and highest corner, m in ``base_link``, around its points."""
-        return box_of(self.points * UNIT)
+        """(2, 3) lowest and highest corner, m in ``base_link``, around its points and dropouts."""
+        return box_of(self.points * UNIT, self.dropouts * UNIT)
 
     def view(self, reach: float) -> NDArray[np.float64]:
         """(5, 3) corners of its view up to ``reach`` m of depth, m in ``base_link``."""

@@ -120,8 +120,7 @@ class ElevationMap:
         if not len(track):
             return
         places = track[:, :2]
-        if self._making is None:
-            self.layers.cover(np.vstack([places - self.robot.half_width, places + self.robot.half_width]))
+        self._cover(np.vstack([places - self.robot.half_width, places + self.robot.half_width]))
         cells = self.grid.cell_of(places)
         poses = pose_kernels.bits_of(cells, track[:, 2])
         kernels.sweep(cells, poses, self._disc, self._within, self.layers["been"], self.layers["swept"])

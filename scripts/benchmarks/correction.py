@@ -15,7 +15,7 @@ from rich.progress import track
 from pipeline.exploration.baselines import RandomWalk
 from pipeline.explorer import Explorer
 from pipeline.frame import Frame
-from pipeline.keyframes import Keyframes
+from pipeline.keyframes import Keyframes, Seen
 from pipeline.localisation.slam import Slam
 from pipeline.mapper import Keyframe, Mapper
 from pipeline.robot import RobotModel
@@ -143,5 +143,5 @@ def _bytes(mapper: Mapper) -> int:
 
 def kept_bytes(keyframes: Keyframes) -> int:
     """Bytes of what keyframes have shown."""
-    drives = [evidence for _, evidence in keyframes.ground if evidence not in keyframes.seen]
+    drives = [evidence for _, evidence in keyframes.ground if not isinstance(evidence, Seen)]
     return sum(seen.nbytes for seen in keyframes.seen) + sum(a.nbytes for d in drives for a in vars(d).values())

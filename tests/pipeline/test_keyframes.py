@@ -44,7 +44,10 @@ def test_what_is_no_return_or_too_far_away_is_left_out():
     depth[10], depth[20], depth[30], depth[40] = 2.0, 0.0, -1.0, np.inf
     assert seen(depth).hits.sum() == 64
     far = seen(np.full((48, 64), FARTHEST_KEPT + 3.0))
-    assert not len(far.points)
+    assert not len(far.points) and not len(far.rays)
+    mixed = np.full((48, 64), 20.0)
+    mixed[24:] = 2.0
+    assert (seen(mixed).rays[:, 2] * UNIT < T_BASE_CAMERA[2, 3]).all()  # rays to what is kept alone
     assert far.frame.depth.max() == pytest.approx(FARTHEST_KEPT + 3.0, abs=UNIT)  # but it shows free space
 
 

@@ -171,25 +171,28 @@ class MappedDrive:
         self.physics, self.base_body, self.control_period = robot.physics, robot.base_body, robot.control_period
         self.limits = robot.robot.drive.limits
         self.mapper = Mapper(robot.model, classifier, localisation=Slam())
-        self._add_keyframe()
+        self._localise()
 
     def drive(self, command: Velocity) -> None:
         """Follow ``command`` for one control period, and take a keyframe if the robot has moved far enough."""
         motion = self._robot.drive(command)
         self._recorder.on_motion(motion)
         if is_keyframe(self._T_odom_keyframe, motion.T_odom_base):
-            self._add_keyframe()
+            self._localise()
 
-    def _add_keyframe(self) -> None:
+    def _localise(self) -> None:
+        """Take a keyframe, unless it repeats one."""
         frame = without_isolated_returns(self._robot.sense())
         if correction := self.mapper.settle():
             self._recorder.on_correction(correction)
-        T_map_base = self.mapper.localise(frame)
+        T_map_base, self._T_odom_keyframe = self.mapper.localise(frame), frame.T_odom_base
+        if self.mapper.localisation.repeats:
+            self.mapper.localisation.pass_by(frame, T_map_base)
+            return
         if not len(self.mapper.keyframes):
             self.mapper.assume_ground(T_map_base)
         keyframe = self.mapper.add(frame, T_map_base)
         self._recorder.log_keyframe(keyframe.index, self.mapper, keyframe)
-        self._T_odom_keyframe = frame.T_odom_base
 
     def save(self, folder: Path) -> None:
         """End the recording, and write the maps into a folder; InputError if one cannot be written."""

@@ -146,6 +146,9 @@ class Replay:
         if is_step:
             self._correct()
         T_map_base = self.mapper.localise(frame)
+        if self.recording.keyframes is None and self.mapper.localisation.repeats:
+            self.mapper.localisation.pass_by(frame, T_map_base)
+            return None
         if not len(self.mapper.keyframes) and self._is_on_ground:
             self.mapper.assume_ground(T_map_base)
         keyframe = self.mapper.add(frame, T_map_base, labelled)

@@ -90,12 +90,21 @@ class Localisation(Protocol):
         """Share of the newest frame's points that were seen before; 1 if it was not registered."""
         ...
 
+    @property
+    def repeats(self) -> bool:
+        """Whether the newest frame adds nothing to the keyframes, one of which saw the same from the same pose."""
+        ...
+
     def localise(self, frame: Frame) -> NDArray[np.float64]:
         """4×4 pose of ``base_link`` in ``map`` at the time of the frame; raises LostError if it is unknown."""
         ...
 
     def add(self, frame: Frame, T_map_base: NDArray[np.float64]) -> None:
         """Make a keyframe of the newest frame, at the pose that :meth:`localise` gave."""
+        ...
+
+    def pass_by(self, frame: Frame, T_map_base: NDArray[np.float64]) -> None:
+        """Go on from the newest frame, at the pose that :meth:`localise` gave, without a keyframe."""
         ...
 
     def optimise(self) -> None:

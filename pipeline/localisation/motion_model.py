@@ -1,11 +1,10 @@
-"""The robot's motion by its odometry, whose systematic errors are estimated while the robot drives.
+"""The robot's motion by its odometry, corrected by the systematic errors that the pose graph has found so far.
 
 The gyro's scale, the radius of tyres, the centre of a turn and how far the robot slides in turns on a slope are
-constants that no data sheet gives accurately enough. An extended Kalman filter estimates them together with the pose:
-when a registration corrects the heading after a blind turn, it corrects the gyro's scale as well.
+constants that no data sheet gives accurately enough. They are variables of the pose graph, so every return to a known
+place corrects them, and with them each motion before.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -15,28 +14,25 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation
 
-from pipeline.localisation.pose_graph import GYRO_SIGMA, OdometryMotion
-from pipeline.localisation.registration import Prior, Registration, logarithm
+from pipeline.localisation.localisation import STILL_WAY
 from pipeline.transforms import from_rotation, inverse, orthonormal
 
-MEAN = 0.0, 0.0, 0.0, 0.4, 0.0
-"""Initial parameters: relative errors of the way and of the turn, the centre of turns ahead of ``base_link`` in m,
-the slide downhill in m per rad turned and times the sine of the tilt, and the error of the yaw rate in rad/s."""
-SIGMA = 0.02, GYRO_SIGMA[0], 0.02, 0.2, GYRO_SIGMA[1]
-"""Initial standard deviations of the parameters."""
-ERROR_MEMORY = 1000
-"""Keyframes in which a parameter's process noise adds up to its initial variance: floors, tyres and gyros change."""
-POSE, PARAMETERS = slice(6), slice(6, None)
+POSE, ERRORS = slice(6), slice(6, None)
 """Parts of a joint covariance (11, 11)."""
-GYRO = [1, -1]
-"""Indices of the gyro's parameters, scale and bias. In truth they are constant: the pose graph estimates them too."""
-TURN_SIGMA = 1e-3, 3e-3
-"""rad, and rad per rad turned: standard deviation of the odometry's rotation beyond errors of the parameters."""
-GYRO_TURN_SIGMA = 3e-4, 1e-3
-"""The same in the pose graph, which estimates the gyro's errors: the noise of a single motion, with the random walk
-of the bias. For the simulated gyro 2e-4 was measured."""
-WAY_SIGMA = 0.003, 0.015, 0.01
-"""m, m per m driven and m per rad turned: standard deviation of the translation: skid-steered wheels slide."""
+ERRORS_MEAN = 0.0, 0.0, 0.0, 0.4, 0.0
+"""Systematic errors of an odometry before anything is known: relative errors of the way and of the turn, the centre
+of turns ahead of ``base_link`` in m, the slide downhill in m per rad turned and times the sine of the tilt, and the
+error of the yaw rate in rad/s."""
+ERRORS_SIGMA = 0.02, 0.005, 0.02, 0.2, 5e-5
+"""Standard deviations of these: tyres, data sheets of gyros, and slides of skid-steered robots on wood."""
+GRAVITY_SIGMA = np.deg2rad(0.3)
+"""rad, standard deviation of a keyframe's roll and pitch by the odometry: the accelerometer's during a drive."""
+TURN_SIGMA = 3e-4, 1e-3
+"""rad, and rad per rad turned: standard deviation of the odometry's heading beyond its systematic errors, the noise
+of a single motion, with the random walk of the gyro's bias. For the simulated gyro 2e-4 was measured."""
+WAY_SIGMA = 0.005
+"""m for 1 m driven or 1 rad turned: standard deviation of the translation of skid-steered wheels, whose errors are a
+random walk: it grows with the root of both. In four simulated arenas 0.004 was measured on level ground."""
 SLIDE_SIGMA = 0.5
 """m per rad turned, times the sine of the tilt: standard deviation of the slide; 0.45 was measured on half ramps."""
 
@@ -66,26 +62,36 @@ class MeasuredMotion:
 
     @property
     def moves(self) -> NDArray[np.float64]:
-        """(3, 5) derivative of the translation, m, by the parameters, in ``base_link`` before the motion."""
+        """(3, 5) derivative of the translation, m, by the systematic errors, in ``base_link`` before the motion."""
         slide = -np.linalg.norm(self.turn) * np.append(self.up[:2], 0.0)
         nothing = np.zeros(3)
         return np.stack([self.T[:3, 3], nothing, np.eye(3)[0] - self.T[:3, 0], slide, nothing], axis=1)
 
     @property
     def turns(self) -> NDArray[np.float64]:
-        """(3, 5) derivative of the rotation vector, rad, by the parameters."""
+        """(3, 5) derivative of the rotation vector, rad, by the systematic errors."""
         nothing = np.zeros(3)
         return np.stack([nothing, self.turn, nothing, nothing, self.time * np.eye(3)[2]], axis=1)
 
-    @property
-    def drive(self) -> OdometryMotion:
-        """The motion for the pose graph."""
-        return OdometryMotion(self.T, self.moves, self.jacobian[:, GYRO], _noise(self, GYRO_TURN_SIGMA))
+    def without(self, errors: NDArray[np.float64]) -> NDArray[np.float64]:
+        """4×4 motion, corrected by systematic errors (5,)."""
+        R = Rotation.from_rotvec(self.turn + self.turns @ errors).as_matrix()
+        return from_rotation(R, self.T[:3, 3] + self.moves @ errors)
 
     @cached_property
     def jacobian(self) -> NDArray[np.float64]:
-        """(6, 5) derivative of the pose after the motion, rad and m in the tangent there, by the parameters."""
+        """(6, 5) derivative of the pose after the motion, in the tangent there, by the systematic errors."""
         return np.vstack([self.turns, self.T[:3, :3].T @ self.moves])
+
+    @property
+    def noise(self) -> NDArray[np.float64]:
+        """(6, 6) covariance apart from systematic errors, rad² and m²."""
+        way, turn, slope = (float(np.linalg.norm(v)) for v in (self.T[:3, 3], self.turn, self.up[:2]))
+        vertical = np.outer(self.up, self.up)
+        tilt = 2 * GRAVITY_SIGMA**2 * (np.eye(3) - vertical)  # of the levels before and after the motion
+        translation = WAY_SIGMA**2 * (way + turn + STILL_WAY) + (SLIDE_SIGMA * slope * turn) ** 2
+        heading = (TURN_SIGMA[0] + TURN_SIGMA[1] * turn) ** 2 * vertical
+        return np.asarray(block_diag(heading + tilt, translation * np.eye(3)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,9 +99,9 @@ class Prediction:
     """The robot's pose as predicted by the odometry.
 
     Attributes:
-        motion: since the newest keyframe.
+        motion: since the reference.
         T_map_base: 4×4 predicted pose.
-        covariance: (11, 11) of the pose, in its tangent, and of the parameters.
+        covariance: (11, 11) of the pose relative to the map, in its tangent, and of the systematic errors.
         step: (6, 6) covariance of the motion alone, as if the pose before it were known.
     """
 
@@ -104,74 +110,45 @@ class Prediction:
     covariance: NDArray[np.float64]
     step: NDArray[np.float64]
 
-    @property
-    def prior(self) -> Prior:
-        """The predicted pose as a Gaussian."""
-        return Prior(self.T_map_base, np.asarray(np.linalg.inv(self.covariance[POSE, POSE])))
-
 
 class MotionModel:
-    """Predicts motion between keyframes by the odometry, corrected by the errors estimated so far.
+    """Predicts motion by the odometry, corrected by the systematic errors found so far.
 
     Attributes:
-        parameters: (5,) see ``MEAN``.
+        errors: (5,) see :data:`ERRORS_MEAN`.
     """
 
     def __init__(self) -> None:
-        self.parameters = np.array(MEAN)
-        self._covariance = np.diag(np.concatenate([np.zeros(6), np.square(SIGMA)]))
+        self.errors = np.array(ERRORS_MEAN)
+        self._covariance = np.diag(np.concatenate([np.zeros(6), np.square(ERRORS_SIGMA)]))
 
     def predict(self, T_map_base: NDArray[np.float64], motion: MeasuredMotion) -> Prediction:
-        """The pose after a motion from the newest keyframe's pose (4×4)."""
-        delta, J = self._delta(motion, self.parameters), motion.jacobian
-        F = np.block([[gtsam.Pose3(inverse(delta)).AdjointMap(), J], [np.zeros_like(J.T), np.eye(len(MEAN))]])
-        noise = _noise(motion)
-        covariance = F @ self._covariance @ F.T + block_diag(noise, np.diag(np.array(SIGMA) ** 2 / ERROR_MEMORY))
-        return Prediction(
-            motion,
-            orthonormal(T_map_base @ delta),
-            covariance,
-            noise + J @ self._covariance[PARAMETERS, PARAMETERS] @ J.T,
-        )
+        """The pose after a motion from a reference's pose (4×4)."""
+        delta, J = motion.without(self.errors), motion.jacobian
+        F = np.block([[gtsam.Pose3(inverse(delta)).AdjointMap(), J], [np.zeros_like(J.T), np.eye(len(ERRORS_MEAN))]])
+        covariance = F @ self._covariance @ F.T
+        covariance[POSE, POSE] += motion.noise
+        step = motion.noise + J @ self._covariance[ERRORS, ERRORS] @ J.T
+        return Prediction(motion, orthonormal(T_map_base @ delta), covariance, step)
 
-    def take(self, prediction: Prediction, registration: Registration | None) -> None:
-        """Make a keyframe of a prediction; if it was registered, learn from the error of the prediction."""
-        C = prediction.covariance
-        if registration is not None:
-            P, H = prediction.prior.information, registration.information
-            off = logarithm(np.linalg.solve(prediction.T_map_base, registration.T))
-            self.parameters = self.parameters + C[PARAMETERS, POSE] @ P @ off
-            gain = P @ np.linalg.solve(P + H, H)
-            C = C - C[:, POSE] @ (gain + gain.T) / 2 @ C[POSE]
-        self._covariance = C
+    def take(self, prediction: Prediction, information: NDArray[np.float64] | None) -> None:
+        """Go on from a prediction's pose, which is as sure as its motion and what was registered make it.
 
-    def fit(self, motions: Sequence[MeasuredMotion | None], poses: NDArray[np.float64]) -> None:
-        """Estimate the parameters from poses of keyframes (K, 4, 4), m in ``map``, that a loop has corrected.
+        ``information`` (6, 6) of the surfaces, 1/rad² and 1/m²; None if nothing was registered.
 
-        ``motions[k]`` leads from keyframe k - 1 to keyframe k; it is None if the odometry cannot be trusted there.
+        Errors add up only while nothing is registered: where surfaces say nothing along the way, as in a corridor, a
+        pose is as uncertain relative to what the last keyframe saw as the last motion.
         """
-        known = np.diag(np.array(SIGMA) ** -2.0)
-        pull = known @ (MEAN - self.parameters)
-        for before, after, motion in zip(poses, poses[1:], motions[1:], strict=False):
-            if motion is not None:
-                weighted = motion.jacobian.T @ np.linalg.inv(_noise(motion))
-                known = known + weighted @ motion.jacobian
-                pull += weighted @ logarithm(np.linalg.solve(before @ self._delta(motion, self.parameters), after))
-        self.parameters = self.parameters + np.linalg.solve(known, pull)
-
-    def _delta(self, motion: MeasuredMotion, parameters: NDArray[np.float64]) -> NDArray[np.float64]:
-        """4×4 motion, corrected by the parameters."""
-        R = Rotation.from_rotvec(motion.turn + motion.turns @ parameters).as_matrix()
-        return from_rotation(R, motion.T[:3, 3] + motion.moves @ parameters)
+        if information is None:
+            self._covariance = prediction.covariance
+        else:
+            self.restart(np.asarray(np.linalg.inv(information + np.linalg.inv(prediction.step))))
 
     def restart(self, covariance: NDArray[np.float64]) -> None:
-        """Make a keyframe whose pose has this covariance (6, 6), rad² and m², whatever the odometry measured."""
-        self._covariance = block_diag(covariance, self._covariance[PARAMETERS, PARAMETERS])
+        """Go on from a pose with this covariance (6, 6), rad² and m², whatever the odometry measured."""
+        self._covariance = block_diag(covariance, self._covariance[ERRORS, ERRORS])
 
-
-def _noise(motion: MeasuredMotion, turn_sigma: tuple[float, float] = TURN_SIGMA) -> NDArray[np.float64]:
-    """(6, 6) covariance of a motion apart from errors of the parameters, rad² and m²."""
-    way, turn, slope = (float(np.linalg.norm(v)) for v in (motion.T[:3, 3], motion.turn, motion.up[:2]))
-    rotation = turn_sigma[0] + turn_sigma[1] * turn
-    translation = WAY_SIGMA[0] + WAY_SIGMA[1] * way + (WAY_SIGMA[2] + SLIDE_SIGMA * slope) * turn
-    return np.diag(np.repeat([rotation, translation], 3) ** 2)
+    def learn(self, errors: NDArray[np.float64], covariance: NDArray[np.float64]) -> None:
+        """Correct motions from now on by systematic errors (5,) with a covariance (5, 5)."""
+        self.errors = errors
+        self._covariance = block_diag(self._covariance[POSE, POSE], covariance)

@@ -48,6 +48,11 @@ class OdometryLocalisation(Localisation):
         """Share of the newest frame's points that were seen before; 1 if it was not registered."""
         return 1.0
 
+    @property
+    def repeats(self) -> bool:
+        """Whether the newest frame adds nothing to the keyframes; without registration nothing tells."""
+        return False
+
     def localise(self, frame: Frame) -> NDArray[np.float64]:
         """4×4 pose of ``base_link`` in ``map`` at the time of the frame; raises LostError if it is unknown."""
         check_odometry(frame)
@@ -56,6 +61,9 @@ class OdometryLocalisation(Localisation):
     def add(self, frame: Frame, T_map_base: NDArray[np.float64]) -> None:
         """Make a keyframe of the newest frame, at the pose that :meth:`localise` gave."""
         self._poses = np.concatenate([self._poses, T_map_base[None]])
+
+    def pass_by(self, frame: Frame, T_map_base: NDArray[np.float64]) -> None:
+        """Go on from the newest frame without a keyframe."""
 
     def optimise(self) -> None:
         """Correct the poses of all keyframes; here there is nothing to correct."""

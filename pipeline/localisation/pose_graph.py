@@ -1,17 +1,14 @@
 """The pose graph: poses of keyframes that fit the constraints by odometry, gravity and registration best."""
 
-from typing import NamedTuple
-
 import gtsam
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
-from pipeline.transforms import orthonormal
+from pipeline.localisation.motion_model import ERRORS_MEAN, ERRORS_SIGMA, GRAVITY_SIGMA, MeasuredMotion
+from pipeline.transforms import inverse, orthonormal
 
-GRAVITY_SIGMA = np.deg2rad(0.3)
-"""rad, standard deviation of a keyframe's roll and pitch by the odometry: the accelerometer's during a drive."""
 FIXED = 1e-4
 """rad and m, standard deviation of a fixed pose: the first keyframe's position and heading, and restored poses."""
 LOOSE = 1e-3
@@ -20,25 +17,7 @@ LEVER = 2.0
 """m, typical distance of what the robot sees, which converts an error of heading into one of position."""
 OUTLIER = 3.0
 """Standard deviations from which on a loop counts for less (Geman and McClure)."""
-GYRO_SIGMA = 0.005, 5e-5
-"""Initial standard deviations of the gyro's scale and of its bias in rad/s."""
-_GYRO = 1 << 40  # key of the gyro's scale and bias, which all motions by odometry share
-
-
-class OdometryMotion(NamedTuple):
-    """A motion by odometry.
-
-    Attributes:
-        T: 4×4 motion if the odometry had no errors.
-        moves: (3, 5) derivative of the translation, m, by the odometry's errors, see :class:`PoseGraph`.
-        J: (6, 2) derivative, in the tangent after the motion, by the gyro's errors.
-        covariance: (6, 6) apart from these errors, rad² and m².
-    """
-
-    T: NDArray[np.float64]
-    moves: NDArray[np.float64]
-    J: NDArray[np.float64]
-    covariance: NDArray[np.float64]
+_ERRORS = 1 << 40  # key of the odometry's systematic errors, which all motions share
 
 
 class PoseGraph:
@@ -47,17 +26,18 @@ class PoseGraph:
     Attributes:
         poses: (K, 4, 4) ``T_map_base`` of every keyframe as now estimated.
         ups: (3,) each, the vertical in the ``base_link`` of each keyframe, by the odometry.
-        gyro: (2,) relative error of the gyro's scale, and its bias in rad/s.
-        odometry: (5,) errors of the odometry as now known, parameters of the motion model. All motions follow them,
-            the first ones too; only those of the gyro are estimated by the graph itself.
+        errors: (5,) systematic errors of the odometry as now estimated, see :data:`ERRORS_MEAN`.
+        errors_covariance: (5, 5).
     """
 
     def __init__(self) -> None:
         self.poses = np.zeros((0, 4, 4))
-        self.gyro, self.odometry = np.zeros(2), np.zeros(5)
+        self.errors = np.array(ERRORS_MEAN)
+        self.errors_covariance = np.diag(np.square(ERRORS_SIGMA))
         self._factors = gtsam.NonlinearFactorGraph()
         self.ups: list[NDArray[np.float64]] = []
         self._links: dict[tuple[int, int], float] = {}
+        self._marginals: gtsam.Marginals | None = None
 
     def __len__(self) -> int:
         """Number of keyframes."""
@@ -102,30 +82,32 @@ class PoseGraph:
         T_i_j = gtsam.Pose3(np.linalg.solve(self.poses[i], T_map_base))
         self._factors.add(gtsam.BetweenFactorPose3(i, j, T_i_j, model))
 
-    def drive(self, drive: OdometryMotion) -> None:
+    def drive(self, motion: MeasuredMotion) -> None:
         """Add the robot's motion by odometry from the previous keyframe to the newest one."""
-        model, j = gtsam.noiseModel.Gaussian.Covariance(drive.covariance), len(self) - 1
-        R = gtsam.Rot3(drive.T[:3, :3])
+        model, j = gtsam.noiseModel.Gaussian.Covariance(motion.noise), len(self) - 1
 
         def error(_: object, values: gtsam.Values, H: list[NDArray[np.float64]] | None) -> NDArray[np.float64]:
-            between = values.atPose3(j - 1).between(values.atPose3(j))
-            delta = gtsam.Pose3(R, drive.T[:3, 3] + drive.moves @ self.odometry)
-            expected = delta.compose(gtsam.Pose3.Expmap(drive.J @ values.atVector(_GYRO)))
+            between, errors = values.atPose3(j - 1).between(values.atPose3(j)), values.atVector(_ERRORS)
             if H is not None:
-                H[0], H[1], H[2] = -between.inverse().AdjointMap(), np.eye(6), -drive.J
-            return np.asarray(gtsam.Pose3.Logmap(expected.between(between)))
+                H[0], H[1], H[2] = -between.inverse().AdjointMap(), np.eye(6), -motion.jacobian
+            return np.asarray(gtsam.Pose3.Logmap(gtsam.Pose3(inverse(motion.without(errors))).compose(between)))
 
-        self._factors.add(gtsam.CustomFactor(model, [j - 1, j, _GYRO], error))
+        self._factors.add(gtsam.CustomFactor(model, [j - 1, j, _ERRORS], error))
 
     def link(self, i: int, j: int, covariance: NDArray[np.float64]) -> None:
         """Remember the (6, 6) covariance of keyframe j relative to i; of several the smallest one counts."""
         self._links[i, j] = min(variance_of(covariance), self._links.get((i, j), np.inf))
 
-    def deviations(self) -> NDArray[np.float64]:
-        """(K,) m, standard deviation of each position relative to the newest keyframe, by the best chain of links."""
+    def deviations(self, keyframe: int) -> NDArray[np.float64]:
+        """(K,) m, standard deviation of each position relative to a keyframe, by the best chain of links."""
         ends = np.array(list(self._links), np.int64).reshape(-1, 2).T
         links = coo_array((list(self._links.values()), tuple(ends)), shape=(len(self), len(self))).tocsr()
-        return np.sqrt(dijkstra(links, directed=False, indices=len(self) - 1))
+        return np.sqrt(dijkstra(links, directed=False, indices=keyframe))
+
+    def covariance(self, keyframe: int) -> NDArray[np.float64]:
+        """(6, 6) of a keyframe's pose relative to the first one's, in its own tangent, rad² and m²."""
+        assert self._marginals is not None
+        return np.asarray(self._marginals.marginalCovariance(keyframe))
 
     def optimise(self) -> None:
         """Move the poses so that they fit all constraints best."""
@@ -136,15 +118,17 @@ class PoseGraph:
         bias = np.mean(np.array(self.ups) - self.poses[:, 2, :3], axis=0)  # of an accelerometer that is mounted askew
         for k, up in enumerate(self.ups):
             graph.add(gtsam.AttitudeFactorPose3(k, vertical, model, gtsam.Unit3(up - bias)))
-        graph.add(gtsam.PriorFactorVector(_GYRO, np.zeros(2), gtsam.noiseModel.Diagonal.Sigmas(np.array(GYRO_SIGMA))))
+        sigmas = gtsam.noiseModel.Diagonal.Sigmas(np.array(ERRORS_SIGMA))
+        graph.add(gtsam.PriorFactorVector(_ERRORS, np.array(ERRORS_MEAN), sigmas))
         values = gtsam.Values()
-        values.insert(_GYRO, self.gyro)
+        values.insert(_ERRORS, self.errors)
         for k, T in enumerate(self.poses):
             values.insert(k, gtsam.Pose3(T))
         params = gtsam.LevenbergMarquardtParams()
-        params.setRelativeErrorTol(1e-3)
+        params.setRelativeErrorTol(1e-7)
         result = gtsam.LevenbergMarquardtOptimizer(graph, values, params).optimize()
-        self.gyro = result.atVector(_GYRO)
+        self._marginals = gtsam.Marginals(graph, result)
+        self.errors, self.errors_covariance = result.atVector(_ERRORS), self._marginals.marginalCovariance(_ERRORS)
         self.poses = orthonormal(np.array([result.atPose3(k).matrix() for k in range(len(self))]))
 
 

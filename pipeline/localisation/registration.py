@@ -38,6 +38,7 @@ SAME_SURFACE = 0.9
 """Least cosine between the normals of a pair on one surface."""
 FEIGNED = 1e-3
 """Share of the strongest information; weaker information comes from noise and is left out."""
+_SCALE = np.repeat([LEVER, 1.0], 3)
 
 
 @dataclass(frozen=True, eq=False)
@@ -205,19 +206,28 @@ class _Pairs:
             u = normals / STRAY
             J = np.hstack([np.cross(u @ R, points[self.source]), -u @ R])
             self.rows.append((J, np.einsum("ni,ni->n", u, away)))
+        strength, directions = np.linalg.eigh(self._scaled()[0])
+        self._least = FEIGNED * strength[-1]
+        self._known = directions[:, strength > self._least]
 
     def tell(self, rows: NDArray[np.bool_] | EllipsisType = ...) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
         """(6, 6) information of the pose and (6,) information vector by the pairs in ``rows`` (P,).
 
-        Directions whose information comes from noise alone are left out.
+        Only in the directions that all pairs determine: what some of them tell beyond these is noise. It is small,
+        but along a corridor it is all there is, and it is alike in each keyframe.
         """
-        (J_n, r_n), (J_m, r_m) = ((J[rows], residual[rows]) for J, residual in self.rows)
-        lever = np.repeat([LEVER, 1.0], 3)
-        pull: NDArray[np.float64] = -(J_n.T @ r_m + J_m.T @ r_n) / 2
-        strength, directions = np.linalg.eigh((J_n.T @ J_m + J_m.T @ J_n) / 2 / np.outer(lever, lever))
-        real = np.clip(1 - FEIGNED * strength[-1] / np.maximum(strength, np.finfo(np.float64).eps), 0, 1)
-        scaled: NDArray[np.float64] = lever[:, None] * directions
-        return scaled * (strength * real) @ scaled.T, scaled @ (real * (directions.T @ (pull / lever)))
+        H, pull = self._scaled(rows)
+        strength, directions = np.linalg.eigh(self._known.T @ H @ self._known)
+        real = np.clip(1 - self._least / np.maximum(strength, np.finfo(np.float64).eps), 0, 1)
+        scaled = _SCALE[:, None] * (self._known @ directions)
+        return scaled * (strength * real) @ scaled.T, scaled @ (real * ((self._known @ directions).T @ pull))
+
+    def _scaled(
+        self, rows: NDArray[np.bool_] | EllipsisType = ...
+    ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """Information and information vector, noise included, of rotations times ``LEVER`` and translations, m."""
+        (J_n, r_n), (J_m, r_m) = ((J[rows] / _SCALE, residual[rows]) for J, residual in self.rows)
+        return (J_n.T @ J_m + J_m.T @ J_n) / 2, -(J_n.T @ r_m + J_m.T @ r_n) / 2
 
 
 def front_normals(cloud: small_gicp.PointCloud, camera: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -18,9 +18,18 @@ from scipy.spatial.transform import Rotation
 from pipeline.errors import InputError
 from pipeline.frame import Frame
 from pipeline.localisation.local_map import LocalMap
-from pipeline.localisation.localisation import Localisation, Loop, LostError, SavedKeyframes, check_odometry
-from pipeline.localisation.motion_model import GYRO, WAY_SIGMA, MeasuredMotion, MotionModel, Prediction
-from pipeline.localisation.pose_graph import GRAVITY_SIGMA, PoseGraph, spread
+from pipeline.localisation.localisation import (
+    KEYFRAME_TURN,
+    KEYFRAME_WAY,
+    STILL_WAY,
+    Localisation,
+    Loop,
+    LostError,
+    SavedKeyframes,
+    check_odometry,
+)
+from pipeline.localisation.motion_model import GRAVITY_SIGMA, POSE, MeasuredMotion, MotionModel, Prediction
+from pipeline.localisation.pose_graph import PoseGraph, spread
 from pipeline.localisation.registration import (
     CLOUD_VOXEL,
     COARSE,
@@ -40,9 +49,8 @@ from pipeline.localisation.registration import (
 from pipeline.transforms import from_rotation, inverse, orthonormal, transform_points
 
 AROUND = 9
-"""Pixels along each side of a square whose mean depth is compared with the sensor's limit. Comparing single depths
-would cut off the far half of their noise too: walls at the limit came 3 cm too near, and a first turn closed 1° too
-short."""
+"""Pixels along each side of a square that must not reach the sensor's limit, which cuts off the far half of the noise:
+walls at the limit came 3 cm too near, and floors rose by 1 mm from keyframe to keyframe."""
 IMPOSSIBLE = 100.0
 """χ² above which slipping wheels cannot explain a contradicted odometry: of 800 frames the greatest was 45."""
 ENOUGH_OVERLAP, BETTER = 0.6, 0.1
@@ -81,6 +89,28 @@ class _Match:
     registration: Registration | None = None
 
 
+@dataclass(frozen=True, eq=False)
+class _Reference:
+    """The pose since which the odometry is taken.
+
+    Attributes:
+        keyframe: number of the keyframe that it is known relative to.
+        T_keyframe_base: 4×4.
+        time: s.
+        T_odom_base: 4×4 by the odometry.
+    """
+
+    keyframe: int
+    T_keyframe_base: NDArray[np.float64]
+    time: float
+    T_odom_base: NDArray[np.float64]
+
+    @property
+    def is_keyframe(self) -> bool:
+        """Whether it is the pose of the keyframe itself."""
+        return np.array_equal(self.T_keyframe_base, np.eye(4))
+
+
 class Slam(Localisation):
     """Localises frames in the map of its keyframes.
 
@@ -105,8 +135,7 @@ class Slam(Localisation):
         self.loops: list[Loop] = []
         self.closes_loops, self.on_ground = closes_loops, on_ground
         self.slips = 0
-        self._odometry: list[tuple[float, NDArray[np.float64]]] = []
-        self._motions: list[MeasuredMotion | None] = []
+        self._reference = _Reference(-1, np.eye(4), 0.0, np.eye(4))
         self._anchor: NDArray[np.float64] | None = None
         self._deviations = np.zeros(0)
         self._unseen_way = 0.0
@@ -120,9 +149,19 @@ class Slam(Localisation):
         return self.graph.poses
 
     @property
-    def covariance(self) -> NDArray[np.float64] | None:
-        """(6, 6) of the newest frame's pose in its own tangent, rad² and m²; None if it was not registered."""
-        return self._match.registration.covariance if self._match and self._match.registration else None
+    def deviations(self) -> NDArray[np.float64]:
+        """(K,) m, standard deviation of each keyframe's position relative to the reference."""
+        return self._deviations
+
+    @property
+    def T_map_reference(self) -> NDArray[np.float64]:
+        """4×4 pose since which the odometry is taken: of the newest keyframe, or of a frame passed since."""
+        return self.poses[self._reference.keyframe] @ self._reference.T_keyframe_base
+
+    @property
+    def covariance(self) -> NDArray[np.float64]:
+        """(6, 6) of the newest keyframe's pose relative to the first one's, in its tangent, as optimised last."""
+        return self.graph.covariance(len(self.graph) - 1)
 
     @property
     def is_contradicted(self) -> bool:
@@ -162,25 +201,26 @@ class Slam(Localisation):
             self.T_map_odom = self._match.T_map_base @ inverse(frame.T_odom_base)
         return self._match.T_map_base
 
+    @property
+    def repeats(self) -> bool:
+        """Whether the newest frame adds nothing: a keyframe at its pose saw all that it shows."""
+        match = self._match
+        if match is None or match.registration is None or match.cloud is None or match.prediction is None:
+            return False
+        unseen = (1 - match.registration.overlap) * match.cloud.size()
+        is_sure = match.registration.fits and match.registration.overlap >= ENOUGH_OVERLAP
+        return is_sure and unseen < LEAST_POINTS and self._repeated(match.T_map_base) is not None
+
     def add(self, frame: Frame, T_map_base: NDArray[np.float64]) -> None:
         """Make a keyframe of the newest frame, at the pose that :meth:`localise` gave."""
-        match = self._match
-        assert match is not None and match.frame is frame
-        if match.prediction is not None:
-            self.motion.take(match.prediction, match.registration)
-        elif match.registration:
-            self.motion.restart(match.registration.covariance)
-        elif len(self.graph):
-            self.motion.restart(np.diag(spread(KNOWN) ** 2))
-        way = float(np.linalg.norm(match.prediction.motion.T[:3, 3])) if match.prediction else 0.0
-        self._unseen_way = 0.0 if match.registration else self._unseen_way + way
+        match, reference = self._arrive(frame), self._reference
         number = self.graph.add(T_map_base, frame.T_odom_base[2, :3])
         if match.step is not None:
-            if match.prediction is not None:
-                self.graph.drive(match.prediction.motion.drive)
+            if match.prediction is not None and reference.is_keyframe:
+                self.graph.drive(match.prediction.motion)
             else:
-                self.graph.connect(number - 1, number, match.step.T, match.step.information)
-            self.graph.link(number - 1, number, np.asarray(np.linalg.inv(match.step.information)))
+                self.graph.connect(reference.keyframe, number, match.step.T, match.step.information)
+            self.graph.link(reference.keyframe, number, np.asarray(np.linalg.inv(match.step.information)))
         new = np.ones(match.cloud.size() if match.cloud else 0, np.bool_)
         if match.target is not None and match.cloud is not None:
             new = self._connect(number, match.cloud, match.target, match.registration)
@@ -188,24 +228,53 @@ class Slam(Localisation):
             self.graph.connect(stand.owner, number, stand.T, stand.information)
         if match.cloud is not None:
             self.local_map.add(number, T_map_base, match.cloud, frame.T_base_camera[:3, 3], new)
-        self._motions.append(match.prediction.motion if match.prediction else None)
-        self._odometry.append((frame.time, frame.T_odom_base))
-        self._anchor, self._turned = None, 0.0
-        self._deviations = self.graph.deviations()
+        self._refer(number, np.eye(4), frame)
         if self.closes_loops:
             self._find_loop(number, match)
+
+    def pass_by(self, frame: Frame, T_map_base: NDArray[np.float64]) -> None:
+        """Take the odometry since the newest frame, which :attr:`repeats` a keyframe, and keep nothing else of it."""
+        self._arrive(frame)
+        number = self._repeated(T_map_base)
+        assert number is not None
+        self._refer(number, inverse(self.poses[number]) @ T_map_base, frame)
+
+    def _arrive(self, frame: Frame) -> _Match:
+        """Take the newest frame's pose for known: motions begin there."""
+        match = self._match
+        assert match is not None and match.frame is frame
+        if match.prediction is not None:
+            self.motion.take(match.prediction, match.registration.information if match.registration else None)
+        elif match.registration:
+            self.motion.restart(match.registration.covariance)
+        elif len(self.graph):
+            self.motion.restart(np.diag(spread(KNOWN) ** 2))
+        way = float(np.linalg.norm(match.prediction.motion.T[:3, 3])) if match.prediction else 0.0
+        self._unseen_way = 0.0 if match.registration else self._unseen_way + way
+        return match
+
+    def _refer(self, keyframe: int, T_keyframe_base: NDArray[np.float64], frame: Frame) -> None:
+        """Take the odometry since a frame, at a 4×4 pose relative to a keyframe."""
+        self._reference = _Reference(keyframe, T_keyframe_base, frame.time, frame.T_odom_base)
+        self._anchor, self._turned = None, 0.0
+        self._deviations = self.graph.deviations(keyframe)
+
+    def _repeated(self, T_map_base: NDArray[np.float64]) -> int | None:
+        """Number of the nearest keyframe at the same pose as a 4×4 one; None if there is none, or it is unknown."""
+        way = np.linalg.norm(self.poses[:, :3, 3] - T_map_base[:3, 3], axis=1)
+        cosine = (np.einsum("kij,ij->k", self.poses[:, :3, :3], T_map_base[:3, :3]) - 1) / 2
+        same = (way < KEYFRAME_WAY) & (cosine > np.cos(KEYFRAME_TURN))
+        nearest = int(np.where(same, way, np.inf).argmin())
+        return nearest if same.any() and self._deviations[nearest] < KNOWN else None
 
     def optimise(self) -> None:
         """Close a loop if one was found, and correct the poses of all keyframes."""
         loop, self._loop = self._loop, None
         if loop is not None:
             self._close_loop(*loop)
-        self.graph.odometry = self.motion.parameters
         self.graph.optimise()
-        if loop is not None:
-            self.motion.fit(self._motions, self.poses)
-        self.motion.parameters[GYRO] = self.graph.gyro
-        self.T_map_odom = self.poses[-1] @ inverse(self._odometry[-1][1])
+        self.motion.learn(self.graph.errors, self.graph.errors_covariance)
+        self.T_map_odom = self.T_map_reference @ inverse(self._reference.T_odom_base)
         self._renew()
 
     def set_down(self, T_map_base: NDArray[np.float64]) -> None:
@@ -238,8 +307,7 @@ class Slam(Localisation):
         known = self.local_map
         known.points, known.normals = keyframes.points.astype(np.float64), keyframes.normals
         known.owner = keyframes.owner
-        self._odometry = [(0.0, np.eye(4))] * len(keyframes.poses)
-        self._motions = [None] * len(keyframes.poses)
+        self._reference = _Reference(len(keyframes.poses) - 1, np.eye(4), 0.0, np.eye(4))
         self._renew()
 
     def _check_camera(self, frame: Frame) -> None:
@@ -258,7 +326,7 @@ class Slam(Localisation):
 
     def _renew(self) -> None:
         self.local_map.place(self.poses)
-        self._deviations = self.graph.deviations()
+        self._deviations = self.graph.deviations(self._reference.keyframe)
 
     def _find(self, frame: Frame) -> _Match:
         cloud = cloud_of_frame(frame)
@@ -266,19 +334,20 @@ class Slam(Localisation):
             return _Match(frame, orthonormal(frame.T_odom_base), cloud=cloud)
         odometry = self._by_odometry(frame) if self._anchor is None else None
         farthest = COARSE
-        if odometry is not None and np.linalg.norm(odometry.T_map_base[:3, 3] - self.poses[-1, :3, 3]) > FAR_OFF:
-            self._anchor, odometry, farthest = self.poses[-1], None, WIDEST
-        first = odometry.prior if odometry else Prior(np.asarray(self._anchor), np.diag(spread(KNOWN) ** -2.0))
-        step = Prior(first.T, np.asarray(np.linalg.inv(odometry.step))) if odometry else None
+        if odometry is not None and np.linalg.norm((odometry.T_map_base - self.T_map_reference)[:3, 3]) > FAR_OFF:
+            self._anchor, odometry, farthest = self.T_map_reference, None, WIDEST
+        first = prior_of(odometry) if odometry else Prior(np.asarray(self._anchor), np.diag(spread(KNOWN) ** -2.0))
+        step = self._step(odometry) if odometry else None
         points = cloud.points()[:, :3] if cloud else np.zeros((1, 3))
         target = self._target(points, first.T, frame, self._deviations < KNOWN, WIDEST) if cloud else None
         if target is None:
             return _Match(frame, first.T, odometry, step, cloud)
+        first = self._relative_to(target, first)
         stand = self._stand(first.T)
         known = [Prior(stand.T, stand.information)] if stand else []
         registration = register(target, cloud, [first, by_gravity(first.T, frame), *known], farthest)
         if odometry is not None and not (registration.fits and registration.overlap >= ENOUGH_OVERLAP):
-            prior, slipped = slipped_registration(target, cloud, first, self.poses[-1], frame)
+            prior, slipped = slipped_registration(target, cloud, first, self.T_map_reference, frame)
             is_better = not registration.fits or slipped.overlap > registration.overlap + BETTER
             # On a bare floor, which looks the same everywhere, the pose of a robot that stayed always fits best.
             way = (inverse(slipped.T) @ first.T)[:3, 3]
@@ -299,10 +368,22 @@ class Slam(Localisation):
         return self.local_map.around(points @ T[:3, :3].T + T[:3, 3], camera, owners, margin)
 
     def _by_odometry(self, frame: Frame) -> Prediction:
-        """The pose by the odometry since the newest keyframe."""
-        (time, T_odom_base), up = self._odometry[-1], self.graph.ups[-1]
-        motion = MeasuredMotion(inverse(T_odom_base) @ frame.T_odom_base, up, frame.time - time, self._turned)
-        return self.motion.predict(self.poses[-1], motion)
+        """The pose by the odometry since the reference."""
+        known = self._reference
+        T, up = inverse(known.T_odom_base) @ frame.T_odom_base, known.T_odom_base[2, :3]
+        return self.motion.predict(self.T_map_reference, MeasuredMotion(T, up, frame.time - known.time, self._turned))
+
+    def _relative_to(self, target: Target, prior: Prior) -> Prior:
+        """A prior of the pose relative to the keyframes that own the target, whose own positions are uncertain."""
+        deviation = float(np.median(self._deviations[target.owner]))
+        covariance = np.linalg.inv(prior.information) + np.diag(spread(deviation) ** 2)
+        return Prior(prior.T, np.asarray(np.linalg.inv(covariance)))
+
+    def _step(self, odometry: Prediction) -> Prior:
+        """The pose by the motion since the reference, as uncertain as it is relative to the reference's keyframe."""
+        if not self._reference.is_keyframe:
+            return prior_of(odometry)
+        return Prior(odometry.T_map_base, np.asarray(np.linalg.inv(odometry.step)))
 
     def _connect(
         self, number: int, cloud: small_gicp.PointCloud, target: Target, registration: Registration | None
@@ -366,14 +447,18 @@ def cloud_of_frame(frame: Frame) -> small_gicp.PointCloud | None:
     """The frame's returns in ``base_link``, thinned; None if there are too few."""
     depth = frame.depth[::2, ::2]
     returns = depth > 0
-    square = AROUND, AROUND
-    farthest = frame.sensor.farthest - frame.sensor.margin
-    returns &= cv2.blur(depth, square) <= farthest * cv2.blur(returns.astype(np.float32), square)
+    farthest = frame.sensor.farthest
+    returns &= cv2.dilate(depth, np.ones((AROUND, AROUND))) < farthest - frame.sensor.sigma(farthest)
     if np.count_nonzero(returns) < LEAST_POINTS:
         return None
     points = frame.intrinsics.rays[::2, ::2][returns] * depth[returns, None]
     cloud = cloud_of(transform_points(frame.T_base_camera, points))
     return cloud if cloud.size() >= LEAST_POINTS else None
+
+
+def prior_of(prediction: Prediction) -> Prior:
+    """The predicted pose as a Gaussian."""
+    return Prior(prediction.T_map_base, np.asarray(np.linalg.inv(prediction.covariance[POSE, POSE])))
 
 
 def slipped_registration(
@@ -385,7 +470,7 @@ def slipped_registration(
     """
     stayed = odometry.T.copy()
     stayed[:3, 3] = T_map_base[:3, 3]
-    way = WAY_SIGMA[0] + np.linalg.norm(odometry.T[:3, 3] - stayed[:3, 3])
+    way = STILL_WAY + np.linalg.norm(odometry.T[:3, 3] - stayed[:3, 3])
     rotation = np.linalg.inv(np.linalg.inv(odometry.information)[:3, :3])
     prior = Prior(odometry.T, block_diag(rotation, np.eye(3) / way**2))
     begins = (Prior(T, np.zeros_like(prior.information)) for T in (stayed, odometry.T))

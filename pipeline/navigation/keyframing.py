@@ -48,22 +48,30 @@ class Keyframing:
     def add(self, frame: Frame, labelled: bool) -> Keyframe:
         """Make a keyframe of a frame."""
         keyframe = self._mapper.add(frame, self._mapper.localise(frame), labelled)
-        self._T_odom_keyframe = frame.T_odom_base
-        self._navigator.correct(self._mapper.localisation.T_map_odom)
+        self._go_on(frame)
         self._on_keyframe(keyframe)
         return keyframe
 
     def look(self) -> MotionCheck:
-        """Take a keyframe if the robot has moved far enough; by it, whether the robot moves and its pose is sure."""
+        """Localise anew if the robot has moved far enough: whether it moves, and its pose is sure.
+
+        The frame becomes a keyframe unless it repeats one.
+        """
         assert self._navigator.motion is not None
         if not is_keyframe(self._T_odom_keyframe, self._navigator.motion.T_odom_base):
             return MotionCheck.FINE
         frame, localisation = self._sense(), self._mapper.localisation
+        T_map_before = localisation.T_map_odom @ self._T_odom_keyframe
         if localisation.may_err and self.pose_check.was_carried(frame):
             return MotionCheck.UNSURE
         driven = np.linalg.norm((inverse(self._T_odom_keyframe) @ frame.T_odom_base)[:3, 3])
-        moved = np.linalg.norm((self._mapper.localise(frame) - localisation.poses[-1])[:3, 3])
-        self.add(frame, labelled=len(self._mapper.keyframes) % LABELLED == 0)
+        T_map_base = self._mapper.localise(frame)
+        moved = np.linalg.norm((T_map_base - T_map_before)[:3, 3])
+        if localisation.repeats:
+            localisation.pass_by(frame, T_map_base)
+            self._go_on(frame)
+        else:
+            self.add(frame, labelled=len(self._mapper.keyframes) % LABELLED == 0)
         if localisation.is_blind:
             return MotionCheck.UNSURE
         spins = driven >= KEYFRAME_WAY and moved < BLOCKED_SHARE * driven
@@ -73,6 +81,11 @@ class Keyframing:
         """(N, 3) the camera's present returns, m in ``map``; their frame becomes a keyframe."""
         frame = self._sense()
         return frame.points(self.add(frame, labelled=False).T_map_base @ frame.T_base_camera)
+
+    def _go_on(self, frame: Frame) -> None:
+        """Measure the way to the next keyframe from a frame, and drive by its pose."""
+        self._T_odom_keyframe = frame.T_odom_base
+        self._navigator.correct(self._mapper.localisation.T_map_odom)
 
     def _sense(self) -> Frame:
         self._last = without_isolated_returns(self._navigator.robot.sense())

@@ -53,5 +53,5 @@ def trust_in(mapper: Mapper) -> Trust:
     checked = kept[:: 1 + len(kept) // MOST_CHECKED]
     whole = Agreement.of(agreement(seen.frame, T @ seen.T_base_camera, mapper.metric_map) for seen, T in checked)
     known = mapper.localisation
-    deviations = known.graph.deviations() if isinstance(known, Slam) and len(known.graph) else np.zeros(1)
+    deviations = known.deviations if isinstance(known, Slam) and len(known.graph) else np.zeros(1)
     return Trust(1 - whole.share, float(deviations.max()))

@@ -96,9 +96,9 @@ def figures_of(replayed: Mapping[Job, Mapping[str, Any] | None]) -> dict[str, fl
 def _overall(told: Sequence[Mapping[str, Any]]) -> dict[str, float]:
     """Times, loops and NEES over all drives."""
     figures: dict[str, float] = {}
-    for key in ("keyframe_ms", "correction_ms", "nees"):
+    for key in ("keyframe_ms", "correction_ms", "nees", "within_3_sigma"):
         if values := [report["ours"][key] for report in told if key in report["ours"]]:
-            figures["nees" if key == "nees" else f"ours.{key}"] = float(np.median(values))
+            figures[f"ours.{key}" if key.endswith("ms") else key] = float(np.median(values))
     for key in ("loops", "false_loops"):
         if values := [report["ours"][key] for report in told if key in report["ours"]]:
             figures[key] = float(sum(values))

@@ -66,6 +66,11 @@ def nees(errors: NDArray[np.float64], covariances: NDArray[np.float64]) -> float
     return float(np.einsum("ni,ni->n", errors, np.linalg.solve(covariances, errors[..., None])[..., 0]).mean() / 6)
 
 
+def within(sigmas: float, errors: NDArray[np.float64], covariances: NDArray[np.float64]) -> float:
+    """Share of the components of (N, 6) errors that are within some standard deviations of (N, 6, 6) covariances."""
+    return float((np.abs(errors) <= sigmas * np.sqrt(np.einsum("nii->ni", covariances))).mean())
+
+
 def evo_ate(true: Path, estimated: Path) -> float:
     """Root mean square of the distance in m between the trajectories of two TUM files, by evo, without alignment."""
     from evo.core.metrics import APE, PoseRelation, StatisticsType

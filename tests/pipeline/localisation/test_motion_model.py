@@ -1,4 +1,4 @@
-"""What a robot learns of its odometry, where registration tells the truth."""
+"""Predictions of motion by an odometry with known errors."""
 
 import numpy as np
 import pytest
@@ -6,23 +6,18 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from pipeline.localisation.motion_model import MEAN, MeasuredMotion, MotionModel
-from pipeline.localisation.registration import Registration, logarithm
+from pipeline.localisation.motion_model import ERRORS_MEAN, ERRORS_SIGMA, POSE, MeasuredMotion, MotionModel
+from pipeline.localisation.registration import logarithm
 from pipeline.transforms import from_yaw, inverse, yaw_of
 
-TRUE = np.array([0.01, -0.007, 0.016, 0.5, 4e-5])
 EXACT, NOTHING = 1e10 * np.eye(6), np.zeros((6, 6))
 numbers = st.floats(-1, 1)
 
 
-def believing(parameters: NDArray[np.float64]) -> MotionModel:
+def believing(errors: NDArray[np.float64]) -> MotionModel:
     model = MotionModel()
-    model.parameters = parameters
+    model.learn(errors, np.diag(np.square(ERRORS_SIGMA)))
     return model
-
-
-def registered(T: NDArray[np.float64], information: NDArray[np.float64]) -> Registration:
-    return Registration(T, information, np.eye(6), 1.0, 0.0)
 
 
 def motion_of(rng: np.random.Generator) -> MeasuredMotion:
@@ -31,59 +26,45 @@ def motion_of(rng: np.random.Generator) -> MeasuredMotion:
     return MeasuredMotion(from_yaw(rng.uniform(0, 0.3), 0, 0, rng.uniform(-0.26, 0.26)), up / np.linalg.norm(up), 1.0)
 
 
-def learnt(information: NDArray[np.float64]) -> MotionModel:
-    """The model after 300 keyframes, each registered at its true pose with the given information."""
-    rng, true, model = np.random.default_rng(4), believing(TRUE), MotionModel()
-    for _ in range(300):
-        motion = motion_of(rng)
-        T = true.predict(np.eye(4), motion).T_map_base
-        model.take(model.predict(np.eye(4), motion), registered(T, information))
-    return model
-
-
 def test_before_anything_is_learnt_a_motion_is_the_odometrys() -> None:
     motion = MeasuredMotion(from_yaw(0.3, 0.01, 0.0, 0.1), np.array([0.0, 0.0, 1.0]), 1.0)
     start = from_yaw(2.0, 3.0, 0.0, 1.0)
     prediction = MotionModel().predict(start, motion)
     np.testing.assert_allclose(prediction.T_map_base, start @ motion.T, atol=1e-12)
-    assert MEAN[:3] == (0, 0, 0)
+    assert ERRORS_MEAN[:3] == (0, 0, 0)
 
 
 def test_a_robot_that_turns_on_a_slope_is_expected_to_slide_downhill() -> None:
     left_side_up = np.array([0.0, np.sin(0.28), np.cos(0.28)])
     motion = MeasuredMotion(from_yaw(0, 0, 0, 0.5), left_side_up, 1.0)
     slid = MotionModel().predict(np.eye(4), motion).T_map_base[:3, 3]
-    np.testing.assert_allclose(slid, [0, -MEAN[3] * 0.5 * np.sin(0.28), 0], atol=1e-12)
+    np.testing.assert_allclose(slid, [0, -ERRORS_MEAN[3] * 0.5 * np.sin(0.28), 0], atol=1e-12)
 
 
-def test_it_learns_what_is_wrong_with_the_odometry() -> None:
-    model = learnt(EXACT)
-    assert (np.abs(model.parameters - TRUE) < [0.005, 0.001, 0.006, 0.05, 4e-5]).all()
-    motion = motion_of(np.random.default_rng(9))
-    true = believing(TRUE).predict(np.eye(4), motion)
-    errors = [
-        logarithm(inverse(true.T_map_base) @ m.predict(np.eye(4), motion).T_map_base) for m in (model, MotionModel())
-    ]
-    assert np.linalg.norm(errors[0]) < 0.2 * np.linalg.norm(errors[1])
-
-
-def test_it_learns_nothing_where_registration_tells_nothing() -> None:
-    model, motion = MotionModel(), motion_of(np.random.default_rng(1))
-    prediction = model.predict(np.eye(4), motion)
-    model.take(prediction, registered(prediction.T_map_base, NOTHING))
-    model.take(model.predict(np.eye(4), motion), None)
-    np.testing.assert_allclose(model.parameters, MEAN, atol=1e-12)
-
-
-def test_the_end_of_a_blind_turn_tells_the_scale_of_the_gyro() -> None:
-    """After 20 turns of 15°, of which only the last is registered, the heading is 2° short of the odometry's."""
-    model, T = MotionModel(), np.eye(4)
+def test_where_nothing_is_registered_errors_of_the_gyro_add_up() -> None:
+    """20 blind turns of 15° are as unsure as the gyro's scale over all of them; a registration ends that."""
     motion = MeasuredMotion(from_yaw(0, 0, 0, np.pi / 12), np.array([0.0, 0.0, 1.0]), 1.0)
-    for k in range(20):
+    model, T = MotionModel(), np.eye(4)
+    for _ in range(20):
         prediction = model.predict(T, motion)
-        T = prediction.T_map_base if k < 19 else from_yaw(0, 0, 0, 20 * np.pi / 12 * (1 - 0.007))
-        model.take(prediction, registered(T, EXACT) if k == 19 else None)
-    assert -0.0072 < model.parameters[1] < -0.006
+        T = prediction.T_map_base
+        model.take(prediction, None)
+    assert np.sqrt(prediction.covariance[2, 2]) == pytest.approx(ERRORS_SIGMA[1] * 20 * np.pi / 12, rel=0.1)
+    model.take(prediction, EXACT)
+    after = model.predict(T, motion)
+    np.testing.assert_allclose(after.covariance[POSE, POSE], after.step, rtol=1e-3, atol=1e-9)
+
+
+def test_along_a_corridor_a_pose_is_as_unsure_as_one_motion() -> None:
+    """Relative to what the last keyframe saw: registration tells nothing along x, and all else."""
+    along = np.diag([1e8, 1e8, 1e8, 0, 1e8, 1e8])
+    motion = MeasuredMotion(from_yaw(0.3, 0, 0, 0), np.array([0.0, 0.0, 1.0]), 1.0)
+    model, T = MotionModel(), np.eye(4)
+    for _ in range(20):
+        prediction = model.predict(T, motion)
+        T = prediction.T_map_base
+        model.take(prediction, along)
+    assert prediction.covariance[3, 3] == pytest.approx(2 * prediction.step[3, 3], rel=0.01)
 
 
 def test_whole_turns_between_keyframes_count() -> None:
@@ -106,17 +87,6 @@ def test_more_than_half_a_turn_on_a_slope_is_the_same_turn(slope_deg: float) -> 
     np.testing.assert_allclose(motion.turn, [0, 0, turned], atol=1e-9)
 
 
-def test_a_loop_that_corrects_keyframes_tells_the_scale_of_the_gyro() -> None:
-    model = MotionModel()
-    motion = MeasuredMotion(from_yaw(0, 0, 0, np.pi / 12), np.array([0.0, 0.0, 1.0]), 1.0)
-    poses = np.array([from_yaw(0, 0, 0, 0.993 * k * np.pi / 12) for k in range(40)])
-    model.fit([None, *[motion] * 39], poses)
-    assert -0.0072 < model.parameters[1] < -0.006
-    unbelievable = MotionModel()
-    unbelievable.fit([None] * 40, poses)
-    np.testing.assert_allclose(unbelievable.parameters, MEAN)
-
-
 def test_after_a_restart_a_pose_is_as_sure_as_told() -> None:
     model, motion = MotionModel(), motion_of(np.random.default_rng(2))
     sure = np.diag(model.predict(np.eye(4), motion).covariance)[:6]
@@ -125,9 +95,23 @@ def test_after_a_restart_a_pose_is_as_sure_as_told() -> None:
 
 
 def test_what_was_learnt_makes_the_next_motion_surer() -> None:
-    motion = motion_of(np.random.default_rng(2))
-    before, after = (m.predict(np.eye(4), motion).step for m in (MotionModel(), learnt(EXACT)))
-    assert (np.diag(after)[2:5] < np.diag(before)[2:5]).all()  # heading and place; odometry tells the rest as ever
+    motion, model = motion_of(np.random.default_rng(2)), MotionModel()
+    before = model.predict(np.eye(4), motion).step
+    model.learn(np.array(ERRORS_MEAN), np.zeros((5, 5)))
+    after = model.predict(np.eye(4), motion).step
+    np.testing.assert_allclose(after, motion.noise)
+    assert (np.diag(after)[2:5] < np.diag(before)[2:5]).all()
+
+
+def test_a_motion_is_as_unsure_as_the_way_the_turn_and_the_slope_make_it() -> None:
+    level, slope = np.array([0.0, 0.0, 1.0]), np.array([0.28, 0.0, 0.96])
+    far, near, turn = from_yaw(2, 0, 0, 0), from_yaw(0.5, 0, 0, 0), from_yaw(0, 0, 0, 0.5)
+    sigma = {name: np.sqrt(MeasuredMotion(T, up, 1.0).noise[3, 3]) for name, T, up in (
+        ("far", far, level), ("near", near, level), ("turn", turn, level), ("slides", turn, slope)
+    )}  # fmt: skip
+    assert sigma["far"] == pytest.approx(2 * sigma["near"], rel=0.05)
+    assert sigma["turn"] == pytest.approx(sigma["near"])
+    assert sigma["slides"] > 10 * sigma["turn"]
 
 
 @given(numbers, numbers, numbers, st.integers(0, 4))

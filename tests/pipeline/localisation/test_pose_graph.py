@@ -7,7 +7,8 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from pipeline.localisation.pose_graph import LEVER, OdometryMotion, PoseGraph
+from pipeline.localisation.motion_model import MeasuredMotion
+from pipeline.localisation.pose_graph import LEVER, PoseGraph
 from pipeline.transforms import from_rotation, from_yaw, inverse, tilt_of, yaw_of
 
 SURE, VAGUE = 1e4 * np.eye(6), 10 * np.eye(6)
@@ -130,48 +131,61 @@ def test_deviations_are_those_of_the_best_chain() -> None:
     graph.link(3, 4, near)
     by_hand = [0.04 + LEVER**2 * 0.03 + 0.04, LEVER**2 * 0.03 + 0.04, np.inf, 0.04, 0]
     assert by_hand[0] < 0.25 + 0.04  # the chain over 1 is better than the link
-    np.testing.assert_allclose(graph.deviations(), np.sqrt(by_hand))
+    np.testing.assert_allclose(graph.deviations(4), np.sqrt(by_hand))
 
 
 def test_of_two_links_the_better_one_counts() -> None:
     graph = chain([from_yaw(1, 0, 0, 0)])
     for variance in (0.09, 0.01, 0.04):
         graph.link(0, 1, np.diag([0, 0, 0, variance, 0, 0]))
-    np.testing.assert_allclose(graph.deviations(), [0.1, 0])
+    np.testing.assert_allclose(graph.deviations(1), [0.1, 0])
 
 
 def test_one_keyframe_is_known() -> None:
     graph = chain([])
-    np.testing.assert_allclose(graph.deviations(), [0])
+    np.testing.assert_allclose(graph.deviations(0), [0])
     graph.optimise()
     np.testing.assert_allclose(graph.poses, [np.eye(4)], atol=1e-9)
 
 
+def driven(motions: list[MeasuredMotion]) -> PoseGraph:
+    """A graph of keyframes at the poses by the odometry, connected by it alone."""
+    graph = PoseGraph()
+    graph.add(np.eye(4), UP)
+    for motion in motions:
+        graph.add(graph.poses[-1] @ motion.T, UP)
+        graph.drive(motion)
+    return graph
+
+
 def test_a_turn_that_closes_tells_what_is_wrong_with_the_gyro() -> None:
     """24 steps of 15° by a gyro that measures 0.7 % too much; a loop joins the last keyframe to the first."""
-    graph = PoseGraph()
     step, true = np.pi / 12, np.pi / 12 * (1 - 0.007)
-    J = np.zeros((6, 2))
-    J[2] = step, 1.0
-    for k in range(25):
-        graph.add(from_yaw(0, 0, 0, k * step), np.array([0.0, 0.0, 1.0]))
-        if k:
-            graph.drive(OdometryMotion(from_yaw(0, 0, 0, step), np.zeros((3, 5)), J, 1e-6 * np.eye(6)))
-    at = graph.poses[0] @ from_yaw(0, 0, 0, 24 * true)
-    graph.connect(0, 24, at, 1e6 * np.eye(6))
+    graph = driven([MeasuredMotion(from_yaw(0, 0, 0, step), UP, 1.0)] * 24)
+    graph.connect(0, 24, from_yaw(0, 0, 0, 24 * true), 1e6 * np.eye(6))
     graph.optimise()
-    assert graph.gyro[0] == pytest.approx(-0.007, abs=0.0003)
+    assert graph.errors[1] == pytest.approx(-0.007, abs=0.0003)
     headings = np.unwrap([yaw_of(T) for T in graph.poses])
     np.testing.assert_allclose(headings, true * np.arange(25), atol=0.001)
 
 
-def test_early_motions_follow_what_is_learnt_later_of_the_tyres() -> None:
-    graph, moves = PoseGraph(), np.zeros((3, 5))
-    moves[0, 0] = 1.0
-    for k in range(4):
-        graph.add(from_yaw(k, 0, 0, 0), np.array([0.0, 0.0, 1.0]))
-        if k:
-            graph.drive(OdometryMotion(from_yaw(1, 0, 0, 0), moves, np.zeros((6, 2)), 1e-6 * np.eye(6)))
-    graph.odometry = np.array([0.01, 0, 0, 0, 0])
+def test_a_return_tells_the_tyres_radius_and_every_motion_follows() -> None:
+    """30 m ahead, measured 2 % too short, the robot meets a place that it knows."""
+    graph = driven([MeasuredMotion(from_yaw(0.3 / 1.02, 0, 0, 0), UP, 1.0)] * 100)
     graph.optimise()
-    np.testing.assert_allclose(graph.poses[:, 0, 3], 1.01 * np.arange(4), atol=1e-6)
+    assert graph.errors[0] == pytest.approx(0, abs=1e-6)
+    unsure = graph.errors_covariance[0, 0]
+    graph.connect(0, 100, from_yaw(30, 0, 0, 0), 1e6 * np.eye(6))
+    graph.optimise()
+    assert graph.errors[0] == pytest.approx(0.02, abs=0.001)
+    assert graph.errors_covariance[0, 0] < unsure / 10
+    np.testing.assert_allclose(graph.poses[:, 0, 3], 0.3 * np.arange(101), atol=0.02)
+
+
+def test_a_pose_is_stated_as_sure_as_its_drive() -> None:
+    """Errors of single motions grow with the root of the way, those of the tyres with the way."""
+    motion = MeasuredMotion(from_yaw(0.3, 0, 0, 0), UP, 1.0)
+    graph = driven([motion] * 50)
+    graph.optimise()
+    deviation = np.sqrt(graph.covariance(50)[3, 3])
+    assert deviation == pytest.approx(np.sqrt(50 * motion.noise[3, 3] + (0.02 * 15) ** 2), rel=0.01)

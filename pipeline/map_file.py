@@ -15,7 +15,7 @@ from pipeline.files import each, load_arrays, whole_file
 from pipeline.frame import Intrinsics
 from pipeline.keyframes import Keyframes, Places, Seen
 from pipeline.labels import Label
-from pipeline.localisation.localisation import SavedKeyframes
+from pipeline.localisation.localisation import OdometryErrors, SavedKeyframes
 from pipeline.mapper import Mapper
 from pipeline.metric_map.grid_kernels import is_rigid
 from pipeline.metric_map.io.npz import save_metric_map
@@ -28,7 +28,7 @@ from pipeline.traversability.ground_evidence import Assumed, Driven, GroundEvide
 from pipeline.victims.victim_map import Sighting, Victim
 
 KEYFRAMES = "keyframes.npz"  # The file that ``--map`` reads in a folder of results
-FORMAT, VERSION = "sarsim keyframes", 3
+FORMAT, VERSION = "sarsim keyframes", 4
 
 Row = dict[str, Any]
 Arrays = dict[str, NDArray[Any]]
@@ -66,6 +66,7 @@ LAYOUT: dict[str, dict[str, Field]] = {
         "normals": _points(),
         "order": Field("i8"),  # among all evidence of the ground
     },
+    "odometry": {"errors": Field("f8", (5,)), "covariance": Field("f8", (5, 5))},  # a single row
     "assumed": {"keyframe": Field("i8"), "order": Field("i8"), "points": _points()},
     "driven": {
         "keyframe": Field("i8"),
@@ -127,6 +128,7 @@ def save_keyframes(mapper: Mapper, path: Path) -> None:
     )
     rows = {
         "keyframe": list(_keyframe_rows(mapper)),
+        "odometry": [vars(mapper.localisation.keyframes().odometry)],
         "assumed": list(_ground_rows(mapper.keyframes, Assumed)),
         "driven": list(_ground_rows(mapper.keyframes, Driven)),
         "member": [_member_row(member) for member in mapper.segments.members],
@@ -164,7 +166,8 @@ def load_keyframes(path: Path, mapper: Mapper) -> None:
         owner = np.repeat(np.arange(len(known)), [len(row["surfaces"]) for row in known])
         surfaces, normals = (np.concatenate([row[name] for row in known]) for name in ("surfaces", "normals"))
         poses, ups = (np.array([row[name] for row in known]) for name in ("T_map_base", "up"))
-        mapper.localisation.restore(SavedKeyframes(poses, ups, surfaces, normals, owner))
+        odometry = OdometryErrors(**rows["odometry"][0])
+        mapper.localisation.restore(SavedKeyframes(poses, ups, surfaces, normals, owner, odometry))
         _restore_keyframes(rows, mapper.keyframes)
         mapper.segments.members = [_member_of(row) for row in rows["member"]]
         sightings = iter(rows["sighting"])
@@ -246,6 +249,8 @@ def _check(rows: dict[str, list[Row]]) -> None:
     rigid = [is_rigid(row[name]) for row in rows["keyframe"] for name in ("T_base_camera", "T_map_base")]
     if not keyframes or not all(rigid):
         raise ValueError(f"there is not one rigid pose for each of {keyframes} keyframes")
+    if len(rows["odometry"]) != 1 or np.linalg.eigvalsh(rows["odometry"][0]["covariance"])[0] <= 0:
+        raise ValueError("it does not tell once how wrong the odometry is")
     of_keyframe = [row["keyframe"] for kind in LAYOUT for row in rows[kind] if "keyframe" in row]
     of_keyframe += [k for row in rows["victim"] for k in row["tried_from"].tolist()]
     if not all(0 <= k < keyframes for k in of_keyframe):

@@ -30,6 +30,26 @@ class Loop:
 
 
 @dataclass(frozen=True, eq=False)
+class OdometryErrors:
+    """Systematic errors of an odometry.
+
+    Attributes:
+        errors: (5,) relative errors of the way and of the turn, the centre of turns ahead of ``base_link`` in m, the
+            slide downhill in m per rad turned and times the sine of the tilt, and the error of the yaw rate in rad/s.
+        covariance: (5, 5).
+    """
+
+    errors: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+
+
+UNKNOWN_ODOMETRY = OdometryErrors(
+    np.array([0.0, 0.0, 0.0, 0.4, 0.0]), np.diag(np.square([0.02, 0.005, 0.02, 0.2, 5e-5]))
+)
+"""What is known of a skid-steered robot before it drives: by tyres, data sheets of gyros, and slides on wood."""
+
+
+@dataclass(frozen=True, eq=False)
 class SavedKeyframes:
     """What a later episode must know of keyframes to localise among them.
 
@@ -39,6 +59,7 @@ class SavedKeyframes:
         points: (N, 3) points of the surfaces seen, in the ``base_link`` of their keyframe, m.
         normals: (N, 3) of the points, of length 1.
         owner: (N,) int64 number of the keyframe that each point belongs to.
+        odometry: what was learnt of the odometry.
     """
 
     poses: NDArray[np.float64]
@@ -46,6 +67,7 @@ class SavedKeyframes:
     points: NDArray[np.floating]
     normals: NDArray[np.float64]
     owner: NDArray[np.int64]
+    odometry: OdometryErrors
 
 
 class LostError(Exception):

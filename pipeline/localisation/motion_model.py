@@ -14,17 +14,11 @@ from numpy.typing import NDArray
 from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation
 
-from pipeline.localisation.localisation import STILL_WAY
+from pipeline.localisation.localisation import STILL_WAY, UNKNOWN_ODOMETRY, OdometryErrors
 from pipeline.transforms import from_rotation, inverse, orthonormal
 
 POSE, ERRORS = slice(6), slice(6, None)
 """Parts of a joint covariance (11, 11)."""
-ERRORS_MEAN = 0.0, 0.0, 0.0, 0.4, 0.0
-"""Systematic errors of an odometry before anything is known: relative errors of the way and of the turn, the centre
-of turns ahead of ``base_link`` in m, the slide downhill in m per rad turned and times the sine of the tilt, and the
-error of the yaw rate in rad/s."""
-ERRORS_SIGMA = 0.02, 0.005, 0.02, 0.2, 5e-5
-"""Standard deviations of these: tyres, data sheets of gyros, and slides of skid-steered robots on wood."""
 GRAVITY_SIGMA = np.deg2rad(0.3)
 """rad, standard deviation of a keyframe's roll and pitch by the odometry: the accelerometer's during a drive."""
 TURN_SIGMA = 3e-4, 1e-3
@@ -115,17 +109,17 @@ class MotionModel:
     """Predicts motion by the odometry, corrected by the systematic errors found so far.
 
     Attributes:
-        errors: (5,) see :data:`ERRORS_MEAN`.
+        errors: (5,) see :class:`pipeline.localisation.localisation.OdometryErrors`.
     """
 
     def __init__(self) -> None:
-        self.errors = np.array(ERRORS_MEAN)
-        self._covariance = np.diag(np.concatenate([np.zeros(6), np.square(ERRORS_SIGMA)]))
+        self._covariance = np.zeros((6, 6))
+        self.learn(UNKNOWN_ODOMETRY)
 
     def predict(self, T_map_base: NDArray[np.float64], motion: MeasuredMotion) -> Prediction:
         """The pose after a motion from a reference's pose (4×4)."""
         delta, J = motion.without(self.errors), motion.jacobian
-        F = np.block([[gtsam.Pose3(inverse(delta)).AdjointMap(), J], [np.zeros_like(J.T), np.eye(len(ERRORS_MEAN))]])
+        F = np.block([[gtsam.Pose3(inverse(delta)).AdjointMap(), J], [np.zeros_like(J.T), np.eye(len(self.errors))]])
         covariance = F @ self._covariance @ F.T
         covariance[POSE, POSE] += motion.noise
         step = motion.noise + J @ self._covariance[ERRORS, ERRORS] @ J.T
@@ -148,7 +142,7 @@ class MotionModel:
         """Go on from a pose with this covariance (6, 6), rad² and m², whatever the odometry measured."""
         self._covariance = block_diag(covariance, self._covariance[ERRORS, ERRORS])
 
-    def learn(self, errors: NDArray[np.float64], covariance: NDArray[np.float64]) -> None:
-        """Correct motions from now on by systematic errors (5,) with a covariance (5, 5)."""
-        self.errors = errors
-        self._covariance = block_diag(self._covariance[POSE, POSE], covariance)
+    def learn(self, odometry: OdometryErrors) -> None:
+        """Correct motions from now on by what is known of the odometry."""
+        self.errors = odometry.errors
+        self._covariance = block_diag(self._covariance[POSE, POSE], odometry.covariance)

@@ -4,7 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frame import Frame
-from pipeline.localisation.localisation import Localisation, Loop, SavedKeyframes, check_odometry
+from pipeline.localisation.localisation import UNKNOWN_ODOMETRY, Localisation, Loop, SavedKeyframes, check_odometry
 
 
 class OdometryLocalisation(Localisation):
@@ -81,7 +81,9 @@ class OdometryLocalisation(Localisation):
     def keyframes(self) -> SavedKeyframes:
         """All keyframes so far; here without points."""
         nothing = np.zeros((0, 3))
-        return SavedKeyframes(self.poses, self.poses[:, 2, :3], nothing, nothing, np.zeros(0, np.int64))
+        return SavedKeyframes(
+            self.poses, self.poses[:, 2, :3], nothing, nothing, np.zeros(0, np.int64), UNKNOWN_ODOMETRY
+        )
 
     def restore(self, keyframes: SavedKeyframes) -> None:
         """Begin with the keyframes of an earlier episode, whose poses stay fixed."""

@@ -6,7 +6,8 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
-from pipeline.localisation.motion_model import ERRORS_MEAN, ERRORS_SIGMA, GRAVITY_SIGMA, MeasuredMotion
+from pipeline.localisation.localisation import UNKNOWN_ODOMETRY, OdometryErrors
+from pipeline.localisation.motion_model import GRAVITY_SIGMA, MeasuredMotion
 from pipeline.transforms import inverse, orthonormal
 
 FIXED = 1e-4
@@ -26,14 +27,12 @@ class PoseGraph:
     Attributes:
         poses: (K, 4, 4) ``T_map_base`` of every keyframe as now estimated.
         ups: (3,) each, the vertical in the ``base_link`` of each keyframe, by the odometry.
-        errors: (5,) systematic errors of the odometry as now estimated, see :data:`ERRORS_MEAN`.
-        errors_covariance: (5, 5).
+        odometry: systematic errors of the odometry as now estimated.
     """
 
     def __init__(self) -> None:
         self.poses = np.zeros((0, 4, 4))
-        self.errors = np.array(ERRORS_MEAN)
-        self.errors_covariance = np.diag(np.square(ERRORS_SIGMA))
+        self.odometry = self._odometry_before = UNKNOWN_ODOMETRY
         self._factors = gtsam.NonlinearFactorGraph()
         self.ups: list[NDArray[np.float64]] = []
         self._links: dict[tuple[int, int], float] = {}
@@ -57,8 +56,12 @@ class PoseGraph:
         self.ups.append(up)
         return len(self) - 1
 
-    def fix(self, poses: NDArray[np.float64], ups: NDArray[np.float64]) -> None:
-        """Begin with keyframes whose poses stay fixed: (K, 4, 4) poses, and the vertical in each (K, 3)."""
+    def fix(self, poses: NDArray[np.float64], ups: NDArray[np.float64], odometry: OdometryErrors) -> None:
+        """Begin with keyframes whose poses stay fixed: (K, 4, 4) poses, and the vertical in each (K, 3).
+
+        ``odometry``: what was learnt of it before.
+        """
+        self.odometry = self._odometry_before = odometry
         model = gtsam.noiseModel.Isotropic.Sigma(6, FIXED)
         for k, (T, up) in enumerate(zip(poses, ups, strict=True)):
             self.add(T, up)
@@ -118,17 +121,17 @@ class PoseGraph:
         bias = np.mean(np.array(self.ups) - self.poses[:, 2, :3], axis=0)  # of an accelerometer that is mounted askew
         for k, up in enumerate(self.ups):
             graph.add(gtsam.AttitudeFactorPose3(k, vertical, model, gtsam.Unit3(up - bias)))
-        sigmas = gtsam.noiseModel.Diagonal.Sigmas(np.array(ERRORS_SIGMA))
-        graph.add(gtsam.PriorFactorVector(_ERRORS, np.array(ERRORS_MEAN), sigmas))
+        known = gtsam.noiseModel.Gaussian.Covariance(self._odometry_before.covariance)
+        graph.add(gtsam.PriorFactorVector(_ERRORS, self._odometry_before.errors, known))
         values = gtsam.Values()
-        values.insert(_ERRORS, self.errors)
+        values.insert(_ERRORS, self.odometry.errors)
         for k, T in enumerate(self.poses):
             values.insert(k, gtsam.Pose3(T))
         params = gtsam.LevenbergMarquardtParams()
         params.setRelativeErrorTol(1e-7)
         result = gtsam.LevenbergMarquardtOptimizer(graph, values, params).optimize()
         self._marginals = gtsam.Marginals(graph, result)
-        self.errors, self.errors_covariance = result.atVector(_ERRORS), self._marginals.marginalCovariance(_ERRORS)
+        self.odometry = OdometryErrors(result.atVector(_ERRORS), self._marginals.marginalCovariance(_ERRORS))
         self.poses = orthonormal(np.array([result.atPose3(k).matrix() for k in range(len(self))]))
 
 

@@ -9,8 +9,8 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.frame import Frame
 from pipeline.localisation.agreement import LEAST_EXPLAINED, Agreement, agreement
-from pipeline.localisation.place_search import SEARCHED, Guess, VoxelField, VoxelState, search, standable, weigh
 from pipeline.localisation.motion_model import GRAVITY_SIGMA
+from pipeline.localisation.place_search import SEARCHED, Guess, VoxelField, VoxelState, search, standable, weigh
 from pipeline.localisation.pose_graph import spread
 from pipeline.localisation.registration import CLOUD_VOXEL, COARSE, FINE, NORMAL_NEIGHBOURS
 from pipeline.metric_map.metric_map import MetricMap

@@ -49,8 +49,8 @@ from pipeline.localisation.registration import (
 from pipeline.transforms import from_rotation, inverse, orthonormal, transform_points
 
 AROUND = 9
-"""Pixels along each side of a square that must not reach the sensor's limit, which cuts off the far half of the noise:
-walls at the limit came 3 cm too near, and floors rose by 1 mm from keyframe to keyframe."""
+"""Pixels along each side of a square that must not reach the sensor's limit, which cuts off the far half of the
+noise: walls at the limit came 3 cm too near, and floors rose by 1 mm from keyframe to keyframe."""
 IMPOSSIBLE = 100.0
 """χ² above which slipping wheels cannot explain a contradicted odometry: of 800 frames the greatest was 45."""
 ENOUGH_OVERLAP, BETTER = 0.6, 0.1
@@ -273,7 +273,7 @@ class Slam(Localisation):
         if loop is not None:
             self._close_loop(*loop)
         self.graph.optimise()
-        self.motion.learn(self.graph.errors, self.graph.errors_covariance)
+        self.motion.learn(self.graph.odometry)
         self.T_map_odom = self.T_map_reference @ inverse(self._reference.T_odom_base)
         self._renew()
 
@@ -293,7 +293,8 @@ class Slam(Localisation):
     def keyframes(self) -> SavedKeyframes:
         """All keyframes so far."""
         known = self.local_map
-        return SavedKeyframes(self.poses, np.array(self.graph.ups), known.points, known.normals, known.owner)
+        ups = np.array(self.graph.ups)
+        return SavedKeyframes(self.poses, ups, known.points, known.normals, known.owner, self.graph.odometry)
 
     def restore(self, keyframes: SavedKeyframes) -> None:
         """Begin with the keyframes of an earlier episode, whose poses stay fixed; :meth:`set_down` gives the robot's.
@@ -303,7 +304,8 @@ class Slam(Localisation):
         """
         if not len(keyframes.points):
             raise InputError("its episode registered nothing, so no robot finds its place in it")
-        self.graph.fix(keyframes.poses, keyframes.ups)
+        self.graph.fix(keyframes.poses, keyframes.ups, keyframes.odometry)
+        self.motion.learn(keyframes.odometry)
         known = self.local_map
         known.points, known.normals = keyframes.points.astype(np.float64), keyframes.normals
         known.owner = keyframes.owner

@@ -6,17 +6,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from pipeline.localisation.motion_model import ERRORS_MEAN, ERRORS_SIGMA, POSE, MeasuredMotion, MotionModel
+from pipeline.localisation.localisation import UNKNOWN_ODOMETRY, OdometryErrors
+from pipeline.localisation.motion_model import POSE, MeasuredMotion, MotionModel
 from pipeline.localisation.registration import logarithm
 from pipeline.transforms import from_yaw, inverse, yaw_of
 
-EXACT, NOTHING = 1e10 * np.eye(6), np.zeros((6, 6))
+EXACT = 1e10 * np.eye(6)
+UNKNOWN, SIGMA = UNKNOWN_ODOMETRY.errors, np.sqrt(np.diag(UNKNOWN_ODOMETRY.covariance))
 numbers = st.floats(-1, 1)
 
 
 def believing(errors: NDArray[np.float64]) -> MotionModel:
     model = MotionModel()
-    model.learn(errors, np.diag(np.square(ERRORS_SIGMA)))
+    model.learn(OdometryErrors(np.asarray(errors), UNKNOWN_ODOMETRY.covariance))
     return model
 
 
@@ -31,14 +33,14 @@ def test_before_anything_is_learnt_a_motion_is_the_odometrys() -> None:
     start = from_yaw(2.0, 3.0, 0.0, 1.0)
     prediction = MotionModel().predict(start, motion)
     np.testing.assert_allclose(prediction.T_map_base, start @ motion.T, atol=1e-12)
-    assert ERRORS_MEAN[:3] == (0, 0, 0)
+    assert not UNKNOWN[:3].any()
 
 
 def test_a_robot_that_turns_on_a_slope_is_expected_to_slide_downhill() -> None:
     left_side_up = np.array([0.0, np.sin(0.28), np.cos(0.28)])
     motion = MeasuredMotion(from_yaw(0, 0, 0, 0.5), left_side_up, 1.0)
     slid = MotionModel().predict(np.eye(4), motion).T_map_base[:3, 3]
-    np.testing.assert_allclose(slid, [0, -ERRORS_MEAN[3] * 0.5 * np.sin(0.28), 0], atol=1e-12)
+    np.testing.assert_allclose(slid, [0, -UNKNOWN[3] * 0.5 * np.sin(0.28), 0], atol=1e-12)
 
 
 def test_where_nothing_is_registered_errors_of_the_gyro_add_up() -> None:
@@ -49,7 +51,7 @@ def test_where_nothing_is_registered_errors_of_the_gyro_add_up() -> None:
         prediction = model.predict(T, motion)
         T = prediction.T_map_base
         model.take(prediction, None)
-    assert np.sqrt(prediction.covariance[2, 2]) == pytest.approx(ERRORS_SIGMA[1] * 20 * np.pi / 12, rel=0.1)
+    assert np.sqrt(prediction.covariance[2, 2]) == pytest.approx(SIGMA[1] * 20 * np.pi / 12, rel=0.1)
     model.take(prediction, EXACT)
     after = model.predict(T, motion)
     np.testing.assert_allclose(after.covariance[POSE, POSE], after.step, rtol=1e-3, atol=1e-9)
@@ -97,7 +99,7 @@ def test_after_a_restart_a_pose_is_as_sure_as_told() -> None:
 def test_what_was_learnt_makes_the_next_motion_surer() -> None:
     motion, model = motion_of(np.random.default_rng(2)), MotionModel()
     before = model.predict(np.eye(4), motion).step
-    model.learn(np.array(ERRORS_MEAN), np.zeros((5, 5)))
+    model.learn(OdometryErrors(UNKNOWN, np.zeros((5, 5))))
     after = model.predict(np.eye(4), motion).step
     np.testing.assert_allclose(after, motion.noise)
     assert (np.diag(after)[2:5] < np.diag(before)[2:5]).all()

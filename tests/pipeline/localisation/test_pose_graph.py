@@ -164,7 +164,7 @@ def test_a_turn_that_closes_tells_what_is_wrong_with_the_gyro() -> None:
     graph = driven([MeasuredMotion(from_yaw(0, 0, 0, step), UP, 1.0)] * 24)
     graph.connect(0, 24, from_yaw(0, 0, 0, 24 * true), 1e6 * np.eye(6))
     graph.optimise()
-    assert graph.errors[1] == pytest.approx(-0.007, abs=0.0003)
+    assert graph.odometry.errors[1] == pytest.approx(-0.007, abs=0.0003)
     headings = np.unwrap([yaw_of(T) for T in graph.poses])
     np.testing.assert_allclose(headings, true * np.arange(25), atol=0.001)
 
@@ -173,12 +173,12 @@ def test_a_return_tells_the_tyres_radius_and_every_motion_follows() -> None:
     """30 m ahead, measured 2 % too short, the robot meets a place that it knows."""
     graph = driven([MeasuredMotion(from_yaw(0.3 / 1.02, 0, 0, 0), UP, 1.0)] * 100)
     graph.optimise()
-    assert graph.errors[0] == pytest.approx(0, abs=1e-6)
-    unsure = graph.errors_covariance[0, 0]
+    assert graph.odometry.errors[0] == pytest.approx(0, abs=1e-6)
+    unsure = graph.odometry.covariance[0, 0]
     graph.connect(0, 100, from_yaw(30, 0, 0, 0), 1e6 * np.eye(6))
     graph.optimise()
-    assert graph.errors[0] == pytest.approx(0.02, abs=0.001)
-    assert graph.errors_covariance[0, 0] < unsure / 10
+    assert graph.odometry.errors[0] == pytest.approx(0.02, abs=0.001)
+    assert graph.odometry.covariance[0, 0] < unsure / 10
     np.testing.assert_allclose(graph.poses[:, 0, 3], 0.3 * np.arange(101), atol=0.02)
 
 

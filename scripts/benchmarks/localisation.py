@@ -50,8 +50,12 @@ def measure(settings: LocalisationSettings) -> Result:
     if missing := [name for name in NEEDED if find_spec(name) is None]:
         raise InputError(f"{' and '.join(missing)} is missing: pip install -e '.[dev]'")
     base = EpisodeConfig(labels="truth", detector=None, odometry="truth", lighting=settings.lighting)
-    drives_of = configs(base, settings, settings.raf)
-    jobs = [DriveJob(group, "ours", config, settings.frames) for group, config in drives_of]
+    jobs = [
+        DriveJob(group, "ours", replace(config, seed=seed), settings.frames)
+        for group, config in configs(base, settings, settings.raf)
+        for seed in settings.seeds or (config.seed,)
+    ]
+    jobs = list(dict.fromkeys(jobs))  # Of one arena with several seeds, each is driven once
     kidnappings, runs, workers = settings.kidnappings, settings.runs, settings.workers
     if not jobs and not kidnappings:
         raise InputError("no arena is to be driven in")
@@ -142,10 +146,19 @@ def sections_of(figures: Mapping[str, float]) -> list[Rows]:
     return [*sections, rows_of(figures, ratios)]
 
 
+def drive_line(name: str, ours: Mapping[str, float]) -> str:
+    """The figures of our localisation on one drive."""
+    line = f"{name}: ATE {ours['ate_m']:.3f} m, worst {ours['max_m']:.3f} m"
+    if "nees" in ours:
+        line += f", NEES {ours['nees']:.2f}, within 3 σ {ours['within_3_sigma']:.1%}"
+    return f"{line}, false loops {ours['false_loops']:.0f} of {ours['loops']:.0f}"
+
+
 def _table(figures: Mapping[str, float], details: Mapping[str, Any]) -> Table:
     """A table with a section for each method; below it the figures over all drives."""
     table = rich_table("localisation", figures, sections_of(figures))
     told = [f"{name} {value:.4g}" for name, value in figures.items() if name.split(".")[0] not in groups_in(figures)]
+    told += [drive_line(name, report["ours"]) for name, report in details["drives"].items()]
     told += [f"{arena} left out: {reason}" for arena, reason in details["left_out"].items()]
     told += [f"{name} failed, see its log" for name in details["failed"]]
     table.caption = "\n".join(told)

@@ -186,6 +186,7 @@ class LocalisationSettings(DrivesSettings):
     Attributes:
         raf: folder of .raf arenas to drive in as well.
         frames: most frames of a drive.
+        seeds: of a drive in each arena; by default one, the arena's own number.
         kidnappings: number of times that the robot is carried elsewhere in nist_6x4 and in random:1.
     """
 
@@ -193,6 +194,7 @@ class LocalisationSettings(DrivesSettings):
     random: int = 9
     raf: Path | None = None
     frames: int = 3000
+    seeds: tuple[int, ...] = ()
     kidnappings: int = 0
     runs: Path = Path("runs/benchmark-localisation")
 

@@ -117,6 +117,24 @@ def test_figures_are_of_groups_and_ratios_of_medians():
     assert not [name for name in figures if name.startswith(("raf", "open3d"))]
 
 
+def test_a_line_tells_how_a_drive_went():
+    ours = {"ate_m": 0.02, "max_m": 0.05, "nees": 1.2, "within_3_sigma": 0.991, "loops": 4.0, "false_loops": 1.0}
+    line = localisation.drive_line("ours-random_1-6", ours)
+    assert line == "ours-random_1-6: ATE 0.020 m, worst 0.050 m, NEES 1.20, within 3 σ 99.1%, false loops 1 of 4"
+    blind = {name: value for name, value in ours.items() if name not in ("nees", "within_3_sigma")}
+    assert "NEES" not in localisation.drive_line("short", blind)
+
+
+def test_each_arena_is_driven_with_each_seed_once(tmp_path, monkeypatch):
+    driven = []
+    monkeypatch.setattr(localisation, "run_jobs", lambda jobs, *_: driven.extend(jobs) or [None] * len(jobs))
+    settings = LocalisationSettings(nist=2, esogu=0, random=1, seeds=(6, 7), runs=tmp_path)
+    localisation.measure(settings)
+    assert sorted(job.name for job in driven) == [
+        "ours-nist_6x4-6", "ours-nist_6x4-7", "ours-random_0-6", "ours-random_0-7"
+    ]  # fmt: skip
+
+
 @pytest.mark.parametrize(
     ("flags", "message"),
     [

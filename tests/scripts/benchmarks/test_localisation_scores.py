@@ -8,7 +8,14 @@ from pipeline.localisation.localisation import Loop
 from pipeline.localisation.trajectory import write_tum
 from pipeline.transforms import from_rotation, from_yaw
 from sarsim.scoring.trajectory import is_false
-from sarsim.scripts.benchmarks.localisation_scores import errors_of, evo_ate, nees, trajectory_scores, way_driven
+from sarsim.scripts.benchmarks.localisation_scores import (
+    errors_of,
+    evo_ate,
+    nees,
+    trajectory_scores,
+    way_driven,
+    within,
+)
 
 
 def line(n=31, yaw=0.0, scale=1.0):
@@ -99,3 +106,10 @@ def test_nees_is_one_where_covariances_are_right_and_four_where_errors_are_twice
 def test_a_loop_is_false_beyond_20_cm_or_5_degrees(off, is_wrong):
     first, second = wandering(2)[[3, 40]]
     assert is_false(Loop(0, 1, np.linalg.inv(first) @ second @ off), first, second) == is_wrong
+
+
+def test_of_normal_errors_997_in_1000_are_within_three_deviations():
+    errors = np.random.default_rng(0).normal(0, [1, 2, 3, 4, 5, 6], (5000, 6))
+    covariances = np.broadcast_to(np.diag(np.square([1.0, 2, 3, 4, 5, 6])), (5000, 6, 6))
+    assert within(3, errors, covariances) == pytest.approx(0.9973, abs=0.001)
+    assert within(1, errors, covariances) == pytest.approx(0.6827, abs=0.01)

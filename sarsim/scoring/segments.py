@@ -70,16 +70,16 @@ class _Surface:
         self._face = face
         self._offset = face.normal @ face.outline[0]
         self._axes = np.stack(plane_axes(face.normal), axis=1)
-        self._seen: set[int] = set()
+        self._seen = np.zeros(0, np.int64)
 
     def see(self, points: NDArray[np.float32]) -> None:
         """Mark the cells of those (N, 3) points that lie on the plane."""
         cells = cells_on_plane(points, self._face.normal, self._offset, self._axes, NEAR, SURFACE_CELL)
-        self._seen.update(cells.tolist())
+        self._seen = np.union1d(self._seen, cells)
 
     def pieces(self) -> Iterator[Face]:
         """Rectangles around the seen parts: upright rectangles, or on level planes those of least area."""
-        keys = np.array(sorted(self._seen), np.int64)
+        keys = self._seen
         rows = (keys + ROW // 2) // ROW
         cells = np.column_stack([rows, keys - rows * ROW])
         low = cells.min(axis=0, initial=0) - GAP

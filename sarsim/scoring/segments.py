@@ -75,7 +75,10 @@ class _Surface:
     def see(self, points: NDArray[np.float32]) -> None:
         """Mark the cells of those (N, 3) points that lie on the plane."""
         cells = cells_on_plane(points, self._face.normal, self._offset, self._axes, NEAR, SURFACE_CELL)
-        self._seen = np.union1d(self._seen, cells)
+        cells = np.unique(cells)
+        before = np.searchsorted(self._seen, cells)
+        is_new = np.append(self._seen, np.iinfo(np.int64).min)[before] != cells
+        self._seen = np.insert(self._seen, before[is_new], cells[is_new])
 
     def pieces(self) -> Iterator[Face]:
         """Rectangles around the seen parts: upright rectangles, or on level planes those of least area."""

@@ -12,13 +12,14 @@ import signal
 import stat
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stderr
 from difflib import get_close_matches
 from importlib.metadata import version
+from itertools import pairwise
 from pathlib import Path
 from types import FrameType
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 import tyro
 from rich.console import Console
@@ -36,6 +37,7 @@ LINE_EVERY = 10.0  # s between lines of progress if there is no terminal
 COMMON = (
     "Every command also takes --version, --quiet (errors alone) and --log-level LEVEL (debug, info, warning, error)."
 )
+Item = TypeVar("Item")
 _quiet = False
 
 
@@ -69,8 +71,12 @@ def common(args: Sequence[str] | None = None) -> list[str]:
     flags.add_argument("--version", action="store_true")
     flags.add_argument("--quiet", action="store_true")
     flags.add_argument("--log-level", choices=("debug", "info", "warning", "error"), default="warning")
+    words = list(sys.argv[1:] if args is None else args)
+    for flag, value in pairwise(["", *words]):
+        if not value or re.fullmatch("--[^=]*=", value):
+            raise InputError(f"{flag} {value!r}: nothing is given".strip())
     try:
-        given, rest = flags.parse_known_args(args)
+        given, rest = flags.parse_known_args(words)
     except argparse.ArgumentError as error:
         raise InputError(str(error)) from None
     if given.version:
@@ -146,14 +152,23 @@ class PlainProgress(Progress):
             )
 
 
-def progress(disable: bool = False) -> Progress:
-    """A progress bar on stderr, with counts and the time elapsed; lines if stderr is no terminal."""
+def progress(disable: bool = False, transient: bool = False) -> Progress:
+    """A progress bar on stderr, with counts and the time elapsed; lines if stderr is no terminal.
+
+    ``transient``: the bar vanishes at its end.
+    """
     announce_compilation()
     console, disable = Console(stderr=True), disable or _quiet
     if not console.is_terminal:
         return PlainProgress(auto_refresh=False, disable=disable)
     columns = (*Progress.get_default_columns(), MofNCompleteColumn(), TimeElapsedColumn())
-    return Progress(*columns, console=console, disable=disable)
+    return Progress(*columns, console=console, transient=transient, disable=disable)
+
+
+def tracked(items: Iterable[Item], description: str) -> Iterator[Item]:
+    """The items, under a progress bar that vanishes with the last one."""
+    with progress(transient=True) as bars:
+        yield from bars.track(items, description=description)
 
 
 @functools.cache
@@ -228,15 +243,19 @@ def _is_unread() -> bool:
 
 @contextmanager
 def _raised_endings() -> Iterator[None]:
-    """Let SIGTERM and SIGHUP raise KeyboardInterrupt as Ctrl-C does, unless they are ignored, as under ``nohup``."""
-    others = [number for number in ENDINGS[1:] if signal.getsignal(number) == signal.SIG_DFL]
-    for number in others:
-        signal.signal(number, interrupt)
+    """Let all of :data:`ENDINGS` raise KeyboardInterrupt, SIGHUP unless it is ignored, as under ``nohup``.
+
+    A shell without job control starts background jobs with SIGINT ignored, but ``kill -INT`` is meant for them.
+    """
+    before = {number: signal.getsignal(number) for number in ENDINGS}
+    for number, handler in before.items():
+        if handler == signal.SIG_DFL or (number, handler) == (signal.SIGINT, signal.SIG_IGN):
+            signal.signal(number, interrupt)
     try:
         yield
     finally:
-        for number in others:
-            signal.signal(number, signal.SIG_DFL)
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def interrupt(number: int, frame: FrameType | None = None) -> None:
@@ -286,15 +305,21 @@ class Interruptible:
 def run_watched(
     run: Callable[[Callable[[], bool], Callable[[float, str], None]], object],
     description: str,
+    unit: str,
     total: float | None = None,
 ) -> int | None:
     """Call ``run`` under a progress bar; returns the number of the signal that ended it, such as Ctrl-C, if any.
 
-    ``run`` ends when its first argument returns True, and calls its second with the amount done and a description.
+    ``run`` ends when its first argument returns True, and calls its second with the number of units done and a
+    description.
     """
     with progress() as bars, Interruptible() as control:
-        bar = bars.add_task(description, total=total)
-        run(lambda: control.signal is not None, lambda done, line: bars.update(bar, completed=done, description=line))
+        bar = bars.add_task(f"{description}; {unit}", total=total)
+
+        def show(done: float, line: str) -> None:
+            bars.update(bar, completed=done, description=f"{line}; {unit}")
+
+        run(lambda: control.signal is not None, show)
     return control.signal
 
 

@@ -1,6 +1,7 @@
 """Maps a recording, and writes the files of an episode."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
 from time import perf_counter
 from typing import Any
@@ -102,14 +103,15 @@ class RecordedDrive:
             return
         self._recorder.close()
         (self.config.out / RECORDING).unlink()
+        with suppress(OSError):  # it holds earlier results
+            self.config.out.rmdir()
         if not self.error:
             left_out = ", ".join(f"{count} {reason}" for reason, count in self.recording.left_out.items())
             self.error = f"{self.recording.path}: holds no frame that could be used; {left_out or 'it is empty'}"
 
     def _situation(self) -> Situation:
-        poses = self.mapper.keyframes.poses[self._labelled]
         height = float(self.mapper.keyframes.seen[self._labelled[0]].T_base_camera[2, 3])
-        return situation_of(self.mapper, self._robot, poses, height, finished=not self.error)
+        return situation_of(self.mapper, self._robot, height, finished=not self.error)
 
     def _write_report(self, wall_time: float) -> None:
         figures: dict[str, Any] = {

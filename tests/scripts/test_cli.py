@@ -1,5 +1,6 @@
 """Exit statuses and the one line on stderr."""
 
+import functools
 import os
 import pty
 import signal
@@ -13,7 +14,7 @@ import pytest
 
 from pipeline.errors import InputError
 from sarsim.scripts import cli
-from sarsim.scripts.cli import progress, run
+from sarsim.scripts.cli import progress, run, run_watched, tracked
 
 
 def command(count: int, *, fail: str = "", pair: tuple[int, int] | None = None) -> None:
@@ -50,12 +51,24 @@ def test_ctrl_c_is_one_line_and_status_130(capsys: pytest.CaptureFixture[str]) -
     assert capsys.readouterr().err == "interrupted\n"
 
 
-@pytest.mark.parametrize(("ending", "status"), [(signal.SIGTERM, 143), (signal.SIGHUP, 129)])
+@pytest.mark.parametrize(
+    ("ending", "before", "status"),
+    [
+        (signal.SIGTERM, signal.SIG_DFL, 143),
+        (signal.SIGHUP, signal.SIG_DFL, 129),
+        (signal.SIGINT, signal.SIG_IGN, 130),  # of a script's background job
+    ],
+)
 def test_other_signals_end_a_command_as_ctrl_c_does(
-    ending: signal.Signals, status: int, capsys: pytest.CaptureFixture[str]
+    ending: signal.Signals,
+    before: signal.Handlers,
+    status: int,
+    capsys: pytest.CaptureFixture[str],
+    request: pytest.FixtureRequest,
 ) -> None:
     tidied: list[bool] = []
-    signal.signal(ending, signal.SIG_DFL)  # under nohup it is ignored
+    request.addfinalizer(functools.partial(signal.signal, ending, signal.getsignal(ending)))
+    signal.signal(ending, before)
 
     def long_command() -> None:
         try:
@@ -67,7 +80,7 @@ def test_other_signals_end_a_command_as_ctrl_c_does(
     with pytest.raises(SystemExit) as raised:
         run(long_command, [])
     assert (raised.value.code, tidied, capsys.readouterr().err) == (status, [True], "interrupted\n")
-    assert signal.getsignal(ending) == signal.SIG_DFL
+    assert signal.getsignal(ending) == before
 
 
 STEPS = """
@@ -83,7 +96,7 @@ def take(interrupted, on_step):
         on_step(1, "a step")
 
 def steps(out: Path) -> None:
-    ended_by = run_watched(take, "steps")
+    ended_by = run_watched(take, "place", "steps")
     out.write_text(f"whole {ended_by}")
     end_by(ended_by)
 
@@ -126,6 +139,12 @@ def test_wrong_flags_are_status_2(args: list[str], capsys: pytest.CaptureFixture
 def test_the_flag_that_was_meant_is_named(args: list[str], line: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert exit_status(args) == 2
     assert capsys.readouterr().err.strip().endswith(line)
+
+
+@pytest.mark.parametrize("args", [["--count", "3", "--fail", ""], ["--count", "3", "--fail="], [""]])
+def test_nothing_is_no_value(args: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert exit_status(args) == 2
+    assert capsys.readouterr().err.endswith(": nothing is given\n")
 
 
 def test_help_says_what_the_command_does(capsys: pytest.CaptureFixture[str]) -> None:
@@ -185,6 +204,14 @@ def test_progress_is_lines_without_a_terminal(
     lines = capsys.readouterr().err.splitlines()
     assert [line.partition(",")[0] for line in lines[:5]] == [f"steps: {k} of 5" for k in range(1, 6)]
     assert lines[-1].startswith("scenes: 2 of 2, ")
+
+
+def test_progress_says_what_is_counted(capsys: pytest.CaptureFixture[str]) -> None:
+    run_watched(lambda interrupted, on_step: on_step(11, "arena: exploring, 6 m² mapped"), "arena", "steps", 12)
+    assert list(tracked("ab", "letters")) == ["a", "b"]
+    captured = capsys.readouterr()
+    lines = [line.partition(", 0 s")[0] for line in captured.err.splitlines()]
+    assert (lines, captured.out) == (["arena: exploring, 6 m² mapped; steps: 11 of 12", "letters: 2 of 2"], "")
 
 
 def test_progress_leaves_the_last_word_to_an_error(capsys: pytest.CaptureFixture[str]) -> None:

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -90,6 +91,16 @@ def test_what_came_before_a_broken_image_is_kept(
     assert told in report["recording"]["stopped"]
 
 
+def test_a_recording_of_nothing_leaves_no_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    def blank(topic: str, time: float, message: Any) -> Iterable[tuple[str, float, Any]]:
+        is_depth = topic == "/camera/depth/image_raw"
+        return [(topic, time, replace(message, data=np.zeros_like(message.data)) if is_depth else message)]
+
+    path, out = write_bag(tmp_path / "room", change=blank), tmp_path / "out"
+    assert "holds no frame that could be used" in failed(capsys, path, "--out", out, "--labels", "truth")
+    assert not out.exists()
+
+
 def test_gaps_cost_no_more_than_the_frames_in_them(tmp_path: Path) -> None:
     def gappy(topic: str, time: float, message: Any) -> Iterable[tuple[str, float, Any]]:
         blind = topic.startswith("/camera/depth/image") and 0.15 < time < 0.45
@@ -120,7 +131,7 @@ def test_a_scene_and_its_tum_folder_make_one_map(tmp_path: Path) -> None:
     ("words", "message"),
     [
         (["nowhere"], "error: nowhere: no such file or folder"),
-        (["."], "has no calibration.txt; --intrinsics fx fy cx cy tells the camera's"),
+        (["."], "no recording: it has neither depth.txt nor images in depth/"),
         ([".", "--intrinsics", "1", "1", "0", "1"], "--intrinsics 1.0 1.0 0.0 1.0: must be positive"),
         ([".", "--fps", "0"], "--fps 0.0: must be positive"),
         ([".", "--depth-scale", "-1"], "--depth-scale -1.0: must be positive"),

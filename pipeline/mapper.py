@@ -22,7 +22,7 @@ from pipeline.semantic_map.classifier import PointClassifier
 from pipeline.semantic_map.semantic_map import SemanticMap
 from pipeline.stopwatch import Stopwatch
 from pipeline.topological_map.topological_map import TopologicalMap
-from pipeline.transforms import inverse, transform_points, yaw_of
+from pipeline.transforms import POSE, are_poses, inverse, transform_points, yaw_of
 from pipeline.traversability.accessibility import is_inaccessible
 from pipeline.traversability.elevation_map import HEIGHTS, ElevationMap
 from pipeline.traversability.ground_evidence import Assumed, Driven, GroundEvidence
@@ -119,7 +119,15 @@ class Mapper:
         self._make_anew(np.ones(len(self.keyframes), np.bool_), self.keyframes.boxes())
 
     def localise(self, frame: Frame) -> NDArray[np.float64]:
-        """4×4 pose of ``base_link`` in ``map`` when a frame was taken."""
+        """4×4 pose of ``base_link`` in ``map`` when a frame was taken.
+
+        Raises:
+            InputError: the pose by odometry, or that of the camera, is none.
+        """
+        if not are_poses([frame.T_odom_base, frame.T_base_camera]):
+            raise InputError(
+                f"the odometry or the camera has no proper pose at {frame.time:.2f} s: {POSE} is expected"
+            )
         with self.stopwatch("localisation"):
             return self.localisation.localise(frame)
 
@@ -141,7 +149,12 @@ class Mapper:
         """Take a frame into every map but the topological one, which :meth:`connect` renews.
 
         A frame that is not ``labelled`` goes into the metric map and the elevation map alone.
+
+        Raises:
+            InputError: the pose is so far from the others that the maps would take too much memory; they stay as they
+                are.
         """
+        self.elevation_map.cover(T_map_base[None, :3, 3])
         with self.stopwatch("localisation"):
             self.localisation.add(frame, T_map_base)
         points, index = frame.points(frame.T_base_camera), len(self.keyframes)

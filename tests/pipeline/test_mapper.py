@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from pipeline.errors import InputError
 from pipeline.keyframes import Moves
+from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.mapper import Mapper
 from pipeline.semantic_map.classifier import TruthClassifier
 from pipeline.transforms import from_yaw, yaw_of
@@ -231,3 +232,16 @@ def test_poses_that_are_none_are_refused(bad):
     with pytest.raises(InputError, match="a correction must give each of 6 keyframes a rigid"):
         mapper.correct(bad)
     assert_same(TRUE, mapper)
+
+
+@pytest.mark.parametrize("reach", [1e3, 1e6, np.nan])
+def test_a_frame_from_far_away_leaves_the_maps_as_they_are(reach):
+    mapper = Mapper(PIONEER, TruthClassifier(), localisation=OdometryLocalisation())
+    for frame, T in zip(FRAMES[:2], POSES, strict=False):
+        mapper.add(frame, T)
+    far = POSES[2].copy()
+    far[0, 3] = far[1, 3] = reach
+    with pytest.raises(InputError, match=r"pose|would take"):
+        mapper.add(FRAMES[2], mapper.localise(replace(FRAMES[2], T_odom_base=far)))
+    assert len(mapper.keyframes) == len(mapper.localisation.poses) == 2
+    assert mapper.settle() is None

@@ -180,7 +180,11 @@ def test_arenas_as_mjcf(tmp_path: Path) -> None:
         ('"0.005" g', '"nan" g', "timestep"),
         ('"0.005" g', '"0" g', "timestep"),
         ('iterations="50"', 'iterations="2000000000"', "iterations"),
-        (HEIGHTS, 'nrow="40000" ncol="40000" size="0.3 0.3 0.1 0.05"', "more than 4 GB"),
+        (HEIGHTS, 'nrow="40000" ncol="40000" size="0.3 0.3 0.1 0.05"', "more than 1 GB"),
+        (HEIGHTS, 'nrow="5000" ncol="5000" size="0.3 0.3 0.1 0.05"', "cells 2.5e.07 is not between"),
+        ('shadowsize="1024"', 'numslices="100000"', "numslices"),
+        ('extent="6"', 'extent="1e-300"', "extent"),
+        ('scale="1 1 1"', 'scale="1e20 1e20 1e20"', "geom_pos"),
         ('nuser_geom="1"', 'nuser_geom="2000000000"', "arena.xml: "),
         ('nuser_geom="1"', 'nuser_geom="1000"', "nuser_geom"),
         ('znear="0.02"', 'znear="nan"', "znear"),
@@ -211,7 +215,7 @@ def test_arrays_that_expand_endlessly(tmp_path: Path, monkeypatch: pytest.Monkey
     np.savez_compressed(path, a=np.zeros(10**6))
     assert path.stat().st_size < 10_000
     assert load_arrays(path, "map").keys() == {"a"}
-    monkeypatch.setattr(files, "MOST_UNPACKED", 10**6)
+    monkeypatch.setattr(files, "MOST_MEMORY", 10**6)
     with pytest.raises(InputError, match="a map that takes 8 MB"):
         load_arrays(path, "map")
 

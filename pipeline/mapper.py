@@ -22,7 +22,7 @@ from pipeline.semantic_map.classifier import PointClassifier
 from pipeline.semantic_map.semantic_map import SemanticMap
 from pipeline.stopwatch import Stopwatch
 from pipeline.topological_map.topological_map import TopologicalMap
-from pipeline.transforms import POSE, are_poses, inverse, transform_points, yaw_of
+from pipeline.transforms import inverse, transform_points, yaw_of
 from pipeline.traversability.accessibility import is_inaccessible
 from pipeline.traversability.elevation_map import HEIGHTS, ElevationMap
 from pipeline.traversability.ground_evidence import Assumed, Driven, GroundEvidence
@@ -119,15 +119,7 @@ class Mapper:
         self._make_anew(np.ones(len(self.keyframes), np.bool_), self.keyframes.boxes())
 
     def localise(self, frame: Frame) -> NDArray[np.float64]:
-        """4×4 pose of ``base_link`` in ``map`` when a frame was taken.
-
-        Raises:
-            InputError: the pose by odometry, or that of the camera, is none.
-        """
-        if not are_poses([frame.T_odom_base, frame.T_base_camera]):
-            raise InputError(
-                f"the odometry or the camera has no proper pose at {frame.time:.2f} s: {POSE} is expected"
-            )
+        """4×4 pose of ``base_link`` in ``map`` when a frame was taken; LostError if it is unknown."""
         with self.stopwatch("localisation"):
             return self.localisation.localise(frame)
 
@@ -289,8 +281,8 @@ class Mapper:
         self._put(k, known.seen[k])
 
     def _put(self, keyframe: int, evidence: GroundEvidence) -> None:
+        evidence.put(self.elevation_map, self.keyframes.poses[keyframe])  # first: what does not fit is not kept
         self.keyframes.add_ground(keyframe, evidence)
-        evidence.put(self.elevation_map, self.keyframes.poses[keyframe])
 
     def connect(self, keyframe: Keyframe, paths: PosePaths) -> None:
         """Update the topological map to the ground that ``paths`` reach and to the planes of a keyframe."""

@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frame import Frame
-from pipeline.transforms import angle_of, inverse
+from pipeline.transforms import angle_of, are_poses, inverse
 
 KEYFRAME_WAY, KEYFRAME_TURN = 0.3, np.deg2rad(15)
 """m and rad that the robot drives or turns from one keyframe to the next; poses closer than that count as one."""
@@ -155,9 +155,10 @@ class Localisation(Protocol):
 
 
 def check_odometry(frame: Frame) -> None:
-    """Raises LostError if the odometry of a frame is not finite."""
-    if not np.isfinite(frame.T_odom_base).all():
-        raise LostError(f"the odometry at {frame.time:.2f} s is not finite")
+    """Raises LostError if the odometry of a frame, or the place of its camera on the robot, is no pose."""
+    for what, T in (("odometry", frame.T_odom_base), ("camera's place", frame.T_base_camera)):
+        if not are_poses(T):
+            raise LostError(f"the {what} at {frame.time:.2f} s is not finite, or too far away")
 
 
 def is_keyframe(T_odom_last: NDArray[np.float64], T_odom_base: NDArray[np.float64]) -> bool:

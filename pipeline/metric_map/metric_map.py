@@ -79,10 +79,11 @@ class MetricMap:
         self._updater = Updater(voxel_size, max_range, margin, max_bytes)
 
     def _check_settings(self) -> None:
-        if not 1e-3 <= self.voxel_size < np.inf:
-            raise InputError(f"metric map: voxel_size must be 1 mm or more, got {self.voxel_size}")
         if not 0 < self.max_range <= FARTHEST:
             raise InputError(f"metric map: max_range must be at most {FARTHEST:.0f} m, got {self.max_range}")
+        if not 1e-3 <= self.voxel_size <= self.max_range:
+            span = f"from 1 mm to the range of {self.max_range:g} m"
+            raise InputError(f"metric map: voxel_size must be {span}, got {self.voxel_size:g}")
         if not 0 <= self.margin < np.inf:
             raise InputError(f"metric map: margin must not be negative, got {self.margin}")
         if np.shape(self.offset) != (3,) or not np.isfinite(self.offset).all():

@@ -173,6 +173,7 @@ def test_points_that_are_no_places_have_no_effect(points):
     [
         {"voxel_size": 0.0},
         {"voxel_size": np.nan},
+        {"voxel_size": 1e9},
         {"voxel_size": 1e-300},
         {"max_range": -1.0},
         {"max_range": 1e300},

@@ -156,9 +156,14 @@ class Localisation(Protocol):
 
 def check_odometry(frame: Frame) -> None:
     """Raises LostError if the odometry of a frame, or the place of its camera on the robot, is no pose."""
-    for what, T in (("odometry", frame.T_odom_base), ("camera's place", frame.T_base_camera)):
-        if not are_poses(T):
-            raise LostError(f"the {what} at {frame.time:.2f} s is not finite, or too far away")
+    check_pose("odometry", frame.time, frame.T_odom_base)
+    check_pose("camera's place", frame.time, frame.T_base_camera)
+
+
+def check_pose(what: str, time: float, T: NDArray[np.float64]) -> None:
+    """Raises LostError, with ``what`` and the time, s, if a (4, 4) matrix is no pose."""
+    if not are_poses(T):
+        raise LostError(f"the {what} at {time:.2f} s is not finite, or too far away")
 
 
 def is_keyframe(T_odom_last: NDArray[np.float64], T_odom_base: NDArray[np.float64]) -> bool:

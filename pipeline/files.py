@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from pipeline.errors import InputError
 
-MOST_MEMORY = 2**31  # bytes that a map, or the arrays in a file, may take
+MOST_MEMORY = 2**30  # bytes that a map, or the arrays in a file, may take; while it grows, a map takes as much again
 MOST_TEXT = 50_000_000  # bytes of a text; a TUM trajectory of 20 Hz needs 5 MB an hour
 GOOD = "good"  # Answer of a separate process that found nothing wrong
 

@@ -418,7 +418,9 @@ class AmissRobot(KinematicRobot):
     def sense(self) -> Frame:
         self._frames += 1
         seen = look(ROOM, self.T @ ON_ROBOT, 0.004, self._frames)
-        frame = replace(seen, T_base_camera=ON_ROBOT, T_odom_base=self.T, time=len(self.commands) * self.control_period)
+        frame = replace(
+            seen, T_base_camera=ON_ROBOT, T_odom_base=self.T, time=self.control_period * len(self.commands)
+        )
         is_amiss = self._frames > self._first and (self._lasts or self._frames == self._first + 1)
         return self._fault(frame, self._rng) if is_amiss else frame
 

@@ -19,6 +19,7 @@ from pipeline.localisation.localisation import LostError
 from pipeline.localisation.trajectory import EstimatedTrajectory
 from pipeline.map_file import save_maps
 from pipeline.mapper import Mapper
+from pipeline.navigation.navigator import Outcome
 from pipeline.planning.path_plan import place_name
 from pipeline.rerun.recorder import Level, Recorder
 from pipeline.rescue_report.report import RescueReport, write_page
@@ -87,11 +88,12 @@ class ResultFolder:
     def write_report(self, steps: int, sim_time: float, wall_time: float, figures: dict[str, Any]) -> None:
         """Write report.json: number of steps, the robot's and the wall's time in s, and ``figures`` of the stages."""
         self.report = {
-            "arena": self.place,
+            "arena": _plain(self.place),
             "seed": self.seed,
             "steps": steps,
             "version": version("sarsim"),
-            "config": {name: _plain(value) for name, value in asdict(self.settings).items()} | {"out": str(self.out)},
+            "config": {name: _plain(value) for name, value in asdict(self.settings).items()}
+            | {"out": _plain(self.out)},
             "sim_time_s": sim_time,
             "wall_time_s": wall_time,
             "real_time_factor": sim_time / wall_time,
@@ -102,10 +104,11 @@ class ResultFolder:
 
 
 def _plain(value: Any) -> Any:
-    """A setting for JSON, its paths as text."""
+    """A setting for JSON; of an absolute path only the name, for the rest may tell who ran it."""
     if isinstance(value, tuple):
         return [_plain(item) for item in value]
-    return str(value) if isinstance(value, Path) else value
+    is_absolute = isinstance(value, str | Path) and Path(value).is_absolute()
+    return Path(value).name if is_absolute else str(value) if isinstance(value, Path) else value
 
 
 def write_report(report: dict[str, Any], folder: Path) -> None:
@@ -153,6 +156,7 @@ class Expedition(ABC):
         self._rescue_report = RescueReport()
         explorer.observers += [self._rescue_report, results.recorder]
         self.lost: str | None = None
+        self._told_faults = 0
 
     @property
     def report(self) -> dict[str, Any]:
@@ -187,7 +191,7 @@ class Expedition(ABC):
             self._log_outcomes()
         except LostError as error:
             self.lost = str(error)
-            self._log("WARN", f"the robot does not know where it is and stays: {error}")
+            self._notice("lost", f"the robot does not know where it is and stays: {error}")
         finally:
             self._finish(self._time() - begin, perf_counter() - wall_begin)
         return not interrupted()
@@ -203,18 +207,34 @@ class Expedition(ABC):
         relocalised = self.explorer.keyframing.pose_check.relocalised
         step = self.explorer.step()
         self._log_outcomes()
+        self._log_faults()
         if step.was_kidnapped:
             found_itself = self.explorer.keyframing.pose_check.relocalised > relocalised
             how = "looked around and found itself" if found_itself else "was kidnapped and set down"
-            self._log("WARN", f"the robot {how} at {place_name(step.keyframe.T_map_base[:2, 3])}")
+            self._notice("carried", f"the robot {how} at {place_name(step.keyframe.T_map_base[:2, 3])}")
         self._log("INFO" if step.can_drive else "WARN", self._tell(step))
         if step.plan is None:
             # Closing a loop merges doubled walls, which may have cut off the area behind them.
             return self.explorer.settle()
         if not self.explorer.drive(step):
             leg = self.explorer.navigator.legs[-1]
-            self._log("WARN", f"leg to {place_name(leg.target)} ended: {leg.outcome.value}")
+            line = f"leg to {place_name(leg.target)} ended: {leg.outcome.value}"
+            if leg.outcome is Outcome.STUCK:
+                self._notice("stuck", line)
+            else:
+                self._log("WARN", line)
         return True
+
+    def _notice(self, kind: str, text: str) -> None:
+        self.explorer.keyframing.faults.note(kind, self._time(), text)
+        self._log_faults()
+
+    def _log_faults(self) -> None:
+        """Log the faults that were not logged yet."""
+        faults = self.explorer.keyframing.faults.all
+        for fault in faults[self._told_faults :]:
+            self._log("WARN", fault.text)
+        self._told_faults = len(faults)
 
     def _log(self, level: Level, line: str) -> None:
         self.results.recorder.log_message(level, line)
@@ -253,7 +273,8 @@ class Expedition(ABC):
     def _figures(self) -> dict[str, Any]:
         """The figures of all stages, tasks and failures for report.json."""
         lost = {"lost": self.lost} if self.lost else {}
-        return self._stages() | self.explorer.mission.report() | lost
+        faults = {"faults": [asdict(fault) for fault in self.explorer.keyframing.faults.all]}
+        return self._stages() | self.explorer.mission.report() | lost | faults
 
     @abstractmethod
     def _time(self) -> float:

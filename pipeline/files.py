@@ -1,11 +1,11 @@
-"""Write files whole or not at all, read arrays from files, and try untrusted files in a separate process."""
+"""Write files whole or not at all, read bounded files, and try untrusted ones in a separate process."""
 
 import os
 import resource
 import select
 import signal
+import stat
 import zipfile
-import zlib
 from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -17,7 +17,8 @@ from numpy.typing import NDArray
 
 from pipeline.errors import InputError
 
-MOST_UNPACKED = 4_000_000_000  # bytes, largest size of the arrays in a file, unpacked
+MOST_MEMORY = 2**30  # bytes that a map, or the arrays in a file, may take; while it grows, a map takes as much again
+MOST_TEXT = 50_000_000  # bytes of a text; a TUM trajectory of 20 Hz needs 5 MB an hour
 GOOD = "good"  # Answer of a separate process that found nothing wrong
 
 
@@ -83,25 +84,93 @@ def each(*actions: Callable[[], object]) -> None:
         raise failures[0]
 
 
+@contextmanager
+def silenced() -> Iterator[None]:
+    """Discard what libraries write to stderr by themselves, beside the errors that they raise or return."""
+    kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 2)
+    try:
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+        os.close(nowhere)
+
+
+def check_regular(path: Path, most: float = np.inf) -> None:
+    """Raises InputError if a path is no regular file (but a folder, a pipe, a device), or has over ``most`` bytes."""
+    try:
+        status = path.stat()
+    except (OSError, ValueError) as error:
+        raise InputError(f"{path}: {getattr(error, 'strerror', None) or error}") from error
+    if not stat.S_ISREG(status.st_mode):
+        raise InputError(f"{path}: not a regular file")
+    if status.st_size > most:
+        raise InputError(f"{path}: too large, at most {most:.0f} bytes are read")
+
+
+def read_bytes(path: Path, most: float = np.inf) -> bytes:
+    """The content of a regular file of at most ``most`` bytes; InputError if it is none or cannot be read."""
+    check_regular(path, most)
+    try:
+        return path.read_bytes()
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror or error}") from error
+
+
+def read_text(path: Path, most: float = MOST_TEXT) -> str:
+    """The content of a regular file of at most ``most`` bytes of UTF-8; InputError if it is none."""
+    try:
+        return read_bytes(path, most).decode("utf-8-sig")
+    except UnicodeDecodeError as error:
+        raise InputError(
+            f"{path}: not a text in UTF-8: byte {error.start + 1} is {error.object[error.start]:#04x}"
+        ) from error
+
+
+def read_numbers(path: Path, columns: str) -> NDArray[np.float64]:
+    """(N, C) the numbers in a text whose lines have C columns, of any units; lines that begin with # are comments.
+
+    Args:
+        path: of the text.
+        columns: their names, for error messages.
+
+    Raises:
+        InputError: it is no regular file, is too large, or a line has other columns or a number that is not finite.
+    """
+    try:
+        rows = np.array(
+            [words for line in read_text(path).splitlines() if (words := line.partition("#")[0].split())], float
+        )
+    except InputError:
+        raise
+    except ValueError:
+        rows = np.zeros(0)
+    if rows.shape[1:] != (len(columns.split()),) or not np.isfinite(rows).all():
+        raise InputError(f"{path}: its lines must be numbers: {columns}")
+    return rows
+
+
 def load_arrays(path: Path, what: str) -> dict[str, NDArray[Any]]:
     """The arrays (of any shape and unit) in a ``.npz``, by name; ``what`` names the kind of file in error messages.
 
     Raises:
         InputError: it is missing or damaged.
     """
+    check_regular(path)
     try:
         with zipfile.ZipFile(path) as packed:
             size = sum(member.file_size for member in packed.infolist())
-        if size > MOST_UNPACKED:
+        if size > MOST_MEMORY:
             raise InputError(f"{path}: refused, a {what} that takes {size / 1e6:.0f} MB unpacked")
         with np.load(path, allow_pickle=False) as file:
             return {name: file[name] for name in file.files}
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
-    except (ValueError, KeyError, EOFError, AttributeError, TypeError, NotImplementedError) as error:
-        raise InputError(f"{path}: not a readable {what} ({error})") from error
-    except (MemoryError, zipfile.BadZipFile, zlib.error) as error:
-        raise InputError(f"{path}: a damaged {what} ({error})") from error
+    except InputError:
+        raise
+    except Exception as error:  # of many kinds: of the archive, of its compression, and of NumPy's own headers
+        raise InputError(f"{path}: not a readable {what} ({' '.join(str(error).split())})") from error
 
 
 def answer_apart(action: Callable[[], str], seconds: int, memory: int) -> str:

@@ -5,11 +5,14 @@ from functools import cached_property, lru_cache
 from io import BytesIO
 from typing import NamedTuple
 
+import cv2
 import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 from PIL import Image
 
+from pipeline.errors import InputError
+from pipeline.files import silenced
 from pipeline.sensor import XTION, SensorModel
 
 SAME_TIME = 0.02
@@ -145,6 +148,21 @@ class Frame:
         # The centre of the first pixel kept is the centre of the first pixel of the new image.
         cx, cy = ((c - first - 0.5) / n + 0.5 for c in (k.cx, k.cy))
         return depth, Intrinsics(depth.shape[1], depth.shape[0], k.fx / n, k.fy / n, cx, cy)
+
+
+def decoded(content: bytes | NDArray[np.uint8], flags: int) -> NDArray:
+    """(H, W, ...) pixels of the content of an image file, by a flag of ``cv2.imread``; InputError if it is none.
+
+    Images of more than ``OPENCV_IO_MAX_IMAGE_PIXELS`` are refused by their headers.
+    """
+    try:
+        with silenced():
+            image = cv2.imdecode(np.frombuffer(content, np.uint8), flags)
+    except cv2.error:  # a size beyond the bound
+        image = None
+    if image is None:
+        raise InputError("not an image, or broken, or too large")
+    return image
 
 
 def jpeg(rgb: NDArray[np.uint8]) -> bytes:

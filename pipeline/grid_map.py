@@ -3,11 +3,15 @@
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property, reduce
+from math import prod
 from types import EllipsisType
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 from scipy import ndimage
+
+from pipeline.errors import InputError
+from pipeline.files import MOST_MEMORY
 
 Box = tuple[slice, slice]  # A rectangle of cells of a grid
 
@@ -119,6 +123,11 @@ class Layer:
     per_cell: tuple[int, ...] = ()
     in_place: bool = False
 
+    @property
+    def bytes_per_cell(self) -> int:
+        """Bytes that a cell takes, with the revision of its last change."""
+        return np.dtype(self.dtype).itemsize * prod(self.per_cell) + (0 if self.in_place else np.int32().itemsize)
+
     def array(self, shape: tuple[int, int]) -> NDArray:
         """(nx, ny, ...) array of unknown cells."""
         return np.full((*shape, *self.per_cell), self.fill, self.dtype)
@@ -148,7 +157,11 @@ class GridMap:
         return self._layers[name]
 
     def cover(self, xy: NDArray) -> None:
-        """Grow in whole blocks until all cells within ``BORDER`` of points (N, 2 or 3), m, lie on the grid."""
+        """Grow in whole blocks until all cells within ``BORDER`` of points (N, 2 or 3), m, lie on the grid.
+
+        Raises:
+            InputError: the grid would take too much memory; it then stays as it is.
+        """
         corners = self.grid.cell_of(np.stack([xy.min(axis=0), xy.max(axis=0)])) + np.array([[-BORDER], [BORDER]])
         if self.grid.holds(corners).all():
             return
@@ -192,12 +205,20 @@ class GridMap:
         nx, ny = (high - low).tolist()
         if (nx, ny) == old.shape:
             return
+        per_cell = sum(kind.bytes_per_cell for kind in self._kinds.values())
+        check_memory(f"a map of {nx * old.cell:.0f} × {ny * old.cell:.0f} m", nx * ny * per_cell)
         self.grid = Grid(low, old.cell, (nx, ny))
         self.revision += 1
         for name, kind in self._kinds.items():
             self._layers[name] = _grown(self._layers[name], kind.array((nx, ny)), self.grid.box_of(old))
         for name, stamps in self._stamps.items():
             self._stamps[name] = _grown(stamps, np.zeros((nx, ny), np.int32), self.grid.box_of(old))
+
+
+def check_memory(what: str, size: int) -> None:
+    """Raises InputError if what is about to be allocated, ``size`` bytes, is more than ``MOST_MEMORY``."""
+    if size > MOST_MEMORY:
+        raise InputError(f"{what} would take {size / 1e9:.3g} GB; at most {MOST_MEMORY / 1e9:.3g} GB are used")
 
 
 def _bits(values: NDArray) -> NDArray:

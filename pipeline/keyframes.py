@@ -15,14 +15,13 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.errors import InputError
 from pipeline.frame import Frame, Intrinsics
-from pipeline.metric_map.grid_kernels import is_rigid
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.robot import RobotModel
 from pipeline.segments.cells_kernels import moved
 from pipeline.semantic_map.class_shares import ClassShares
 from pipeline.semantic_map.semantic_map import VOXEL, SemanticMap
 from pipeline.semantic_map.voxels import VoxelCloud
-from pipeline.transforms import yaw_of
+from pipeline.transforms import POSE, are_poses, yaw_of
 from pipeline.traversability.depth_dropouts import find_depth_dropouts
 from pipeline.traversability.elevation_kernels import Z_BIN, lowest_rays
 from pipeline.traversability.elevation_map import CELL, ElevationMap
@@ -250,8 +249,8 @@ class Keyframes:
             InputError: there is not one rigid pose for every keyframe; all then stay where they are.
         """
         poses = np.array(T_map_base, np.float64)
-        if poses.shape != self.poses.shape or not all(map(is_rigid, poses)):
-            raise InputError(f"a correction must give each of {len(self)} keyframes a rigid 4×4 pose")
+        if poses.shape != self.poses.shape or not are_poses(poses):
+            raise InputError(f"a correction must give each of {len(self)} keyframes {POSE}")
         stays = ~Moves.between(self.poses, poses, self._reach).are_noticeable
         poses[stays] = self.poses[stays]
         moves, self.poses = Moves.between(self.poses, poses, self._reach), poses

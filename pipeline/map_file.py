@@ -17,12 +17,12 @@ from pipeline.keyframes import Keyframes, Places, Seen
 from pipeline.labels import Label
 from pipeline.localisation.localisation import OdometryErrors, SavedKeyframes
 from pipeline.mapper import Mapper
-from pipeline.metric_map.grid_kernels import is_rigid
 from pipeline.metric_map.io.npz import save_metric_map
 from pipeline.robot import RobotModel
 from pipeline.segments.members import Member
 from pipeline.segments.plane import Moments
 from pipeline.semantic_map.class_shares import ClassShares
+from pipeline.transforms import POSE, are_poses
 from pipeline.traversability.elevation_map import ElevationMap
 from pipeline.traversability.ground_evidence import Assumed, Driven, GroundEvidence
 from pipeline.victims.victim_map import Sighting, Victim
@@ -246,9 +246,9 @@ def _parts(name: str, array: NDArray[Any], lengths: NDArray[Any]) -> Iterator[ND
 def _check(rows: dict[str, list[Row]]) -> None:
     """Raise ValueError if a row holds an impossible number."""
     keyframes = len(rows["keyframe"])
-    rigid = [is_rigid(row[name]) for row in rows["keyframe"] for name in ("T_base_camera", "T_map_base")]
-    if not keyframes or not all(rigid):
-        raise ValueError(f"there is not one rigid pose for each of {keyframes} keyframes")
+    poses = [row[name] for row in rows["keyframe"] for name in ("T_base_camera", "T_map_base")]
+    if not keyframes or not are_poses(poses):
+        raise ValueError(f"there is not for each of {keyframes} keyframes {POSE}")
     if len(rows["odometry"]) != 1 or np.linalg.eigvalsh(rows["odometry"][0]["covariance"])[0] <= 0:
         raise ValueError("it does not tell once how wrong the odometry is")
     of_keyframe = [row["keyframe"] for kind in LAYOUT for row in rows[kind] if "keyframe" in row]

@@ -119,7 +119,7 @@ class Mapper:
         self._make_anew(np.ones(len(self.keyframes), np.bool_), self.keyframes.boxes())
 
     def localise(self, frame: Frame) -> NDArray[np.float64]:
-        """4×4 pose of ``base_link`` in ``map`` when a frame was taken."""
+        """4×4 pose of ``base_link`` in ``map`` when a frame was taken; LostError if it is unknown."""
         with self.stopwatch("localisation"):
             return self.localisation.localise(frame)
 
@@ -141,7 +141,12 @@ class Mapper:
         """Take a frame into every map but the topological one, which :meth:`connect` renews.
 
         A frame that is not ``labelled`` goes into the metric map and the elevation map alone.
+
+        Raises:
+            InputError: the pose is so far from the others that the maps would take too much memory; they stay as they
+                are.
         """
+        self.elevation_map.cover(T_map_base[None, :3, 3])
         with self.stopwatch("localisation"):
             self.localisation.add(frame, T_map_base)
         points, index = frame.points(frame.T_base_camera), len(self.keyframes)
@@ -276,8 +281,8 @@ class Mapper:
         self._put(k, known.seen[k])
 
     def _put(self, keyframe: int, evidence: GroundEvidence) -> None:
+        evidence.put(self.elevation_map, self.keyframes.poses[keyframe])  # first: what does not fit is not kept
         self.keyframes.add_ground(keyframe, evidence)
-        evidence.put(self.elevation_map, self.keyframes.poses[keyframe])
 
     def connect(self, keyframe: Keyframe, paths: PosePaths) -> None:
         """Update the topological map to the ground that ``paths`` reach and to the planes of a keyframe."""

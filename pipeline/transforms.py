@@ -6,6 +6,18 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 Angle = TypeVar("Angle", float, NDArray[np.floating])
+FARTHEST = 8192.0  # m from the origin of a frame; up to here float32 resolves 1 mm
+POSE = f"a rigid 4×4 pose (finite, orthonormal, not mirroring, last row 0 0 0 1) within {FARTHEST:g} m of the origin"
+
+
+def are_poses(T: ArrayLike) -> bool:
+    """Whether (..., 4, 4) matrices are poses as ``POSE`` says, orthonormal to 1e-4."""
+    T = np.asarray(T, np.float64)
+    if T.shape[-2:] != (4, 4) or not np.isfinite(T).all() or np.abs(T).max(initial=0) > FARTHEST:
+        return False
+    R = T[..., :3, :3]
+    is_orthonormal = np.abs(R @ R.swapaxes(-1, -2) - np.eye(3)).max(initial=0) <= 1e-4
+    return bool(is_orthonormal and (np.linalg.det(R) > 0).all() and (T[..., 3, :] == (0, 0, 0, 1)).all())
 
 
 def transform_points(T: NDArray[np.float64], points: NDArray) -> NDArray[np.float32]:

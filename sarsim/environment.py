@@ -1,5 +1,7 @@
 """A robot in an arena as a dm_env environment, driven by velocity commands."""
 
+import logging
+
 import dm_env
 import mujoco
 import numpy as np
@@ -16,6 +18,8 @@ from sarsim.robots.skid_steered import SkidSteered
 
 CONTROL_TIMESTEP = 0.02
 """s, the period of the drive's firmware."""
+OF_ITS_OWN = {"compiler": ("autolimits", "fusestatic"), "size": ("memory", "nstack", "njmax", "nconmax")}
+"""Settings of an MJCF file for the file alone: a sound one means the same without them, and one model has one."""
 
 
 class RescueEnvironment(dm_env.Environment):
@@ -31,12 +35,19 @@ class RescueEnvironment(dm_env.Environment):
         """``robot``: see :class:`SkidSteered`; it stands at the arena's start.
 
         Raises:
-            InputError: there is no such robot, or the arena's time step does not divide ``CONTROL_TIMESTEP``.
+            InputError: there is no such robot, its time step does not divide ``CONTROL_TIMESTEP``, or the two files
+                cannot be compiled as one model.
         """
         self._T_world_start = arena.T_world_start
         self.robot = SkidSteered(robot)
-        arena.add_free_entity(self.robot)
-        self.physics = mjcf.Physics.from_mjcf_model(arena.mjcf_model)
+        _reconcile(arena.mjcf_model, self.robot.mjcf_model)
+        try:
+            arena.add_free_entity(self.robot)
+            self.physics = mjcf.Physics.from_mjcf_model(arena.mjcf_model)
+        except (ValueError, mujoco.FatalError) as error:
+            raise InputError(
+                f"the arena and the robot do not fit together: {' '.join(str(error).split())}"
+            ) from error
         self._substeps = substeps(self.physics.timestep())
         self._inertial_data = self.robot.inertial_data(self.physics)
         self.reset()
@@ -99,9 +110,26 @@ class RescueEnvironment(dm_env.Environment):
         self.physics.free()
 
 
+def _reconcile(arena: mjcf.RootElement, robot: mjcf.RootElement) -> None:
+    """Let two models be compiled as one: the robot's options win, and the arena says how things look."""
+    for root in (arena, robot):
+        for tag, names in OF_ITS_OWN.items():
+            for name in names:
+                setattr(getattr(root, tag), name, None)
+    robot.visual.remove()
+    robot.statistic.remove()
+    given = arena.option.get_attributes()
+    wanted = robot.option.get_attributes()
+    if lost := [name for name in given.keys() & wanted if np.any(given[name] != wanted[name])]:
+        told = ", ".join(f"{name} {wanted[name]} instead of {given[name]}" for name in sorted(lost))
+        logging.getLogger(__name__).warning("the robot's options hold, not the arena's: %s", told)
+    for name in lost:
+        setattr(arena.option, name, wanted[name])
+
+
 def substeps(timestep: float) -> int:
-    """Number of an arena's time steps, of ``timestep`` s, in ``CONTROL_TIMESTEP``; InputError if it is not whole."""
+    """Number of time steps, of ``timestep`` s, in ``CONTROL_TIMESTEP``; InputError if it is not whole."""
     number = round(CONTROL_TIMESTEP / timestep)
     if not np.isclose(number * timestep, CONTROL_TIMESTEP):
-        raise InputError(f"the arena's timestep of {timestep:g} s does not divide {CONTROL_TIMESTEP:g} s")
+        raise InputError(f"the timestep of {timestep:g} s does not divide {CONTROL_TIMESTEP:g} s")
     return number

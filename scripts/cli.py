@@ -86,6 +86,7 @@ def common(args: Sequence[str] | None = None) -> list[str]:
     if _quiet:
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
     level = "error" if given.quiet else given.log_level
+    logging.getLogger("absl").setLevel(logging.ERROR)  # MuJoCo's and dm_control's own words, beside their errors
     logging.basicConfig(format="%(levelname)s %(name)s: %(message)s", level=level.upper())
     return rest
 

@@ -91,18 +91,17 @@ def _labels(metric_map: "MetricMap", path: Path) -> "NDArray[np.uint8] | None":
     """Classes of the occupied voxels, from a semantic map if there is one."""
     if not path.exists():
         return None
-    import open3d
+    import numpy as np
 
     from pipeline.labels import Label
     from pipeline.metric_map.io.octomap import voxel_labels
+    from pipeline.semantic_map.ply import read_ply
 
-    cloud = open3d.t.io.read_point_cloud(path).point
-    if "label" not in cloud:
-        raise InputError(f"{path}: not a semantic map: its points have no label")
-    labels = cloud.label.numpy().reshape(-1).astype("uint8")
-    if len(labels) != len(cloud.positions) or labels.max(initial=0) >= len(Label):
-        raise InputError(f"{path}: not a semantic map: labels are 0 to {len(Label) - 1}")
-    return voxel_labels(metric_map, cloud.positions.numpy(), labels)
+    vertices = read_ply(path)
+    points, labels = np.stack([vertices[axis] for axis in "xyz"], axis=1), vertices["label"]
+    if not np.isfinite(points).all() or labels.max(initial=0) >= len(Label):
+        raise InputError(f"{path}: not a semantic map: places are finite, and labels are 0 to {len(Label) - 1}")
+    return voxel_labels(metric_map, points, labels)
 
 
 def main() -> None:

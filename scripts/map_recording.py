@@ -54,7 +54,7 @@ def open_recording(config: MapRecording) -> "Recording":
         raise InputError(f"--intrinsics {' '.join(map(str, calibration))}: must be positive")
     if path.suffix == ".h5":
         return read_scene(path)
-    if path.is_file() or any(file.suffix in BAGS for file in path.iterdir()):
+    if not path.is_dir() or any(file.suffix in BAGS for file in path.iterdir()):
         return read_ros_bag(path, config.topics, calibration)
     for flag, value in (("depth-scale", config.depth_scale), ("fps", config.fps)):
         if value is not None and not 0 < value < 1e6:

@@ -19,7 +19,7 @@ from sarsim.settings import POINT_NETWORKS, EpisodeConfig
 
 if TYPE_CHECKING:
     from sarsim.episode import Episode
-    from sarsim.network_cache import OutputCache
+    from sarsim.scripts.network_cache import OutputCache
 
 
 def run_episode(config: EpisodeConfig) -> None:
@@ -57,7 +57,7 @@ def run_episode(config: EpisodeConfig) -> None:
 
 def cache_outputs(episode: "Episode") -> "OutputCache":
     """Cache the outputs of an episode's networks in its folder, so that a resumed episode need not run them again."""
-    from sarsim.network_cache import CachedClassifier, CachedDetector, OutputCache
+    from sarsim.scripts.network_cache import CachedClassifier, CachedDetector, OutputCache
 
     config, mapper = episode.config, episode.explorer.mapper
     cache = OutputCache(config.folder / "network_outputs")

@@ -13,7 +13,7 @@ import tyro
 import yaml
 
 from pipeline.errors import InputError
-from pipeline.files import whole_file
+from pipeline.files import read_text, whole_file
 from sarsim.scripts.cli import COMMON, common, guarded, parse
 
 CONFIG_HELP = "YAML file of settings, such as the one that every run writes; flags override its values."
@@ -22,6 +22,8 @@ RESULTS = ("out", "resume", "bag", "tum", "json")
 OUTPUTS = (*RESULTS, "workers")
 """Settings left out of a run's own file, so that repeating a run overwrites no results, and may use other workers."""
 
+MOST_SETTINGS, DEEPEST = 100_000, 8
+"""Size and levels of a file of settings; one that a run writes has 1,500 bytes and 3 levels."""
 Settings = TypeVar("Settings")
 
 
@@ -110,22 +112,32 @@ def load_settings(kind: type[Settings], path: Path, args: Sequence[str] = ()) ->
     Raises:
         InputError: the file cannot be read, or holds an unknown key or a value of a wrong type.
     """
-    try:
-        text = path.read_text()
-        if any(isinstance(event, yaml.AliasEvent) for event in yaml.parse(text)):
-            raise InputError(f"--config {path}: refused, it has aliases (*name), which may expand endlessly")
-        content = yaml.safe_load(text)
-    except OSError as error:
-        raise InputError(f"--config {path}: {error.strerror or error}") from error
-    except (yaml.YAMLError, UnicodeDecodeError, RecursionError) as error:
-        raise InputError(f"--config {path}: not readable YAML: {error}") from error
+    where = f"--config {path}"
+    content = _yaml(path, where)
     if isinstance(content, dict) and (places := sorted(content.keys() & set(RESULTS))):
-        raise InputError(f"--config {path}: no file says where results go: give --{places[0]} as a flag")
+        raise InputError(f"{where}: no file says where results go: give --{places[0]} as a flag")
     if isinstance(content, dict) and ":" in str(content.get("labels")):
         if not any(word.split("=")[0] == "--labels" for word in args):
-            raise InputError(f"--config {path}: no file says what code runs: give --labels as a flag")
+            raise InputError(f"{where}: no file says what code runs: give --labels as a flag")
         del content["labels"]
-    return _settings(kind, content, f"--config {path}")
+    return _settings(kind, content, where)
+
+
+def _yaml(path: Path, where: str) -> Any:
+    """The content of a YAML file; InputError, which begins with ``where``, if it is none."""
+    try:
+        text, depth = read_text(path, MOST_SETTINGS), 0
+        for event in yaml.parse(text):
+            depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+            if isinstance(event, yaml.AliasEvent) or depth > DEEPEST:
+                raise InputError(
+                    f"{path}: refused, it has aliases (*name), which may expand endlessly, or is too deep"
+                )
+        return yaml.safe_load(text)
+    except InputError as error:
+        raise InputError(f"--config {error}") from error
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        raise InputError(f"{where}: not readable YAML: {' '.join(str(error).split())}") from error
 
 
 def save_settings(settings: Any, path: Path) -> None:

@@ -8,6 +8,7 @@ from typing import Annotated
 import tyro
 
 from pipeline.errors import InputError
+from pipeline.files import check_regular
 from sarsim.scripts.cli import ENDINGS, run
 
 RECORDING = "episode.rrd"
@@ -43,11 +44,9 @@ def leave(*_: object) -> None:
 def find_recording(path: Path) -> Path:
     """The recording that ``path`` names; InputError if there is none, or the file is no recording."""
     recording = path / RECORDING if path.is_dir() else path
-    try:
-        with recording.open("rb") as file:
-            magic = file.read(len(MAGIC))
-    except OSError as error:
-        raise InputError(f"{recording}: {error.strerror}") from error
+    check_regular(recording)
+    with recording.open("rb") as file:
+        magic = file.read(len(MAGIC))
     if magic != MAGIC:
         raise InputError(f"{recording}: not a Rerun recording")
     return recording

@@ -13,6 +13,7 @@ from rosbags.highlevel import AnyReader
 
 from pipeline.datasets.recording import Recording
 from pipeline.errors import InputError
+from pipeline.files import check_regular
 from pipeline.frame import SAME_TIME, Calibration, Frame
 from pipeline.localisation.trajectory import Trajectory
 from pipeline.ros.images import colour_of, depth_of, label_of
@@ -60,6 +61,8 @@ def _opened(path: Path) -> Iterator[AnyReader]:
     # The reader takes a folder whose name ends with .bag for a file of ROS 1.
     is_lone = len(alone) == 1 and (path.suffix == ".bag" or not (path / "metadata.yaml").exists())
     file = alone[0] if is_lone else path
+    if file.exists() and not file.is_dir():
+        check_regular(file)
     try:
         with AnyReader([file], default_typestore=STORE) as reader:
             yield reader

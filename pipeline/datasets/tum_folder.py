@@ -10,7 +10,8 @@ from numpy.typing import NDArray
 
 from pipeline.datasets.recording import Recording
 from pipeline.errors import InputError
-from pipeline.frame import SAME_TIME, Calibration, Frame, Intrinsics
+from pipeline.files import MOST_MEMORY, read_bytes, read_numbers, read_text
+from pipeline.frame import SAME_TIME, Calibration, Frame, Intrinsics, decoded
 from pipeline.localisation.trajectory import Trajectory, read_trajectory
 
 DEPTH_UNITS = 5000.0
@@ -51,21 +52,10 @@ def read_tum_folder(
     recording.odometry = _trajectory(path / "odometry.txt")
     recording.check_clocks(depth[0][0], depth[-1][0])
     if (path / "keyframes.txt").exists():
-        rows = _numbers(path / "keyframes.txt", "time labelled stood")
+        rows = read_numbers(path / "keyframes.txt", "time labelled stood")
         recording.keyframes = {time: bool(labelled) for time, labelled, _ in rows.tolist()}
         recording.steps = set(rows[rows[:, 2] > 0, 0].tolist())
     return recording
-
-
-def _numbers(file: Path, columns: str) -> NDArray[np.float64]:
-    """(N, number of columns) numbers of a file; InputError if it has other columns or cannot be read."""
-    try:
-        rows = np.loadtxt(file, ndmin=2)
-        if rows.shape[1:] != (len(columns.split()),) or not np.isfinite(rows).all():
-            raise ValueError(f"its lines must be {columns}")
-    except (OSError, ValueError) as error:
-        raise InputError(f"{file}: {error}") from error
-    return rows
 
 
 def _trajectory(path: Path) -> Trajectory | None:
@@ -76,7 +66,7 @@ def _calibration(path: Path) -> Calibration:
     file = path / "calibration.txt"
     if not file.exists():
         raise InputError(f"{path}: has no calibration.txt; --intrinsics fx fy cx cy tells the camera's")
-    rows = _numbers(file, "fx fy cx cy")
+    rows = read_numbers(file, "fx fy cx cy")
     if len(rows) != 1 or not (rows > 0).all():
         raise InputError(f"{file}: it must be one line of fx fy cx cy, all positive")
     return Calibration(*rows[0].tolist())
@@ -99,7 +89,7 @@ def _listed(path: Path, names: tuple[str, ...], fps: float | None) -> Listed:
 
 def _from_list(file: Path) -> Listed:
     found = []
-    for number, line in enumerate(file.read_text().splitlines(), 1):
+    for number, line in enumerate(read_text(file).splitlines(), 1):
         words = line.split()
         if not words or words[0].startswith("#"):
             continue
@@ -142,10 +132,8 @@ def _depth(file: Path, scale: float) -> NDArray[np.float32]:
 
 
 def _image(file: Path, flags: int) -> NDArray:
+    content = read_bytes(file, MOST_MEMORY)
     try:
-        image = cv2.imdecode(np.fromfile(file, np.uint8), flags)
-    except (OSError, cv2.error) as error:
-        raise InputError(f"{file}: {getattr(error, 'strerror', None) or 'not an image'}") from error
-    if image is None:
-        raise InputError(f"{file}: not an image")
-    return image
+        return decoded(content, flags)
+    except InputError as error:
+        raise InputError(f"{file}: {error}") from error

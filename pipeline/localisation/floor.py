@@ -45,7 +45,7 @@ def T_floor_camera(frame: Frame) -> NDArray[np.float64]:
     if best is None:
         raise InputError(f"the frame at {frame.time:.2f} s shows no floor to tell which way is up")
     middle = points[best].mean(axis=0)
-    up = np.linalg.svd(points[best] - middle)[2][2]
+    up = np.linalg.svd(points[best] - middle, full_matrices=False)[2][2]
     up *= -np.sign(up[1])
     # In the frame of the camera: forward is where it looks, level.
     left = np.cross(up, [0.0, 0.0, 1.0])

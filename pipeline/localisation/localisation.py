@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frame import Frame
-from pipeline.transforms import angle_of, inverse
+from pipeline.transforms import angle_of, are_poses, inverse
 
 KEYFRAME_WAY, KEYFRAME_TURN = 0.3, np.deg2rad(15)
 """m and rad that the robot drives or turns from one keyframe to the next; poses closer than that count as one."""
@@ -155,9 +155,15 @@ class Localisation(Protocol):
 
 
 def check_odometry(frame: Frame) -> None:
-    """Raises LostError if the odometry of a frame is not finite."""
-    if not np.isfinite(frame.T_odom_base).all():
-        raise LostError(f"the odometry at {frame.time:.2f} s is not finite")
+    """Raises LostError if the odometry of a frame, or the place of its camera on the robot, is no pose."""
+    check_pose("odometry", frame.time, frame.T_odom_base)
+    check_pose("camera's place", frame.time, frame.T_base_camera)
+
+
+def check_pose(what: str, time: float, T: NDArray[np.float64]) -> None:
+    """Raises LostError, with ``what`` and the time, s, if a (4, 4) matrix is no pose."""
+    if not are_poses(T):
+        raise LostError(f"the {what} at {time:.2f} s is not finite, or too far away")
 
 
 def is_keyframe(T_odom_last: NDArray[np.float64], T_odom_base: NDArray[np.float64]) -> bool:

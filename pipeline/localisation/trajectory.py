@@ -10,9 +10,9 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
 from pipeline.errors import InputError
-from pipeline.files import whole_file
+from pipeline.files import read_numbers, whole_file
 from pipeline.localisation.localisation import Localisation
-from pipeline.transforms import from_rotation, inverse
+from pipeline.transforms import POSE, are_poses, from_rotation, inverse
 
 STILL_VALID = 0.02  # s from a pose within which it is still valid
 LONGEST_GAP = 0.5  # s between two poses, the longest time over which they are interpolated
@@ -113,15 +113,13 @@ def read_trajectory(path: Path, of_camera: bool) -> Trajectory:
     Raises:
         InputError: the file is missing, or a line is not of this format.
     """
+    rows = read_numbers(path, "time x y z qx qy qz qw")
     try:
-        rows = np.loadtxt(path, ndmin=2, comments="#", dtype=np.float64)
-        if rows.shape[1:] != (8,) or not np.isfinite(rows).all() or not len(rows):
-            raise ValueError("lines must be time x y z qx qy qz qw")
         R = Rotation.from_quat(rows[:, 4:]).as_matrix()
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror or error}") from error
-    except ValueError as error:
+    except ValueError as error:  # a quaternion of length 0
         raise InputError(f"{path}: no trajectory: {' '.join(str(error).split())}") from error
     poses = np.tile(np.eye(4), (len(rows), 1, 1))
     poses[:, :3, :3], poses[:, :3, 3] = R, rows[:, 1:4]
+    if not are_poses(poses):
+        raise InputError(f"{path}: a line does not hold {POSE}")
     return Trajectory(rows[:, 0], poses, of_camera)

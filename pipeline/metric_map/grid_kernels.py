@@ -1,29 +1,10 @@
-"""Compiled functions that check poses, put boxes around points, and add scans to log-odds."""
+"""Compiled functions that put boxes around points, and add scans to log-odds."""
 
 import numpy as np
 from numba import njit
 
 WORD = np.dtype(np.uint64).itemsize
 """Marks along z that are read together, as an unsigned integer."""
-
-
-@njit(cache=True)
-def is_rigid(T):
-    """Whether a (4, 4) float64 matrix is finite and a rotation (orthonormal to 1e-4) with a translation."""
-    for i in range(4):
-        for j in range(4):
-            if not np.isfinite(T[i, j]):
-                return False
-    for i in range(3):
-        for j in range(3):
-            product = T[i, 0] * T[j, 0] + T[i, 1] * T[j, 1] + T[i, 2] * T[j, 2]
-            if abs(product - (i == j)) > 1e-4:
-                return False
-    x = T[1, 0] * T[2, 1] - T[2, 0] * T[1, 1]
-    y = T[2, 0] * T[0, 1] - T[0, 0] * T[2, 1]
-    z = T[0, 0] * T[1, 1] - T[1, 0] * T[0, 1]
-    is_right_handed = x * T[0, 2] + y * T[1, 2] + z * T[2, 2] > 0
-    return is_right_handed and T[3, 0] == 0 and T[3, 1] == 0 and T[3, 2] == 0 and T[3, 3] == 1
 
 
 @njit(cache=True)

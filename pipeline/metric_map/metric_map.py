@@ -2,17 +2,21 @@
 
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
+from math import prod
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
 from pipeline.errors import InputError
+from pipeline.files import MOST_MEMORY
 from pipeline.frame import Intrinsics
+from pipeline.grid_map import check_memory
 from pipeline.metric_map.blocks import BlockArray, Key, parts
-from pipeline.metric_map.grid_kernels import WORD, any_mark, fold, is_rigid
+from pipeline.metric_map.grid_kernels import WORD, any_mark, fold
 from pipeline.metric_map.updates import Scan, Updater
 from pipeline.sensor import XTION
+from pipeline.transforms import FARTHEST, POSE, are_poses
 
 OCCUPIED, UNKNOWN, FREE = 0.0, 0.5, 1.0  # The thesis's three values of a voxel
 
@@ -32,8 +36,6 @@ OFFSET = (-0.25, -0.25, -0.4)
 spreads a surface on the face between two voxel layers over both. So z = 0 and all multiples of half a voxel along
 every axis lie inside a layer."""
 
-FARTHEST_POINT = 1e5  # m; a pose farther from the map's origin than this is an error
-
 
 class MetricMap:
     """Which voxels of the ``map`` frame are free, occupied or unknown.
@@ -52,7 +54,7 @@ class MetricMap:
         max_range: float = XTION.farthest,
         margin: float = 0.03,
         offset: tuple[float, float, float] = OFFSET,
-        max_bytes: int = 2**31,
+        max_bytes: int = MOST_MEMORY,
     ) -> None:
         """An empty map.
 
@@ -77,10 +79,11 @@ class MetricMap:
         self._updater = Updater(voxel_size, max_range, margin, max_bytes)
 
     def _check_settings(self) -> None:
-        if not 1e-3 <= self.voxel_size < np.inf:
-            raise InputError(f"metric map: voxel_size must be 1 mm or more, got {self.voxel_size}")
-        if not 0 < self.max_range <= FARTHEST_POINT:
-            raise InputError(f"metric map: max_range must be at most {FARTHEST_POINT:.0f} m, got {self.max_range}")
+        if not 0 < self.max_range <= FARTHEST:
+            raise InputError(f"metric map: max_range must be at most {FARTHEST:.0f} m, got {self.max_range}")
+        if not 1e-3 <= self.voxel_size <= self.max_range:
+            span = f"from 1 mm to the range of {self.max_range:g} m"
+            raise InputError(f"metric map: voxel_size must be {span}, got {self.voxel_size:g}")
         if not 0 <= self.margin < np.inf:
             raise InputError(f"metric map: margin must not be negative, got {self.margin}")
         if np.shape(self.offset) != (3,) or not np.isfinite(self.offset).all():
@@ -156,9 +159,9 @@ class MetricMap:
                 unchanged.
         """
         cloud, start = _points(points), np.asarray(origin, np.float64)
-        if start.shape != (3,) or not np.abs(start).max() <= FARTHEST_POINT:
-            raise InputError(f"the origin of a point cloud must be three numbers of at most {FARTHEST_POINT:.0f} m")
-        cloud = cloud[(np.abs(cloud) <= FARTHEST_POINT).all(axis=1)] - self.corner
+        if start.shape != (3,) or not np.abs(start).max() <= FARTHEST:
+            raise InputError(f"the origin of a point cloud must be three numbers of at most {FARTHEST:.0f} m")
+        cloud = cloud[(np.abs(cloud) <= FARTHEST).all(axis=1)] - self.corner
         if len(cloud):
             self._fold(self._updater.trace(cloud, start - self.corner))
 
@@ -179,8 +182,13 @@ class MetricMap:
 
         Returns:
             (nx, ny, nz) int8 log-odds in units of LOG_ODDS: > 0 occupied, < 0 free, 0 unknown.
+
+        Raises:
+            InputError: they would take too much memory.
         """
-        return self._log_odds.read(lower, tuple((upper - lower).tolist()))
+        shape = tuple((upper - lower).tolist())
+        check_memory(f"a map of {' × '.join(map(str, shape))} voxels", prod(shape))
+        return self._log_odds.read(lower, shape)
 
     def log_odds_at(self, index: NDArray[np.int64]) -> NDArray[np.int8]:
         """(N,) int8 log-odds, in units of LOG_ODDS, of the voxels with (N, 3) indices."""
@@ -234,15 +242,20 @@ class MetricMap:
         return bool((self.state_at(line) >= (UNKNOWN if may_be_unknown else FREE)).all())
 
     def occupied_centres(self) -> NDArray[np.float32]:
-        """(N, 3) float32 centres of the occupied voxels, m in ``map``."""
-        return self._centres([np.argwhere(block > 0) + first for first, block in self._log_odds.items()])
+        """(N, 3) float32 centres of the occupied voxels, m in ``map``; InputError if they take too much memory."""
+        return self._centres([(first, block > 0) for first, block in self._log_odds.items()])
 
     def free_centres(self) -> NDArray[np.float32]:
-        """(N, 3) float32 centres of the free voxels, m in ``map``."""
-        return self._centres([np.argwhere(block < 0) + first for first, block in self._log_odds.items()])
+        """(N, 3) float32 centres of the free voxels, m in ``map``; InputError if they take too much memory."""
+        return self._centres([(first, block < 0) for first, block in self._log_odds.items()])
 
-    def _centres(self, indices: list[NDArray[np.int64]]) -> NDArray[np.float32]:
-        return self.voxel_centre(np.concatenate([np.zeros((0, 3), np.int64), *indices]))
+    def _centres(self, chosen: list[tuple[NDArray[np.int64], NDArray[np.bool_]]]) -> NDArray[np.float32]:
+        """(N, 3) centres of the chosen voxels of blocks, each with the index of its first voxel."""
+        count = sum(int(np.count_nonzero(mask)) for _, mask in chosen)
+        # An export holds the centres twice, and a vertex of the same size twice.
+        check_memory(f"a list of {count} voxels", 2 * count * (3 * np.dtype(np.float64).itemsize))
+        centres = [self.voxel_centre(np.argwhere(mask) + first) for first, mask in chosen]
+        return np.concatenate([np.zeros((0, 3), np.float32), *centres])
 
     def _fold(self, scan: Scan) -> None:
         words = scan.marks.view(np.uint64)  # eight marks each
@@ -269,13 +282,10 @@ def _check_image(depth: NDArray[np.float32], intrinsics: Intrinsics) -> None:
 
 
 def _rigid(T: NDArray[np.float64]) -> NDArray[np.float64]:
-    """A float64 copy of a pose; InputError if it is not rigid or too far from the map's origin."""
-    T = np.array(T, np.float64)
-    if T.shape != (4, 4) or not is_rigid(T):
-        raise InputError("a pose must be a rigid 4×4 transform: finite, orthonormal, not mirroring, last row 0 0 0 1")
-    if max(map(abs, T[:3, 3].tolist())) > FARTHEST_POINT:
-        raise InputError(f"the pose of the camera must lie within {FARTHEST_POINT:.0f} m of the map's origin")
-    return T
+    """A float64 copy of a pose; InputError if it is none."""
+    if np.ndim(T) != 2 or not are_poses(T):
+        raise InputError(f"{POSE} is expected")
+    return np.array(T, np.float64)
 
 
 def _points(points: ArrayLike) -> NDArray[np.float64]:

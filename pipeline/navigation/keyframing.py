@@ -5,12 +5,14 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.errors import InputError
 from pipeline.frame import Frame
-from pipeline.localisation.localisation import KEYFRAME_WAY, is_keyframe
+from pipeline.localisation.localisation import KEYFRAME_WAY, LostError, is_keyframe
 from pipeline.mapper import Keyframe, Mapper
 from pipeline.metric_map.isolated_returns import without_isolated_returns
+from pipeline.navigation.faults import Faults
 from pipeline.navigation.navigator import MotionCheck, Navigator
-from pipeline.navigation.pose_check import PoseCheck
+from pipeline.navigation.pose_check import LOOKS, PoseCheck
 from pipeline.navigation.progress import BLOCKED_SHARE
 from pipeline.transforms import inverse
 
@@ -23,6 +25,7 @@ class Keyframing:
 
     Attributes:
         pose_check: whether the robot is where it thinks.
+        faults: of the camera.
     """
 
     def __init__(
@@ -33,16 +36,20 @@ class Keyframing:
         self._navigator, self._mapper, self._on_keyframe = navigator, mapper, on_keyframe
         self._T_odom_keyframe = np.eye(4)
         self._last: Frame | None = None
+        self.faults = Faults()
+        self._blank = 0  # frames without depth in a row
 
     def sense(self) -> Frame:
         """The newest frame, once the robot has looked around as much as it needs to know its pose.
 
         Raises:
-            LostError: the pose remains in doubt.
+            LostError: the pose remains in doubt, or the camera shows nothing any more.
         """
         last = self._last
         with self._mapper.stopwatch("sense"):
             frame = self._sense()
+        if last is None:
+            self.faults.check_depth_scale(frame)
         return self.pose_check.confirmed(frame, last)
 
     def add(self, frame: Frame, labelled: bool) -> Keyframe:
@@ -88,5 +95,24 @@ class Keyframing:
         self._navigator.correct(self._mapper.localisation.T_map_odom)
 
     def _sense(self) -> Frame:
-        self._last = without_isolated_returns(self._navigator.robot.sense())
+        self._last = without_isolated_returns(self._frame())
+        self._blank = 0 if self._last.returns.any() else self._blank + 1
+        if self._blank:
+            self.faults.note("no_depth", self._last.time, "the camera measures no depth")
+        if self._blank == LOOKS:
+            raise LostError(f"the camera has measured no depth in {LOOKS} frames up to {self._last.time:.2f} s")
         return self._last
+
+    def _frame(self) -> Frame:
+        """The camera's newest frame; LostError if it fails twice in a row."""
+        try:
+            return self._navigator.robot.sense()
+        except InputError:
+            raise
+        except Exception as error:  # of whatever driver
+            time = self._navigator.motion.time if self._navigator.motion else 0.0
+            self.faults.note("camera", time, f"the camera gave no frame: {error or type(error).__name__}")
+        try:
+            return self._navigator.robot.sense()
+        except Exception as error:
+            raise LostError(f"the camera gives no frame: {error or type(error).__name__}") from error

@@ -8,7 +8,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.labels import RAMP_TILT
-from pipeline.localisation.localisation import KEYFRAME_TURN, KEYFRAME_WAY, STILL_TURN, STILL_WAY
+from pipeline.localisation.localisation import (
+    KEYFRAME_TURN,
+    KEYFRAME_WAY,
+    STILL_TURN,
+    STILL_WAY,
+    LostError,
+    check_pose,
+)
 from pipeline.navigation.attitude import Attitude
 from pipeline.navigation.progress import Progress, Turn
 from pipeline.robot import Motion, Robot, RobotModel, Velocity
@@ -306,8 +313,15 @@ class Navigator:
         return bool(_way(self._T_odom_base, T_odom_held, undo) > way / 2)
 
     def _drive(self, command: Velocity) -> NDArray[np.float64]:
-        self.motion = self.robot.drive(command)
-        self.on_motion(self.motion)
+        """Drive for a control period: the 4×4 pose in ``map`` then; LostError, at a standstill, without odometry."""
+        motion = self.robot.drive(command)
+        try:
+            check_pose("odometry", motion.time, motion.T_odom_base)
+        except LostError:
+            self.robot.drive(Velocity())  # stand, before anything else
+            raise
+        self.motion = motion
+        self.on_motion(motion)
         self.attitude.update(self.motion.gyro, self.motion.accelerometer, self.robot.control_period)
         if self.attitude.tilt_in(0.0) > LEAN:
             self._leaned_at = self.T_map_base[:3, 3]

@@ -1,7 +1,6 @@
 """Logs what the robot's software knows to Rerun, step by step."""
 
 from collections.abc import Sequence
-from contextlib import nullcontext, suppress
 from pathlib import Path
 from typing import Literal
 
@@ -131,16 +130,20 @@ class Recorder(Observer):
         self.stream.log("world/victims/ways", victim_drawings.ways(ways))
 
     def close(self) -> None:
-        """Log the final maps, and write all remaining data to the sinks."""
+        """Log the final maps, and write all remaining data to the sinks; InputError if the disk is full."""
         if self._mapper is not None:
             self._set_time(self._time)
             self._logged_size.clear()
             self._log_maps(self._mapper)
             self._log_robot_pose()
-        # A window that was closed in the meantime takes no more data, but the file is still complete.
-        with suppress(RuntimeError) if self.viewer else nullcontext():
+        try:
             self.stream.flush(timeout_sec=VIEWER_TIME)
-        self.stream.disconnect()
+        except RuntimeError as error:
+            # A window that was closed in the meantime takes no more data, but the file is still complete.
+            if self.viewer is None:
+                raise InputError(f"{self._path}: cannot be written to its end: {error}") from error
+        finally:
+            self.stream.disconnect()
         _compact(self._path)
 
     def _set_time(self, time: float, *, on_a_step: bool = True) -> None:

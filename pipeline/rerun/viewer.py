@@ -1,9 +1,12 @@
 """Rerun's viewer, in a process of its own that only this machine can reach."""
 
 import atexit
+import ctypes
 import os
+import signal
 import socket
 import time
+from collections.abc import Callable
 from contextlib import suppress
 from email.message import Message
 from http import HTTPStatus
@@ -86,7 +89,7 @@ class Viewer:
             flags += ["--serve-web", "--web-viewer-port", str(rerun_port)]
         else:
             flags += ["--hide-welcome-screen"]
-        process = start_rerun(*flags, *recordings)
+        process = start_rerun(*flags, *recordings, preexec=_end_with_parent if kind == "web" else None)
         if kind == "web":
             atexit.register(process.terminate)
         return process
@@ -153,13 +156,21 @@ def has_display() -> bool:
     return bool(os.environ.get("DISPLAY") or os.environ.get("WAYLAND_DISPLAY"))
 
 
-def start_rerun(*arguments: str | Path) -> Popen[bytes]:
-    """Start the Python package's own Rerun program; Ctrl-C in the terminal does not reach it.
+def start_rerun(*arguments: str | Path, preexec: Callable[[], None] | None = None) -> Popen[bytes]:
+    """Start the Python package's own Rerun program, after ``preexec``; Ctrl-C in the terminal does not reach it.
 
     Its telemetry is off, as in continuous integration; the user's settings for Rerun elsewhere stay unchanged.
     """
     command, quiet = [str(files("rerun_cli") / "rerun"), *arguments], os.environ | {"CI": "1"}
-    return Popen(command, env=quiet, stdin=DEVNULL, stdout=DEVNULL, stderr=DEVNULL, start_new_session=True)
+    return Popen(
+        command, env=quiet, stdin=DEVNULL, stdout=DEVNULL, stderr=DEVNULL, start_new_session=True, preexec_fn=preexec
+    )
+
+
+def _end_with_parent() -> None:
+    """Let Linux end this process when its parent is gone, be it killed (prctl's PR_SET_PDEATHSIG)."""
+    with suppress(AttributeError):
+        ctypes.CDLL(None).prctl(1, signal.SIGTERM)
 
 
 def _free_port() -> int:

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.errors import InputError
+from pipeline.frame import decoded
 from pipeline.ros.messages import Message
 
 MILLIMETRES = ("16UC1", "mono16")  # Encodings of depth in mm (REP 118)
@@ -40,7 +41,7 @@ def depth_of(message: Message) -> NDArray[np.float32]:
 def colour_of(message: Message) -> NDArray[np.uint8]:
     """(H, W, 3) RGB of a colour image; InputError if its encoding is unknown or it is broken."""
     if hasattr(message, "format"):
-        return np.ascontiguousarray(_decoded(message.data, cv2.IMREAD_COLOR)[..., ::-1])
+        return np.ascontiguousarray(decoded(message.data, cv2.IMREAD_COLOR)[..., ::-1])
     if message.encoding not in TO_RGB:
         raise InputError(
             f"colour images in {message.encoding!r}; {', '.join(TO_RGB)} and compressed ones can be read"
@@ -75,7 +76,7 @@ def _compressed_depth(message: Message) -> NDArray[np.float32]:
     if "compressedDepth" not in message.format or len(message.data) <= CONFIG.size:
         raise InputError(f"depth images in {message.format!r}; compressedDepth can be read")
     _, a, b = CONFIG.unpack(message.data[: CONFIG.size].tobytes())
-    pixels = _decoded(message.data[CONFIG.size :], cv2.IMREAD_UNCHANGED)
+    pixels = decoded(message.data[CONFIG.size :], cv2.IMREAD_UNCHANGED)
     if pixels.ndim != 2 or pixels.dtype != np.uint16:
         raise InputError(f"depth images in {message.format!r} of {pixels.dtype}; PNG of 16 bits can be read")
     if "32FC1" not in message.format:
@@ -83,13 +84,3 @@ def _compressed_depth(message: Message) -> NDArray[np.float32]:
     with np.errstate(divide="ignore"):
         depth = np.float32(a) / (pixels - np.float32(b))
     return np.where((pixels > 0) & np.isfinite(depth), depth, 0).astype(np.float32)
-
-
-def _decoded(data: NDArray[np.uint8], flags: int) -> NDArray:
-    try:
-        image = cv2.imdecode(data, flags)
-    except cv2.error:
-        image = None
-    if image is None:
-        raise InputError("a compressed image is broken")
-    return image

@@ -30,6 +30,7 @@ class Pinhole:
         if calibration is None and info is None:
             raise InputError(f"{path}: holds no camera_info of the depth images; --intrinsics fx fy cx cy tells them")
         self._size = None if info is None or not info.width else (info.height, info.width)
+        self._distortion: tuple[NDArray, NDArray] | None = None
         self._maps: tuple[NDArray, NDArray] | None = None
         K, d = (np.eye(3), np.zeros(0)) if info is None else _matrix_and_distortion(info)
         values = calibration or Calibration(K[0, 0], K[1, 1], K[0, 2], K[1, 2])
@@ -40,8 +41,8 @@ class Pinhole:
         if calibration is None and info is not None and d.any():
             if info.distortion_model not in MODELS:
                 raise InputError(f"{path}: images of the distortion {info.distortion_model!r}; rectify them first")
-            size = info.width, info.height
-            self._maps = cv2.initUndistortRectifyMap(K, d, np.eye(3), K, size, cv2.CV_32FC1)
+            self._distortion = K, d
+            self._find_maps((1, 1))  # for an error as early as possible
 
     @property
     def intrinsics(self) -> Intrinsics:
@@ -64,7 +65,20 @@ class Pinhole:
             (h, w), (height, width) = image.shape[:2], self._size
             size = f"{kind} images of {w} × {h} pixels where {width} × {height} are expected"
             raise InputError(f"{self._path}: {size}; depth must be registered to colour, and all be of one size")
-        return image if self._maps is None else cv2.remap(image, *self._maps, interpolation)
+        if self._distortion is None:
+            return image
+        if self._maps is None:
+            self._maps = self._find_maps(self._size)
+        return cv2.remap(image, *self._maps, interpolation)
+
+    def _find_maps(self, size: tuple[int, int]) -> tuple[NDArray, NDArray]:
+        """Two (H, W) pixel coordinates in the distorted image, one for each pixel; InputError if there are none."""
+        assert self._distortion is not None
+        K, d = self._distortion
+        try:
+            return cv2.initUndistortRectifyMap(K, d, np.eye(3), K, size[::-1], cv2.CV_32FC1)
+        except cv2.error as error:
+            raise InputError(f"{self._path}: {len(d)} coefficients of distortion are of no model") from error
 
 
 def _matrix_and_distortion(info: Message) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -134,7 +134,7 @@ def plane_inliers(points: NDArray[np.float32], max_distance: float, samples: int
     """
     import open3d as o3d  # here, because it takes a second, which would delay every command's --help
 
-    o3d.utility.random.seed(seed)
+    o3d.utility.random.seed(seed & np.iinfo(np.int32).max)
     cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points.astype(np.float64)))
     (*normal, minus_offset), _ = cloud.segment_plane(max_distance, 3, samples, probability=1.0)
     return np.abs(points @ np.array(normal) + minus_offset) < max_distance

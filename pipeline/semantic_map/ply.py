@@ -5,10 +5,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.files import whole_file
+from pipeline.errors import InputError
+from pipeline.files import MOST_MEMORY, read_bytes, whole_file
 
 _TYPES = {"x": "float", "y": "float", "z": "float"} | dict.fromkeys(("red", "green", "blue", "label"), "uchar")
-_VERTEX = np.dtype([(name, {"float": "<f4", "uchar": "u1"}[kind]) for name, kind in _TYPES.items()])
+VERTEX = np.dtype([(name, {"float": "<f4", "uchar": "u1"}[kind]) for name, kind in _TYPES.items()])
 
 
 def write_ply(path: Path, points: NDArray[np.float32], colours: NDArray[np.uint8], labels: NDArray[np.uint8]) -> None:
@@ -16,10 +17,28 @@ def write_ply(path: Path, points: NDArray[np.float32], colours: NDArray[np.uint8
 
     The file appears whole or not at all. InputError if it cannot be written.
     """
-    vertices = np.empty(len(points), _VERTEX)
+    vertices = np.empty(len(points), VERTEX)
     for name, column in zip(_TYPES, (*points.T, *colours.T, labels), strict=True):
         vertices[name] = column
-    properties = [f"property {kind} {name}" for name, kind in _TYPES.items()]
-    header = ["ply", "format binary_little_endian 1.0", f"element vertex {len(points)}", *properties, "end_header"]
     with whole_file(path) as partial:
-        partial.write_bytes("\n".join([*header, ""]).encode() + vertices.tobytes())
+        partial.write_bytes(_header(len(points)) + vertices.tobytes())
+
+
+def read_ply(path: Path) -> NDArray[np.void]:
+    """(N,) vertices, with the fields of ``VERTEX``, of a file that :func:`write_ply` wrote.
+
+    Raises:
+        InputError: no such file, too large, or one that :func:`write_ply` did not write.
+    """
+    head, end, body = read_bytes(path, MOST_MEMORY).partition(b"end_header\n")
+    count, rest = divmod(len(body), VERTEX.itemsize)
+    if rest or head + end != _header(count):
+        raise InputError(f"{path}: not a cloud with labels as this program writes it, or cut short")
+    return np.frombuffer(body, VERTEX)
+
+
+def _header(count: int) -> bytes:
+    """The text before ``count`` vertices."""
+    properties = [f"property {kind} {name}" for name, kind in _TYPES.items()]
+    lines = ["ply", "format binary_little_endian 1.0", f"element vertex {count}", *properties, "end_header", ""]
+    return "\n".join(lines).encode()

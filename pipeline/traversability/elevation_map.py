@@ -97,7 +97,7 @@ class ElevationMap:
     def _set(self, layer: str, points: NDArray[np.floating]) -> None:
         if not len(points):
             return
-        self._cover(points)
+        self.cover(points)
         cells = self.grid.cell_of(points)
         inside = self._within[tuple(cells.T)]
         where = tuple(cells[inside].T)
@@ -108,7 +108,7 @@ class ElevationMap:
         """Forget that the robot could stand where (N, 3) points of obstacles, m, would be inside its footprint."""
         if not len(points):
             return
-        self._cover(points)
+        self.cover(points)
         offsets, distances, _ = pose_kernels.footprint_distances(self.robot.half_length, self.robot.half_width, CELL)
         cells = np.unique(self.grid.cell_of(points), axis=0)
         kernels.forget(cells, offsets, distances, self._within, self.layers["been"])
@@ -120,7 +120,7 @@ class ElevationMap:
         if not len(track):
             return
         places = track[:, :2]
-        self._cover(np.vstack([places - self.robot.half_width, places + self.robot.half_width]))
+        self.cover(np.vstack([places - self.robot.half_width, places + self.robot.half_width]))
         cells = self.grid.cell_of(places)
         poses = pose_kernels.bits_of(cells, track[:, 2])
         kernels.sweep(cells, poses, self._disc, self._within, self.layers["been"], self.layers["swept"])
@@ -155,7 +155,7 @@ class ElevationMap:
         """
         if not len(points):
             return
-        self._cover(points)
+        self.cover(points)
         layers, cell, within = self.layers, (self.grid.origin, CELL), self._within
         height, filled, returns, missing = (layers[name] for name in ("height", "hits", "returns", "dropouts"))
         shown = kernels.accumulate(points, _counts(points, hits), *cell, within, height, filled, returns)
@@ -177,7 +177,7 @@ class ElevationMap:
         Yields:
             A function that tells which of other boxes (N, 2, 2 or 3) lie within them in part: (N,) bool.
         """
-        self._cover(boxes.reshape(-1, boxes.shape[-1]))
+        self.cover(boxes.reshape(-1, boxes.shape[-1]))
         within = np.zeros(self.grid.shape, np.bool_)
         for (i, j), (k, m) in self.grid.cell_of(boxes):
             within[i : k + 1, j : m + 1] = True
@@ -198,8 +198,8 @@ class ElevationMap:
             self._making = None
         self._renew(np.nonzero(within))
 
-    def _cover(self, points: NDArray[np.floating]) -> None:
-        """Grow the grid to hold points (N, 2 or 3), m."""
+    def cover(self, points: NDArray[np.floating]) -> None:
+        """Grow the grid to hold points (N, 2 or 3), m; InputError if it would take too much memory."""
         if self._making is None:
             self.layers.cover(points)
 

@@ -16,9 +16,8 @@ from sarsim.arenas.raf import build_raf
 from sarsim.arenas.random_arena import build_random
 from sarsim.arenas.settings import RandomArenaConfig, StartPose
 from sarsim.arenas.start import find_start, start_at
-from sarsim.arenas.trial import try_mjcf
-from sarsim.arenas.untrusted_xml import check_mjcf
 from sarsim.assets import asset
+from sarsim.vetting.trial import vet_mjcf
 
 BUILT_IN = ("nist_6x4", "esogu_52x15")
 RANDOM = "random:"
@@ -110,9 +109,7 @@ def _at_rest(model: mujoco.MjModel) -> tuple[mujoco.MjModel, mujoco.MjData]:
 def _read(path: Path) -> tuple[mujoco.MjModel, mjcf.RootElement]:
     """Read MJCF."""
     try:
-        check_mjcf(path)
-        if not path.is_relative_to(asset()):
-            try_mjcf(path)
+        vet_mjcf(path)
         return mujoco.MjModel.from_xml_path(str(path)), mjcf.from_path(str(path))
     except OSError as error:
         raise InputError(f"{path}: {error.strerror or error}") from error

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from pipeline.errors import InputError
 from sarsim.arenas.elements import TILE_SIZE, ArenaBuilder, element_library
-from sarsim.arenas.untrusted_xml import parse_xml
+from sarsim.vetting.model_files import parse_xml
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element

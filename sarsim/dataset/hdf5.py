@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.errors import InputError
-from pipeline.files import GOOD, answer_apart
+from pipeline.files import GOOD, answer_apart, check_regular
 
 FAST = {"compression": "gzip", "compression_opts": 1}
 """HDF5's other fast filter, LZF, makes different bytes of the same data each time."""
@@ -97,8 +97,7 @@ def open_file(path: Path) -> h5py.File:
         InputError: it is missing, no HDF5 file, damaged, or forged: on some such files HDF5's library hangs, and
             others fill all memory when they are unpacked.
     """
-    if not path.exists():
-        raise InputError(f"{path}: no such file")
+    check_regular(path)
     if (said := answer_apart(lambda: _looked_through(path), SECONDS, MEMORY)) != GOOD:
         raise InputError(f"{path}: {said or 'damaged: HDF5 cannot read it within reason'}")
     try:

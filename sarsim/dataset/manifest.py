@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from pipeline.errors import InputError
-from pipeline.files import whole_file
+from pipeline.files import read_text, whole_file
 from pipeline.labels import COLOURS, Label
 from sarsim.dataset.recipe import Recipe
 
@@ -70,12 +70,12 @@ class Manifest:
     def read(cls, folder: Path) -> Self:
         """Read the manifest in a dataset's folder; InputError if there is no dataset of this version."""
         path = folder / FILE
+        if not path.exists():
+            raise InputError(f"{folder}: not a dataset, it has no {FILE}")
         try:
-            content = json.loads(path.read_text())
-        except FileNotFoundError as error:
-            raise InputError(f"{folder}: not a dataset, it has no {FILE}") from error
-        except OSError as error:
-            raise InputError(f"{path}: {error.strerror or error}") from error
+            content = json.loads(read_text(path))
+        except InputError:
+            raise
         except (ValueError, RecursionError) as error:
             raise InputError(f"{path}: broken: not JSON") from error
         if not isinstance(content, dict) or content.get("format") != DATASET_FORMAT:

@@ -16,7 +16,7 @@ from pipeline.errors import InputError
 from pipeline.frame import Frame, Intrinsics
 from pipeline.labels import Label
 from pipeline.localisation.trajectory import Trajectory
-from pipeline.metric_map.grid_kernels import is_rigid
+from pipeline.transforms import are_poses
 from sarsim.dataset import image_kernels
 from sarsim.dataset.hdf5 import FAST, NewFile, open_file, write_noisy
 
@@ -251,7 +251,7 @@ class Scene(ExitStack):
         if not np.isfinite([k.fx, k.fy, k.cx, k.cy]).all() or min(k.fx, k.fy) <= 0:
             raise ValueError("intrinsics are of no camera")
         for name in ("pose_true", "pose_odom", "T_base_camera"):
-            if not all(map(is_rigid, getattr(self, name))):
+            if not are_poses(getattr(self, name)):
                 raise ValueError(f"{name} holds what is no pose")
         if not (np.isfinite(self.time).all() and (np.diff(self.time) > 0).all()):
             raise ValueError("time does not go on from frame to frame")

@@ -1,26 +1,28 @@
 """The numbers of a robot, from its MJCF as mere XML: a program for a real robot needs them, and no simulator."""
 
-from collections.abc import Iterator
 from dataclasses import fields
 from pathlib import Path
 from typing import TypeVar
-
-import numpy as np
-from defusedxml import DefusedXmlException, ElementTree
 
 from pipeline.errors import InputError
 from pipeline.robot import RobotModel
 from sarsim.assets import asset
 from sarsim.robots.skid_steer import DriveModel
+from sarsim.vetting.model_files import parse_mjcf
 
 ROBOTS = ("pioneer3at", "jackal")
 """Names of the robots that sarsim ships."""
+PLAUSIBLE = 1e-3, 10.0
+"""m, rad and their rates: the least and the greatest number of a robot that drives through buildings."""
 Model = TypeVar("Model", RobotModel, DriveModel)
 
 
 def robot_file(robot: str) -> Path:
-    """Path of the MJCF of one of ``ROBOTS``; any other ``robot`` is itself a path."""
-    return asset("robots", robot, f"{robot}.xml") if robot in ROBOTS else Path(robot)
+    """Path of the MJCF of one of ``ROBOTS``; any other ``robot`` is itself a path. InputError if nothing is there."""
+    path = asset("robots", robot, f"{robot}.xml") if robot in ROBOTS else Path(robot)
+    if not path.exists():
+        raise InputError(f"--robot {robot}: no such file; known are {', '.join(ROBOTS)}")
+    return path
 
 
 def robot_model(robot: str = ROBOTS[0]) -> RobotModel:
@@ -36,22 +38,14 @@ def drive_model(robot: str = ROBOTS[0]) -> DriveModel:
 def _filled(kind: type[Model], robot: str) -> Model:
     """A ``kind`` whose fields are the positive numbers of the same names."""
     try:
-        numbers = dict(_numbers(robot_file(robot)))
-    except OSError as error:
-        raise InputError(f"--robot {robot}: {error.strerror or error}; known are {', '.join(ROBOTS)}") from error
-    except (ElementTree.ParseError, DefusedXmlException, ValueError) as error:
-        raise InputError(f"--robot {robot}: not readable MJCF: {' '.join(str(error).split())}") from error
+        elements = [e for root in parse_mjcf(robot_file(robot)).values() for e in root.iter("numeric")]
+        numbers = {e.get("name", ""): [float(number) for number in e.get("data", "").split()] for e in elements}
+    except ValueError as error:
+        raise InputError(f"--robot {robot}: {error}") from error
+    least, most = PLAUSIBLE
     values = {field.name: numbers.get(field.name, []) for field in fields(kind)}
     for name, value in values.items():
-        if len(value) != 1 or not 0 < value[0] < np.inf:
-            raise InputError(f'--robot {robot}: <custom> has no proper <numeric name="{name}">: {value}')
+        if len(value) != 1 or not least <= value[0] <= most:
+            proper = f'<numeric name="{name}"> from {least:g} to {most:g}'
+            raise InputError(f"--robot {robot}: <custom> has no proper {proper}: {value}")
     return kind(**{name: value for name, (value,) in values.items()})
-
-
-def _numbers(path: Path) -> Iterator[tuple[str, list[float]]]:
-    """Name and values of each ``<numeric>`` of a file and of those that it includes."""
-    for element in ElementTree.parse(path).iter():
-        if element.tag == "include":
-            yield from _numbers(path.parent / element.get("file", ""))
-        elif element.tag == "numeric":
-            yield element.get("name", ""), [float(number) for number in element.get("data", "").split()]

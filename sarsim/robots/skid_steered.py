@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from pipeline.errors import InputError
 from pipeline.transforms import from_rotation
 from sarsim.robots.model import ROBOTS, drive_model, robot_file, robot_model
+from sarsim.vetting.trial import vet_mjcf
 
 WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
 SIDES = ("left", "right")
@@ -33,15 +34,14 @@ class SkidSteered(composer.Robot):
         """``robot``: one of ``ROBOTS``, or the path of an MJCF file with the same names of parts and numbers.
 
         Raises:
-            InputError: there is no such robot, or a required part or number is missing.
+            InputError: there is no such robot, its file is not sound, or a required part or number is missing.
         """
         path = robot_file(robot)
         try:
-            self._mjcf_root = mjcf.from_path(str(path))
-        except OSError as error:
-            raise InputError(f"--robot {robot}: {error.strerror or error}; known are {', '.join(ROBOTS)}") from error
-        except (SyntaxError, ValueError, KeyError, AttributeError, TypeError) as error:
-            raise InputError(f"--robot {robot}: not readable MJCF: {' '.join(str(error).split())}") from error
+            vet_mjcf(path)
+        except InputError as error:
+            raise InputError(f"--robot {error}") from error
+        self._mjcf_root = mjcf.from_path(str(path))
         if missing := [" ".join(part) for part in PARTS if self._mjcf_root.find(*part) is None]:
             raise InputError(f"--robot {robot}: has no {', '.join(missing)}")
         self.model, self.drive = robot_model(robot), drive_model(robot)

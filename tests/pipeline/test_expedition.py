@@ -1,9 +1,11 @@
 """A robot that stands before a wall: what its observers are told, and what is left whatever fails."""
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from itertools import count
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from pipeline.expedition import Expedition, ResultFolder
@@ -22,7 +24,7 @@ REST = {"trajectory_estimated.tum", "episode.rrd", "report.json", "report.html",
 @dataclass(frozen=True)
 class Settings:
     out: Path
-    weights: tuple[Path, Path] = Path("a"), Path("b")
+    weights: tuple[Path, Path] = Path("a/b"), Path("/home/someone/c")
 
 
 class Diary(Observer):
@@ -47,13 +49,13 @@ class Diary(Observer):
 class OneStep(Expedition):
     """An expedition of one step."""
 
-    def __init__(self, out: Path):
+    def __init__(self, out: Path, steps: int = 1):
         explorer = Explorer(StillRobot(), Mapper(PIONEER, TruthClassifier()))
         self.diary = Diary()
         explorer.observers.append(self.diary)
         results = ResultFolder(Settings(out), out, "here", 7, explorer.mapper, Recorder(out / "episode.rrd"))
         trajectory = EstimatedTrajectory(explorer.mapper.localisation, [])
-        super().__init__(explorer, results, trajectory, steps=1)
+        super().__init__(explorer, results, trajectory, steps)
 
     def _time(self) -> float:
         return float(self.explorer.steps)
@@ -71,8 +73,33 @@ def test_observers_are_told_of_each_event_and_the_results_are_whole(tmp_path: Pa
     report = json.loads((tmp_path / "report.json").read_text())
     assert report == json.loads(json.dumps(expedition.report))
     assert (report["arena"], report["seed"], report["steps"], report["sim_time_s"]) == ("here", 7, 1, 1.0)
-    assert report["config"] == {"out": str(tmp_path), "weights": ["a", "b"]}
+    assert report["config"] == {"out": tmp_path.name, "weights": ["a/b", "c"]}
+    assert "/home" not in (tmp_path / "report.html").read_text()
     assert report["stage"] == {"figure": 1}
+    assert [fault["kind"] for fault in report["faults"]] == ["stuck"]  # for this robot never moves
+
+
+@pytest.mark.parametrize(
+    ("fault", "kinds"),
+    [
+        (lambda frame, count: replace(frame, depth=1.05 * frame.depth), ["depth_scale"]),
+        (lambda frame, count: replace(frame, depth=0 * frame.depth), ["no_depth"]),
+        (lambda frame, count: replace(frame, depth=(1 if count < 2 else np.nan) * frame.depth), ["no_depth"]),
+        (lambda frame, count: replace(frame, T_odom_base=np.nan * frame.T_odom_base), ["lost"]),
+        (lambda frame, count: replace(frame, T_base_camera=np.nan * frame.T_base_camera), ["lost"]),
+        (lambda frame, count: frame if count != 2 else frame.nothing, ["camera"]),
+        (lambda frame, count: frame if count < 2 else frame.nothing, ["camera", "lost"]),
+    ],
+)
+def test_a_faulty_robot_is_reported_and_costs_no_map(fault, kinds: list[str], tmp_path: Path, monkeypatch) -> None:
+    expedition = OneStep(tmp_path, steps=12)
+    good, counter = expedition.explorer.robot.sense, count()
+    monkeypatch.setattr(expedition.explorer.robot, "sense", lambda: fault(good(), next(counter)))
+    expedition.run()
+    noticed = dict.fromkeys(fault["kind"] for fault in expedition.report["faults"])
+    assert [kind for kind in noticed if kind != "stuck"] == kinds
+    assert bool(expedition.lost) == ("lost" in kinds)
+    assert {file.name for file in tmp_path.iterdir()} >= (MAPS if expedition.explorer.steps else {"report.json"})
 
 
 @pytest.mark.parametrize("failing", ["topology.json", "the end"])

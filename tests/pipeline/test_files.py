@@ -1,9 +1,21 @@
+import os
+import zipfile
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from pipeline.errors import InputError
-from pipeline.files import check_folder, each, make_folder, whole_file
+from pipeline.files import (
+    check_folder,
+    check_regular,
+    each,
+    load_arrays,
+    make_folder,
+    read_numbers,
+    read_text,
+    whole_file,
+)
 
 
 def test_the_file_appears_when_it_is_whole(tmp_path):
@@ -61,3 +73,44 @@ def test_each_runs_what_remains_after_a_failure_and_then_raises_the_first() -> N
     with pytest.raises(InputError, match="first"):
         each(lambda: done.append("a"), lambda: fail("first"), lambda: done.append("b"), lambda: fail("second"))
     assert done == ["a", "b"]
+
+
+def test_only_regular_files_of_bounded_size_are_read(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    (tmp_path / "text").write_text("12345")
+    for path in (tmp_path, tmp_path / "pipe", Path("/dev/zero")):
+        with pytest.raises(InputError, match=f"{path}: not a regular file"):
+            read_text(path)
+    with pytest.raises(InputError, match="No such file"):
+        check_regular(tmp_path / "nothing")
+    assert read_text(tmp_path / "text", 5) == "12345"
+    with pytest.raises(InputError, match="too large, at most 4 bytes"):
+        read_text(tmp_path / "text", 4)
+
+
+def test_a_text_is_utf_8_with_or_without_a_mark(tmp_path: Path) -> None:
+    path = tmp_path / "text"
+    path.write_bytes(b"\xef\xbb\xbfZ\xc3\xbcrich")
+    assert read_text(path) == "Zürich"
+    path.write_bytes(b"Z\xfcrich")
+    with pytest.raises(InputError, match="not a text in UTF-8: byte 2 is 0xfc"):
+        read_text(path)
+
+
+def test_numbers_are_finite_and_as_many_as_the_columns(tmp_path: Path) -> None:
+    path = tmp_path / "text"
+    path.write_text("# a comment\n1 2.5 # another\n\n-3e2 4\n")
+    np.testing.assert_array_equal(read_numbers(path, "a b"), [(1, 2.5), (-300, 4)])
+    for text in ("", "1 2 3", "1 2\n3", "1 x", "1 nan", "1 1e999"):
+        path.write_text(text)
+        with pytest.raises(InputError, match="its lines must be numbers: a b"):
+            read_numbers(path, "a b")
+
+
+def test_a_header_of_many_brackets_is_one_line(tmp_path: Path) -> None:
+    header = ("(" * 100).ljust(117).encode() + b"\n"
+    with zipfile.ZipFile(tmp_path / "map.npz", "w") as file:
+        file.writestr("a.npy", b"\x93NUMPY\x01\x00" + len(header).to_bytes(2, "little") + header)
+    with pytest.raises(InputError, match="not a readable map") as raised:
+        load_arrays(tmp_path / "map.npz", "map")
+    assert "\n" not in str(raised.value)

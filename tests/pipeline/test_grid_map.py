@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
+from pipeline.errors import InputError
 from pipeline.grid_map import BLOCK, BORDER, Grid, GridMap, Layer
 
 
@@ -46,6 +47,15 @@ LAYERS = {
     "slope": Layer(np.float32, per_cell=(2,)),
     "hits": Layer(np.uint16, per_cell=(3,), in_place=True),
 }
+
+
+def test_it_does_not_grow_beyond_the_memory():
+    grid_map = GridMap(0.05, LAYERS)
+    grid_map.cover(np.zeros((1, 2)))
+    before = grid_map.grid
+    with pytest.raises(InputError, match=r"a map of 1.... × 1.... m would take 1.* GB; at most 1.07 GB are used"):
+        grid_map.cover(np.array([(1e4, 1e4)]))
+    assert grid_map.grid is before
 
 
 def test_it_grows_in_blocks_around_points():

@@ -11,7 +11,7 @@ from pipeline.keyframes import Places
 from pipeline.labels import Label
 from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.localisation.slam import Slam
-from pipeline.map_file import LAYOUT, MANY, load_keyframes, save_keyframes
+from pipeline.map_file import LAYOUT, MANY, load_elevation_map, load_keyframes, save_keyframes
 from pipeline.mapper import Mapper
 from pipeline.semantic_map.classifier import TruthClassifier
 from pipeline.transforms import from_yaw
@@ -135,7 +135,7 @@ def test_an_entry_of_wrong_type_length_or_value_is_refused_in_one_line(file, tmp
         ("member.keyframe", -1, "a keyframe that is not there"),
         ("driven.keyframe", 4, "a keyframe that is not there"),
         ("victim.tried_from", 4, "a keyframe that is not there"),
-        ("keyframe.T_map_base", 2.0, "not one rigid pose"),
+        ("keyframe.T_map_base", 2.0, "a rigid 4×4 pose"),
         ("keyframe.points.lengths", -2, "not those of its rows"),
         ("keyframe.camera", 0.0, "no focal length"),
         ("member.label", 12, "something is of no class"),
@@ -148,6 +148,17 @@ def test_numbers_that_make_no_sense_are_refused(file, tmp_path, name, value, rea
     bad = np.full_like(entry(file, name), value) if name in ENTRIES + LENGTHS else np.array(value)
     with pytest.raises(InputError, match=reason):
         load_keyframes(changed(file, tmp_path, **{name: bad}), new_mapper())
+
+
+@pytest.mark.parametrize(("place", "reason"), [(1e3, "would take"), (1e4, "within 8192 m"), (1e9, "within 8192 m")])
+def test_a_keyframe_far_away_allocates_nothing(file, tmp_path, place, reason):
+    poses = entry(file, "keyframe.T_map_base").copy()
+    poses[-1, :2, 3] = place
+    bad = changed(file, tmp_path, **{"keyframe.T_map_base": poses})
+    with pytest.raises(InputError, match=reason):
+        load_keyframes(bad, new_mapper())
+    with pytest.raises(InputError, match=reason):
+        load_elevation_map(bad, PIONEER)
 
 
 def test_files_that_are_none_are_refused(file, tmp_path):

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from pipeline.errors import InputError
 from pipeline.keyframes import Moves
+from pipeline.localisation.localisation import LostError
 from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.localisation.slam import Slam
 from pipeline.mapper import Mapper
@@ -237,3 +238,16 @@ def test_poses_that_are_none_are_refused(bad):
 
 def test_the_library_corrects_odometry_as_episodes_do():
     assert isinstance(Mapper(PIONEER, TruthClassifier()).localisation, Slam)
+
+
+@pytest.mark.parametrize("reach", [1e3, 1e6, np.nan])
+def test_a_frame_from_far_away_leaves_the_maps_as_they_are(reach):
+    mapper = Mapper(PIONEER, TruthClassifier(), localisation=OdometryLocalisation())
+    for frame, T in zip(FRAMES[:2], POSES, strict=False):
+        mapper.add(frame, T)
+    far = POSES[2].copy()
+    far[0, 3] = far[1, 3] = reach
+    with pytest.raises((InputError, LostError), match=r"odometry|would take"):
+        mapper.add(FRAMES[2], mapper.localise(replace(FRAMES[2], T_odom_base=far)))
+    assert len(mapper.keyframes) == len(mapper.localisation.poses) == 2
+    assert mapper.settle() is None

@@ -5,6 +5,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 from pipeline.transforms import (
+    FARTHEST,
+    are_poses,
     from_rotation,
     from_yaw,
     inverse,
@@ -47,3 +49,19 @@ def test_rounding_is_taken_from_a_rotation():
     rough[:3, :3] *= 1 + 1e-5
     assert np.abs(rough - T).max() > 5e-6
     np.testing.assert_allclose(orthonormal(rough), T, atol=1e-12)
+
+
+def test_poses_are_rigid_finite_and_near():
+    poses = np.stack([from_yaw(FARTHEST, 0, -FARTHEST, 1), np.eye(4)])
+    assert are_poses(poses) and are_poses(poses[0]) and are_poses(np.zeros((0, 4, 4)))
+    for place, value in (
+        ((1, 0, 3), FARTHEST + 1),
+        ((1, 2, 3), np.nan),
+        ((0, 3, 0), 1e-9),
+        ((1, 0, 0), 1.01),
+        ((1, 0, 0), -1),
+    ):
+        bad = poses.copy()
+        bad[place] = value
+        assert not are_poses(bad), (place, value)
+    assert not are_poses(np.eye(3))

@@ -1,11 +1,13 @@
 import numpy as np
 import pytest
 from dm_control.rl.control import PhysicsError
+from mujoco import mjtCone, mjtIntegrator
 
 from pipeline.errors import InputError
 from pipeline.robot import Velocity
 from sarsim.arenas.load import load_arena
 from sarsim.environment import CONTROL_TIMESTEP, RescueEnvironment, substeps
+from sarsim.robots.model import robot_file
 
 
 @pytest.fixture(scope="module")
@@ -84,6 +86,37 @@ def test_a_divergent_simulation_is_an_error(environment):
     environment.physics.data.qvel[0] = 1e12
     with pytest.raises(PhysicsError):
         environment.drive(Velocity())
+
+
+ARENA = """<mujoco><compiler {}/><option {}/><size {}/><statistic extent="3"/><worldbody><site name="start"/>
+<geom type="plane" size="2 2 1"/></worldbody></mujoco>"""
+
+
+@pytest.mark.parametrize(
+    ("compiler", "option", "size"),
+    [
+        ("", 'integrator="Euler" cone="pyramidal" impratio="10" timestep="0.005"', ""),
+        ('autolimits="false" fusestatic="true"', "", 'memory="1K"'),
+    ],
+)
+def test_an_arena_of_other_options_loads_and_the_robots_win(compiler, option, size, tmp_path, caplog):
+    path = tmp_path / "arena.xml"
+    path.write_text(ARENA.format(compiler, option, size))
+    environment = RescueEnvironment(load_arena(str(path)))
+    options = environment.physics.model.opt
+    environment.drive(Velocity())
+    assert (options.timestep, options.impratio) == (0.002, 100)
+    assert (options.integrator, options.cone) == (mjtIntegrator.mjINT_IMPLICITFAST, mjtCone.mjCONE_ELLIPTIC)
+    assert [("cone elliptic instead of pyramidal" in line) for line in caplog.messages] == [True] * bool(option)
+    environment.close()
+
+
+def test_files_that_do_not_fit_together_are_told(tmp_path):
+    path = tmp_path / "robot.xml"
+    text = robot_file("pioneer3at").read_text()
+    path.write_text(text.replace("<size ", '<compiler angle="degree"/><size '))
+    with pytest.raises(InputError, match=r"the arena and the robot do not fit together: .*angle"):
+        RescueEnvironment(load_arena("nist_6x4"), str(path))
 
 
 def test_the_time_step_divides_the_control_period():

@@ -90,16 +90,19 @@ def test_folders_for_results_and_default_paths_are_not_written(tmp_path: Path) -
         ("goals: [1, 2, 3]", "goals: [1, 2, 3]"),
         ("out: /home/me/.ssh", "no file says where results go: give --out"),
         ("goals: &a [1, 2]\nstart: *a", "it has aliases"),
-        ("[" * 1000, "not readable YAML"),
+        ("[" * 90_000, "too deep"),
+        ("steps: " + "9" * 5000, "not readable YAML"),
+        ("steps: 1\n" * 20_000, "too large"),
+        (b"arena: Z\xfcrich", "not a text in UTF-8"),
         (None, "No such file"),
     ],
 )
 def test_a_bad_file_is_one_line_and_status_2(
-    text: str | None, complaint: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+    text: str | bytes | None, complaint: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     path = tmp_path / "config.yaml"
     if text is not None:
-        path.write_text(text)
+        path.write_bytes(text if isinstance(text, bytes) else text.encode())
     flags = ["--data", "d", "--config", str(path)]
     line = refusal(capsys, run_with_settings, lambda settings: None, Outer, flags)
     assert line.startswith(f"error: --config {path}: ")

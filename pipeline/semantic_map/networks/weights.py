@@ -7,7 +7,7 @@ from safetensors.torch import save
 from torch import Tensor
 
 from pipeline.errors import InputError
-from pipeline.files import whole_file
+from pipeline.files import check_regular, whole_file
 from pipeline.semantic_map.networks.dgcnn import Dgcnn
 from pipeline.semantic_map.networks.network import PointNetwork
 from pipeline.semantic_map.networks.pointcnn import PointCnn
@@ -75,6 +75,7 @@ def _refuse(names: list[str], what: str, path: Path) -> None:
 
 
 def _read(path: Path) -> tuple[dict[str, Tensor], dict[str, str]]:
+    check_regular(path)
     try:
         with path.open("rb") as start:
             magic = start.read(2)

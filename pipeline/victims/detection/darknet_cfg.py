@@ -11,9 +11,9 @@ from pathlib import Path
 from typing import TypeVar
 
 from pipeline.errors import InputError
+from pipeline.files import read_text
 
 N = TypeVar("N", int, float)
-MOST_CFG_BYTES = 1_000_000  # Of a network's text; that of YOLOv3, of 107 layers, has 8,000
 OBJECTNESS = 4
 """Place among the numbers that a [yolo] reads for an anchor of a cell: after x, y, width, height, before classes."""
 WIDEST = 64  # Greatest size, stride or padding of a window
@@ -98,14 +98,7 @@ class DarknetCfg:
     @classmethod
     def read(cls, path: Path) -> "DarknetCfg":
         """Read a file. InputError if it cannot be read, and as :meth:`parse`."""
-        try:
-            if path.stat().st_size > MOST_CFG_BYTES:
-                raise InputError(f"{path}: too large for a Darknet .cfg, at most {MOST_CFG_BYTES} bytes are read")
-            return cls.parse(path.read_text(), str(path))
-        except UnicodeDecodeError as error:
-            raise InputError(f"{path}: not a text: not a Darknet .cfg") from error
-        except OSError as error:
-            raise InputError(f"{path}: {error.strerror or error}") from error
+        return cls.parse(read_text(path), str(path))
 
     @classmethod
     def parse(cls, text: str, name: str = "cfg") -> "DarknetCfg":

@@ -11,7 +11,7 @@ import torch
 from torch import Tensor, nn
 
 from pipeline.errors import InputError
-from pipeline.files import whole_file
+from pipeline.files import read_text, whole_file
 from pipeline.semantic_map.networks.parallel import TrainingWorker
 from pipeline.semantic_map.networks.training_loop import TrainingLoop
 from pipeline.victims.detection.augmentation import CanvasSampler
@@ -73,7 +73,7 @@ class YoloTrainer(TrainingLoop[list[TrainingImage]]):
         draw = CanvasSampler(training, (config.width, config.height), config.batch, config.seed).batch
         self._validation = validation
         path = initial.with_suffix(".cfg")
-        cfg, self._text = DarknetCfg.read(path), path.read_text()
+        cfg, self._text = DarknetCfg.read(path), read_text(path)
         if initial == path:
             self._text = fitted_cfg(self._text, training, config)
             network = new_network(self._text)

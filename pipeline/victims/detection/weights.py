@@ -14,7 +14,7 @@ import torch
 from torch import Tensor
 
 from pipeline.errors import InputError
-from pipeline.files import whole_file
+from pipeline.files import read_bytes, whole_file
 from pipeline.victims.detection.darknet_cfg import DarknetCfg
 from pipeline.victims.detection.network import DarknetNetwork
 
@@ -39,10 +39,7 @@ def read_weights(path: Path, network: DarknetNetwork) -> int:
     Raises:
         InputError: no such file, too short or too long for the network, or numbers that are not finite.
     """
-    try:
-        content = path.read_bytes()
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror or error}") from error
+    content = read_bytes(path)
     seen, start = _read_header(content, path)
     tensors = list(_tensors(network))
     needed = start + NUMBER.itemsize * sum(tensor.numel() for tensor in tensors)

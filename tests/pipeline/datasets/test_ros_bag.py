@@ -131,6 +131,8 @@ def changed(topic: str, **values: Any) -> Change:
         (without(DEPTH), r"holds no depth images; its topics are /camera/color/camera_info"),
         (without(INFO), r"holds no camera_info of the depth images; --intrinsics"),
         (changed(INFO, k=np.zeros(9)), r"the camera's intrinsics make no sense: fx fy cx cy are 0 0 0 0"),
+        (changed(INFO, d=np.ones(3)), r"3 coefficients of distortion are of no model"),
+        (changed(INFO, d=np.ones(7)), r"7 coefficients of distortion are of no model"),
         (changed(INFO, d=np.ones(4), distortion_model="equidistant"), r"images of the distortion 'equidistant'"),
     ],
 )
@@ -146,6 +148,7 @@ def test_a_bag_without_what_is_needed_is_refused(change: Change, message: str, t
         (changed(DEPTH, encoding="8UC1"), r"depth images in '8UC1'; 16UC1, mono16, 32FC1 can be read"),
         (changed(COLOUR, encoding="nv12"), r"colour images in 'nv12'"),
         (changed(DEPTH, height=999), r"an image is cut short"),
+        (changed(INFO, width=2**31, d=np.ones(5)), r"depth images of 320 × 240 pixels where 2147483648 × 240 are"),
         (changed(INFO, width=640, height=480), r"depth images of 320 × 240 pixels where 640 × 480 are expected"),
     ],
 )

@@ -1,5 +1,9 @@
 """TUM folders: what is read of them, and what is wrong with them."""
 
+import os
+import resource
+import struct
+import zlib
 from pathlib import Path
 
 import cv2
@@ -72,6 +76,13 @@ def broken_image(folder: Path) -> None:
     (folder / "depth" / "0.300.png").write_bytes(b"no image")
 
 
+def huge_image(folder: Path) -> None:
+    content = bytearray((folder / "depth" / "0.300.png").read_bytes())
+    content[16:24] = struct.pack(">II", 32767, 32767)
+    content[29:33] = struct.pack(">I", zlib.crc32(content[12:29]))
+    (folder / "depth" / "0.300.png").write_bytes(content)
+
+
 def colour_for_depth(folder: Path) -> None:
     cv2.imwrite(str(folder / "depth" / "0.300.png"), np.ones((240, 320, 3), np.uint8))
 
@@ -85,16 +96,20 @@ def missing_image(folder: Path) -> None:
     [
         (small_image, r"images of two sizes, .*; depth must be registered to colour"),
         (broken_image, r"0.300.png: not an image"),
+        (huge_image, r"0.300.png: not an image, or broken, or too large"),
         (colour_for_depth, r"0.300.png: not a depth image: it has uint8"),
         (missing_image, r"0.300.png: No such file"),
     ],
 )
-def test_what_comes_before_a_bad_image_is_good(folder: Path, spoil, message: str) -> None:
+def test_what_comes_before_a_bad_image_is_good(folder: Path, spoil, message: str, capfd) -> None:
     spoil(folder)
+    used = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     found = []
     with pytest.raises(InputError, match=message):
         found.extend(read_tum_folder(folder).frames())
     assert [frame.time for frame in found] == [0.0, 0.1, 0.2]
+    assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - used < 100_000  # kB
+    assert not capfd.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -102,18 +117,32 @@ def test_what_comes_before_a_bad_image_is_good(folder: Path, spoil, message: str
     [
         ("rgb.txt", "now rgb/0.png\n", r"rgb.txt: line 1 is not a time and a file"),
         ("rgb.txt", "# nothing\n", r"rgb.txt: lists no image"),
-        ("groundtruth.txt", "1 2 3\n", r"groundtruth.txt: no trajectory"),
-        ("groundtruth.txt", "0 0 0 0 0 0 0 nan\n", r"groundtruth.txt: no trajectory"),
-        ("keyframes.txt", "0.1 1", r"keyframes.txt: its lines must be time labelled stood"),
-        ("calibration.txt", "500 500\n", r"calibration.txt: its lines must be fx fy cx cy"),
+        ("depth.txt", "# Zürich\n".encode("latin-1"), r"depth.txt: not a text in UTF-8"),
+        ("groundtruth.txt", "1 2 3\n", r"groundtruth.txt: its lines must be numbers: time x y z qx qy qz qw"),
+        ("groundtruth.txt", "0 0 0 0 0 0 0 nan\n", r"groundtruth.txt: its lines must be numbers"),
+        ("groundtruth.txt", "0 1e308 0 0 0 0 0 1\n", r"groundtruth.txt: a line does not hold .* within 8192 m"),
+        ("groundtruth.txt", "0 0 0 0 0 0 0 0\n", r"groundtruth.txt: no trajectory"),
+        ("keyframes.txt", "0.1 1", r"keyframes.txt: its lines must be numbers: time labelled stood"),
+        ("calibration.txt", "500 500\n", r"calibration.txt: its lines must be numbers: fx fy cx cy"),
         ("odometry.txt", "1e9 0 0 0 0 0 0 1\n", r"its clocks differ: the images are from 0.00 to 1.[0-9]0 s"),
     ],
 )
-def test_bad_lists_are_one_line(folder: Path, name: str, content: str, message: str) -> None:
-    (folder / name).write_text(content)
+def test_bad_lists_are_one_line(folder: Path, name: str, content: str | bytes, message: str) -> None:
+    (folder / name).write_bytes(content.encode() if isinstance(content, str) else content)
     with pytest.raises(InputError, match=message) as raised:
         read_tum_folder(folder)
     assert "\n" not in str(raised.value)
+
+
+def test_a_list_is_a_file(folder: Path) -> None:
+    (folder / "depth.txt").unlink()
+    (folder / "depth.txt").mkdir()
+    with pytest.raises(InputError, match=r"depth.txt: not a regular file"):
+        read_tum_folder(folder)
+    (folder / "calibration.txt").unlink()
+    os.mkfifo(folder / "calibration.txt")
+    with pytest.raises(InputError, match=r"calibration.txt: not a regular file"):
+        read_tum_folder(folder)
 
 
 def test_a_folder_of_nothing_is_refused(tmp_path: Path) -> None:

@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
+from pipeline import grid_map
 from pipeline.errors import InputError
 from pipeline.frame import Intrinsics
 from pipeline.metric_map.metric_map import MetricMap
@@ -108,7 +109,19 @@ def test_what_is_no_image_is_refused(shape):
 
 def test_a_view_that_reaches_too_far_for_the_memory_is_refused():
     with pytest.raises(InputError, match="bound"):
-        mapped(max_range=1e5, max_bytes=2**26)
+        mapped(max_range=8e3, max_bytes=2**26)
+
+
+def test_a_list_of_voxels_beyond_the_memory_is_refused(monkeypatch):
+    metric_map = mapped()
+    monkeypatch.setattr(grid_map, "MOST_MEMORY", 1000)
+    for take in (
+        metric_map.occupied_centres,
+        metric_map.free_centres,
+        lambda: metric_map.log_odds(*metric_map.bounds()),
+    ):
+        with pytest.raises(InputError, match="would take"):
+            take()
 
 
 def test_a_full_map_refuses_a_whole_frame():
@@ -160,6 +173,7 @@ def test_points_that_are_no_places_have_no_effect(points):
     [
         {"voxel_size": 0.0},
         {"voxel_size": np.nan},
+        {"voxel_size": 1e9},
         {"voxel_size": 1e-300},
         {"max_range": -1.0},
         {"max_range": 1e300},

@@ -356,3 +356,14 @@ def test_stages_that_did_not_run_have_no_time(corrected):
     _, rows = corrected
     assert [row["step"] for row in rows["/metrics/time_ms/correction"]] == [2]
     assert [row["step"] for row in rows["/metrics/time_ms/sense"]] == [0, 1, 2]
+
+
+def test_a_full_disk_is_one_line(tmp_path, monkeypatch):
+    recorder = Recorder(tmp_path / "episode.rrd")
+
+    def flush(**_: float) -> None:
+        raise RuntimeError("File-writer thread shut down prematurely")
+
+    monkeypatch.setattr(recorder.stream, "flush", flush)
+    with pytest.raises(InputError, match=r"episode\.rrd: cannot be written to its end"):
+        recorder.close()

@@ -3,6 +3,7 @@
 import socket
 import subprocess
 import sys
+import time
 import urllib.request
 from urllib.parse import parse_qs, urlsplit
 
@@ -75,6 +76,23 @@ def test_a_page_ends_with_the_process_that_served_it():
     port = urlsplit(lines[-1]).port
     with pytest.raises(ConnectionRefusedError):
         socket.create_connection(("127.0.0.1", port), timeout=5)
+
+
+def test_a_page_ends_with_a_process_that_is_killed():
+    script = "import time; from pipeline.rerun.viewer import Viewer; Viewer('web'); time.sleep(60)"
+    with subprocess.Popen([sys.executable, "-c", script], stdout=subprocess.PIPE, text=True) as server:
+        assert server.stdout is not None
+        address = urlsplit(server.stdout.readline().split()[-1])
+        port = urlsplit(parse_qs(address.query)["url"][0]).port
+        socket.create_connection(("127.0.0.1", port), timeout=5).close()
+        server.kill()
+    for _ in range(100):
+        try:
+            socket.create_connection(("127.0.0.1", port), timeout=5).close()
+        except ConnectionRefusedError:
+            return
+        time.sleep(0.1)
+    pytest.fail("Rerun still listens")
 
 
 def test_the_file_is_whole_when_the_viewer_was_closed_meanwhile(tmp_path):

@@ -121,6 +121,11 @@ def test_moving_the_map_moves_the_planes() -> None:
         assert b.plane.normal == pytest.approx(T @ a.plane.normal, abs=1e-3)
 
 
+@pytest.mark.parametrize("seed", [2**32, 10**30])
+def test_any_seed_is_one(seed: int) -> None:
+    assert len(planes_of(ROOM, CORNER_VIEW, seed=seed)) == len(planes_of(ROOM, CORNER_VIEW))
+
+
 def test_same_seed_gives_the_same_planes() -> None:
     once, again = planes_of(ROOM, CORNER_VIEW), planes_of(ROOM, CORNER_VIEW)
     for a, b in zip(once, again, strict=True):

@@ -8,6 +8,7 @@ import pytest
 
 from pipeline.errors import InputError
 from pipeline.labels import COLOURS
+from pipeline.semantic_map.ply import read_ply
 from pipeline.semantic_map.semantic_map import SemanticMap
 
 
@@ -41,3 +42,23 @@ def test_folder_that_is_not_there_is_named(semantic_map: SemanticMap, tmp_path: 
     with pytest.raises(InputError, match="nowhere"):
         semantic_map.save(tmp_path / "nowhere" / "semantic_map.ply")
     assert not list(tmp_path.iterdir())
+
+
+def test_what_was_written_comes_back(semantic_map: SemanticMap, tmp_path: Path) -> None:
+    path = tmp_path / "semantic_map.ply"
+    semantic_map.save(path)
+    vertices = read_ply(path)
+    assert np.array_equal(np.stack([vertices[axis] for axis in "xyz"], axis=1), semantic_map.points())
+    assert np.array_equal(vertices["label"], semantic_map.labels())
+
+
+@pytest.mark.parametrize("count", [b"-5", b"2000000000", b"499", b"nan"])
+def test_another_number_of_vertices_is_one_line(
+    count: bytes, semantic_map: SemanticMap, tmp_path: Path, capfd
+) -> None:
+    path = tmp_path / "semantic_map.ply"
+    semantic_map.save(path)
+    path.write_bytes(path.read_bytes().replace(b"vertex 500", b"vertex " + count))
+    with pytest.raises(InputError, match=r"semantic_map.ply: not a cloud with labels"):
+        read_ply(path)
+    assert not capfd.readouterr().err

@@ -335,6 +335,6 @@ def test_a_missing_scene_or_dataset_is_told(data: Path, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="not a dataset"):
         list(Tum(tmp_path, tmp_path / "tum").run())
     (tmp_path / "dataset.json").write_bytes((data / "dataset.json").read_bytes())
-    with pytest.raises(InputError, match=r"scenes/00000.h5: no such file"):
+    with pytest.raises(InputError, match=r"scenes/00000.h5: No such file"):
         list(Tum(tmp_path, tmp_path / "tum").run())
     assert not (tmp_path / "tum").exists()

@@ -99,7 +99,7 @@ def test_any_hdf5_reads_noisy_images(image: np.ndarray) -> None:
 
 
 def test_a_missing_file(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"nowhere.h5: no such file"):
+    with pytest.raises(InputError, match=r"nowhere.h5: No such file"):
         Scene(tmp_path / "nowhere.h5")
 
 

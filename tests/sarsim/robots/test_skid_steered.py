@@ -348,11 +348,22 @@ def at_rest(name) -> tuple[mujoco.MjModel, mujoco.MjData]:
 @pytest.mark.parametrize(
     ("old", "new", "wrong"),
     [
-        ('<joint name="front_left" ', '<joint name="left_front" ', "not readable MJCF|has no joint front_left"),
-        ('<numeric name="max_gap" data="0.15"/>', "", 'no proper <numeric name="max_gap">: \\[\\]'),
-        ('name="length" data="0.508"', 'name="length" data="-1"', r"length\">: \[-1.0\]"),
-        ('name="length" data="0.508"', 'name="length" data="0.5 0.5"', r"length\">: \[0.5, 0.5\]"),
-        ("<worldbody>", "<worldbody", "not readable MJCF"),
+        ('<joint name="front_left" ', '<joint name="left_front" ', "unknown element 'front_left'"),
+        ('name="lamp"', 'name="torch"', "has no light lamp"),
+        ('<numeric name="max_gap" data="0.15"/>', "", 'no proper <numeric name="max_gap"> from 0.001 to 10: \\[\\]'),
+        ('name="length" data="0.508"', 'name="length" data="-1"', r"length\"> from 0.001 to 10: \[-1.0\]"),
+        ('name="length" data="0.508"', 'name="length" data="0.5 0.5"', r"length\"> from 0.001 to 10: \[0.5, 0.5\]"),
+        ('name="length" data="0.508"', 'name="length" data="1e6"', "no proper"),
+        ("<worldbody>", "<worldbody", "not readable XML"),
+        ("<worldbody>", '<include file="bad.xml"/><worldbody>', "already included"),
+        ('class="wheel"/>', 'class="nope"/>', "unknown default class name 'nope'"),
+        ('mass="7.2"', 'mass="-1"', "mass, inertia or density are negative"),
+        ('timestep="0.002"', 'timestep="0"', "timestep 0 is not between 0.0001 and 0.02"),
+        ('timestep="0.002"', 'timestep="1e-9"', "timestep 1e-09 is not between"),
+        ('timestep="0.002"', 'iterations="2000000000"', "iterations 2e.09 is not between"),
+        ("<asset>", '<asset><hfield name="h" nrow="40000" ncol="40000" size="1 1 1 1"/>', "more than 1 GB"),
+        ("<asset>", '<asset><mesh file="/dev/zero"/>', "outside its folder"),
+        ("<site ", '<replicate count="100000"><geom size=".1"/></replicate><site ', "too many geoms"),
     ],
 )
 def test_a_file_that_is_no_robot_is_refused(tmp_path, old, new, wrong):

@@ -60,7 +60,7 @@ def test_a_drive_is_read_as_it_was_written(tmp_path):
 
 
 def test_what_is_no_drive_is_refused(tmp_path):
-    with pytest.raises(InputError, match="no such file"):
+    with pytest.raises(InputError, match="No such file"):
         DriveReader(tmp_path / "drive.h5")
     with DriveWriter(tmp_path / "empty.h5", {}, SURFACE):
         pass

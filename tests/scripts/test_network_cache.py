@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pipeline.victims.detection.detection import Detection
-from sarsim.network_cache import CachedDetector, OutputCache
+from sarsim.scripts.network_cache import CachedDetector, OutputCache
 
 
 def get(cache: OutputCache, inputs: int, output: list[float]) -> list[float]:

@@ -1,10 +1,13 @@
 """Untrusted XML files: refused with one line, before anything expands them."""
 
+import os
+
 import pytest
 
 from pipeline.errors import InputError
 from sarsim.arenas.load import load_arena
-from sarsim.arenas.untrusted_xml import check_mjcf, parse_xml
+from sarsim.vetting import model_files
+from sarsim.vetting.model_files import check_files, parse_xml
 
 BOMB = (
     "<!DOCTYPE mujoco ["
@@ -50,7 +53,7 @@ def test_a_file_that_is_too_large_or_no_xml_is_refused(tmp_path):
 def test_files_that_include_each_other_are_parsed_once(tmp_path):
     (tmp_path / "a.xml").write_text('<mujoco><include file="b.xml"/></mujoco>')
     (tmp_path / "b.xml").write_text('<mujoco><include file="a.xml"/></mujoco>')
-    check_mjcf(tmp_path / "a.xml")
+    check_files(tmp_path / "a.xml")
 
 
 def test_copies_of_copies_are_counted_before_they_are_made(tmp_path):
@@ -60,6 +63,48 @@ def test_copies_of_copies_are_counted_before_they_are_made(tmp_path):
         (tmp_path / "a.xml").write_text(f"<mujoco><worldbody>{outer}</worldbody></mujoco>")
         return tmp_path / "a.xml"
 
-    check_mjcf(arena(200))
+    check_files(arena(70))
     with pytest.raises(InputError, match="too many geoms"):
-        check_mjcf(arena(3000))
+        check_files(arena(80))
+
+
+def test_copies_of_more_digits_than_a_number_has_are_left_to_mujoco(tmp_path):
+    (tmp_path / "a.xml").write_text(f'<mujoco><replicate count="{"9" * 5000}"><geom/></replicate></mujoco>')
+    check_files(tmp_path / "a.xml")
+
+
+@pytest.mark.parametrize(
+    "element",
+    [
+        '<asset><mesh file="/dev/zero"/></asset>',
+        '<asset><texture fileup="/etc/passwd"/></asset>',
+        '<asset><texture file="../secret.png"/></asset>',
+        '<asset><mesh file="link.stl"/></asset>',
+        '<compiler meshdir=".."/><asset><mesh file="secret.png"/></asset>',
+        '<include file="../other.xml"/>',
+    ],
+)
+def test_files_outside_the_folder_are_not_opened(element, tmp_path):
+    (tmp_path / "secret.png").write_text("secret")
+    (tmp_path / "model").mkdir()
+    (tmp_path / "model" / "link.stl").symlink_to(tmp_path / "secret.png")
+    (tmp_path / "model" / "a.xml").write_text(f"<mujoco>{element}</mujoco>")
+    with pytest.raises(InputError, match=r"a\.xml: refused, it refers to .*, outside its folder"):
+        check_files(tmp_path / "model" / "a.xml")
+
+
+def test_what_a_model_refers_to_is_a_file_of_bounded_size(tmp_path, monkeypatch):
+    (tmp_path / "meshes").mkdir()
+    mesh = tmp_path / "meshes" / "m.stl"
+    mesh.write_bytes(bytes(1000))
+    (tmp_path / "a.xml").write_text(
+        '<mujoco><compiler meshdir="meshes"/><asset><mesh file="m.stl"/></asset></mujoco>'
+    )
+    check_files(tmp_path / "a.xml")
+    monkeypatch.setattr(model_files, "MOST_MODEL_BYTES", 1000)
+    with pytest.raises(InputError, match="too large"):
+        check_files(tmp_path / "a.xml")
+    mesh.unlink()
+    os.mkfifo(mesh)
+    with pytest.raises(InputError, match=r"m\.stl: not a regular file"):
+        check_files(tmp_path / "a.xml")

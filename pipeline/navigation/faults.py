@@ -1,0 +1,50 @@
+"""What the robot notices of its own sensors and wheels."""
+
+from dataclasses import dataclass
+
+from pipeline.errors import InputError
+from pipeline.frame import Frame
+from pipeline.localisation.floor import T_floor_camera
+
+
+@dataclass(frozen=True)
+class Fault:
+    """A fault.
+
+    Attributes:
+        kind: ``camera`` (it gave no frame), ``no_depth``, ``depth_scale``, ``stuck``, ``carried`` or ``lost``.
+        time_s: when it was noticed, s.
+        text: in words.
+    """
+
+    kind: str
+    time_s: float
+    text: str
+
+
+class Faults:
+    """The faults noticed so far.
+
+    Attributes:
+        all: in the order in which they were noticed.
+    """
+
+    def __init__(self) -> None:
+        self.all: list[Fault] = []
+
+    def note(self, kind: str, time: float, text: str) -> None:
+        """Add a fault noticed at a time, s, unless it is the newest one, which lasts."""
+        if not self.all or (self.all[-1].kind, self.all[-1].text) != (kind, text):
+            self.all.append(Fault(kind, time, text))
+
+    def check_depth_scale(self, frame: Frame) -> None:
+        """Note if the floor before a robot that was just set down lies deeper or higher than its camera stands."""
+        height = float(frame.T_base_camera[2, 3])
+        try:
+            seen = float(T_floor_camera(frame)[2, 3])
+        except InputError:  # there is no floor in view
+            return
+        # Three times the 1 % by which a calibrated camera of this kind errs (Khoshelham & Oude Elberink, 2012).
+        if abs(seen - height) > 0.03 * height:
+            text = f"the camera sees the floor {seen:.2f} m below itself and stands {height:.2f} m high"
+            self.note("depth_scale", frame.time, text)

@@ -19,32 +19,15 @@ from pipeline.traversability.elevation_map import CELL
 from pipeline.traversability.pose_kernels import ANGLES, STOP
 from pipeline.traversability.pose_paths import bits
 
-MIN_GAIN, MIN_RATE = 0.03, 1 / 3600
-"""m² and m²/s, 1 m² per hour; a viewpoint that is expected to show less is not worth the drive, nor its risk."""
-IS_THERE, IS_SHOWN = 0.9, 0.7
-"""Probabilities that ground which should be in view is there at first, and that a keyframe shows ground in view."""
-EXPERIENCE = 1.0
-"""m² of missed ground that the robot looks for again until what it finds counts as much as these numbers."""
+WORTHWHILE = np.log(1.002) / np.log(1.15)
+"""Least growth of the ground seen, over that of the mission's time, both as logarithms: 0.2 % of ground for 15 % of
+time. In foraging, 1 is where the marginal value theorem (Charnov 1976) leaves a patch for another; here the other
+choice is to end."""
 KEYFRAME_TIME = 2.0
 """s that a keyframe costs in addition to the way."""
-
-
+SETTING_DOWN = 60.0
+"""s that a mission takes besides exploring: to carry the robot there and back. A minute at least."""
 NOWHERE = Places.joined([])
-
-
-def chances_after_misses() -> NDArray[np.float64]:
-    """(K,) probability, by Bayes' rule, that ground is there after 0, 1, … keyframes that should have shown it.
-
-    Ground that is there with a lower probability, less than ground that is not there had at first, is given up.
-    """
-    chances = [IS_THERE]
-    while chances[-1] > 1 - IS_THERE:
-        missed = chances[-1] * (1 - IS_SHOWN)
-        chances.append(missed / (missed + 1 - chances[-1]))
-    return np.array(chances[:-1])
-
-
-CHANCES = chances_after_misses()
 
 
 class ViewpointRewards(Protocol):
@@ -82,40 +65,57 @@ class Exploration:
                 "gradient": Layer(np.float32, per_cell=(2,)),
                 "target": Layer(np.bool_),
                 "misses": Layer(np.uint8),
-                "probability": Layer(np.float32, CHANCES[0]),
+                "probability": Layer(np.float32, 1.0),
                 "missed_from": Layer(np.float32, np.inf, per_cell=(2,)),
             },
         )
         # The cells that the next keyframe should show, and the ends of the drive to it.
         self._expected, self._drive = NOWHERE, NOWHERE
-        # The cells that a keyframe should have shown and did not, for each such keyframe.
-        self._missed: list[Places] = []
         self._poses = np.zeros((0, 4, 4))
-        # By the number of misses, m² in which ground was looked for, and in which it was shown.
-        self._looked_for = np.full(len(CHANCES), EXPERIENCE)
-        self._shown = EXPERIENCE * CHANCES
+        # Cells that keyframes showed, and that they should have shown and did not, by the number of earlier misses.
+        self._shown, self._missed = np.zeros((2, np.iinfo(np.uint8).max + 1), np.int64)
         self._viewpoint_gains, self._revision = visibility.ViewpointGains(), 0
         self._falls = True  # whether unknown ground behind crests is assumed to fall
+        self._began: float | None = None
+        self._duration, self._seen = SETTING_DOWN, 0.0
 
     def observe(self, context: Context) -> None:
-        """Record which cells the last keyframe should have shown and did not, and where unseen ground is left."""
+        """Record what the keyframes since the last call showed and did not, and where unseen ground is left."""
         self._layers.match(context.traversability.grid)
-        self._place(context.poses)
-        self._count_misses(context.measured, context.poses)
-        self._write_terrain(context)
+        known, self._poses = self._poses, context.poses
+        moved = np.abs(context.poses[: len(known)] - known)
+        # A map that moved by cells covers other ground without showing it.
+        if moved[:, :2, 3].max(initial=0.0) < CELL:
+            is_shown = self._layers["target"] & ~np.isnan(context.measured)
+            self._shown += np.bincount(self._layers["misses"][is_shown], minlength=len(self._shown))
+        if moved.any():
+            # What was missed from corrected poses is found anew.
+            known, self._missed[:] = known[:0], 0
+            self._layers.write("misses", np.zeros_like(self._layers["misses"]))
+            self._layers.write("missed_from", np.full_like(self._layers["missed_from"], np.inf))
+        self._write_ground(context)
+        self._count_misses(context, context.poses[len(known) :])
+        # Rounded to half powers of two, so that rays are cast anew only when they change much.
+        rounded = 2 ** (np.round(2 * np.log2(self.chances)) / 2)
+        self._layers.write("probability", rounded[self._layers["misses"]])
+        self._began = context.frame.time if self._began is None else self._began
+        self._duration = SETTING_DOWN + context.frame.time - self._began
+        self._seen = float(np.isfinite(context.measured).sum()) * CELL**2
 
     def next_viewpoint(self, context: Context) -> Viewpoint | None:
-        """The viewpoint that shows most per second; None if no viewpoint is worth a keyframe."""
-        is_left = self._terrain.target.any() or (self.rewards and self.rewards.wanted)
-        if context.paths.start is None or not is_left:
-            return None
-        camera = visibility.camera_view(context.frame)
-        # A deck behind a crest shows from below, ground that falls does not: the robot looks for decks last.
-        for cells_of, falls in ((_spread, True), (self._narrow, True), (_spread, False)):
-            self._falls = falls
-            if viewpoint := self._best_viewpoint(context, camera, cells_of):
-                return viewpoint
-        return None
+        """The viewpoint that shows most per second; None if it is not worth the drive."""
+        viewpoints = (self._best_viewpoint(context, falls) for falls in (True, False))
+        return next((v for v in viewpoints if v is not None and v.gain >= self.needed(v.seconds)), None)
+
+    def left(self, context: Context) -> list[Viewpoint]:
+        """The viewpoints that would show what is left, each what those before it do not, whatever they cost."""
+        found, target, camera = list[Viewpoint](), self._layers["target"], visibility.camera_view(context.frame)
+        while (viewpoint := self._best_viewpoint(context, falls=True)) and viewpoint.gain >= CELL**2:
+            found.append(viewpoint)
+            in_view = visibility.cells_in_view(viewpoint.position, viewpoint.heading, camera, self._terrain)
+            self._layers.write("target", self._layers["target"] & ~in_view)
+        self._layers.write("target", target)
+        return found
 
     def commit(self, viewpoint: Viewpoint, context: Context) -> None:
         """Remember what a keyframe from this viewpoint should show."""
@@ -132,13 +132,22 @@ class Exploration:
 
     @property
     def chances(self) -> NDArray[np.float64]:
-        """(K,) probability that ground is there after 0, 1, … misses, by Bayes' rule and what the robot has found."""
-        # At first sight ground stays likely: beyond a rim there is none, but behind the next corner there may be.
-        return np.append(CHANCES[0], np.minimum.accumulate(self._shown / self._looked_for)[1:])
+        """(256,) probability that ground in view shows after 0, 1, … misses: means of Beta distributions.
+
+        By Laplace's rule of succession, what was missed k times shows in one of k + 1 tries: k / (k + 1) times as
+        likely as what was missed once less. To these k + 1 tries come those of the mission; as much ground as the
+        robot stands on counts as one try, for it shows or hides together. Ground that was never missed is certain.
+        """
+        a_try = self._robot.length * self._robot.width / CELL**2
+        shown, missed = self._shown / a_try, self._missed / a_try
+        chances = np.ones(len(shown))
+        for k in range(1, len(shown)):
+            chances[k] = (k * chances[k - 1] + shown[k]) / (k + 1 + shown[k] + missed[k])
+        return chances
 
     def find_frontiers(self, context: Context) -> NDArray[np.float64]:
         """(N, 3) centres of the connected pieces of reachable ground that border on unseen ground, m in ``map``."""
-        traversability, target = context.traversability, self._terrain.target
+        traversability, target = context.traversability, self._layers["target"]
         side = 2 * round(self._robot.corner_radius / traversability.grid.cell) + 1
         # The ground that the robot's corners may touch around unseen cells; many times as fast as SciPy's filter.
         around = cv2.dilate(target.view(np.uint8), np.ones((side, side), np.uint8)).view(np.bool_)
@@ -151,13 +160,17 @@ class Exploration:
         return np.array(centres).reshape(-1, 3)
 
     def worth(self, gains: NDArray[np.float64], seconds: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(N, 16) scores of viewpoints, of which the greatest is chosen: 0 for those not worth the drive.
+        """(N, 16) scores of viewpoints, of which the greatest is chosen; not above 0 for those that show nothing.
 
         Args:
             gains: (N, 16) m² that each viewpoint is expected to show.
-            seconds: (N, 16) s until the keyframe is taken.
+            seconds: (N, 16) s until the keyframe is taken, increased by the risk of the way.
         """
-        return np.where((gains >= MIN_GAIN) & (gains >= MIN_RATE * seconds), gains / seconds, 0.0)
+        return gains / seconds
+
+    def needed(self, seconds: NDArray[np.float64] | float) -> NDArray[np.float64]:
+        """(...) m² that viewpoints must show to be worth these times until the keyframe is taken, s."""
+        return np.asarray(self._seen * np.expm1(WORTHWHILE * np.log1p(seconds / self._duration)))
 
     def _narrow(self, context: Context, camera: kernels.CameraView) -> NDArray[np.int64]:
         """(N, 2) all reachable cells where the robot cannot turn around, near ground taken for level at the start.
@@ -170,20 +183,23 @@ class Exploration:
         near = traversability.grid.distance_to(assumed) <= camera.reach
         return np.argwhere(paths.reachable & ~traversability.turnable & near)
 
-    def _best_viewpoint(
-        self, context: Context, camera: kernels.CameraView, cells_of: Callable[..., NDArray[np.int64]]
-    ) -> Viewpoint | None:
-        """The best viewpoint where the robot stands or in the cells (N, 2) of ``cells_of``; None if there is none."""
-        traversability, paths = context.traversability, context.paths
-        assert paths.start is not None
-        cells = cells_of(context, camera)
+    def _best_viewpoint(self, context: Context, falls: bool) -> Viewpoint | None:
+        """The best viewpoint, if ground behind crests is assumed to fall or not; None if no viewpoint shows anything.
+
+        A deck behind a crest shows from below, ground that falls does not: the robot looks for decks last.
+        """
+        if context.paths.start is None:
+            return None
+        self._falls = falls
+        traversability, paths, camera = context.traversability, context.paths, visibility.camera_view(context.frame)
+        cells = np.unique(np.vstack([_spread(context), self._narrow(context, camera)]), axis=0)
         candidates = np.vstack([paths.start, traversability.grid.centre_of(cells)])
         gains = self._gains(paths.start, cells, camera)
         if self.rewards and self.rewards.wanted:
             gains = gains + self.rewards.gains(traversability.on_ground(candidates), ANGLES)
         there = np.vstack([traversability.grid.cell_of(paths.start), cells])
         gains = np.where(bits(paths.headings[tuple(there.T)]), gains, 0.0)
-        is_some = (gains >= MIN_GAIN).any(axis=1)
+        is_some = (gains > 0).any(axis=1)
         if not is_some.any():
             return None
         candidates, gains, there = candidates[is_some], gains[is_some], there[is_some]
@@ -191,63 +207,42 @@ class Exploration:
         while True:
             known = paths.seconds_to(there, horizon)
             # Ways beyond the search's horizon cost more than the horizon, and no less than a straight drive.
-            least = np.minimum(known, np.inf if paths.is_complete else np.maximum(straight, horizon))
+            beyond = np.inf if paths.is_complete else np.maximum(straight, horizon)
+            least = np.where(np.isfinite(known), known, beyond)
             worth = self.worth(gains, KEYFRAME_TIME + least)
             n, m = np.unravel_index(worth.argmax(), worth.shape)
             if worth[n, m] <= 0 or (paths.is_complete and np.isinf(known[n, m])):
                 return None
             if np.isfinite(known[n, m]):
-                return Viewpoint(candidates[n], wrap_angle(float(ANGLES[m])), True, float(gains[n, m]))
+                quickest = paths.without_risk.seconds_to(there[n][None], float(known[n, m]))
+                seconds = KEYFRAME_TIME + float(min(quickest[0, m], known[n, m]))
+                return Viewpoint(candidates[n], wrap_angle(float(ANGLES[m])), True, float(gains[n, m]), seconds)
             horizon *= 2
 
-    def _place(self, poses: NDArray[np.float64]) -> None:
-        """Count the misses of all cells anew if the poses (K, 4, 4) of keyframes were corrected."""
-        known, self._poses = self._poses, poses
-        if np.array_equal(known, poses[: len(known)]):
-            return
-        misses, missed_from = (np.full_like(self._layers[n], f) for n, f in (("misses", 0), ("missed_from", np.inf)))
-        for missed in self._missed:
-            cells = tuple(np.argwhere(self._layers.grid.mask_of(missed.at(poses))).T)
-            misses[cells] += 1
-            missed_from[cells] = poses[missed.keyframe[0], :2, 3]
-        # A correction may have brought missed cells together.
-        self._layers.write("misses", np.minimum(misses, len(CHANCES)))
-        self._layers.write("missed_from", missed_from)
-
-    def _count_misses(self, measured: NDArray[np.float32], poses: NDArray[np.float64]) -> None:
-        """Record which cells the last keyframe should have shown and did not, and how often such cells are shown."""
-        cells = np.argwhere(self._layers.grid.mask_of(self._expected.at(poses)))
-        # A correction of the map may have brought a cell here that was given up.
-        misses = np.minimum(self._layers["misses"][tuple(cells.T)], len(CHANCES) - 1)
-        is_shown = ~np.isnan(measured[tuple(cells.T)])
-        position = poses[-1, :2, 3]
-        drive = np.linalg.norm(position - self._drive.at(poses)[:, :2], axis=1)
-        stayed, arrived = drive < ARRIVED if len(drive) else (False, False)
-        # A keyframe from elsewhere, after a drive that failed, tells nothing of how often missed ground shows.
-        if arrived:
-            self._looked_for += CELL**2 * np.bincount(misses, minlength=len(CHANCES))
-            self._shown += CELL**2 * np.bincount(misses[is_shown], minlength=len(CHANCES))
-        # A robot that could not set out must turn to something else.
-        if arrived or stayed:
-            missed = cells[~is_shown]
-            self._layers.write("misses", misses[~is_shown] + 1, tuple(missed.T))
-            self._layers.write("missed_from", position, tuple(missed.T))
-            if len(missed):
-                self._missed.append(Places.anchored(self._layers.grid.centre_of(missed), poses, len(poses) - 1))
-        self._expected = NOWHERE
-
-    def _write_terrain(self, context: Context) -> None:
-        """Update the layers of the ground; unseen ground that may be traversable is a target until it is given up."""
+    def _write_ground(self, context: Context) -> None:
+        """Update the layers of the ground; unseen ground that may be traversable is a target."""
         # Unknown ground nearer to a hazard than half of the robot cannot be driven on.
         layers, may_be_driven = self._layers, context.traversability.to_hazard >= self._robot.half_width
-        chances = self.chances
-        # Rounded, so that rays are cast anew only when they change much.
-        rounded = np.where(chances < 1 - IS_THERE, 0.0, np.round(chances, 1))
-        probability = np.append(rounded, 0.0).astype(np.float32)[layers["misses"]]
         layers.write("elevation", context.traversability.sealed)
         layers.write("gradient", context.traversability.gradient)
-        layers.write("probability", probability)
-        layers.write("target", np.isnan(context.measured) & may_be_driven & (probability > 0))
+        layers.write("target", np.isnan(context.measured) & may_be_driven)
+
+    def _count_misses(self, context: Context, poses: NDArray[np.float64]) -> None:
+        """Count which targets each of some keyframes (K, 4, 4) should have shown, by all that is known now."""
+        misses, missed_from = self._layers["misses"].copy(), self._layers["missed_from"].copy()
+        terrain = self._terrain._replace(missed_from=missed_from, falls=True)
+        visibility.count_misses(poses, visibility.camera_view(context.frame), terrain, misses, self._missed)
+        drive = np.linalg.norm(context.T_map_base[:2, 3] - self._drive.at(context.poses)[:, :2], axis=1)
+        # A robot that could not set out, or sees no more than before where it wanted to look, must turn to something
+        # else; but a keyframe from elsewhere tells nothing of what was to be seen.
+        if (drive < ARRIVED).any():
+            expected = self._layers.grid.mask_of(self._expected.at(context.poses)) & terrain.target
+            again = expected & (misses == self._layers["misses"])
+            misses[again] += misses[again] < len(self._missed) - 1
+            missed_from[again] = context.T_map_base[:2, 3]
+        self._layers.write("misses", misses)
+        self._layers.write("missed_from", missed_from)
+        self._expected = self._drive = NOWHERE
 
     @property
     def _terrain(self) -> kernels.SearchedTerrain:
@@ -265,6 +260,6 @@ class Exploration:
         return np.vstack([visibility.gains(here[None], camera, self._terrain), around])
 
 
-def _spread(context: Context, _: kernels.CameraView) -> NDArray[np.int64]:
+def _spread(context: Context) -> NDArray[np.int64]:
     """(N, 2) cells: of each block the one with the most reachable headings."""
     return best_of_blocks(np.bitwise_count(context.paths.headings), visibility.PLACE_STRIDE)

@@ -1,10 +1,12 @@
 """The robot's knowledge at the end of an episode, as a rescue team needs it."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.exploration.viewpoint import Viewpoint
 from pipeline.mapper import Mapper
 from pipeline.rescue_report.hazards import Hazards, find_hazards
 from pipeline.rescue_report.posture import Posture, posture_of
@@ -73,6 +75,7 @@ class Situation:
         sightings: people who are not confirmed.
         searched: whether a detector looked for people.
         finished: whether no viewpoint was left that was worth a keyframe.
+        left: viewpoints that would have shown more ground but were not worth the drive.
         trust: how far the map can be trusted.
     """
 
@@ -88,6 +91,7 @@ class Situation:
     sightings: list[Person]
     searched: bool
     finished: bool
+    left: Sequence[Viewpoint]
     trust: Trust
 
     @property
@@ -112,7 +116,12 @@ class Situation:
 
 
 def situation_of(
-    mapper: Mapper, robot: RobotModel, poses: NDArray[np.float64], camera_height: float, finished: bool
+    mapper: Mapper,
+    robot: RobotModel,
+    poses: NDArray[np.float64],
+    camera_height: float,
+    finished: bool,
+    left: Sequence[Viewpoint] = (),
 ) -> Situation:
     """The situation by a mapper's maps.
 
@@ -122,6 +131,7 @@ def situation_of(
         poses: (N, 4, 4) poses in ``map`` of its keyframes, the entrance first.
         camera_height: m above the ground under the robot.
         finished: whether no viewpoint was left that was worth a keyframe.
+        left: viewpoints that would have shown more ground but were not worth the drive.
     """
     traversability = mapper.traversability
     paths, points = PosePaths(traversability, poses[0][:2, 3]), mapper.semantic_map.points()
@@ -141,6 +151,7 @@ def situation_of(
         sightings=[_person(*found, router) for found in unconfirmed_ids(mapper.victims)],
         searched=mapper.detector is not None,
         finished=finished,
+        left=left,
         trust=trust_in(mapper),
     )
 

@@ -25,8 +25,6 @@ time. In foraging, 1 is where the marginal value theorem (Charnov 1976) leaves a
 choice is to end."""
 KEYFRAME_TIME = 2.0
 """s that a keyframe costs in addition to the way."""
-SETTING_DOWN = 60.0
-"""s that a mission takes besides exploring: to carry the robot there and back. A minute at least."""
 NOWHERE = Places.joined([])
 
 
@@ -58,6 +56,7 @@ class Exploration:
         """``robot``: the range of its camera limits what keyframes are expected to show."""
         self.rewards: ViewpointRewards | None = None
         self._robot = robot
+        self._strip = robot.width * CELL
         self._layers = GridMap(
             CELL,
             {
@@ -71,22 +70,25 @@ class Exploration:
         )
         # The cells that the next keyframe should show, and the ends of the drive to it.
         self._expected, self._drive = NOWHERE, NOWHERE
+        # Cells that viewpoints should have shown and did not, although their keyframes do not miss them.
+        self._in_vain: list[Places] = []
         self._poses = np.zeros((0, 4, 4))
         # Cells that keyframes showed, and that they should have shown and did not, by the number of earlier misses.
         self._shown, self._missed = np.zeros((2, np.iinfo(np.uint8).max + 1), np.int64)
         self._viewpoint_gains, self._revision = visibility.ViewpointGains(), 0
         self._falls = True  # whether unknown ground behind crests is assumed to fall
         self._began: float | None = None
-        self._duration, self._seen = SETTING_DOWN, 0.0
+        self._look_around = 2 * np.pi / robot.turn_rate + KEYFRAME_TIME
+        self._duration, self._seen = self._look_around, 0.0
 
     def observe(self, context: Context) -> None:
         """Record what the keyframes since the last call showed and did not, and where unseen ground is left."""
         self._layers.match(context.traversability.grid)
         known, self._poses = self._poses, context.poses
         moved = np.abs(context.poses[: len(known)] - known)
-        # A map that moved by cells covers other ground without showing it.
+        # A map that moved covers other ground without showing it: far, or along the rims of what is known.
         if moved[:, :2, 3].max(initial=0.0) < CELL:
-            is_shown = self._layers["target"] & ~np.isnan(context.measured)
+            is_shown = ndimage.binary_opening(self._layers["target"] & ~np.isnan(context.measured), np.ones((3, 3)))
             self._shown += np.bincount(self._layers["misses"][is_shown], minlength=len(self._shown))
         if moved.any():
             # What was missed from corrected poses is found anew.
@@ -94,23 +96,23 @@ class Exploration:
             self._layers.write("misses", np.zeros_like(self._layers["misses"]))
             self._layers.write("missed_from", np.full_like(self._layers["missed_from"], np.inf))
         self._write_ground(context)
-        self._count_misses(context, context.poses[len(known) :])
+        self._count_misses(context, len(known))
         # Rounded to half powers of two, so that rays are cast anew only when they change much.
         rounded = 2 ** (np.round(2 * np.log2(self.chances)) / 2)
         self._layers.write("probability", rounded[self._layers["misses"]])
         self._began = context.frame.time if self._began is None else self._began
-        self._duration = SETTING_DOWN + context.frame.time - self._began
+        self._duration = self._look_around + context.frame.time - self._began
         self._seen = float(np.isfinite(context.measured).sum()) * CELL**2
 
     def next_viewpoint(self, context: Context) -> Viewpoint | None:
         """The viewpoint that shows most per second; None if it is not worth the drive."""
         viewpoints = (self._best_viewpoint(context, falls) for falls in (True, False))
-        return next((v for v in viewpoints if v is not None and v.gain >= self.needed(v.seconds)), None)
+        return next((v for v in viewpoints if v and v.gain >= self.needed(v.seconds)), None)
 
     def left(self, context: Context) -> list[Viewpoint]:
         """The viewpoints that would show what is left, each what those before it do not, whatever they cost."""
         found, target, camera = list[Viewpoint](), self._layers["target"], visibility.camera_view(context.frame)
-        while (viewpoint := self._best_viewpoint(context, falls=True)) and viewpoint.gain >= CELL**2:
+        while viewpoint := self._best_viewpoint(context, falls=True):
             found.append(viewpoint)
             in_view = visibility.cells_in_view(viewpoint.position, viewpoint.heading, camera, self._terrain)
             self._layers.write("target", self._layers["target"] & ~in_view)
@@ -135,11 +137,10 @@ class Exploration:
         """(256,) probability that ground in view shows after 0, 1, … misses: means of Beta distributions.
 
         By Laplace's rule of succession, what was missed k times shows in one of k + 1 tries: k / (k + 1) times as
-        likely as what was missed once less. To these k + 1 tries come those of the mission; as much ground as the
-        robot stands on counts as one try, for it shows or hides together. Ground that was never missed is certain.
+        likely as what was missed once less. To these k + 1 tries come those of the mission; a strip as wide as the
+        robot counts as one try, for it shows or hides together. Ground that was never missed is certain.
         """
-        a_try = self._robot.length * self._robot.width / CELL**2
-        shown, missed = self._shown / a_try, self._missed / a_try
+        shown, missed = CELL**2 / self._strip * self._shown, CELL**2 / self._strip * self._missed
         chances = np.ones(len(shown))
         for k in range(1, len(shown)):
             chances[k] = (k * chances[k - 1] + shown[k]) / (k + 1 + shown[k] + missed[k])
@@ -198,8 +199,8 @@ class Exploration:
         if self.rewards and self.rewards.wanted:
             gains = gains + self.rewards.gains(traversability.on_ground(candidates), ANGLES)
         there = np.vstack([traversability.grid.cell_of(paths.start), cells])
-        gains = np.where(bits(paths.headings[tuple(there.T)]), gains, 0.0)
-        is_some = (gains > 0).any(axis=1)
+        gains = np.where(bits(paths.headings[tuple(there.T)]) & (gains >= self._strip), gains, 0.0)
+        is_some = gains.any(axis=1)
         if not is_some.any():
             return None
         candidates, gains, there = candidates[is_some], gains[is_some], there[is_some]
@@ -227,21 +228,33 @@ class Exploration:
         layers.write("gradient", context.traversability.gradient)
         layers.write("target", np.isnan(context.measured) & may_be_driven)
 
-    def _count_misses(self, context: Context, poses: NDArray[np.float64]) -> None:
-        """Count which targets each of some keyframes (K, 4, 4) should have shown, by all that is known now."""
+    def _count_misses(self, context: Context, first: int) -> None:
+        """Count which targets the keyframes from number ``first`` on should have shown, by all that is known now."""
         misses, missed_from = self._layers["misses"].copy(), self._layers["missed_from"].copy()
-        terrain = self._terrain._replace(missed_from=missed_from, falls=True)
-        visibility.count_misses(poses, visibility.camera_view(context.frame), terrain, misses, self._missed)
-        drive = np.linalg.norm(context.T_map_base[:2, 3] - self._drive.at(context.poses)[:, :2], axis=1)
-        # A robot that could not set out, or sees no more than before where it wanted to look, must turn to something
-        # else; but a keyframe from elsewhere tells nothing of what was to be seen.
-        if (drive < ARRIVED).any():
-            expected = self._layers.grid.mask_of(self._expected.at(context.poses)) & terrain.target
-            again = expected & (misses == self._layers["misses"])
-            misses[again] += misses[again] < len(self._missed) - 1
-            missed_from[again] = context.T_map_base[:2, 3]
+        terrain, poses = self._terrain._replace(missed_from=missed_from, falls=True), context.poses
+        visibility.count_misses(poses[first:], visibility.camera_view(context.frame), terrain, misses, self._missed)
+        self._note_disappointment(missed_from, poses)
+        for cells in self._in_vain:
+            if cells.keyframe[0] >= first:
+                again = self._layers.grid.mask_of(cells.at(poses)) & terrain.target
+                misses[again] += misses[again] < len(self._missed) - 1
+                missed_from[again] = poses[cells.keyframe[0], :2, 3]
         self._layers.write("misses", misses)
         self._layers.write("missed_from", missed_from)
+
+    def _note_disappointment(self, missed_from: NDArray[np.float32], poses: NDArray[np.float64]) -> None:
+        """Note the cells that the last viewpoint should have shown if the drive ended there, or where it began.
+
+        Those that the newest keyframe missed are left out: these count already. A robot that could not set out, or sees
+        no more than before where it wanted to look, must turn to something else; but a keyframe from elsewhere tells
+        nothing of what was to be seen.
+        """
+        here = poses[-1, :2, 3]
+        drive = np.linalg.norm(here - self._drive.at(poses)[:, :2], axis=1)
+        expected = self._layers.grid.mask_of(self._expected.at(poses)) & (missed_from != here.astype(np.float32)).any(-1)
+        if (drive < ARRIVED).any() and expected.any():
+            centres = self._layers.grid.centre_of(np.argwhere(expected))
+            self._in_vain.append(Places.anchored(centres, poses, len(poses) - 1))
         self._expected = self._drive = NOWHERE
 
     @property

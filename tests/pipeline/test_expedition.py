@@ -1,15 +1,19 @@
 """A robot that stands before a wall: what its observers are told, and what is left whatever fails."""
 
 import json
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from pipeline.expedition import Expedition, ResultFolder
+from pipeline.exploration.viewpoint import Viewpoint
 from pipeline.explorer import Explorer, Observer
+from pipeline.localisation.localisation import LostError
 from pipeline.localisation.trajectory import EstimatedTrajectory
 from pipeline.mapper import Mapper
+from pipeline.mission import PATIENCE
 from pipeline.rerun.recorder import Recorder
 from pipeline.semantic_map.classifier import TruthClassifier
 from tests.pipeline.robot_model import PIONEER
@@ -73,6 +77,46 @@ def test_observers_are_told_of_each_event_and_the_results_are_whole(tmp_path: Pa
     assert (report["arena"], report["seed"], report["steps"], report["sim_time_s"]) == ("here", 7, 1, 1.0)
     assert report["config"] == {"out": str(tmp_path), "weights": ["a", "b"]}
     assert report["stage"] == {"figure": 1}
+    assert report["exploration"] == {"ended": "steps"}
+
+
+VIEW = Viewpoint(np.array([1.0, 2.0]), 0.0, turn=True, gain=0.03, seconds=27.0)
+
+
+@pytest.mark.parametrize(
+    ("changes", "failed_drives", "ended"),
+    [
+        ({}, 0, "nothing_left"),
+        ({"left": [VIEW]}, 0, "not_worth_it"),
+        ({}, PATIENCE, "held"),
+        ({"context": "no start"}, 0, "shut_in"),
+    ],
+)
+def test_the_report_says_why_exploring_ended_and_what_was_left(changes, failed_drives, ended, tmp_path, monkeypatch):
+    expedition = OneStep(tmp_path)
+    step, expedition._steps = replace(expedition.explorer.step(), viewpoint=None, plan=None, left=[]), 9
+    if "context" in changes:
+        step.context.paths.start = None
+        changes = {}
+    monkeypatch.setattr(expedition.explorer, "step", lambda: replace(step, **changes))
+    monkeypatch.setattr(expedition.explorer, "_failed_drives", failed_drives)
+    expedition.run()
+    left = {"left": [{"position": [1.0, 2.0], "area_m2": 0.03, "seconds": 27.0}]} if "left" in changes else {}
+    assert expedition.report["exploration"] == {"ended": ended} | left
+
+
+def test_a_robot_that_is_lost_or_stopped_in_the_middle_says_so(tmp_path, monkeypatch):
+    def lose_its_place():
+        raise LostError("dark")
+
+    for name, step, ended in (("a", lose_its_place, "lost"), ("b", None, "interrupted")):
+        (tmp_path / name).mkdir()
+        expedition = OneStep(tmp_path / name)
+        calls = iter([False, True, True, True])
+        if step:
+            monkeypatch.setattr(expedition.explorer, "step", step)
+        expedition.run(interrupted=lambda calls=calls: next(calls))
+        assert expedition.report["exploration"] == {"ended": ended}
 
 
 @pytest.mark.parametrize("failing", ["topology.json", "the end"])

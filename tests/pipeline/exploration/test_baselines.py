@@ -81,13 +81,13 @@ def test_nothing_is_left_in_a_closed_room():
 
 
 def test_a_frontier_that_never_comes_into_view_is_given_up():
-    world, exploration, pose = corridor(-3, 2), NearestFrontier(PIONEER), from_yaw(0, 0, 0, 0)
+    world, exploration, pose = corridor(-3, 2), NearestFrontier(PIONEER), from_yaw(0, 0, 0, np.pi)
     world.update(wall_points((-3, -1), (-3, 1)))
     viewpoints = []
     while (viewpoint := next_viewpoint(exploration, world, pose)) is not None and len(viewpoints) < 100:
         viewpoints.append(viewpoint)
         pose = from_yaw(*viewpoint.position, 0, viewpoint.heading)
-    assert 3 <= len(viewpoints) < 100
+    assert 2 <= len(viewpoints) < 10
     assert len({tuple(v.position) for v in viewpoints}) > 1
 
 

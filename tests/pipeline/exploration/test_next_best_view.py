@@ -5,7 +5,7 @@ import pytest
 
 from pipeline.exploration import visibility
 from pipeline.exploration import visibility_kernels as kernels
-from pipeline.exploration.next_best_view import SETTING_DOWN, Exploration
+from pipeline.exploration.next_best_view import KEYFRAME_TIME, Exploration
 from pipeline.transforms import from_yaw, wrap_angle
 from pipeline.traversability.elevation_map import ElevationMap
 from pipeline.traversability.pose_kernels import ANGLES
@@ -258,9 +258,10 @@ def test_15_percent_more_time_must_show_0_2_percent_more_ground():
     exploration, world = Exploration(PIONEER), closed_room()
     next_viewpoint(exploration, world, from_yaw(0, 0, 0, 0))
     area = np.isfinite(world.measured).sum() * 0.05**2
-    assert exploration.needed(0.15 * SETTING_DOWN) == pytest.approx(0.002 * area)  # no time has passed yet
+    look_around = 2 * np.pi / PIONEER.turn_rate + KEYFRAME_TIME
+    assert exploration.needed(0.15 * look_around) == pytest.approx(0.002 * area)  # no time has passed yet
     assert exploration.needed(0.0) == 0
-    assert 1.5 < exploration.needed(0.4 * SETTING_DOWN) / exploration.needed(0.2 * SETTING_DOWN) < 2
+    assert 1 < exploration.needed(4 * look_around) / exploration.needed(2 * look_around) < 2
 
 
 def test_what_is_left_is_told_each_patch_once_and_stays_to_be_looked_for():
@@ -273,7 +274,7 @@ def test_what_is_left_is_told_each_patch_once_and_stays_to_be_looked_for():
     again = exploration.next_viewpoint(here)
     assert (first.gain, first.seconds, first.heading) == (again.gain, again.seconds, again.heading)
     assert any(np.cos(other.heading) * np.cos(first.heading) < 0 for other in others)  # the other end
-    assert all(view.gain >= 0.05**2 for view in others)
+    assert all(view.gain >= PIONEER.width * 0.05 for view in others)  # nothing smaller than a strip of that width
     exploration, here = Exploration(PIONEER), context(closed_room(), from_yaw(0, 0, 0, 0))
     exploration.observe(here)
     assert exploration.left(here) == []

@@ -1,6 +1,6 @@
 """Frontier exploration on the metric map: the next best view."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Protocol
 
 import cv2
@@ -10,6 +10,7 @@ from scipy import ndimage
 
 from pipeline.exploration import visibility
 from pipeline.exploration import visibility_kernels as kernels
+from pipeline.exploration.posterior import MOST_MISSES, Posterior
 from pipeline.exploration.viewpoint import ARRIVED, Context, Viewpoint
 from pipeline.grid_map import GridMap, Layer, best_of_blocks
 from pipeline.keyframes import Places
@@ -50,6 +51,7 @@ class Exploration:
 
     Attributes:
         rewards: of viewpoints, besides unseen ground; None for no such rewards.
+        posterior: of what shows.
     """
 
     def __init__(self, robot: RobotModel):
@@ -57,6 +59,7 @@ class Exploration:
         self.rewards: ViewpointRewards | None = None
         self._robot = robot
         self._strip = robot.width * CELL
+        self.posterior = Posterior(robot.width / CELL)
         self._layers = GridMap(
             CELL,
             {
@@ -73,8 +76,6 @@ class Exploration:
         # Cells that viewpoints should have shown and did not, although their keyframes do not miss them.
         self._in_vain: list[Places] = []
         self._poses = np.zeros((0, 4, 4))
-        # Cells that keyframes showed, and that they should have shown and did not, by the number of earlier misses.
-        self._shown, self._missed = np.zeros((2, np.iinfo(np.uint8).max + 1), np.int64)
         self._viewpoint_gains, self._revision = visibility.ViewpointGains(), 0
         self._falls = True  # whether unknown ground behind crests is assumed to fall
         self._began: float | None = None
@@ -84,21 +85,11 @@ class Exploration:
     def observe(self, context: Context) -> None:
         """Record what the keyframes since the last call showed and did not, and where unseen ground is left."""
         self._layers.match(context.traversability.grid)
-        known, self._poses = self._poses, context.poses
-        moved = np.abs(context.poses[: len(known)] - known)
-        # A map that moved covers other ground without showing it: far, or along the rims of what is known.
-        if moved[:, :2, 3].max(initial=0.0) < CELL:
-            is_shown = ndimage.binary_opening(self._layers["target"] & ~np.isnan(context.measured), np.ones((3, 3)))
-            self._shown += np.bincount(self._layers["misses"][is_shown], minlength=len(self._shown))
-        if moved.any():
-            # What was missed from corrected poses is found anew.
-            known, self._missed[:] = known[:0], 0
-            self._layers.write("misses", np.zeros_like(self._layers["misses"]))
-            self._layers.write("missed_from", np.full_like(self._layers["missed_from"], np.inf))
+        first = self._count_shown(context)
         self._write_ground(context)
-        self._count_misses(context, len(known))
+        self._count_misses(context, first)
         # Rounded to half powers of two, so that rays are cast anew only when they change much.
-        rounded = 2 ** (np.round(2 * np.log2(self.chances)) / 2)
+        rounded = 2 ** (np.round(2 * np.log2(self.posterior.chances)) / 2)
         self._layers.write("probability", rounded[self._layers["misses"]])
         self._began = context.frame.time if self._began is None else self._began
         self._duration = self._look_around + context.frame.time - self._began
@@ -131,20 +122,6 @@ class Exploration:
         if self.rewards is not None:
             place = context.traversability.on_ground(viewpoint.position[None])[0]
             self.rewards.aim(place, viewpoint.heading)
-
-    @property
-    def chances(self) -> NDArray[np.float64]:
-        """(256,) probability that ground in view shows after 0, 1, … misses: means of Beta distributions.
-
-        By Laplace's rule of succession, what was missed k times shows in one of k + 1 tries: k / (k + 1) times as
-        likely as what was missed once less. To these k + 1 tries come those of the mission; a strip as wide as the
-        robot counts as one try, for it shows or hides together. Ground that was never missed is certain.
-        """
-        shown, missed = CELL**2 / self._strip * self._shown, CELL**2 / self._strip * self._missed
-        chances = np.ones(len(shown))
-        for k in range(1, len(shown)):
-            chances[k] = (k * chances[k - 1] + shown[k]) / (k + 1 + shown[k] + missed[k])
-        return chances
 
     def find_frontiers(self, context: Context) -> NDArray[np.float64]:
         """(N, 3) centres of the connected pieces of reachable ground that border on unseen ground, m in ``map``."""
@@ -189,16 +166,16 @@ class Exploration:
 
         A deck behind a crest shows from below, ground that falls does not: the robot looks for decks last.
         """
-        if context.paths.start is None:
+        self._falls, start = falls, context.paths.start
+        if start is None:
             return None
-        self._falls = falls
         traversability, paths, camera = context.traversability, context.paths, visibility.camera_view(context.frame)
         cells = np.unique(np.vstack([_spread(context), self._narrow(context, camera)]), axis=0)
-        candidates = np.vstack([paths.start, traversability.grid.centre_of(cells)])
-        gains = self._gains(paths.start, cells, camera)
+        candidates = np.vstack([start, traversability.grid.centre_of(cells)])
+        gains = self._gains(start, cells, camera)
         if self.rewards and self.rewards.wanted:
             gains = gains + self.rewards.gains(traversability.on_ground(candidates), ANGLES)
-        there = np.vstack([traversability.grid.cell_of(paths.start), cells])
+        there = np.vstack([traversability.grid.cell_of(start), cells])
         gains = np.where(bits(paths.headings[tuple(there.T)]) & (gains >= self._strip), gains, 0.0)
         is_some = gains.any(axis=1)
         if not is_some.any():
@@ -228,16 +205,33 @@ class Exploration:
         layers.write("gradient", context.traversability.gradient)
         layers.write("target", np.isnan(context.measured) & may_be_driven)
 
+    def _count_shown(self, context: Context) -> int:
+        """Count which targets were shown; the number of the first keyframe whose misses are still to be counted."""
+        known, self._poses = self._poses, context.poses
+        moved = np.abs(context.poses[: len(known)] - known)
+        # A map that moved covers other ground without showing it: far, or along the rims of what is known.
+        if moved[:, :2, 3].max(initial=0.0) < CELL:
+            is_shown = ndimage.binary_opening(self._layers["target"] & ~np.isnan(context.measured), np.ones((3, 3)))
+            self.posterior.shown += np.bincount(self._layers["misses"][is_shown], minlength=MOST_MISSES + 1)
+        if not moved.any():
+            return len(known)
+        # What was missed from corrected poses is found anew.
+        self.posterior.missed[:] = 0
+        self._layers.write("misses", np.zeros_like(self._layers["misses"]))
+        self._layers.write("missed_from", np.full_like(self._layers["missed_from"], np.inf))
+        return 0
+
     def _count_misses(self, context: Context, first: int) -> None:
         """Count which targets the keyframes from number ``first`` on should have shown, by all that is known now."""
         misses, missed_from = self._layers["misses"].copy(), self._layers["missed_from"].copy()
         terrain, poses = self._terrain._replace(missed_from=missed_from, falls=True), context.poses
-        visibility.count_misses(poses[first:], visibility.camera_view(context.frame), terrain, misses, self._missed)
+        camera = visibility.camera_view(context.frame)
+        visibility.count_misses(poses[first:], camera, terrain, misses, self.posterior.missed)
         self._note_disappointment(missed_from, poses)
         for cells in self._in_vain:
             if cells.keyframe[0] >= first:
                 again = self._layers.grid.mask_of(cells.at(poses)) & terrain.target
-                misses[again] += misses[again] < len(self._missed) - 1
+                misses[again] += misses[again] < MOST_MISSES
                 missed_from[again] = poses[cells.keyframe[0], :2, 3]
         self._layers.write("misses", misses)
         self._layers.write("missed_from", missed_from)
@@ -245,13 +239,14 @@ class Exploration:
     def _note_disappointment(self, missed_from: NDArray[np.float32], poses: NDArray[np.float64]) -> None:
         """Note the cells that the last viewpoint should have shown if the drive ended there, or where it began.
 
-        Those that the newest keyframe missed are left out: these count already. A robot that could not set out, or sees
-        no more than before where it wanted to look, must turn to something else; but a keyframe from elsewhere tells
-        nothing of what was to be seen.
+        Those that the newest keyframe missed are left out: these count already. A robot that could not set out, or
+        sees no more than before where it wanted to look, must turn to something else; but a keyframe from elsewhere
+        tells nothing of what was to be seen.
         """
         here = poses[-1, :2, 3]
         drive = np.linalg.norm(here - self._drive.at(poses)[:, :2], axis=1)
-        expected = self._layers.grid.mask_of(self._expected.at(poses)) & (missed_from != here.astype(np.float32)).any(-1)
+        expected = self._layers.grid.mask_of(self._expected.at(poses))
+        expected &= (missed_from != here.astype(np.float32)).any(axis=2)
         if (drive < ARRIVED).any() and expected.any():
             centres = self._layers.grid.centre_of(np.argwhere(expected))
             self._in_vain.append(Places.anchored(centres, poses, len(poses) - 1))

@@ -206,7 +206,8 @@ def cells_in_view(x, y, bearings, view, terrain):
 def count_misses(x, y, bearings, view, terrain, misses, missed):
     """Count the target cells that a keyframe from (x, y) should have shown along ``bearings`` and did not.
 
-    ``misses`` (nx, ny), ``terrain.missed_from`` and ``missed`` (256,), the cells by their earlier misses, are renewed.
+    Renewed in place: ``misses`` (nx, ny), ``terrain.missed_from``, and ``missed`` (256,), the number of such cells by
+    their earlier misses.
     """
     seen, most = np.zeros(int(view.far / terrain.cell) + 2, np.int64), len(missed) - 1
     for bearing in bearings:

@@ -13,7 +13,6 @@ from pipeline.explorer import Explorer, Observer
 from pipeline.localisation.localisation import LostError
 from pipeline.localisation.trajectory import EstimatedTrajectory
 from pipeline.mapper import Mapper
-from pipeline.mission import PATIENCE
 from pipeline.rerun.recorder import Recorder
 from pipeline.semantic_map.classifier import TruthClassifier
 from tests.pipeline.robot_model import PIONEER
@@ -49,15 +48,15 @@ class Diary(Observer):
 
 
 class OneStep(Expedition):
-    """An expedition of one step."""
+    """An expedition of one step, or of more."""
 
-    def __init__(self, out: Path):
+    def __init__(self, out: Path, steps: int = 1):
         explorer = Explorer(StillRobot(), Mapper(PIONEER, TruthClassifier()))
         self.diary = Diary()
         explorer.observers.append(self.diary)
         results = ResultFolder(Settings(out), out, "here", 7, explorer.mapper, Recorder(out / "episode.rrd"))
         trajectory = EstimatedTrajectory(explorer.mapper.localisation, [])
-        super().__init__(explorer, results, trajectory, steps=1)
+        super().__init__(explorer, results, trajectory, steps)
 
     def _time(self) -> float:
         return float(self.explorer.steps)
@@ -84,25 +83,18 @@ VIEW = Viewpoint(np.array([1.0, 2.0]), 0.0, turn=True, gain=0.03, seconds=27.0)
 
 
 @pytest.mark.parametrize(
-    ("changes", "failed_drives", "ended"),
-    [
-        ({}, 0, "nothing_left"),
-        ({"left": [VIEW]}, 0, "not_worth_it"),
-        ({}, PATIENCE, "held"),
-        ({"context": "no start"}, 0, "shut_in"),
-    ],
+    ("ended", "left"), [("nothing_left", []), ("not_worth_it", [VIEW]), ("held", []), ("shut_in", [])]
 )
-def test_the_report_says_why_exploring_ended_and_what_was_left(changes, failed_drives, ended, tmp_path, monkeypatch):
-    expedition = OneStep(tmp_path)
-    step, expedition._steps = replace(expedition.explorer.step(), viewpoint=None, plan=None, left=[]), 9
-    if "context" in changes:
+def test_the_report_says_why_exploring_ended_and_what_was_left(ended, left, tmp_path, monkeypatch):
+    expedition = OneStep(tmp_path, steps=9)
+    step = replace(expedition.explorer.step(), viewpoint=None, plan=None, left=left)
+    if ended == "shut_in":
         step.context.paths.start = None
-        changes = {}
-    monkeypatch.setattr(expedition.explorer, "step", lambda: replace(step, **changes))
-    monkeypatch.setattr(expedition.explorer, "_failed_drives", failed_drives)
+    monkeypatch.setattr(expedition.explorer, "step", lambda: step)
+    monkeypatch.setattr(Explorer, "is_held", property(lambda explorer: ended == "held"))
     expedition.run()
-    left = {"left": [{"position": [1.0, 2.0], "area_m2": 0.03, "seconds": 27.0}]} if "left" in changes else {}
-    assert expedition.report["exploration"] == {"ended": ended} | left
+    told = {"left": [{"position": [1.0, 2.0], "area_m2": 0.03, "seconds": 27.0}]} if left else {}
+    assert expedition.report["exploration"] == {"ended": ended} | told
 
 
 def test_a_robot_that_is_lost_or_stopped_in_the_middle_says_so(tmp_path, monkeypatch):

@@ -280,16 +280,11 @@ def test_what_is_left_is_told_each_patch_once_and_stays_to_be_looked_for():
     assert exploration.left(here) == []
 
 
-def test_by_laplaces_rule_what_was_missed_k_times_shows_in_one_of_k_plus_1_tries():
-    exploration = Exploration(PIONEER)
-    np.testing.assert_allclose(exploration.chances, 1 / (1 + np.arange(256)))
-
-
 def test_what_a_drive_that_failed_on_its_way_should_have_shown_is_not_missed():
     world = surface_of(ground_points(flat, (-6, 2), (-1, 1)), *(wall_points((-6, y), (2, y)) for y in (-1, 1)))
     exploration = Exploration(PIONEER)
     first = next_viewpoint(exploration, world, from_yaw(-5, 0, 0, 0))
-    there = from_yaw(*(0.5 * (first.position + (-5, 0))), 0, first.heading)
+    there = from_yaw(*np.mean([first.position, (-5, 0)], axis=0), 0, first.heading)
     anew = next_viewpoint(Exploration(PIONEER), world, there)
     assert next_viewpoint(exploration, world, there).gain == anew.gain
 
@@ -311,7 +306,7 @@ def test_a_robot_that_finds_nothing_beyond_rims_expects_less_there_than_one_that
             here = context(known if x else end, from_yaw(x, 0, 0, 0), earlier)
             exploration.observe(here)
             earlier = here.poses
-        chances.append(exploration.chances)
+        chances.append(exploration.posterior.chances)
     assert chances[0][0] == chances[1][0] == 1
     assert chances[0][1] < 1 / 3
     assert chances[1][1] > 2 / 3

@@ -214,7 +214,8 @@ def count_misses(x, y, bearings, view, terrain, misses, missed):
         _, count = cast_ray(x, y, bearing, view, terrain, seen)
         for n in range(count):
             i, j = divmod(seen[n], terrain.target.shape[1])
-            missed[misses[i, j]] += 1
-            misses[i, j] = min(misses[i, j] + 1, most)
-            # From here no further ray is expected to show the cell.
-            terrain.missed_from[i, j, 0], terrain.missed_from[i, j, 1] = x, y
+            # Once, although several rays, and a ray at several places, may show the cell.
+            if terrain.missed_from[i, j, 0] != np.float32(x) or terrain.missed_from[i, j, 1] != np.float32(y):
+                missed[misses[i, j]] += 1
+                misses[i, j] = min(misses[i, j] + 1, most)
+                terrain.missed_from[i, j, 0], terrain.missed_from[i, j, 1] = x, y

@@ -97,6 +97,15 @@ def test_the_report_says_why_exploring_ended_and_what_was_left(ended, left, tmp_
     assert expedition.report["exploration"] == {"ended": ended} | told
 
 
+def test_a_corrected_map_is_looked_at_again_but_once(tmp_path, monkeypatch):
+    expedition, steps = OneStep(tmp_path, steps=9), []
+    step = replace(expedition.explorer.step(), viewpoint=None, plan=None)
+    monkeypatch.setattr(expedition.explorer, "step", lambda: steps.append(step) or step)
+    monkeypatch.setattr(expedition.explorer, "settle", lambda: True)
+    expedition.run()
+    assert len(steps) == 2
+
+
 def test_a_robot_that_is_lost_or_stopped_in_the_middle_says_so(tmp_path, monkeypatch):
     def lose_its_place():
         raise LostError("dark")

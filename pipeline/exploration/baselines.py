@@ -50,3 +50,7 @@ class RandomWalk(Exploration):
             return None
         place = context.traversability.grid.centre_of(cells[int(self._draw[0] * len(cells))])
         return Viewpoint(place, wrap_angle(2 * np.pi * self._draw[1]), True, 0.0)
+
+    def left(self, context: Context) -> list[Viewpoint]:
+        """Nothing: it looks for nothing."""
+        return []

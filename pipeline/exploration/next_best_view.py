@@ -103,11 +103,13 @@ class Exploration:
     def left(self, context: Context) -> list[Viewpoint]:
         """The viewpoints that would show what is left, each what those before it do not, whatever they cost."""
         found, target, camera = list[Viewpoint](), self._layers["target"], visibility.camera_view(context.frame)
+        rewards, self.rewards = self.rewards, None
         while viewpoint := self._best_viewpoint(context, falls=True):
             found.append(viewpoint)
             in_view = visibility.cells_in_view(viewpoint.position, viewpoint.heading, camera, self._terrain)
             self._layers.write("target", self._layers["target"] & ~in_view)
         self._layers.write("target", target)
+        self.rewards = rewards
         return found
 
     def commit(self, viewpoint: Viewpoint, context: Context) -> None:

@@ -276,8 +276,10 @@ def test_what_is_left_is_told_each_patch_once_and_stays_to_be_looked_for():
     assert any(np.cos(other.heading) * np.cos(first.heading) < 0 for other in others)  # the other end
     assert all(view.gain >= PIONEER.width * 0.05 for view in others)  # nothing smaller than a strip of that width
     exploration, here = Exploration(PIONEER), context(closed_room(), from_yaw(0, 0, 0, 0))
+    exploration.rewards = Reward(1.0)  # is no ground
     exploration.observe(here)
     assert exploration.left(here) == []
+    assert exploration.next_viewpoint(here) is not None
 
 
 def test_what_a_drive_that_failed_on_its_way_should_have_shown_is_not_missed():

@@ -75,7 +75,8 @@ class Exploration:
         self._expected, self._drive = NOWHERE, NOWHERE
         # Cells that viewpoints should have shown and did not, although their keyframes do not miss them.
         self._in_vain: list[Places] = []
-        self._poses = np.zeros((0, 4, 4))
+        # Of the keyframes, as they were when their misses were counted.
+        self._poses: NDArray[np.float64] | None = None
         self._viewpoint_gains, self._revision = visibility.ViewpointGains(), 0
         self._falls = True  # whether unknown ground behind crests is assumed to fall
         self._began: float | None = None
@@ -149,7 +150,11 @@ class Exploration:
         return gains / seconds
 
     def needed(self, seconds: NDArray[np.float64] | float) -> NDArray[np.float64]:
-        """(...) m² that viewpoints must show to be worth these times until the keyframe is taken, s."""
+        """(N, 16) m² that viewpoints must show to be worth their time, or of one viewpoint.
+
+        Args:
+            seconds: (N, 16) s until the keyframe is taken, or of one viewpoint.
+        """
         return np.asarray(self._seen * np.expm1(WORTHWHILE * np.log1p(seconds / self._duration)))
 
     def _narrow(self, context: Context, camera: kernels.CameraView) -> NDArray[np.int64]:
@@ -209,16 +214,17 @@ class Exploration:
 
     def _count_shown(self, context: Context) -> int:
         """Count which targets were shown; the number of the first keyframe whose misses are still to be counted."""
-        known, self._poses = self._poses, context.poses
-        moved = np.abs(context.poses[: len(known)] - known)
-        # A map that moved covers other ground without showing it: far, or along the rims of what is known.
-        if moved[:, :2, 3].max(initial=0.0) < CELL:
+        known = context.poses[:0] if self._poses is None else self._poses
+        first, ahead = len(known), (visibility.camera_view(context.frame).far, 0.0, 0.0, 1.0)
+        moved = np.linalg.norm(((context.poses[:first] - known) @ ahead)[:, :2], axis=1).max(initial=0.0)
+        if moved < CELL:
+            # Along the rims of what is known, also a map that moved by less covers ground without showing it.
             is_shown = ndimage.binary_opening(self._layers["target"] & ~np.isnan(context.measured), np.ones((3, 3)))
             self.posterior.shown += np.bincount(self._layers["misses"][is_shown], minlength=MOST_MISSES + 1)
-        if not moved.any():
-            return len(known)
+            self._poses = np.concatenate([known, context.poses[first:]])
+            return first
         # What was missed from corrected poses is found anew.
-        self.posterior.missed[:] = 0
+        self._poses, self.posterior.missed[:] = context.poses, 0
         self._layers.write("misses", np.zeros_like(self._layers["misses"]))
         self._layers.write("missed_from", np.full_like(self._layers["missed_from"], np.inf))
         return 0

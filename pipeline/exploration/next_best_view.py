@@ -253,7 +253,7 @@ class Exploration:
         """
         here = poses[-1, :2, 3]
         drive = np.linalg.norm(here - self._drive.at(poses)[:, :2], axis=1)
-        expected = self._layers.grid.mask_of(self._expected.at(poses))
+        expected = self._layers.grid.mask_of(self._expected.at(poses)) & self._layers["target"]
         expected &= (missed_from != here.astype(np.float32)).any(axis=2)
         if (drive < ARRIVED).any() and expected.any():
             centres = self._layers.grid.centre_of(np.argwhere(expected))

@@ -11,7 +11,7 @@ class Posterior:
 
     Attributes:
         shown: (256,) number of cells that were shown after so many misses.
-        missed: (256,) number of cells that were missed once more after so many misses, and are still unseen.
+        missed: (256,) number of cells that were missed once more after so many misses.
     """
 
     def __init__(self, cells: float):

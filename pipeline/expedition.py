@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from pipeline.exploration.viewpoint import Viewpoint
 from pipeline.explorer import Explorer, Step
 from pipeline.files import each, whole_file
 from pipeline.localisation.localisation import LostError
@@ -130,6 +131,8 @@ class Expedition(ABC):
         explorer: with all maps and its observers, which are closed at the end.
         results: of the run.
         lost: why localisation failed; None if it did not.
+        ended: why exploring ended: ``nothing_left``, ``not_worth_it``, ``held``, ``shut_in``, ``lost``,
+            ``interrupted`` or ``steps``.
     """
 
     def __init__(
@@ -157,6 +160,9 @@ class Expedition(ABC):
         explorer.observers += [self._rescue_report, results.recorder]
         self.lost: str | None = None
         self._told_faults = 0
+        self.ended = "interrupted"
+        self._left: list[Viewpoint] = []
+        self._waits = False  # whether the last step had no plan, and only looked at a corrected map again
 
     @property
     def report(self) -> dict[str, Any]:
@@ -188,13 +194,21 @@ class Expedition(ABC):
             for task in self.explorer.mission.tasks(self._goals, self._home, self.explorer):
                 while self._may_step() and not interrupted() and self.step():
                     on_step(f"{self.results.place}: {task}, {self.explored}")
+                if self._explores and self.ended == "interrupted" and not interrupted():
+                    self.ended = "steps"
             self._log_outcomes()
         except LostError as error:
             self.lost = str(error)
+            self.ended = "lost" if self._explores else self.ended
             self._notice("lost", f"the robot does not know where it is and stays: {error}")
         finally:
             self._finish(self._time() - begin, perf_counter() - wall_begin)
         return not interrupted()
+
+    @property
+    def _explores(self) -> bool:
+        """Whether the present task is to explore."""
+        return self.explorer.mission.goals is None
 
     def _may_step(self) -> bool:
         """Whether the task continues: the steps of exploration are limited, those of a drive to goals are not."""
@@ -213,9 +227,12 @@ class Expedition(ABC):
             how = "looked around and found itself" if found_itself else "was kidnapped and set down"
             self._notice("carried", f"the robot {how} at {place_name(step.keyframe.T_map_base[:2, 3])}")
         self._log("INFO" if step.can_drive else "WARN", self._tell(step))
+        if self._explores:
+            self.ended, self._left = self._why_ended(step), step.left
+        was_waiting, self._waits = self._waits, step.plan is None
         if step.plan is None:
             # Closing a loop merges doubled walls, which may have cut off the area behind them.
-            return self.explorer.settle()
+            return self.explorer.settle() and not was_waiting
         if not self.explorer.drive(step):
             leg = self.explorer.navigator.legs[-1]
             line = f"leg to {place_name(leg.target)} ended: {leg.outcome.value}"
@@ -235,6 +252,16 @@ class Expedition(ABC):
         for fault in faults[self._told_faults :]:
             self._log("WARN", fault.text)
         self._told_faults = len(faults)
+
+    def _why_ended(self, step: Step) -> str:
+        """Why exploring ends with a step; if it has a viewpoint, only an interruption can end it there."""
+        if step.viewpoint is not None:
+            return "interrupted"
+        if self.explorer.is_held:
+            return "held"
+        if step.context.paths.start is None:
+            return "shut_in"
+        return "not_worth_it" if step.left else "nothing_left"
 
     def _log(self, level: Level, line: str) -> None:
         self.results.recorder.log_message(level, line)
@@ -274,7 +301,11 @@ class Expedition(ABC):
         """The figures of all stages, tasks and failures for report.json."""
         lost = {"lost": self.lost} if self.lost else {}
         faults = {"faults": [asdict(fault) for fault in self.explorer.keyframing.faults.all]}
-        return self._stages() | self.explorer.mission.report() | lost | faults
+        stages = self._stages()
+        left = [{"position": v.position.tolist(), "area_m2": v.gain, "seconds": v.seconds} for v in self._left]
+        ended = {"ended": self.ended, **({"left": left} if left else {})}
+        exploration = {"exploration": stages.get("exploration", {}) | ended}
+        return stages | exploration | self.explorer.mission.report() | lost | faults
 
     @abstractmethod
     def _time(self) -> float:

@@ -35,6 +35,7 @@ class Step:
         viewpoint: where to go next; None if no viewpoint is left.
         plan: the way to the viewpoint.
         frontiers: (N, 3) centres of the frontiers left, m in ``map``.
+        left: when exploring has ended, viewpoints that would show more but are not worth the drive.
         can_drive: whether the robot stands where it can drive and is not held.
         was_kidnapped: whether the robot was carried elsewhere since the last step.
     """
@@ -44,6 +45,7 @@ class Step:
     viewpoint: Viewpoint | None
     plan: PathPlan | None
     frontiers: NDArray[np.float64]
+    left: list[Viewpoint]
     can_drive: bool
     was_kidnapped: bool
 
@@ -109,11 +111,13 @@ class Explorer:
         with self.mapper.stopwatch("exploration"):
             viewpoint, context = self.decide(keyframe)
             frontiers = self.mission.exploration.find_frontiers(context)
+            has_ended = viewpoint is None and self.mission.goals is None and not self.is_held
+            left = self.mission.exploration.left(context) if has_ended else []
         self.mapper.connect(keyframe, context.paths)
         with self.mapper.stopwatch("path_plan"):
             plan = self._plan(viewpoint, context) if viewpoint else None
         can_drive = context.paths.start is not None and not self.is_held
-        step = Step(keyframe, context, viewpoint, plan, frontiers, can_drive, was_kidnapped)
+        step = Step(keyframe, context, viewpoint, plan, frontiers, left, can_drive, was_kidnapped)
         for observer in self.observers:
             observer.on_step(self, step)
         return step

@@ -27,5 +27,5 @@ def figures(name: str, content: Any) -> Iterator[tuple[str, Any]]:
     if isinstance(content, dict):
         for key, value in content.items():
             yield from figures(f"{name}.{key}", value)
-    else:
+    elif not (isinstance(content, list) and content and isinstance(content[0], dict)):  # records are for programs
         yield name, content

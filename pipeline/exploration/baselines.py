@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.exploration.next_best_view import MIN_GAIN, Exploration
+from pipeline.exploration.next_best_view import Exploration
 from pipeline.exploration.viewpoint import Context, Viewpoint
 from pipeline.robot import RobotModel
 from pipeline.transforms import wrap_angle
@@ -19,8 +19,8 @@ class NearestFrontier(Exploration):
 
     def worth(self, gains: NDArray[np.float64], seconds: NDArray[np.float64]) -> NDArray[np.float64]:
         """(N, 16) m², gains of the nearest place that is worth the drive, 0 elsewhere; see the base class."""
-        size = self._robot.length * self._robot.width
-        large = gains >= (size if (gains >= size).any() else MIN_GAIN)
+        is_large = gains >= self._robot.length * self._robot.width
+        large = (gains >= self.needed(seconds)) & (is_large | ~is_large.any())
         distance = seconds.min(axis=1)
         near = distance == np.where(large.any(axis=1), distance, np.inf).min()
         return np.where(large & near[:, None], gains, 0.0)
@@ -50,3 +50,7 @@ class RandomWalk(Exploration):
             return None
         place = context.traversability.grid.centre_of(cells[int(self._draw[0] * len(cells))])
         return Viewpoint(place, wrap_angle(2 * np.pi * self._draw[1]), True, 0.0)
+
+    def left(self, context: Context) -> list[Viewpoint]:
+        """Nothing: it looks for nothing."""
+        return []

@@ -1,6 +1,6 @@
 """Frontier exploration on the metric map: the next best view."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Protocol
 
 import cv2
@@ -10,6 +10,7 @@ from scipy import ndimage
 
 from pipeline.exploration import visibility
 from pipeline.exploration import visibility_kernels as kernels
+from pipeline.exploration.posterior import MOST_MISSES, Posterior
 from pipeline.exploration.viewpoint import ARRIVED, Context, Viewpoint
 from pipeline.grid_map import GridMap, Layer, best_of_blocks
 from pipeline.keyframes import Places
@@ -19,32 +20,13 @@ from pipeline.traversability.elevation_map import CELL
 from pipeline.traversability.pose_kernels import ANGLES, STOP
 from pipeline.traversability.pose_paths import bits
 
-MIN_GAIN, MIN_RATE = 0.03, 1 / 3600
-"""m² and m²/s, 1 m² per hour; a viewpoint that is expected to show less is not worth the drive, nor its risk."""
-IS_THERE, IS_SHOWN = 0.9, 0.7
-"""Probabilities that ground which should be in view is there at first, and that a keyframe shows ground in view."""
-EXPERIENCE = 1.0
-"""m² of missed ground that the robot looks for again until what it finds counts as much as these numbers."""
+WORTHWHILE = np.log(1.002) / np.log(1.15)
+"""Least growth of the ground seen, over that of the mission's time, both as logarithms: 0.2 % of ground for 15 % of
+time. In foraging, 1 is where the marginal value theorem (Charnov 1976) leaves a patch for another; here the other
+choice is to end."""
 KEYFRAME_TIME = 2.0
 """s that a keyframe costs in addition to the way."""
-
-
 NOWHERE = Places.joined([])
-
-
-def chances_after_misses() -> NDArray[np.float64]:
-    """(K,) probability, by Bayes' rule, that ground is there after 0, 1, … keyframes that should have shown it.
-
-    Ground that is there with a lower probability, less than ground that is not there had at first, is given up.
-    """
-    chances = [IS_THERE]
-    while chances[-1] > 1 - IS_THERE:
-        missed = chances[-1] * (1 - IS_SHOWN)
-        chances.append(missed / (missed + 1 - chances[-1]))
-    return np.array(chances[:-1])
-
-
-CHANCES = chances_after_misses()
 
 
 class ViewpointRewards(Protocol):
@@ -69,12 +51,15 @@ class Exploration:
 
     Attributes:
         rewards: of viewpoints, besides unseen ground; None for no such rewards.
+        posterior: of what shows.
     """
 
     def __init__(self, robot: RobotModel):
         """``robot``: the range of its camera limits what keyframes are expected to show."""
         self.rewards: ViewpointRewards | None = None
         self._robot = robot
+        self._strip = robot.width * CELL
+        self.posterior = Posterior(robot.width / CELL)
         self._layers = GridMap(
             CELL,
             {
@@ -82,40 +67,51 @@ class Exploration:
                 "gradient": Layer(np.float32, per_cell=(2,)),
                 "target": Layer(np.bool_),
                 "misses": Layer(np.uint8),
-                "probability": Layer(np.float32, CHANCES[0]),
+                "probability": Layer(np.float32, 1.0),
                 "missed_from": Layer(np.float32, np.inf, per_cell=(2,)),
             },
         )
         # The cells that the next keyframe should show, and the ends of the drive to it.
         self._expected, self._drive = NOWHERE, NOWHERE
-        # The cells that a keyframe should have shown and did not, for each such keyframe.
-        self._missed: list[Places] = []
-        self._poses = np.zeros((0, 4, 4))
-        # By the number of misses, m² in which ground was looked for, and in which it was shown.
-        self._looked_for = np.full(len(CHANCES), EXPERIENCE)
-        self._shown = EXPERIENCE * CHANCES
+        # Cells that viewpoints should have shown and did not, although their keyframes do not miss them.
+        self._in_vain: list[Places] = []
+        # Of the keyframes, as they were when their misses were counted.
+        self._poses: NDArray[np.float64] | None = None
         self._viewpoint_gains, self._revision = visibility.ViewpointGains(), 0
         self._falls = True  # whether unknown ground behind crests is assumed to fall
+        self._began: float | None = None
+        self._look_around = 2 * np.pi / robot.turn_rate + KEYFRAME_TIME
+        self._duration, self._seen = self._look_around, 0.0
 
     def observe(self, context: Context) -> None:
-        """Record which cells the last keyframe should have shown and did not, and where unseen ground is left."""
+        """Record what the keyframes since the last call showed and did not, and where unseen ground is left."""
         self._layers.match(context.traversability.grid)
-        self._place(context.poses)
-        self._count_misses(context.measured, context.poses)
-        self._write_terrain(context)
+        first = self._count_shown(context)
+        self._write_ground(context)
+        self._count_misses(context, first)
+        # Rounded to half powers of two, so that rays are cast anew only when they change much.
+        rounded = 2 ** (np.round(2 * np.log2(self.posterior.chances)) / 2)
+        self._layers.write("probability", rounded[self._layers["misses"]])
+        self._began = context.frame.time if self._began is None else self._began
+        self._duration = self._look_around + context.frame.time - self._began
+        self._seen = float(np.isfinite(context.measured).sum()) * CELL**2
 
     def next_viewpoint(self, context: Context) -> Viewpoint | None:
-        """The viewpoint that shows most per second; None if no viewpoint is worth a keyframe."""
-        is_left = self._terrain.target.any() or (self.rewards and self.rewards.wanted)
-        if context.paths.start is None or not is_left:
-            return None
-        camera = visibility.camera_view(context.frame)
-        # A deck behind a crest shows from below, ground that falls does not: the robot looks for decks last.
-        for cells_of, falls in ((_spread, True), (self._narrow, True), (_spread, False)):
-            self._falls = falls
-            if viewpoint := self._best_viewpoint(context, camera, cells_of):
-                return viewpoint
-        return None
+        """The viewpoint that shows most per second; None if it is not worth the drive."""
+        viewpoints = (self._best_viewpoint(context, falls) for falls in (True, False))
+        return next((v for v in viewpoints if v and v.gain >= self.needed(v.seconds)), None)
+
+    def left(self, context: Context) -> list[Viewpoint]:
+        """The viewpoints that would show what is left, each what those before it do not, whatever they cost."""
+        found, target, camera = list[Viewpoint](), self._layers["target"], visibility.camera_view(context.frame)
+        rewards, self.rewards = self.rewards, None
+        while viewpoint := self._best_viewpoint(context, falls=True):
+            found.append(viewpoint)
+            in_view = visibility.cells_in_view(viewpoint.position, viewpoint.heading, camera, self._terrain)
+            self._layers.write("target", self._layers["target"] & ~in_view)
+        self._layers.write("target", target)
+        self.rewards = rewards
+        return found
 
     def commit(self, viewpoint: Viewpoint, context: Context) -> None:
         """Remember what a keyframe from this viewpoint should show."""
@@ -130,15 +126,9 @@ class Exploration:
             place = context.traversability.on_ground(viewpoint.position[None])[0]
             self.rewards.aim(place, viewpoint.heading)
 
-    @property
-    def chances(self) -> NDArray[np.float64]:
-        """(K,) probability that ground is there after 0, 1, … misses, by Bayes' rule and what the robot has found."""
-        # At first sight ground stays likely: beyond a rim there is none, but behind the next corner there may be.
-        return np.append(CHANCES[0], np.minimum.accumulate(self._shown / self._looked_for)[1:])
-
     def find_frontiers(self, context: Context) -> NDArray[np.float64]:
         """(N, 3) centres of the connected pieces of reachable ground that border on unseen ground, m in ``map``."""
-        traversability, target = context.traversability, self._terrain.target
+        traversability, target = context.traversability, self._layers["target"]
         side = 2 * round(self._robot.corner_radius / traversability.grid.cell) + 1
         # The ground that the robot's corners may touch around unseen cells; many times as fast as SciPy's filter.
         around = cv2.dilate(target.view(np.uint8), np.ones((side, side), np.uint8)).view(np.bool_)
@@ -151,13 +141,21 @@ class Exploration:
         return np.array(centres).reshape(-1, 3)
 
     def worth(self, gains: NDArray[np.float64], seconds: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(N, 16) scores of viewpoints, of which the greatest is chosen: 0 for those not worth the drive.
+        """(N, 16) scores of viewpoints, of which the greatest is chosen; not above 0 for those that show nothing.
 
         Args:
             gains: (N, 16) m² that each viewpoint is expected to show.
-            seconds: (N, 16) s until the keyframe is taken.
+            seconds: (N, 16) s until the keyframe is taken, increased by the risk of the way.
         """
-        return np.where((gains >= MIN_GAIN) & (gains >= MIN_RATE * seconds), gains / seconds, 0.0)
+        return gains / seconds
+
+    def needed(self, seconds: NDArray[np.float64] | float) -> NDArray[np.float64]:
+        """(N, 16) m² that viewpoints must show to be worth their time, or of one viewpoint.
+
+        Args:
+            seconds: (N, 16) s until the keyframe is taken, or of one viewpoint.
+        """
+        return np.asarray(self._seen * np.expm1(WORTHWHILE * np.log1p(seconds / self._duration)))
 
     def _narrow(self, context: Context, camera: kernels.CameraView) -> NDArray[np.int64]:
         """(N, 2) all reachable cells where the robot cannot turn around, near ground taken for level at the start.
@@ -170,20 +168,23 @@ class Exploration:
         near = traversability.grid.distance_to(assumed) <= camera.reach
         return np.argwhere(paths.reachable & ~traversability.turnable & near)
 
-    def _best_viewpoint(
-        self, context: Context, camera: kernels.CameraView, cells_of: Callable[..., NDArray[np.int64]]
-    ) -> Viewpoint | None:
-        """The best viewpoint where the robot stands or in the cells (N, 2) of ``cells_of``; None if there is none."""
-        traversability, paths = context.traversability, context.paths
-        assert paths.start is not None
-        cells = cells_of(context, camera)
-        candidates = np.vstack([paths.start, traversability.grid.centre_of(cells)])
-        gains = self._gains(paths.start, cells, camera)
+    def _best_viewpoint(self, context: Context, falls: bool) -> Viewpoint | None:
+        """The best viewpoint, if ground behind crests is assumed to fall or not; None if no viewpoint shows anything.
+
+        A deck behind a crest shows from below, ground that falls does not: the robot looks for decks last.
+        """
+        self._falls, start = falls, context.paths.start
+        if start is None:
+            return None
+        traversability, paths, camera = context.traversability, context.paths, visibility.camera_view(context.frame)
+        cells = np.unique(np.vstack([_spread(context), self._narrow(context, camera)]), axis=0)
+        candidates = np.vstack([start, traversability.grid.centre_of(cells)])
+        gains = self._gains(start, cells, camera)
         if self.rewards and self.rewards.wanted:
             gains = gains + self.rewards.gains(traversability.on_ground(candidates), ANGLES)
-        there = np.vstack([traversability.grid.cell_of(paths.start), cells])
-        gains = np.where(bits(paths.headings[tuple(there.T)]), gains, 0.0)
-        is_some = (gains >= MIN_GAIN).any(axis=1)
+        there = np.vstack([traversability.grid.cell_of(start), cells])
+        gains = np.where(bits(paths.headings[tuple(there.T)]) & (gains >= self._strip), gains, 0.0)
+        is_some = gains.any(axis=1)
         if not is_some.any():
             return None
         candidates, gains, there = candidates[is_some], gains[is_some], there[is_some]
@@ -191,63 +192,73 @@ class Exploration:
         while True:
             known = paths.seconds_to(there, horizon)
             # Ways beyond the search's horizon cost more than the horizon, and no less than a straight drive.
-            least = np.minimum(known, np.inf if paths.is_complete else np.maximum(straight, horizon))
+            beyond = np.inf if paths.is_complete else np.maximum(straight, horizon)
+            least = np.where(np.isfinite(known), known, beyond)
             worth = self.worth(gains, KEYFRAME_TIME + least)
             n, m = np.unravel_index(worth.argmax(), worth.shape)
             if worth[n, m] <= 0 or (paths.is_complete and np.isinf(known[n, m])):
                 return None
             if np.isfinite(known[n, m]):
-                return Viewpoint(candidates[n], wrap_angle(float(ANGLES[m])), True, float(gains[n, m]))
+                quickest = paths.without_risk.seconds_to(there[n][None], float(known[n, m]))
+                seconds = KEYFRAME_TIME + float(min(quickest[0, m], known[n, m]))
+                return Viewpoint(candidates[n], wrap_angle(float(ANGLES[m])), True, float(gains[n, m]), seconds)
             horizon *= 2
 
-    def _place(self, poses: NDArray[np.float64]) -> None:
-        """Count the misses of all cells anew if the poses (K, 4, 4) of keyframes were corrected."""
-        known, self._poses = self._poses, poses
-        if np.array_equal(known, poses[: len(known)]):
-            return
-        misses, missed_from = (np.full_like(self._layers[n], f) for n, f in (("misses", 0), ("missed_from", np.inf)))
-        for missed in self._missed:
-            cells = tuple(np.argwhere(self._layers.grid.mask_of(missed.at(poses))).T)
-            misses[cells] += 1
-            missed_from[cells] = poses[missed.keyframe[0], :2, 3]
-        # A correction may have brought missed cells together.
-        self._layers.write("misses", np.minimum(misses, len(CHANCES)))
-        self._layers.write("missed_from", missed_from)
-
-    def _count_misses(self, measured: NDArray[np.float32], poses: NDArray[np.float64]) -> None:
-        """Record which cells the last keyframe should have shown and did not, and how often such cells are shown."""
-        cells = np.argwhere(self._layers.grid.mask_of(self._expected.at(poses)))
-        # A correction of the map may have brought a cell here that was given up.
-        misses = np.minimum(self._layers["misses"][tuple(cells.T)], len(CHANCES) - 1)
-        is_shown = ~np.isnan(measured[tuple(cells.T)])
-        position = poses[-1, :2, 3]
-        drive = np.linalg.norm(position - self._drive.at(poses)[:, :2], axis=1)
-        stayed, arrived = drive < ARRIVED if len(drive) else (False, False)
-        # A keyframe from elsewhere, after a drive that failed, tells nothing of how often missed ground shows.
-        if arrived:
-            self._looked_for += CELL**2 * np.bincount(misses, minlength=len(CHANCES))
-            self._shown += CELL**2 * np.bincount(misses[is_shown], minlength=len(CHANCES))
-        # A robot that could not set out must turn to something else.
-        if arrived or stayed:
-            missed = cells[~is_shown]
-            self._layers.write("misses", misses[~is_shown] + 1, tuple(missed.T))
-            self._layers.write("missed_from", position, tuple(missed.T))
-            if len(missed):
-                self._missed.append(Places.anchored(self._layers.grid.centre_of(missed), poses, len(poses) - 1))
-        self._expected = NOWHERE
-
-    def _write_terrain(self, context: Context) -> None:
-        """Update the layers of the ground; unseen ground that may be traversable is a target until it is given up."""
+    def _write_ground(self, context: Context) -> None:
+        """Update the layers of the ground; unseen ground that may be traversable is a target."""
         # Unknown ground nearer to a hazard than half of the robot cannot be driven on.
         layers, may_be_driven = self._layers, context.traversability.to_hazard >= self._robot.half_width
-        chances = self.chances
-        # Rounded, so that rays are cast anew only when they change much.
-        rounded = np.where(chances < 1 - IS_THERE, 0.0, np.round(chances, 1))
-        probability = np.append(rounded, 0.0).astype(np.float32)[layers["misses"]]
         layers.write("elevation", context.traversability.sealed)
         layers.write("gradient", context.traversability.gradient)
-        layers.write("probability", probability)
-        layers.write("target", np.isnan(context.measured) & may_be_driven & (probability > 0))
+        layers.write("target", np.isnan(context.measured) & may_be_driven)
+
+    def _count_shown(self, context: Context) -> int:
+        """Count which targets were shown; the number of the first keyframe whose misses are still to be counted."""
+        known = context.poses[:0] if self._poses is None else self._poses
+        first, ahead = len(known), (visibility.camera_view(context.frame).far, 0.0, 0.0, 1.0)
+        moved = np.linalg.norm(((context.poses[:first] - known) @ ahead)[:, :2], axis=1).max(initial=0.0)
+        if moved < CELL:
+            # Along the rims of what is known, also a map that moved by less covers ground without showing it.
+            is_shown = ndimage.binary_opening(self._layers["target"] & ~np.isnan(context.measured), np.ones((3, 3)))
+            self.posterior.shown += np.bincount(self._layers["misses"][is_shown], minlength=MOST_MISSES + 1)
+            self._poses = np.concatenate([known, context.poses[first:]])
+            return first
+        # What was missed from corrected poses is found anew.
+        self._poses, self.posterior.missed[:] = context.poses, 0
+        self._layers.write("misses", np.zeros_like(self._layers["misses"]))
+        self._layers.write("missed_from", np.full_like(self._layers["missed_from"], np.inf))
+        return 0
+
+    def _count_misses(self, context: Context, first: int) -> None:
+        """Count which targets the keyframes from number ``first`` on should have shown, by all that is known now."""
+        misses, missed_from = self._layers["misses"].copy(), self._layers["missed_from"].copy()
+        terrain, poses = self._terrain._replace(missed_from=missed_from, falls=True), context.poses
+        camera = visibility.camera_view(context.frame)
+        visibility.count_misses(poses[first:], camera, terrain, misses, self.posterior.missed)
+        self._note_disappointment(missed_from, poses)
+        for cells in self._in_vain:
+            if cells.keyframe[0] >= first:
+                again = self._layers.grid.mask_of(cells.at(poses)) & terrain.target
+                misses[again] += misses[again] < MOST_MISSES
+                missed_from[again] = poses[cells.keyframe[0], :2, 3]
+        self._layers.write("misses", misses)
+        self._layers.write("missed_from", missed_from)
+
+    def _note_disappointment(self, missed_from: NDArray[np.float32], poses: NDArray[np.float64]) -> None:
+        """Note the cells that the last viewpoint should have shown if the drive ended there, or where it began.
+
+        Those that the newest keyframe missed are left out: these count already. A robot that could not set out, or
+        sees no more than before where it wanted to look, must turn to something else; but a keyframe from elsewhere
+        tells nothing of what was to be seen.
+        """
+        here = poses[-1, :2, 3]
+        drive = np.linalg.norm(here - self._drive.at(poses)[:, :2], axis=1)
+        expected = self._layers.grid.mask_of(self._expected.at(poses)) & self._layers["target"]
+        expected &= (missed_from != here.astype(np.float32)).any(axis=2)
+        if (drive < ARRIVED).any() and expected.any():
+            centres = self._layers.grid.centre_of(np.argwhere(expected))
+            self._in_vain.append(Places.anchored(centres, poses, len(poses) - 1))
+        self._expected = self._drive = NOWHERE
 
     @property
     def _terrain(self) -> kernels.SearchedTerrain:
@@ -265,6 +276,6 @@ class Exploration:
         return np.vstack([visibility.gains(here[None], camera, self._terrain), around])
 
 
-def _spread(context: Context, _: kernels.CameraView) -> NDArray[np.int64]:
+def _spread(context: Context) -> NDArray[np.int64]:
     """(N, 2) cells: of each block the one with the most reachable headings."""
     return best_of_blocks(np.bitwise_count(context.paths.headings), visibility.PLACE_STRIDE)

@@ -23,12 +23,14 @@ class Viewpoint:
         heading: rad.
         turn: whether the robot turns to the heading when it is there.
         gain: m² of ground expected to be seen for the first time, and the rewards of the viewpoint.
+        seconds: expected until the keyframe is taken.
     """
 
     position: NDArray[np.float64]
     heading: float
     turn: bool
     gain: float
+    seconds: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)

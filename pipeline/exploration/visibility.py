@@ -11,6 +11,7 @@ from pipeline.exploration.visibility_kernels import RAY_STEP, RAYS
 from pipeline.frame import Frame
 from pipeline.grid_map import blocks
 from pipeline.localisation.localisation import KEYFRAME_WAY
+from pipeline.transforms import yaw_of
 from pipeline.traversability.pose_kernels import ANGLES
 
 PLACE_STRIDE = 5
@@ -54,13 +55,37 @@ def cells_in_view(
     position: NDArray[np.float64], heading: float, camera: kernels.CameraView, terrain: kernels.SearchedTerrain
 ) -> NDArray[np.bool_]:
     """(nx, ny) the target cells that a viewpoint at (2,) m with a heading (rad) should show."""
+    return kernels.cells_in_view(*position, _bearings(heading, camera), camera, terrain)
+
+
+def count_misses(
+    poses: NDArray[np.float64],
+    camera: kernels.CameraView,
+    terrain: kernels.SearchedTerrain,
+    misses: NDArray[np.uint8],
+    missed: NDArray[np.int64],
+) -> None:
+    """Count the target cells that keyframes should have shown and did not, in the order of their poses.
+
+    Args:
+        poses: (K, 4, 4) of the keyframes.
+        camera: its view of the ground.
+        terrain: the ground as known; ``missed_from`` is renewed in place.
+        misses: (nx, ny) number of keyframes that missed each cell; renewed in place.
+        missed: (256,) number of cells that were missed, by how often they had been missed before; added to in place.
+    """
+    for T in poses:
+        kernels.count_misses(*T[:2, 3], _bearings(yaw_of(T), camera), camera, terrain, misses, missed)
+
+
+def _bearings(heading: float, camera: kernels.CameraView) -> NDArray[np.float64]:
+    """(M,) rad, bearings of rays all over the field of view along a heading, rad."""
     half = _rays_in_view(camera) // 2
     middle = round(heading / (2 * np.pi) * RAYS)
     # The rays from which the gain was computed, bit for bit, for one may slip through where two cells meet at a
     # corner; and rays in between, for the cells that lie between them.
     first = np.arange(middle - half, middle + half + 1) % RAYS * RAY_STEP
-    bearings = (first[:, None] + np.arange(3) / 3 * RAY_STEP).ravel()
-    return kernels.cells_in_view(*position, bearings, camera, terrain)
+    return np.asarray(first[:, None] + np.arange(3) / 3 * RAY_STEP).ravel()
 
 
 class ViewpointGains:

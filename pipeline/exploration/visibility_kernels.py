@@ -112,6 +112,8 @@ def cast_ray(x, y, bearing, view, terrain, seen):
             level = terrain.elevation[i, j]
             rise = rise_along(i, j, dx, dy, terrain)
             fall = max(fall_after(rise, terrain), fall - 2 * RAMP * cell / MAX_UNKNOWN)
+        # Also where it is below the view: what did not show from farther away does not go on out of sight.
+        chance = min(chance, terrain.probability[i, j]) if is_unknown else 1.0
         slope = (level - camera) / d
         if slope > ceiling:
             break
@@ -120,9 +122,8 @@ def cast_ray(x, y, bearing, view, terrain, seen):
         horizon = max(horizon, slope)
         if is_unknown:
             unknown += cell
-        chance = min(chance if is_unknown else 1.0, terrain.probability[i, j])
         if is_shown(x, y, i, j, d, slope, rise, view, terrain):
-            total += d * chance
+            total += d * min(chance, terrain.probability[i, j])
             seen[count] = i * ny + j
             count += 1
     return total, count
@@ -199,3 +200,22 @@ def cells_in_view(x, y, bearings, view, terrain):
         for n in range(count):
             result[seen[n]] = True
     return result.reshape(terrain.target.shape)
+
+
+@njit(cache=True)
+def count_misses(x, y, bearings, view, terrain, misses, missed):
+    """Count the target cells that a keyframe from (x, y) should have shown along ``bearings`` and did not.
+
+    Renewed in place: ``misses`` (nx, ny), ``terrain.missed_from``, and ``missed`` (256,), the number of such cells by
+    their earlier misses.
+    """
+    seen, most = np.zeros(int(view.far / terrain.cell) + 2, np.int64), len(missed) - 1
+    for bearing in bearings:
+        _, count = cast_ray(x, y, bearing, view, terrain, seen)
+        for n in range(count):
+            i, j = divmod(seen[n], terrain.target.shape[1])
+            # Once, although several rays, and a ray at several places, may show the cell.
+            if terrain.missed_from[i, j, 0] != np.float32(x) or terrain.missed_from[i, j, 1] != np.float32(y):
+                missed[misses[i, j]] += 1
+                misses[i, j] = min(misses[i, j] + 1, most)
+                terrain.missed_from[i, j, 0], terrain.missed_from[i, j, 1] = x, y

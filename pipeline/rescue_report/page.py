@@ -73,5 +73,5 @@ def _rows(name: str, content: Any) -> Iterator[tuple[str, str]]:
             yield from _rows(f"{name}.{key}", value)
     elif isinstance(content, float):
         yield name, f"{content:.4g}".replace("-", "−")
-    else:
+    elif not (isinstance(content, list) and content and isinstance(content[0], Mapping)):  # records are for programs
         yield name, "not given" if content is None else str(content)

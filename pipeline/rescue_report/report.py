@@ -5,6 +5,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
+from pipeline.exploration.viewpoint import Viewpoint
 from pipeline.explorer import Explorer, Observer, Step
 from pipeline.files import whole_file
 from pipeline.rescue_report.page import page
@@ -18,16 +19,18 @@ class RescueReport(Observer):
     def __init__(self) -> None:
         self._camera_height = 0.0
         self._finished = False
+        self._left: list[Viewpoint] = []
 
     def on_step(self, explorer: Explorer, step: Step) -> None:
         """Add the newest step."""
         self._camera_height = float(step.keyframe.frame.T_base_camera[2, 3])
         if explorer.mission.goals is None:  # only exploring shows whether viewpoints are left
-            self._finished = step.viewpoint is None and step.can_drive
+            self._finished, self._left = step.viewpoint is None and step.can_drive, step.left
 
     def situation(self, explorer: Explorer) -> Situation:
         """The present knowledge of an explorer that has made at least one step."""
-        return situation_of(explorer.mapper, explorer.robot.model, self._camera_height, self._finished)
+        mapper, robot = explorer.mapper, explorer.robot.model
+        return situation_of(mapper, robot, self._camera_height, self._finished, self._left)
 
 
 def write_page(path: Path, situation: Situation, report: Mapping[str, Any]) -> None:

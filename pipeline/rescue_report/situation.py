@@ -1,10 +1,12 @@
 """The robot's knowledge at the end of an episode, as a rescue team needs it."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.exploration.viewpoint import Viewpoint
 from pipeline.mapper import Mapper
 from pipeline.rescue_report.hazards import Hazards, find_hazards
 from pipeline.rescue_report.posture import Posture, posture_of
@@ -74,6 +76,7 @@ class Situation:
         sightings: people who are not confirmed.
         searched: whether a detector looked for people.
         finished: whether no viewpoint was left that was worth a keyframe.
+        left: viewpoints that would have shown more ground but were not worth the drive.
         trust: how far the map can be trusted.
     """
 
@@ -90,6 +93,7 @@ class Situation:
     sightings: list[Person]
     searched: bool
     finished: bool
+    left: Sequence[Viewpoint]
     trust: Trust
 
     @property
@@ -113,7 +117,9 @@ class Situation:
         return float(np.hypot(x, y)), float(np.arctan2(y, x)) - self.entrance_yaw
 
 
-def situation_of(mapper: Mapper, robot: RobotModel, camera_height: float, finished: bool) -> Situation:
+def situation_of(
+    mapper: Mapper, robot: RobotModel, camera_height: float, finished: bool, left: Sequence[Viewpoint] = ()
+) -> Situation:
     """The situation by a mapper's maps, which hold at least one keyframe of this run; the first is at the entrance.
 
     Args:
@@ -121,6 +127,7 @@ def situation_of(mapper: Mapper, robot: RobotModel, camera_height: float, finish
         robot: the robot that drives.
         camera_height: m above the ground under the robot.
         finished: whether no viewpoint was left that was worth a keyframe.
+        left: viewpoints that would have shown more ground but were not worth the drive.
     """
     traversability, measured = mapper.traversability, mapper.elevation_map.measured
     poses = mapper.keyframes.poses[mapper.keyframes.loaded :]
@@ -142,6 +149,7 @@ def situation_of(mapper: Mapper, robot: RobotModel, camera_height: float, finish
         sightings=[_person(*found, router) for found in unconfirmed_ids(mapper.victims)],
         searched=mapper.detector is not None,
         finished=finished,
+        left=left,
         trust=trust_in(mapper),
     )
 

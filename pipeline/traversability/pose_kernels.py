@@ -203,7 +203,7 @@ def free_poses(clearance, least):
 @njit(cache=True)
 def danger(clearance, spread):
     """Probability that the robot meets an obstacle ``clearance`` m away if it may be off its way by ``spread`` m."""
-    return max(0.0, 1.0 - max(clearance, 0.0) / spread)
+    return max(0.0, 1.0 - max(clearance, 0.0) / spread) if spread > 0 else 0.0
 
 
 @njit(cache=True)

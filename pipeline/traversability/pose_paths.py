@@ -36,7 +36,7 @@ class PosePaths:
     Attributes:
         traversability: of the ground.
         start: (2,) m, the (first) start; None if the robot can stand nowhere near.
-        caution: factor of the measured deviations that the costs allow for.
+        caution: factor of the measured deviations that the costs allow for; with 0 they are times.
     """
 
     def __init__(
@@ -107,6 +107,12 @@ class PosePaths:
     def is_complete(self) -> bool:
         """Whether the search has reached all reachable poses."""
         return bool(self._search.now[1] == 0)
+
+    @cached_property
+    def without_risk(self) -> "PosePaths":
+        """The quickest ways from the (first) start, however near to obstacles: their costs are times."""
+        assert self.start is not None
+        return PosePaths(self.traversability, self.start, self._heading, caution=0.0)
 
     def _known(self, where: tuple[NDArray, ...] | EllipsisType) -> NDArray[np.float32]:
         """(..., 16) s to be at cells with each heading; inf where the search has not got yet."""

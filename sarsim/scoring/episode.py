@@ -21,7 +21,8 @@ from sarsim.scoring.victims import VictimScore
 from sarsim.scoring.voxels import VoxelScore
 from sarsim.simulated_robot import SimulatedRobot, TrueFrame
 
-MOST = 0.9  # Share of the drivable area for which the time until it was seen is reported
+MOST = {"t90_s": 0.9, "t99_s": 0.99}
+"""Shares of the drivable area for which the time until they were seen is reported."""
 
 
 class EpisodeScore(Observer):
@@ -142,12 +143,12 @@ class EpisodeScore(Observer):
         return max(float(grid.at(lengths, last)) * grid.cell, grid.cell)
 
     def _exploration(self) -> dict[str, Any]:
-        """``seen90_s`` is missing if less was seen."""
-        times = [time for time, share in self.progress if share >= MOST]
+        """Times in ``MOST`` are missing if less was seen."""
+        seen = {name: [time for time, share in self.progress if share >= most] for name, most in MOST.items()}
         return {
             "explored_fraction": self.coverage.fraction,
             "frontiers_left": self._frontiers_left,
-            **({"seen90_s": times[0]} if times else {}),
+            **{name: times[0] for name, times in seen.items() if times},
         }
 
     def _path_plan(self) -> dict[str, Any]:

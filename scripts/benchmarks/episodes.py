@@ -170,8 +170,8 @@ class BenchmarkEpisode(Episode):
         self.explorer.observers.append(self._contacts)
 
     def step(self) -> bool:
-        """Like the step of every episode, except that a random walk ends when ``MOST`` of the arena was seen."""
-        return super().step() and not (self._is_random and self.score.coverage.fraction >= MOST)
+        """Like the step of every episode, except that a random walk ends when 90 % of the arena was seen."""
+        return super().step() and not (self._is_random and self.score.coverage.fraction >= MOST["t90_s"])
 
     def picture(self) -> NDArray[np.uint8]:
         """(H, W, 3) uint8 RGB, the run from above."""

@@ -71,7 +71,7 @@ def figures_of(runs: Runs) -> dict[str, float]:
             told = [{stage: report[stage] for stage in BASELINE_STAGES} for report in told]
         figures[f"{prefix}.runs"] = len(told)
         figures[f"{prefix}.failed"] = sum(result is None for result in results)
-        figures[f"{prefix}.seen90_runs"] = sum("seen90_s" in report["exploration"] for report in told)
+        figures[f"{prefix}.seen90_runs"] = sum("t90_s" in report["exploration"] for report in told)
         figures |= {f"{prefix}.{key}": value for key, value in group_figures(told).items()}
     ratios = {group: _ratios(runs, group) for group in GROUPS}
     for group, values in ratios.items():

@@ -62,7 +62,7 @@ def seen90_ratio(ours: Report, theirs: Report) -> float | None:
 
     If we did not see it, ten times our duration counts. None if they did not, as there is nothing to compare with.
     """
-    t_ours, t_theirs = (report["exploration"].get("seen90_s") for report in (ours, theirs))
+    t_ours, t_theirs = (report["exploration"].get("t90_s") for report in (ours, theirs))
     if t_theirs is None:
         return None
     if t_ours is None:
@@ -79,7 +79,7 @@ ROWS: Mapping[str, str] = {
     "explored, mean": "exploration.explored_fraction.mean",
     "explored, worst": "exploration.explored_fraction.worst",
     "90 % seen by": "seen90_runs",
-    "90 % seen after, s, median": "exploration.seen90_s.median",
+    "90 % seen after, s, median": "exploration.t90_s.median",
     "done after, s, median": "sim_time_s.median",
     "legs": "navigation.legs.sum",
     "legs reached": "navigation.reached.sum",

@@ -125,7 +125,7 @@ def _times(group: str, found: Results, without: Results) -> dict[str, float]:
     seen = [(a["exploration"], b["exploration"]) for a, b in both]
     ratios: Mapping[str, list[float]] = {
         "sim_time_vs_without": [a["sim_time_s"] / b["sim_time_s"] for a, b in both],
-        "seen90_vs_without": [a["seen90_s"] / b["seen90_s"] for a, b in seen if "seen90_s" in a and "seen90_s" in b],
+        "seen90_vs_without": [a["t90_s"] / b["t90_s"] for a, b in seen if "t90_s" in a and "t90_s" in b],
     }
     return {f"{group}.{name}": float(np.median(values)) for name, values in ratios.items() if values}
 

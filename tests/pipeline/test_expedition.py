@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 from pipeline.expedition import Expedition, ResultFolder
+from pipeline.exploration.viewpoint import Viewpoint
 from pipeline.explorer import Explorer, Observer
+from pipeline.localisation.localisation import LostError
 from pipeline.localisation.trajectory import EstimatedTrajectory
 from pipeline.mapper import Mapper
 from pipeline.rerun.recorder import Recorder
@@ -47,7 +49,7 @@ class Diary(Observer):
 
 
 class OneStep(Expedition):
-    """An expedition of one step."""
+    """An expedition of one step, or of more."""
 
     def __init__(self, out: Path, steps: int = 1):
         explorer = Explorer(StillRobot(), Mapper(PIONEER, TruthClassifier()))
@@ -76,6 +78,7 @@ def test_observers_are_told_of_each_event_and_the_results_are_whole(tmp_path: Pa
     assert report["config"] == {"out": tmp_path.name, "weights": ["a/b", "c"]}
     assert "/home" not in (tmp_path / "report.html").read_text()
     assert report["stage"] == {"figure": 1}
+    assert report["exploration"] == {"ended": "steps"}
     assert [fault["kind"] for fault in report["faults"]] == ["stuck"]  # for this robot never moves
 
 
@@ -100,6 +103,47 @@ def test_a_faulty_robot_is_reported_and_costs_no_map(fault, kinds: list[str], tm
     assert [kind for kind in noticed if kind != "stuck"] == kinds
     assert bool(expedition.lost) == ("lost" in kinds)
     assert {file.name for file in tmp_path.iterdir()} >= (MAPS if expedition.explorer.steps else {"report.json"})
+
+
+VIEW = Viewpoint(np.array([1.0, 2.0]), 0.0, turn=True, gain=0.03, seconds=27.0)
+
+
+@pytest.mark.parametrize(
+    ("ended", "left"), [("nothing_left", []), ("not_worth_it", [VIEW]), ("held", []), ("shut_in", [])]
+)
+def test_the_report_says_why_exploring_ended_and_what_was_left(ended, left, tmp_path, monkeypatch):
+    expedition = OneStep(tmp_path, steps=9)
+    step = replace(expedition.explorer.step(), viewpoint=None, plan=None, left=left)
+    if ended == "shut_in":
+        step.context.paths.start = None
+    monkeypatch.setattr(expedition.explorer, "step", lambda: step)
+    monkeypatch.setattr(Explorer, "is_held", property(lambda explorer: ended == "held"))
+    expedition.run()
+    told = {"left": [{"position": [1.0, 2.0], "area_m2": 0.03, "seconds": 27.0}]} if left else {}
+    assert expedition.report["exploration"] == {"ended": ended} | told
+
+
+def test_a_corrected_map_is_looked_at_again_but_once(tmp_path, monkeypatch):
+    expedition, steps = OneStep(tmp_path, steps=9), []
+    step = replace(expedition.explorer.step(), viewpoint=None, plan=None)
+    monkeypatch.setattr(expedition.explorer, "step", lambda: steps.append(step) or step)
+    monkeypatch.setattr(expedition.explorer, "settle", lambda: True)
+    expedition.run()
+    assert len(steps) == 2
+
+
+def test_a_robot_that_is_lost_or_stopped_in_the_middle_says_so(tmp_path, monkeypatch):
+    def lose_its_place():
+        raise LostError("dark")
+
+    for name, step, ended in (("a", lose_its_place, "lost"), ("b", None, "interrupted")):
+        (tmp_path / name).mkdir()
+        expedition = OneStep(tmp_path / name)
+        calls = iter([False, True, True, True])
+        if step:
+            monkeypatch.setattr(expedition.explorer, "step", step)
+        expedition.run(interrupted=lambda calls=calls: next(calls))
+        assert expedition.report["exploration"] == {"ended": ended}
 
 
 @pytest.mark.parametrize("failing", ["topology.json", "the end"])

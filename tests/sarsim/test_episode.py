@@ -200,7 +200,7 @@ def go_on(earlier: Path, folder: Path, **config) -> Episode:
 
 
 def test_a_robot_goes_on_in_the_map_of_an_earlier_episode(tmp_path):
-    first = Episode(EpisodeConfig(labels="truth", detector=None, out=tmp_path / "first", steps=12))
+    first = Episode(EpisodeConfig(labels="truth", detector=None, out=tmp_path / "first", steps=9))
     assert first.run()
     second = go_on(tmp_path / "first", tmp_path / "second", start=(-0.95, -1.38, 170.0))
     mapper = second.explorer.mapper

@@ -27,7 +27,7 @@ def report(explored=1.0, seen90=None, time=100.0, tipped=0, collisions=0):
         "sim_time_s": time,
         "timing_ms": {"sense": {"median": 5.0}},
         "navigation": {"legs": 4, "reached": 4, "tipped": tipped, "stuck": 0, "collisions": collisions},
-        "exploration": {"explored_fraction": explored} | ({} if seen90 is None else {"seen90_s": seen90}),
+        "exploration": {"explored_fraction": explored} | ({} if seen90 is None else {"t90_s": seen90}),
     }
 
 
@@ -42,7 +42,7 @@ def test_all_numbers_of_a_report_become_figures_but_not_its_settings():
         "navigation.stuck": 0,
         "navigation.collisions": 0,
         "exploration.explored_fraction": 1,
-        "exploration.seen90_s": 40,
+        "exploration.t90_s": 40,
     }
 
 
@@ -54,7 +54,7 @@ def test_the_worst_is_the_lowest_of_what_should_be_high_and_the_highest_of_what_
     assert figures[f"{key}.mean"] == pytest.approx(0.8)
     assert figures["navigation.collisions.worst"] == 2
     assert figures["navigation.collisions.sum"] == 3
-    assert figures["exploration.seen90_s.mean"] == 30  # of the one run that has it
+    assert figures["exploration.t90_s.mean"] == 30  # of the one run that has it
 
 
 @pytest.mark.parametrize(
@@ -143,7 +143,7 @@ def test_figures_pictures_and_table(tmp_path, pretended):
     assert figures["nist_6x4.runs"] == figures["nist_6x4.seen90_runs"] == 3
     assert figures["nist_6x4.navigation.legs.sum"] == 12
     assert figures["random.exploration.explored_fraction.mean"] == 0.95
-    assert figures["nearest_frontier.nist_6x4.exploration.seen90_s.median"] == 80
+    assert figures["nearest_frontier.nist_6x4.exploration.t90_s.median"] == 80
     assert "esogu_52x15.runs" not in figures
     worst = {"nist_6x4": ["ours-nist_6x4-2", "ours-nist_6x4-1"], "random": ["ours-random_0-0"]}
     assert result.details["worst"] == worst

@@ -73,7 +73,7 @@ def test_a_frame_is_timed_beside_plain_pytorch():
 def result(visible, found, alarms, errors, time):
     told = {"present": 4, "found": found, "false_alarms": alarms, "visible": visible, "visible_found": found}
     told["position_error_m"] = float(np.median(errors)) if errors else None
-    report = {"victims": told, "sim_time_s": time, "exploration": {"seen90_s": time / 2}}
+    report = {"victims": told, "sim_time_s": time, "exploration": {"t90_s": time / 2}}
     return {"report": report, "position_errors": errors}
 
 

@@ -33,7 +33,7 @@ def corridor(west, east):
 
 
 def test_the_nearest_frontier_in_view_is_looked_at_from_where_the_robot_stands():
-    viewpoint = next_viewpoint(NearestFrontier(PIONEER), corridor(-6, 2), from_yaw(0, 0, 0, 0))
+    viewpoint = next_viewpoint(NearestFrontier(PIONEER), corridor(-6, 2), from_yaw(0, 0, 0, np.pi))
     assert abs(viewpoint.heading) < np.deg2rad(30)
     np.testing.assert_allclose(viewpoint.position, (0, 0), atol=1e-9)
     assert viewpoint.gain >= PIONEER.length * PIONEER.width
@@ -55,14 +55,16 @@ def test_what_is_larger_does_not_draw_it_away_from_what_is_nearer():
     assert abs(next_viewpoint(Exploration(PIONEER), world, pose).heading) > np.deg2rad(90)
 
 
-def test_a_frontier_smaller_than_the_robot_comes_last_but_comes():
+def test_a_frontier_smaller_than_the_robot_comes_last_but_comes(monkeypatch):
     gains = np.array([[0.1, 0.2], [0.0, 0.9], [0.3, 0.8]])
     seconds = np.array([[0.0, 3.0], [2.0, 2.5], [4.0, 1.0]])
-    worth = NearestFrontier(PIONEER).worth(gains, seconds)
+    exploration = NearestFrontier(PIONEER)
+    monkeypatch.setattr(exploration, "needed", lambda seconds: 0.03)
+    worth = exploration.worth(gains, seconds)
     np.testing.assert_equal(worth, [[0, 0], [0, 0], [0.3, 0.8]])
-    worth = NearestFrontier(PIONEER).worth(0.25 * gains, seconds)
+    worth = exploration.worth(0.25 * gains, seconds)
     np.testing.assert_equal(worth, 0.25 * np.array([[0, 0.2], [0, 0], [0, 0]]))
-    assert not NearestFrontier(PIONEER).worth(0.01 * gains, seconds).any()
+    assert not exploration.worth(0.01 * gains, seconds).any()
 
 
 def test_where_the_robot_can_not_turn_the_frontier_behind_it_is_left_for_later():
@@ -79,13 +81,13 @@ def test_nothing_is_left_in_a_closed_room():
 
 
 def test_a_frontier_that_never_comes_into_view_is_given_up():
-    world, exploration, pose = corridor(-3, 2), NearestFrontier(PIONEER), from_yaw(0, 0, 0, 0)
+    world, exploration, pose = corridor(-3, 2), NearestFrontier(PIONEER), from_yaw(0, 0, 0, np.pi)
     world.update(wall_points((-3, -1), (-3, 1)))
     viewpoints = []
     while (viewpoint := next_viewpoint(exploration, world, pose)) is not None and len(viewpoints) < 100:
         viewpoints.append(viewpoint)
         pose = from_yaw(*viewpoint.position, 0, viewpoint.heading)
-    assert 3 <= len(viewpoints) < 100
+    assert 2 <= len(viewpoints) < 10
     assert len({tuple(v.position) for v in viewpoints}) > 1
 
 

@@ -3,9 +3,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from pipeline.exploration import next_best_view, visibility
+from pipeline.exploration import visibility
 from pipeline.exploration import visibility_kernels as kernels
-from pipeline.exploration.next_best_view import CHANCES, IS_THERE, Exploration
+from pipeline.exploration.next_best_view import KEYFRAME_TIME, Exploration
 from pipeline.transforms import from_yaw, wrap_angle
 from pipeline.traversability.elevation_map import ElevationMap
 from pipeline.traversability.pose_kernels import ANGLES
@@ -24,7 +24,7 @@ def test_it_looks_where_the_known_ground_ends():
     world = surface_of(ground_points(flat, (-2, 2), (-1, 1)), wall_points((-2, -1), (-2, 1)))
     for y in (-1, 1):
         world.update(wall_points((-2, y), (2, y)))
-    viewpoint = next_viewpoint(Exploration(PIONEER), world, from_yaw(0, 0, 0, 0))
+    viewpoint = next_viewpoint(Exploration(PIONEER), world, from_yaw(0, 0, 0, np.pi))
     assert viewpoint is not None
     assert abs(viewpoint.heading) < np.deg2rad(30)
     assert viewpoint.gain > 0.5
@@ -46,7 +46,7 @@ def test_the_nearer_of_two_equal_openings_is_looked_at_first():
     world = surface_of(ground_points(flat, (-4, 2), (-1, 1)))
     for y in (-1, 1):
         world.update(wall_points((-4, y), (2, y)))
-    viewpoint = next_viewpoint(Exploration(PIONEER), world, from_yaw(0.5, 0, 0, 0))
+    viewpoint = next_viewpoint(Exploration(PIONEER), world, from_yaw(0.5, 0, 0, np.pi / 2))
     assert viewpoint.position[0] > -1
     assert abs(viewpoint.heading) < np.deg2rad(30)
 
@@ -67,7 +67,7 @@ def test_ground_that_a_keyframe_missed_is_sought_from_elsewhere_and_then_given_u
         world.update(wall_points((-3, y), (1.5, y)))
     world.update(wall_points((-3, -1), (-3, 1)))
     exploration = Exploration(PIONEER)
-    pose, viewpoints = from_yaw(0, 0, 0, 0), []
+    pose, viewpoints = from_yaw(0, 0, 0, np.pi), []
     for _ in range(100):
         viewpoint = next_viewpoint(exploration, world, pose)  # nothing new ever comes into view
         if viewpoint is None:
@@ -160,7 +160,7 @@ def test_ground_that_a_keyframe_missed_may_fall_away():
     for y in (-0.6, 0.6):
         deck.update(wall_points((-3, y), (1, y)))
     exploration = Exploration(PIONEER)
-    first = next_viewpoint(exploration, deck, from_yaw(-1, 0, 0, 0))
+    first = next_viewpoint(exploration, deck, from_yaw(-1, 0, 0, np.pi))
     second = next_viewpoint(exploration, deck, from_yaw(*first.position, 0, first.heading))
     assert first.position[0] < 0
     assert second.position[0] > 0.2
@@ -249,58 +249,78 @@ def test_it_is_weighed_with_the_ground_left_to_see():
     for worth in (0.01, 100.0):
         exploration = Exploration(PIONEER)
         exploration.rewards = Reward(worth)
-        viewpoints.append(next_viewpoint(exploration, world, from_yaw(-2.5, 0, 0, np.pi)))
+        viewpoints.append(next_viewpoint(exploration, world, from_yaw(-2.5, 0, 0, np.pi / 2)))
     assert abs(viewpoints[0].heading) > 2  # the nearer end of the known ground
     assert np.linalg.norm(viewpoints[1].position - (1, 0)) < 0.3
 
 
-def test_the_dearer_a_way_is_the_more_it_must_show():
-    gains, seconds = np.array([[0.02, 0.04, 0.04, 0.4, 0.4]]), np.array([[1.0, 140.0, 150.0, 1400.0, 1500.0]])
-    worth = Exploration(PIONEER).worth(gains, seconds)
-    np.testing.assert_allclose(worth, [[0, 0.04 / 140, 0, 0.4 / 1400, 0]])
+def test_15_percent_more_time_must_show_0_2_percent_more_ground():
+    exploration, world = Exploration(PIONEER), closed_room()
+    next_viewpoint(exploration, world, from_yaw(0, 0, 0, 0))
+    area = np.isfinite(world.measured).sum() * 0.05**2
+    look_around = 2 * np.pi / PIONEER.turn_rate + KEYFRAME_TIME
+    assert exploration.needed(0.15 * look_around) == pytest.approx(0.002 * area)  # no time has passed yet
+    assert exploration.needed(0.0) == 0
+    assert 1 < exploration.needed(4 * look_around) / exploration.needed(2 * look_around) < 2
 
 
-def test_a_miss_lowers_the_probability_by_bayes_rule_until_the_cell_is_given_up():
-    for before, after in pairwise((*CHANCES, 0.07)):
-        missed = before * (1 - 0.7)
-        assert after == pytest.approx(missed / (missed + 1 - before), abs=0.01)
-    assert 3 <= len(CHANCES) <= 8
-    assert 0.07 < 1 - IS_THERE < min(CHANCES)
+def test_what_is_left_is_told_each_patch_once_and_stays_to_be_looked_for():
+    world = surface_of(ground_points(flat, (-4, 2), (-1, 1)))
+    for y in (-1, 1):
+        world.update(wall_points((-4, y), (2, y)))
+    exploration, here = Exploration(PIONEER), context(world, from_yaw(0.5, 0, 0, np.pi / 2))
+    exploration.observe(here)
+    first, *others = exploration.left(here)
+    again = exploration.next_viewpoint(here)
+    assert (first.gain, first.seconds, first.heading) == (again.gain, again.seconds, again.heading)
+    assert any(np.cos(other.heading) * np.cos(first.heading) < 0 for other in others)  # the other end
+    assert all(view.gain >= PIONEER.width * 0.05 for view in others)  # nothing smaller than a strip of that width
+    exploration, here = Exploration(PIONEER), context(closed_room(), from_yaw(0, 0, 0, 0))
+    exploration.rewards = Reward(1.0)  # is no ground
+    exploration.observe(here)
+    assert exploration.left(here) == []
+    assert exploration.next_viewpoint(here) is not None
 
 
 def test_what_a_drive_that_failed_on_its_way_should_have_shown_is_not_missed():
     world = surface_of(ground_points(flat, (-6, 2), (-1, 1)), *(wall_points((-6, y), (2, y)) for y in (-1, 1)))
-    gains = []
-    for share in (0.0, 0.5, 1.0):
-        exploration = Exploration(PIONEER)
-        first = next_viewpoint(exploration, world, from_yaw(-5, 0, 0, 0))
-        x, y = (1 - share) * np.array([-5, 0]) + share * first.position
-        there = from_yaw(x, y, 0, first.heading if share else 0.0)
-        anew = next_viewpoint(Exploration(PIONEER), world, there)
-        gains.append(next_viewpoint(exploration, world, there).gain / anew.gain)
-    assert gains[1] == 1
-    assert max(gains[0], gains[2]) < 0.9
+    exploration = Exploration(PIONEER)
+    first = next_viewpoint(exploration, world, from_yaw(-5, 0, 0, 0))
+    there = from_yaw(*np.mean([first.position, (-5, 0)], axis=0), 0, first.heading)
+    anew = next_viewpoint(Exploration(PIONEER), world, there)
+    assert next_viewpoint(exploration, world, there).gain == anew.gain
 
 
-def test_a_drive_that_failed_teaches_nothing_of_rims():
+def test_a_robot_that_can_not_set_out_turns_to_something_else():
+    world = surface_of(ground_points(flat, (-6, 2), (-1, 1)), *(wall_points((-6, y), (2, y)) for y in (-1, 1)))
+    exploration, pose = Exploration(PIONEER), from_yaw(-1, 0, 0, np.pi / 2)
+    first, second = (next_viewpoint(exploration, world, pose) for _ in range(2))
+    assert first.position[0] > -1 > second.position[0]
+
+
+def test_a_robot_that_finds_nothing_beyond_rims_expects_less_there_than_one_that_does():
     walls = [wall_points((-6, y), (6, y)) for y in (-1, 1)]
-    world, chances = surface_of(ground_points(flat, (-6, 6), (-1, 1)), *walls), []
-    for arrives in (True, False):
-        exploration, pose = Exploration(PIONEER), from_yaw(0, 0, 0, 0)
-        for _ in range(3):
-            viewpoint = next_viewpoint(exploration, world, pose)
-            pose = from_yaw(*viewpoint.position, 0, viewpoint.heading) if arrives else pose
-        chances.append(exploration.chances[1])
-    assert chances[0] < 0.6 < chances[1] == CHANCES[1]
+    end, more = (surface_of(ground_points(flat, (-6, x), (-1, 1)), *walls) for x in (2, 6))
+    chances = []
+    for known in (end, more):
+        exploration, earlier = Exploration(PIONEER), np.zeros((0, 4, 4))
+        for x in (0.0, 0.6, 1.2):  # it drives up to a rim
+            here = context(known if x else end, from_yaw(x, 0, 0, 0), earlier)
+            exploration.observe(here)
+            earlier = here.poses
+        chances.append(exploration.posterior.chances)
+    assert chances[0][0] == chances[1][0] == 1
+    assert chances[0][1] < 1 / 3
+    assert chances[1][1] > 2 / 3
 
 
-def test_a_robot_that_finds_nothing_beyond_rims_looks_there_less_often(monkeypatch):
-    looks = []
-    world = surface_of(ground_points(flat, (-3, 3), (-1, 1)))
-    for experience in (1e6, 1.0):
-        monkeypatch.setattr(next_best_view, "EXPERIENCE", experience)
-        exploration, pose, n = Exploration(PIONEER), from_yaw(0, 0, 0, 0), 0
-        while (viewpoint := next_viewpoint(exploration, world, pose)) is not None:
-            pose, n = from_yaw(*viewpoint.position, 0, viewpoint.heading), n + 1
-        looks.append(n)
-    assert 5 < looks[1] <= 0.7 * looks[0]
+def test_also_keyframes_on_the_way_tell_where_no_ground_is():
+    world = surface_of(ground_points(flat, (-6, 2), (-1, 1)), *(wall_points((-6, y), (2, y)) for y in (-1, 1)))
+    gains = []
+    for on_the_way in ((), (0.5, 1.0)):
+        poses = [from_yaw(x, 0, 0, 0) for x in on_the_way]
+        here = context(world, from_yaw(-1, 0, 0, np.pi), np.array(poses).reshape(-1, 4, 4))
+        exploration = Exploration(PIONEER)
+        exploration.observe(here)
+        gains.append(sum(view.gain for view in exploration.left(here) if view.position[0] > -1))
+    assert gains[1] < 0.5 * gains[0]

@@ -5,6 +5,7 @@ from pipeline.exploration import visibility
 from pipeline.exploration import visibility_kernels as kernels
 from pipeline.exploration.visibility import PLACE_STRIDE, ViewpointGains, camera_view
 from pipeline.sensor import XTION
+from pipeline.transforms import from_yaw
 from tests.pipeline.still_robot import HEIGHT, INTRINSICS, PITCH, StillRobot
 
 CAMERA = kernels.CameraView(0.6, 0.17, 0.9, 3.1, -0.6, 0.15, 0.9)
@@ -121,3 +122,26 @@ def test_unknown_ground_is_no_likelier_than_unknown_ground_before_it_up_to_known
     assert visibility.gains(ahead, CAMERA, terrain)[0, 0] == pytest.approx(0.1 * sure)
     terrain.elevation[103:105] = 0.0
     assert visibility.gains(ahead, CAMERA, terrain)[0, 0] > 0.8 * sure
+
+
+def test_what_did_not_show_from_farther_away_does_not_go_on_out_of_sight():
+    """With the unknown ground's rim nearer than the camera sees."""
+    terrain, ahead = terrain_with(known_up_to(100)), np.array([[4.8, 2.5]])
+    sure = visibility.gains(ahead, CAMERA, terrain)[0, 0]
+    terrain.probability[100:102] = 0.1
+    assert visibility.gains(ahead, CAMERA, terrain)[0, 0] == pytest.approx(0.1 * sure)
+
+
+def test_a_cell_is_missed_once_by_a_keyframe_and_again_only_by_one_from_elsewhere():
+    terrain, poses = terrain_with(known_up_to(100)), np.stack([from_yaw(4.0, 2.5, 0, 0), from_yaw(4.05, 2.5, 0, 0)])
+    misses, missed = np.zeros(SHAPE, np.uint8), np.zeros(256, np.int64)
+    visibility.count_misses(poses[:1], CAMERA, terrain, misses, missed)
+    expected = visibility.cells_in_view(np.array([4.0, 2.5]), 0.0, CAMERA, terrain_with(known_up_to(100)))
+    np.testing.assert_array_equal(misses, expected)
+    visibility.count_misses(poses[1:], CAMERA, terrain, misses, missed)
+    assert misses.max() == 1  # too near to the first
+    assert missed[0] == misses.sum()
+    # From near, at a steep angle, as ground that falls away would show.
+    visibility.count_misses(from_yaw(4.6, 2.5, 0, 0)[None], CAMERA, terrain, misses, missed)
+    assert misses.max() == 2
+    assert missed[1] == (misses == 2).sum()

@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 
 from pipeline.errors import InputError
+from pipeline.exploration.viewpoint import Viewpoint
 from pipeline.explorer import Explorer
 from pipeline.mapper import Mapper
+from pipeline.rescue_report.page import page
 from pipeline.rescue_report.report import RescueReport, write_page
 from pipeline.semantic_map.classifier import TruthClassifier
 from pipeline.transforms import from_yaw
@@ -16,6 +18,15 @@ from tests.pipeline.rescue_report.html_page import read
 from tests.pipeline.rescue_report.people import before_a_wall
 from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.still_robot import StillRobot
+
+
+def test_the_page_lists_what_was_not_worth_the_drive() -> None:
+    view = Viewpoint(np.array([1.0, 2.0]), 0.0, turn=True, gain=0.03, seconds=87.0)
+    assert "0.03 m² from (1.0, 2.0) m, 1 min 27 s" in page(replace(before_a_wall(None), left=[view]), {"arena": "a"})
+    assert (
+        "worth"
+        not in page(before_a_wall(None), {"arena": "a"}).partition("Not explored")[2].partition("</section>")[0]
+    )
 
 
 def test_the_last_step_tells_whether_a_viewpoint_is_left() -> None:

@@ -239,3 +239,15 @@ def test_a_robot_that_is_shut_in_goes_back_the_way_it_came():
         paths = PosePaths(assess(grid, elevation, nowhere > 0, track, PIONEER), (1.925, 1.525), EAST)
         assert np.isfinite(paths.cost_to((0.6, 1.5))) == track.any()
     assert paths.way_to((0.6, 1.525)).backwards[0]
+
+
+def test_without_risk_ways_cost_their_time_alone(maze):
+    paths = PosePaths(maze, (-1, -1), EAST)
+    times, costs = paths.without_risk.seconds, paths.seconds
+    assert np.isfinite(costs).any()
+    np.testing.assert_array_equal(np.isfinite(times), np.isfinite(costs))
+    finite = np.isfinite(costs)
+    assert (times[finite] <= costs[finite]).all()
+    assert (times[finite] < 0.9 * costs[finite]).any()  # around the wall's end
+    straight = (-1 + 0.25, -1)
+    assert paths.without_risk.cost_to(straight) == pytest.approx(paths.cost_to(straight))

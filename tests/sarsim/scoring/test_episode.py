@@ -44,10 +44,13 @@ def test_what_was_seen_is_counted_on_drivable_ground_alone(score):
     assert not score.coverage.seen[np.isnan(surface.height)].any()
 
 
-def test_the_time_to_see_90_percent_is_that_of_the_first_keyframe_with_so_much(score, monkeypatch):
-    assert "seen90_s" not in score.report()["exploration"]
+def test_times_to_see_most_are_those_of_the_first_keyframes_with_so_much(score, monkeypatch):
+    assert not {"t90_s", "t99_s"} & set(score.report()["exploration"])
     monkeypatch.setattr(EpisodeScore, "progress", [(0.0, 0.3), (7.0, 0.9), (9.0, 0.95)])
-    assert score.report()["exploration"]["seen90_s"] == 7.0
+    assert score.report()["exploration"]["t90_s"] == 7.0
+    assert "t99_s" not in score.report()["exploration"]
+    monkeypatch.setattr(EpisodeScore, "progress", [(0.0, 0.3), (7.0, 0.995)])
+    assert {score.report()["exploration"][key] for key in ("t90_s", "t99_s")} == {7.0}
 
 
 def test_an_error_of_the_thread_that_scores_is_raised_where_the_score_is_read():

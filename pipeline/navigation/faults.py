@@ -12,7 +12,7 @@ class Fault:
     """A fault.
 
     Attributes:
-        kind: ``camera`` (it gave no frame), ``no_depth``, ``depth_scale``, ``stuck``, ``carried`` or ``lost``.
+        kind: ``camera`` (it gave no frame), ``depth_scale``, ``stuck``, ``carried`` or ``lost``.
         time_s: when it was noticed, s.
         text: in words.
     """

@@ -1,6 +1,7 @@
 """When the robot takes keyframes, and what the navigator learns from them while it drives."""
 
 from collections.abc import Callable
+from itertools import pairwise
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,9 +13,9 @@ from pipeline.mapper import Keyframe, Mapper
 from pipeline.metric_map.isolated_returns import without_isolated_returns
 from pipeline.navigation.faults import Faults
 from pipeline.navigation.navigator import MotionCheck, Navigator
-from pipeline.navigation.pose_check import LOOKS, PoseCheck
+from pipeline.navigation.pose_check import PoseCheck
 from pipeline.navigation.progress import BLOCKED_SHARE
-from pipeline.transforms import inverse
+from pipeline.transforms import angle_of, inverse
 
 LABELLED = 6
 """During a drive one keyframe in this many is labelled: the network is the slowest stage."""
@@ -37,7 +38,7 @@ class Keyframing:
         self._T_odom_keyframe = np.eye(4)
         self._last: Frame | None = None
         self.faults = Faults()
-        self._blank = 0  # frames without depth in a row
+        self._T_odom_unseen: list[NDArray[np.float64]] = []  # of the newest frames, which show nothing
 
     def sense(self) -> Frame:
         """The newest frame, once the robot has looked around as much as it needs to know its pose.
@@ -96,12 +97,20 @@ class Keyframing:
 
     def _sense(self) -> Frame:
         self._last = without_isolated_returns(self._frame())
-        self._blank = 0 if self._last.returns.any() else self._blank + 1
-        if self._blank:
-            self.faults.note("no_depth", self._last.time, "the camera measures no depth")
-        if self._blank == LOOKS:
-            raise LostError(f"the camera has measured no depth in {LOOKS} frames up to {self._last.time:.2f} s")
+        self._check_depth(self._last)
         return self._last
+
+    def _check_depth(self, frame: Frame) -> None:
+        """LostError if nothing was seen in a turn around, or on a way on which what is too near comes into view."""
+        self._T_odom_unseen.append(frame.T_odom_base)
+        if frame.returns.any():
+            self._T_odom_unseen.clear()
+        moves = [inverse(a) @ b for a, b in pairwise(self._T_odom_unseen)]
+        way = sum(np.linalg.norm(T[:3, 3]) for T in moves)
+        if way > frame.sensor.nearest or sum(map(angle_of, moves)) > 2 * np.pi:
+            raise LostError(
+                f"the camera measures no depth: at {frame.time:.2f} s in {len(moves) + 1} frames in a row"
+            )
 
     def _frame(self) -> Frame:
         """The camera's newest frame; LostError if it fails twice in a row."""

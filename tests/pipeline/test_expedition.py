@@ -11,11 +11,13 @@ import pytest
 from pipeline.expedition import Expedition, ResultFolder
 from pipeline.exploration.viewpoint import Viewpoint
 from pipeline.explorer import Explorer, Observer
+from pipeline.frame import Frame
 from pipeline.localisation.localisation import LostError
 from pipeline.localisation.trajectory import EstimatedTrajectory
 from pipeline.mapper import Mapper
 from pipeline.rerun.recorder import Recorder
 from pipeline.semantic_map.classifier import TruthClassifier
+from pipeline.transforms import from_yaw
 from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.still_robot import StillRobot
 
@@ -82,12 +84,15 @@ def test_observers_are_told_of_each_event_and_the_results_are_whole(tmp_path: Pa
     assert [fault["kind"] for fault in report["faults"]] == ["stuck"]  # for this robot never moves
 
 
+def blank(frame: Frame) -> Frame:
+    return replace(frame, depth=np.nan * frame.depth)
+
+
 @pytest.mark.parametrize(
     ("fault", "kinds"),
     [
         (lambda frame, count: replace(frame, depth=1.05 * frame.depth), ["depth_scale"]),
-        (lambda frame, count: replace(frame, depth=0 * frame.depth), ["no_depth"]),
-        (lambda frame, count: replace(frame, depth=(1 if count < 2 else np.nan) * frame.depth), ["no_depth"]),
+        (lambda frame, count: replace(blank(frame), T_odom_base=from_yaw(0, 0, 0, count)), ["lost"]),
         (lambda frame, count: replace(frame, T_odom_base=np.nan * frame.T_odom_base), ["lost"]),
         (lambda frame, count: replace(frame, T_base_camera=np.nan * frame.T_base_camera), ["lost"]),
         (lambda frame, count: frame if count != 2 else frame.nothing, ["camera"]),

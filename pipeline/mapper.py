@@ -12,7 +12,7 @@ from pipeline.errors import InputError
 from pipeline.frame import Frame
 from pipeline.keyframes import Keyframes, Moves, Seen, nearest
 from pipeline.localisation.localisation import Localisation
-from pipeline.localisation.odometry import OdometryLocalisation
+from pipeline.localisation.slam import Slam
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.robot import RobotModel
 from pipeline.segments.cells_kernels import moved
@@ -84,10 +84,10 @@ class Mapper:
             voxel_size: of the metric map, m.
             graph: what plans are made on: ``mst``, the thesis's tree, or ``roadmap``, which adds loops.
             seed: of RANSAC.
-            localisation: gives the poses of frames; by default those of the odometry.
+            localisation: gives the poses of frames; by default odometry corrected by registration (SLAM).
         """
         self.classifier, self.detector = classifier, detector
-        self.localisation: Localisation = localisation or OdometryLocalisation()
+        self.localisation: Localisation = localisation or Slam()
         self.metric_map = MetricMap(voxel_size)
         self.elevation_map = ElevationMap(robot)
         self._traversability_layer = TraversabilityLayer()

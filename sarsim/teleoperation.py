@@ -15,7 +15,6 @@ import numpy as np
 
 from pipeline.errors import InputError
 from pipeline.localisation.localisation import is_keyframe
-from pipeline.localisation.slam import Slam
 from pipeline.map_file import save_maps
 from pipeline.mapper import Mapper
 from pipeline.metric_map.isolated_returns import without_isolated_returns
@@ -170,7 +169,7 @@ class MappedDrive:
         self._robot, self._recorder = robot, recorder
         self.physics, self.base_body, self.control_period = robot.physics, robot.base_body, robot.control_period
         self.limits = robot.robot.drive.limits
-        self.mapper = Mapper(robot.model, classifier, localisation=Slam())
+        self.mapper = Mapper(robot.model, classifier)
         self._localise()
 
     def drive(self, command: Velocity) -> None:

@@ -12,7 +12,6 @@ from pipeline.errors import InputError
 from pipeline.expedition import Expedition, ResultFolder
 from pipeline.explorer import Explorer, Observer, Step
 from pipeline.files import make_folder
-from pipeline.localisation.slam import Slam
 from pipeline.localisation.trajectory import EstimatedTrajectory
 from pipeline.map_file import KEYFRAMES, load_keyframes
 from pipeline.mapper import Keyframe, Mapper
@@ -55,7 +54,7 @@ class RosDrive(Expedition, Observer):
         camera = config.camera and CameraPose(*config.camera).T_base_camera
         model = replace(robot_model(config.robot), speed=config.speed)
         self.robot = RosRobot(node, model, config.topics, camera, config.patience, self._log_motion)
-        mapper = Mapper(model, classifier, detector, localisation=Slam())
+        mapper = Mapper(model, classifier, detector)
         explorer = Explorer(self.robot, mapper)
         if config.map:
             load_keyframes(config.map / KEYFRAMES, mapper)

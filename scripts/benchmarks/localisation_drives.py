@@ -21,6 +21,7 @@ from pipeline.explorer import Explorer, Observer
 from pipeline.files import whole_file
 from pipeline.frame import Frame, Intrinsics
 from pipeline.grid_map import Grid
+from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.mapper import Mapper
 from pipeline.robot import Motion
 from pipeline.semantic_map.classifier import TruthClassifier
@@ -171,7 +172,8 @@ def _record(job: DriveJob, path: Path) -> int:
     surface = survey.surface_from(robot.trajectory[-1].T_world_base[:3, 3])
     with whole_file(path) as partial, DriveWriter(partial, job.settings, surface) as writer:
         recorder = _Recorder(robot, writer)
-        explorer = Explorer(robot, Mapper(robot.model, TruthClassifier(), seed=config.seed))
+        mapper = Mapper(robot.model, TruthClassifier(), seed=config.seed, localisation=OdometryLocalisation())
+        explorer = Explorer(robot, mapper)
         explorer.observers.append(recorder)
         step = explorer.step()
         recorder.take(step.keyframe.frame)

@@ -11,7 +11,6 @@ from scipy import ndimage
 from pipeline.errors import InputError
 from pipeline.explorer import Explorer
 from pipeline.localisation.localisation import LostError
-from pipeline.localisation.slam import Slam
 from pipeline.map_file import KEYFRAMES, load_keyframes
 from pipeline.mapper import Mapper
 from pipeline.robot import Velocity
@@ -52,7 +51,7 @@ def kidnap(config: EpisodeConfig, times: int, folder: Path) -> Counter[str]:
 def placed(episode: Episode, folder: Path) -> Explorer:
     """An explorer that knows its true pose in the map."""
     robot, config = episode.robot, episode.config
-    mapper = Mapper(robot.model, episode.explorer.mapper.classifier, seed=config.seed, localisation=Slam())
+    mapper = Mapper(robot.model, episode.explorer.mapper.classifier, seed=config.seed)
     explorer, frame = Explorer(robot, mapper), robot.sense()
     load_keyframes(folder / KEYFRAMES, mapper)
     mapper.localisation.set_down(robot.trajectory[-1].T_world_base)

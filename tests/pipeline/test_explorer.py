@@ -6,6 +6,7 @@ import pytest
 from pipeline.exploration.viewpoint import Viewpoint
 from pipeline.explorer import Explorer
 from pipeline.frame import Frame
+from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.mapper import Mapper
 from pipeline.mission import PATIENCE, Goals
 from pipeline.navigation.navigator import DrivenLeg, Halt, Outcome
@@ -30,7 +31,7 @@ class PlacedRobot(StillRobot):
 
 @pytest.fixture
 def explorer():
-    return Explorer(PlacedRobot(), Mapper(PIONEER, TruthClassifier()))
+    return Explorer(PlacedRobot(), Mapper(PIONEER, TruthClassifier(), localisation=OdometryLocalisation()))
 
 
 @pytest.mark.parametrize("freed", [True, False])

@@ -9,6 +9,7 @@ import pytest
 from pipeline.errors import InputError
 from pipeline.keyframes import Places
 from pipeline.labels import Label
+from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.localisation.slam import Slam
 from pipeline.map_file import LAYOUT, MANY, load_keyframes, save_keyframes
 from pipeline.mapper import Mapper
@@ -161,7 +162,7 @@ def test_files_that_are_none_are_refused(file, tmp_path):
 
 
 def test_nobody_finds_a_place_in_a_map_without_registered_points(tmp_path):
-    told = Mapper(PIONEER, TruthClassifier())
+    told = Mapper(PIONEER, TruthClassifier(), localisation=OdometryLocalisation())
     frame = replace(
         look(SCENE, POSES[0] @ T_BASE_CAMERA, 0.004, 0), T_base_camera=T_BASE_CAMERA, T_odom_base=POSES[0]
     )
@@ -169,6 +170,6 @@ def test_nobody_finds_a_place_in_a_map_without_registered_points(tmp_path):
     save_keyframes(told, tmp_path / "told.npz")
     with pytest.raises(InputError, match="registered nothing"):
         load_keyframes(tmp_path / "told.npz", new_mapper())
-    again = Mapper(PIONEER, TruthClassifier())
+    again = Mapper(PIONEER, TruthClassifier(), localisation=OdometryLocalisation())
     load_keyframes(tmp_path / "told.npz", again)
     np.testing.assert_array_equal(again.localisation.poses, again.keyframes.poses)

@@ -9,6 +9,8 @@ from hypothesis import strategies as st
 
 from pipeline.errors import InputError
 from pipeline.keyframes import Moves
+from pipeline.localisation.odometry import OdometryLocalisation
+from pipeline.localisation.slam import Slam
 from pipeline.mapper import Mapper
 from pipeline.semantic_map.classifier import TruthClassifier
 from pipeline.transforms import from_yaw, yaw_of
@@ -34,7 +36,7 @@ MOST_BYTES = {True: 400_000, False: 200_000}
 
 def mapped(poses: np.ndarray) -> Mapper:
     """A mapper whose robot was set down at the first of these poses, with a drive up to the third."""
-    mapper = Mapper(PIONEER, TruthClassifier())
+    mapper = Mapper(PIONEER, TruthClassifier(), localisation=OdometryLocalisation())
     mapper.assume_ground(poses[0])
     for k, (frame, T, labelled) in enumerate(zip(FRAMES, poses, LABELLED, strict=True)):
         mapper.add(frame, T, labelled)
@@ -54,7 +56,7 @@ DECK = [floor(-2, 0.4, -1, 6), floor(0.4, 6, -3, 6, z=-0.3)]
 
 def set_down(faces: list, *yaws: float, reach: tuple[float, float] = RANGE) -> Mapper:
     """A mapper whose robot was set down at the origin, where it turns to these headings."""
-    mapper = Mapper(PIONEER, TruthClassifier())
+    mapper = Mapper(PIONEER, TruthClassifier(), localisation=OdometryLocalisation())
     mapper.assume_ground(from_yaw(0, 0, 0, yaws[0]))
     for seed, yaw in enumerate(yaws):
         T = from_yaw(0, 0, 0, yaw)
@@ -95,7 +97,7 @@ def test_a_robot_below_or_above_what_can_be_mapped_is_refused(height):
 
 def test_what_is_farther_than_kept_points_tell_is_no_return():
     far = look([wall((12, 9), (12, -9), -3, 9)], T_BASE_CAMERA, reach=(0.5, 20))
-    mapper = Mapper(PIONEER, TruthClassifier())
+    mapper = Mapper(PIONEER, TruthClassifier(), localisation=OdometryLocalisation())
     mapper.add(replace(far, T_base_camera=T_BASE_CAMERA), np.eye(4))
     assert not len(mapper.semantic_map.points())
     assert np.isnan(mapper.elevation_map.measured).all()
@@ -122,7 +124,7 @@ def assert_same_segments(one: Mapper, other: Mapper) -> None:
 
 def from_scratch(mapper: Mapper) -> Mapper:
     """Another mapper with the same evidence at the same poses, which makes every map of it."""
-    other, known = Mapper(PIONEER, TruthClassifier()), mapper.keyframes
+    other, known = Mapper(PIONEER, TruthClassifier(), localisation=OdometryLocalisation()), mapper.keyframes
     for seen, T in zip(known.seen, known.poses, strict=True):
         other.keyframes.add(seen, T)
     for k, evidence in known.ground:
@@ -212,7 +214,7 @@ def test_maps_move_as_one_with_all_keyframes():
 
 
 def test_a_keyframe_that_is_not_labelled_is_in_the_geometric_maps_alone():
-    mapper = Mapper(PIONEER, TruthClassifier())
+    mapper = Mapper(PIONEER, TruthClassifier(), localisation=OdometryLocalisation())
     keyframe = mapper.add(FRAMES[0], POSES[0], labelled=False)
     assert not any(map(len, (mapper.semantic_map, mapper.segments, keyframe.points, keyframe.labels)))
     assert len(mapper.metric_map.occupied_centres()) > 0
@@ -231,3 +233,7 @@ def test_poses_that_are_none_are_refused(bad):
     with pytest.raises(InputError, match="a correction must give each of 6 keyframes a rigid"):
         mapper.correct(bad)
     assert_same(TRUE, mapper)
+
+
+def test_the_library_corrects_odometry_as_episodes_do():
+    assert isinstance(Mapper(PIONEER, TruthClassifier()).localisation, Slam)

@@ -10,6 +10,7 @@ import rerun as rr
 from scipy.spatial.transform import Rotation
 
 from pipeline.explorer import Explorer, Observer
+from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.localisation.slam import Slam
 from pipeline.mapper import Mapper
 from pipeline.robot import Velocity
@@ -32,7 +33,7 @@ def path(tmp_path_factory) -> Path:
     """The recording of two steps and a straight drive between them, by wheel odometry."""
     path = tmp_path_factory.mktemp("nist_6x4-3") / "episode.rrd"
     robot = SimulatedRobot(load_arena("nist_6x4"), SimulationConfig(odometry="wheel"), seed=3)
-    explorer = Explorer(robot, Mapper(robot.model, TruthClassifier(), seed=3))
+    explorer = Explorer(robot, Mapper(robot.model, TruthClassifier(), seed=3, localisation=OdometryLocalisation()))
     recorder = EpisodeRecorder(robot, path)
     explorer.observers.append(recorder)
     explorer.step()

@@ -14,6 +14,7 @@ from pipeline.errors import InputError
 from pipeline.explorer import Explorer
 from pipeline.labels import COLOURS, Label
 from pipeline.localisation.localisation import Loop
+from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.mapper import Mapper
 from pipeline.rerun.recorder import Recorder
 from pipeline.semantic_map.classifier import TruthClassifier
@@ -35,7 +36,7 @@ def recording(tmp_path_factory):
     """(explorer, steps, the file's rows) of a robot that takes three keyframes and moves after the first."""
     path = tmp_path_factory.mktemp("wall-0") / "episode.rrd"
     robot = StillRobot()
-    explorer = Explorer(robot, Mapper(robot.model, TruthClassifier()))
+    explorer = Explorer(robot, Mapper(robot.model, TruthClassifier(), localisation=OdometryLocalisation()))
     steps = []
     recorder = Recorder(path)
     for index in range(STEPS):
@@ -254,7 +255,9 @@ def be_elsewhere(explorer, T):
 def corrected(tmp_path_factory):
     """(explorer, rows) of a robot whose poses are corrected after two of its three steps, and again at the end."""
     path = tmp_path_factory.mktemp("wall-1") / "episode.rrd"
-    explorer = Explorer(StillRobot(), Mapper(PIONEER, TruthClassifier(), detector=Blind()))
+    explorer = Explorer(
+        StillRobot(), Mapper(PIONEER, TruthClassifier(), detector=Blind(), localisation=OdometryLocalisation())
+    )
     recorder = Recorder(path)
     explorer.observers.append(recorder)
     for index in range(STEPS):
@@ -332,7 +335,7 @@ def test_a_correction_moves_the_robot_and_its_way_but_drives_nowhere(corrected):
 
 def test_between_steps_the_newest_keyframe_tells_where_the_odometry_is(tmp_path):
     robot = StillRobot()
-    explorer = Explorer(robot, Mapper(robot.model, TruthClassifier()))
+    explorer = Explorer(robot, Mapper(robot.model, TruthClassifier(), localisation=OdometryLocalisation()))
     recorder = Recorder(tmp_path / "episode.rrd")
     recorder.on_step(explorer, explorer.step())
     recorder.log_pose(0.2, pose(1))

@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.localisation.slam import Slam
 from pipeline.mapper import Mapper
 from pipeline.rescue_report.trust import trust_in
@@ -19,7 +20,7 @@ T_BASE_CAMERA = pose(0.1, 0, 0.65, 0, 0.3)
 
 def mapped(drift: float, slam: bool = False) -> Mapper:
     """The map of a robot that turns to and fro while its odometry drifts by ``drift`` m at each of 12 keyframes."""
-    mapper = Mapper(PIONEER, TruthClassifier(), localisation=Slam() if slam else None)
+    mapper = Mapper(PIONEER, TruthClassifier(), localisation=Slam() if slam else OdometryLocalisation())
     for k in range(12):
         T = from_yaw(0, 0, 0, 0.3 * (k % 3))
         seen = look(SCENE, T @ T_BASE_CAMERA, 0.0, k)

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.explorer import Explorer
+from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.mapper import Mapper
 from pipeline.semantic_map.classifier import TruthClassifier
 from sarsim.arenas.load import load_arena
@@ -17,7 +18,7 @@ from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 def score():
     """The score of three steps in the NIST arena."""
     robot = SimulatedRobot(load_arena("nist_6x4"), SimulationConfig(odometry="truth"), seed=0)
-    explorer = Explorer(robot, Mapper(robot.model, TruthClassifier()))
+    explorer = Explorer(robot, Mapper(robot.model, TruthClassifier(), localisation=OdometryLocalisation()))
     score = EpisodeScore(robot, explorer, np.zeros((0, 4, 4)))
     explorer.observers.append(score)
     for _ in range(3):

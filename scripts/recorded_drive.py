@@ -107,9 +107,8 @@ class RecordedDrive:
             self.error = f"{self.recording.path}: holds no frame that could be used; {left_out or 'it is empty'}"
 
     def _situation(self) -> Situation:
-        poses = self.mapper.keyframes.poses[self._labelled]
         height = float(self.mapper.keyframes.seen[self._labelled[0]].T_base_camera[2, 3])
-        return situation_of(self.mapper, self._robot, poses, height, finished=not self.error)
+        return situation_of(self.mapper, self._robot, height, finished=not self.error)
 
     def _write_report(self, wall_time: float) -> None:
         figures: dict[str, Any] = {

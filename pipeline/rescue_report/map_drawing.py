@@ -12,7 +12,7 @@ from pipeline.labels import COLOURS, Label
 from pipeline.rescue_report.rendering import TEMPLATES
 from pipeline.rescue_report.situation import Situation
 
-KNOWN = ImageColor.getrgb("linen")
+UNNAMED = ImageColor.getrgb("linen")
 """RGB of ground whose class is not known."""
 MOST_NAMED = 10
 """Most places of one kind that are numbered on the drawing and listed on the page, the worst first."""
@@ -81,27 +81,35 @@ def draw_map(situation: Situation) -> str:
 
 def pale(label: Label) -> str:
     """The colour of a class on the drawing, as #rrggbb."""
-    return "#" + bytes(paled(COLOURS[label]).tolist()).hex()
+    return "#" + bytes(_palette()[label].tolist()).hex()
 
 
-def paled(rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """(..., 3) colours with a third of white: symbols drawn on them must stand out."""
-    return rgb - rgb // 3 + np.iinfo(np.uint8).max // 3
+def _palette() -> NDArray[np.uint8]:
+    """(labels, 3) the classes' colours with a third of white: symbols drawn on them must stand out."""
+    palette = COLOURS - COLOURS // 3 + np.iinfo(np.uint8).max // 3
+    palette[Label.UNLABELLED] = UNNAMED
+    return palette
 
 
-def _ground(paper: Paper, situation: Situation) -> NDArray[np.uint8]:
-    """(H, W, 4) RGBA: the class of each cell's highest point below ceilings; transparent where the map is empty."""
+def classes_from_above(situation: Situation) -> NDArray[np.int8]:
+    """(nx, ny) the class of each cell's highest point below ceilings; −1 where nothing was seen.
+
+    Keyframes between steps show ground without a class.
+    """
     grid, points = situation.traversability.grid, situation.points
-    known = ~np.isnan(situation.traversability.elevation)
-    image = np.zeros((*grid.shape, 3), np.uint8)
-    image[known] = KNOWN
+    classes = np.where(situation.is_seen, Label.UNLABELLED, -1).astype(np.int8)
     drawn = (situation.labels != Label.CEILING) & grid.at(np.ones(grid.shape, np.bool_), points)
     lowest_first = np.flatnonzero(drawn)[points[drawn, 2].argsort(kind="stable")]
     i, j = grid.cell_of(points[lowest_first]).T
-    image[i, j] = paled(COLOURS)[situation.labels[lowest_first]]
-    known[i, j] = True
-    opaque = np.where(known, np.iinfo(np.uint8).max, 0).astype(np.uint8)
-    drawing = np.dstack([image, opaque])[paper.window].transpose(1, 0, 2)[::-1]
+    classes[i, j] = situation.labels[lowest_first]
+    return classes
+
+
+def _ground(paper: Paper, situation: Situation) -> NDArray[np.uint8]:
+    """(H, W, 4) RGBA: the classes from above; transparent where nothing was seen."""
+    classes = classes_from_above(situation)
+    opaque = np.where(classes < 0, 0, np.iinfo(np.uint8).max).astype(np.uint8)
+    drawing = np.dstack([_palette()[classes], opaque])[paper.window].transpose(1, 0, 2)[::-1]
     # Printers blur images that they enlarge, so each cell gets as many pixels as units.
     sharp = max(1, round(paper.cell))
     return np.ascontiguousarray(drawing.repeat(sharp, axis=0).repeat(sharp, axis=1))

@@ -5,8 +5,10 @@ from datetime import datetime
 from pathlib import PurePath
 from typing import Any
 
+import numpy as np
+
 from pipeline.labels import Label
-from pipeline.rescue_report.map_drawing import MOST_NAMED, draw_map, pale
+from pipeline.rescue_report.map_drawing import MOST_NAMED, classes_from_above, draw_map, pale
 from pipeline.rescue_report.people import people_data
 from pipeline.rescue_report.rendering import TEMPLATES
 from pipeline.rescue_report.situation import Situation
@@ -14,7 +16,12 @@ from pipeline.rescue_report.situation import Situation
 RUN = ("arena", "seed", "steps", "version", "sim_time_s", "wall_time_s", "real_time_factor", "timing_ms")
 """Parts of report.json on what ran and how long it took; all others except the settings need the ground truth."""
 SETTINGS = "config"
-PLAIN_NAMES = {Label.INCLINED_RAMP: "slope", Label.STRAIGHT_RAMP: "raised deck", Label.TERRAIN: "ground"}
+PLAIN_NAMES = {
+    Label.UNLABELLED: "seen in passing, not classified",
+    Label.INCLINED_RAMP: "slope",
+    Label.STRAIGHT_RAMP: "raised deck",
+    Label.TERRAIN: "ground",
+}
 """Plain names of some of the classes."""
 
 
@@ -26,13 +33,13 @@ def page(situation: Situation, report: Mapping[str, Any], written: datetime | No
         report: report.json's figures; those that need the ground truth are only in the last section, which says so.
         written: time of writing, for the head of the page.
     """
-    classes = sorted(set(situation.labels.tolist()) - {Label.CEILING})
+    drawn = np.unique(classes_from_above(situation))
     return TEMPLATES.get_template("page.html").render(
         situation=situation,
         report=report,
         title=_title(str(report["arena"])),
         map=draw_map(situation),
-        classes={PLAIN_NAMES.get(Label(k), Label(k).name.lower()): pale(Label(k)) for k in classes},
+        classes={PLAIN_NAMES.get(k, k.name.lower()): pale(k) for k in map(Label, drawn[drawn >= 0])},
         people=people_data(situation),
         written=written,
         run=_tables({key: report[key] for key in RUN if key in report}, "run"),

@@ -16,24 +16,18 @@ class RescueReport(Observer):
     """Gathers the data of the report step by step."""
 
     def __init__(self) -> None:
-        self._keyframes: list[int] = []
         self._camera_height = 0.0
         self._finished = False
 
     def on_step(self, explorer: Explorer, step: Step) -> None:
         """Add the newest step."""
-        self._keyframes.append(step.keyframe.index)
         self._camera_height = float(step.keyframe.frame.T_base_camera[2, 3])
         if explorer.mission.goals is None:  # only exploring shows whether viewpoints are left
             self._finished = step.viewpoint is None and step.can_drive
 
     def situation(self, explorer: Explorer) -> Situation:
         """The present knowledge of an explorer that has made at least one step."""
-        mapper, robot = explorer.mapper, explorer.robot.model
-        # The mapper's poses are the corrected ones: those of the steps are stale once a loop was closed.
-        return situation_of(
-            mapper, robot, mapper.keyframes.poses[self._keyframes], self._camera_height, self._finished
-        )
+        return situation_of(explorer.mapper, explorer.robot.model, self._camera_height, self._finished)
 
 
 def write_page(path: Path, situation: Situation, report: Mapping[str, Any]) -> None:

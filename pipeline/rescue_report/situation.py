@@ -63,8 +63,9 @@ class Situation:
     Attributes:
         robot: size and abilities of the robot for which the ways are planned.
         T_map_entrance: 4×4 pose at which the robot was set down.
-        positions: (N, 2) m in ``map``, positions of the robot's keyframes.
+        positions: (N, 2) m in ``map``, positions of the run's keyframes.
         traversability: of the ground.
+        is_seen: (nx, ny) whether the ground was measured, not merely assumed, at a cell.
         points: (N, 3) float32 m, of the semantic map.
         labels: (N,) uint8 of these points.
         hazards: of the ground that the robot can reach.
@@ -80,6 +81,7 @@ class Situation:
     T_map_entrance: NDArray[np.float64]
     positions: NDArray[np.float64]
     traversability: Traversability
+    is_seen: NDArray[np.bool_]
     points: NDArray[np.float32]
     labels: NDArray[np.uint8]
     hazards: Hazards
@@ -111,19 +113,17 @@ class Situation:
         return float(np.hypot(x, y)), float(np.arctan2(y, x)) - self.entrance_yaw
 
 
-def situation_of(
-    mapper: Mapper, robot: RobotModel, poses: NDArray[np.float64], camera_height: float, finished: bool
-) -> Situation:
-    """The situation by a mapper's maps.
+def situation_of(mapper: Mapper, robot: RobotModel, camera_height: float, finished: bool) -> Situation:
+    """The situation by a mapper's maps, which hold at least one keyframe of this run; the first is at the entrance.
 
     Args:
         mapper: with the maps and the victims; without a detector no person was searched for.
         robot: the robot that drives.
-        poses: (N, 4, 4) poses in ``map`` of its keyframes, the entrance first.
         camera_height: m above the ground under the robot.
         finished: whether no viewpoint was left that was worth a keyframe.
     """
-    traversability = mapper.traversability
+    traversability, measured = mapper.traversability, mapper.elevation_map.measured
+    poses = mapper.keyframes.poses[mapper.keyframes.loaded :]
     paths, points = PosePaths(traversability, poses[0][:2, 3]), mapper.semantic_map.points()
     hazards = find_hazards(traversability, paths.reachable, points, robot)
     maps = traversability, paths, mapper.topological_map, mapper.metric_map
@@ -133,10 +133,11 @@ def situation_of(
         T_map_entrance=poses[0],
         positions=poses[:, :2, 3],
         traversability=traversability,
+        is_seen=~np.isnan(measured),
         points=points,
         labels=mapper.semantic_map.labels(),
         hazards=hazards,
-        unseen=find_unseen(traversability, mapper.elevation_map.measured, paths.reachable, robot),
+        unseen=find_unseen(traversability, measured, paths.reachable, robot),
         people=[_person(*found, router) for found in confirmed_ids(mapper.victims)],
         sightings=[_person(*found, router) for found in unconfirmed_ids(mapper.victims)],
         searched=mapper.detector is not None,

@@ -54,6 +54,6 @@ def before_a_wall(found: Victims | None, *, finished: bool = True) -> Situation:
     """
     mapper = Mapper(PIONEER, TruthClassifier(), None if found is None else BlindDetector())
     explorer = Explorer(StillRobot(), mapper)
-    step = explorer.step()
+    explorer.step()
     explorer.mapper.victims = found or Victims()
-    return situation_of(explorer.mapper, PIONEER, step.keyframe.T_map_base[None], HEIGHT, finished)
+    return situation_of(explorer.mapper, PIONEER, HEIGHT, finished)

@@ -182,6 +182,26 @@ def test_the_legend_names_what_is_on_the_map_alone(root: Tag) -> None:
     assert not re.search("person;|sighting|way to|drop|slope", nobody)
 
 
+def test_ground_that_was_seen_without_a_class_has_a_name() -> None:
+    situation = before_a_wall(None)
+    unnamed = "seen in passing, not classified"
+    assert unnamed not in "".join(texts(read(page(situation, {"arena": "a"})), "ul", "legend"))
+    few = replace(situation, points=situation.points[:9], labels=situation.labels[:9])
+    assert unnamed in "".join(texts(read(page(few, {"arena": "a"})), "ul", "legend"))
+
+
+def test_people_are_reachable_only_as_far_as_they_were_found(root: Tag) -> None:
+    tile = next(tile for tile in root.all("div", "tile") if "Reachable" in tile.text)
+    assert "1 of 1 found" in tile.text
+    assert "caution" in tile.attributes["class"]  # the exploration was cut short: there may be more
+
+
+def test_a_phone_shows_the_page_in_its_own_width_and_the_map_from_its_left(html: str, root: Tag) -> None:
+    viewport = next(tag for tag in root.all("meta") if tag.attributes.get("name") == "viewport")
+    assert "width=device-width" in viewport.attributes["content"]
+    assert "scroll-" not in html
+
+
 def test_a_readers_voice_says_a_person_once(root: Tag) -> None:
     (disc, *_) = root.all("span", "disc")
     assert disc.attributes["aria-hidden"] == "true"

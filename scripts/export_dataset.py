@@ -27,6 +27,7 @@ class ExportDataset:
         voxel: s3dis: side, m, of the cubes that keep one point each; larger ones make smaller files; by default 0.02.
         size: blocks: sides of a block in x and y, m; by default 1.0.
         points: blocks: number of points in a block, as many as the network takes; by default 4096.
+        colours: blocks: nine channels, with r g b, as S3DIS has, instead of six.
         min_area: yolo, coco: least number of visible pixels of an object that gets a box; by default 100.
     """
 
@@ -36,6 +37,7 @@ class ExportDataset:
     voxel: float | None = None
     size: float | None = None
     points: int | None = None
+    colours: bool = False
     min_area: int | None = None
 
 
@@ -44,7 +46,7 @@ def export_dataset(settings: Annotated[ExportDataset, tyro.conf.arg(name="")]) -
     from sarsim.dataset.folder import Dataset
 
     kind = getattr(import_module(f"sarsim.dataset.exports.{settings.format}"), EXPORTS[settings.format])
-    given = {name: value for name, value in asdict(settings).items() if name != "format"}
+    given = {name: value for name, value in asdict(settings).items() if name != "format" and value is not False}
     export = call_with(kind, given, settings.format)
     total = len(Dataset(export.data))
     with progress() as bars:

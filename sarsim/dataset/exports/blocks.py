@@ -23,7 +23,7 @@ SEED = 0  # of the random choice of points
 
 @dataclass(frozen=True)
 class Blocks(Export):
-    """HDF5 files of blocks, by default of 1 m × 1 m in xy with 4096 points: x y z and normalized x y z.
+    """HDF5 files of blocks, by default of 1 m × 1 m in xy with 4096 points: x y z, r g b if wanted, normalized x y z.
 
     all_files.txt lists the files by their paths from the parent folder; meta/class_names.txt names the labels.
     """
@@ -34,6 +34,8 @@ class Blocks(Export):
     """Number of points in a block; drawn without repetition if there are so many."""
     min_points: int = 100
     """Least number of points; blocks with fewer are left out."""
+    colours: bool = False
+    """Whether r g b, 0 to 1, stand between both kinds of coordinates, which makes the nine channels of S3DIS."""
 
     def __post_init__(self) -> None:
         check("size", self.size, 0.01)
@@ -63,9 +65,10 @@ class Blocks(Export):
     def of_cloud(
         self, cloud: Cloud, rng: np.random.Generator
     ) -> Iterator[tuple[NDArray[np.float32], NDArray[np.uint8]]]:
-        """Blocks of (points, 6): x and y from the block's centre, z from the lowest point, x y z over the extent.
+        """Blocks of (points, 6 or 9), each with (points,) labels.
 
-        Each comes with (points,) labels. The extent is that of the cloud.
+        Channels: x and y from the block's centre, z from the lowest point, colours if wanted, x y z over the extent
+        of the cloud.
         """
         if not len(cloud.points):
             return
@@ -79,11 +82,13 @@ class Blocks(Export):
             chosen = rng.choice(inside, self.points, replace=len(inside) < self.points)
             local = xyz[chosen].copy()
             local[:, :2] -= (cell + 0.5) * self.size
-            block = np.concatenate([local, xyz[chosen] / extent], axis=1)
+            colours = cloud.rgb[chosen] / np.iinfo(np.uint8).max if self.colours else np.zeros((self.points, 0))
+            block = np.concatenate([local, colours, xyz[chosen] / extent], axis=1)
             yield block.astype(np.float32), cloud.label[chosen]
 
     def _write(self, path: Path, blocks: list[tuple[NDArray[np.float32], NDArray[np.uint8]]]) -> None:
-        data = np.array([block for block, _ in blocks], np.float32).reshape(-1, self.points, 6)
+        channels = 9 if self.colours else 6
+        data = np.array([block for block, _ in blocks], np.float32).reshape(-1, self.points, channels)
         label = np.array([labels for _, labels in blocks], np.uint8).reshape(-1, self.points)
         with NewFile(path) as new:
             for name, values in (("data", data), ("label", label)):

@@ -7,20 +7,28 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.labels import Label
 from sarsim.dataset.exports.clouds import Cloud
-from sarsim.dataset.exports.export import Export, label_names, room
+from sarsim.dataset.exports.export import Export, room
 from sarsim.dataset.folder import Dataset
 from sarsim.dataset.manifest import SceneEntry
 from sarsim.dataset.scene_file import Scene
 from sarsim.dataset.settings import check
 
 AREAS = {"train": "Area_1", "val": "Area_2", "test": "Area_5"}  # Published loaders hold out area 5
+NAMES = (
+    *("window", "wall", "floor", "beam", "table", "ceiling", "chair", "clutter"),
+    *("column", "door", "sofa", "bookcase", "board"),
+)
+"""The classes of S3DIS, for published readers know no others; the first stand for the labels, by their numbers."""
 
 
 @dataclass(frozen=True)
 class S3dis(Export):
-    """Area_N/room/room.txt and Annotations/<label>_<n>.txt, with lines of x y z (m) and r g b (0 to 255)."""
+    """Area_N/room/room.txt and Annotations/<class>_<n>.txt, with lines of x y z (m) and r g b (0 to 255).
+
+    Classes have S3DIS's names: floor is terrain, beam an inclined ramp, table a straight ramp, chair a victim, window
+    unlabelled. The lists in meta/ replace those of published readers; by them a class has the number of its label.
+    """
 
     voxel: float = 0.02
     """Side of a cube, m; of the returns of a scene, one is kept in each cube."""
@@ -42,14 +50,20 @@ class S3dis(Export):
         write_lines(annotations.parent / f"{name}.txt", cloud)
         for thing in np.unique(things):
             part = cloud.of(things == thing)
-            label = Label(part.label[0]).name.lower()
-            numbers[label] += 1
-            write_lines(annotations / f"{label}_{numbers[label]}.txt", part)
+            name = NAMES[part.label[0]]
+            numbers[name] += 1
+            write_lines(annotations / f"{name}_{numbers[name]}.txt", part)
 
     def finish(self, folder: Path, dataset: Dataset) -> None:
-        """List the classes in the form of published readers: the first word of an annotation file's name."""
-        first_words = [name.split("_")[0] for name in label_names().split()]
-        (folder / "class_names.txt").write_text("\n".join([*first_words, ""]))
+        """List classes and rooms as pointnet's and dgcnn.pytorch's collect_indoor3d_data.py reads them."""
+        rooms = [(AREAS[entry.split], room(entry)) for entry in dataset.entries]
+        (folder / "meta").mkdir()
+        for name, lines in (
+            ("class_names.txt", NAMES),
+            ("anno_paths.txt", [f"{area}/{arena}/Annotations" for area, arena in rooms]),
+            ("all_data_label.txt", [f"{area}_{arena}.npy" for area, arena in rooms]),
+        ):
+            (folder / "meta" / name).write_text("".join(f"{line}\n" for line in lines))
 
 
 def objects(scene: Scene, cloud: Cloud) -> NDArray[np.int64]:

@@ -9,16 +9,18 @@ import h5py
 import numpy as np
 import open3d as o3d
 import pytest
+import torch
 import yaml
 from evo.core.metrics import APE, PoseRelation, StatisticsType
 from evo.tools.file_interface import read_tum_trajectory_file
 
 from pipeline.errors import InputError
 from pipeline.labels import Label
+from pipeline.semantic_map.networks.dgcnn import Dgcnn
 from sarsim.dataset.exports.blocks import Blocks
 from sarsim.dataset.exports.clouds import Cloud
 from sarsim.dataset.exports.export import Export
-from sarsim.dataset.exports.s3dis import S3dis
+from sarsim.dataset.exports.s3dis import NAMES, S3dis
 from sarsim.dataset.exports.tum import Tum
 from sarsim.dataset.exports.yolo import Yolo
 from sarsim.dataset.folder import Dataset
@@ -27,6 +29,11 @@ from sarsim.dataset.recipe import Recipe
 from sarsim.dataset.scene_file import Scene
 from tests.sarsim.dataset.small import InProcess
 
+S3DIS_CLASSES = {
+    *("ceiling", "floor", "wall", "beam", "column", "window", "door"),
+    *("table", "chair", "sofa", "bookcase", "board", "clutter"),
+}
+"""All classes that have a colour in indoor3d_util.py, which refuses others."""
 RECIPE = Recipe(seed=2, frames=12, width=96, height=72, arenas=("nist_6x4",), ideal=1, clear=0, dust=(0.2, 0.2))
 
 
@@ -61,15 +68,15 @@ def test_s3dis_rooms_are_the_sum_of_their_annotations(data: Path, tmp_path: Path
     alone = len(cloud.points) - len(whole)
     assert 0 <= alone < 10  # objects with a single point
     for label in Label:
-        mine = [part for name, part in parts.items() if name.rsplit("_", 1)[0] == label.name.lower()]
+        mine = [part for name, part in parts.items() if name.rsplit("_", 1)[0] == NAMES[label]]
         assert 0 <= (cloud.label == label).sum() - sum(map(len, mine)) <= alone
-    assert {"wall_1", "wall_2", "terrain_1", "unlabelled_1"} <= set(parts)  # specks of dust are unlabelled
+    assert {"wall_1", "wall_2", "floor_1", "window_1"} <= set(parts)  # specks of dust are unlabelled
 
 
 def test_s3dis_makes_one_file_of_each_victim(data: Path, tmp_path: Path, scene: Scene) -> None:
     room = exported(S3dis(data, tmp_path / "s3dis", voxel=0.02)) / "Area_1" / "arena_1"
     seen = scene.content.geom_victim[np.unique(np.concatenate([f.instance[f.returns] for f in scene]))[1:]]
-    files = list((room / "Annotations").glob("victim_*.txt"))
+    files = list((room / "Annotations").glob("chair_*.txt"))
     assert len(files) == len(set(seen[seen >= 0].tolist())) > 0
     for path in files:
         points = np.loadtxt(path, ndmin=2)[:, :3]
@@ -77,17 +84,22 @@ def test_s3dis_makes_one_file_of_each_victim(data: Path, tmp_path: Path, scene: 
 
 
 def test_s3dis_is_what_its_published_reader_reads(data: Path, tmp_path: Path, scene: Scene) -> None:
-    """As collect_point_label of pointnet's sem_seg/indoor3d_util.py."""
+    """By the rules of collect_indoor3d_data.py and indoor3d_util.py of pointnet and dgcnn.pytorch."""
     folder = exported(S3dis(data, tmp_path / "s3dis", voxel=0.02))
-    classes = [line.rstrip() for line in (folder / "class_names.txt").open()]
-    points, labels = [], []
-    for path in sorted((folder / "Area_1" / "arena_1" / "Annotations").glob("*.txt")):
-        points.append(np.loadtxt(path))
-        labels.append(np.full((len(points[-1]), 1), classes.index(path.name.split("_")[0])))
-    table, label = np.concatenate(points), np.concatenate(labels)
-    assert table.shape == (len(label), 6)
-    counts = np.bincount(Cloud.of_scene(scene, 0.02).label, minlength=8)
-    assert np.abs(np.bincount(label.ravel(), minlength=8) - counts).max() < 10
+    classes, rooms, names_of_tables = (
+        (folder / "meta" / f"{name}.txt").read_text().splitlines()
+        for name in ("class_names", "anno_paths", "all_data_label")
+    )
+    assert set(classes) == S3DIS_CLASSES and len(classes) == len(S3DIS_CLASSES)
+    assert names_of_tables == [f"{'_'.join(path.split('/')[:2])}.npy" for path in rooms]
+    files = sorted((folder / rooms[1]).glob("*.txt"))
+    names = [path.name.split("_")[0] for path in files]
+    assert set(names) <= S3DIS_CLASSES  # whatever else would be clutter
+    tables = [np.loadtxt(path) for path in files]
+    assert {table.shape[1:] for table in tables} == {(6,)}
+    labels = np.repeat([classes.index(name) for name in names], list(map(len, tables)))
+    counts = np.bincount(Cloud.of_scene(scene, 0.02).label, minlength=13)
+    assert np.abs(np.bincount(labels, minlength=13) - counts).max() < 10
 
 
 def test_s3dis_is_what_open3d_reads(data: Path, tmp_path: Path) -> None:
@@ -125,6 +137,27 @@ def test_blocks_are_columns_of_labelled_points(data: Path, tmp_path: Path, scene
     first = sum(room == "Area_1_arena_1_frame_0" for room in rooms)
     cloud = Cloud.of_frame(scene, 0)
     assert_points_of(cloud, data_[:first], label[:first])
+
+
+def test_coloured_blocks_train_a_published_network(data: Path, tmp_path: Path, scene: Scene) -> None:
+    """An epoch of DGCNN_semseg_s3dis: nine channels, the colours in the middle, and 13 outputs."""
+    folder = exported(Blocks(data, tmp_path / "blocks", points=64, min_points=20, colours=True))
+    with h5py.File(folder / "ply_data_all_1.h5") as file:
+        points, labels = torch.from_numpy(file["data"][:]), torch.from_numpy(file["label"][:].astype(np.int64))
+    assert points.shape[1:] == (64, 9)
+    cloud = Cloud.of_frame(scene, 0)
+    seen = {tuple(row) for row in np.column_stack([cloud.rgb, cloud.label]).tolist()}
+    assert {tuple(row) for row in torch.column_stack([255 * points[0, :, 3:6], labels[0]]).int().tolist()} <= seen
+    torch.manual_seed(0)
+    network = Dgcnn(channels=9, classes=len(S3DIS_CLASSES))
+    descent = torch.optim.SGD(network.parameters(), lr=0.1)
+    losses = []
+    for of_batch in torch.arange(len(points)).split(8)[:3]:
+        loss = torch.nn.functional.cross_entropy(network(points[of_batch].mT), labels[of_batch])
+        loss.backward()
+        descent.step()
+        losses.append(loss.item())
+    assert losses[-1] < losses[0]
 
 
 def test_blocks_are_what_published_loaders_read(data: Path, tmp_path: Path) -> None:

@@ -195,6 +195,7 @@ class RosExploration(PerceptionConfig, MissionConfig):
             default from the robot's transforms.
         topics: names of the robot's topics.
         patience: longest silence of the robot or of one of its topics, s, before the drive ends.
+        wait: longest time, s, beyond patience, to wait for a robot that is not there yet.
         name: name of the ROS 2 node.
         network: connect to other machines as well; by default only to this machine.
     """
@@ -204,6 +205,7 @@ class RosExploration(PerceptionConfig, MissionConfig):
     camera: tuple[float, float, float, float, float, float] | None = None
     topics: TopicNames = field(default_factory=TopicNames)
     patience: float = 5.0
+    wait: float = 120.0
     name: str = "sarsim_explorer"
     network: bool = False
 

@@ -228,15 +228,19 @@ def _is_unread() -> bool:
 
 @contextmanager
 def _raised_endings() -> Iterator[None]:
-    """Let SIGTERM and SIGHUP raise KeyboardInterrupt as Ctrl-C does, unless they are ignored, as under ``nohup``."""
-    others = [number for number in ENDINGS[1:] if signal.getsignal(number) == signal.SIG_DFL]
-    for number in others:
-        signal.signal(number, interrupt)
+    """Let all of :data:`ENDINGS` raise KeyboardInterrupt, SIGHUP unless it is ignored, as under ``nohup``.
+
+    A shell without job control starts background jobs with SIGINT ignored, but ``kill -INT`` is meant for them.
+    """
+    before = {number: signal.getsignal(number) for number in ENDINGS}
+    for number, handler in before.items():
+        if handler == signal.SIG_DFL or (number, handler) == (signal.SIGINT, signal.SIG_IGN):
+            signal.signal(number, interrupt)
     try:
         yield
     finally:
-        for number in others:
-            signal.signal(number, signal.SIG_DFL)
+        for number, handler in before.items():
+            signal.signal(number, handler)
 
 
 def interrupt(number: int, frame: FrameType | None = None) -> None:

@@ -53,7 +53,7 @@ class RosDrive(Expedition, Observer):
         make_folder(config.out)
         camera = config.camera and CameraPose(*config.camera).T_base_camera
         model = replace(robot_model(config.robot), speed=config.speed)
-        self.robot = RosRobot(node, model, config.topics, camera, config.patience, self._log_motion)
+        self.robot = RosRobot(node, model, config.topics, camera, config.patience, config.wait, self._log_motion)
         mapper = Mapper(model, classifier, detector)
         explorer = Explorer(self.robot, mapper)
         if config.map:

@@ -1,5 +1,6 @@
 """Exit statuses and the one line on stderr."""
 
+import functools
 import os
 import pty
 import signal
@@ -50,12 +51,24 @@ def test_ctrl_c_is_one_line_and_status_130(capsys: pytest.CaptureFixture[str]) -
     assert capsys.readouterr().err == "interrupted\n"
 
 
-@pytest.mark.parametrize(("ending", "status"), [(signal.SIGTERM, 143), (signal.SIGHUP, 129)])
+@pytest.mark.parametrize(
+    ("ending", "before", "status"),
+    [
+        (signal.SIGTERM, signal.SIG_DFL, 143),
+        (signal.SIGHUP, signal.SIG_DFL, 129),
+        (signal.SIGINT, signal.SIG_IGN, 130),  # of a script's background job
+    ],
+)
 def test_other_signals_end_a_command_as_ctrl_c_does(
-    ending: signal.Signals, status: int, capsys: pytest.CaptureFixture[str]
+    ending: signal.Signals,
+    before: signal.Handlers,
+    status: int,
+    capsys: pytest.CaptureFixture[str],
+    request: pytest.FixtureRequest,
 ) -> None:
     tidied: list[bool] = []
-    signal.signal(ending, signal.SIG_DFL)  # under nohup it is ignored
+    request.addfinalizer(functools.partial(signal.signal, ending, signal.getsignal(ending)))
+    signal.signal(ending, before)
 
     def long_command() -> None:
         try:
@@ -67,7 +80,7 @@ def test_other_signals_end_a_command_as_ctrl_c_does(
     with pytest.raises(SystemExit) as raised:
         run(long_command, [])
     assert (raised.value.code, tidied, capsys.readouterr().err) == (status, [True], "interrupted\n")
-    assert signal.getsignal(ending) == signal.SIG_DFL
+    assert signal.getsignal(ending) == before
 
 
 STEPS = """

@@ -1,5 +1,6 @@
 """A robot on a network of ROS 2, real or simulated, as the pipeline's robot."""
 
+import logging
 from collections.abc import Callable
 from contextlib import suppress
 from pathlib import Path
@@ -18,6 +19,7 @@ from pipeline.ros.live.topic_names import TopicNames
 from pipeline.ros.pinhole import Pinhole
 from pipeline.transforms import angle_of, inverse
 
+_log = logging.getLogger(__name__)
 LEAST_MOTION = 0.02, np.deg2rad(3)
 """m and rad by which a robot that follows a command moves at least."""
 LEAST_PERIOD = 0.04
@@ -45,6 +47,7 @@ class RosRobot:
         topics: TopicNames,
         T_base_camera: NDArray[np.float64] | None = None,
         patience: float = 5.0,
+        wait: float = 0.0,
         on_motion: Callable[[Motion], object] = lambda motion: None,
     ):
         """Find the robot.
@@ -55,6 +58,7 @@ class RosRobot:
             topics: their names.
             T_base_camera: 4×4; by default taken from ``/tf_static`` or ``/camera/transform``.
             patience: s by the wall clock that a topic may be silent; in twice as many it must heed commands.
+            wait: s by the wall clock, beyond these, that a robot which is not there yet may take to start.
             on_motion: called with every motion; an exception that it raises ends the drive.
 
         Raises:
@@ -68,14 +72,14 @@ class RosRobot:
         self._last, self._commanded, self._is_driving = Velocity(), -np.inf, False
         self._frame_time = -np.inf
         self._anchor, self._unheeded = np.eye(4), 0.0
-        self._find()
+        self._find(wait)
         self._camera = Pinhole(Path(topics.camera_info), self._senses.info)
         self._T_base_camera = self._camera_pose() if T_base_camera is None else T_base_camera
         self.control_period = round(max(LEAST_PERIOD, self._senses.period), 4)
         node.idle = self._rest
 
-    def _find(self) -> None:
-        """Wait for all necessary topics, and listen to them."""
+    def _find(self, wait: float) -> None:
+        """Wait up to ``wait`` s longer than patience for all necessary topics, and listen to them."""
         node, topics, senses = self._node, self.topics, self._senses
         needed = (topics.depth, topics.color, topics.camera_info, topics.odom)
 
@@ -84,7 +88,9 @@ class RosRobot:
             return silent + [f"nothing listens to {topics.cmd_vel}"] * (not node.listeners(topics.cmd_vel))
 
         if not node.wait(lambda: not missing(), self._patience):
-            raise InputError(f"no robot after {self._patience:g} s: {', '.join(missing())}")
+            _log.warning("no robot yet: %s", ", ".join(missing()))
+            if not node.wait(lambda: not missing(), wait):
+                raise InputError(f"no robot after {self._patience + wait:g} s: {', '.join(missing())}")
         for topic in needed:
             if len(senders := node.senders(topic)) > 1:
                 raise InputError(f"{topic}: several nodes send it, {' and '.join(senders)}")

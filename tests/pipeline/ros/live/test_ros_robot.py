@@ -215,6 +215,18 @@ def test_what_is_not_there_is_named(topic: str) -> None:
         RosRobot(end, PIONEER, TopicNames(), T_BASE_CAMERA, patience=2.0)
 
 
+def test_a_robot_that_starts_later_is_waited_for(caplog: pytest.LogCaptureFixture) -> None:
+    wire = Wire()
+    start = wire.time + 4
+    wire.change = lambda topic, time, message: [(topic, time, message)] if wire.time > start else []
+    room, end = RoomRobot(wire), End(wire, "explorer")
+    end.work = room.period
+    with pytest.raises(InputError, match="no robot after 3 s: nothing sends"):
+        RosRobot(end, PIONEER, TopicNames(), T_BASE_CAMERA, patience=2.0, wait=1.0)
+    assert "no robot yet: nothing sends" in caplog.text
+    assert RosRobot(end, PIONEER, TopicNames(), T_BASE_CAMERA, patience=2.0, wait=9.0).time > 0
+
+
 def test_two_robots_or_none_that_listens_are_refused() -> None:
     wire = Wire()
     room, end = RoomRobot(wire), End(wire, "explorer")

@@ -6,9 +6,10 @@ import select
 import signal
 import zipfile
 import zlib
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+from tempfile import TemporaryFile
 from typing import Any
 
 import numpy as np
@@ -38,15 +39,36 @@ def whole_file(path: Path) -> Iterator[Path]:
             partial.unlink()
 
 
-def make_folder(path: Path) -> None:
-    """Make sure that files can be written into a folder for results; InputError if they cannot."""
+def check_folder(path: Path, marks: Collection[str] = ("episode.rrd", "report.json")) -> None:
+    """Decide whether results may go into a folder: it is new, or empty, or holds earlier results.
+
+    Args:
+        path: of the folder.
+        marks: names of files, one of which all earlier results have; by default those of a run.
+
+    Raises:
+        InputError: it holds other files, or is no folder.
+    """
+    try:
+        names = sorted(file.name for file in path.iterdir() if file.suffix != ".part") if path.exists() else []
+    except OSError as error:
+        raise InputError(f"{path}: {error.strerror or error}") from error
+    if names and not set(marks) & set(names):
+        raise InputError(f"{path}: not empty: it holds {names[0]}{''.join(f' and no {name}' for name in marks)}")
+
+
+def make_folder(path: Path, marks: Collection[str] = ("episode.rrd", "report.json")) -> None:
+    """Make a folder for results for which :func:`check_folder` holds; the later, the fewer refusals leave it empty.
+
+    Raises:
+        InputError: the check fails, or no file can be written there.
+    """
+    check_folder(path, marks)
     try:
         path.mkdir(parents=True, exist_ok=True)
-        with whole_file(path / ".probe") as probe:
-            probe.touch()
-        (path / ".probe").unlink()
+        TemporaryFile(dir=path).close()
     except OSError as error:
-        raise InputError(f"--out {path}: {error.strerror or error}") from error
+        raise InputError(f"{path}: {error.strerror or error}") from error
 
 
 def each(*actions: Callable[[], object]) -> None:

@@ -8,11 +8,12 @@ from numpy.typing import NDArray
 from pipeline.errors import InputError
 from pipeline.expedition import Expedition, ResultFolder
 from pipeline.explorer import Explorer, Observer
-from pipeline.files import each, make_folder
+from pipeline.files import check_folder, each, make_folder
 from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.localisation.slam import Slam
 from pipeline.map_file import KEYFRAMES, load_keyframes
 from pipeline.mapper import Mapper
+from pipeline.rerun.viewer import Viewer
 from pipeline.robot import Robot
 from pipeline.ros.recorded_robot import ExplorerBag, RecordedRobot
 from pipeline.ros.topics import Joints
@@ -42,10 +43,10 @@ class Episode(Expedition):
             raise InputError(f"--steps {config.steps} --seed {config.seed}: at least 1 step, and no negative seed")
         if not np.isfinite(config.goals).all():
             raise InputError(f"--goals {' '.join(f'{x:g} {y:g}' for x, y in config.goals)}: no place is there")
+        check_folder(config.folder)
         classifier, detector = make_perception(config)
         arena = load_arena(config.arena, config.start, config.random)
         fiducials = hang_fiducials(arena, config.fiducials, config.seed)
-        make_folder(config.folder)
         simulation = SimulationConfig(
             config.odometry, config.sensor, config.lighting, config.dust, config.speed, config.robot
         )
@@ -54,12 +55,14 @@ class Episode(Expedition):
         localisation = OdometryLocalisation() if is_told else Slam()
         model, voxel_size, graph, seed = self.robot.model, config.voxel_size, config.graph, config.seed
         mapper = Mapper(model, classifier, detector, voxel_size, graph, seed, localisation)
-        robot, recordings = self._recorded(mapper)
-        explorer = Explorer(robot, mapper)
         if config.map:
             load_keyframes(config.map / KEYFRAMES, mapper)
+        robot, recordings = self._recorded(mapper)
+        explorer = Explorer(robot, mapper)
         self.score = EpisodeScore(self.robot, explorer, fiducials)
-        self.recorder = EpisodeRecorder(self.robot, config.folder / "episode.rrd", config.view)
+        viewer = None if config.view == "none" else Viewer(config.view)
+        make_folder(config.folder)
+        self.recorder = EpisodeRecorder(self.robot, config.folder / "episode.rrd", viewer)
         explorer.observers += [self.score, *recordings]
         results = ResultFolder(config, config.folder, config.arena, config.seed, mapper, self.recorder)
         super().__init__(explorer, results, self.score.trajectory, config.steps, config.goals, config.home)

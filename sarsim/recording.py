@@ -1,7 +1,6 @@
 """A simulated episode in Rerun: the maps and estimates of the robot's software, and the true arena."""
 
 from pathlib import Path
-from typing import Literal
 
 import mujoco
 import numpy as np
@@ -15,7 +14,7 @@ from pipeline.rerun import drawings
 from pipeline.rerun.blueprint import blueprint
 from pipeline.rerun.recorder import Recorder
 from pipeline.rerun.track import Track
-from pipeline.rerun.viewer import Viewer, ViewerKind
+from pipeline.rerun.viewer import Viewer
 from pipeline.robot import Motion
 from pipeline.transforms import from_rotation, inverse
 from sarsim.ground_truth.meshes import Mesh, drawn_geoms, geom_poses, joined_mesh
@@ -26,16 +25,16 @@ from sarsim.simulated_robot import SimulatedRobot
 class EpisodeRecorder(Recorder):
     """Logs an episode; the robot is drawn at its estimated pose, the arena at its true pose."""
 
-    def __init__(self, robot: SimulatedRobot, path: Path, view: ViewerKind | Literal["none"] = "none"):
+    def __init__(self, robot: SimulatedRobot, path: Path, viewer: Viewer | None = None):
         """Begin the recording with the arena and the robot's shape.
 
         Args:
             robot: in its arena.
             path: of the file, which is written as the recording grows and can be read at any time.
-            view: the viewer to show the recording live; the address of a ``web`` page is printed.
+            viewer: shows the recording while it grows.
 
         Raises:
-            InputError: the file cannot be written, or the viewer is not available.
+            InputError: the file cannot be written.
         """
         self._robot = robot
         self._model: mujoco.MjModel = robot.physics.model.ptr
@@ -49,7 +48,7 @@ class EpisodeRecorder(Recorder):
         arena = self._arena_meshes()
         vertices = np.concatenate([mesh.vertices for mesh in arena.values()])
         layout = blueprint(vertices.min(axis=0), vertices.max(axis=0))
-        super().__init__(path, None if view == "none" else Viewer(view), layout)
+        super().__init__(path, viewer, layout)
         for label, mesh in arena.items():
             self.stream.log(f"world/arena/{label.name.lower()}", _mesh3d(mesh), static=True)
         self._log_robot()

@@ -16,6 +16,7 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stderr
 from difflib import get_close_matches
 from importlib.metadata import version
+from itertools import pairwise
 from pathlib import Path
 from types import FrameType
 from typing import Any, Self
@@ -69,8 +70,12 @@ def common(args: Sequence[str] | None = None) -> list[str]:
     flags.add_argument("--version", action="store_true")
     flags.add_argument("--quiet", action="store_true")
     flags.add_argument("--log-level", choices=("debug", "info", "warning", "error"), default="warning")
+    words = list(sys.argv[1:] if args is None else args)
+    for flag, value in pairwise(["", *words]):
+        if not value or re.fullmatch("--[^=]*=", value):
+            raise InputError(f"{flag} {value!r}: nothing is given".strip())
     try:
-        given, rest = flags.parse_known_args(args)
+        given, rest = flags.parse_known_args(words)
     except argparse.ArgumentError as error:
         raise InputError(str(error)) from None
     if given.version:

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Literal
 from rich.console import Console
 
 from pipeline.errors import InputError
+from pipeline.files import check_folder
 from sarsim.dataset.settings import DatasetConfig
 from sarsim.scripts.cli import progress
 from sarsim.scripts.settings import run_with_settings, save_settings
@@ -38,9 +39,14 @@ def generate_dataset(settings: GenerateDataset) -> None:
     """Generate a dataset, or the missing part of one, and print its folder."""
     if settings.scenes < 1 or (settings.workers is not None and settings.workers < 1):
         raise InputError("--scenes, --workers: at least 1")
+    from sarsim.arenas.load import load_arena
     from sarsim.dataset.generate import generate
-    from sarsim.dataset.recipe import Recipe
+    from sarsim.dataset.manifest import FILE
+    from sarsim.dataset.recipe import RANDOM, Recipe
 
+    check_folder(settings.out, [FILE])
+    for arena in {*settings.arenas} - {RANDOM}:
+        load_arena(arena)
     recipe = Recipe(**{f.name: getattr(settings, f.name) for f in fields(DatasetConfig)})
     with progress() as bars:
         bar = bars.add_task("frames", total=settings.scenes * settings.frames)

@@ -11,7 +11,7 @@ from pipeline.datasets.recording import CameraPose
 from pipeline.errors import InputError
 from pipeline.expedition import Expedition, ResultFolder
 from pipeline.explorer import Explorer, Observer, Step
-from pipeline.files import make_folder
+from pipeline.files import check_folder, make_folder
 from pipeline.localisation.trajectory import EstimatedTrajectory
 from pipeline.map_file import KEYFRAMES, load_keyframes
 from pipeline.mapper import Keyframe, Mapper
@@ -49,8 +49,8 @@ class RosDrive(Expedition, Observer):
 
     def __init__(self, config: RosExploration, node: RosNode):
         """Raises InputError if no robot is found, or a file cannot be read or written."""
+        check_folder(config.out)
         classifier, detector = make_perception(config)
-        make_folder(config.out)
         camera = config.camera and CameraPose(*config.camera).T_base_camera
         model = replace(robot_model(config.robot), speed=config.speed)
         self.robot = RosRobot(node, model, config.topics, camera, config.patience, config.wait, self._log_motion)
@@ -59,7 +59,9 @@ class RosDrive(Expedition, Observer):
         if config.map:
             load_keyframes(config.map / KEYFRAMES, mapper)
         explorer.observers.append(self)
-        recorder = Recorder(config.out / "episode.rrd", None if config.view == "none" else Viewer(config.view))
+        viewer = None if config.view == "none" else Viewer(config.view)
+        make_folder(config.out)
+        recorder = Recorder(config.out / "episode.rrd", viewer)
         results = ResultFolder(config, config.out, config.out.name, 0, mapper, recorder)
         self._node, self._maps, self._frontiers = node, MapTopics(node.send), 0
         self._poses: list[TimedPose] = []

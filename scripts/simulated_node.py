@@ -49,12 +49,12 @@ class SimulatedNode:
                 "negative seed"
             )
         self.config, self._node = config, node
-        if config.out:
-            make_folder(config.out)
         arena = load_arena(config.arena, config.start)
         self.robot = SimulatedRobot(
             arena, SimulationConfig(lighting=config.lighting, robot=config.robot), config.seed
         )
+        if config.out:
+            make_folder(config.out)
         self.coverage = Coverage(self.robot)
         self.commands = 0
         self._topics = RobotTopics(node.send)

@@ -53,16 +53,18 @@ def teleop(
 
 def map_drive(arena: "RescueArena", out: Path, labels: Labels, robot: str) -> "MappedDrive":
     """A drive that is mapped and recorded; InputError if the folder, the labels or the viewer are not available."""
-    from pipeline.files import make_folder
+    from pipeline.files import check_folder, make_folder
+    from pipeline.rerun.viewer import Viewer
     from sarsim.perception import make_classifier
     from sarsim.recording import EpisodeRecorder
     from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
     from sarsim.teleoperation import MappedDrive
 
+    check_folder(out)
     classifier = make_classifier(labels, None)
+    body, viewer = SimulatedRobot(arena, SimulationConfig(robot=robot), seed=0), Viewer("spawn")
     make_folder(out)
-    body = SimulatedRobot(arena, SimulationConfig(robot=robot), seed=0)
-    return MappedDrive(body, classifier, EpisodeRecorder(body, out / "episode.rrd", "spawn"))
+    return MappedDrive(body, classifier, EpisodeRecorder(body, out / "episode.rrd", viewer))
 
 
 def main() -> None:

@@ -5,7 +5,7 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
 
-from pipeline.errors import InputError
+from pipeline.files import make_folder
 from sarsim.dataset.engine import Engine, FrameDone, SceneDone, SceneLost
 from sarsim.dataset.folder_lock import FolderLock
 from sarsim.dataset.manifest import FILE, SCENES, Manifest, sha256_of
@@ -26,9 +26,11 @@ def generate(
     Raises:
         InputError: the recipe cannot be followed, the folder cannot be written, or it holds other files.
     """
-    with _folder(folder) as lock:
+    make_folder(folder, [FILE])
+    with _locked(folder) as lock:
         manifest = _begun(recipe, folder)
         manifest.write(folder)
+        (folder / SCENES).mkdir(exist_ok=True)
         made = dict.fromkeys(manifest.scenes, recipe.frames)
         on_frames(sum(made.values()))
         for event in engine.render(recipe, [k for k in range(scenes) if k not in made], folder, lock):
@@ -46,12 +48,8 @@ def generate(
 
 
 @contextmanager
-def _folder(folder: Path) -> Iterator[FolderLock]:
+def _locked(folder: Path) -> Iterator[FolderLock]:
     """Lock the folder, and in the end delete half-written files in it."""
-    try:
-        (folder / SCENES).mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise InputError(f"{folder}: {error.strerror or error}") from error
     with FolderLock.take(folder) as lock:
         try:
             yield lock
@@ -62,11 +60,9 @@ def _folder(folder: Path) -> Iterator[FolderLock]:
 
 
 def _begun(recipe: Recipe, folder: Path) -> Manifest:
-    """The complete scenes of the dataset; InputError if the folder holds another dataset, or other files."""
+    """The complete scenes of the dataset; InputError if the folder holds another dataset."""
     new = Manifest.new(recipe)
     if not (folder / FILE).exists():
-        if others := sorted(p.name for p in folder.iterdir() if p.name != SCENES):
-            raise InputError(f"{folder}: not empty and no dataset: it holds {others[0]}")
         return new
     manifest = Manifest.read(folder)
     manifest.check_same(new, folder)

@@ -141,6 +141,12 @@ def test_the_flag_that_was_meant_is_named(args: list[str], line: str, capsys: py
     assert capsys.readouterr().err.strip().endswith(line)
 
 
+@pytest.mark.parametrize("args", [["--count", "3", "--fail", ""], ["--count", "3", "--fail="], [""]])
+def test_nothing_is_no_value(args: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert exit_status(args) == 2
+    assert capsys.readouterr().err.endswith(": nothing is given\n")
+
+
 def test_help_says_what_the_command_does(capsys: pytest.CaptureFixture[str]) -> None:
     assert exit_status(["--help"]) == 0
     assert "Do something" in capsys.readouterr().out

@@ -289,10 +289,15 @@ def test_a_bad_arena_is_one_line_and_status_2(arena, message, tmp_path, monkeypa
         (["--fiducials", "99"], "--fiducials 99: 0 to 50"),
         (["--steps", "many"], "--steps"),
         (["--out", "/dev/null/x"], "/dev/null/x"),
+        (["--out", str(WEIGHTS.parent)], "weights: not empty: it holds "),
+        (["--out", ""], "--out '': nothing is given"),
+        (["--labels", "truth", "--map", "nowhere"], "nowhere/keyframes.npz"),
+        (["--labels", "truth", "--robot", "none.xml"], "none.xml"),
     ],
 )
 def test_a_bad_flag_is_one_line_and_status_2(flags, message, tmp_path, monkeypatch, capsys):
-    assert_refused(["--out", str(tmp_path), *flags], message, monkeypatch, capsys)
+    assert_refused(["--out", str(tmp_path / "runs" / "a"), *flags], message, monkeypatch, capsys)
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.mark.parametrize(
@@ -310,7 +315,8 @@ def test_a_bad_detector_is_one_line_and_status_2(cfg, weights, message, tmp_path
 def test_a_window_needs_a_display(tmp_path, monkeypatch, capsys):
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-    assert_refused(["--view", "spawn", "--out", str(tmp_path)], "display", monkeypatch, capsys)
+    assert_refused(["--view", "spawn", "--out", str(tmp_path / "run")], "display", monkeypatch, capsys)
+    assert list(tmp_path.iterdir()) == []
 
 
 def assert_refused(flags, message, monkeypatch, capsys):

@@ -14,6 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.errors import InputError
+from pipeline.files import check_folder
 from pipeline.frame import Frame, Intrinsics
 from pipeline.labels import COLOURS, Label
 from sarsim.dataset.folder import Dataset
@@ -122,10 +123,9 @@ def whole_folder(path: Path) -> Iterator[Path]:
     """Give a new folder beside ``path``, which is renamed to ``path`` if the block ends without an error.
 
     Raises:
-        InputError: ``path`` exists already, or cannot be written.
+        InputError: ``path`` is not empty, or cannot be written.
     """
-    if path.exists():
-        raise InputError(f"{path}: already there")
+    check_folder(path, marks=())
     partial = path.with_name(path.name + ".part")
     try:
         shutil.rmtree(partial, ignore_errors=True)

@@ -327,7 +327,8 @@ def test_settings_that_make_no_export(export: type[Export], flag: str, value: fl
 
 
 def test_nothing_is_overwritten(data: Path, tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="already there"):
+    (tmp_path / "thesis.txt").touch()
+    with pytest.raises(InputError, match="not empty: it holds thesis.txt"):
         list(Tum(data, tmp_path).run())
 
 

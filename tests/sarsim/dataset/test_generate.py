@@ -138,7 +138,8 @@ def test_a_dataset_grows_and_keeps_its_splits(tmp_path: Path) -> None:
 
 
 def test_leftovers_are_removed(tmp_path: Path) -> None:
-    (tmp_path / "data" / "scenes").mkdir(parents=True)
+    toys(tmp_path / "data", 1)
+    (tmp_path / "data" / "scenes" / "00000.h5").unlink()
     (tmp_path / "data" / "scenes" / "00000.h5.part").write_bytes(b"half")
     toys(tmp_path / "data", 1)
     assert not list((tmp_path / "data").rglob("*.part"))
@@ -152,8 +153,9 @@ def test_another_recipe_needs_another_folder(tmp_path: Path) -> None:
 
 def test_a_folder_with_something_else_in_it_is_left_alone(tmp_path: Path) -> None:
     (tmp_path / "thesis.txt").write_text("precious")
-    with pytest.raises(InputError, match=r"not empty and no dataset: it holds thesis.txt"):
+    with pytest.raises(InputError, match=r"not empty: it holds thesis.txt and no dataset.json"):
         toys(tmp_path)
+    assert [path.name for path in tmp_path.iterdir()] == ["thesis.txt"]
     with pytest.raises(InputError, match=r"thesis.txt: "):
         toys(tmp_path / "thesis.txt")
 

@@ -53,13 +53,14 @@ class Diary:
         path = folder / "arena.xml"
         path.write_text(arena)
         self.lines: list[str] = []
-        settings = {"labels": "truth", "detector": None, "out": folder} | config
+        out = folder / "out"
+        settings = {"labels": "truth", "detector": None, "out": out} | config
         self.episode = episode = Episode(EpisodeConfig(arena=str(path), **settings))
         log, drive = episode.recorder.log_message, episode.explorer.drive
         episode.recorder.log_message = lambda level, text: (self.lines.append(f"{level} {text}"), log(level, text))
         episode.explorer.drive = lambda step: (meddle(episode, step), drive(step))[1]
         assert episode.run()
-        self.report = json.loads((folder / "report.json").read_text())
+        self.report = json.loads((out / "report.json").read_text())
 
     def said(self, text: str) -> bool:
         return any(text in line for line in self.lines)

@@ -133,6 +133,28 @@ class EpisodeConfig(PerceptionConfig, MissionConfig, SimulatorConfig):
         return self.out or self.resume or Path("runs") / f"{Path(self.arena).stem}-{self.seed}"
 
 
+@dataclass(frozen=True)
+class TeleopConfig:
+    """Settings of a drive by a person.
+
+    Attributes:
+        arena: nist_6x4, esogu_52x15, random:SEED, or the path of a .raf or MJCF file.
+        start: start pose: x and y in m, yaw in degrees; by default the arena's own.
+        robot: pioneer3at, jackal, or the path of an MJCF file structured like theirs.
+        labels: source of the points' labels if --out is given, as in run_episode.py.
+        out: folder for the recording, the maps, the report and the page of the drive, the same files as an episode's
+            but config.yaml; Rerun shows them during the drive. By default nothing is mapped.
+        gamepad: joystick device of Linux, such as /dev/input/js0, whose left stick drives the robot as the keys do.
+    """
+
+    arena: str = "nist_6x4"
+    start: StartPose | None = None
+    robot: Robot = "pioneer3at"
+    labels: Labels = "truth"
+    out: Path | None = None
+    gamepad: Path | None = None
+
+
 @dataclass(frozen=True, kw_only=True)
 class MapRecording(PerceptionConfig):
     """A recording to map, and facts that it does not contain itself.
@@ -195,7 +217,6 @@ class RosExploration(PerceptionConfig, MissionConfig):
             default from the robot's transforms.
         topics: names of the robot's topics.
         patience: longest silence of the robot or of one of its topics, s, before the drive ends.
-        wait: longest time, s, beyond patience, to wait for a robot that is not there yet.
         name: name of the ROS 2 node.
         network: connect to other machines as well; by default only to this machine.
     """
@@ -205,7 +226,6 @@ class RosExploration(PerceptionConfig, MissionConfig):
     camera: tuple[float, float, float, float, float, float] | None = None
     topics: TopicNames = field(default_factory=TopicNames)
     patience: float = 5.0
-    wait: float = 120.0
     name: str = "sarsim_explorer"
     network: bool = False
 

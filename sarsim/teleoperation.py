@@ -14,17 +14,25 @@ import mujoco.viewer
 import numpy as np
 
 from pipeline.errors import InputError
+from pipeline.expedition import ResultFolder
+from pipeline.files import each, make_folder
 from pipeline.localisation.localisation import is_keyframe
-from pipeline.map_file import save_maps
 from pipeline.mapper import Mapper
 from pipeline.metric_map.isolated_returns import without_isolated_returns
+from pipeline.rerun.viewer import Viewer
+from pipeline.rescue_report.situation import Situation, situation_of
 from pipeline.robot import Velocity
-from pipeline.semantic_map.classifier import PointClassifier
+from pipeline.transforms import yaw_of
+from pipeline.traversability.pose_paths import PosePaths
 from sarsim.arenas.arena import RescueArena
 from sarsim.environment import CONTROL_TIMESTEP, RescueEnvironment
+from sarsim.perception import make_perception
 from sarsim.recording import EpisodeRecorder
 from sarsim.robots.model import ROBOTS
-from sarsim.simulated_robot import SimulatedRobot
+from sarsim.scoring.coverage import Coverage
+from sarsim.scoring.trajectory import TrajectoryScore, motion_figures
+from sarsim.settings import PerceptionConfig, TeleopConfig
+from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 
 SPACE, RIGHT, LEFT, DOWN, UP = 32, 262, 263, 264, 265
 """GLFW's key codes."""
@@ -158,46 +166,76 @@ def drive_by_keyboard(
 
 
 class MappedDrive:
-    """Maps what the robot sees while a person drives it, and records the drive like an episode.
+    """Maps what the robot sees while a person drives it, and leaves the files of an episode.
 
     Attributes:
         mapper: of its keyframes; the other attributes are those of :class:`FreeDrive`.
     """
 
-    def __init__(self, robot: SimulatedRobot, classifier: PointClassifier, recorder: EpisodeRecorder):
-        """Take the first keyframe where the robot was set down."""
-        self._robot, self._recorder = robot, recorder
+    def __init__(self, config: TeleopConfig, arena: RescueArena, out: Path, is_shown: bool = False):
+        """Take the first keyframe where the robot was set down, and show it in a window of Rerun if wanted.
+
+        Raises:
+            InputError: the labels, the detector, the robot, the window or the folder for results are not available.
+        """
+        classifier, detector = make_perception(PerceptionConfig(labels=config.labels))
+        self._robot = robot = SimulatedRobot(arena, SimulationConfig(robot=config.robot), seed=0)
         self.physics, self.base_body, self.control_period = robot.physics, robot.base_body, robot.control_period
         self.limits = robot.robot.drive.limits
-        self.mapper = Mapper(robot.model, classifier)
+        self.mapper = Mapper(robot.model, classifier, detector)
+        viewer = Viewer("spawn") if is_shown else None
+        make_folder(out)
+        self._recorder = EpisodeRecorder(robot, out / "episode.rrd", viewer)
+        self._results = ResultFolder(config, out, config.arena, 0, self.mapper, self._recorder)
+        self._score, self._coverage = TrajectoryScore(self.mapper.localisation, robot.trajectory), Coverage(robot)
+        self._begin = robot.time, time.perf_counter()
         self._localise()
 
     def drive(self, command: Velocity) -> None:
         """Follow ``command`` for one control period, and take a keyframe if the robot has moved far enough."""
         motion = self._robot.drive(command)
         self._recorder.on_motion(motion)
-        if is_keyframe(self._T_odom_keyframe, motion.T_odom_base):
+        if is_keyframe(self._frame.T_odom_base, motion.T_odom_base):
             self._localise()
 
     def _localise(self) -> None:
         """Take a keyframe, unless it repeats one."""
-        frame = without_isolated_returns(self._robot.sense())
+        self._frame = frame = without_isolated_returns(self._robot.sense())
         if correction := self.mapper.settle():
             self._recorder.on_correction(correction)
-        T_map_base, self._T_odom_keyframe = self.mapper.localise(frame), frame.T_odom_base
+        T_map_base = self.mapper.localise(frame)
         if self.mapper.localisation.repeats:
             self.mapper.localisation.pass_by(frame, T_map_base)
             return
         if not len(self.mapper.keyframes):
             self.mapper.assume_ground(T_map_base)
         keyframe = self.mapper.add(frame, T_map_base)
+        self.mapper.connect(keyframe, PosePaths(self.mapper.traversability, T_map_base[:2, 3], yaw_of(T_map_base)))
+        self._score.add()
+        assert self._robot.true_frame is not None
+        self._coverage.see(self._robot.true_frame.points())
         self._recorder.log_keyframe(keyframe.index, self.mapper, keyframe)
 
-    def save(self, folder: Path) -> None:
-        """End the recording, and write the maps into a folder; InputError if one cannot be written."""
-        self.mapper.settle()
-        self._recorder.close()
-        save_maps(self.mapper, folder)
+    def save(self) -> None:
+        """End the recording, and write the maps, the report and the page; InputError if one cannot be written."""
+        results = self.mapper.settle, self._score.save, self._situation, [self._recorder.close], self._write_report
+        each(lambda: self._results.write(*results), self._robot.close)
+
+    def _situation(self) -> Situation:
+        # Only an explorer can say that nothing is left to see.
+        height = float(self._frame.T_base_camera[2, 3])
+        return situation_of(self.mapper, self._robot.model, height, finished=False)
+
+    def _write_report(self) -> None:
+        motion = motion_figures(self._robot.trajectory)
+        figures = {
+            "navigation": {"collisions": self._robot.collisions.collisions, **motion},
+            "exploration": {"explored_fraction": self._coverage.fraction},
+            "localisation": self._score.report(),
+        }
+        sim_begin, wall_begin = self._begin
+        sim_time, wall_time = self._robot.time - sim_begin, time.perf_counter() - wall_begin
+        self._results.write_report(len(self.mapper.keyframes), sim_time, wall_time, figures)
 
 
 def _follow(camera: mujoco.MjvCamera, body: int) -> None:

@@ -25,7 +25,6 @@ class ExportDataset:
         data: folder of the dataset.
         out: new folder for the export; it appears only when the export is complete.
         voxel: s3dis: side, m, of the cubes that keep one point each; larger ones make smaller files; by default 0.02.
-        size: blocks: sides of a block in x and y, m; by default 1.0.
         points: blocks: number of points in a block, as many as the network takes; by default 4096.
         colours: blocks: nine channels, with r g b, as S3DIS has, instead of six.
         min_area: yolo, coco: least number of visible pixels of an object that gets a box; by default 100.
@@ -35,7 +34,6 @@ class ExportDataset:
     data: Path
     out: Path
     voxel: float | None = None
-    size: float | None = None
     points: int | None = None
     colours: bool = False
     min_area: int | None = None

@@ -27,6 +27,9 @@ from sarsim.perception import make_perception
 from sarsim.robots.model import robot_model
 from sarsim.settings import RosExploration
 
+STARTING_TIME = 120.0
+"""s that a robot which is not there yet may take to start: a simulated one compiles first."""
+
 
 class InterruptedDriveError(Exception):
     """The drive was interrupted."""
@@ -53,7 +56,7 @@ class RosDrive(Expedition, Observer):
         classifier, detector = make_perception(config)
         camera = config.camera and CameraPose(*config.camera).T_base_camera
         model = replace(robot_model(config.robot), speed=config.speed)
-        self.robot = RosRobot(node, model, config.topics, camera, config.patience, config.wait, self._log_motion)
+        self.robot = RosRobot(node, model, config.topics, camera, config.patience, STARTING_TIME, self._log_motion)
         mapper = Mapper(model, classifier, detector)
         explorer = Explorer(self.robot, mapper)
         if config.map:

@@ -1,5 +1,6 @@
 """Driving by keyboard, with a viewer that needs no screen in place of MuJoCo's."""
 
+import json
 import os
 import struct
 import tty
@@ -7,16 +8,15 @@ from contextlib import contextmanager, nullcontext
 from pathlib import Path
 
 import mujoco
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.metric_map.io.npz import load_metric_map
 from pipeline.semantic_map.classifier import TruthClassifier
 from sarsim import teleoperation
 from sarsim.arenas.load import load_arena
-from sarsim.recording import EpisodeRecorder
-from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
+from sarsim.settings import TeleopConfig
 from sarsim.teleoperation import (
     DOWN,
     LEFT,
@@ -143,13 +143,6 @@ def windows(monkeypatch):
     return opened
 
 
-@pytest.fixture
-def robot():
-    robot = SimulatedRobot(load_arena("nist_6x4"), SimulationConfig(), seed=0)
-    yield robot
-    robot.close()
-
-
 def test_the_robot_follows_the_keys(windows):
     arena = load_arena("nist_6x4")
     drive = FreeDrive(arena)
@@ -170,16 +163,38 @@ def test_the_robot_follows_a_gamepad(windows, joystick):
     assert drive.physics.data.xpos[drive.base_body, 0] < before - 0.05
 
 
-def test_a_drive_is_mapped_and_recorded(windows, robot, tmp_path):
-    drive = MappedDrive(robot, TruthClassifier(), EpisodeRecorder(robot, tmp_path / "episode.rrd"))
+FILES = {
+    *("episode.rrd", "keyframes.npz", "metric_map.npz", "report.html", "report.json", "semantic_map.ply"),
+    *("topology.json", "trajectory_estimated.tum", "trajectory_true.tum", "victims.csv", "victims.json"),
+}
+"""An episode's, but for config.yaml, which its command writes."""
+
+
+class Blind:
+    """A detector that counts the images it is shown."""
+
+    seen = 0
+
+    def detect(self, rgb):
+        self.seen += 1
+        return []
+
+
+def test_a_drive_is_mapped_and_leaves_the_files_of_an_episode(windows, tmp_path, monkeypatch):
+    detector = Blind()
+    monkeypatch.setattr(teleoperation, "make_perception", lambda config: (TruthClassifier(), detector))
+    drive = MappedDrive(TeleopConfig(), load_arena("nist_6x4"), tmp_path)
+    first = drive.physics.data.xpos[drive.base_body, 0]
     drive_by_keyboard(drive)
-    drive.save(tmp_path)
-    assert len(drive.mapper.keyframes) >= 2
-    moved = drive.mapper.keyframes.poses[-1, 0, 3] - drive.mapper.keyframes.poses[0, 0, 3]
-    assert moved == pytest.approx(
-        robot.trajectory[-1].T_world_base[0, 3] - drive.mapper.keyframes.poses[0, 0, 3], abs=0.25
-    )
-    labels = drive.mapper.semantic_map.labels()
-    assert {1, 2} <= set(labels.tolist())
-    assert (tmp_path / "episode.rrd").read_bytes()[:4] == b"RRF2"
-    assert len(load_metric_map(tmp_path / "metric_map.npz").occupied_centres()) > 100
+    last = drive.physics.data.xpos[drive.base_body, 0]
+    drive.save()
+    assert {path.name for path in tmp_path.iterdir()} == FILES
+    assert len(drive.mapper.keyframes) == detector.seen >= 2
+    assert np.ptp(drive.mapper.keyframes.poses[:, 0, 3]) == pytest.approx(last - first, abs=0.25)
+    assert {1, 2} <= set(drive.mapper.semantic_map.labels().tolist())
+    assert json.loads((tmp_path / "topology.json").read_text())["nodes"]
+    report = json.loads((tmp_path / "report.json").read_text())
+    assert report["localisation"]["keyframes"] == report["steps"] == detector.seen
+    assert 0.05 < report["exploration"]["explored_fraction"] < 0.9
+    assert report["navigation"]["distance_m"] == pytest.approx(last - first, abs=0.05)
+    assert "cut short" in (tmp_path / "report.html").read_text()

@@ -18,18 +18,18 @@ from sarsim.dataset.settings import check
 
 LIST = "room_filelist.txt"
 FILES = "all_files.txt"
+SIZE = 1.0  # m, sides of a block in xy
 SEED = 0  # of the random choice of points
 
 
 @dataclass(frozen=True)
 class Blocks(Export):
-    """HDF5 files of blocks, by default of 1 m × 1 m in xy with 4096 points: x y z, r g b if wanted, normalized x y z.
+    """HDF5 files of blocks of 1 m × 1 m in xy, by default with 4096 points.
 
-    all_files.txt lists the files by their paths from the parent folder; meta/class_names.txt names the labels.
+    A point has x y z, r g b if wanted, and normalized x y z. all_files.txt lists the files by their paths
+    from the parent folder; meta/class_names.txt names the labels.
     """
 
-    size: float = 1.0
-    """Sides of a block in xy, m."""
     points: int = 4096
     """Number of points in a block; drawn without repetition if there are so many."""
     min_points: int = 100
@@ -38,7 +38,6 @@ class Blocks(Export):
     """Whether r g b, 0 to 1, stand between both kinds of coordinates, which makes the nine channels of S3DIS."""
 
     def __post_init__(self) -> None:
-        check("size", self.size, 0.01)
         check("points", self.points, 1)
         check("min-points", self.min_points, 1)
 
@@ -74,14 +73,14 @@ class Blocks(Export):
             return
         xyz = cloud.points - cloud.points.min(axis=0)
         extent = np.maximum(xyz.max(axis=0), 1e-6)
-        cells = np.floor(xyz[:, :2] / self.size).astype(np.int64)
+        cells = np.floor(xyz[:, :2] / SIZE).astype(np.int64)
         for cell in np.unique(cells, axis=0):
             inside = np.flatnonzero((cells == cell).all(axis=1))
             if len(inside) < self.min_points:
                 continue
             chosen = rng.choice(inside, self.points, replace=len(inside) < self.points)
             local = xyz[chosen].copy()
-            local[:, :2] -= (cell + 0.5) * self.size
+            local[:, :2] -= (cell + 0.5) * SIZE
             colours = cloud.rgb[chosen] / np.iinfo(np.uint8).max if self.colours else np.zeros((self.points, 0))
             block = np.concatenate([local, colours, xyz[chosen] / extent], axis=1)
             yield block.astype(np.float32), cloud.label[chosen]

@@ -1,5 +1,6 @@
 """An episode: an expedition in a simulated arena, and its score."""
 
+from contextlib import ExitStack
 from typing import Any
 
 import numpy as np
@@ -55,14 +56,17 @@ class Episode(Expedition):
         localisation = OdometryLocalisation() if is_told else Slam()
         model, voxel_size, graph, seed = self.robot.model, config.voxel_size, config.graph, config.seed
         mapper = Mapper(model, classifier, detector, voxel_size, graph, seed, localisation)
-        if config.map:
-            load_keyframes(config.map / KEYFRAMES, mapper)
-        robot, recordings = self._recorded(mapper)
+        with ExitStack() as refused:
+            refused.callback(self.robot.close)
+            if config.map:
+                load_keyframes(config.map / KEYFRAMES, mapper)
+            robot, recordings = self._recorded(mapper)
+            viewer = None if config.view == "none" else Viewer(config.view)
+            make_folder(config.folder)
+            self.recorder = EpisodeRecorder(self.robot, config.folder / "episode.rrd", viewer)
+            refused.pop_all()
         explorer = Explorer(robot, mapper)
         self.score = EpisodeScore(self.robot, explorer, fiducials)
-        viewer = None if config.view == "none" else Viewer(config.view)
-        make_folder(config.folder)
-        self.recorder = EpisodeRecorder(self.robot, config.folder / "episode.rrd", viewer)
         explorer.observers += [self.score, *recordings]
         results = ResultFolder(config, config.folder, config.arena, config.seed, mapper, self.recorder)
         super().__init__(explorer, results, self.score.trajectory, config.steps, config.goals, config.home)

@@ -12,14 +12,14 @@ import signal
 import stat
 import sys
 import time
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stderr
 from difflib import get_close_matches
 from importlib.metadata import version
 from itertools import pairwise
 from pathlib import Path
 from types import FrameType
-from typing import Any, Self
+from typing import Any, Self, TypeVar
 
 import tyro
 from rich.console import Console
@@ -37,6 +37,7 @@ LINE_EVERY = 10.0  # s between lines of progress if there is no terminal
 COMMON = (
     "Every command also takes --version, --quiet (errors alone) and --log-level LEVEL (debug, info, warning, error)."
 )
+Item = TypeVar("Item")
 _quiet = False
 
 
@@ -151,14 +152,23 @@ class PlainProgress(Progress):
             )
 
 
-def progress(disable: bool = False) -> Progress:
-    """A progress bar on stderr, with counts and the time elapsed; lines if stderr is no terminal."""
+def progress(disable: bool = False, transient: bool = False) -> Progress:
+    """A progress bar on stderr, with counts and the time elapsed; lines if stderr is no terminal.
+
+    ``transient``: the bar vanishes at its end.
+    """
     announce_compilation()
     console, disable = Console(stderr=True), disable or _quiet
     if not console.is_terminal:
         return PlainProgress(auto_refresh=False, disable=disable)
     columns = (*Progress.get_default_columns(), MofNCompleteColumn(), TimeElapsedColumn())
-    return Progress(*columns, console=console, disable=disable)
+    return Progress(*columns, console=console, transient=transient, disable=disable)
+
+
+def tracked(items: Iterable[Item], description: str) -> Iterator[Item]:
+    """The items, under a progress bar that vanishes with the last one."""
+    with progress(transient=True) as bars:
+        yield from bars.track(items, description=description)
 
 
 @functools.cache
@@ -295,15 +305,21 @@ class Interruptible:
 def run_watched(
     run: Callable[[Callable[[], bool], Callable[[float, str], None]], object],
     description: str,
+    unit: str,
     total: float | None = None,
 ) -> int | None:
     """Call ``run`` under a progress bar; returns the number of the signal that ended it, such as Ctrl-C, if any.
 
-    ``run`` ends when its first argument returns True, and calls its second with the amount done and a description.
+    ``run`` ends when its first argument returns True, and calls its second with the number of units done and a
+    description.
     """
     with progress() as bars, Interruptible() as control:
-        bar = bars.add_task(description, total=total)
-        run(lambda: control.signal is not None, lambda done, line: bars.update(bar, completed=done, description=line))
+        bar = bars.add_task(f"{description}; {unit}", total=total)
+
+        def show(done: float, line: str) -> None:
+            bars.update(bar, completed=done, description=f"{line}; {unit}")
+
+        run(lambda: control.signal is not None, show)
     return control.signal
 
 

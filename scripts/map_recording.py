@@ -28,6 +28,7 @@ def map_recording(config: MapRecording) -> None:
     ended_by = run_watched(
         lambda interrupted, on_frame: drive.run(interrupted, lambda line: on_frame(drive.frames, line)),
         config.path.name,
+        "frames",
     )
     if drive.report:
         save_settings(config, config.out / "config.yaml")

@@ -24,6 +24,7 @@ def ros_explore(config: RosExploration) -> None:
         ended_by = run_watched(
             lambda interrupted, on_step: drive.run(interrupted, lambda line: on_step(drive.explorer.steps, line)),
             config.out.name,
+            "steps",
             config.steps,
         )
     console = Console()

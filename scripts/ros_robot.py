@@ -21,6 +21,7 @@ def ros_robot(config: RosRobotConfig) -> None:
                 interrupted, lambda time: on_period(round(time, 1), config.arena)
             ),
             config.arena,
+            "simulated s",
         )
     if config.out:
         Console().print(f"What is true of the drive is in {config.out}", soft_wrap=True)

@@ -35,6 +35,7 @@ def run_episode(config: EpisodeConfig) -> None:
     ended_by = run_watched(
         lambda interrupted, on_step: episode.run(interrupted, lambda line: on_step(episode.explorer.steps, line)),
         config.arena,
+        "steps",
         config.steps,
     )
     if not ended_by:

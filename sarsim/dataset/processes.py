@@ -47,7 +47,10 @@ def _call(function: Callable[..., object], args: tuple[Any, ...]) -> None:
     """The main function of the new process."""
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))
     threading.Thread(target=_end_with_parent, daemon=True).start()
-    function(*args)
+    try:
+        function(*args)
+    finally:  # nothing is left to clean up, and what Python does at its end must not raise
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
 def _end_with_parent() -> None:

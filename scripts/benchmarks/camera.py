@@ -10,12 +10,12 @@ from typing import ClassVar
 
 import mujoco
 import numpy as np
-from rich.progress import track
 
 from sarsim.assets import asset
 from sarsim.dataset.processes import connected
 from sarsim.scripts.benchmarks.common import RENDERERS, Result, ThreePasses, at_least, seconds
 from sarsim.scripts.benchmarks.settings import CameraSettings
+from sarsim.scripts.cli import tracked
 from sarsim.sensors.camera import RgbdCamera
 from sarsim.sensors.rendering import Renderer
 from sarsim.sensors.xtion import Xtion
@@ -47,13 +47,14 @@ def measure(settings: CameraSettings) -> Result:
     at_least(1, settings, "frames", "width", "height")
     width, height = settings.width, settings.height
     times: dict[str, list[Times]] = {name: [] for name in CONTENDERS}
-    workers = {name: connected(_serve, name, width, height, environment={})[1] for name in CONTENDERS}
-    for i in track(range(UNCOUNTED_ROUNDS + settings.frames), "camera", transient=True):
-        for name, connection in workers.items():
+    workers = {name: connected(_serve, name, width, height, environment={}) for name in CONTENDERS}
+    for i in tracked(range(UNCOUNTED_ROUNDS + settings.frames), "camera"):
+        for name, (_, connection) in workers.items():
             connection.send(POSES[i % len(POSES)])
             times[name].append(connection.recv())
-    for connection in workers.values():
+    for process, connection in workers.values():
         connection.send(None)
+        process.join()
     return Result(summary({name: rows[UNCOUNTED_ROUNDS:] for name, rows in times.items()}))
 
 
@@ -72,14 +73,14 @@ def _serve(connection: Connection, name: str, width: int, height: int) -> None:
     """The loop of a contender's process: it receives a pose and sends the times of its frame; None ends it."""
     model = _model(width, height)
     data = mujoco.MjData(model)
-    renderer = CONTENDERS[name](model, width, height)
-    frame = _theirs(renderer, data) if isinstance(renderer, ThreePasses) else _ours(renderer, data)
-    while (pose := connection.recv()) is not None:
-        x, y, yaw = pose
-        data.mocap_pos[0] = x, y, CAMERA_HEIGHT
-        data.mocap_quat[0] = np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)
-        mujoco.mj_forward(model, data)
-        connection.send(frame())
+    with CONTENDERS[name](model, width, height) as renderer:
+        frame = _theirs(renderer, data) if isinstance(renderer, ThreePasses) else _ours(renderer, data)
+        while (pose := connection.recv()) is not None:
+            x, y, yaw = pose
+            data.mocap_pos[0] = x, y, CAMERA_HEIGHT
+            data.mocap_quat[0] = np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)
+            mujoco.mj_forward(model, data)
+            connection.send(frame())
 
 
 def _model(width: int, height: int) -> mujoco.MjModel:

@@ -10,7 +10,6 @@ from collections.abc import Iterator
 import numpy as np
 import pyoctomap
 from numpy.typing import NDArray
-from rich.progress import track
 
 from pipeline.exploration.baselines import RandomWalk
 from pipeline.explorer import Explorer
@@ -24,6 +23,7 @@ from pipeline.transforms import from_yaw
 from sarsim.arenas.load import load_arena
 from sarsim.scripts.benchmarks.common import Result, at_least, seconds
 from sarsim.scripts.benchmarks.settings import CorrectionSettings
+from sarsim.scripts.cli import tracked
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 
 DRIVES = {"nist_6x4": 300, "random:3": 1000}
@@ -42,7 +42,9 @@ def measure(settings: CorrectionSettings) -> Result:
         mapper = driven(arena, size, seed)
         rng = np.random.default_rng(seed)
         times = []
-        for poses in track(list(_corrected(mapper.keyframes.poses, rounds, rng)), f"{size} keyframes"):
+        for poses in tracked(
+            list(_corrected(mapper.keyframes.poses, rounds, rng)), f"corrections of {size} keyframes"
+        ):
             times.append(seconds(mapper.correct, poses))
         equal.append(are_equal(mapper, from_scratch(mapper)))
         figures |= {

@@ -15,7 +15,6 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from rich.progress import track
 
 from sarsim.dataset.engine import SceneDone
 from sarsim.dataset.folder_lock import FolderLock
@@ -26,6 +25,7 @@ from sarsim.dataset.recipe import Recipe
 from sarsim.dataset.render import render_scene
 from sarsim.scripts.benchmarks.common import RENDERERS, Result, at_least
 from sarsim.scripts.benchmarks.settings import DatasetSettings
+from sarsim.scripts.cli import tracked
 
 
 def measure(settings: DatasetSettings) -> Result:
@@ -56,7 +56,7 @@ def _contest(recipe: Recipe, scenes: int) -> dict[str, list[float]]:
     """Seconds of every frame; the first one of a scene includes its arena and drive."""
     contenders = {name: connected(_serve, name, recipe) for name in RENDERERS}
     times: dict[str, list[float]] = {name: [] for name in RENDERERS}
-    for frame in track(range((1 + scenes) * recipe.frames), "frames", transient=True):
+    for frame in tracked(range((1 + scenes) * recipe.frames), "frames"):
         for name, (_, connection) in contenders.items():
             connection.send(None)
             elapsed = connection.recv()
@@ -77,7 +77,7 @@ def _scaling(recipe: Recipe, rounds: int) -> NDArray[np.float64]:
         with FolderLock.take(folders[0]) as lock:
             workers = [Worker(recipe, folder, lock) for folder in folders]
             _make(workers, 0)
-            numbers = track(range(1, rounds + 1), "rounds", transient=True)
+            numbers = tracked(range(1, rounds + 1), "rounds")
             ratios = [2 * _make(workers[:1], index) / _make(workers, index) for index in numbers]
             for worker in workers:
                 worker.end()

@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 import pyoctomap
 from numpy.typing import NDArray
-from rich.progress import track
 
 from pipeline.metric_map.metric_map import MetricMap
 from sarsim.scoring.voxels import VoxelScore
 from sarsim.scripts.benchmarks.common import Result, at_least
 from sarsim.scripts.benchmarks.recorded_frames import RecordedFrames, record
 from sarsim.scripts.benchmarks.settings import MetricMapSettings
+from sarsim.scripts.cli import tracked
 
 SMALL, LARGE = (6.0, 4.0), (520.0, 150.0)
 SIZES = (SMALL, (20.0, 15.0), (52.0, 15.0), (130.0, 60.0), LARGE)
@@ -75,9 +75,7 @@ def _frame_times(contender: "Contender", recording: RecordedFrames, name: str) -
     depth = recording.xtion
     for n in range(WARM_UP):
         contender.prepare(recording, depth, n)()
-    return np.array(
-        [_timed(contender.prepare(recording, depth, n)) for n in track(range(len(depth)), name, transient=True)]
-    )
+    return np.array([_timed(contender.prepare(recording, depth, n)) for n in tracked(range(len(depth)), name)])
 
 
 def _timed(action: Callable[[], object]) -> float:
@@ -110,7 +108,7 @@ def _mapped_environment(recording: RecordedFrames, size: tuple[float, float]) ->
     metric_map = MetricMap()
     chosen = np.linspace(0, len(recording.xtion) - 1, TILE_FRAMES).astype(int)
     columns, rows = (int(np.ceil(length / tile)) for length, tile in zip(size, SMALL, strict=True))
-    for i in track(range(columns), f"filling {size[0]:g} m × {size[1]:g} m", transient=True):
+    for i in tracked(range(columns), f"filling {size[0]:g} m × {size[1]:g} m"):
         for j in range(rows):
             for n in chosen:
                 T = recording.T_map_camera[n].copy()
@@ -123,13 +121,13 @@ def _accuracy(recording: RecordedFrames) -> dict[str, float]:
     """The report's four figures of each map and sensor, and the agreement of the map with exact rays."""
     scored = MetricMap()
     score = VoxelScore(scored)
-    for n in track(range(len(recording.ideal)), "following noise-free rays", transient=True):
+    for n in tracked(range(len(recording.ideal)), "following noise-free rays"):
         score.add(recording.points(recording.ideal, n).astype(np.float32), recording.T_map_camera[n, :3, 3])
     figures: dict[str, float] = {}
     for sensor, depth in (("ideal", recording.ideal), ("xtion", recording.xtion)):
         maps = {}
         for name, contender in (("ours", Projective(0.1)), ("rays", Rays(0.1)), ("octomap", OctoMap(0.1, True))):
-            for n in track(range(len(depth)), f"{name}, {sensor}", transient=True):
+            for n in tracked(range(len(depth)), f"{name}, {sensor}"):
                 contender.prepare(recording, depth, n)()
             maps[name] = contender.metric_map()
             lower, upper = _bounds(maps[name], scored)

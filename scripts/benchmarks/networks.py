@@ -9,7 +9,6 @@ from statistics import mean
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from rich.progress import track
 from rich.table import Table
 
 from pipeline.errors import InputError
@@ -26,6 +25,7 @@ from sarsim.scripts.benchmarks.semantic import LIGHTINGS, SPARSE_KEYFRAMES
 from sarsim.scripts.benchmarks.semantic_accuracy import KINDS, Change, Scores, scores
 from sarsim.scripts.benchmarks.semantic_speed import THREADS, classifier_of, thesis_blocks
 from sarsim.scripts.benchmarks.settings import NetworksSettings
+from sarsim.scripts.cli import tracked
 
 FIRST_RANDOM = 90_000
 """Seed of the first random arena: datasets draw the seeds of theirs from two thousand million."""
@@ -52,7 +52,7 @@ def measure(settings: NetworksSettings) -> Result:
     jobs = [(group, arena, suffix) for suffix in lit for group in groups for arena in groups[group]]
     networks = {name: NetworkClassifier(path, False, THREADS, name) for name, path in files.items()}
     details: dict[str, dict[str, Scores]] = {}
-    for group, arena, suffix in track(jobs if networks else [], "arenas", transient=True):
+    for group, arena, suffix in tracked(jobs if networks else [], "arenas"):
         count = settings.raf_frames if group.endswith("_mean") else settings.frames
         seen = drive_through(arena, count, settings.seed, lit[suffix], SPARSE_KEYFRAMES)
         details.setdefault(group + suffix, {})[arena] = scores(seen, networks, VOTES)
@@ -115,7 +115,7 @@ def _times(files: dict[str, Path], frames: list[PosedFrame], rounds: int) -> dic
     ready = {name: for_inference(network, THREADS) for name, network in written.items()}
     blocks = [block.points for frame in frames for block in thesis_blocks(frame)]
     times: dict[str, list[float]] = {}
-    for turn in track(range(-1, rounds), "blocks", transient=True):
+    for turn in tracked(range(-1, rounds), "blocks"):
         for name, network in ready.items():
             took = seconds(_run, network, [blocks[turn % len(blocks)]] * THREADS) / THREADS
             times.setdefault(f"{name}.block_ms", []).extend([1000 * took] * (turn >= 0))

@@ -11,7 +11,6 @@ from contextlib import contextmanager
 
 import numpy as np
 from numpy.typing import NDArray
-from rich.progress import track
 
 from pipeline.exploration.next_best_view import Exploration
 from pipeline.exploration.viewpoint import Context
@@ -27,6 +26,7 @@ from sarsim.arenas.load import load_arena
 from sarsim.ground_truth.true_surface import Survey
 from sarsim.scripts.benchmarks.common import Result, at_least
 from sarsim.scripts.benchmarks.settings import PlanningSettings
+from sarsim.scripts.cli import tracked
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 
 WARM_UP = 2  # Steps that are not counted: in the first one the whole floor is new
@@ -74,7 +74,7 @@ class _Floor:
         """Seconds of each stage in each of ``count`` steps, at places all over the floor."""
         seconds: dict[str, list[float]] = defaultdict(list)
         self._step(self._start, defaultdict(list))
-        for place in track(self._places(count + WARM_UP), "planning", transient=True):
+        for place in tracked(self._places(count + WARM_UP), "planning"):
             x, y = place
             T_map_base = from_yaw(x, y, self._start[2, 3], self._rng.uniform(-np.pi, np.pi))
             self._see(T_map_base)

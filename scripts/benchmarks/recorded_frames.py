@@ -4,7 +4,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
-from rich.progress import Progress
 
 from pipeline.explorer import Explorer, Observer
 from pipeline.frame import Intrinsics
@@ -12,6 +11,7 @@ from pipeline.mapper import Mapper
 from pipeline.robot import Motion
 from pipeline.semantic_map.classifier import TruthClassifier
 from sarsim.arenas.load import load_arena
+from sarsim.scripts.cli import progress
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 
 STEPS = 160  # Largest number of steps of an episode
@@ -51,12 +51,12 @@ def record(arena: str, seed: int, frames: int) -> RecordedFrames:
     explorer = Explorer(robot, Mapper(robot.model, TruthClassifier(), seed=seed))
     album = _Album(robot, frames)
     explorer.observers.append(album)
-    with Progress(transient=True) as progress:
-        bar = progress.add_task(f"recording in {arena}", total=None)
+    with progress(transient=True) as bars:
+        bar = bars.add_task(f"steps of a recording in {arena}", total=None)
         step = explorer.step()
         while step.plan is not None and explorer.steps < STEPS:
             explorer.drive(step)
-            progress.update(bar, advance=1)
+            bars.advance(bar)
             step = explorer.step()
     robot.close()
     ideal, xtion, poses = (np.array(column) for column in zip(*album.chosen(), strict=True))

@@ -4,14 +4,13 @@ from pathlib import Path
 from statistics import mean
 from typing import Any
 
-from rich.progress import track
-
 from pipeline.semantic_map.networks.classifier import NetworkClassifier
 from sarsim.scripts.benchmarks.common import Result, at_least
 from sarsim.scripts.benchmarks.labelled_drives import drive_through
 from sarsim.scripts.benchmarks.semantic_accuracy import accuracy
 from sarsim.scripts.benchmarks.semantic_speed import THREADS, agreement, speed
 from sarsim.scripts.benchmarks.settings import SemanticSettings
+from sarsim.scripts.cli import tracked
 from sarsim.sensors.lighting import Lighting
 
 LIGHTINGS = {"": Lighting.normal, ".dark": Lighting.dark}  # By the suffix of the figures' names
@@ -41,7 +40,7 @@ def measure(settings: SemanticSettings) -> Result:
         _name(arena) + suffix: accuracy(
             drive_through(arena, number, seed, LIGHTINGS[suffix], SPARSE_KEYFRAMES), network
         )
-        for arena, number, suffix in track(lit, "arenas", transient=True)
+        for arena, number, suffix in tracked(lit, "arenas")
     }
     for name, contenders in details.items():
         figures |= {key(name, contender): values["miou_four"] for contender, values in contenders.items()}

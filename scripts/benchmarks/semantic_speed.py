@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from rich.progress import track
 from torch.nn import functional
 
 from pipeline.semantic_map.classifier import CLASSES
@@ -22,6 +21,7 @@ from pipeline.semantic_map.networks.weights import load_weights
 from pipeline.semantic_map.voxels import VoxelCloud
 from sarsim.scripts.benchmarks.common import seconds
 from sarsim.scripts.benchmarks.labelled_drives import PosedFrame
+from sarsim.scripts.cli import tracked
 
 POINTS = 4096
 THREADS = 2
@@ -76,9 +76,7 @@ def _block_contest(network: Dgcnn, blocks: list[NDArray[np.float32]]) -> dict[st
     fast = FastDgcnn(network, THREADS)
     fast(blocks[0])
     _plain(network, blocks[0])
-    rows = [
-        (seconds(fast, block), seconds(_plain, network, block)) for block in track(blocks, "blocks", transient=True)
-    ]
+    rows = [(seconds(fast, block), seconds(_plain, network, block)) for block in tracked(blocks, "blocks")]
     ours, theirs = np.array(rows).T
     return {
         "fast_vs_plain": float(np.median(theirs / ours)),
@@ -120,7 +118,7 @@ def _frame_times(network: Dgcnn, classifier: NetworkClassifier, frames: list[Pos
     plain, thesis = (
         [
             sum(seconds(_plain, network, block.points) for block in blocks(frame))
-            for frame in track(frames, "as written", transient=True)
+            for frame in tracked(frames, "as written")
         ]
         for blocks in (robot_blocks, thesis_blocks)
     )

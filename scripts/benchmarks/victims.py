@@ -7,7 +7,6 @@ from typing import Any
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from rich.progress import track
 from rich.table import Table
 
 from pipeline.semantic_map.networks.threads import torch_threads
@@ -30,6 +29,7 @@ from sarsim.scripts.benchmarks.victims_frames import (
     recipe,
     scene_frames,
 )
+from sarsim.scripts.cli import tracked
 from sarsim.sensors.lighting import Lighting
 
 THREADS = 2
@@ -75,7 +75,7 @@ def _frames(detector: VictimDetector, settings: VictimsSettings) -> dict[str, li
     """People and detections in the frames of all scenes, by lighting."""
     arenas = recipe(settings.seed, settings.frames)
     result: dict[str, list[PeopleInFrame]] = {light.name: [] for light in Lighting if settings.scenes}
-    for index in track(range(settings.scenes), "frames", transient=True):
+    for index in tracked(range(settings.scenes), "frames"):
         for light in Lighting:
             result[light.name] += scene_frames(arenas, index, light, detector)
     return result

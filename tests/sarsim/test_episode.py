@@ -14,6 +14,7 @@ from pipeline.mission import PATIENCE
 from pipeline.transforms import from_yaw
 from sarsim.episode import Episode
 from sarsim.settings import EpisodeConfig
+from sarsim.simulated_robot import SimulatedRobot
 
 WALL, TERRAIN, DECK = 1, 2, 4
 Interval = tuple[float, float]
@@ -86,6 +87,15 @@ def test_a_late_failure_costs_no_result_but_its_own(tmp_path):
     maps = {"keyframes.npz", "metric_map.npz", "semantic_map.ply", "topology.json"}
     assert maps | {"trajectory_true.tum", "trajectory_estimated.tum"} <= {file.name for file in out.iterdir()}
     assert not (out / "report.json").exists()
+
+
+def test_a_refused_episode_closes_its_robot(tmp_path, monkeypatch):
+    closed = []  # an OpenGL context that outlives OpenGL would end with a traceback
+    close = SimulatedRobot.close
+    monkeypatch.setattr(SimulatedRobot, "close", lambda robot: (closed.append(robot), close(robot)))
+    with pytest.raises(InputError, match=r"keyframes\.npz"):
+        Episode(EpisodeConfig(labels="truth", detector=None, map=tmp_path, out=tmp_path / "out"))
+    assert len(closed) == 1
 
 
 def test_goals_are_visited_or_refused_with_a_reason_and_the_robot_comes_home(tmp_path):

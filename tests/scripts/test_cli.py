@@ -14,7 +14,7 @@ import pytest
 
 from pipeline.errors import InputError
 from sarsim.scripts import cli
-from sarsim.scripts.cli import progress, run
+from sarsim.scripts.cli import progress, run, run_watched, tracked
 
 
 def command(count: int, *, fail: str = "", pair: tuple[int, int] | None = None) -> None:
@@ -96,7 +96,7 @@ def take(interrupted, on_step):
         on_step(1, "a step")
 
 def steps(out: Path) -> None:
-    ended_by = run_watched(take, "steps")
+    ended_by = run_watched(take, "place", "steps")
     out.write_text(f"whole {ended_by}")
     end_by(ended_by)
 
@@ -204,6 +204,14 @@ def test_progress_is_lines_without_a_terminal(
     lines = capsys.readouterr().err.splitlines()
     assert [line.partition(",")[0] for line in lines[:5]] == [f"steps: {k} of 5" for k in range(1, 6)]
     assert lines[-1].startswith("scenes: 2 of 2, ")
+
+
+def test_progress_says_what_is_counted(capsys: pytest.CaptureFixture[str]) -> None:
+    run_watched(lambda interrupted, on_step: on_step(11, "arena: exploring, 6 m² mapped"), "arena", "steps", 12)
+    assert list(tracked("ab", "letters")) == ["a", "b"]
+    captured = capsys.readouterr()
+    lines = [line.partition(", 0 s")[0] for line in captured.err.splitlines()]
+    assert (lines, captured.out) == (["arena: exploring, 6 m² mapped; steps: 11 of 12", "letters: 2 of 2"], "")
 
 
 def test_progress_leaves_the_last_word_to_an_error(capsys: pytest.CaptureFixture[str]) -> None:

@@ -51,3 +51,24 @@ def test_a_worker_ends_tidily_with_its_parent(tmp_path, ended_by):
             time.sleep(0.05)
         assert not alive(worker)
         assert not list(folder.iterdir())
+
+
+ENDING = """
+import atexit, sys, time
+from sarsim.dataset import processes
+
+def work():
+    atexit.register(time.sleep, 20)
+
+if __name__ == "__main__":
+    process = processes.start(work)
+    process.join(2)
+    process.terminate()
+"""
+
+
+def test_a_worker_that_is_ended_at_its_end_says_nothing(tmp_path):
+    script = tmp_path / "parent.py"
+    script.write_text(ENDING)
+    done = subprocess.run([sys.executable, script], capture_output=True, text=True, timeout=15)
+    assert (done.returncode, done.stderr) == (0, "")

@@ -41,45 +41,50 @@ def export_map(
         raise InputError(f"--out {out}: the ending must be .bt, .ot, .ply, {', '.join(PLAN_ENDINGS)}")
     if heights is not None and not (out.suffix == ".pgm" and heights[0] < heights[1]):
         raise InputError(f"--heights {heights[0]:g} {heights[1]:g}: of a .pgm, the lower one first")
+    path = path / "metric_map.npz" if path.is_dir() else path
+    is_of_ground = out.suffix in PLAN_ENDINGS and heights is None
+    files = _export_ground(path, out, robot) if is_of_ground else _export_voxels(path, out, heights)
+    print(f"Wrote {', '.join(map(str, files))}")
+
+
+def _export_voxels(path: Path, out: Path, heights: tuple[float, float] | None) -> list[Path]:
+    """Write the occupancy grid or a slice of it; returns the files."""
     from pipeline.metric_map.io.exports import save_map_server, save_ply
     from pipeline.metric_map.io.npz import load_metric_map
     from pipeline.metric_map.io.octomap import write_bt, write_ot
 
-    path = path / "metric_map.npz" if path.is_dir() else path
-    if out.suffix in PLAN_ENDINGS and heights is None:
-        _export_ground(path.with_name("keyframes.npz"), out, robot)
-        return
     metric_map = load_metric_map(path)
+    if heights is not None:
+        return save_map_server(out, metric_map, *heights)
     semantic_map = path.with_name("semantic_map.ply")
     match out.suffix:
-        case ".pgm":
-            save_map_server(out, metric_map, *(heights or ()))
         case ".bt":
             write_bt(out, metric_map)
         case ".ot":
             write_ot(out, metric_map, _labels(metric_map, semantic_map))
         case ".ply":
             save_ply(out, metric_map, _labels(metric_map, semantic_map))
+    return [out]
 
 
-def _export_ground(keyframes: Path, out: Path, robot: Robot) -> None:
-    """Write a 2D map of the ground by its traversability for the robot."""
+def _export_ground(path: Path, out: Path, robot: Robot) -> list[Path]:
+    """Write a 2D map of the ground by its traversability for the robot; returns the files."""
     from pipeline.map_file import load_elevation_map
     from pipeline.metric_map.io.plans import SAVED
     from pipeline.traversability.ros_map import known_costs, save_ros_map, trinary
     from pipeline.traversability.traversability import assess_map
     from sarsim.robots.model import robot_model
 
+    keyframes = path.with_name("keyframes.npz")
     if not keyframes.exists():
         instead = "; --heights 0.25 0.65 makes a map of the occupancy grid instead" if out.suffix == ".pgm" else ""
         raise InputError(f"{keyframes}: no such file{instead}")
     elevation_map, poses = load_elevation_map(keyframes, robot_model(robot))
     ground, places = assess_map(elevation_map), poses[:, :2, 3]
     if out.suffix == ".pgm":
-        save_ros_map(out, ground, places)
-        return
+        return save_ros_map(out, ground, places)
     cost, origin = known_costs(ground, places)
-    SAVED[out.suffix](out, trinary(cost), ground.grid.cell, origin)
+    return SAVED[out.suffix](out, trinary(cost), ground.grid.cell, origin)
 
 
 def _labels(metric_map: "MetricMap", path: Path) -> "NDArray[np.uint8] | None":

@@ -15,7 +15,7 @@ SCALED = (0.005, 0.995)
 """Thresholds of darkness, so that each shade between white and black is a different cost."""
 
 
-def save_ros_map(path: Path, traversability: Traversability, places: ArrayLike) -> None:
+def save_ros_map(path: Path, traversability: Traversability, places: ArrayLike) -> list[Path]:
     """Write ``path`` (.pgm): free, lethal or unknown, and ..._cost.png: slopes as costs; a .yaml lies beside each.
 
     Lethal cells are those that the robot cannot drive on: walls, steps, slopes too steep. They are not inflated: Nav2
@@ -26,15 +26,19 @@ def save_ros_map(path: Path, traversability: Traversability, places: ArrayLike) 
         traversability: the ground.
         places: (N, 2 or 3) m where the robot has been; ground not connected to them by known ground is left unknown.
 
+    Returns:
+        The files that were written.
+
     Raises:
         InputError: if a file cannot be written.
     """
     cost, origin = known_costs(traversability, places)
     cell = traversability.grid.cell
-    write_map_server(path, trinary(cost), cell, origin)
-    shade = np.rint(255 * (1 - np.maximum(cost, 0) / 100))
-    scaled = np.stack([shade, 255 * (cost >= 0)], axis=-1).astype(np.uint8)
-    write_map_server(path.with_name(f"{path.stem}_cost.png"), scaled, cell, origin, "scale", SCALED)
+    files = write_map_server(path, trinary(cost), cell, origin)
+    white = np.iinfo(np.uint8).max
+    shade = np.rint(white * (1 - np.maximum(cost, 0) / LETHAL))
+    scaled = np.stack([shade, white * (cost >= 0)], axis=-1).astype(np.uint8)
+    return files + write_map_server(path.with_name(f"{path.stem}_cost.png"), scaled, cell, origin, "scale", SCALED)
 
 
 def known_costs(traversability: Traversability, places: ArrayLike) -> tuple[NDArray[np.int64], NDArray[np.float64]]:

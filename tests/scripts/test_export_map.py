@@ -60,14 +60,15 @@ def test_a_cloud_has_the_centres_in_the_colour_of_their_class(episode):
     np.testing.assert_array_equal(np.rint(255 * np.asarray(cloud.colors)), [COLOURS[Label.WALL]] * 6)
 
 
-def test_a_slice_shows_what_is_as_high_as_the_robot(episode):
+def test_a_slice_shows_what_is_as_high_as_the_robot(episode, capsys):
     export_map(episode, episode / "map.pgm", (0.25, 0.65))
+    assert capsys.readouterr().out == f"Wrote {episode / 'map.pgm'}, {episode / 'map.yaml'}\n"
     image = cv2.imread(str(episode / "map.pgm"), cv2.IMREAD_UNCHANGED)
     np.testing.assert_array_equal(image, [[254, 254], [0, 0]])
     assert (episode / "map.yaml").exists()
 
 
-def test_a_flat_map_is_the_ground_as_the_robot_judges_it(episode):
+def test_a_flat_map_is_the_ground_as_the_robot_judges_it(episode, capsys):
     mapper = Mapper(PIONEER, TruthClassifier())
     T_base_camera = pose(0.1, 0, 0.65, 0, 0.3)
     scene = [floor(-2, 6, -3, 3), wall((2.2, 2.3), (2.2, -2.3)), *wedge(1.2, 0.3, 0.8, 1.0, 0.17)]
@@ -83,7 +84,8 @@ def test_a_flat_map_is_the_ground_as_the_robot_judges_it(episode):
         return image[::-1][int((v - y) / cell), int((u - x) / cell) : int((u - x) / cell) + reach].min()
 
     assert (at(0, 0), at(1.6, 0), at(2.1, 0.8, 5)) == (254, 254, 0)  # the floor, the ramp, the wall
-    assert (episode / "map_cost.yaml").exists()
+    files = ", ".join(str(episode / name) for name in ("map.pgm", "map.yaml", "map_cost.png", "map_cost.yaml"))
+    assert capsys.readouterr().out == f"Wrote {files}\n"
     timid = robot_file("pioneer3at").read_text().replace('"0.3490658503988659"', '"0.1"')  # rad that it climbs
     (episode / "timid.xml").write_text(timid)
     export_map(episode, episode / "timid.pgm", robot=str(episode / "timid.xml"))

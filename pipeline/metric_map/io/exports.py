@@ -30,16 +30,19 @@ def save_ply(path: Path, metric_map: MetricMap, labels: NDArray[np.uint8] | None
     write_ply(path, centres, COLOURS[labels], labels)
 
 
-def save_map_server(path: Path, metric_map: MetricMap, lowest: float = 0.25, highest: float = 0.65) -> None:
+def save_map_server(path: Path, metric_map: MetricMap, lowest: float, highest: float) -> list[Path]:
     """Write a 2D map for ROS map_server: a PGM image at ``path`` and its description beside it as YAML.
 
-    A cell is occupied if a voxel between the two heights is occupied, else free if one is free, else unknown. The
-    lowest height leaves out what a Pioneer 3-AT drives over, ramps included; the highest is that of the robot.
+    A cell is occupied if a voxel between the two heights is occupied, else free if one is free, else unknown. From
+    0.25 to 0.65 m lies what stands in the way of a Pioneer 3-AT, but no ramp.
 
     Args:
         path: of the image, ``.pgm``.
         metric_map: whose voxels to write.
         lowest, highest: m in ``map``.
+
+    Returns:
+        The files that were written.
 
     Raises:
         InputError: if a file cannot be written.
@@ -51,7 +54,7 @@ def save_map_server(path: Path, metric_map: MetricMap, lowest: float = 0.25, hig
     log_odds = metric_map.log_odds(lower, upper)
     cells = np.where((log_odds > 0).any(axis=2), PGM_OCCUPIED, PGM_UNKNOWN)
     cells[(log_odds < 0).any(axis=2) & (cells != PGM_OCCUPIED)] = PGM_FREE
-    write_map_server(path, cells.astype(np.uint8), size, lower[:2] * size + metric_map.corner[:2])
+    return write_map_server(path, cells.astype(np.uint8), size, lower[:2] * size + metric_map.corner[:2])
 
 
 def write_map_server(
@@ -61,7 +64,7 @@ def write_map_server(
     origin: NDArray[np.float64],
     mode: str = "trinary",
     thresholds: tuple[float, float] = (0.196, 0.65),
-) -> None:
+) -> list[Path]:
     """Write an image for ROS map_server at ``path``, and its description beside it as YAML.
 
     Args:
@@ -72,6 +75,9 @@ def write_map_server(
         mode: trinary or scale, how map_server reads the greys.
         thresholds: darkness, 0 to 1: below the first a cell is free, above the second occupied.
 
+    Returns:
+        The files that were written.
+
     Raises:
         InputError: if a file cannot be written.
     """
@@ -81,8 +87,10 @@ def write_map_server(
     with whole_file(path) as partial:
         partial.write_bytes(cv2.imencode(path.suffix, image)[1].tobytes())
     free, occupied = thresholds
-    with whole_file(path.with_suffix(".yaml")) as partial:
+    description = path.with_suffix(".yaml")
+    with whole_file(description) as partial:
         partial.write_text(
             f"image: {path.name}\nmode: {mode}\nresolution: {cell}\norigin: [{origin[0]:.6g}, {origin[1]:.6g}, 0.0]\n"
             f"negate: 0\noccupied_thresh: {occupied}\nfree_thresh: {free}\n"
         )
+    return [path, description]

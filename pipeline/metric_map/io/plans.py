@@ -12,14 +12,17 @@ from pipeline.files import whole_file
 from pipeline.metric_map.io.exports import PGM_FREE, PGM_OCCUPIED, PGM_UNKNOWN
 
 Cells = NDArray[np.uint8]
-GEO_KEYS = (1, 1, 0, 2, 1024, 0, 1, 32767, 1025, 0, 1, 1)
-"""Keys of GeoTIFF 1.1: version 1.1.0, two keys: a user-defined model (m in ``map``), and pixels that are areas."""
+GEO_KEYS = (1, 1, 0, 3, 1024, 0, 1, 32767, 1025, 0, 1, 1, 3076, 0, 1, 9001)
+"""Keys of GeoTIFF 1.1: version 1.1.0, three keys: a user-defined model (``map``), pixels that are areas, metres."""
 LOOKS = {"unknown": (PGM_UNKNOWN, "#cdcdcd"), "free": (PGM_FREE, "#ffffff"), "occupied": (PGM_OCCUPIED, "#1a1a1a")}
 """Grey value and colour of each kind of ground."""
 
 
-def save_geotiff(path: Path, cells: Cells, cell: float, origin: NDArray[np.float64]) -> None:
+def save_geotiff(path: Path, cells: Cells, cell: float, origin: NDArray[np.float64]) -> list[Path]:
     """Write cells (nx, ny) of side ``cell`` m, the first one's corner at ``origin`` (2,) m, as GeoTIFF, without loss.
+
+    Returns:
+        The files that were written.
 
     Raises:
         InputError: the file cannot be written.
@@ -29,22 +32,26 @@ def save_geotiff(path: Path, cells: Cells, cell: float, origin: NDArray[np.float
         (33550, TiffTags.DOUBLE, (cell, cell, 0.0)),  # ModelPixelScale
         (33922, TiffTags.DOUBLE, (0.0, 0.0, 0.0, float(origin[0]), float(origin[1]) + height, 0.0)),  # ModelTiepoint
         (34735, TiffTags.SHORT, GEO_KEYS),
+        (42113, TiffTags.ASCII, str(PGM_UNKNOWN)),  # GDAL_NODATA
     ):
         tags.tagtype[tag], tags[tag] = kind, value
     with whole_file(path) as partial:
         Image.fromarray(_image(cells)).save(partial, "TIFF", tiffinfo=tags, compression="tiff_adobe_deflate")
+    return [path]
 
 
-def save_world_png(path: Path, cells: Cells, cell: float, origin: NDArray[np.float64]) -> None:
+def save_world_png(path: Path, cells: Cells, cell: float, origin: NDArray[np.float64]) -> list[Path]:
     """Write cells (nx, ny) as PNG, and their size and place, m, as a world file (.pgw); as :func:`save_geotiff`."""
     x, y = origin[0] + cell / 2, origin[1] + (cells.shape[1] - 0.5) * cell
     with whole_file(path) as partial:
         partial.write_bytes(cv2.imencode(".png", _image(cells))[1].tobytes())
-    with whole_file(path.with_suffix(".pgw")) as partial:
+    place = path.with_suffix(".pgw")
+    with whole_file(place) as partial:
         partial.write_text("".join(f"{value:.9g}\n" for value in (cell, 0, 0, -cell, x, y)))
+    return [path, place]
 
 
-def save_svg(path: Path, cells: Cells, cell: float, origin: NDArray[np.float64]) -> None:
+def save_svg(path: Path, cells: Cells, cell: float, origin: NDArray[np.float64]) -> list[Path]:
     """Write the outlines of cells (nx, ny) as SVG, in m, with y up; arguments as :func:`save_geotiff`."""
     width, height = np.array(cells.shape) * cell
     x, y = origin
@@ -59,9 +66,10 @@ def save_svg(path: Path, cells: Cells, cell: float, origin: NDArray[np.float64])
             f' viewBox="{x:.6g} {-y - height:.6g} {width:.6g} {height:.6g}">\n'
             f'<g transform="scale(1 -1)" fill-rule="evenodd">\n{"".join(parts)}</g>\n</svg>\n'
         )
+    return [path]
 
 
-def save_dxf(path: Path, cells: Cells, cell: float, origin: NDArray[np.float64]) -> None:
+def save_dxf(path: Path, cells: Cells, cell: float, origin: NDArray[np.float64]) -> list[Path]:
     """Write cells (nx, ny) as closed polylines, m, one layer per kind of ground; arguments as :func:`save_geotiff`.
 
     The DXF is of release 12 (AC1009), which requires no section but ENTITIES: pairs of code and value.
@@ -75,6 +83,7 @@ def save_dxf(path: Path, cells: Cells, cell: float, origin: NDArray[np.float64])
             pairs += [(0, "SEQEND"), (8, name)]
     with whole_file(path) as partial:
         partial.write_text("".join(f"{code}\n{value}\n" for code, value in [*pairs, (0, "ENDSEC"), (0, "EOF")]))
+    return [path]
 
 
 def _image(cells: Cells) -> Cells:
@@ -87,10 +96,12 @@ def _outlines(mask: NDArray[np.bool_], cell: float, origin: NDArray[np.float64])
     # OpenCV's contours run through pixel centres: with 3 × 3 pixels a cell, each centre is nearest to one edge only.
     fine = np.ascontiguousarray(np.kron(mask.T, np.ones((3, 3), np.uint8)), np.uint8)
     contours, _ = cv2.findContours(fine, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_SIMPLE)
-    return [np.rint((contour[:, 0] + 0.5) / 3) * cell + origin for contour in contours]
+    edges = [np.rint((contour[:, 0] + 0.5) / 3) for contour in contours]
+    # A contour cuts corners, so that two of its points lie nearest to one.
+    return [edge[(edge != np.roll(edge, 1, axis=0)).any(axis=1)] * cell + origin for edge in edges]
 
 
-SAVED: dict[str, Callable[[Path, Cells, float, NDArray[np.float64]], None]] = {
+SAVED: dict[str, Callable[[Path, Cells, float, NDArray[np.float64]], list[Path]]] = {
     ".tif": save_geotiff,
     ".png": save_world_png,
     ".svg": save_svg,

@@ -30,7 +30,7 @@ def test_open3d_reads_the_occupied_centres_and_their_colours(wall_and_step, tmp_
 
 
 def test_map_server_sees_the_wall_and_drives_over_the_step(wall_and_step, tmp_path):
-    save_map_server(tmp_path / "map.pgm", wall_and_step)
+    save_map_server(tmp_path / "map.pgm", wall_and_step, 0.25, 0.65)
     image = cv2.imread(str(tmp_path / "map.pgm"), cv2.IMREAD_UNCHANGED)
     lines = (line.split(": ", 1) for line in (tmp_path / "map.yaml").read_text().splitlines())
     settings = dict(lines)
@@ -50,6 +50,6 @@ def test_map_server_sees_the_wall_and_drives_over_the_step(wall_and_step, tmp_pa
 def test_what_no_voxel_tells_is_unknown(tmp_path):
     metric_map = MetricMap()
     metric_map.integrate_points([(1.0, 1.0, 0.5)], (0, 0, 0.5))
-    save_map_server(tmp_path / "map.pgm", metric_map)
+    save_map_server(tmp_path / "map.pgm", metric_map, 0.25, 0.65)
     image = cv2.imread(str(tmp_path / "map.pgm"), cv2.IMREAD_UNCHANGED)
     assert image[0, -1] == 0 and image[-1, 0] == 254 and image[0, 0] == 205

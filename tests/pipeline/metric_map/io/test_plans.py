@@ -1,6 +1,7 @@
 """2D maps, read back as other programs read them."""
 
 import xml.etree.ElementTree as ET
+from itertools import pairwise
 from pathlib import Path
 
 import cv2
@@ -31,7 +32,7 @@ def test_a_geotiff_lies_where_the_map_does(cells: np.ndarray, tmp_path: Path) ->
         scale, tie, keys = (image.tag_v2[tag] for tag in (33550, 33922, 34735))
     assert scale == (CELL, CELL, 0)
     np.testing.assert_allclose(tie, (0, 0, 0, -1.5, 2.25 + 12 * CELL, 0))
-    assert keys[:4] == (1, 1, 0, 2)
+    assert keys[:4] == (1, 1, 0, 3)
 
 
 def test_rasterio_reads_it(cells: np.ndarray, tmp_path: Path) -> None:
@@ -41,6 +42,14 @@ def test_rasterio_reads_it(cells: np.ndarray, tmp_path: Path) -> None:
             np.testing.assert_array_equal(raster.read(1), cells.T[::-1])
             np.testing.assert_allclose(raster.bounds, (-1.5, 2.25, -1.5 + 17 * CELL, 2.25 + 12 * CELL), atol=1e-9)
             assert next(raster.sample([(-1.5 + 4.5 * CELL, 2.25 + 6.5 * CELL)]))[0] == cells[4, 6]
+
+
+def test_a_geotiff_is_in_metres_and_unknown_ground_has_no_data(cells: np.ndarray, tmp_path: Path) -> None:
+    save_geotiff(tmp_path / "map.tif", cells, CELL, ORIGIN)
+    with rasterio.open(tmp_path / "map.tif") as raster:
+        assert 'UNIT["metre",1,' in raster.crs.wkt
+        assert raster.nodata == 205
+        np.testing.assert_array_equal(raster.read(1, masked=True).mask, cells.T[::-1] == 205)
 
 
 def test_a_world_file_says_where_the_first_pixel_lies(cells: np.ndarray, tmp_path: Path) -> None:
@@ -69,6 +78,7 @@ def test_outlines_hold_the_cells_and_no_others(cells: np.ndarray, tmp_path: Path
         (path,) = root.findall(f".//*[@id='{part}']")
         edges = [[point.split() for point in line.split("L")] for line in path.attrib["d"].strip("Mz").split("zM")]
         np.testing.assert_array_equal(within(edges, cells.shape), cells == grey)
+        assert all(a != b for edge in edges for a, b in pairwise([*edge, edge[0]]))  # no point twice in a row
     low, high = ORIGIN, ORIGIN + np.array(cells.shape) * CELL
     x, y, width, height = map(float, root.attrib["viewBox"].split())
     np.testing.assert_allclose((x, -y - height, x + width, -y), (*low, *high), atol=1e-6)

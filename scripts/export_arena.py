@@ -5,8 +5,10 @@ from pathlib import Path
 
 from tyro.conf import Fixed
 
+from pipeline.errors import InputError
 from pipeline.files import whole_file
 from sarsim.arenas.settings import RandomArenaConfig, StartPose
+from sarsim.scripts.cli import check_folder_of
 from sarsim.scripts.settings import run_with_settings
 
 
@@ -16,7 +18,7 @@ class ExportArena:
 
     Attributes:
         arena: nist_6x4, esogu_52x15, random:SEED, or the path of a .raf or MJCF file.
-        out: MJCF file to write; files that the arena refers to are copied beside it.
+        out: MJCF file to write, .xml or .mjcf; files that the arena refers to are copied beside it.
         start: start pose: x and y in m, yaw in degrees; by default the arena's own.
         random: contents of a random arena, set in a --config file as run_episode.py writes it.
     """
@@ -31,6 +33,9 @@ def export_arena(settings: ExportArena) -> None:
     """Write an arena without the robot; view it with ``python -m mujoco.viewer --mjcf=FILE.xml``."""
     from sarsim.arenas.load import load_arena
 
+    if settings.out.suffix not in (".xml", ".mjcf"):
+        raise InputError(f"--out {settings.out}: MJCF is written, so the ending must be .xml or .mjcf")
+    check_folder_of("out", settings.out)
     root = load_arena(settings.arena, settings.start, settings.random).mjcf_model
     for name, content in (root.get_assets() | {settings.out.name: root.to_xml_string().encode()}).items():
         with whole_file(settings.out.with_name(name)) as part:

@@ -4,6 +4,7 @@ import argparse
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import MISSING, field, fields, is_dataclass, make_dataclass
+from difflib import get_close_matches
 from inspect import getdoc
 from pathlib import Path
 from typing import Annotated, Any, TypeVar, get_type_hints
@@ -55,6 +56,9 @@ def run_one_of(commands: Mapping[str, tuple[Callable[[Any], object], type]], des
     about = f"{description}\n\n{COMMON}"
 
     def run() -> None:
+        if name and not name.startswith("-"):
+            meant = "".join(f"; perhaps you meant {near}" for near in get_close_matches(name, commands, n=1))
+            raise InputError(f"{name}: none of {', '.join(commands)}{meant}")
         words = common()
         parse(lambda: tyro.extras.subcommand_cli_from_dict(kinds, args=words, description=about))
 

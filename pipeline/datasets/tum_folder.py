@@ -35,8 +35,8 @@ def read_tum_folder(
     Raises:
         InputError: a file is missing or broken.
     """
-    calibration = calibration or _calibration(path)
     depth, colour = _listed(path, ("depth",), fps), _listed(path, ("rgb", "color"), fps)
+    calibration = calibration or _calibration(path)
     place = _trajectory(path / "camera.txt")
     T_base_camera = np.eye(4) if place is None else place.poses[0]
     recording = Recording(
@@ -93,7 +93,8 @@ def _listed(path: Path, names: tuple[str, ...], fps: float | None) -> Listed:
             if fps is None:
                 raise InputError(f"{path / name}: its images have no times; --fps tells how many there are a second")
             return [(k / fps, file) for k, file in enumerate(files)]
-    raise InputError(f"{path}: has neither {' nor '.join(f'{n}.txt nor images in {n}/' for n in names)}")
+    missing = " nor ".join(f"{name}.txt nor images in {name}/" for name in names)
+    raise InputError(f"{path}: no recording: it has neither {missing}")
 
 
 def _from_list(file: Path) -> Listed:

@@ -86,7 +86,8 @@ def test_a_file_that_cannot_be_written_leaves_nothing(tmp_path: Path, toys: Path
 @pytest.mark.parametrize(
     ("flags", "complaint"),
     [
-        (["coffee"], "coffee"),
+        (["coffee"], "coffee: none of camera, correction, "),
+        (["camra"], "; perhaps you meant camera"),
         (["camera", "--raf", "folder"], "--raf"),
         (["dataset", "--nist", "3"], "--nist"),
         (["victims", "--detector", "None"], "--detector"),

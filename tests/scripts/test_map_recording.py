@@ -120,7 +120,7 @@ def test_a_scene_and_its_tum_folder_make_one_map(tmp_path: Path) -> None:
     ("words", "message"),
     [
         (["nowhere"], "error: nowhere: no such file or folder"),
-        (["."], "has no calibration.txt; --intrinsics fx fy cx cy tells the camera's"),
+        (["."], "no recording: it has neither depth.txt nor images in depth/"),
         ([".", "--intrinsics", "1", "1", "0", "1"], "--intrinsics 1.0 1.0 0.0 1.0: must be positive"),
         ([".", "--fps", "0"], "--fps 0.0: must be positive"),
         ([".", "--depth-scale", "-1"], "--depth-scale -1.0: must be positive"),

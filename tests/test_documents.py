@@ -8,10 +8,13 @@ from importlib import import_module
 from pathlib import Path
 from urllib.parse import unquote
 
+import numpy as np
 import pytest
 import yaml
+from dm_control import mjcf
 
 from sarsim.arenas.load import load_arena
+from sarsim.ground_truth.true_surface import Survey
 from sarsim.scripts.results import MARKERS, README, texts
 from tests.source_tree import ROOT, modules
 
@@ -147,7 +150,20 @@ def test_shipped_weights_have_a_card_as_hugging_face_reads_them(weights: Path) -
 def test_the_site_has_every_page_once() -> None:
     listed = re.findall(r"[:-] ([\w/-]+\.md)$", (ROOT / "mkdocs.yml").read_text(), re.MULTILINE)
     pages = [str(page.relative_to(ROOT / "docs")) for page in [*PAGES, *RESULTS]]
-    assert sorted(listed) == sorted([*pages, "index.md", "gallery.md"])
+    assert sorted(listed) == sorted([*pages, "index.md", "gallery.md", "install.md", "commands.md", "notebook.md"])
+
+
+def test_the_site_makes_pages_of_parts_of_the_readme() -> None:
+    assert {"## Install", "## Commands"} <= set(README.read_text().splitlines())
+
+
+def test_goals_that_a_page_names_can_be_reached() -> None:
+    named = re.findall(r"--goals((?: -?\d[\d.]*)+)", (ROOT / "docs" / "driving.md").read_text())
+    goals, arena = np.array(" ".join(named).split(), np.float64).reshape(-1, 2), load_arena("nist_6x4")
+    physics = mjcf.Physics.from_mjcf_model(arena.mjcf_model)
+    surface = Survey(physics.model.ptr, physics.data.ptr).surface_from(arena.T_world_start[:3, 3])
+    assert len(goals) == 3
+    assert surface.grid.at(surface.drivable, goals).all()
 
 
 def test_the_notebook_runs_from_an_episode_to_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,5 +1,6 @@
 """What mkdocs does beside its plugins: writes home page, gallery and API reference, and leads links to code there."""
 
+import json
 import os
 import re
 from pathlib import Path
@@ -17,6 +18,8 @@ OUTSIDE = re.compile(r"\[([^\]]*)\]\((\.\./[^)#\s]+)(?:#[^)]*)?\)")
 
 IN_README = re.compile(r"(\]\(|src=\")(?!https?:|#)(docs/)?")
 """Where a link of README.md begins that leads into the repository, and whether it leads into ``docs/``."""
+CODE = re.compile("`[^`\\n]+`")
+NOTEBOOK = "docs/episode.ipynb"
 PICTURE = re.compile(r"!\[([^\]]+)\]\((images/[^)]+)\)")
 """A picture of a page: what it shows, and its file."""
 
@@ -47,8 +50,21 @@ def reference(package: Path) -> str:
 
 def home() -> str:
     """README.md as a page of the site."""
-    text = (ROOT / "README.md").read_text()
+    text = (ROOT / "README.md").read_text().replace(NOTEBOOK, "docs/notebook.md")
     return IN_README.sub(lambda link: link[1] if link[2] else f"{link[1]}../", text)
+
+
+def section(heading: str) -> str:
+    """A section of README.md as a page of its own."""
+    text = home().partition(f"\n## {heading}\n")[2].partition("\n## ")[0]
+    return f"# {heading}\n{text}\n"
+
+
+def notebook() -> str:
+    """The notebook as a page: its text and its code."""
+    cells = json.loads((ROOT / NOTEBOOK).read_text())["cells"]
+    parts = [(cell["cell_type"], "".join(cell["source"])) for cell in cells]
+    return "\n\n".join(text if kind == "markdown" else f"```python\n{text}\n```" for kind, text in parts) + "\n"
 
 
 def gallery() -> str:
@@ -71,7 +87,9 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add the pages that no file in ``docs/`` holds."""
-    for name, content in (("index.md", home()), ("gallery.md", gallery())):
+    own = {"index.md": home(), "gallery.md": gallery(), "notebook.md": notebook()}
+    own |= {f"{heading.lower()}.md": section(heading) for heading in ("Install", "Commands")}
+    for name, content in own.items():
         files.append(File.generated(config, name, content=content))
     for top in PACKAGES:
         for package in packages(top):
@@ -80,7 +98,11 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
-    """Lead links to modules into the reference; other files of the repository are named, not linked."""
+    """Lead links to modules into the reference; other files of the repository are named, not linked.
+
+    Unlike GitHub, mkdocs would show the backslash before a bar in a table's code.
+    """
+    markdown = CODE.sub(lambda code: code[0].replace("\\|", "|"), markdown)
     return OUTSIDE.sub(lambda link: inside(link[1], normpath(f"docs/{link[2]}")), markdown)
 
 

@@ -40,7 +40,7 @@ def blueprint(low: ArrayLike = (-3, -3, 0), high: ArrayLike = (3, 3, 1), tab: in
     return rrb.Blueprint(
         rrb.Vertical(
             rrb.Horizontal(maps, _camera(), column_shares=[3, 1]),
-            rrb.Horizontal(*_plots(), log, column_shares=[2, 2, 2, 3]),
+            rrb.Horizontal(*_plots(), log, column_shares=[1, 1, 2]),  # lines of the log are cut, not broken
             row_shares=[3, 1],
         ),
         rrb.TimePanel(state="collapsed", timeline="sim_time", play_state="following"),
@@ -55,15 +55,18 @@ def _scene(name: str, low: ArrayLike, high: ArrayLike, hidden: list[str]) -> rrb
         name=name,
         contents=list(_SCENE),
         line_grid=False,
-        eye_controls=_eye(np.asarray(low, np.float64), np.asarray(high, np.float64)),
+        eye_controls=eye(np.asarray(low, np.float64), np.asarray(high, np.float64)),
         overrides={f"world/{entity}": [rrb.EntityBehavior(visible=False)] for entity in hidden},
     )
 
 
-def _eye(low: NDArray[np.float64], high: NDArray[np.float64]) -> rrb.EyeControls3D:
-    """The eye at the distance at which the box fills the window, and at a steep angle, so that walls hide little."""
+def eye(low: NDArray[np.float64], high: NDArray[np.float64]) -> rrb.EyeControls3D:
+    """The eye, at negative y of and above the box from ``low`` to ``high``, (3,) m, which fills the window.
+
+    It is so high that a wall hides only a third of its height behind it.
+    """
     middle = (low + high) / 2
-    away = np.array([0, -1, 2]) * np.linalg.norm((high - low)[:2]) / 3
+    away = np.array([0, -1, 3]) * np.linalg.norm((high - low)[:2]) / 4
     return rrb.EyeControls3D(position=middle + away, look_target=middle)
 
 
@@ -87,11 +90,8 @@ def _plots() -> list[rrb.TimeSeriesView | rrb.Tabs]:
     # The first step, which loads compiled code, would flatten the rest.
     times = _plot("Time, ms", "$origin/time_ms/**", *stages, axis_y=rrb.ScalarAxis(range=(0, 1e3)))
     tilt = _plot("Tilt, °", "$origin/roll_deg", "$origin/pitch_deg")
-    return [
-        _plot("Explored area, m²", "$origin/explored_area_m2"),
-        _plot("Position, m", "$origin/position_error_m", "$origin/localisation/correction_m"),
-        rrb.Tabs(times, tilt, active_tab=0),
-    ]
+    position = _plot("Position, m", "$origin/position_error_m", "$origin/localisation/correction_m")
+    return [_plot("Explored area, m²", "$origin/explored_area_m2"), rrb.Tabs(position, times, tilt, active_tab=0)]
 
 
 def _plot(name: str, *contents: str, axis_y: rrb.ScalarAxis | None = None) -> rrb.TimeSeriesView:

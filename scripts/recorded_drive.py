@@ -1,6 +1,7 @@
 """Maps a recording, and writes the files of an episode."""
 
 from collections.abc import Callable
+from contextlib import suppress
 from functools import partial
 from time import perf_counter
 from typing import Any
@@ -102,6 +103,8 @@ class RecordedDrive:
             return
         self._recorder.close()
         (self.config.out / RECORDING).unlink()
+        with suppress(OSError):  # it holds earlier results
+            self.config.out.rmdir()
         if not self.error:
             left_out = ", ".join(f"{count} {reason}" for reason, count in self.recording.left_out.items())
             self.error = f"{self.recording.path}: holds no frame that could be used; {left_out or 'it is empty'}"

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Callable, Iterable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -88,6 +89,16 @@ def test_what_came_before_a_broken_image_is_kept(
     report = json.loads((out / "report.json").read_text())
     assert report["recording"]["frames"] == 8
     assert told in report["recording"]["stopped"]
+
+
+def test_a_recording_of_nothing_leaves_no_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    def blank(topic: str, time: float, message: Any) -> Iterable[tuple[str, float, Any]]:
+        is_depth = topic == "/camera/depth/image_raw"
+        return [(topic, time, replace(message, data=np.zeros_like(message.data)) if is_depth else message)]
+
+    path, out = write_bag(tmp_path / "room", change=blank), tmp_path / "out"
+    assert "holds no frame that could be used" in failed(capsys, path, "--out", out, "--labels", "truth")
+    assert not out.exists()
 
 
 def test_gaps_cost_no_more_than_the_frames_in_them(tmp_path: Path) -> None:

@@ -26,11 +26,18 @@ def view(path: Annotated[Path, tyro.conf.Positional], web: bool = False) -> None
     recording = find_recording(path)
     # The page ends with this process, even if the signal arrives while the viewer starts.
     for ending in ENDINGS:
-        signal.signal(ending, lambda *_: sys.exit())
+        signal.signal(ending, leave)
     from pipeline.rerun.viewer import Viewer, has_display
 
     viewer = Viewer("web" if web or not has_display() else "spawn", recording)
     viewer.wait()
+
+
+def leave(*_: object) -> None:
+    """End the process; further signals are ignored, for Python's own end must not be interrupted."""
+    for ending in ENDINGS:
+        signal.signal(ending, signal.SIG_IGN)
+    sys.exit()
 
 
 def find_recording(path: Path) -> Path:

@@ -3,6 +3,7 @@
 import sys
 from pathlib import Path
 
+import h5py
 import pytest
 
 from pipeline.errors import InputError
@@ -72,6 +73,19 @@ def test_every_export_is_a_subcommand(
     export_dataset.main()
     assert f"2 scenes in {tmp_path / 'out'}" in capsys.readouterr().out
     assert list((tmp_path / "out").rglob("*"))
+
+
+def test_colours_are_of_blocks_alone(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    toys(tmp_path / "data", 1)
+    flags = ["--colours", "--data", str(tmp_path / "data"), "--out", str(tmp_path / "out")]
+    monkeypatch.setattr(sys, "argv", ["export_dataset.py", "s3dis", *flags])
+    assert "--colours: s3dis has no such setting" in refusal(capsys, export_dataset.main)
+    monkeypatch.setattr(sys, "argv", ["export_dataset.py", "blocks", *flags])
+    export_dataset.main()
+    with h5py.File(tmp_path / "out" / "ply_data_all_0.h5") as file:
+        assert file["data"].shape[1:] == (4096, 9)
 
 
 def test_an_export_of_nothing_is_status_2(

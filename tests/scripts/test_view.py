@@ -11,7 +11,8 @@ import pytest
 
 from pipeline.errors import InputError
 from pipeline.rerun.recorder import Recorder
-from sarsim.scripts.view import find_recording
+from sarsim.scripts.cli import ENDINGS
+from sarsim.scripts.view import find_recording, leave
 
 VIEW = Path(__file__).parents[2] / "scripts" / "view.py"
 NO_DISPLAY = {key: value for key, value in os.environ.items() if key not in ("DISPLAY", "WAYLAND_DISPLAY")}
@@ -61,3 +62,14 @@ def test_without_a_display_a_page_is_served_until_the_command_ends(episode, end)
         assert process.wait(timeout=20) == 0
     with pytest.raises(OSError, match="refused"):
         urllib.request.urlopen(page)
+
+
+def test_a_second_signal_does_not_interrupt_the_end() -> None:
+    before = {ending: signal.getsignal(ending) for ending in ENDINGS}
+    try:
+        with pytest.raises(SystemExit):
+            leave(signal.SIGTERM)
+        assert all(signal.getsignal(ending) == signal.SIG_IGN for ending in ENDINGS)
+    finally:
+        for ending, handler in before.items():
+            signal.signal(ending, handler)

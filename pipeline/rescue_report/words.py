@@ -33,7 +33,8 @@ def degrees(angle: float) -> str:
 
 def percent(share: float) -> str:
     """A share in whole percent; 100 % only if it is 1."""
-    return f"{min(round(100 * share), 99) if share < 1 else 100} %"
+    whole = f"{share:.0%}"
+    return ("99%" if share < 1 and whole == "100%" else whole).replace("%", " %")
 
 
 def place(position: ArrayLike) -> str:

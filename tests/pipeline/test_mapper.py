@@ -251,3 +251,11 @@ def test_a_frame_from_far_away_leaves_the_maps_as_they_are(reach):
         mapper.add(FRAMES[2], mapper.localise(replace(FRAMES[2], T_odom_base=far)))
     assert len(mapper.keyframes) == len(mapper.localisation.poses) == 2
     assert mapper.settle() is None
+
+
+def test_a_drive_to_far_away_is_not_kept():
+    mapper = mapped(POSES)
+    with pytest.raises(InputError, match="would take"):
+        mapper.add_drive(np.array([(0, 0, 0), (1e5, 1e5, 0)]), np.zeros((0, 3), np.float32), [])
+    moves = mapper.correct(POSES @ from_yaw(0.2, 0, 0, 0))
+    assert moves.are_noticeable.all()

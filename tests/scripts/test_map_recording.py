@@ -1,6 +1,7 @@
 """map_recording.py: the files that it writes for whole and broken recordings."""
 
 import json
+import os
 from collections.abc import Callable, Iterable
 from dataclasses import replace
 from pathlib import Path
@@ -18,6 +19,7 @@ from sarsim.scripts.map_recording import MapRecording, map_recording
 from sarsim.scripts.settings import run_with_settings
 from tests.pipeline.datasets.recorded_room import frames, write_bag
 from tests.sarsim.dataset.small import InProcess
+from tests.scripts.refusal import refusal
 
 FILES = {
     "config.yaml", "episode.rrd", "keyframes.npz", "metric_map.npz", "report.html", "report.json", "semantic_map.ply",
@@ -147,4 +149,11 @@ def test_bad_flags_are_one_line(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert message in failed(capsys, *words, "--out", "out")
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_pipe_is_no_recording(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    os.mkfifo(tmp_path / "pipe")
+    line = refusal(capsys, run, tmp_path / "pipe", "--out", tmp_path / "out")
+    assert line == f"error: {tmp_path / 'pipe'}: not a regular file"
     assert not (tmp_path / "out").exists()

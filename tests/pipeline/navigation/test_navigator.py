@@ -6,10 +6,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from pipeline.localisation.localisation import KEYFRAME_WAY
+from pipeline.localisation.localisation import KEYFRAME_WAY, LostError
 from pipeline.navigation.navigator import Halt, MotionCheck, Navigator, Outcome
 from pipeline.navigation.progress import OVERDUE
-from pipeline.robot import Velocity
+from pipeline.robot import Motion, Velocity
 from pipeline.transforms import from_yaw, wrap_angle, yaw_of
 from pipeline.traversability.elevation_map import CELL
 from tests.pipeline.kinematic_robot import KinematicRobot
@@ -363,3 +363,17 @@ def test_what_it_touched_stands_right_before_the_end_that_went_ahead():
         np.testing.assert_allclose(points[:, 1], 2 + end * (PIONEER.half_length + CELL / np.sqrt(2)))
         np.testing.assert_allclose(np.ptp(points[:, 0]), PIONEER.width, rtol=1e-6)
         np.testing.assert_allclose(points[:, 2], PIONEER.body_height)
+
+
+@pytest.mark.parametrize("place", [np.nan, 1e6])
+def test_without_odometry_the_robot_stands(place):
+    class Astray(KinematicRobot):
+        def drive(self, command: Velocity) -> Motion:
+            motion = super().drive(command)
+            return replace(motion, T_odom_base=from_yaw(place, 0, 0, 0)) if len(self.commands) > 20 else motion
+
+    robot = Astray()
+    with pytest.raises(LostError, match=r"the odometry at 1\.05 s is not finite, or too far away"):
+        Navigator(robot).follow(np.array([(2.0, 0.0)]))
+    assert robot.commands[-2].v > 0
+    assert robot.commands[-1] == Velocity()

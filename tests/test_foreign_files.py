@@ -324,7 +324,8 @@ def test_robots(tmp_path: Path) -> None:
 def moved_about(arena: Path, robot: Path) -> None:
     """What an episode does to a robot."""
     with closing(SimulatedRobot(load_arena(str(arena)), SimulationConfig(robot=str(robot)), 0)) as body:
-        Mapper(body.model, TruthClassifier()).add(body.sense(), np.eye(4))
+        mapper, frame = Mapper(body.model, TruthClassifier()), body.sense()
+        mapper.add(frame, mapper.localise(frame))
         body.drive(Velocity(0.2, 0.2))
 
 

@@ -193,7 +193,7 @@ class LocalisationSettings(DrivesSettings):
     esogu: int = 1
     random: int = 9
     raf: Path | None = None
-    frames: int = 3000
+    frames: Fixed[int] = 3000
     seeds: tuple[int, ...] = ()
     kidnappings: int = 0
     runs: Path = Path("runs/benchmark-localisation")

@@ -104,7 +104,7 @@ def test_goals_are_visited_or_refused_with_a_reason_and_the_robot_comes_home(tmp
     diary = Diary(room((-1.0, 2.8), (-1.3, 1.3), deck), tmp_path, goals=goals, home=True, steps=12)
     task = diary.report["goals"]
     assert (task["given"], task["reached"]) == (4, 1)
-    for reason in ("(2.10, -0.65) m cannot be reached", "(50.00, 0.00) m is off the map", "(2.80, 0.60) m is in a"):
+    for reason in ("(2.10, -0.65) m is too near", "(50.00, 0.00) m is off the map", "(2.80, 0.60) m is in a"):
         assert any(reason in line for line in task["refused"])
         assert diary.said(f"WARN the goal {reason}")
     assert diary.said("INFO the goal (1.00, 0.70) m is reached")
@@ -184,13 +184,13 @@ def test_maps_that_lie_wrong_are_corrected_and_the_log_says_so(tmp_path):
 def test_a_robot_shut_in_gives_up_and_says_why(tmp_path):
     """Its camera sees nothing so near, and slipping wheels would look like driving."""
     diary = Diary(room((-0.36, 0.36), (-0.36, 0.36)), tmp_path, goals=((2.0, 0.0),), odometry="truth")
-    assert diary.said("INFO 0% explored; nothing is left that is worth a keyframe")
-    assert diary.said("WARN the goal (2.00, 0.00) m is off the map: the ground there was not seen")
+    assert diary.said("WARN the robot does not know where it is and stays: the camera measures no depth")
     navigation = diary.report["navigation"]
     assert 0 < navigation["legs"] - navigation["reached"] <= PATIENCE
     assert navigation["recovered"] > 0
     assert "metric_map" not in diary.report
-    assert diary.report["goals"]["reached"] == 0
+    assert diary.report["exploration"]["ended"] == "lost"
+    assert [fault["kind"] for fault in diary.report["faults"]][-1] == "lost"
 
 
 def go_on(earlier: Path, folder: Path, **config) -> Episode:

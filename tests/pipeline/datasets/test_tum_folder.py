@@ -4,6 +4,7 @@ import os
 import resource
 import struct
 import zlib
+from collections.abc import Callable
 from pathlib import Path
 
 import cv2
@@ -134,14 +135,11 @@ def test_bad_lists_are_one_line(folder: Path, name: str, content: str | bytes, m
     assert "\n" not in str(raised.value)
 
 
-def test_a_list_is_a_file(folder: Path) -> None:
-    (folder / "depth.txt").unlink()
-    (folder / "depth.txt").mkdir()
-    with pytest.raises(InputError, match=r"depth.txt: not a regular file"):
-        read_tum_folder(folder)
-    (folder / "calibration.txt").unlink()
-    os.mkfifo(folder / "calibration.txt")
-    with pytest.raises(InputError, match=r"calibration.txt: not a regular file"):
+@pytest.mark.parametrize(("name", "make"), [("depth.txt", os.mkdir), ("calibration.txt", os.mkfifo)])
+def test_a_list_is_a_file(name: str, make: Callable[[Path], None], folder: Path) -> None:
+    (folder / name).unlink()
+    make(folder / name)
+    with pytest.raises(InputError, match=rf"{name}: not a regular file"):
         read_tum_folder(folder)
 
 

@@ -2,7 +2,7 @@
 PYTHON := .venv/bin/python
 SUBJECT ?= camera
 
-.PHONY: help setup ros episode test endurance lint benchmark results docs dist clean
+.PHONY: help setup ros episode test endurance lint benchmark results claims docs dist clean
 
 help: ## show this list
 	@sed -n 's/^\([a-z]*\):.*## /  make \1\t/p' Makefile
@@ -38,6 +38,9 @@ benchmark: setup ## measure against peers: make benchmark SUBJECT=camera
 
 results: setup ## measure all pages of results and write them, or one: make results PAGE=metric-map FLAGS="--frames 8" AGAIN=1
 	$(PYTHON) scripts/results.py $(PAGE) $(if $(FLAGS),--flags="$(FLAGS)") $(if $(AGAIN),--again)
+
+claims: setup ## run the claims of README's section Reproduce, and tell which hold
+	$(PYTHON) scripts/claims.py
 
 docs: setup .venv/docs-installed ## build the documentation's site in build/site
 	NO_MKDOCS_2_WARNING=1 $(PYTHON) -m mkdocs build --strict --quiet

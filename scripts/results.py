@@ -152,10 +152,24 @@ def texts() -> dict[Path, str]:
     pages, records = content["pages"], {name: record_of(name) for name in content["pages"]}
     written = {FOLDER / f"{name}.md": text_of(name, page, records[name]) for name, page in pages.items()}
     before, _, rest = README.read_text().partition(MARKERS[0])
-    rows = [readme_row(row, records[row["page"]]) for row in content["readme"]]
-    table = "\n".join(["| what | result | measured |", "|---|---|---|", *rows])
-    readme = f"{before}{MARKERS[0]}\n\n{table}\n\n{MARKERS[1]}{rest.partition(MARKERS[1])[2]}"
+    parts = readme_parts(content, records)
+    readme = "\n\n".join([before.rstrip(), MARKERS[0], *parts, MARKERS[1]]) + rest.partition(MARKERS[1])[2]
     return written | {FOLDER / "index.md": index_of(pages, records), README: readme}
+
+
+def readme_parts(content: Mapping[str, Any], records: Mapping[str, Record | None]) -> list[str]:
+    """README's results and claims, as Markdown."""
+    pages = content["pages"]
+    rows = [readme_row(row, records[row["page"]]) for row in content["readme"]]
+    claims = [claim_row(c, pages[c["page"]], records[c["page"]]) for c in content["claims"]]
+    return [
+        "## Results",
+        "\n".join(["| what | here | peer | computed by | measured |", "|---|---|---|---|---|", *rows]),
+        "[All results](docs/results/index.md)",
+        "## Reproduce",
+        "`make claims` runs these commands, in so many minutes of processor time, and tells which claims hold:",
+        "\n".join(["| claim | command | minutes | expected | measured |", "|---|---|---|---|---|", *claims]),
+    ]
 
 
 def index_of(pages: Mapping[str, Any], records: Mapping[str, Record | None]) -> str:
@@ -219,15 +233,34 @@ def line(cells: Iterable[str]) -> str:
 
 
 def readme_row(row: Mapping[str, str], record: Record | None) -> str:
-    """A row of README's table: ``text`` with the figures that stand in braces."""
-    link = f"[{row['page']}](docs/results/{row['page']}.md)"
+    """A row of README's results: ``ours`` and ``peer`` with the figures that stand in braces."""
     try:
-        figures = record["figures"] if record else {}
-        told = re.sub(r"\{([^:{}]+):([^{}]*)\}", lambda field: format(figures[field[1]], field[2]), row["text"])
-        when = f"{record['date']}, {record['commit']}" if record else ""
+        told = [
+            filled(row[who], record["figures"] if record else {}) if who in row else "–" for who in ("ours", "peer")
+        ]
+        when = f", {record['date']}, {record['commit']}" if record else ""
     except KeyError:
-        told, when = NOT_MEASURED, f"`make results PAGE={row['page']}`"
-    return line([row["what"], told, f"{link}, {when}"])
+        told, when = [NOT_MEASURED, "–"], f", `make results PAGE={row['page']}`"
+    code = f"[{Path(row['code']).stem}]({row['code']})"
+    return line([row["what"], *told, code, f"[{row['page']}](docs/results/{row['page']}.md){when}"])
+
+
+def filled(text: str, figures: Mapping[str, float]) -> str:
+    """A text with figures in place of ``{name:format}``; KeyError if one is missing."""
+    return re.sub(r"\{([^:{}]+):([^{}]*)\}", lambda field: format(figures[field[1]], field[2]), text)
+
+
+def claim_row(claim: Mapping[str, Any], page: Mapping[str, Any], record: Record | None) -> str:
+    """A row of README's claims."""
+    figures = record["figures"] if record else {}
+    told = number(figures[claim["figure"]]) if claim["figure"] in figures else NOT_MEASURED
+    command = f"`python scripts/{page['command']}`"
+    return line([claim["claim"], command, f"{seconds(page, record) / 60:.1f}", expected(claim), told])
+
+
+def expected(claim: Mapping[str, Any]) -> str:
+    """Which figures a claim allows."""
+    return f"≥ {claim['least']:g}" if "least" in claim else f"≤ {claim['most']:g}"
 
 
 def number(value: float) -> str:
@@ -236,10 +269,15 @@ def number(value: float) -> str:
 
 
 def duration(page: Mapping[str, Any], record: Record | None) -> str:
-    """How long a page takes: by its last measurement if that was whole, else as it is planned."""
+    """How long a page takes, in words."""
+    taken = seconds(page, record)
+    return f"{taken:.0f} s of processor time" if taken < 100 else f"{taken / 60:.0f} min of processor time"
+
+
+def seconds(page: Mapping[str, Any], record: Record | None) -> float:
+    """Processor time of a page, s: by its last measurement if that was whole, else as it is planned."""
     whole = record and shown(record["command"]) == shown(page["command"])
-    seconds = record["processor_s"] if record and whole else 60 * page["minutes"]
-    return f"{seconds:.0f} s of processor time" if seconds < 100 else f"{seconds / 60:.0f} min of processor time"
+    return float(record["processor_s"] if record and whole else 60 * page["minutes"])
 
 
 def main() -> None:

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 import yaml
 from dm_control import mjcf
+from PIL import Image
 
 from sarsim.arenas.load import load_arena
 from sarsim.ground_truth.true_surface import Survey
@@ -164,6 +165,41 @@ def test_goals_that_a_page_names_can_be_reached() -> None:
     surface = Survey(physics.model.ptr, physics.data.ptr).surface_from(arena.T_world_start[:3, 3])
     assert len(goals) == 3
     assert surface.grid.at(surface.drivable, goals).all()
+
+
+def test_the_first_lines_of_python_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    (code,) = PYTHON.findall(README.read_text())
+    assert "steps=20)" in code
+    exec(compile(code.replace("steps=20)", "steps=1)"), "README.md", "exec"), {})
+    assert "present" in ast.literal_eval(capsys.readouterr().out)
+    assert (tmp_path / "runs" / "random:7-0" / "report.html").exists()
+
+
+def test_the_first_picture_moves_and_is_light() -> None:
+    first = ROOT / next(target for target in targets(README.read_text()) if "images/" in target)
+    with Image.open(first) as picture:
+        assert getattr(picture, "n_frames", 1) > 10
+    assert first.stat().st_size < 3e6
+
+
+def test_the_workflow_and_forms_of_github_call_what_is_there() -> None:
+    workflow = yaml.safe_load((ROOT / ".github" / "workflows" / "test.yml").read_text())
+    commands = [step["run"] for step in workflow["jobs"]["test"]["steps"] if "run" in step]
+    assert commands == ["make test", "make lint", "make docs"]
+    rules = re.findall(r"^(\w+):", (ROOT / "Makefile").read_text(), re.MULTILINE)
+    assert {command.split()[1] for command in commands} <= set(rules)
+    form = yaml.safe_load((ROOT / ".github" / "ISSUE_TEMPLATE" / "fault.yml").read_text())
+    assert {part["id"]: part.get("validations") for part in form["body"]}["report"] == {"required": True}
+
+
+def test_the_readme_is_cited_as_citation_cff_says() -> None:
+    about = yaml.safe_load((ROOT / "CITATION.cff").read_text())
+    entry = dict(re.findall(r"^  (\w+) += \{+([^{}]+)\}+", README.read_text(), re.MULTILINE))
+    assert entry["author"] == about["authors"][0]["name"] and entry["title"] == about["title"]
+    assert entry["version"] == PROJECT["version"] and entry["license"] == about["license"] == PROJECT["license"]
 
 
 def test_the_notebook_runs_from_an_episode_to_files(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

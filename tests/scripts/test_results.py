@@ -8,7 +8,7 @@ import pytest
 
 from pipeline.errors import InputError
 from sarsim.scripts import results
-from sarsim.scripts.results import Results, kept, number, readme_row, renew, table_of, text_of
+from sarsim.scripts.results import Results, claim_row, kept, number, readme_row, renew, table_of, text_of
 
 PAGE = {"title": "speed", "command": "benchmark.py camera", "minutes": 2, "about": "How fast.", "tables": []}
 RECORD: dict[str, Any] = {
@@ -36,11 +36,19 @@ def test_figures_have_four_digits() -> None:
 
 
 def test_a_row_of_the_readme_takes_its_figures_from_braces() -> None:
-    row = {"what": "speed", "page": "camera", "text": "{a.ms:.1f} ms"}
-    assert readme_row(row, RECORD) == "| speed | 2.0 ms | [camera](docs/results/camera.md), 2026-11-24, abc |"
-    unknown = readme_row(row | {"text": "{b.ms:.1f} ms"}, RECORD)
+    row = {"what": "speed", "page": "camera", "code": "scripts/benchmarks/camera.py", "ours": "{a.ms:.1f} ms"}
+    end = "[camera](scripts/benchmarks/camera.py) | [camera](docs/results/camera.md), 2026-11-24, abc |"
+    assert readme_row(row, RECORD) == f"| speed | 2.0 ms | – | {end}"
+    assert readme_row(row | {"peer": "{a.ms:.0f} s"}, RECORD) == f"| speed | 2.0 ms | 2 s | {end}"
+    unknown = readme_row(row | {"ours": "{b.ms:.1f} ms"}, RECORD)
     assert "not measured on this state yet" in unknown and "make results PAGE=camera" in unknown
     assert readme_row(row, None) == unknown
+
+
+def test_a_claim_shows_what_is_expected_and_what_was_measured() -> None:
+    claim = {"claim": "fast", "page": "camera", "figure": "a.ms", "most": 2.5}
+    assert claim_row(claim, PAGE, RECORD) == "| fast | `python scripts/benchmark.py camera` | 2.0 | ≤ 2.5 | 2 |"
+    assert claim_row(claim, PAGE, None).endswith("| ≤ 2.5 | not measured on this state yet |")
 
 
 def test_a_page_tells_where_its_figures_come_from() -> None:

@@ -1,0 +1,45 @@
+"""Check the claims of README's section Reproduce: ``claims.py``."""
+
+from collections.abc import Mapping
+from itertools import groupby
+from typing import Any
+
+from sarsim.scripts.cli import run
+from sarsim.scripts.results import ROOT, expected, measured, number, plan
+
+FAILED = 1  # Status if a claim does not hold
+
+
+def claims() -> None:
+    """Run the commands of all claims, tell which claims hold, and end with status 1 unless all do."""
+    content, failed = plan(), 0
+    for name, group in groupby(content["claims"], lambda claim: claim["page"]):
+        figures = measured(content["pages"][name]["command"], ROOT / "runs" / "claims" / name)["figures"]
+        for claim in group:
+            failed += not holds(claim, figures)
+            print(verdict(claim, figures), flush=True)
+    if failed:
+        raise SystemExit(FAILED)
+
+
+def holds(claim: Mapping[str, Any], figures: Mapping[str, float]) -> bool:
+    """Whether the figure that a claim names is there and within its bounds."""
+    figure = figures.get(claim["figure"], float("nan"))
+    return bool(claim.get("least", figure) <= figure <= claim.get("most", figure))
+
+
+def verdict(claim: Mapping[str, Any], figures: Mapping[str, float]) -> str:
+    """A line on whether a claim holds."""
+    word = "holds" if holds(claim, figures) else "FAILS"
+    figure = figures.get(claim["figure"])
+    told = "missing" if figure is None else number(figure)
+    return f"{word}  {claim['claim']}: {told}, expected {expected(claim)}"
+
+
+def main() -> None:
+    """Entry point."""
+    run(claims)
+
+
+if __name__ == "__main__":
+    main()

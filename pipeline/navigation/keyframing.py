@@ -38,6 +38,7 @@ class Keyframing:
         self._T_odom_keyframe = np.eye(4)
         self._last: Frame | None = None
         self.faults = Faults()
+        self._has_seen = False
         self._T_odom_unseen: list[NDArray[np.float64]] = []  # of the newest frames, which show nothing
 
     def sense(self) -> Frame:
@@ -101,10 +102,15 @@ class Keyframing:
         return self._last
 
     def _check_depth(self, frame: Frame) -> None:
-        """LostError if nothing was seen in a turn around, or on a way on which what is too near comes into view."""
-        self._T_odom_unseen.append(frame.T_odom_base)
+        """LostError if nothing was seen in a turn around, or on a way on which what is too near comes into view.
+
+        A frame counts if the map has something there to be seen, or if nothing at all was seen yet.
+        """
         if frame.returns.any():
+            self._has_seen = True
             self._T_odom_unseen.clear()
+        elif not self._has_seen or self.pose_check.expects(frame):
+            self._T_odom_unseen.append(frame.T_odom_base)
         moves = [inverse(a) @ b for a, b in pairwise(self._T_odom_unseen)]
         way = sum(np.linalg.norm(T[:3, 3]) for T in moves)
         if way > frame.sensor.nearest or sum(map(angle_of, moves)) > 2 * np.pi:

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frame import Frame
-from pipeline.localisation.agreement import Agreement, agreement, shows_another_place
+from pipeline.localisation.agreement import TELLING_TILES, Agreement, agreement, shows_another_place
 from pipeline.localisation.localisation import KEYFRAME_TURN, KEYFRAME_WAY, LostError
 from pipeline.localisation.relocalisation import LEAST_FRAMES, Relocalisation
 from pipeline.mapper import Mapper
@@ -53,6 +53,10 @@ class PoseCheck:
     def was_carried(self, frame: Frame) -> bool:
         """Whether a frame contradicts the map so much that the robot must be elsewhere."""
         return self._was_carried(self._agreement(frame))
+
+    def expects(self, frame: Frame) -> bool:
+        """Whether the map has surfaces within the camera's reach where a frame was taken."""
+        return self._agreement(frame).expected >= TELLING_TILES
 
     def was_set_down(self, frame: Frame) -> bool:
         """Whether the robot is elsewhere than its drive ended, or has just begun; if so, assume flat ground there."""

@@ -89,17 +89,17 @@ def test_what_agrees_with_the_map_needs_one_look(outlook):
 
 
 @pytest.mark.parametrize(("x", "is_blind"), [(1.2, True), (2.3, False)])
-def test_blank_depth_counts_only_where_the_map_has_something_to_be_seen(outlook, x, is_blind, monkeypatch):
+def test_blank_depth_counts_only_where_the_map_has_something_to_be_seen(x, is_blind, monkeypatch):
     """The robot drives 1.2 m to and fro, towards a mapped wall or out of ground that is too near to be measured."""
+    outlook = Outlook().look_around(START)
     robot, keyframing = outlook.robot, outlook.keyframing
-    monkeypatch.setattr(keyframing, "_T_odom_unseen", [])
     blank = replace(seen(BARE, START, seed=1), depth=np.zeros_like(seen(BARE, START, seed=1).depth))
     monkeypatch.setattr(robot, "sense", lambda: replace(blank, T_odom_base=robot.T))
     noticed = False
     for step in range(5):
         robot.T = from_yaw(x + 0.3 * (step % 2), 2.0, 0, np.pi)
         try:
-            keyframing._sense()
+            keyframing.returns()
         except LostError as error:
             noticed = "no depth" in str(error)
     assert noticed == is_blind

@@ -54,14 +54,14 @@ class MeasuredMotion:
         whole = 2 * np.pi * np.round((self.turned - turn @ self.up) / (2 * np.pi))
         return turn + whole * turn / np.copysign(np.linalg.norm(turn), turn @ self.up) if whole else turn
 
-    @property
+    @cached_property
     def moves(self) -> NDArray[np.float64]:
         """(3, 5) derivative of the translation, m, by the systematic errors, in ``base_link`` before the motion."""
         slide = -np.linalg.norm(self.turn) * np.append(self.up[:2], 0.0)
         nothing = np.zeros(3)
         return np.stack([self.T[:3, 3], nothing, np.eye(3)[0] - self.T[:3, 0], slide, nothing], axis=1)
 
-    @property
+    @cached_property
     def turns(self) -> NDArray[np.float64]:
         """(3, 5) derivative of the rotation vector, rad, by the systematic errors."""
         nothing = np.zeros(3)
@@ -77,7 +77,7 @@ class MeasuredMotion:
         """(6, 5) derivative of the pose after the motion, in the tangent there, by the systematic errors."""
         return np.vstack([self.turns, self.T[:3, :3].T @ self.moves])
 
-    @property
+    @cached_property
     def noise(self) -> NDArray[np.float64]:
         """(6, 6) covariance apart from systematic errors, rad² and m²."""
         way, turn, slope = (float(np.linalg.norm(v)) for v in (self.T[:3, 3], self.turn, self.up[:2]))

@@ -128,7 +128,7 @@ class PoseGraph:
         for k, T in enumerate(self.poses):
             values.insert(k, gtsam.Pose3(T))
         params = gtsam.LevenbergMarquardtParams()
-        params.setRelativeErrorTol(1e-7)
+        params.setRelativeErrorTol(1e-7)  # the odometry's errors, each weakly known, change the sum but little
         result = gtsam.LevenbergMarquardtOptimizer(graph, values, params).optimize()
         self._marginals = gtsam.Marginals(graph, result)
         self.odometry = OdometryErrors(result.atVector(_ERRORS), self._marginals.marginalCovariance(_ERRORS))

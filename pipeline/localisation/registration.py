@@ -206,7 +206,8 @@ class _Pairs:
             u = normals / STRAY
             J = np.hstack([np.cross(u @ R, points[self.source]), -u @ R])
             self.rows.append((J, np.einsum("ni,ni->n", u, away)))
-        strength, directions = np.linalg.eigh(self._scaled()[0])
+        self._whole = self._scaled()
+        strength, directions = np.linalg.eigh(self._whole[0])
         self._least = FEIGNED * strength[-1]
         self._known = directions[:, strength > self._least]
 
@@ -216,7 +217,7 @@ class _Pairs:
         Only in the directions that all pairs determine: what some of them tell beyond these is noise. It is small,
         but along a corridor it is all there is, and it is alike in each keyframe.
         """
-        H, pull = self._scaled(rows)
+        H, pull = self._whole if rows is ... else self._scaled(rows)
         strength, directions = np.linalg.eigh(self._known.T @ H @ self._known)
         real = np.clip(1 - self._least / np.maximum(strength, np.finfo(np.float64).eps), 0, 1)
         scaled = _SCALE[:, None] * (self._known @ directions)

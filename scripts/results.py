@@ -17,9 +17,9 @@ import yaml
 
 from pipeline.errors import InputError
 from pipeline.files import whole_file
+from pipeline.rescue_report.figures import figures as flat
 from sarsim.scripts.benchmark import machine
 from sarsim.scripts.settings import run_with_settings
-from sarsim.scripts.tables import figures as flat
 
 ROOT = Path(__file__).resolve().parents[1]
 FOLDER = ROOT / "docs" / "results"

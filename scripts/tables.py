@@ -1,9 +1,10 @@
 """Reports as readable tables."""
 
-from collections.abc import Iterator
 from typing import Any
 
 from rich.table import Table
+
+from pipeline.rescue_report.figures import figures
 
 SKIPPED = ("config", "timing_ms")
 
@@ -20,12 +21,3 @@ def report_table(report: dict[str, Any]) -> Table:
         if isinstance(content, dict):
             table.add_section()
     return table
-
-
-def figures(name: str, content: Any) -> Iterator[tuple[str, Any]]:
-    """The values in nested dicts, with their path as name."""
-    if isinstance(content, dict):
-        for key, value in content.items():
-            yield from figures(f"{name}.{key}", value)
-    elif not (isinstance(content, list) and content and isinstance(content[0], dict)):  # records are for programs
-        yield name, content

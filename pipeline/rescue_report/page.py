@@ -1,6 +1,6 @@
 """The page: the robot's knowledge as one self-contained HTML file."""
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from datetime import datetime
 from pathlib import PurePath
 from typing import Any
@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.labels import Label
+from pipeline.rescue_report.figures import figures
 from pipeline.rescue_report.map_drawing import MOST_NAMED, classes_from_above, draw_map, pale
 from pipeline.rescue_report.people import people_data
 from pipeline.rescue_report.rendering import TEMPLATES
@@ -60,18 +61,14 @@ def _tables(content: Mapping[str, Any], rest: str) -> dict[str, list[tuple[str, 
     nested = {key: value for key, value in content.items() if isinstance(value, Mapping)}
     parts = {rest: {key: content[key] for key in content if key not in nested}, **nested}
     return {
-        caption: [row for key, value in part.items() for row in _rows(key, value)]
+        caption: [(name, _told(value)) for key in part for name, value in figures(key, part[key])]
         for caption, part in parts.items()
         if part
     }
 
 
-def _rows(name: str, content: Any) -> Iterator[tuple[str, str]]:
-    """The values in nested mappings, each with its path of keys as its name."""
-    if isinstance(content, Mapping):
-        for key, value in content.items():
-            yield from _rows(f"{name}.{key}", value)
-    elif isinstance(content, float):
-        yield name, f"{content:.4g}".replace("-", "−")
-    elif not (isinstance(content, list) and content and isinstance(content[0], Mapping)):  # records are for programs
-        yield name, "not given" if content is None else str(content)
+def _told(value: Any) -> str:
+    """A value in words."""
+    if isinstance(value, float):
+        return f"{value:.4g}".replace("-", "−")
+    return "not given" if value is None else str(value)

@@ -6,8 +6,8 @@ from typing import Any
 import numpy as np
 from rich.table import Table
 
+from pipeline.rescue_report.figures import figures
 from sarsim.scripts.benchmarks.episodes import GROUPS, Strategy
-from sarsim.scripts.tables import figures
 
 Report = Mapping[str, Any]
 

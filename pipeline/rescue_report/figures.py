@@ -5,7 +5,7 @@ from typing import Any
 
 
 def figures(name: str, content: Any) -> Iterator[tuple[str, Any]]:
-    """The values in nested mappings, with their path of keys as name; lists of records, for programs, are left out."""
+    """The values in nested mappings, with their path of keys as name; lists of records are for programs alone."""
     if isinstance(content, Mapping):
         for key, value in content.items():
             yield from figures(f"{name}.{key}", value)

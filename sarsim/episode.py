@@ -49,7 +49,13 @@ class Episode(Expedition):
         arena = load_arena(config.arena, config.start, config.random)
         fiducials = hang_fiducials(arena, config.fiducials, config.seed)
         simulation = SimulationConfig(
-            config.odometry, config.sensor, config.lighting, config.dust, config.speed, config.robot
+            config.odometry,
+            config.sensor,
+            config.lighting,
+            config.dust,
+            config.speed,
+            config.robot,
+            config.tyre_error,
         )
         self.config, self.robot = config, SimulatedRobot(arena, simulation, config.seed)
         is_told = config.odometry == "truth" or config.localisation == "odometry"

@@ -39,6 +39,7 @@ class SimulationConfig:
         dust: in the air, from 0 to 1; it swallows depth returns, makes false ones and veils colours.
         speed: at which the robot drives on level ground, m/s; by default its model's.
         robot: see :class:`sarsim.robots.skid_steered.SkidSteered`.
+        tyre_error: relative error of the wheels' radius that the odometry does not know.
     """
 
     odometry: Literal["truth", "wheel"] = "wheel"
@@ -47,6 +48,7 @@ class SimulationConfig:
     dust: float = 0.0
     speed: float | None = None
     robot: str = ROBOTS[0]
+    tyre_error: float = 0.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +96,8 @@ class SimulatedRobot:
         set_lighting(self.physics, self.robot, lighting)
         self.renderer = Renderer(self.physics.model.ptr)
         self._camera = RgbdCamera(self.renderer, self.robot.camera.full_identifier)
-        self._odometry = WheelOdometry(np.random.default_rng(odometry_seed), self.robot.drive.wheel_radius)
+        radius, rng = self.robot.drive.wheel_radius, np.random.default_rng(odometry_seed)
+        self._odometry = WheelOdometry(rng, radius, config.tyre_error)
         self._T_world_start = arena.T_world_start
         self.collisions = CollisionCounter(self.physics.model.ptr, self._camera.base_body)
         self.true_frame: TrueFrame | None = None

@@ -1,12 +1,14 @@
 """The pose graph: poses of keyframes that fit the constraints by odometry, gravity and registration best."""
 
+from collections.abc import Sequence
+
 import gtsam
 import numpy as np
 from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
-from pipeline.localisation.localisation import UNKNOWN_ODOMETRY, OdometryErrors
+from pipeline.localisation.localisation import UNKNOWN_ODOMETRY, Loop, OdometryErrors
 from pipeline.localisation.motion_model import GRAVITY_SIGMA, MeasuredMotion
 from pipeline.transforms import inverse, orthonormal
 
@@ -33,6 +35,7 @@ class PoseGraph:
     def __init__(self) -> None:
         self.poses = np.zeros((0, 4, 4))
         self.odometry = self._odometry_before = UNKNOWN_ODOMETRY
+        self._loops: list[tuple[Loop, gtsam.BetweenFactorPose3]] = []
         self._factors = gtsam.NonlinearFactorGraph()
         self.ups: list[NDArray[np.float64]] = []
         self._links: dict[tuple[int, int], float] = {}
@@ -69,7 +72,12 @@ class PoseGraph:
         self._links |= {(k - 1, k): FIXED**2 for k in range(1, len(poses))}
 
     def connect(
-        self, i: int, j: int, T_map_base: NDArray[np.float64], information: NDArray[np.float64], is_loop: bool = False
+        self,
+        i: int,
+        j: int,
+        T_map_base: NDArray[np.float64],
+        information: NDArray[np.float64],
+        loop: Loop | None = None,
     ) -> None:
         """Add a constraint: the pose of keyframe j, given the present pose of keyframe i.
 
@@ -77,13 +85,21 @@ class PoseGraph:
             i, j: numbers of keyframes.
             T_map_base: 4×4 pose of j.
             information: (6, 6) in the tangent at that pose, 1/rad² and 1/m².
-            is_loop: whether it may be an outlier.
+            loop: that it belongs to; it may be an outlier, and :meth:`disconnect` takes it back.
         """
-        gaussian = gtsam.noiseModel.Gaussian.Information(information + LOOSE * np.eye(len(information)))
-        robust = gtsam.noiseModel.mEstimator.GemanMcClure.Create(OUTLIER)
-        model = gtsam.noiseModel.Robust.Create(robust, gaussian) if is_loop else gaussian
+        model = gtsam.noiseModel.Gaussian.Information(information + LOOSE * np.eye(len(information)))
         T_i_j = gtsam.Pose3(np.linalg.solve(self.poses[i], T_map_base))
-        self._factors.add(gtsam.BetweenFactorPose3(i, j, T_i_j, model))
+        if loop is None:
+            self._factors.add(gtsam.BetweenFactorPose3(i, j, T_i_j, model))
+        else:
+            robust = gtsam.noiseModel.Robust.Create(gtsam.noiseModel.mEstimator.GemanMcClure.Create(OUTLIER), model)
+            self._loops.append((loop, gtsam.BetweenFactorPose3(i, j, T_i_j, robust)))
+
+    def disconnect(self, loops: Sequence[Loop]) -> None:
+        """Take back what was connected and linked by loops."""
+        self._loops = [(loop, factor) for loop, factor in self._loops if loop not in loops]
+        for loop in loops:
+            self._links.pop((loop.first, loop.second), None)
 
     def drive(self, motion: MeasuredMotion) -> None:
         """Add the robot's motion by odometry from the previous keyframe to the newest one."""
@@ -116,6 +132,8 @@ class PoseGraph:
         """Move the poses so that they fit all constraints best."""
         graph = gtsam.NonlinearFactorGraph()
         graph.push_back(self._factors)
+        for _, factor in self._loops:
+            graph.add(factor)
         model = gtsam.noiseModel.Isotropic.Sigma(2, GRAVITY_SIGMA)
         vertical = gtsam.Unit3(np.array([0.0, 0.0, 1.0]))
         bias = np.mean(np.array(self.ups) - self.poses[:, 2, :3], axis=0)  # of an accelerometer that is mounted askew

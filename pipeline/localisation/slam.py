@@ -5,7 +5,6 @@ keyframe joins a pose graph, with a constraint to each of those. A loop is close
 keyframes whose relative position is too uncertain to register frames with them directly.
 """
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -28,12 +27,12 @@ from pipeline.localisation.localisation import (
     SavedKeyframes,
     check_odometry,
 )
+from pipeline.localisation.loops import KNOWN, Loops, looks_the_same
 from pipeline.localisation.motion_model import GRAVITY_SIGMA, POSE, MeasuredMotion, MotionModel, Prediction
 from pipeline.localisation.pose_graph import PoseGraph, spread
 from pipeline.localisation.registration import (
     CLOUD_VOXEL,
     COARSE,
-    FINE,
     LEAST_POINTS,
     NORMAL_NEIGHBOURS,
     WIDEST,
@@ -60,8 +59,6 @@ BLIND = 3.0
 """m by the odometry without a registration; the wheels may also have spun before a wall too near to be measured."""
 MOST_SHARES = 6
 """Greatest number of keyframes that a new one is connected with: those with the most information."""
-KNOWN = FINE
-"""m; keyframes with a smaller deviation from the newest one make up one map to register with. Others make a loop."""
 TOLD = 0.01
 """Least information along the way, relative to the best known direction, to tell that wheels slipped: on bare floors,
 where robots that drove seem to have stayed, it is less than 0.0004 in 95 of 100 frames."""
@@ -119,7 +116,6 @@ class Slam(Localisation):
         graph: pose graph of the keyframes.
         local_map: surfaces that the keyframes saw.
         motion: motion model of the odometry.
-        loops: loop closures so far.
         closes_loops: False for comparison only.
         on_ground: whether ``base_link`` is on the ground, as that of a robot is, and that of a camera in a hand not.
         slips: number of frames in which registration showed that wheels slipped.
@@ -132,7 +128,7 @@ class Slam(Localisation):
         self.graph = PoseGraph()
         self.local_map = LocalMap()
         self.motion = MotionModel()
-        self.loops: list[Loop] = []
+        self._loops = Loops(self.graph)
         self.closes_loops, self.on_ground = closes_loops, on_ground
         self.slips = 0
         self._reference = _Reference(-1, np.eye(4), 0.0, np.eye(4))
@@ -141,12 +137,16 @@ class Slam(Localisation):
         self._unseen_way = 0.0
         self._turned = 0.0
         self._match: _Match | None = None
-        self._loop: tuple[int, Registration, list[Share]] | None = None
 
     @property
     def poses(self) -> NDArray[np.float64]:
         """(K, 4, 4) ``T_map_base`` of every keyframe as now estimated."""
         return self.graph.poses
+
+    @property
+    def loops(self) -> list[Loop]:
+        """Loop closures so far."""
+        return self._loops.closed
 
     @property
     def deviations(self) -> NDArray[np.float64]:
@@ -268,11 +268,11 @@ class Slam(Localisation):
         return nearest if same.any() and self._deviations[nearest] < KNOWN else None
 
     def optimise(self) -> None:
-        """Close a loop if one was found, and correct the poses of all keyframes."""
-        loop, self._loop = self._loop, None
-        if loop is not None:
-            self._close_loop(*loop)
+        """Close a loop if one was confirmed, and correct the poses of all keyframes."""
+        self._loops.close()
         self.graph.optimise()
+        while self._loops.take_back():
+            self.graph.optimise()
         self.motion.learn(self.graph.odometry)
         self.T_map_odom = self.T_map_reference @ inverse(self._reference.T_odom_base)
         self._renew()
@@ -416,7 +416,7 @@ class Slam(Localisation):
     def _find_loop(self, number: int, match: _Match) -> None:
         """Register the newest keyframe with those nearby whose relative position is uncertain; one loop at a time."""
         unknown = self._deviations >= KNOWN
-        if self._loop is not None or match.cloud is None or not unknown.any():
+        if self._loops.is_due or match.cloud is None or not unknown.any():
             return
         T, reach = self.poses[number], min(float(self._deviations.max()), FAR_OFF)
         target = self._target(match.cloud.points()[:, :3], T, match.frame, unknown, WIDEST + reach)
@@ -431,18 +431,9 @@ class Slam(Localisation):
         tells = np.linalg.eigvals(level).real.min() < 1 / 2**2
         # Near enough to register from the odometry, a loop may leave a direction to it, as along a corridor.
         is_safe = deviation < COARSE or is_pinned(found.information)
-        if found.overlap >= ENOUGH_OVERLAP and found.fits and tells and is_safe:
-            self._loop = number, found, shares_of(target, match.cloud, found.T)[0][:MOST_SHARES]
-
-    def _close_loop(self, number: int, found: Registration, shares: Sequence[Share]) -> None:
-        """Connect the keyframe that met a place again with those that saw it before."""
-        for share in shares:
-            self.graph.connect(share.owner, number, share.T, share.information, is_loop=True)
-            self.graph.link(share.owner, number, found.covariance)
-            # Not share.T: a single share leaves directions undetermined, in which its own minimum is meaningless.
-            self.loops.append(Loop(share.owner, number, np.linalg.solve(self.poses[share.owner], found.T)))
-        # Optimise from where the loop has the newest poses: from elsewhere the robust loss takes it for an outlier.
-        self.poses[number:] = found.T @ inverse(self.poses[number]) @ self.poses[number:]
+        is_likely = found.overlap >= ENOUGH_OVERLAP and found.fits and tells and is_safe
+        if is_likely and looks_the_same(match.frame, found.T, T, target.cloud):
+            self._loops.propose(number, found, shares_of(target, match.cloud, found.T)[0][:MOST_SHARES])
 
 
 def cloud_of_frame(frame: Frame) -> small_gicp.PointCloud | None:

@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from pipeline.errors import InputError
 from pipeline.transforms import from_rotation, level
 from sarsim.sensors.inertial import GRAVITY, MTI_300_ACCELEROMETER, MTI_300_GYRO, InertialTriad
 
@@ -16,6 +17,8 @@ TYRE_ERROR = 0.01
 ``TYRE_ERROR``, ``SIDE_ERROR`` and ``SLIP`` are chosen; the manual only says to measure the ticks per millimetre."""
 SIDE_ERROR = 0.003
 """Standard deviation of the additional relative error of the radius of each side's tyres."""
+MOST_TYRE_ERROR = 0.2
+"""Relative error from which on a tyre is another one."""
 SLIP = 0.01
 """m/√m, random walk of the distance of each side, for dust and bumps, which the smooth floor of the physics lacks.
 The physics itself simulates how the tyres scrub in a turn."""
@@ -27,12 +30,27 @@ class WheelOdometry:
     The origin of ``odom`` is the robot's position at the first update; its z is up and its x along the robot's yaw.
     """
 
-    def __init__(self, rng: np.random.Generator, wheel_radius: float) -> None:
-        """``rng`` draws the constant errors now and the noise of every update; ``wheel_radius``: rolling, m."""
+    def __init__(self, rng: np.random.Generator, wheel_radius: float, tyre_error: float = 0.0) -> None:
+        """Begin at the origin of ``odom``.
+
+        Args:
+            rng: draws the constant errors now and the noise of every update.
+            wheel_radius: rolling, m.
+            tyre_error: relative error of it that the robot does not know, beside those drawn.
+
+        Raises:
+            InputError: that error is not below 0.2, either way.
+        """
+        if not abs(tyre_error) < MOST_TYRE_ERROR:
+            raise InputError(
+                f"tyre_error {tyre_error:g}: must be between -{MOST_TYRE_ERROR:g} and {MOST_TYRE_ERROR:g}"
+            )
         self._rng = rng
         self._gyros = InertialTriad(MTI_300_GYRO, rng)
         self._accelerometers = InertialTriad(MTI_300_ACCELEROMETER, rng)
-        self._radius = wheel_radius * (1.0 + TYRE_ERROR * rng.standard_normal() + SIDE_ERROR * rng.standard_normal(2))
+        self._radius = wheel_radius * (
+            1.0 + tyre_error + TYRE_ERROR * rng.standard_normal() + SIDE_ERROR * rng.standard_normal(2)
+        )
         self._R: NDArray[np.float64] | None = None
         self._position = np.zeros(3)
         self._ticks = np.zeros(2)

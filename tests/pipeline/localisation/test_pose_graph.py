@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from pipeline.localisation.localisation import Loop
 from pipeline.localisation.motion_model import MeasuredMotion
 from pipeline.localisation.pose_graph import LEVER, PoseGraph
 from pipeline.transforms import from_rotation, from_yaw, inverse, tilt_of, yaw_of
@@ -59,7 +60,9 @@ def test_what_a_loop_contradicts_is_spread_evenly(edges: int, length: float, rat
 def test_a_false_loop_is_outvoted(may_be_outlier: bool) -> None:
     graph = chain([from_yaw(0.5, 0, 0, 0.2)] * 5)
     before = graph.poses.copy()
-    graph.connect(0, 5, graph.poses[5] @ from_yaw(0.0, 1.0, 0, 0), SURE, is_loop=may_be_outlier)
+    graph.connect(
+        0, 5, graph.poses[5] @ from_yaw(0.0, 1.0, 0, 0), SURE, Loop(0, 5, np.eye(4)) if may_be_outlier else None
+    )
     graph.optimise()
     moved = np.linalg.norm(graph.poses[5][:3, 3] - before[5][:3, 3])
     assert moved < 0.01 if may_be_outlier else moved > 0.3
@@ -67,7 +70,7 @@ def test_a_false_loop_is_outvoted(may_be_outlier: bool) -> None:
 
 def test_a_true_loop_counts_although_it_may_be_an_outlier() -> None:
     graph = chain([from_yaw(0.51, 0, 0, 0)] * 4)
-    graph.connect(0, 4, from_yaw(2.0, 0, 0, 0), SURE, is_loop=True)
+    graph.connect(0, 4, from_yaw(2.0, 0, 0, 0), SURE, Loop(0, 4, np.eye(4)))
     graph.optimise()
     assert 2.005 < graph.poses[4][0, 3] < 2.02
 
@@ -104,7 +107,7 @@ def test_a_level_that_is_mounted_askew_tilts_nothing() -> None:
 @given(st.floats(-3, 3), st.floats(-3, 3))
 def test_nothing_moves_where_all_agree(x: float, yaw: float) -> None:
     graph = chain([from_yaw(x, 0.1, 0, yaw), from_yaw(0, x, 0, -yaw)])
-    graph.connect(0, 2, graph.poses[2], SURE, is_loop=True)
+    graph.connect(0, 2, graph.poses[2], SURE, Loop(0, 2, np.eye(4)))
     before = graph.poses.copy()
     graph.optimise()
     np.testing.assert_allclose(graph.poses, before, atol=1e-6)

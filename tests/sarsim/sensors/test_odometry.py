@@ -12,6 +12,7 @@ from numpy.testing import assert_allclose
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from pipeline.errors import InputError
 from pipeline.robot import Velocity
 from pipeline.transforms import inverse, tilt_of, wrap_angle, yaw_of
 from sarsim.robots.skid_steer import SkidSteer
@@ -207,3 +208,16 @@ def test_a_gyro_that_reads_too_much_turns_too_far(monkeypatch):
     rng = np.random.default_rng(4)
     scale = 1 + MTI_300_GYRO.scale * np.random.default_rng(4).standard_normal(3)
     assert_allclose(yaw_of(drive(WheelOdometry(rng, RADIUS), 0.0, 0.5, 2.0)), scale[2], atol=1e-4)
+
+
+@pytest.mark.parametrize("error", [-0.02, 0.02])
+def test_a_wheel_larger_than_the_robot_knows_measures_ways_too_long(error: float) -> None:
+    known, unknown = (WheelOdometry(NoNoise(), RADIUS, e) for e in (0.0, error))
+    right, wrong = (drive(odometry, 0.2, 0.0, 10.0)[0, 3] for odometry in (known, unknown))
+    assert wrong == pytest.approx((1 + error) * right, rel=1e-6)
+
+
+@pytest.mark.parametrize("error", [0.2, -1.0, np.nan])
+def test_another_wheel_is_no_error(error: float) -> None:
+    with pytest.raises(InputError, match="tyre_error"):
+        WheelOdometry(NoNoise(), RADIUS, error)

@@ -1,0 +1,154 @@
+"""Loops: keyframes that met a place again whose position was too uncertain to register frames with it directly.
+
+One registration may be wrong: two corners look alike, or a frame shows too little. So a loop counts when a second
+keyframe finds the same place where the first one puts it, and when the place then looks from there as it did before.
+A loop that the other constraints contradict later is taken back.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import small_gicp
+from numpy.typing import NDArray
+
+from pipeline.frame import Frame
+from pipeline.localisation.gates import chi2_gate
+from pipeline.localisation.localisation import Loop
+from pipeline.localisation.pose_graph import PoseGraph, spread
+from pipeline.localisation.registration import FINE, Registration, Share, logarithm
+from pipeline.transforms import inverse, transform_points
+
+KNOWN = FINE
+"""m; keyframes with a smaller deviation from the newest one make up one map to register with. Others make a loop."""
+
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """A keyframe registered with a place that may be the same.
+
+    Attributes:
+        keyframe: its number.
+        covariance: (6, 6) of the registration.
+        owners: (S,) numbers of the keyframes that own the place, the one that tells most first.
+        T_owner_base: (S, 4, 4) pose relative to each of them, as registered with all.
+        shares: (S,) poses relative to each of them, by what it owns alone, and their information.
+    """
+
+    keyframe: int
+    covariance: NDArray[np.float64]
+    owners: NDArray[np.int64]
+    T_owner_base: NDArray[np.float64]
+    shares: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]]
+
+    @classmethod
+    def of(
+        cls, keyframe: int, found: Registration, shares: Sequence[Share], poses: NDArray[np.float64]
+    ) -> "Candidate":
+        """A keyframe registered with others, whose ``poses`` (K, 4, 4) may be corrected later."""
+        owners = np.array([share.owner for share in shares])
+        parts = [(inverse(poses[share.owner]) @ share.T, share.information) for share in shares]
+        return cls(keyframe, found.covariance, owners, np.linalg.inv(poses[owners]) @ found.T, parts)
+
+    def T_map_base(self, poses: NDArray[np.float64]) -> NDArray[np.float64]:
+        """4×4 pose of the keyframe by the place, with its owners at their poses (K, 4, 4)."""
+        return poses[self.owners[0]] @ self.T_owner_base[0]
+
+
+class Loops:
+    """Closes loops of a pose graph, and takes them back.
+
+    Attributes:
+        closed: those that count.
+    """
+
+    def __init__(self, graph: PoseGraph) -> None:
+        self.closed: list[Loop] = []
+        self._graph = graph
+        self._candidate: Candidate | None = None
+        self._confirmed: tuple[Candidate, ...] = ()
+        self._counted: list[Candidate] = []
+
+    @property
+    def is_due(self) -> bool:
+        """Whether a loop was confirmed, which the next correction closes."""
+        return bool(self._confirmed)
+
+    def propose(self, keyframe: int, found: Registration, shares: Sequence[Share]) -> None:
+        """Take the newest keyframe's registration for a loop if it confirms the one proposed before."""
+        first = self._candidate
+        self._candidate = Candidate.of(keyframe, found, shares, self._graph.poses)
+        if first is not None and self._agree(first, self._candidate):
+            self._confirmed, self._candidate = (first, self._candidate), None
+
+    def close(self) -> None:
+        """Close a confirmed loop; the next optimisation begins where it has the newest poses."""
+        graph = self._graph
+        for candidate in self._confirmed:
+            number, T = candidate.keyframe, candidate.T_map_base(graph.poses)
+            for owner, T_owner, (by_owner, information) in zip(
+                candidate.owners, candidate.T_owner_base, candidate.shares, strict=True
+            ):
+                # Not by the owner alone: what it leaves undetermined is meaningless there.
+                loop = Loop(int(owner), number, T_owner)
+                graph.connect(loop.first, number, graph.poses[owner] @ by_owner, information, loop)
+                graph.link(loop.first, number, candidate.covariance)
+                self.closed.append(loop)
+            self._counted.append(candidate)
+            # From elsewhere the robust loss takes the loop for an outlier.
+            graph.poses[number:] = T @ inverse(graph.poses[number]) @ graph.poses[number:]
+        self._confirmed = ()
+
+    def take_back(self) -> bool:
+        """Take back the loops that the graph, as optimised, contradicts: whether there were any."""
+        false = [c for c in self._counted if self._is_contradicted(c)]
+        for candidate in false:
+            self._counted.remove(candidate)
+            self._graph.disconnect([loop for loop in self.closed if loop.second == candidate.keyframe])
+            self.closed = [loop for loop in self.closed if loop.second != candidate.keyframe]
+        return bool(false)
+
+    def _agree(self, first: Candidate, second: Candidate) -> bool:
+        """Whether two candidates put their keyframes where the graph has them relative to each other."""
+        poses = self._graph.poses
+        deviation = float(self._graph.deviations(second.keyframe)[first.keyframe])
+        if deviation >= KNOWN:
+            return False
+        T = inverse(first.T_map_base(poses)) @ second.T_map_base(poses)
+        off = logarithm(inverse(inverse(poses[first.keyframe]) @ poses[second.keyframe]) @ T)
+        covariance = first.covariance + second.covariance + np.diag(spread(deviation) ** 2)
+        return _accepts(off, covariance)
+
+    def _is_contradicted(self, candidate: Candidate) -> bool:
+        poses = self._graph.poses
+        off = logarithm(inverse(candidate.T_map_base(poses)) @ poses[candidate.keyframe])
+        # Off by ``KNOWN``, a keyframe is not where a loop has it, however sure its registration is.
+        known = np.diag(spread(KNOWN) ** 2) / chi2_gate(len(off))
+        return not _accepts(off, candidate.covariance + known)
+
+
+def _accepts(off: NDArray[np.float64], covariance: NDArray[np.float64]) -> bool:
+    return float(off @ np.linalg.solve(covariance, off)) <= chi2_gate(len(off))
+
+
+def seen_through(frame: Frame, T_map_base: NDArray[np.float64], points: NDArray[np.floating]) -> float:
+    """Share of the (N, 3) points in a frame's view, m in ``map``, behind which it has returns; 0 of none.
+
+    At a wrong pose a frame looks through surfaces that are known. ``T_map_base``: 4×4 assumed pose of the robot.
+    """
+    x, y, z = transform_points(inverse(T_map_base @ frame.T_base_camera), points).T
+    k = frame.intrinsics
+    before = z > frame.sensor.nearest
+    u, v = (np.floor(f * a[before] / z[before] + c).astype(int) for f, a, c in ((k.fx, x, k.cx), (k.fy, y, k.cy)))
+    inside = (u >= 0) & (u < k.width) & (v >= 0) & (v < k.height)
+    depth, z = frame.depth[v[inside], u[inside]], z[before][inside]
+    seen = (depth > 0) & (z < frame.sensor.farthest)
+    return float(np.mean(depth[seen] > z[seen] + KNOWN)) if seen.any() else 0.0
+
+
+def looks_the_same(
+    frame: Frame, loop: NDArray[np.float64], before: NDArray[np.float64], target: small_gicp.PointCloud
+) -> bool:
+    """Whether a frame looks through no more of a place at the pose (4×4) by a loop than at the one before it."""
+    points = target.points()[:, :3]
+    return seen_through(frame, loop, points) <= seen_through(frame, before, points)

@@ -1,6 +1,5 @@
 """The interface of localisation."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -80,16 +79,13 @@ class Localisation(Protocol):
 
     Attributes:
         T_map_odom: 4×4 pose of ``odom`` in ``map`` by the newest frame.
+        loops: loop closures so far.
         may_err: whether the poses must be checked against the map.
     """
 
     T_map_odom: NDArray[np.float64]
+    loops: list[Loop]
     may_err: bool
-
-    @property
-    def loops(self) -> Sequence[Loop]:
-        """Loop closures so far."""
-        ...
 
     @property
     def poses(self) -> NDArray[np.float64]:

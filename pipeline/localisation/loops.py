@@ -105,7 +105,7 @@ class Loops:
         for candidate in false:
             self._counted.remove(candidate)
             self._graph.disconnect([loop for loop in self.closed if loop.second == candidate.keyframe])
-            self.closed = [loop for loop in self.closed if loop.second != candidate.keyframe]
+            self.closed[:] = [loop for loop in self.closed if loop.second != candidate.keyframe]
         return bool(false)
 
     def _agree(self, first: Candidate, second: Candidate) -> bool:

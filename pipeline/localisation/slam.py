@@ -22,7 +22,6 @@ from pipeline.localisation.localisation import (
     KEYFRAME_WAY,
     STILL_WAY,
     Localisation,
-    Loop,
     LostError,
     SavedKeyframes,
     check_odometry,
@@ -116,6 +115,7 @@ class Slam(Localisation):
         graph: pose graph of the keyframes.
         local_map: surfaces that the keyframes saw.
         motion: motion model of the odometry.
+        loops: loop closures so far.
         closes_loops: False for comparison only.
         on_ground: whether ``base_link`` is on the ground, as that of a robot is, and that of a camera in a hand not.
         slips: number of frames in which registration showed that wheels slipped.
@@ -129,6 +129,7 @@ class Slam(Localisation):
         self.local_map = LocalMap()
         self.motion = MotionModel()
         self._loops = Loops(self.graph)
+        self.loops = self._loops.closed
         self.closes_loops, self.on_ground = closes_loops, on_ground
         self.slips = 0
         self._reference = _Reference(-1, np.eye(4), 0.0, np.eye(4))
@@ -142,11 +143,6 @@ class Slam(Localisation):
     def poses(self) -> NDArray[np.float64]:
         """(K, 4, 4) ``T_map_base`` of every keyframe as now estimated."""
         return self.graph.poses
-
-    @property
-    def loops(self) -> list[Loop]:
-        """Loop closures so far."""
-        return self._loops.closed
 
     @property
     def deviations(self) -> NDArray[np.float64]:

@@ -47,15 +47,11 @@ def build_sdf(path: Path) -> ArenaBuilder:
     Raises:
         InputError: the file or one that it refers to is missing, broken or too large, or nothing in it has a shape.
     """
-    world = SdfWorld(path)
-    reader = SolidReader(world.resources)
-    solids: list[Solid] = []
-    for shape in world.shapes():
-        solids += reader.solids(shape)
-        if len(solids) > MOST_GEOMS:
-            raise InputError(f"{path}: too many shapes, at most {MOST_GEOMS} are built")
-    if not solids:
-        raise InputError(f"{path}: nothing in it has a shape")
+    try:
+        world = SdfWorld(path)
+        solids = _solids(path, world)
+    except RecursionError as error:
+        raise InputError(f"{path}: models or frames are nested too deeply") from error
     hulls = _as_hulls(solids)
     bodies = [body for solid in solids for body in _bodies(solid, hulls)]
     if world.left_out:
@@ -63,6 +59,17 @@ def build_sdf(path: Path) -> ArenaBuilder:
     if hulls:
         _log.warning("%s: %d detailed pieces of meshes are as solid as their convex hulls", path, len(hulls))
     return _built(path, bodies)
+
+
+def _solids(path: Path, world: SdfWorld) -> list[Solid]:
+    reader, solids = SolidReader(world.resources), list[Solid]()
+    for shape in world.shapes():
+        solids += reader.solids(shape)
+        if len(solids) > MOST_GEOMS:
+            raise InputError(f"{path}: too many shapes, at most {MOST_GEOMS} are built")
+    if not solids:
+        raise InputError(f"{path}: nothing in it has a shape")
+    return solids
 
 
 def _counted(counts: Mapping[str, int]) -> str:

@@ -86,11 +86,13 @@ class Frames:
         if name in self._open:
             raise InputError(f"{self._where}: the poses of {', '.join(self._open)[:200]} go in a circle")
         if name not in self._poses:
-            self._open.append(name)
             frame = self._frames[name]
-            T = self.pose(frame.relative_to) @ frame.T
+            self._open.append(name)
+            try:
+                T = self.pose(frame.relative_to) @ frame.T
+            finally:
+                self._open.remove(name)
             if frame.inside is not None and frame.placed != MODEL:
                 T = T @ inverse(frame.inside.pose(frame.placed))
             self._poses[name] = T
-            self._open.remove(name)
         return self._poses[name]

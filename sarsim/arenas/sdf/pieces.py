@@ -115,6 +115,6 @@ def extruded(outlines: list[NDArray[np.float64]], height: float) -> MeshPiece:
     if not len(triangles):
         raise ValueError("the polylines enclose nothing")
     bases = [np.pad(shapely.get_coordinates(triangle)[:3], ((0, 0), (0, 1))) for triangle in triangles]
-    parts = [np.concatenate([base, base + [0, 0, height]]) for base in bases]
+    parts = [np.concatenate([base, base + np.array([0, 0, height])]) for base in bases]
     faces = np.concatenate([PRISM + 6 * n for n in range(len(parts))])
     return MeshPiece(np.concatenate(parts), faces, parts, None)

@@ -48,21 +48,23 @@ class Resources:
         """The file or folder that a URI names in a file of folder ``base``; None if there is none.
 
         Raises:
-            InputError: it lies outside the folders of the world and of models.
+            InputError: it leads out of the folders of the world and of models.
         """
         shown = " ".join(uri.split())[:200]
         try:
-            for folder, name in self._places(uri.strip(), base.resolve()):
-                path = (folder / name).resolve()
-                if not path.is_relative_to(folder) and not any(path.is_relative_to(f) for f in self._folders):
-                    raise InputError(f"{where}: refused, {shown} leads out of the folders of the world and of models")
-                if path.exists():
-                    return path
+            places = [(folder, (folder / name).resolve()) for folder, name in self._places(uri, base.resolve())]
+            found = [path if self._is_inside(path, folder) else None for folder, path in places]
+            existing = next((path for path in found if path is not None and path.exists()), None)
+            if existing is None and found[:1] == [None]:
+                raise InputError(f"{where}: refused, {shown} leads out of the folders of the world and of models")
+            return existing
         except InputError:
             raise
         except (OSError, ValueError) as error:  # a name that is too long, or has a zero byte
             raise InputError(f"{where}: {shown} is no name of a file") from error
-        return None
+
+    def _is_inside(self, path: Path, folder: Path) -> bool:
+        return any(path.is_relative_to(allowed) for allowed in (folder, *self._folders))
 
     def _places(self, uri: str, base: Path) -> Iterator[tuple[Path, str]]:
         """Folders, and a path in each, where what a URI names may be."""

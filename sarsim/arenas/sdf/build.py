@@ -12,13 +12,12 @@ from scipy.spatial.transform import Rotation
 from pipeline.errors import InputError
 from sarsim.arenas.elements import ArenaBuilder, Attributes
 from sarsim.arenas.sdf.labels import Outline, endless, ground_of, label_of, outline_of
+from sarsim.arenas.sdf.pieces import MOST_PIECES
 from sarsim.arenas.sdf.solids import Solid, SolidReader
 from sarsim.arenas.sdf.world import SdfWorld
 from sarsim.vetting.model_files import MOST_GEOMS
 
 MARGIN = 2.0  # m of ground around everything: room to drive around what stands outermost, 0.6 m, and to see it from
-MOST_PARTS = 2_000  # of meshes; compiling a mesh and its geom takes 4 ms
-
 LEVEL = 1e-9  # A plane's normal with 1 − z below this points up
 
 _log = logging.getLogger(__name__)
@@ -77,11 +76,12 @@ def _counted(counts: Mapping[str, int]) -> str:
 
 
 def _as_hulls(solids: list[Solid]) -> set[int]:
-    """The ids of the pieces that become one geom, the most detailed first, so that ``MOST_PARTS`` are enough."""
+    """The ids of the pieces that become one geom, the most detailed first, so that ``MOST_PIECES`` are enough."""
     pieces = [solid.piece for solid in solids if solid.piece is not None]
-    parts, hulls = sum(len(piece.parts) for piece in pieces), set[int]()
+    hulls = {id(piece) for piece in pieces if not piece.parts}
+    parts = sum(len(piece.parts) or 1 for piece in pieces)
     for piece in sorted(pieces, key=lambda piece: -piece.parts_per_metre):
-        if parts <= MOST_PARTS:
+        if parts <= MOST_PIECES:
             break
         if len(piece.parts) > 1 and not piece.is_flat:
             parts -= len(piece.parts) - 1

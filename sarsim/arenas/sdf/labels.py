@@ -21,7 +21,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
-from scipy.spatial.distance import pdist
 
 from pipeline.labels import RAMP_TILT, Label
 from sarsim.ground_truth.true_surface import clearance_of
@@ -30,6 +29,8 @@ from sarsim.robots.skid_steered import robot_model
 DOOR = 2.0  # m, height of a door
 SLENDER = 0.25  # thickness over length of a panel, at most
 LARGE = 0.25  # of the world's bounding rectangle: level surfaces that fill it are the ground
+_DIRECTIONS = np.array([(np.cos(angle), np.sin(angle)) for angle in np.arange(16) * np.pi / 16])
+"""(16, 2) directions in a plane in which widths are measured: between two of them a width is 0.5 % larger at most."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -38,7 +39,7 @@ class Outline:
 
     Attributes:
         low, high: m, heights of its lowest and its highest point.
-        length: m, the largest distance between two of its corners, seen along the normal of its largest face.
+        length: m, its largest width seen along the normal of its largest face, to 1 %.
         thickness: m, along that normal.
         slope: z of that unit normal; the largest of the faces that do not face down.
         area: m² of that face.
@@ -67,9 +68,9 @@ def outline_of(corners: NDArray[np.float64], surface: float = 0.0) -> Outline:
     areas[normals[:, 2] < -np.sin(robot_model().max_tilt)] = 0.0
     largest = np.lexsort((normals[:, 2], areas))[-1]  # of two as large, the one that faces up
     normal, area = normals[largest], float(areas[largest])
-    flat = (corners - np.outer(corners @ normal, normal))[hull.vertices]
-    thickness, slope = float(np.ptp(corners @ normal)), float(normal[2])
-    return Outline(low, high, float(pdist(flat).max()), thickness, slope, area, max(area, surface))
+    across = _DIRECTIONS @ np.linalg.svd(normal[None])[2][1:]
+    length, thickness = float(np.ptp(corners @ across.T, axis=0).max()), float(np.ptp(corners @ normal))
+    return Outline(low, high, length, thickness, float(normal[2]), area, max(area, surface))
 
 
 def endless(T_world: NDArray[np.float64]) -> Outline:

@@ -21,7 +21,7 @@ THICKNESS = 1e-3  # m of a plate: the file's numbers are kept to 1 mm
 SLIVER = 1e-4  # m; a triangle whose height is less is a line
 PRISM = np.array([(0, 2, 1), (3, 4, 5), (0, 1, 4), (0, 4, 3), (1, 2, 5), (1, 5, 4), (2, 0, 3), (2, 3, 5)])
 """(8, 3) triangles of a prism over the triangle 0, 1, 2, counter-clockwise from outside."""
-MOST_PIECES = 2_000  # of a mesh; one in more pieces is taken for one
+MOST_PIECES = 2_000  # of a mesh, and plates of a piece; compiling a mesh and its geom takes 4 ms
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,7 +31,7 @@ class MeshPiece:
     Attributes:
         vertices: (N, 3) m.
         triangles: (M, 3) indices of vertices.
-        parts: (K, 3) m each, the corners of the convex parts that it is built of; empty if it has no extent.
+        parts: (K, 3) m each, the corners of the convex parts that it is built of; empty if these are too many.
         colour: of the surface.
     """
 
@@ -68,15 +68,17 @@ def pieces_of(surface: MeshSurface) -> Iterator[MeshPiece]:
     groups = trimesh.graph.connected_components(mesh.face_adjacency, nodes=np.arange(len(mesh.faces)), min_len=1)
     for faces in sorted(groups, key=min) if len(groups) <= MOST_PIECES else [np.arange(len(mesh.faces))]:
         piece: Any = mesh.submesh([np.sort(faces)], append=True, repair=False)
-        parts = [piece.vertices] if piece.is_watertight and piece.is_convex else list(_plates(piece))
-        yield MeshPiece(np.asarray(piece.vertices), np.asarray(piece.faces), parts, surface.colour)
+        yield MeshPiece(np.asarray(piece.vertices), np.asarray(piece.faces), _parts(piece), surface.colour)
 
 
-def _plates(mesh: trimesh.Trimesh) -> Iterator[NDArray[np.float64]]:
+def _parts(mesh: trimesh.Trimesh) -> list[NDArray[np.float64]]:
+    if mesh.is_watertight and mesh.is_convex:
+        return [np.asarray(mesh.vertices)]
     facets = list(mesh.facets)
     single = np.setdiff1d(np.arange(len(mesh.faces)), np.concatenate([*facets, np.zeros(0, np.int64)]))
-    for faces in [*facets, *single[:, None]]:
-        yield from _plates_of(mesh, faces)
+    if len(facets) + len(single) > MOST_PIECES:
+        return []
+    return [plate for faces in [*facets, *single[:, None]] for plate in _plates_of(mesh, faces)]
 
 
 def _plates_of(mesh: trimesh.Trimesh, faces: NDArray[np.int64]) -> Iterator[NDArray[np.float64]]:

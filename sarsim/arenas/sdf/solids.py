@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.errors import InputError
-from pipeline.transforms import from_rotation
+from pipeline.transforms import FARTHEST, from_rotation
 from sarsim.arenas.sdf.colours import Colour
 from sarsim.arenas.sdf.meshes import MeshSurface, read_surfaces
 from sarsim.arenas.sdf.pieces import MeshPiece, extruded, pieces_of
@@ -83,7 +83,10 @@ class SolidReader:
             surfaces = [s for s in self._surfaces[path] if submesh in ("", s.name)]
             if not surfaces:
                 raise InputError(f"{shape.where}: {path} has no submesh {submesh[:60]!r}")
-            self._pieces[key] = [p for s in _scaled(surfaces, scale, centred) for p in pieces_of(s)]
+            scaled = list(_scaled(surfaces, scale, centred))
+            if max(float(np.abs(s.vertices).max()) for s in scaled) > FARTHEST:
+                raise InputError(f"{shape.where}: {path} is larger than {FARTHEST:g} m")
+            self._pieces[key] = [piece for surface in scaled for piece in pieces_of(surface)]
         for piece in self._pieces[key]:
             yield Solid("mesh", np.zeros(0), shape.T_world, piece.vertices, piece, piece.colour or shape.colour)
 

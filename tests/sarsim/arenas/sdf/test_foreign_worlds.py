@@ -9,9 +9,9 @@ from PIL import Image
 from pipeline.errors import InputError
 from sarsim.arenas.map_2d import build_map
 from sarsim.arenas.sdf.build import build_sdf
-from tests.sarsim.arenas.sdf.test_meshes import COLLADA, mesh, room
-from tests.sarsim.arenas.sdf.worlds import PLANE, box, model, write
-from tests.test_foreign_files import draws, with_flips
+from tests.sarsim.arenas.sdf.worlds import COLLADA, PLANE, box, mesh, model, room, write
+
+COUNT = 9  # mutations of a file
 
 
 def meshes(folder):
@@ -44,8 +44,11 @@ def plan(folder):
 def test_a_mutated_file_is_an_arena_or_one_line(tmp_path, files, build, name):
     path, results = files(tmp_path), []
     good = (tmp_path / name).read_bytes()
-    for rng in draws():
-        (tmp_path / name).write_bytes(with_flips(good, rng))
+    for seed in range(COUNT):
+        rng, mutated = np.random.default_rng(seed), bytearray(good)
+        for place in rng.integers(len(good), size=rng.integers(1, 20)):
+            mutated[place] = rng.integers(256)
+        (tmp_path / name).write_bytes(mutated[: rng.integers(len(good))] if rng.random() < 0.2 else mutated)
         try:
             mujoco.MjModel.from_xml_string(build(path).to_xml())
         except InputError as error:

@@ -21,7 +21,8 @@ from pipeline.errors import InputError
 from pipeline.files import check_regular, read_text
 from pipeline.transforms import FARTHEST
 from sarsim.arenas.elements import TILE_SIZE, ArenaBuilder
-from sarsim.vetting.model_files import MOST_GEOMS, MOST_MODEL_BYTES
+from sarsim.arenas.raf import MAX_GEOMS
+from sarsim.vetting.model_files import MOST_MODEL_BYTES
 
 MOST_BYTES = 100_000  # of the YAML file, which has seven short lines
 MOST_PIXELS = 60_000_000  # 6,000 m², the most that are surveyed, in pixels of 1 cm
@@ -78,8 +79,8 @@ def build_map(path: Path) -> ArenaBuilder:
     boxes = rectangles(plan.occupied)
     if not len(boxes):
         raise InputError(f"{path}: no pixel is occupied: without walls there is no arena")
-    if len(boxes) > MOST_GEOMS:
-        raise InputError(f"{path}: its walls need {len(boxes)} boxes, at most {MOST_GEOMS} are built")
+    if len(boxes) > MAX_GEOMS:
+        raise InputError(f"{path}: its walls need {len(boxes)} boxes, at most {MAX_GEOMS} are built")
     builder = ArenaBuilder(path.stem)
     x, y, yaw = plan.origin
     turn = np.array([(np.cos(yaw), -np.sin(yaw)), (np.sin(yaw), np.cos(yaw))])

@@ -36,7 +36,7 @@ class Resources:
 
     def __init__(self, world: Path):
         """``world``: path of its file."""
-        self._world, home = world, world.resolve().parent
+        home = world.resolve().parent
         named = [Path(text) for name in VARIABLES for text in os.environ.get(name, "").split(os.pathsep) if text]
         self._folders = [folder.resolve() for folder in (home, home / "models", home.parent / "models", *named)]
         self._package = home.parent

@@ -104,6 +104,8 @@ class SdfWorld:
         root = self.resources.parse(path)
         if root.tag not in ROOTS:
             raise InputError(f"{path}: not an SDF file: its root is <{root.tag[:40]}>, not <sdf>")
+        if root.find(".//origin[@pose]") is not None:
+            raise InputError(f"{path}: SDF of a version before 1.3, with <origin>, is not read")
         self.left_out.update(element.tag for element in root.iter() if element.tag in LEFT_OUT)
         return root
 

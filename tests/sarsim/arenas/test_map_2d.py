@@ -118,7 +118,7 @@ def test_wrong_maps_are_one_line(tmp_path, text, said):
 def test_a_map_without_walls_or_with_too_many_pixels_or_boxes_is_refused(tmp_path, monkeypatch):
     with pytest.raises(InputError, match="no pixel is occupied"):
         build_map(write(tmp_path, [[254, 254]]))
-    monkeypatch.setattr("sarsim.arenas.map_2d.MOST_GEOMS", 3)
+    monkeypatch.setattr("sarsim.arenas.map_2d.MAX_GEOMS", 3)
     with pytest.raises(InputError, match="its walls need 5 boxes, at most 3"):
         build_map(write(tmp_path, plan()))
     monkeypatch.setattr("sarsim.arenas.map_2d.MOST_PIXELS", 20)

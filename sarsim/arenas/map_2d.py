@@ -1,10 +1,11 @@
 """Arenas from 2D maps, ``map.yaml`` with its image, as ROS's map_server reads and writes them.
 
-Occupied pixels are walls, and the ground lies under the whole image. ``origin`` is the pose of the lower left corner
-of the lower left pixel; the image's first row is the uppermost. In the modes ``trinary`` and ``scale`` a pixel's
-occupancy is its darkness (its brightness if ``negate`` is set), and it is occupied above ``occupied_thresh``; in the
-mode ``raw`` its value is a percentage, and unknown above 100. In the mode ``trinary`` alpha is averaged in with the
-colours, as ROS does (http://wiki.ros.org/map_server, image_loader.cpp).
+Occupied pixels are walls, and the ground lies under the smallest rectangle of pixels around all that are occupied or
+free. ``origin`` is the pose of the lower left corner of the lower left pixel; the image's first row is the uppermost.
+In the modes ``trinary`` and ``scale`` a pixel's occupancy is its darkness (its brightness if ``negate`` is set), and
+it is occupied above ``occupied_thresh``; in the mode ``raw`` its value is a percentage, and unknown above 100. In the
+mode ``trinary`` alpha is averaged in with the colours, as ROS does (http://wiki.ros.org/map_server,
+image_loader.cpp).
 """
 
 from collections.abc import Mapping
@@ -14,7 +15,7 @@ from typing import Any
 
 import numpy as np
 import yaml
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import NDArray
 from PIL import Image
 
 from pipeline.errors import InputError
@@ -38,13 +39,28 @@ class Map2D:
 
     Attributes:
         occupied: (H, W) bool; row 0 is the lowest, column 0 the leftmost.
+        free: (H, W) bool; pixels that are neither are unknown.
         resolution: m, side of a pixel.
         origin: x and y in m and yaw in rad of the corner of pixel (0, 0).
     """
 
     occupied: NDArray[np.bool_]
+    free: NDArray[np.bool_]
     resolution: float
     origin: tuple[float, float, float]
+
+    def placed(self, cells: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """(2,) m the middle of a rectangle of cells, (2, 2) its first and end corner, and (2,) m half of its size."""
+        x, y, yaw = self.origin
+        low, high = cells[:, ::-1] * self.resolution
+        turn = np.array([(np.cos(yaw), -np.sin(yaw)), (np.sin(yaw), np.cos(yaw))])
+        return (x, y) + turn @ (low + high) / 2, (high - low) / 2
+
+    @property
+    def known(self) -> NDArray[np.int64]:
+        """(2, 2) first and end corner (row, column) of the smallest rectangle around what is occupied or free."""
+        seen = np.argwhere(self.occupied | self.free)
+        return np.stack([seen.min(axis=0), seen.max(axis=0) + 1])
 
 
 def read_map(path: Path) -> Map2D:
@@ -66,7 +82,8 @@ def read_map(path: Path) -> Map2D:
         raise InputError(f"{path}: mode {str(values['mode'])[:40]!r} is not one of {', '.join(MODES)}")
     pixels = _pixels(path, values)
     share = _occupancy(pixels, str(values["mode"]), _number(path, values, "negate", 0, 1) != 0)
-    return Map2D(np.flipud(share > occupied), resolution, (x, y, yaw))
+    share = np.flipud(share)
+    return Map2D(share > occupied, (share >= 0) & (share < free), resolution, (x, y, yaw))
 
 
 def build_map(path: Path) -> ArenaBuilder:
@@ -81,18 +98,15 @@ def build_map(path: Path) -> ArenaBuilder:
         raise InputError(f"{path}: no pixel is occupied: without walls there is no arena")
     if len(boxes) > MAX_GEOMS:
         raise InputError(f"{path}: its walls need {len(boxes)} boxes, at most {MAX_GEOMS} are built")
-    builder = ArenaBuilder(path.stem)
-    x, y, yaw = plan.origin
-    turn = np.array([(np.cos(yaw), -np.sin(yaw)), (np.sin(yaw), np.cos(yaw))])
-    pose: dict[str, str | ArrayLike] = {"type": "box", "quat": (np.cos(yaw / 2), 0.0, 0.0, np.sin(yaw / 2))}
-    for low, high in boxes[:, :, ::-1] * plan.resolution:  # rows and columns to x and y
-        middle, half = (x, y) + turn @ (low + high) / 2, (high - low) / 2
-        builder.add_geom("wall", pose | {"pos": (*middle, WALL_HEIGHT / 2), "size": (*half, WALL_HEIGHT / 2)})
-    height, width = plan.occupied.shape
-    corners = (x, y) + np.array([(0, 0), (width, 0), (width, height), (0, height)]) * plan.resolution @ turn.T
-    low, high = corners.min(axis=0), corners.max(axis=0)
-    builder.add_floor(low, high)
-    builder.add_surroundings(low, high)
+    builder, half_yaw = ArenaBuilder(path.stem), plan.origin[2] / 2
+    turn = {"quat": (np.cos(half_yaw), 0.0, 0.0, np.sin(half_yaw))}
+    middle, half = plan.placed(plan.known)
+    builder.add_geom("terrain", {"pos": (*middle, 0.0), "size": (*half, 0.1)} | turn)
+    reach = np.full(2, np.linalg.norm(half))
+    builder.add_surroundings(middle - reach, middle + reach)
+    for box in boxes:
+        middle, half = plan.placed(box)
+        builder.add_geom("wall", {"pos": (*middle, WALL_HEIGHT / 2), "size": (*half, WALL_HEIGHT / 2)} | turn)
     return builder
 
 

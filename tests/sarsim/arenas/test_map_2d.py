@@ -86,6 +86,17 @@ def test_a_pixel_is_occupied_as_in_ros(tmp_path, mode, text, value, occupied):
     assert read_map(path).occupied.tolist() == [[occupied]]
 
 
+def test_the_ground_lies_under_what_is_known(tmp_path):
+    pixels = np.full((400, 400), 205, np.uint8)  # 205 is unknown; 200 m × 200 m would be too large
+    pixels[300:306, 100:110] = plan()
+    path = write(tmp_path, pixels)
+    x, y = load_arena(str(path)).T_world_start[:2, 3]
+    assert 50 < x < 55 and 47 < y < 50
+    model = mujoco.MjModel.from_xml_string(build_map(path).to_xml())
+    np.testing.assert_allclose(model.geom_pos[0], [52.5, 48.5, 0])
+    np.testing.assert_allclose(model.geom_size[0, :2], [2.5, 1.5])
+
+
 def test_16_bits_are_read_as_8(tmp_path):
     Image.fromarray(np.array([[0, 257 * 89, 257 * 90]], np.uint16)).save(tmp_path / "m.png")
     (tmp_path / "map.yaml").write_text("image: m.png\nresolution: 1\norigin: [0, 0, 0]\n")

@@ -1,6 +1,6 @@
 """Convex pieces of a surface: MuJoCo and the true ground take every geom for its convex hull.
 
-A connected piece of a mesh that is closed and convex stays whole. Any other is laid with plates 1 mm thick, one for
+A connected piece of a mesh that is closed and convex stays whole. Any other is laid with thin plates, one for
 each flat, convex facet, or else one for each of its triangles, so that rooms, doorways and stairs stay open.
 """
 
@@ -17,7 +17,7 @@ from scipy.spatial import ConvexHull, QhullError
 from sarsim.arenas.sdf.colours import Colour
 from sarsim.arenas.sdf.meshes import MeshSurface
 
-THICKNESS = 1e-3  # m of a plate: the file's numbers are kept to 1 mm
+THICKNESS = 2e-4  # m of a plate: rays from its other side keep the 1 mm to which the numbers of the file are held
 SLIVER = 1e-4  # m; a triangle whose height is less is a line
 PRISM = np.array([(0, 2, 1), (3, 4, 5), (0, 1, 4), (0, 4, 3), (1, 2, 5), (1, 5, 4), (2, 0, 3), (2, 3, 5)])
 """(8, 3) triangles of a prism over the triangle 0, 1, 2, counter-clockwise from outside."""

@@ -75,7 +75,7 @@ def test_closed_convex_pieces_stay_whole_and_open_ones_are_plates():
     pieces = list(pieces_of(MeshSurface("", both.vertices, both.faces)))
     assert [len(piece.parts) for piece in pieces] == [1, 1]
     (plate,) = next(pieces_of(quad)).parts
-    assert len(plate) == 6 and np.ptp(plate @ np.full(3, 3**-0.5)) == pytest.approx(1e-3)
+    assert len(plate) == 6 and np.ptp(plate @ np.full(3, 3**-0.5)) == pytest.approx(2e-4)
 
 
 def test_what_is_too_detailed_is_as_solid_as_its_hull(tmp_path, monkeypatch, caplog):

@@ -83,7 +83,7 @@ def _as_hulls(solids: list[Solid]) -> set[int]:
     for piece in sorted(pieces, key=lambda piece: -piece.parts_per_metre):
         if parts <= MOST_PIECES:
             break
-        if len(piece.parts) > 1 and not piece.is_flat:
+        if len(piece.parts) > 1:
             parts -= len(piece.parts) - 1
             hulls.add(id(piece))
     return hulls
@@ -94,8 +94,9 @@ def _bodies(solid: Solid, hulls: set[int]) -> Iterator[_Body]:
     if solid.kind == "plane":
         yield _Body(solid, None, _moved(T, solid.corners), endless(T))
     elif piece is None or id(piece) in hulls:
-        corners = _moved(T, solid.corners)
-        yield _Body(solid, None, corners, outline_of(corners))
+        slab = piece.slab if piece is not None and piece.is_flat else None
+        corners = _moved(T, solid.corners if slab is None else slab)
+        yield _Body(solid, slab, corners, outline_of(corners))
     else:
         surface = piece.area_up(T[:3, :3])
         for part in piece.parts:

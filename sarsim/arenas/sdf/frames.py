@@ -44,8 +44,8 @@ class Frames:
     def add(
         self, name: str, T: NDArray[np.float64], relative_to: str,
         inside: "Frames | None" = None, placed: str = MODEL, merged: bool = False,
-    ) -> None:  # fmt: skip
-        """Add a frame; of several with one name the first counts.
+    ) -> str:  # fmt: skip
+        """Add a frame, and return its name here: of several with one name, which is invalid, the first keeps it.
 
         Args:
             name: of the frame.
@@ -55,7 +55,10 @@ class Frames:
             placed: name of the frame of that model which the pose places.
             merged: its frames also belong to this scope.
         """
-        self._frames.setdefault(name, _Frame(T, relative_to, inside, placed, merged))
+        while name in self._frames:
+            name += "'"
+        self._frames[name] = _Frame(T, relative_to, inside, placed, merged)
+        return name
 
     def pose(self, name: str) -> NDArray[np.float64]:
         """4×4 pose in this scope of a frame, or of one in a nested model, ``model::frame``.

@@ -54,6 +54,12 @@ class MeshPiece:
             return True
         return bool(hull.volume <= SLIVER * hull.area)
 
+    @property
+    def slab(self) -> NDArray[np.float64]:
+        """(2 N, 3) m corners of the plate whose one face is the hull of a flat piece."""
+        normal = np.linalg.svd(self.vertices - self.vertices.mean(axis=0), full_matrices=False)[2][2]
+        return np.concatenate([self.vertices, self.vertices - THICKNESS * normal])
+
     def area_up(self, R: NDArray[np.float64]) -> float:
         """m² of the piece, turned by ``R`` (3, 3), that face up, as steep as they may be."""
         a, b, c = self.vertices[self.triangles].swapaxes(0, 1)

@@ -64,13 +64,14 @@ class SdfShape:
 
 @dataclass(frozen=True, eq=False)
 class _Model:
-    """A model, or a world, with its frames, its links and the models in it."""
+    """A model, or a world, with its frames, and its links and the models in it by the names of their frames."""
 
+    name: str
     element: "Element"
     base: Path
     where: str
     frames: Frames
-    links: list["Element"] = field(default_factory=list)
+    links: dict[str, "Element"] = field(default_factory=dict)
     nested: dict[str, "_Model"] = field(default_factory=dict)
 
 
@@ -94,7 +95,7 @@ class SdfWorld:
         self._models = 0
         root = self._root(path)
         world = root.find(WORLD)
-        self._world = self._read(root if world is None else world, path, WORLD, (path.resolve(),))
+        self._world = self._read("", root if world is None else world, path, WORLD, (path.resolve(),))
 
     def shapes(self) -> Iterator[SdfShape]:
         """All shapes, in the order of the file; InputError if a pose is invalid."""
@@ -109,18 +110,18 @@ class SdfWorld:
         self.left_out.update(element.tag for element in root.iter() if element.tag in LEFT_OUT)
         return root
 
-    def _read(self, element: "Element", path: Path, root: str, files: tuple[Path, ...]) -> _Model:
+    def _read(self, name: str, element: "Element", path: Path, root: str, files: tuple[Path, ...]) -> _Model:
         """Read a model or a world; ``files`` are those that include one another down to this one."""
         where = f"{path}, <{element.tag}> {name_of(element)}".rstrip()
-        model = _Model(element, path.parent, where, Frames(where, root))
+        model = _Model(name, element, path.parent, where, Frames(where, root))
         self._models += 1
         if self._models > MOST_GEOMS:
             raise InputError(f"{path}: too many models, at most {MOST_GEOMS} are built")
         for child in element:
             place = f"{where}, <{child.tag}> {name_of(child)}".rstrip()
             if child.tag == "link":
-                model.links.append(child)
-                model.frames.add(child.get("name", ""), pose_of(child, place), relative_to(child, root))
+                key = model.frames.add(child.get("name", ""), pose_of(child, place), relative_to(child, root))
+                model.links[key] = child
             elif child.tag == "frame":
                 owner = child.get("attached_to") or root
                 model.frames.add(child.get("name", ""), pose_of(child, place), relative_to(child, owner))
@@ -128,7 +129,7 @@ class SdfWorld:
                 owner = (child.findtext("child") or root).strip()
                 model.frames.add(child.get("name", ""), pose_of(child, place), relative_to(child, owner))
             elif child.tag == "model":
-                self._nest(model, child, child, self._read(child, path, MODEL, files))
+                self._nest(model, child, child, self._read(child.get("name", ""), child, path, MODEL, files))
             elif child.tag == "include":
                 self._include(model, child, files)
         return model
@@ -148,7 +149,8 @@ class SdfWorld:
             included = self._root(path).find("model")
         if included is not None:  # a file may hold a light alone
             placed = include if include.find("pose") is not None else included
-            self._nest(model, include, placed, self._read(included, path, MODEL, (*files, path)))
+            name = (include.findtext("name") or "").strip() or included.get("name", "")
+            self._nest(model, include, placed, self._read(name, included, path, MODEL, (*files, path)))
 
     def _model_file(self, path: Path) -> Path:
         """The SDF file of a model's folder, of the newest version that ``model.config`` lists."""
@@ -166,30 +168,26 @@ class SdfWorld:
 
     @staticmethod
     def _nest(model: _Model, owner: "Element", placed: "Element", nested: _Model) -> None:
-        """Add a nested model: ``owner`` names it, and ``placed`` has its pose."""
-        name = (owner.findtext("name") or "").strip() if owner.tag == "include" else ""
-        name = name or nested.element.get("name", "")
-        while name in model.nested:  # several of one name are invalid, and common
-            name += "_"
+        """Add a nested model: ``owner`` says how, and ``placed`` has its pose."""
         frame = owner.get("placement_frame") or (owner.findtext("placement_frame") or "").strip()
         frame = frame or nested.element.get("placement_frame") or MODEL
         T, parent = pose_of(placed, nested.where), relative_to(placed, model.frames.root)
-        model.nested[name] = nested
-        model.frames.add(name, T, parent, nested.frames, frame, owner.get("merge") in ("true", "1"))
+        merged = owner.get("merge") in ("true", "1")
+        model.nested[model.frames.add(nested.name, T, parent, nested.frames, frame, merged)] = nested
 
     def _shapes(self, model: _Model, T_world: NDArray[np.float64], state: "Element | None") -> Iterator[SdfShape]:
-        for link in model.links:
-            yield from _link_shapes(model, link, T_world, _state_of(state, link))
+        for name, link in model.links.items():
+            yield from _link_shapes(model, name, link, T_world, _named(state, "link", link.get("name", "")))
         for name, nested in model.nested.items():
-            own = _named(state, "model", name)
+            own = _named(state, "model", nested.name)
             T = T_world @ model.frames.pose(name) if own is None else pose_of(own, f"{nested.where}, <state>")
             yield from self._shapes(nested, T, own)
 
 
 def _link_shapes(
-    model: _Model, link: "Element", T_world: NDArray[np.float64], state: "Element | None"
+    model: _Model, name: str, link: "Element", T_world: NDArray[np.float64], state: "Element | None"
 ) -> Iterator[SdfShape]:
-    where, name = f"{model.where}, <link> {name_of(link)}", link.get("name", "")
+    where = f"{model.where}, <link> {name_of(link)}"
     if state is not None:
         T_world = pose_of(state, f"{where}, <state>") @ inverse(model.frames.pose(name))
     visuals = [visual for visual in link.findall("visual") if visual.find("geometry") is not None]
@@ -206,10 +204,6 @@ def _named(state: "Element | None", tag: str, name: str) -> "Element | None":
     """The state of a model or a link that has a pose."""
     found = () if state is None else (e for e in state.findall(tag) if e.get("name") == name)
     return next((e for e in found if e.find("pose") is not None), None)
-
-
-def _state_of(state: "Element | None", link: "Element") -> "Element | None":
-    return _named(state, "link", link.get("name", ""))
 
 
 def _version(text: str) -> tuple[int, ...]:

@@ -89,6 +89,13 @@ def test_an_include_takes_the_newest_file_and_may_place_a_frame_of_it(tmp_path, 
     assert arena.ray(3, 0, 5, along=DOWN) == pytest.approx(3.5, abs=MM)
 
 
+def test_models_and_links_of_one_name_keep_their_poses(tmp_path):
+    inside = model("l0", box(0.2, 0.2, 0.2), pose="1 0 1 0 0 0") + model("l0", box(0.2, 0.2, 0.2), pose="2 0 1 0 0 0")
+    arena = Compiled(write(tmp_path, PLANE, model("m", box(0.4, 0.4, 0.4, "0 0 1 0 0 0"), inside=inside)))
+    tops = [arena.ray(x, 0, 5, along=DOWN) for x in (0, 1, 2)]
+    np.testing.assert_allclose(tops, [3.8, 3.9, 3.9], atol=MM)
+
+
 def test_the_state_of_a_world_moves_its_models(tmp_path):
     state = "<state world_name='w'><model name='m'><pose>4 0 1 0 0 0</pose></model></state>"
     arena = Compiled(write(tmp_path, PLANE, model("m", box(1, 1, 1)), state))

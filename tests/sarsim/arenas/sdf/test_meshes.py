@@ -10,7 +10,7 @@ from pipeline.errors import InputError
 from sarsim.arenas.load import load_arena
 from sarsim.arenas.sdf import build
 from sarsim.arenas.sdf.meshes import MeshSurface
-from sarsim.arenas.sdf.pieces import pieces_of
+from sarsim.arenas.sdf.pieces import extruded, pieces_of
 from tests.sarsim.arenas.sdf.worlds import COLLADA, PLANE, Compiled, mesh, model, room, write
 
 MM = 1e-3
@@ -86,6 +86,17 @@ def test_what_is_too_detailed_is_as_solid_as_its_hull(tmp_path, monkeypatch, cap
     assert "1 detailed pieces of meshes are as solid as their convex hulls" in caplog.text
     assert arena.model.ngeom == 2
     assert arena.ray(0, 0, 0.5, along=(-1, 0, 0)) == pytest.approx(1.8, abs=MM)  # seen as it is
+
+
+def test_a_flat_piece_that_is_too_detailed_is_a_plate(tmp_path, monkeypatch):
+    star = extruded(
+        [np.array([(0, 1), (-0.2, 0.2), (-1, 0), (-0.2, -0.2), (0, -1), (0.2, -0.2), (1, 0), (0.2, 0.2)])], 1
+    )
+    trimesh.Trimesh(star.vertices, star.triangles.reshape(-1, 8, 3)[:, 1]).export(tmp_path / "star.stl")
+    monkeypatch.setattr(build, "MOST_PIECES", 2)
+    arena = Compiled(write(tmp_path, PLANE, model("m", mesh("star.stl"))))
+    assert arena.model.ngeom == 2
+    assert arena.ray(0, 0, 2, along=DOWN) == pytest.approx(1, abs=MM)
 
 
 @pytest.mark.parametrize(

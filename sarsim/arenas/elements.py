@@ -20,6 +20,8 @@ from sarsim.assets import asset
 from sarsim.ground_truth.shapes import rotation
 
 TILE_SIZE = 1.2  # m
+Attributes = Mapping[str, str | ArrayLike]
+"""Attributes in MJCF by name, as text or as numbers."""
 _LIGHTS = (
     # name, direction, diffuse, whether it casts shadows
     ("sun", (-0.35, 0.5, -0.8), (0.5, 0.5, 0.48), True),
@@ -85,6 +87,7 @@ class ArenaBuilder:
         self._placed: set[tuple[object, ...]] = set()
         self._corners: list[NDArray[np.float64]] = []
         self._victims = 0
+        self._assets: dict[tuple[object, ...], str] = {}
 
     def add_element(self, kind: str, position: ArrayLike, yaw_deg: float) -> None:
         """Set an element of the library down: its origin at ``position`` (3,) m, turned left by ``yaw_deg``.
@@ -132,6 +135,38 @@ class ArenaBuilder:
         name = f"victim_{self._victims}"
         body = SubElement(self._world, "body", name=name, pos=_text(pose.position), quat=_text(pose.turn))
         body.extend(Element("geom", geom.attrib | {"name": f"{name}_{n}"}) for n, geom in enumerate(geoms))
+
+    def add_geom(self, label: str, geom: Attributes, colour: Sequence[float] | None = None) -> None:
+        """Add a geom that is no element's.
+
+        Args:
+            label: its default class.
+            geom: MJCF's attributes of it.
+            colour: red, green, blue, from 0 to 1; by default the label's material shows.
+        """
+        # PyMJCF takes time that grows with the square of the number of geoms without a name.
+        named = {"name": f"{label}_{len(self._world)}", "class": label}
+        paint = {} if colour is None else {"material": self._material(colour)}
+        self._world.append(Element("geom", named | _written(geom) | paint))
+
+    def add_mesh(self, vertices: NDArray[np.float64], triangles: NDArray[np.int64] | None = None) -> str:
+        """The name of a mesh of vertices (N, 3) m and triangles (M, 3), by default their convex hull; added once."""
+        faces = {} if triangles is None else {"face": " ".join(map(str, np.ravel(triangles).tolist()))}
+        return self._asset("mesh", {"vertex": vertices, "inertia": "shell", **faces})
+
+    def _material(self, colour: Sequence[float]) -> str:
+        return self._asset("material", {"rgba": (*colour, 1.0), "specular": (0.05,), "shininess": (0.1,)})
+
+    def _asset(self, kind: str, attributes: Attributes) -> str:
+        """The name of an asset with these attributes, added if it is new."""
+        written = _written(attributes)
+        key = (kind, *written.items())
+        if key not in self._assets:
+            self._assets[key] = f"{kind}_{len(self._assets)}"
+            assets = self.root.find("asset")
+            assert assets is not None
+            SubElement(assets, kind, {"name": self._assets[key]} | written)
+        return self._assets[key]
 
     def change_asset(self, kind: str, name: str, attributes: Mapping[str, str | Sequence[float]]) -> None:
         """Change a ``texture`` or a ``material`` of the library in this arena."""
@@ -258,6 +293,11 @@ def _identity(geom: Element) -> tuple[object, ...]:
     position = np.round(numbers_of(geom, "pos", (0, 0, 0)), 4) + 0.0
     shape = [geom.get(key) for key in ("class", "type", "mesh", "material", "size")]
     return (*shape, *position.tolist(), round(x, 4), round(y, 4), yaw)
+
+
+def _written(attributes: Attributes) -> dict[str, str]:
+    """Attributes as MJCF text."""
+    return {name: value if isinstance(value, str) else _text(value) for name, value in attributes.items()}
 
 
 def _text(values: ArrayLike) -> str:

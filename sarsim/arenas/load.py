@@ -1,6 +1,6 @@
 """Loads an arena by its name."""
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -12,8 +12,10 @@ from numpy.typing import NDArray
 from pipeline.errors import InputError
 from sarsim.arenas.arena import RescueArena
 from sarsim.arenas.elements import ArenaBuilder
+from sarsim.arenas.map_2d import build_map
 from sarsim.arenas.raf import build_raf
 from sarsim.arenas.random_arena import build_random
+from sarsim.arenas.sdf.build import build_sdf
 from sarsim.arenas.settings import RandomArenaConfig, StartPose
 from sarsim.arenas.start import find_start, start_at
 from sarsim.assets import asset
@@ -22,13 +24,17 @@ from sarsim.vetting.trial import vet_mjcf
 BUILT_IN = ("nist_6x4", "esogu_52x15")
 RANDOM = "random:"
 MAX_DIGITS = 18  # of a seed
+BUILDERS: dict[str, Callable[[Path], ArenaBuilder]] = {
+    ".raf": build_raf, ".sdf": build_sdf, ".world": build_sdf, ".yaml": build_map,
+}  # fmt: skip
+"""The builder of each kind of file."""
 
 
 def load_arena(name: str, start: StartPose | None = None, random: RandomArenaConfig | None = None) -> RescueArena:
     """The arena that a command's ``--arena`` names.
 
     Args:
-        name: a built-in arena, ``random:SEED``, or the path of a ``.raf`` or an MJCF file.
+        name: a built-in arena, ``random:SEED``, or the path of a ``.raf``, MJCF, SDF or 2D map file.
         start: where to set the robot down; if not given, the arena's own start, or else the best place in it.
         random: settings of a random arena.
 
@@ -42,11 +48,11 @@ def load_arena(name: str, start: StartPose | None = None, random: RandomArenaCon
         return _from_builder(name, build_random(_seed(name), random), start)
     if kind == ".xml":
         return _from_mjcf(path, start)
-    if kind == ".raf":
-        return _from_builder(name, build_raf(path), start)
+    if kind in BUILDERS:
+        return _from_builder(name, BUILDERS[kind](path), start)
     raise InputError(
-        f"unknown arena {name!r}: give one of {', '.join(BUILT_IN)}, {RANDOM}SEED, or the path of a .raf or MJCF"
-        " .xml file"
+        f"unknown arena {name!r}: give one of {', '.join(BUILT_IN)}, {RANDOM}SEED, or the path of a file:"
+        f" {', '.join(BUILDERS)}, or MJCF .xml"
     )
 
 
@@ -84,11 +90,18 @@ def _start_pose(
 def _from_builder(name: str, builder: ArenaBuilder, wish: StartPose | None) -> RescueArena:
     """The arena of a builder, with the wanted start, its own start, or the best one."""
     if wish is not None or not builder.has_start:
-        world = _at_rest(mujoco.MjModel.from_xml_string(builder.to_xml()))
+        world = _at_rest(_compiled(name, builder))
         with _naming(name):
             start = find_start(*world) if wish is None else start_at(*world, *wish)
         builder.set_start(*start)
     return RescueArena(mjcf.from_xml_string(builder.to_xml()))
+
+
+def _compiled(name: str, builder: ArenaBuilder) -> mujoco.MjModel:
+    try:
+        return mujoco.MjModel.from_xml_string(builder.to_xml())
+    except (ValueError, mujoco.FatalError) as error:  # of a mesh of no volume, for one
+        raise InputError(f"{name}: MuJoCo cannot build it: {' '.join(str(error).split())[:200]}") from error
 
 
 @contextmanager

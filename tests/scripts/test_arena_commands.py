@@ -1,10 +1,13 @@
 """The commands around arenas: they write files that MuJoCo opens, and refuse bad input with one line."""
 
 import mujoco
+import numpy as np
 import pytest
+from PIL import Image
 
 from sarsim.scripts.export_arena import ExportArena, export_arena
 from sarsim.scripts.settings import run_with_settings
+from tests.sarsim.arenas.sdf.worlds import PLANE, box, model, write
 
 RAF = (
     '<elements><element type="small_wall" x="0" y="0" rotation="0"/>'
@@ -45,6 +48,19 @@ def test_a_raf_file_is_written_with_the_start_that_is_asked_for(tmp_path):
     assert model.site("start").pos.tolist() == [-0.1, -0.2, 0]
 
 
+def test_a_world_and_a_map_are_written(tmp_path):
+    wall = box(3, 0.1, 1, "0 1 0.5 0 0 0")
+    world = exported(tmp_path, "--arena", str(write(tmp_path, PLANE, model("m", wall))), "--start", "0", "0", "0")
+    assert world.geom_user[:, 0].tolist() == [2, 1]
+    assert world.geom("wall_1").pos.tolist() == [0, 1, 0.5]
+    pixels = np.zeros((8, 9), np.uint8)
+    pixels[1:-1, 1:-1] = 254
+    Image.fromarray(pixels).save(tmp_path / "plan.pgm")
+    (tmp_path / "plan.yaml").write_text("image: plan.pgm\nresolution: 0.5\norigin: [-1, 0, 0]\n")
+    plan = exported(tmp_path, "--arena", str(tmp_path / "plan.yaml"))
+    assert plan.geom_user[:, 0].tolist() == [2, 1, 1, 1, 1]
+
+
 def test_a_random_arena_is_written_as_its_settings_say(tmp_path):
     config = tmp_path / "config.yaml"
     config.write_text("arena: random:1\nrandom: {columns: 3, rows: 4, victims: 0, ceiling: true}\n")
@@ -57,6 +73,8 @@ def test_a_random_arena_is_written_as_its_settings_say(tmp_path):
     ("name", "text", "said"),
     [
         ("bad.raf", "<elements><element", "bad.raf: not readable XML"),
+        ("bad.world", "<sdf><world name='w'>", "bad.world: not readable XML"),
+        ("bad.yaml", "image: none.pgm\nresolution: 1\norigin: [0, 0, 0]", "none.pgm: No such file"),
         ("bomb.raf", '<!DOCTYPE a [<!ENTITY b "c">]><elements>&b;</elements>', "bomb.raf: refused"),
         ("unknown.raf", RAF.replace("small_", "x").replace("half_", "y"), "known type: xwall, yramp"),
         ("far.raf", RAF.replace('"2"', '"1e9"'), "element 2: x='1e9'"),

@@ -1,0 +1,187 @@
+"""Arenas from 2D maps, ``map.yaml`` with its image, as ROS's map_server reads and writes them.
+
+Occupied pixels are walls, and the ground lies under the smallest rectangle of pixels around all that are occupied or
+free. ``origin`` is the pose of the lower left corner of the lower left pixel; the image's first row is the uppermost.
+In the modes ``trinary`` and ``scale`` a pixel's occupancy is its darkness (its brightness if ``negate`` is set), and
+it is occupied above ``occupied_thresh``; in the mode ``raw`` its value is a percentage, and unknown above 100. In the
+mode ``trinary`` alpha is averaged in with the colours, as ROS does (http://wiki.ros.org/map_server,
+image_loader.cpp).
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from numpy.typing import NDArray
+from PIL import Image
+
+from pipeline.errors import InputError
+from pipeline.files import check_regular, read_text
+from pipeline.transforms import FARTHEST
+from sarsim.arenas.elements import TILE_SIZE, ArenaBuilder
+from sarsim.arenas.raf import MAX_GEOMS
+from sarsim.vetting.model_files import MOST_MODEL_BYTES
+
+MOST_BYTES = 100_000  # of the YAML file, which has seven short lines
+MOST_PIXELS = 60_000_000  # 6,000 m², the most that are surveyed, in pixels of 1 cm
+WALL_HEIGHT = TILE_SIZE  # m; a NIST wall is as high as it is wide
+MODES = ("trinary", "scale", "raw")
+DEFAULTS = {"negate": 0, "occupied_thresh": 0.65, "free_thresh": 0.196, "mode": MODES[0]}
+"""What map_saver writes, for files that leave it out."""
+
+
+@dataclass(frozen=True, eq=False)
+class Map2D:
+    """A 2D map.
+
+    Attributes:
+        occupied: (H, W) bool; row 0 is the lowest, column 0 the leftmost.
+        free: (H, W) bool; pixels that are neither are unknown.
+        resolution: m, side of a pixel.
+        origin: x and y in m and yaw in rad of the corner of pixel (0, 0).
+    """
+
+    occupied: NDArray[np.bool_]
+    free: NDArray[np.bool_]
+    resolution: float
+    origin: tuple[float, float, float]
+
+    def placed(self, cells: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """(2,) m the middle of a rectangle of cells, (2, 2) its first and end corner, and (2,) m half of its size."""
+        x, y, yaw = self.origin
+        low, high = cells[:, ::-1] * self.resolution
+        turn = np.array([(np.cos(yaw), -np.sin(yaw)), (np.sin(yaw), np.cos(yaw))])
+        return (x, y) + turn @ (low + high) / 2, (high - low) / 2
+
+    @property
+    def known(self) -> NDArray[np.int64]:
+        """(2, 2) first and end corner (row, column) of the smallest rectangle around what is occupied or free."""
+        seen = np.argwhere(self.occupied | self.free)
+        return np.stack([seen.min(axis=0), seen.max(axis=0) + 1])
+
+
+def read_map(path: Path) -> Map2D:
+    """Read a map's YAML file and its image.
+
+    Raises:
+        InputError: a file is missing, broken or too large, the image lies outside the folder, or a value is wrong.
+    """
+    values = _values(path)
+    resolution = _number(path, values, "resolution", 1e-3, FARTHEST)
+    origin = values.get("origin")
+    if not isinstance(origin, list) or len(origin) != 3:
+        raise InputError(f"{path}: origin must be [x, y, yaw]")
+    x, y, yaw = (_checked(path, "origin", value, -FARTHEST, FARTHEST) for value in origin)
+    free, occupied = (_number(path, values, name, 0.0, 1.0) for name in ("free_thresh", "occupied_thresh"))
+    if free >= occupied:
+        raise InputError(f"{path}: free_thresh {free:g} is not below occupied_thresh {occupied:g}")
+    if values["mode"] not in MODES:
+        raise InputError(f"{path}: mode {str(values['mode'])[:40]!r} is not one of {', '.join(MODES)}")
+    pixels = _pixels(path, values)
+    share = _occupancy(pixels, str(values["mode"]), _number(path, values, "negate", 0, 1) != 0)
+    share = np.flipud(share)
+    return Map2D(share > occupied, (share >= 0) & (share < free), resolution, (x, y, yaw))
+
+
+def build_map(path: Path) -> ArenaBuilder:
+    """The arena of a map, still without a start.
+
+    Raises:
+        InputError: as :func:`read_map`; or the map has no walls, or needs more boxes than are built.
+    """
+    plan = read_map(path)
+    boxes = rectangles(plan.occupied)
+    if not len(boxes):
+        raise InputError(f"{path}: no pixel is occupied: without walls there is no arena")
+    if len(boxes) > MAX_GEOMS:
+        raise InputError(f"{path}: its walls need {len(boxes)} boxes, at most {MAX_GEOMS} are built")
+    builder, half_yaw = ArenaBuilder(path.stem), plan.origin[2] / 2
+    turn = {"quat": (np.cos(half_yaw), 0.0, 0.0, np.sin(half_yaw))}
+    middle, half = plan.placed(plan.known)
+    builder.add_geom("terrain", {"pos": (*middle, 0.0), "size": (*half, 0.1)} | turn)
+    reach = np.full(2, np.linalg.norm(half))
+    builder.add_surroundings(middle - reach, middle + reach)
+    for box in boxes:
+        middle, half = plan.placed(box)
+        builder.add_geom("wall", {"pos": (*middle, WALL_HEIGHT / 2), "size": (*half, WALL_HEIGHT / 2)} | turn)
+    return builder
+
+
+def rectangles(cells: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """(N, 2, 2) first and end corner (row, column) of rectangles that fill the set cells (H, W), each cell once.
+
+    Runs along rows that lie above one another with the same ends are one rectangle; or along columns, if these are
+    fewer.
+    """
+    rows, columns = _runs(cells), _runs(cells.T)[:, :, ::-1]
+    return rows if len(rows) <= len(columns) else columns
+
+
+def _runs(cells: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """(N, 2, 2) as :func:`rectangles`, of runs along rows."""
+    done: list[tuple[tuple[int, int], tuple[int, int]]] = []
+    growing: dict[tuple[int, int], int] = {}  # ends of a run, and its first row
+    for row, line in enumerate([*cells, np.zeros(cells.shape[1], np.bool_)]):
+        edges = np.flatnonzero(np.diff(line, prepend=False, append=False)).reshape(-1, 2)
+        runs = {(start, end) for start, end in edges.tolist()}
+        done += [((first, run[0]), (row, run[1])) for run, first in growing.items() if run not in runs]
+        growing = {run: growing.get(run, row) for run in sorted(runs)}
+    return np.array(done, np.int64).reshape(-1, 2, 2)
+
+
+def _values(path: Path) -> dict[str, Any]:
+    try:
+        values = yaml.safe_load(read_text(path, MOST_BYTES))
+    except (yaml.YAMLError, RecursionError) as error:
+        raise InputError(f"{path}: not readable YAML: {' '.join(str(error).split())[:200]}") from error
+    if not isinstance(values, dict) or not {"image", "resolution", "origin"} <= values.keys():
+        raise InputError(f"{path}: not a 2D map: it must have image, resolution and origin")
+    return DEFAULTS | values
+
+
+def _number(path: Path, values: Mapping[str, Any], name: str, low: float, high: float) -> float:
+    return _checked(path, name, values[name], low, high)
+
+
+def _checked(path: Path, name: str, value: object, low: float, high: float) -> float:
+    if not isinstance(value, int | float) or not low <= value <= high:
+        raise InputError(f"{path}: {name} {str(value)[:40]!r} is not a number from {low:g} to {high:g}")
+    return float(value)
+
+
+def _pixels(path: Path, values: Mapping[str, Any]) -> NDArray[np.float64]:
+    """(H, W, C) the image's channels, from 0 to 255; the last of two or four is alpha."""
+    file = path.parent / str(values["image"])
+    try:
+        if not file.resolve().is_relative_to(path.parent.resolve()):
+            raise InputError(f"{path}: refused, its image {file} lies outside its folder")
+        check_regular(file, MOST_MODEL_BYTES)
+        with Image.open(file) as image:
+            if image.width * image.height > MOST_PIXELS:
+                raise InputError(f"{file}: {image.width} × {image.height} pixels, at most {MOST_PIXELS} are read")
+            deep = image.mode.startswith("I")
+            plain = image if deep or image.mode in ("L", "LA", "RGB", "RGBA") else image.convert(_mode(image))
+            pixels = np.asarray(plain, np.float64)
+    except InputError:
+        raise
+    except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
+        raise InputError(f"{file}: not a readable image: {' '.join(str(error).split())}") from error
+    return np.atleast_3d(pixels / 257 if deep else pixels)  # 16 bits to 8
+
+
+def _mode(image: Image.Image) -> str:
+    """The mode of an image with a palette, of one bit, or of another kind, in channels."""
+    return "L" if image.mode == "1" else "RGBA" if "transparency" in image.info else "RGB"
+
+
+def _occupancy(pixels: NDArray[np.float64], mode: str, negate: bool) -> NDArray[np.float64]:
+    """(H, W) occupancy, 0 to 1, of pixels (H, W, C); negative where it is unknown."""
+    channels = pixels.shape[2]
+    colour = pixels[:, :, : channels - (channels in (2, 4) and mode != "trinary")].mean(axis=2)
+    value = 255 - colour if negate else colour
+    if mode == "raw":
+        return np.where(value > 100, -1.0, value / 100)
+    return (255 - value) / 255

@@ -1,0 +1,1 @@
+"""Gazebo's worlds: SDF files read as arenas."""

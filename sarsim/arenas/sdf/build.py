@@ -1,0 +1,143 @@
+"""Arenas from SDF files: Gazebo's worlds and models, through the same builder as all arenas."""
+
+import logging
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from pipeline.errors import InputError
+from sarsim.arenas.elements import ArenaBuilder, Attributes
+from sarsim.arenas.sdf.labels import Outline, endless, ground_of, label_of, outline_of
+from sarsim.arenas.sdf.pieces import MOST_PIECES
+from sarsim.arenas.sdf.solids import Solid, SolidReader
+from sarsim.arenas.sdf.world import SdfWorld
+from sarsim.vetting.model_files import MOST_GEOMS
+
+MARGIN = 2.0  # m of ground around everything: room to drive around what stands outermost, 0.6 m, and to see it from
+LEVEL = 1e-9  # A plane's normal with 1 − z below this points up
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True, eq=False)
+class _Body:
+    """A geom to be.
+
+    Attributes:
+        solid: that it is, or is a part of.
+        part: (N, 3) m, corners of a convex part of the solid's piece of a mesh; None for the whole solid.
+        corners: (N, 3) m, in the world.
+        outline: for its label.
+    """
+
+    solid: Solid
+    part: NDArray[np.float64] | None
+    corners: NDArray[np.float64]
+    outline: Outline
+
+
+def build_sdf(path: Path) -> ArenaBuilder:
+    """The arena of a world, still without a start.
+
+    Raises:
+        InputError: the file or one that it refers to is missing, broken or too large, or nothing in it has a shape.
+    """
+    try:
+        world = SdfWorld(path)
+        solids = _solids(path, world)
+    except RecursionError as error:
+        raise InputError(f"{path}: models or frames are nested too deeply") from error
+    hulls = _as_hulls(solids)
+    bodies = [body for solid in solids for body in _bodies(solid, hulls)]
+    if world.left_out:
+        _log.warning("%s: loaded without its %s", path, _counted(world.left_out))
+    if hulls:
+        _log.warning("%s: %d detailed pieces of meshes are as solid as their convex hulls", path, len(hulls))
+    return _built(path, bodies)
+
+
+def _solids(path: Path, world: SdfWorld) -> list[Solid]:
+    reader, solids = SolidReader(world.resources), list[Solid]()
+    for shape in world.shapes():
+        solids += reader.solids(shape)
+        if len(solids) > MOST_GEOMS:
+            raise InputError(f"{path}: too many shapes, at most {MOST_GEOMS} are built")
+    if not solids:
+        raise InputError(f"{path}: nothing in it has a shape")
+    return solids
+
+
+def _counted(counts: Mapping[str, int]) -> str:
+    return ", ".join(f"{count} {kind}{'s' * (count > 1)}" for kind, count in counts.items())
+
+
+def _as_hulls(solids: list[Solid]) -> set[int]:
+    """The ids of the pieces that become one geom, the most detailed first, so that ``MOST_PIECES`` are enough."""
+    pieces = [solid.piece for solid in solids if solid.piece is not None]
+    hulls = {id(piece) for piece in pieces if not piece.parts}
+    parts = sum(len(piece.parts) or 1 for piece in pieces)
+    for piece in sorted(pieces, key=lambda piece: -piece.parts_per_metre):
+        if parts <= MOST_PIECES:
+            break
+        if len(piece.parts) > 1:
+            parts -= len(piece.parts) - 1
+            hulls.add(id(piece))
+    return hulls
+
+
+def _bodies(solid: Solid, hulls: set[int]) -> Iterator[_Body]:
+    piece, T = solid.piece, solid.T_world
+    if solid.kind == "plane":
+        yield _Body(solid, None, _moved(T, solid.corners), endless(T))
+    elif piece is None or id(piece) in hulls:
+        slab = piece.slab if piece is not None and piece.is_flat else None
+        corners = _moved(T, solid.corners if slab is None else slab)
+        yield _Body(solid, slab, corners, outline_of(corners))
+    else:
+        surface = piece.area_up(T[:3, :3])
+        for part in piece.parts:
+            corners = _moved(T, part)
+            yield _Body(solid, part, corners, outline_of(corners, surface))
+
+
+def _moved(T: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
+    return points @ T[:3, :3].T + T[:3, 3]
+
+
+def _built(path: Path, bodies: list[_Body]) -> ArenaBuilder:
+    builder = ArenaBuilder(path.stem)
+    low, high = _bounds(bodies)
+    ground = ground_of([body.outline for body in bodies], float(np.prod(high - low)))
+    if ground is None:
+        ground = 0.0
+        builder.add_floor(low, high)
+    for body in bodies:
+        label = label_of(body.outline, ground).name.lower()
+        builder.add_geom(label, _geom(builder, body, low, high), body.solid.colour)
+    builder.add_surroundings(low, high)
+    return builder
+
+
+def _bounds(bodies: list[_Body]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The lowest and the highest (x, y) m of all bodies but planes, and ``MARGIN`` around them."""
+    corners = [body.corners[:, :2] for body in bodies if body.solid.kind != "plane"]
+    around = np.concatenate(corners or [body.solid.T_world[None, :2, 3] for body in bodies])
+    return around.min(axis=0) - MARGIN, around.max(axis=0) + MARGIN
+
+
+def _geom(builder: ArenaBuilder, body: _Body, low: NDArray[np.float64], high: NDArray[np.float64]) -> Attributes:
+    """The attributes of a body's geom; a level plane reaches from ``low`` to ``high`` (2,) m, where it is of use."""
+    solid, T = body.solid, body.solid.T_world
+    if solid.kind == "plane" and T[2, 2] > 1 - LEVEL:
+        half = (high - low) / 2
+        return {"type": "plane", "pos": [*(low + half), T[2, 3]], "size": [*half, solid.size[-1]]}
+    pose = {"type": solid.kind, "pos": T[:3, 3], "quat": Rotation.from_matrix(T[:3, :3]).as_quat(scalar_first=True)}
+    if solid.piece is None:
+        return pose | {"size": solid.size}
+    if body.part is not None:
+        return pose | {"mesh": builder.add_mesh(body.part)}
+    return pose | {"mesh": builder.add_mesh(solid.piece.vertices, solid.piece.triangles)}

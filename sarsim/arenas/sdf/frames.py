@@ -1,0 +1,101 @@
+"""The named frames of a model or a world, each with its pose relative to another one of them."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.errors import InputError
+from pipeline.transforms import inverse
+
+MODEL = "__model__"
+"""The name of a model's own frame inside it."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Frame:
+    """A frame: its 4×4 pose relative to a named one, and the frames inside it, if it is a model.
+
+    A pose places the frame ``placed`` of the model, which need not be its own.
+    """
+
+    T: NDArray[np.float64]
+    relative_to: str
+    inside: "Frames | None"
+    placed: str
+    merged: bool
+
+
+class Frames:
+    """The frames of one scope.
+
+    Attributes:
+        root: the scope's own frame.
+    """
+
+    def __init__(self, where: str, root: str = MODEL):
+        """``where``: for error messages."""
+        self.root = root
+        self._where = where
+        self._frames: dict[str, _Frame] = {}
+        self._poses: dict[str, NDArray[np.float64]] = {}
+        self._open: list[str] = []
+
+    def add(
+        self, name: str, T: NDArray[np.float64], relative_to: str,
+        inside: "Frames | None" = None, placed: str = MODEL, merged: bool = False,
+    ) -> str:  # fmt: skip
+        """Add a frame, and return its name here: of several with one name, which is invalid, the first keeps it.
+
+        Args:
+            name: of the frame.
+            T: 4×4 its pose.
+            relative_to: name of the frame in which the pose is given.
+            inside: frames of a nested model.
+            placed: name of the frame of that model which the pose places.
+            merged: its frames also belong to this scope.
+        """
+        while name in self._frames:
+            name += "'"
+        self._frames[name] = _Frame(T, relative_to, inside, placed, merged)
+        return name
+
+    def pose(self, name: str) -> NDArray[np.float64]:
+        """4×4 pose in this scope of a frame, or of one in a nested model, ``model::frame``.
+
+        Raises:
+            InputError: there is no such frame, or the poses go in a circle.
+        """
+        if name == self.root:
+            return np.eye(4)
+        outer, _, inner = name.partition("::")
+        if outer not in self._frames:
+            return self._merged_pose(name)
+        T, inside = self._pose(outer), self._frames[outer].inside
+        if not inner:
+            return T
+        if inside is None:
+            raise InputError(f"{self._where}: there is no frame {name[:60]!r}")
+        return T @ inside.pose(inner)
+
+    def _merged_pose(self, name: str) -> NDArray[np.float64]:
+        outer = name.partition("::")[0]
+        for key, frame in self._frames.items():
+            if frame.merged and frame.inside is not None and outer in frame.inside._frames:
+                return self._pose(key) @ frame.inside.pose(name)
+        raise InputError(f"{self._where}: there is no frame {name[:60]!r}")
+
+    def _pose(self, name: str) -> NDArray[np.float64]:
+        if name in self._open:
+            raise InputError(f"{self._where}: the poses of {', '.join(self._open)[:200]} go in a circle")
+        if name not in self._poses:
+            frame = self._frames[name]
+            self._open.append(name)
+            try:
+                T = self.pose(frame.relative_to) @ frame.T
+            finally:
+                self._open.remove(name)
+            if frame.inside is not None and frame.placed != MODEL:
+                T = T @ inverse(frame.inside.pose(frame.placed))
+            self._poses[name] = T
+        return self._poses[name]

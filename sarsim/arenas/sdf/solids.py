@@ -1,0 +1,173 @@
+"""The solids of an SDF ``<geometry>``, each as MuJoCo has it."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.errors import InputError
+from pipeline.transforms import FARTHEST, from_rotation
+from sarsim.arenas.sdf.colours import Colour
+from sarsim.arenas.sdf.meshes import MeshSurface, read_surfaces
+from sarsim.arenas.sdf.pieces import MeshPiece, extruded, pieces_of
+from sarsim.arenas.sdf.resources import Resources, missing
+from sarsim.arenas.sdf.values import child_numbers, numbers
+from sarsim.arenas.sdf.world import LEFT_OUT, SdfShape
+from sarsim.ground_truth.columns import SEGMENTS
+from sarsim.ground_truth.shapes import CUBE, SQUARE, swept
+
+if TYPE_CHECKING:
+    from xml.etree.ElementTree import Element
+
+THINNEST = 1e-4  # m, half size of what the file makes flat: MuJoCo has no flat solids
+PLANE = 0.1  # m between the lines of a plane's grid, which MuJoCo asks for
+
+
+@dataclass(frozen=True, eq=False)
+class Solid:
+    """A body in the world.
+
+    Attributes:
+        kind: MuJoCo's name of its shape; ``mesh`` for a piece of a mesh.
+        size: (K,) m, MuJoCo's sizes of it.
+        T_world: 4×4 its pose.
+        corners: (N, 3) m around it, in its own frame.
+        piece: of a mesh.
+        colour: None if the file gives none.
+    """
+
+    kind: str
+    size: NDArray[np.float64]
+    T_world: NDArray[np.float64]
+    corners: NDArray[np.float64]
+    piece: MeshPiece | None
+    colour: Colour | None
+
+
+class SolidReader:
+    """Makes solids of shapes; meshes are read once."""
+
+    def __init__(self, resources: Resources):
+        """``resources``: the world's files."""
+        self._resources = resources
+        self._surfaces: dict[object, list[MeshSurface]] = {}
+        self._pieces: dict[object, list[MeshPiece]] = {}
+
+    def solids(self, shape: SdfShape) -> Iterator[Solid]:
+        """The solids of a shape; InputError if its numbers make no sense, or a mesh is missing or broken."""
+        for form in shape.geometry:
+            if form.tag in _PRIMITIVES:
+                yield _PRIMITIVES[form.tag](form, shape)
+            elif form.tag == "mesh":
+                yield from self._meshes(form, shape)
+            elif form.tag == "polyline":
+                yield from self._extruded(shape)
+                return  # several outlines are one body
+            elif form.tag not in (*LEFT_OUT, "empty"):
+                raise InputError(f"{shape.where}: <{form.tag[:40]}> is no known geometry")
+
+    def _meshes(self, form: "Element", shape: SdfShape) -> Iterator[Solid]:
+        scale = child_numbers(form, "scale", (1.0, 1.0, 1.0), shape.where)
+        uri, submesh = (form.findtext("uri") or "").strip(), (form.findtext("submesh/name") or "").strip()
+        centred = (form.findtext("submesh/center") or "").strip() in ("true", "1")
+        path = self._resources.find(uri, shape.base, shape.where)
+        if path is None or path.is_dir():
+            raise missing(uri, shape.where)
+        key = (path, *scale, submesh, centred)
+        if key not in self._pieces:
+            if path not in self._surfaces:
+                self._surfaces[path] = read_surfaces(self._resources, path)
+            surfaces = [s for s in self._surfaces[path] if submesh in ("", s.name)]
+            if not surfaces:
+                raise InputError(f"{shape.where}: {path} has no submesh {submesh[:60]!r}")
+            scaled = list(_scaled(surfaces, scale, centred))
+            if max(float(np.abs(s.vertices).max()) for s in scaled) > FARTHEST:
+                raise InputError(f"{shape.where}: {path} is larger than {FARTHEST:g} m")
+            self._pieces[key] = [piece for surface in scaled for piece in pieces_of(surface)]
+        for piece in self._pieces[key]:
+            yield Solid("mesh", np.zeros(0), shape.T_world, piece.vertices, piece, piece.colour or shape.colour)
+
+    def _extruded(self, shape: SdfShape) -> Iterator[Solid]:
+        outlines, height = [], 1.0
+        for form in shape.geometry.findall("polyline"):
+            outlines.append(np.array([numbers(p.text, 2, shape.where) for p in form.findall("point")]))
+            height = float(child_numbers(form, "height", (1.0,), shape.where)[0])
+        if min(map(len, outlines)) < 3 or height <= 0:
+            raise InputError(f"{shape.where}: a <polyline> needs three points and a height above 0")
+        try:
+            piece = extruded(outlines, height)
+        except ValueError as error:
+            raise InputError(f"{shape.where}: {' '.join(str(error).split())}") from error
+        yield Solid("mesh", np.zeros(0), shape.T_world, piece.vertices, piece, shape.colour)
+
+
+def _scaled(surfaces: list[MeshSurface], scale: NDArray[np.float64], centred: bool) -> Iterator[MeshSurface]:
+    """Surfaces scaled along the axes, and moved, if so asked, so that the middle of their bounding box is at 0."""
+    every = np.concatenate([s.vertices for s in surfaces])
+    middle = (every.min(axis=0) + every.max(axis=0)) / 2 if centred else np.zeros(3)
+    order = 1 if np.prod(scale) > 0 else -1  # a mirror image turns triangles inside out
+    for s in surfaces:
+        yield MeshSurface(s.name, (s.vertices - middle) * scale, s.triangles[:, ::order], s.colour)
+
+
+def _positive(form: "Element", tags: dict[str, tuple[float, ...]], where: str) -> NDArray[np.float64]:
+    """(N,) m, sizes of a form, halved where its defaults are; InputError if one is negative."""
+    values = np.concatenate([child_numbers(form, tag, default, where) for tag, default in tags.items()])
+    if (values < 0).any():
+        raise InputError(f"{where}: <{form.tag}> has a negative size")
+    return values
+
+
+def _box(form: "Element", shape: SdfShape) -> Solid:
+    half = np.maximum(_positive(form, {"size": (1.0, 1.0, 1.0)}, shape.where) / 2, THINNEST)
+    return Solid("box", half, shape.T_world, CUBE * half, None, shape.colour)
+
+
+def _round(kind: str, form: "Element", shape: SdfShape) -> Solid:
+    """A cylinder, or a capsule, whose length is that of its cylinder."""
+    sizes = _positive(form, {"radius": (1.0,), "length": (1.0,)}, shape.where) * (1.0, 0.5)
+    radius, half = np.maximum(sizes, THINNEST)
+    reach = half + radius * (kind == "capsule")
+    corners = swept(np.array([(radius, -reach), (radius, reach)]), SEGMENTS)
+    return Solid(kind, np.array([radius, half]), shape.T_world, corners, None, shape.colour)
+
+
+def _cone(form: "Element", shape: SdfShape) -> Solid:
+    radius, length = np.maximum(_positive(form, {"radius": (0.5,), "length": (1.0,)}, shape.where), THINNEST)
+    corners = np.vstack([swept(np.array([(radius, -length / 2)]), SEGMENTS), [(0, 0, length / 2)]])
+    piece = MeshPiece(corners, np.zeros((0, 3), np.int64), [corners], shape.colour)
+    return Solid("mesh", np.zeros(0), shape.T_world, corners, piece, shape.colour)
+
+
+def _ball(kind: str, tag: str, default: tuple[float, ...], form: "Element", shape: SdfShape) -> Solid:
+    radii = np.maximum(_positive(form, {tag: default}, shape.where), THINNEST)
+    latitude = np.linspace(-np.pi / 2, np.pi / 2, SEGMENTS // 2 + 1)
+    corners = swept(np.stack([np.cos(latitude), np.sin(latitude)], axis=1), SEGMENTS) * radii
+    return Solid(kind, radii, shape.T_world, corners, None, shape.colour)
+
+
+def _plane(form: "Element", shape: SdfShape) -> Solid:
+    """A plane that faces along its normal; only its size in the file is drawn, and it ends nowhere."""
+    normal = child_numbers(form, "normal", (0.0, 0.0, 1.0), shape.where)
+    if not normal.any():
+        raise InputError(f"{shape.where}: the normal of a <plane> is zero")
+    half = np.maximum(_positive(form, {"size": (1.0, 1.0)}, shape.where) / 2, THINNEST)
+    z = normal / np.linalg.norm(normal)
+    x = np.cross([0.0, 1.0, 0.0], z) if abs(z[1]) < 0.9 else np.cross([0.0, 0.0, 1.0], z)
+    x /= np.linalg.norm(x)
+    T = shape.T_world @ from_rotation(np.column_stack([x, np.cross(z, x), z]), np.zeros(3))
+    return Solid("plane", np.array([*half, PLANE]), T, SQUARE * [*half, 0], None, shape.colour)
+
+
+_PRIMITIVES: dict[str, Callable[..., Solid]] = {
+    "box": _box,
+    "cylinder": partial(_round, "cylinder"),
+    "capsule": partial(_round, "capsule"),
+    "cone": _cone,
+    "sphere": partial(_ball, "sphere", "radius", (1.0,)),
+    "ellipsoid": partial(_ball, "ellipsoid", "radii", (1.0, 1.0, 1.0)),
+    "plane": _plane,
+}

@@ -1,0 +1,68 @@
+"""Numbers and poses in an SDF file."""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
+
+from pipeline.errors import InputError
+from pipeline.transforms import FARTHEST, from_rotation
+
+if TYPE_CHECKING:
+    from xml.etree.ElementTree import Element
+
+ROTATIONS = {"euler_rpy": 3, "quat_xyzw": 4}
+"""Formats of a rotation, and how many numbers each has."""
+
+
+def numbers(text: str | None, count: int, where: str) -> NDArray[np.float64]:
+    """(count,) finite numbers of a text; InputError, which says ``where``, if it holds anything else."""
+    try:
+        values = np.array((text or "").split(), np.float64)
+    except ValueError:
+        values = np.zeros(0)
+    if values.shape != (count,) or not (np.abs(values) <= FARTHEST).all():
+        raise InputError(
+            f"{where}: {' '.join((text or '').split())[:60]!r} is not {count} numbers of at most {FARTHEST:g}"
+        )
+    return values
+
+
+def child_numbers(parent: "Element", tag: str, default: tuple[float, ...], where: str) -> NDArray[np.float64]:
+    """(N,) the numbers in a child of an element, as many as ``default`` has; ``default`` if there is none."""
+    child = parent.find(tag)
+    return np.array(default, np.float64) if child is None else numbers(child.text, len(default), f"{where}, <{tag}>")
+
+
+def pose_of(owner: "Element", where: str) -> NDArray[np.float64]:
+    """4×4 the ``<pose>`` of an element, relative to whatever it names; the identity if there is none.
+
+    x y z in m, then roll, pitch and yaw about the fixed axes, in rad or, if so marked, in degrees:
+    R = Rz(yaw) Ry(pitch) Rx(roll) (http://sdformat.org/tutorials?tut=specify_pose); or a quaternion x y z w.
+    """
+    pose, where = owner.find("pose"), f"{where}, <pose>"
+    if pose is None or not (pose.text or "").strip():
+        return np.eye(4)
+    style = pose.get("rotation_format", "euler_rpy")
+    if style not in ROTATIONS:
+        raise InputError(f"{where}: rotation_format {style[:40]!r} is not one of {', '.join(ROTATIONS)}")
+    values = numbers(pose.text, 3 + ROTATIONS[style], where)
+    if style == "euler_rpy":
+        turn = Rotation.from_euler("xyz", values[3:], degrees=pose.get("degrees") in ("true", "1"))
+    elif values[3:].any():
+        turn = Rotation.from_quat(values[3:])
+    else:
+        raise InputError(f"{where}: the quaternion is zero")
+    return from_rotation(turn.as_matrix(), values[:3])
+
+
+def relative_to(owner: "Element", default: str) -> str:
+    """The name of the frame in which the pose of an element is given; ``frame`` is its name before SDF 1.7."""
+    pose = owner.find("pose")
+    return default if pose is None else pose.get("relative_to") or pose.get("frame") or default
+
+
+def name_of(element: "Element") -> str:
+    """The name of an element, short enough for a message."""
+    return " ".join(element.get("name", "").split())[:60]

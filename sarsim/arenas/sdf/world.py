@@ -1,0 +1,210 @@
+"""The shapes of an SDF world, each with its pose in the world.
+
+Poses are resolved as SDF 1.12 says: ``relative_to`` any frame, link, joint or nested model of the same scope,
+``placement_frame``, ``attached_to``, ``<include>`` with its own pose and ``merge``. As in Gazebo 11, the first
+``<state>`` of a world overrides the poses of its models and links. Everything stands still where it is placed.
+
+A link is as its collision shapes are, in the colour of its visual ones; a link without collision shapes is as it is
+seen. What has no shape (light, physics, joints) is not read; plugins, sensors, actors, height maps and populations
+are left out, and counted.
+"""
+
+from collections import Counter
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+from defusedxml import ElementTree
+from numpy.typing import NDArray
+
+from pipeline.errors import InputError
+from pipeline.transforms import inverse
+from sarsim.arenas.sdf.colours import Colour, colour_of
+from sarsim.arenas.sdf.frames import MODEL, Frames
+from sarsim.arenas.sdf.resources import Resources, missing
+from sarsim.arenas.sdf.values import name_of, pose_of, relative_to
+from sarsim.vetting.model_files import MOST_GEOMS
+
+if TYPE_CHECKING:
+    from xml.etree.ElementTree import Element
+
+LEFT_OUT = ("plugin", "sensor", "actor", "population", "heightmap")
+"""Elements that a world is loaded without."""
+ROOTS = ("sdf", "gazebo")
+"""Root elements of a file."""
+WORLD = "world"
+_SHIPPED = {
+    "ground_plane": "<model name='ground_plane'><link name='link'><collision name='collision'><geometry><plane>"
+    "<normal>0 0 1</normal><size>100 100</size></plane></geometry></collision></link></model>",
+    "sun": "<model name='sun'/>",
+}
+"""Models that come with Gazebo and that nearly every world includes, for worlds whose folder lacks them."""
+
+
+@dataclass(frozen=True, eq=False)
+class SdfShape:
+    """A shape in the world.
+
+    Attributes:
+        geometry: its ``<geometry>``.
+        T_world: 4×4 its pose.
+        colour: red, green, blue, from 0 to 1; None if the file gives none.
+        base: folder of the file that holds it.
+        where: what to call it in error messages.
+    """
+
+    geometry: "Element"
+    T_world: NDArray[np.float64]
+    colour: Colour | None
+    base: Path
+    where: str
+
+
+@dataclass(frozen=True, eq=False)
+class _Model:
+    """A model, or a world, with its frames, and its links and the models in it by the names of their frames."""
+
+    name: str
+    element: "Element"
+    base: Path
+    where: str
+    frames: Frames
+    links: dict[str, "Element"] = field(default_factory=dict)
+    nested: dict[str, "_Model"] = field(default_factory=dict)
+
+
+class SdfWorld:
+    """A world read from its file.
+
+    Attributes:
+        left_out: how many elements of each kind of ``LEFT_OUT`` there are.
+        resources: the world's files.
+    """
+
+    def __init__(self, path: Path):
+        """``path``: of a file with a world, or with models alone.
+
+        Raises:
+            InputError: the file or one that it includes is missing or invalid or includes itself, or there are too
+                many models.
+        """
+        self.left_out: Counter[str] = Counter()
+        self.resources = Resources(path)
+        self._models = 0
+        root = self._root(path)
+        world = root.find(WORLD)
+        self._world = self._read("", root if world is None else world, path, WORLD, (path.resolve(),))
+
+    def shapes(self) -> Iterator[SdfShape]:
+        """All shapes, in the order of the file; InputError if a pose is invalid."""
+        yield from self._shapes(self._world, np.eye(4), self._world.element.find("state"))
+
+    def _root(self, path: Path) -> "Element":
+        root = self.resources.parse(path)
+        if root.tag not in ROOTS:
+            raise InputError(f"{path}: not an SDF file: its root is <{root.tag[:40]}>, not <sdf>")
+        if root.find(".//origin[@pose]") is not None:
+            raise InputError(f"{path}: SDF of a version before 1.3, with <origin>, is not read")
+        self.left_out.update(element.tag for element in root.iter() if element.tag in LEFT_OUT)
+        return root
+
+    def _read(self, name: str, element: "Element", path: Path, root: str, files: tuple[Path, ...]) -> _Model:
+        """Read a model or a world; ``files`` are those that include one another down to this one."""
+        where = f"{path}, <{element.tag}> {name_of(element)}".rstrip()
+        model = _Model(name, element, path.parent, where, Frames(where, root))
+        self._models += 1
+        if self._models > MOST_GEOMS:
+            raise InputError(f"{path}: too many models, at most {MOST_GEOMS} are built")
+        for child in element:
+            place = f"{where}, <{child.tag}> {name_of(child)}".rstrip()
+            if child.tag == "link":
+                key = model.frames.add(child.get("name", ""), pose_of(child, place), relative_to(child, root))
+                model.links[key] = child
+            elif child.tag == "frame":
+                owner = child.get("attached_to") or root
+                model.frames.add(child.get("name", ""), pose_of(child, place), relative_to(child, owner))
+            elif child.tag == "joint":
+                owner = (child.findtext("child") or root).strip()
+                model.frames.add(child.get("name", ""), pose_of(child, place), relative_to(child, owner))
+            elif child.tag == "model":
+                self._nest(model, child, child, self._read(child.get("name", ""), child, path, MODEL, files))
+            elif child.tag == "include":
+                self._include(model, child, files)
+        return model
+
+    def _include(self, model: _Model, include: "Element", files: tuple[Path, ...]) -> None:
+        where, uri = f"{model.where}, <include>", (include.findtext("uri") or "").strip()
+        path = self.resources.find(uri, model.base, where) if uri else None
+        if path is None:
+            shipped = _SHIPPED.get(uri.rstrip("/").rpartition("/")[2].lower().replace("%20", "_").replace(" ", "_"))
+            if shipped is None:
+                raise missing(uri, where)
+            included, path = ElementTree.fromstring(shipped), files[-1]
+        else:
+            path = self._model_file(path)
+            if path in files:
+                raise InputError(f"{where}: {path} includes itself")
+            included = self._root(path).find("model")
+        if included is not None:  # a file may hold a light alone
+            placed = include if include.find("pose") is not None else included
+            name = (include.findtext("name") or "").strip() or included.get("name", "")
+            self._nest(model, include, placed, self._read(name, included, path, MODEL, (*files, path)))
+
+    def _model_file(self, path: Path) -> Path:
+        """The SDF file of a model's folder, of the newest version that ``model.config`` lists."""
+        if not path.is_dir():
+            return path
+        config, name = path / "model.config", "model.sdf"
+        if config.exists():
+            texts = [(e.get("version", ""), (e.text or "").strip()) for e in self.resources.parse(config).iter("sdf")]
+            listed = [(_version(version), text) for version, text in texts if text]
+            name = max(listed)[1] if listed else name
+        file = self.resources.find(name, path, str(config))
+        if file is None:
+            raise InputError(f"{path / name}: the model's file is missing")
+        return file
+
+    @staticmethod
+    def _nest(model: _Model, owner: "Element", placed: "Element", nested: _Model) -> None:
+        """Add a nested model: ``owner`` says how, and ``placed`` has its pose."""
+        frame = owner.get("placement_frame") or (owner.findtext("placement_frame") or "").strip()
+        frame = frame or nested.element.get("placement_frame") or MODEL
+        T, parent = pose_of(placed, nested.where), relative_to(placed, model.frames.root)
+        merged = owner.get("merge") in ("true", "1")
+        model.nested[model.frames.add(nested.name, T, parent, nested.frames, frame, merged)] = nested
+
+    def _shapes(self, model: _Model, T_world: NDArray[np.float64], state: "Element | None") -> Iterator[SdfShape]:
+        for name, link in model.links.items():
+            yield from _link_shapes(model, name, link, T_world, _named(state, "link", link.get("name", "")))
+        for name, nested in model.nested.items():
+            own = _named(state, "model", nested.name)
+            T = T_world @ model.frames.pose(name) if own is None else pose_of(own, f"{nested.where}, <state>")
+            yield from self._shapes(nested, T, own)
+
+
+def _link_shapes(
+    model: _Model, name: str, link: "Element", T_world: NDArray[np.float64], state: "Element | None"
+) -> Iterator[SdfShape]:
+    where = f"{model.where}, <link> {name_of(link)}"
+    if state is not None:
+        T_world = pose_of(state, f"{where}, <state>") @ inverse(model.frames.pose(name))
+    visuals = [visual for visual in link.findall("visual") if visual.find("geometry") is not None]
+    solid = [collision for collision in link.findall("collision") if collision.find("geometry") is not None]
+    for shape in solid or visuals:
+        T = model.frames.pose(relative_to(shape, name)) @ pose_of(shape, f"{where}, <{shape.tag}> {name_of(shape)}")
+        geometry = shape.find("geometry")
+        assert geometry is not None
+        place = f"{where}, <{shape.tag}> {name_of(shape)}"
+        yield SdfShape(geometry, T_world @ T, colour_of(shape, visuals), model.base, place)
+
+
+def _named(state: "Element | None", tag: str, name: str) -> "Element | None":
+    """The state of a model or a link that has a pose."""
+    found = () if state is None else (e for e in state.findall(tag) if e.get("name") == name)
+    return next((e for e in found if e.find("pose") is not None), None)
+
+
+def _version(text: str) -> tuple[int, ...]:
+    return tuple(int(part) for part in text.split(".") if part.isdecimal())

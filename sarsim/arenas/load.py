@@ -84,11 +84,11 @@ def _start_pose(
 def _from_builder(name: str, builder: ArenaBuilder, wish: StartPose | None) -> RescueArena:
     """The arena of a builder, with the wanted start, its own start, or the best one."""
     if wish is not None or not builder.has_start:
-        world = _at_rest(mujoco.MjModel.from_xml_string(builder.to_xml()))
+        world = _at_rest(mujoco.MjModel.from_xml_string(builder.to_xml(), builder.files))
         with _naming(name):
             start = find_start(*world) if wish is None else start_at(*world, *wish)
         builder.set_start(*start)
-    return RescueArena(mjcf.from_xml_string(builder.to_xml()))
+    return RescueArena(mjcf.from_xml_string(builder.to_xml(), assets=builder.files))
 
 
 @contextmanager

@@ -1,11 +1,11 @@
-"""QR codes, as pictures and PNG files."""
-
-from functools import cache
+"""QR codes and AprilTags as pictures."""
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+FAMILY = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
+MODULES = 8  # along a tag's black square
 QUIET = 4  # modules of white around a code, as ISO/IEC 18004 asks for
 
 
@@ -23,8 +23,7 @@ def qr_picture(text: str, module: int = 8) -> NDArray[np.uint8]:
     return quiet.repeat(module, axis=0).repeat(module, axis=1)
 
 
-@cache
-def png(picture: bytes, side: int) -> bytes:
-    """A square grey picture, its rows of ``side`` bytes, as the content of a PNG file in colours."""
-    grey = np.frombuffer(picture, np.uint8).reshape(side, side)
-    return cv2.imencode(".png", cv2.cvtColor(grey, cv2.COLOR_GRAY2BGR))[1].tobytes()
+def tag_picture(tag: int, module: int = 16) -> NDArray[np.uint8]:
+    """(H, H) uint8 image of a tag with a white margin of one module; a module has ``module`` pixels."""
+    black = cv2.aruco.generateImageMarker(FAMILY, tag, MODULES * module)
+    return np.pad(black, module, constant_values=255)

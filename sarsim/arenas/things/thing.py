@@ -79,14 +79,17 @@ def of_kind(things: Sequence[Thing], kind: str) -> list[Thing]:
 
 def declare(root: Element, name: str, kind: str, text: str = "", state: str = "") -> None:
     """Say in a ``<mujoco>`` element what the body ``name`` is."""
-    data = ";".join(f"{key}={quote(value)}" for key, value in (("kind", kind), ("text", text), ("state", state)))
     custom = root.find("custom")
-    SubElement(SubElement(root, "custom") if custom is None else custom, "text", name=name, data=data)
+    custom = SubElement(root, "custom") if custom is None else custom
+    SubElement(custom, "text", name=name, data=data_of(kind, text, state))
 
 
-def _others(
-    model: mujoco.MjModel, data: mujoco.MjData, said: dict[str, tuple[str, str, str]]
-) -> Iterator[Thing]:
+def data_of(kind: str, text: str = "", state: str = "") -> str:
+    """The data of a custom text that says what a body is."""
+    return ";".join(f"{key}={quote(value)}" for key, value in (("kind", kind), ("text", text), ("state", state)))
+
+
+def _others(model: mujoco.MjModel, data: mujoco.MjData, said: dict[str, tuple[str, str, str]]) -> Iterator[Thing]:
     for body in range(model.nbody):
         name = model.body(body).name.rpartition("/")[2]
         kind, text, state = said.get(name, ("", "", ""))

@@ -29,6 +29,8 @@ SIGN_SIDE, SIGN_AT = 0.28, (0.0, 0.588, 0.2)  # m, of the arena designer's signs
 WALL_CODE_SIDE, WALL_CODE_AT = 0.2, (0.0, 0.594, 0.6)  # m, of the codes of ``small_wall_qr``
 BOX_CODE_SIDE, BOX_CODE_AT = 0.08, (-0.17, 0.579, 0.12)  # m, of the codes in boxes of dolls: in a corner of the back
 BOTTLE = (0.07, 0.42)  # m, radius and height of an extinguisher
+_Placed = tuple[ThingModel, NDArray[np.float64], NDArray[np.float64]]
+"""A thing, and its position (3,) m and axes (3, 3) in the frame of its element."""
 
 
 def add_things(builder: ArenaBuilder, kind: str, position: NDArray[np.float64], yaw_deg: float) -> None:
@@ -42,7 +44,7 @@ def add_things(builder: ArenaBuilder, kind: str, position: NDArray[np.float64], 
 def _things(
     builder: ArenaBuilder, kind: str
 ) -> Iterator[tuple[ThingModel, NDArray[np.float64], NDArray[np.float64]]]:
-    """The things of an element, and their positions (3,) m and axes (3, 3) in its frame."""
+    """The things of an element."""
     number = builder.next_thing
     if kind.startswith("hazmat"):
         sign = hazmat_sign(f"hazmat_sign_{number}", _class(kind, number), SIGN_SIDE, SignStyle())
@@ -56,9 +58,7 @@ def _things(
         yield from _boxed(builder, kind, number)
 
 
-def _boxed(
-    builder: ArenaBuilder, kind: str, number: int
-) -> Iterator[tuple[ThingModel, NDArray[np.float64], NDArray[np.float64]]]:
+def _boxed(builder: ArenaBuilder, kind: str, number: int) -> Iterator[_Placed]:
     """The doll in a box, and the code beside it."""
     signs = kind.removeprefix("victim_with_box").removeprefix("victim_doll").removesuffix("with_box").strip("_1")
     is_warm = not signs or "t" in signs

@@ -1,8 +1,8 @@
 """The element library, and the builder that sets its elements down in one plain MJCF document.
 
 All static geoms belong to the world's body, so hundreds of elements cost the physics nothing; each victim is a body
-``victim_<id>`` of its own, and so is each thing to find. The document refers to no files but the pictures of signs and
-codes; without any, it opens in MuJoCo's viewer as it is.
+``victim_<id>`` of its own, and so is each thing to find. The document refers to no files but the pictures of signs
+and codes; without any, it opens in MuJoCo's viewer as it is.
 """
 
 from collections.abc import Mapping, Sequence

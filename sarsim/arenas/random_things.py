@@ -36,7 +36,7 @@ DOLL_BOX = 0.59  # m from a doll's origin to the back of its box
 
 
 def hang_things(builder: ArenaBuilder, number: int, rng: np.random.Generator) -> None:
-    """Hang up to ``number`` things of all kinds in turn on walls in front of drivable ground; let some people be dead."""
+    """Hang up to ``number`` things of all kinds in turn on walls before drivable ground; let some people be dead."""
     if not number:
         return
     draws = RandomDraws(rng)
@@ -51,7 +51,7 @@ def hang_things(builder: ArenaBuilder, number: int, rng: np.random.Generator) ->
         return walls.has_room(point, normal, ROOM, rises[hung])
 
     for point, normal in islice(walls.spread(rng, SPACING, fits), number):
-        _hang(builder, draws, hung, point + [0.0, 0.0, rises[hung]], normal)
+        _hang(builder, draws, hung, point + np.array([0.0, 0.0, rises[hung]]), normal)
         hung += 1
 
 

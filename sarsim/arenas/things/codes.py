@@ -11,7 +11,7 @@ QUIET = 4  # modules of white around a code, as ISO/IEC 18004 asks for
 
 def qr_modules(text: str) -> NDArray[np.uint8]:
     """(N, N) uint8 the modules of a code without its white margin, 0 or 255."""
-    image = cv2.QRCodeEncoder.create().encode(text)
+    image = cv2.QRCodeEncoder.create().encode(text).astype(np.uint8)
     dark = np.argwhere(image == 0)
     (top, left), (bottom, right) = dark.min(axis=0), dark.max(axis=0) + 1
     return image[top:bottom, left:right]

@@ -1,6 +1,6 @@
 """The hazmat signs that teams print, drawn: a diamond with colours, a symbol, words, and the number of its class.
 
-They follow the placards of 49 CFR 172.500 and the labels of the UN model regulations (class numbers, colours, symbols).
+Colours, symbols and class numbers are those of the placards of 49 CFR 172.500 and the UN model regulations.
 """
 
 from collections.abc import Callable
@@ -108,7 +108,7 @@ CLASSES = tuple(_SIGNS)
 
 
 def sign_face(name: str, size: int = 512, style: SignStyle | None = None) -> NDArray[np.uint8]:
-    """The square label of a class, (size, size, 3) uint8 RGB; the diamond's top corner is the picture's top left one."""
+    """The square label of a class, (size, size, 3) uint8 RGB; the diamond's top corner is its top left one."""
     upright = _drawn(name, round(FINER * size * np.sqrt(2)), style or SignStyle())
     # The corners of the diamond that stands on its point: top, right, bottom and left become those of the square.
     far, half = len(upright) - 1.0, (len(upright) - 1) / 2
@@ -116,7 +116,7 @@ def sign_face(name: str, size: int = 512, style: SignStyle | None = None) -> NDA
     square = (FINER * size - 1.0) * np.array([(0, 0), (1, 0), (1, 1), (0, 1)], np.float32)
     M = cv2.getPerspectiveTransform(corners, square)
     face = cv2.warpPerspective(upright, M, (FINER * size,) * 2, flags=cv2.INTER_AREA, borderMode=cv2.BORDER_REPLICATE)
-    return cv2.resize(face, (size, size), interpolation=cv2.INTER_AREA)
+    return cv2.resize(face, (size, size), interpolation=cv2.INTER_AREA).astype(np.uint8)
 
 
 def sign_upright(name: str, size: int = 512, style: SignStyle | None = None) -> NDArray[np.uint8]:
@@ -125,7 +125,7 @@ def sign_upright(name: str, size: int = 512, style: SignStyle | None = None) -> 
     inside = np.zeros(colours.shape[:2], np.uint8)
     far, half = len(colours) - 1, len(colours) // 2
     cv2.fillPoly(inside, [np.array([(half, 0), (far, half), (half, far), (0, half)])], 255, cv2.LINE_AA)
-    return cv2.resize(np.dstack([colours, inside]), (size, size), interpolation=cv2.INTER_AREA)
+    return cv2.resize(np.dstack([colours, inside]), (size, size), interpolation=cv2.INTER_AREA).astype(np.uint8)
 
 
 def _drawn(name: str, size: int, style: SignStyle) -> NDArray[np.uint8]:

@@ -1,10 +1,11 @@
 """Things to find as MJCF: signs, codes, tags, fire extinguishers, door levers.
 
-Flat things and levers hang on a wall, their frame's origin on it: x right and y up for a viewer, z towards the viewer. A fire
-extinguisher stands, z up, its origin in the middle of its foot.
+Flat things and levers hang on a wall, their frame's origin on it: x right and y up for a viewer, z towards the viewer.
+A fire extinguisher stands, z up, its origin in the middle of its foot.
 """
 
 from dataclasses import dataclass, field, replace
+from itertools import pairwise
 from xml.etree.ElementTree import Element, SubElement
 
 import cv2
@@ -160,13 +161,11 @@ def _hose(radius: float, shoulder: float, top: float) -> list[Solid]:
     side = radius + 0.016
     places = np.array([(-0.02, top - 0.045), (-0.6 * side, top - 0.04), (-side, top - 0.1), (-side, 0.4 * shoulder)])
     hose = []
-    for n, (start, end) in enumerate(zip(places, places[1:], strict=False)):
+    for n, (start, end) in enumerate(pairwise(places)):
         middle, half = (start + end) / 2, (end - start) / 2
-        tilt = np.arctan2(half[0], half[1]) / 2
-        size = (0.01, float(np.linalg.norm(half)))
-        hose.append(
-            Solid(f"hose_{n}", "capsule", (middle[0], 0, middle[1]), size, RUBBER, (np.cos(tilt), 0, np.sin(tilt), 0))
-        )
+        tilt, size = np.arctan2(half[0], half[1]) / 2, (0.01, float(np.linalg.norm(half)))
+        quat = (np.cos(tilt), 0, np.sin(tilt), 0)
+        hose.append(Solid(f"hose_{n}", "capsule", (middle[0], 0, middle[1]), size, RUBBER, quat))
     return [*hose, Solid("nozzle", "cylinder", (-side, 0, 0.34 * shoulder), (0.014, 0.08 * shoulder), RUBBER)]
 
 

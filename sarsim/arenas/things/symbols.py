@@ -1,7 +1,7 @@
 """Symbols of hazmat signs as filled shapes on a drawing.
 
-A drawing is a square, x to the right and y downwards, both from -1 to 1; a symbol is drawn about a centre in a frame of
-its own, from -1 to 1 too, that a scale shrinks.
+A drawing is a square, x to the right and y downwards, both from -1 to 1; a symbol is drawn about a centre in a frame
+of its own, from -1 to 1 too, that a scale shrinks.
 """
 
 from collections.abc import Sequence
@@ -69,12 +69,12 @@ class Drawing:
 
     def disc(self, centre: ArrayLike, radius: float, colour: Colour) -> None:
         """Fill a circle."""
-        (place,) = self._places([centre])
+        (place,) = self._places(np.asarray(centre)[None])
         cv2.circle(self.pixels, place.tolist(), self._length(radius), colour, cv2.FILLED, cv2.LINE_AA)
 
     def ring(self, centre: ArrayLike, radius: float, width: float, colour: Colour) -> None:
         """Draw a circle with a line of a ``width``."""
-        (place,) = self._places([centre])
+        (place,) = self._places(np.asarray(centre)[None])
         cv2.circle(self.pixels, place.tolist(), self._length(radius), colour, self._length(width), cv2.LINE_AA)
 
     def words(self, text: str, centre: ArrayLike, room: tuple[float, float], bold: float, colour: Colour) -> None:
@@ -83,7 +83,7 @@ class Drawing:
         height = self._length(room[1])
         width = min(round(letters.shape[1] * height / letters.shape[0]), self._length(room[0]))
         ink = cv2.resize(letters, (max(width, 1), height), interpolation=cv2.INTER_AREA)[..., None] / 255.0
-        left, top = self._places([centre])[0] - np.array([width, height]) // 2
+        left, top = self._places(np.asarray(centre)[None])[0] - np.array([width, height]) // 2
         place = self.pixels[top : top + height, left : left + width]
         place[:] = np.rint(place * (1 - ink) + np.array(colour) * ink)
 
@@ -165,10 +165,10 @@ class Symbol:
         for x, turn in ((-0.42, 0.3), (0.42, np.pi - 0.3)):
             cos, sin = np.cos(turn), np.sin(turn)
             tube = 0.7 * np.array(TUBE) @ np.array([(cos, sin), (-sin, cos)])
-            self._area(tube + [x, -0.35], self.ink)
-            self._area(tube * [0.88, 0.6] + [x, -0.35], self.ground)
+            self._area(tube + np.array([x, -0.35]), self.ink)
+            self._area(tube * [0.88, 0.6] + np.array([x, -0.35]), self.ground)
         for x, y in ((-0.1, 0.05), (-0.55, 0.28), (-0.3, 0.4), (0.12, 0.05), (0.5, 0.3), (0.66, 0.42)):
-            self._area(np.array(DROP) + [x, y], self.ink)
+            self._area(np.array(DROP) + np.array([x, y]), self.ink)
         self._area(METAL, self.ink)
         self._area(HAND, self.ink)
         for x in (0.62, 0.78, 0.94):
@@ -183,14 +183,14 @@ class Symbol:
         self.drawing.disc(self._at((0, 0.35)), 0.42 * self.scale, self.ink)
         for way in np.radians(np.arange(0, 181, 22.5)):
             tip = np.array([np.cos(way), -np.sin(way)])
-            self._line([0.5 * tip + [0, 0.3], 1.0 * tip + [0, 0.25]], 0.09, self.ink)
-        self._area(np.array(BASE) + [0.0, 0.05], self.ink)
+            self._line([0.5 * tip + np.array([0, 0.3]), tip + np.array([0, 0.25])], 0.09, self.ink)
+        self._area(np.array(BASE) + np.array([0.0, 0.05]), self.ink)
 
     def _bone(self, ends: NDArray[np.float64], width: float, colour: Colour) -> None:
         self._line(ends, width * 0.7, colour)
         for end in ends:
             for side in (-1, 1):
-                self.drawing.disc(self._at(end + [0, 0.08 * side]), width / 2 * self.scale, colour)
+                self.drawing.disc(self._at(end + np.array([0, 0.08 * side])), width / 2 * self.scale, colour)
 
     def _at(self, points: ArrayLike) -> NDArray[np.float64]:
         return np.asarray(points, np.float64) * self.scale + self.centre

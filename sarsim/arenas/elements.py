@@ -18,7 +18,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from sarsim.arenas.panels import covered_panels, numbers_of
 from sarsim.arenas.things.models import ThingModel
-from sarsim.arenas.things.thing import ALIVE, VICTIM, declare
+from sarsim.arenas.things.thing import DEAD, VICTIM, declare
 from sarsim.assets import asset
 from sarsim.ground_truth.shapes import rotation
 from sarsim.victims.victims import PREFIX
@@ -155,7 +155,7 @@ class ArenaBuilder:
         name = self.next_victim
         body = SubElement(self._world, "body", name=name, pos=_text(pose.position), quat=_text(pose.turn))
         body.extend(Element("geom", geom.attrib | {"name": f"{name}_{n}"}) for n, geom in enumerate(geoms))
-        declare(self.root, name, VICTIM, state=ALIVE)
+        declare(self.root, name, VICTIM, state=DEAD)  # it is a picture, and as cold as the wall
 
     def change_asset(self, kind: str, name: str, attributes: Mapping[str, str | Sequence[float]]) -> None:
         """Change a ``texture`` or a ``material`` of the library in this arena."""

@@ -36,7 +36,7 @@ class Walls:
         spacing: float,
         fits: Callable[[NDArray[np.float64], NDArray[np.float64]], bool],
     ) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
-        """Places on walls where something ``fits``, each as far as possible from those before, at least ``spacing`` m.
+        """Places on walls where it ``fits``, each as far as possible from those before, ``spacing`` m at least.
 
         The first is random. Each is a point (3,) at ``SIGHT_HEIGHT``, m, and the wall's normal (3,).
         """

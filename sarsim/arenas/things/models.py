@@ -1,7 +1,7 @@
 """Things to find as MJCF: signs, codes, tags, fire extinguishers, door levers.
 
-Flat things and levers hang on a wall, their frame's origin on it: x right and y up for a viewer, z towards the viewer.
-A fire extinguisher stands, z up, its origin in the middle of its foot.
+Flat things and levers hang on a wall, their frame's origin on it: x right and y up for a viewer, z towards the
+viewer. A fire extinguisher stands, z up, its origin in the middle of its foot.
 """
 
 from dataclasses import dataclass, field, replace

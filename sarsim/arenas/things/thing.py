@@ -1,7 +1,7 @@
 """Where the things to find are, and what they are: a model's bodies with a kind, a text and a state.
 
-They stand in the MJCF, ``<custom><text name="BODY" data="kind=hazmat_sign;text=poison;state="/></custom>``, the values
-written as in URLs. A victim without such a text is alive.
+They stand in the MJCF, ``<custom><text name="BODY" data="kind=hazmat_sign;text=poison;state="/></custom>``, the
+values written as in URLs. A victim without such a text is alive.
 """
 
 from collections.abc import Iterator, Sequence

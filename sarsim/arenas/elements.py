@@ -24,7 +24,10 @@ from sarsim.ground_truth.shapes import rotation
 from sarsim.victims.victims import PREFIX
 
 TILE_SIZE = 1.2  # m
-DRAWN = ("hazmat", "fire_extinguisher")  # Elements whose geoms only show how large the thing is that stands for them
+DRAWN = (
+    "hazmat_sign",
+    "fire_extinguisher",
+)  # Elements whose geoms only show how large the thing is that stands for them
 _LIGHTS = (
     # name, direction, diffuse, whether it casts shadows
     ("sun", (-0.35, 0.5, -0.8), (0.5, 0.5, 0.48), True),
@@ -154,7 +157,7 @@ class ArenaBuilder:
     def _add_victim(self, geoms: list[Element], pose: "_Pose") -> None:
         name = self.next_victim
         body = SubElement(self._world, "body", name=name, pos=_text(pose.position), quat=_text(pose.turn))
-        body.extend(Element("geom", geom.attrib | {"name": f"{name}_{n}"}) for n, geom in enumerate(geoms))
+        body.extend(Element("geom", geom.attrib | {"name": f"{name}_part_{n}"}) for n, geom in enumerate(geoms))
         declare(self.root, name, VICTIM, state=DEAD)  # it is a picture, and as cold as the wall
 
     def change_asset(self, kind: str, name: str, attributes: Mapping[str, str | Sequence[float]]) -> None:

@@ -44,7 +44,7 @@ TYPES = frozenset(
 FAMILIES = {
     "victim_with_box": "victim_with_box",
     "victim_doll_": "victim_with_box",
-    "hazmat": "hazmat",
+    "hazmat": "hazmat_sign",
     "start_check": "start_check",
 }
 """Prefixes of types, and for each the element of the library that gives these types their shape."""

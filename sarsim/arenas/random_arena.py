@@ -111,7 +111,8 @@ def _build(name: str, plan: _Plan, config: RandomArenaConfig) -> ArenaBuilder:
         xy = corner + (np.array(item.tile) + 0.5) * TILE_SIZE + np.array(item.shift) / 100
         position = np.array([*xy, 0.0])
         builder.add_element(item.kind, position, item.yaw)
-        add_things(builder, item.kind, position, item.yaw)
+        if item.kind != "hazmat":
+            add_things(builder, item.kind, position, item.yaw)
     for piece in pieces:
         piece.add_to(builder, *(corner + (np.array(piece.tile) + 0.5) * TILE_SIZE))
     low, high = builder.bounds

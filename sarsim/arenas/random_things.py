@@ -25,11 +25,11 @@ from sarsim.arenas.things.models import (
 from sarsim.arenas.things.thing import ALIVE, DEAD, data_of
 from sarsim.arenas.walls import Walls, facing
 
-ROOM = 0.25  # m of flat wall to all sides: half a doll's box, and more than half of the largest sign's diagonal
-SPACING = 0.6  # m between things, so that they do not touch
+WALL_ROOM = 0.25  # m of flat wall to all sides: half a doll's box, and more than half of the largest sign's diagonal
+THING_SPACING = 0.6  # m between things, so that they do not touch
 HIGHEST, LOWEST = 0.25, -0.15  # m above the height at which walls are searched for; higher leaves the camera's view
 DEAD_SHARE = 1 / 3  # of people and dolls
-SIDES = (0.10, 0.15, 0.20, 0.25)  # m of hazmat labels: those of UN packages have 0.1 m, placards 0.25 m
+SIGN_SIDES = (0.10, 0.15, 0.20, 0.25)  # m of hazmat labels: those of UN packages have 0.1 m, placards 0.25 m
 CODE_SIDES = (0.10, 0.14, 0.18)  # m
 LETTERS = "ABCDEFGHJKLMNPQRSTUVWXYZ23456789"
 DOLL_BOX = 0.59  # m from a doll's origin to the back of its box
@@ -48,9 +48,9 @@ def hang_things(builder: ArenaBuilder, number: int, rng: np.random.Generator) ->
     hung = 0
 
     def fits(point: NDArray[np.float64], normal: NDArray[np.float64]) -> bool:
-        return walls.has_room(point, normal, ROOM, rises[hung])
+        return walls.has_room(point, normal, WALL_ROOM, rises[hung])
 
-    for point, normal in islice(walls.spread(rng, SPACING, fits), number):
+    for point, normal in islice(walls.spread(rng, THING_SPACING, fits), number):
         _hang(builder, draws, hung, point + np.array([0.0, 0.0, rises[hung]]), normal)
         hung += 1
 
@@ -77,7 +77,7 @@ def _hang(
         return
     thing = MODELS[kind](f"{kind}_{turn + 1}", draws)
     if kind == "fire_extinguisher":
-        builder.add_thing(thing, point + BRACKET * normal - [0.0, 0.0, ROOM], upright)
+        builder.add_thing(thing, point + BRACKET * normal - [0.0, 0.0, WALL_ROOM], upright)
         return
     tilt = draws.rng.uniform(-np.pi, np.pi) if kind == "hazmat_sign" and draws.chance(TILTED) else 0.0
     cos, sin = np.cos(tilt), np.sin(tilt)
@@ -87,7 +87,7 @@ def _hang(
 
 def _sign(name: str, draws: RandomDraws) -> ThingModel:
     paper = draws.pick((0.0, 0.0, 0.02, 0.04))
-    return hazmat_sign(name, draws.pick(CLASSES), draws.pick(SIDES), SignStyle.random(draws.rng), paper)
+    return hazmat_sign(name, draws.pick(CLASSES), draws.pick(SIGN_SIDES), SignStyle.random(draws.rng), paper)
 
 
 def _code(name: str, draws: RandomDraws) -> ThingModel:

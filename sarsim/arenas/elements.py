@@ -24,10 +24,8 @@ from sarsim.ground_truth.shapes import rotation
 from sarsim.victims.victims import PREFIX
 
 TILE_SIZE = 1.2  # m
-DRAWN = (
-    "hazmat_sign",
-    "fire_extinguisher",
-)  # Elements whose geoms only show how large the thing is that stands for them
+DRAWN = ("hazmat_sign", "fire_extinguisher")
+"""Elements whose geoms only show how large the thing is that stands for them."""
 _LIGHTS = (
     # name, direction, diffuse, whether it casts shadows
     ("sun", (-0.35, 0.5, -0.8), (0.5, 0.5, 0.48), True),

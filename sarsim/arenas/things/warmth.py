@@ -10,9 +10,8 @@ from sarsim.arenas.things.thing import Thing
 
 AMBIENT = 20.0  # °C
 SKIN_WARMTH = 34.0  # °C, of a person at rest; a doll with a heat pad is as warm
-CLOTHES_WARMTH = (
-    28.0  # °C, surface of clothes of 0.5 clo on a person at rest at 20 °C, by the heat balance of ISO 7730
-)
+CLOTHES_WARMTH = 28.0
+"""°C, surface of clothes of 0.5 clo on a person at rest at 20 °C, by the heat balance of ISO 7730."""
 CLOTHES = ("top", "bottom", "shoes", "hair")
 """What the material of a geom of a person ends with if it keeps the warmth in."""
 
@@ -22,9 +21,8 @@ def temperatures(model: mujoco.MjModel, things: Sequence[Thing]) -> NDArray[np.f
     warm = np.full(model.ngeom + 1, AMBIENT, np.float32)
     for thing in things:
         if thing.is_warm:
-            warm[thing.geoms] = [
-                CLOTHES_WARMTH if _is_cloth(model, int(geom)) else SKIN_WARMTH for geom in thing.geoms
-            ]
+            cloth = [_is_cloth(model, int(geom)) for geom in thing.geoms]
+            warm[thing.geoms] = np.where(cloth, CLOTHES_WARMTH, SKIN_WARMTH)
     return warm
 
 

@@ -91,7 +91,9 @@ ELEMENTS = {
     "victim_doll_heat_with_box": [box(CLUTTER, (-0.25, 0.25), (0.35, 0.59), 0.2)],
     "victim_1": [box(CLUTTER, (-0.2, 0.2), (-0.2, 0.2), 0.2)],
 }
-"""From above, only the box of a victim is seen. Shapes in the element's frame, each a label and the height of its top; the height is -inf beside the shape."""
+"""From above, only the box of a victim is seen.
+
+Shapes in the element's frame, each a label and the height of its top; the height is -inf beside the shape."""
 
 LOOSE = ("hazmat", "start_check", "spectator", "fire_extinguisher", "stepfield")
 """Prefixes of the types whose shape the format does not give to the millimetre."""

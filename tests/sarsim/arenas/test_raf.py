@@ -90,7 +90,7 @@ def test_rotations_are_clockwise(rotation, tmp_path):
 
 
 def assert_victim_in_box(model, data, middle):
-    """Five boards of clutter are about a place (3,), m, and within them is one victim, who is all that has its label."""
+    """Five boards of clutter are about a place (3,), m, within them is one victim, and nothing else has its label."""
     boards = [geom for geom in range(model.ngeom) if model.geom(geom).name.startswith("victim_with_box")]
     places = data.geom_xpos[boards]
     assert len(boards) == 5 and (geom_labels(model)[boards] == CLUTTER).all()

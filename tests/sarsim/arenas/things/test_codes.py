@@ -21,7 +21,6 @@ def test_a_code_has_a_quiet_zone_and_square_modules():
 
 def test_a_tag_is_read_as_its_number():
     for number in (0, 50, 586):
-        _, ids, _ = cv2.aruco.ArucoDetector(FAMILY).detectMarkers(
-            np.pad(tag_picture(number, 6), 20, constant_values=128)
-        )
+        picture = np.pad(tag_picture(number, 6), 20, constant_values=128)
+        _, ids, _ = cv2.aruco.ArucoDetector(FAMILY).detectMarkers(picture)
         assert ids.item() == number

@@ -13,7 +13,8 @@ ARENA = """<mujoco><size nuser_geom="1"/><worldbody>
 <body name="victim_a" pos="1 0 0"><geom size="0.1" user="6"/></body>
 <body name="victim_b"><geom size="0.1" user="6"/><geom name="box" size="1" user="7"/></body>
 <body name="sign" pos="0 1 2" euler="0 90 0">
-<geom name="plate" type="box" size="0.1 0.2 0.3" pos="0 0 -0.3" user="7"/></body><body name="shelf"><geom size="0.1" user="7"/></body></worldbody><custom>{}</custom></mujoco>"""
+<geom name="plate" type="box" size="0.1 0.2 0.3" pos="0 0 -0.3" user="7"/></body>
+<body name="shelf"><geom size="0.1" user="7"/></body></worldbody><custom>{}</custom></mujoco>"""
 
 
 def things(*texts):

@@ -9,7 +9,8 @@ ARENA = """<mujoco><size nuser_geom="1"/>
 <asset><material name="victim_1_top"/><material name="victim_1_skin"/></asset>
 <worldbody><geom type="plane" size="1 1 1" user="2"/>
 <body name="victim_1"><geom size="1" material="victim_1_skin" user="6"/>
-<geom size="1" material="victim_1_top" user="6"/></body><body name="victim_2"><geom size="1" user="6"/></body><body name="victim_3"><geom size="1" user="6"/></body>
+<geom size="1" material="victim_1_top" user="6"/></body>
+<body name="victim_2"><geom size="1" user="6"/></body><body name="victim_3"><geom size="1" user="6"/></body>
 </worldbody><custom><text name="victim_3" data="{}"/></custom></mujoco>"""
 
 

@@ -75,7 +75,7 @@ def _hang(
         builder.add_element("victim_with_box", place, float(np.degrees(np.arctan2(R[1, 0], R[0, 0]))))
         builder.add_thing(doll(builder.next_victim, state, draws.rng), place, upright)
         return
-    thing = MODELS[kind](f"{kind}_{turn + 1}", draws)
+    thing = MODELS[kind](f"{kind}_{builder.next_thing}", draws)
     if kind == "fire_extinguisher":
         builder.add_thing(thing, point + BRACKET * normal - [0.0, 0.0, WALL_ROOM], upright)
         return

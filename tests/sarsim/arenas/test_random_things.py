@@ -64,3 +64,11 @@ def test_the_seed_says_what_hangs_where(builder):
 def test_as_many_as_fit_are_hung():
     full = build_random(3, RandomArenaConfig(things=100, columns=3, rows=3, victims=0, difficulty=0))
     assert 7 < len(full.root.findall("custom/text")) < 100
+
+
+def test_things_and_furniture_have_names_of_their_own():
+    """Furnished arenas hold extinguishers already."""
+    config = RandomArenaConfig(things=7, furniture=0.25, columns=5, rows=5, victims=1, difficulty=0)
+    built = build_random(2, config)
+    model = mujoco.MjModel.from_xml_string(built.to_xml(), built.files)
+    assert model.ntext == len({text.get("name") for text in built.root.iterfind("custom/text")}) > 8

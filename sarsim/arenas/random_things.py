@@ -24,6 +24,7 @@ from sarsim.arenas.things.models import (
 )
 from sarsim.arenas.things.thing import ALIVE, DEAD, data_of
 from sarsim.arenas.walls import Walls, facing
+from sarsim.victims.mjcf import about_z
 
 WALL_ROOM = 0.25  # m of flat wall to all sides: half a doll's box, and more than half of the largest sign's diagonal
 THING_SPACING = 0.6  # m between things, so that they do not touch
@@ -31,8 +32,12 @@ HIGHEST, LOWEST = 0.25, -0.15  # m above the height at which walls are searched 
 DEAD_SHARE = 1 / 3  # of people and dolls
 SIGN_SIDES = (0.10, 0.15, 0.20, 0.25)  # m of hazmat labels: those of UN packages have 0.1 m, placards 0.25 m
 CODE_SIDES = (0.10, 0.14, 0.18)  # m
+FRONT = np.array([(1.0, 0, 0), (0, 0, 1.0), (0, -1.0, 0)])
+"""Axes of what stands with its back to a wall, x to the right and z up, in those of what hangs on the wall."""
 LETTERS = "ABCDEFGHJKLMNPQRSTUVWXYZ23456789"
 DOLL_BOX = 0.59  # m from a doll's origin to the back of its box
+BRACKET = 0.11  # m from the wall to the middle of an extinguisher
+TILTED = 0.3  # Share of the signs that do not stand on their corner
 
 
 def hang_things(builder: ArenaBuilder, number: int, rng: np.random.Generator) -> None:
@@ -66,23 +71,25 @@ def _hang(
     builder: ArenaBuilder, draws: RandomDraws, turn: int, point: NDArray[np.float64], normal: NDArray[np.float64]
 ) -> None:
     """Hang the thing whose turn it is at a point (3,) of a wall with a normal (3,)."""
-    kind = TURNS[turn % len(TURNS)]
-    R = facing(normal)
-    upright = R[:, [0, 2, 1]] * [1, -1, 1]  # x to the right, y into the wall, z up
+    kind, R = TURNS[turn % len(TURNS)], facing(normal)
     if kind == "doll":
-        state = DEAD if draws.chance(DEAD_SHARE) else ALIVE
-        place = point + DOLL_BOX * normal
-        builder.add_element("victim_with_box", place, float(np.degrees(np.arctan2(R[1, 0], R[0, 0]))))
-        builder.add_thing(doll(builder.next_victim, state, draws.rng), place, upright)
+        _hang_doll(builder, draws, point + DOLL_BOX * normal, R @ FRONT)
         return
     thing = MODELS[kind](f"{kind}_{builder.next_thing}", draws)
     if kind == "fire_extinguisher":
-        builder.add_thing(thing, point + BRACKET * normal - [0.0, 0.0, WALL_ROOM], upright)
+        builder.add_thing(thing, point + BRACKET * normal - [0.0, 0.0, WALL_ROOM], R @ FRONT)
         return
     tilt = draws.rng.uniform(-np.pi, np.pi) if kind == "hazmat_sign" and draws.chance(TILTED) else 0.0
-    cos, sin = np.cos(tilt), np.sin(tilt)
-    turned = R @ np.array([(cos, -sin, 0), (sin, cos, 0), (0, 0, 1)])
-    builder.add_thing(thing, point + (0.0 if kind == "door_lever" else THICK) * normal, turned)
+    builder.add_thing(thing, point + (kind != "door_lever") * THICK * normal, R @ about_z(tilt))
+
+
+def _hang_doll(
+    builder: ArenaBuilder, draws: RandomDraws, position: NDArray[np.float64], R: NDArray[np.float64]
+) -> None:
+    """Hang a box with a doll in it, its origin at (3,) m, its axes ``R`` (3, 3)."""
+    state = DEAD if draws.chance(DEAD_SHARE) else ALIVE
+    builder.add_element("victim_with_box", position, float(np.degrees(np.arctan2(R[1, 0], R[0, 0]))))
+    builder.add_thing(doll(builder.next_victim, state, draws.rng), position, R)
 
 
 def _sign(name: str, draws: RandomDraws) -> ThingModel:
@@ -118,5 +125,3 @@ MODELS: dict[str, Callable[[str, RandomDraws], ThingModel]] = {
 }
 TURNS = ("hazmat_sign", "qr_code", "doll", "april_tag", "hazmat_sign", "fire_extinguisher", "door_lever")
 """The kinds in the order in which they are hung."""
-BRACKET = 0.11  # m from the wall to the middle of an extinguisher
-TILTED = 0.3  # Share of the signs that do not stand on their corner

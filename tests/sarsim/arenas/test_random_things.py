@@ -7,6 +7,7 @@ import mujoco
 import numpy as np
 import pytest
 
+from sarsim.arenas.checks import failed_checks
 from sarsim.arenas.random_arena import build_random
 from sarsim.arenas.random_things import TURNS
 from sarsim.arenas.settings import RandomArenaConfig
@@ -54,6 +55,10 @@ def test_the_arena_itself_is_the_same_without_them(builder):
     said = {text.get("name") for text in builder.root.iterfind("custom/text")}
     assert parts(plain.root) == parts(builder.root)
     assert plain.files == {} and len(builder.files) == 4
+
+
+def test_the_robot_still_gets_everywhere_and_sees_everyone(builder):
+    assert list(failed_checks(builder.to_xml(), builder.files)) == []
 
 
 def test_the_seed_says_what_hangs_where(builder):

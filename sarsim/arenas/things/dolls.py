@@ -40,18 +40,18 @@ def _body(skin: tuple[float, ...], hair: tuple[float, ...], cloth: tuple[float, 
     """The parts of a doll that sits, the middle of its trunk at the origin."""
     parts = [
         Solid("trunk", "ellipsoid", (0, 0, 0), (0.07, 0.055, 0.085), cloth),
-        Solid("skin_head", "ellipsoid", (0, -0.02, 0.135), (0.062, 0.066, 0.07), skin),
+        Solid("head", "ellipsoid", (0, -0.02, 0.135), (0.062, 0.066, 0.07), skin),
         Solid("hair", "ellipsoid", (0, 0.0, 0.155), (0.066, 0.064, 0.06), hair),
-        Solid("skin_nose", "ellipsoid", (0, -0.087, 0.128), (0.009, 0.01, 0.01), skin),
+        Solid("nose", "ellipsoid", (0, -0.087, 0.128), (0.009, 0.01, 0.01), skin),
         Solid("lips", "ellipsoid", (0, -0.08, 0.102), (0.017, 0.007, 0.005), LIPS),
     ]
     for side, way in (("left", -1), ("right", 1)):
         parts += [
             Solid(f"{side}_eye", "ellipsoid", (way * 0.024, -0.081, 0.145), (0.009, 0.006, 0.007), EYE),
             Solid(f"{side}_sleeve", "ellipsoid", (way * 0.085, -0.02, 0.015), (0.028, 0.028, 0.055), cloth),
-            Solid(f"skin_{side}_hand", "ellipsoid", (way * 0.105, -0.05, -0.045), (0.018, 0.025, 0.03), skin),
+            Solid(f"{side}_hand", "ellipsoid", (way * 0.105, -0.05, -0.045), (0.018, 0.025, 0.03), skin),
             Solid(f"{side}_leg", "ellipsoid", (way * 0.045, -0.045, -0.095), (0.03, 0.06, 0.03), cloth),
-            Solid(f"skin_{side}_foot", "ellipsoid", (way * 0.055, -0.1, -0.095), (0.02, 0.02, 0.03), skin),
+            Solid(f"{side}_foot", "ellipsoid", (way * 0.055, -0.1, -0.095), (0.02, 0.02, 0.03), skin),
         ]
     return parts
 

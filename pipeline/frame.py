@@ -114,6 +114,7 @@ class Frame:
         label: (H, W) uint8 true label of every pixel, where a simulator knows it.
         instance: (H, W) int32 id of the object that every pixel shows, where a simulator knows it; -1 = none.
         sensor: the camera that measured the depth.
+        thermal: (h, w) float32 °C, registered to the colour image, of as wide a view; None without a thermal camera.
     """
 
     time: float
@@ -125,6 +126,7 @@ class Frame:
     label: NDArray[np.uint8] | None = None
     instance: NDArray[np.int32] | None = None
     sensor: SensorModel = XTION
+    thermal: NDArray[np.float32] | None = None
 
     @cached_property
     def returns(self) -> NDArray[np.bool_]:

@@ -11,6 +11,8 @@ from pipeline.errors import InputError
 from pipeline.frame import Frame
 from pipeline.robot import Motion, Velocity
 from sarsim.arenas.arena import RescueArena
+from sarsim.arenas.things.thing import things_of
+from sarsim.arenas.things.warmth import temperatures
 from sarsim.environment import CONTROL_TIMESTEP, RescueEnvironment
 from sarsim.ground_truth.contacts import CollisionCounter
 from sarsim.robots.model import ROBOTS
@@ -21,6 +23,7 @@ from sarsim.sensors.conditions import Conditions
 from sarsim.sensors.lighting import Lighting, set_lighting
 from sarsim.sensors.odometry import WheelOdometry
 from sarsim.sensors.rendering import Renderer
+from sarsim.sensors.thermal import ThermalCamera
 from sarsim.sensors.xtion import Xtion
 
 SENSORS = {"xtion": Xtion(), "ideal": Xtion.ideal()}
@@ -83,11 +86,11 @@ class SimulatedRobot:
 
     def __init__(self, arena: RescueArena, config: SimulationConfig, seed: int):
         """Set the robot down at the arena's start; InputError if it cannot stand there."""
-        sensor_seed, odometry_seed = np.random.SeedSequence(seed).spawn(2)
+        sensor_seed, odometry_seed, thermal_seed = np.random.SeedSequence(seed).spawn(3)
         self.config = config
         lighting = Lighting[config.lighting]
         self._conditions = Conditions(SENSORS[config.sensor], lighting, Air(config.dust))
-        self._sensor_rng = np.random.default_rng(sensor_seed)
+        self._sensor_rng, self._thermal_rng = np.random.default_rng(sensor_seed), np.random.default_rng(thermal_seed)
         self._environment = RescueEnvironment(arena, config.robot)
         self.robot = self._environment.robot
         speed = min(config.speed or self.robot.model.speed, self.robot.drive.top_speed)
@@ -96,6 +99,8 @@ class SimulatedRobot:
         set_lighting(self.physics, self.robot, lighting)
         self.renderer = Renderer(self.physics.model.ptr)
         self._camera = RgbdCamera(self.renderer, self.robot.camera.full_identifier)
+        model, data = self.physics.model.ptr, self.physics.data.ptr
+        self._thermal = ThermalCamera(temperatures(model, things_of(model, data)))
         radius, rng = self.robot.drive.wheel_radius, np.random.default_rng(odometry_seed)
         self._odometry = WheelOdometry(rng, radius, config.tyre_error)
         self._T_world_start = arena.T_world_start
@@ -139,7 +144,8 @@ class SimulatedRobot:
         clipped = SENSORS["ideal"].apply(truth, self._sensor_rng)
         pose = self.trajectory[-1]
         self.true_frame = TrueFrame(pose.T_world_base, clipped)
-        return image.frame(pose.time, pose.T_odom_base)
+        thermal = self._thermal.image(truth, self._thermal_rng)
+        return replace(image.frame(pose.time, pose.T_odom_base), thermal=thermal)
 
     def drive(self, command: Velocity) -> Motion:
         """Follow ``command`` for one control period."""

@@ -1,6 +1,6 @@
 """Checks of an arena's true geometry that every random arena passes."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from itertools import chain
 
 import mujoco
@@ -20,13 +20,15 @@ SPECK = 0.1  # m²; a smaller piece of ground does not count
 VIEW_SPACING = 4  # cells between the tried positions of the camera
 
 
-def failed_checks(mjcf: str) -> Iterator[str]:
+def failed_checks(mjcf: str, files: Mapping[str, bytes] | None = None) -> Iterator[str]:
     """The checks that the MJCF of an arena with a site ``start`` fails, in words, each as soon as it is known.
+
+    ``files``: contents of those to which it refers, by name.
 
     The checks: the start is free; all ground on which a P3-AT can stand is connected by drivable ground; a camera at
     the height of the P3-AT's camera sees every victim from this ground.
     """
-    model = mujoco.MjModel.from_xml_string(mjcf)
+    model = mujoco.MjModel.from_xml_string(mjcf, files)
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     survey = Survey(model, data)

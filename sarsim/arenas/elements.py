@@ -1,7 +1,8 @@
 """The element library, and the builder that sets its elements down in one plain MJCF document.
 
 All static geoms belong to the world's body, so hundreds of elements cost the physics nothing; each victim is a body
-``victim_<id>`` of its own. The document refers to no file and opens in MuJoCo's viewer as it is.
+``victim_<id>`` of its own, and so is each thing to find. The document refers to no files but the pictures of signs
+and codes; without any, it opens in MuJoCo's viewer as it is.
 """
 
 from collections.abc import Mapping, Sequence
@@ -16,12 +17,17 @@ from defusedxml import ElementTree
 from numpy.typing import ArrayLike, NDArray
 
 from sarsim.arenas.panels import covered_panels, numbers_of
+from sarsim.arenas.things.models import ThingModel
+from sarsim.arenas.things.thing import DEAD, VICTIM, declare
 from sarsim.assets import asset
 from sarsim.ground_truth.shapes import rotation
+from sarsim.victims.victims import PREFIX
 
 TILE_SIZE = 1.2  # m
 Attributes = Mapping[str, str | ArrayLike]
 """Attributes in MJCF by name, as text or as numbers."""
+DRAWN = ("hazmat_sign", "fire_extinguisher")
+"""Elements whose geoms only show how large the thing is that stands for them."""
 _LIGHTS = (
     # name, direction, diffuse, whether it casts shadows
     ("sun", (-0.35, 0.5, -0.8), (0.5, 0.5, 0.48), True),
@@ -78,6 +84,7 @@ class ArenaBuilder:
 
     Attributes:
         root: the ``<mujoco>`` element so far; callers may add geoms of their own.
+        files: contents of the pictures to which the document refers, by name.
     """
 
     def __init__(self, name: str):
@@ -86,11 +93,13 @@ class ArenaBuilder:
         self._world = SubElement(self.root, "worldbody")
         self._placed: set[tuple[object, ...]] = set()
         self._corners: list[NDArray[np.float64]] = []
-        self._victims = 0
         self._assets: dict[tuple[object, ...], str] = {}
+        self.files: dict[str, bytes] = {}
 
     def add_element(self, kind: str, position: ArrayLike, yaw_deg: float) -> None:
         """Set an element of the library down: its origin at ``position`` (3,) m, turned left by ``yaw_deg``.
+
+        Of the elements in ``DRAWN`` only the extent counts.
 
         A geom that lies exactly where another one does is left out: two neighbouring tiles may both have the wall
         between them.
@@ -98,11 +107,27 @@ class ArenaBuilder:
         pose = _Pose(np.asarray(position, np.float64), _turn(yaw_deg))
         geoms = element_library().geoms(kind)
         self._corners.append(pose.points(element_library().footprint(kind)))
-        if geoms[0].get("class") == "victim":
-            self._add_victim(geoms, pose)
-            return
+        victim = [geom for geom in geoms if geom.get("class") == "victim"]
         for geom in geoms:
-            self._place(kind, pose.geom(geom))
+            if geom not in victim and kind not in DRAWN:
+                self._place(kind, pose.geom(geom))
+        if victim:
+            self._add_victim(victim, pose)
+
+    def add_thing(self, thing: ThingModel, position: ArrayLike, R: NDArray[np.float64]) -> None:
+        """Set a thing to find down: its origin at ``position`` (3,) m, turned by ``R`` (3, 3)."""
+        thing.add_to(self.root, position, R)
+        self.files |= thing.files
+
+    @property
+    def next_thing(self) -> int:
+        """A number for a further thing to find: one more than there are, victims included."""
+        return 1 + len(self.root.findall("custom/text"))
+
+    @property
+    def next_victim(self) -> str:
+        """A name for the body of a further victim."""
+        return f"{PREFIX}{1 + sum(body.get('name', '').startswith(PREFIX) for body in self._world.iterfind('body'))}"
 
     def add_box(
         self, name: str, label: str, position: ArrayLike, yaw_deg: float, middle: ArrayLike, half: ArrayLike,
@@ -131,10 +156,10 @@ class ArenaBuilder:
             self._world.append(geom)
 
     def _add_victim(self, geoms: list[Element], pose: "_Pose") -> None:
-        self._victims += 1
-        name = f"victim_{self._victims}"
+        name = self.next_victim
         body = SubElement(self._world, "body", name=name, pos=_text(pose.position), quat=_text(pose.turn))
-        body.extend(Element("geom", geom.attrib | {"name": f"{name}_{n}"}) for n, geom in enumerate(geoms))
+        body.extend(Element("geom", geom.attrib | {"name": f"{name}_part_{n}"}) for n, geom in enumerate(geoms))
+        declare(self.root, name, VICTIM, state=DEAD)  # it is a picture, and as cold as the wall
 
     def add_geom(self, label: str, geom: Attributes, colour: Sequence[float] | None = None) -> None:
         """Add a geom that is no element's.

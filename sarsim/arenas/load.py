@@ -94,12 +94,12 @@ def _from_builder(name: str, builder: ArenaBuilder, wish: StartPose | None) -> R
         with _naming(name):
             start = find_start(*world) if wish is None else start_at(*world, *wish)
         builder.set_start(*start)
-    return RescueArena(mjcf.from_xml_string(builder.to_xml()))
+    return RescueArena(mjcf.from_xml_string(builder.to_xml(), assets=builder.files))
 
 
 def _compiled(name: str, builder: ArenaBuilder) -> mujoco.MjModel:
     try:
-        return mujoco.MjModel.from_xml_string(builder.to_xml())
+        return mujoco.MjModel.from_xml_string(builder.to_xml(), builder.files)
     except (ValueError, mujoco.FatalError) as error:  # of a mesh of no volume, for one
         raise InputError(f"{name}: MuJoCo cannot build it: {' '.join(str(error).split())[:200]}") from error
 

@@ -16,6 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.errors import InputError
+from sarsim.arenas.element_things import add_things
 from sarsim.arenas.elements import TILE_SIZE, ArenaBuilder, element_library
 from sarsim.vetting.model_files import parse_xml
 
@@ -43,7 +44,7 @@ TYPES = frozenset(
 FAMILIES = {
     "victim_with_box": "victim_with_box",
     "victim_doll_": "victim_with_box",
-    "hazmat": "hazmat",
+    "hazmat": "hazmat_sign",
     "start_check": "start_check",
 }
 """Prefixes of types, and for each the element of the library that gives these types their shape."""
@@ -115,6 +116,7 @@ def build_raf(path: Path) -> ArenaBuilder:
     builder = ArenaBuilder(path.stem)
     for element, position in _positions(known):
         builder.add_element(str(element.kind), position, -element.rotation)
+        add_things(builder, element.type, position, -element.rotation)
     builder.drop_covered_panels()
     low, high = builder.bounds
     tiles = TILE_SIZE * np.array([(e.x, e.y) for e in known])

@@ -9,6 +9,7 @@ import numpy as np
 
 from pipeline.errors import InputError
 from sarsim.arenas.checks import failed_checks
+from sarsim.arenas.element_things import add_things
 from sarsim.arenas.elements import TILE_SIZE, ArenaBuilder
 from sarsim.arenas.layout import Item, Layout, Side, Tile
 from sarsim.arenas.random_draws import RandomDraws
@@ -23,13 +24,16 @@ from sarsim.arenas.random_furniture import (
 from sarsim.arenas.random_ground import choose_start, ground_items, lay_ramps, make_maze, wall_items
 from sarsim.arenas.random_paint import paint
 from sarsim.arenas.random_rooms import Piece, furnish
+from sarsim.arenas.random_things import hang_things
 from sarsim.arenas.random_victims import PlacedVictim, place_victim
 from sarsim.arenas.settings import SHARES, RandomArenaConfig
+from sarsim.arenas.things.thing import ALIVE, VICTIM, declare
+from sarsim.victims.victims import PREFIX
 
 CEILING = 2.4  # m, its height; all walls reach up to it
 FLOOR_MARGIN = 0.1  # m of floor beyond the outer walls
 ARENA_ATTEMPTS = 30
-_BOUNDS = {"columns": (3, 20), "rows": (3, 20), "victims": (0, 100), "difficulty": (0, 3)}
+_BOUNDS = {"columns": (3, 20), "rows": (3, 20), "victims": (0, 100), "things": (0, 100), "difficulty": (0, 3)}
 _BOUNDS |= dict.fromkeys(SHARES, (0, 1))  # lowest and highest value of each setting
 
 _Plan = tuple[list[Item], list[Piece], list[PlacedVictim], Tile, Side]
@@ -52,7 +56,8 @@ def build_random(seed: int, config: RandomArenaConfig | None = None) -> ArenaBui
         builder = _build(f"random_{seed}", plan, config)
         if config.painted:
             paint(builder, RandomDraws(np.random.default_rng([seed, attempt, 1])))
-        if next(failed_checks(builder.to_xml()), None) is None:
+        if next(failed_checks(builder.to_xml(), builder.files), None) is None:
+            hang_things(builder, config.things, np.random.default_rng([seed, attempt, 2]))
             return builder
     raise InputError(
         f"random arena {seed}: {config.victims} victims and all the rest do not fit into"
@@ -104,7 +109,10 @@ def _build(name: str, plan: _Plan, config: RandomArenaConfig) -> ArenaBuilder:
     corner = -np.array([config.columns, config.rows]) * TILE_SIZE / 2
     for item in items:
         xy = corner + (np.array(item.tile) + 0.5) * TILE_SIZE + np.array(item.shift) / 100
-        builder.add_element(item.kind, [*xy, 0.0], item.yaw)
+        position = np.array([*xy, 0.0])
+        builder.add_element(item.kind, position, item.yaw)
+        if item.kind != "hazmat":
+            add_things(builder, item.kind, position, item.yaw)
     for piece in pieces:
         piece.add_to(builder, *(corner + (np.array(piece.tile) + 0.5) * TILE_SIZE))
     low, high = builder.bounds
@@ -114,5 +122,6 @@ def _build(name: str, plan: _Plan, config: RandomArenaConfig) -> ArenaBuilder:
         builder.add_ceiling(low, high, CEILING)
     for victim in victims:
         victim.model.add_to(builder.root, victim.position + np.append(corner, 0.0), victim.yaw)
+        declare(builder.root, PREFIX + victim.model.id, VICTIM, state=ALIVE)
     builder.set_start([*(corner + (np.array(tile) + 0.5) * TILE_SIZE), 0.0], side * np.pi / 2)
     return builder

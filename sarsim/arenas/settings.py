@@ -30,6 +30,8 @@ class RandomArenaConfig:
         furnished: share of the tiles with furniture of all sizes and colours, in rows along walls: lockers, shelves,
             tables, sofas, beds, stairs.
         painted: random colours and patterns on floor, walls, ramps and boards.
+        things: number of things to find besides people, 0 to 100: in turn hazmat signs, codes, dolls, tags, fire
+            extinguishers and levers on walls, as many as fit; with any, a third of the people is dead.
     """
 
     columns: int = 7
@@ -44,3 +46,4 @@ class RandomArenaConfig:
     bulky: Fixed[float] = 0.0
     furnished: Fixed[float] = 0.0
     painted: Fixed[bool] = False
+    things: Fixed[int] = 0

@@ -109,7 +109,8 @@ def arena_of(scene: SceneRecipe) -> ArenaText:
     """The arena of a scene; InputError if it cannot be loaded or built."""
     if scene.random is not None:
         # The same as by load_arena, without the tenths of a second that PyMJCF takes to read and write it.
-        return ArenaText(build_random(int(scene.arena.removeprefix(PREFIX)), scene.random).to_xml(), {})
+        builder = build_random(int(scene.arena.removeprefix(PREFIX)), scene.random)
+        return ArenaText(builder.to_xml(), builder.files)
     root = load_arena(scene.arena).mjcf_model
     return ArenaText(root.to_xml_string(), root.get_assets())
 

@@ -13,7 +13,8 @@ from numpy.typing import NDArray
 
 from pipeline.frame import Frame
 from pipeline.transforms import transform_points
-from sarsim.arenas.fiducials import FAMILY, TAG_SIDE
+from sarsim.arenas.fiducials import TAG_SIDE
+from sarsim.arenas.things.codes import FAMILY
 
 TAG_CORNERS = TAG_SIDE / 2 * np.array([(-1, 1, 0), (1, 1, 0), (1, -1, 0), (-1, -1, 0)], np.float64)
 """(4, 3) m, corners of the black square in OpenCV's order: x right, y up, z towards the viewer."""

@@ -12,12 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
+from sarsim.scoring.visibility import Visibility
 from sarsim.sensors.camera import LabelledImage
 from sarsim.victims.victims import victims_of
 
 NEAR = 0.5  # m from the true position within which a victim counts as found
-VISIBLE = 400
-"""Number of pixels with a depth within the sensor's range of 3.5 m from which a person is visible in a frame."""
 
 
 class VictimScore:
@@ -25,23 +24,21 @@ class VictimScore:
 
     Attributes:
         positions: (V, 3) true positions, m in the world.
-        visible: (V,) bool, the victims that were visible in a frame so far.
     """
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData):
         victims = victims_of(model, data)
         self.positions = np.array([victim.centre for victim in victims]).reshape(-1, 3)
-        self.visible = np.zeros(len(victims), np.bool_)
-        # Indexed by geom id; the last element belongs to id -1, no geom.
-        self._victim_of_geom = np.full(model.ngeom + 1, len(victims))
-        for number, victim in enumerate(victims):
-            self._victim_of_geom[victim.geoms] = number
+        self._visibility = Visibility(model, victims)
+
+    @property
+    def visible(self) -> NDArray[np.bool_]:
+        """(V,) bool, the victims that were visible in a frame so far."""
+        return self._visibility.visible
 
     def add(self, image: LabelledImage) -> None:
         """Mark the victims in a noise-free image, clipped to the sensor's range."""
-        shown = self._victim_of_geom[image.instance[image.depth > 0]]
-        pixels = np.bincount(shown, minlength=len(self.visible) + 1)[:-1]
-        self.visible |= pixels >= VISIBLE
+        self._visibility.add(image)
 
     def matches(self, confirmed: NDArray[np.float64]) -> NDArray[np.float64]:
         """(V,) m from each victim to the confirmed position, of (N, 3), that is matched with it; NaN without one."""

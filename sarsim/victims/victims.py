@@ -165,9 +165,13 @@ def victims_of(model: mujoco.MjModel, data: mujoco.MjData) -> list[TrueVictim]:
         geoms = np.flatnonzero((model.geom_bodyid == body) & (labels == Label.VICTIM))
         if name.startswith(PREFIX) and geoms.size:
             pose = from_rotation(data.xmat[body].reshape(3, 3), data.xpos[body])
-            box = _extremes(np.concatenate([_extent(model, int(geom)) for geom in geoms]))
-            victims.append(TrueVictim(name.removeprefix(PREFIX), pose, box, geoms))
+            victims.append(TrueVictim(name.removeprefix(PREFIX), pose, box_of_geoms(model, geoms), geoms))
     return victims
+
+
+def box_of_geoms(model: mujoco.MjModel, geoms: NDArray[np.int64]) -> NDArray[np.float64]:
+    """(2, 3) lowest and highest corner of geoms of one body in the body's frame, m."""
+    return _extremes(np.concatenate([_extent(model, int(geom)) for geom in geoms]))
 
 
 def _figures(

@@ -12,7 +12,7 @@ from pipeline.victims.detection.detection import Detector
 from sarsim.dataset.recipe import Recipe
 from sarsim.dataset.render import World, find_scene
 from sarsim.dataset.settings import ArenaRange
-from sarsim.scoring.victims import VISIBLE
+from sarsim.scoring.visibility import VISIBLE
 from sarsim.sensors.lighting import Lighting
 from sarsim.sensors.rendering import Renderer
 

@@ -103,3 +103,11 @@ def test_running_into_a_wall_is_counted_once(make_robot):
         robot.drive(Velocity(-0.2))  # the west wall is 0.3 m behind
     assert robot.collisions.collisions in (1, 2)  # one or both rear tyres
     assert make_robot().collisions.collisions == 0
+
+
+def test_people_are_warm_in_the_thermal_image_and_nothing_else_is(make_robot):
+    robot = make_robot()
+    thermal = robot.sense().thermal
+    shown = (robot.true_frame.image.label == Label.VICTIM).reshape(60, 8, 80, 8).any(axis=(1, 3))
+    assert thermal.shape == shown.shape and thermal[shown].max() > 30
+    assert thermal[~shown].max() < 20.5

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from sarsim.arenas.things.thing import things_of
 from sarsim.scripts.export_arena import ExportArena, export_arena
 from sarsim.scripts.settings import run_with_settings
 from tests.sarsim.arenas.sdf.worlds import PLANE, box, model, write
@@ -67,6 +68,17 @@ def test_a_random_arena_is_written_as_its_settings_say(tmp_path):
     model = exported(tmp_path, "--config", str(config))
     assert 5 in model.geom_user[:, 0] and 6 not in model.geom_user[:, 0]
     assert model.geom("ceiling").size[:2].tolist() == pytest.approx([1.8, 2.4], abs=0.01)
+
+
+def test_the_pictures_of_signs_and_codes_are_written_beside_the_arena(tmp_path):
+    config = tmp_path / "config.yaml"
+    config.write_text("arena: random:1\nrandom: {columns: 3, rows: 4, victims: 1, things: 4}\n")
+    model = exported(tmp_path, "--config", str(config))
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    kinds = [thing.kind for thing in things_of(model, data)]
+    assert kinds == ["victim", "victim", "hazmat_sign", "qr_code", "april_tag"]
+    assert len(list(tmp_path.glob("*.png"))) == 3
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-WALL, TERRAIN, INCLINED, STRAIGHT, VICTIM, CLUTTER = 1, 2, 3, 4, 6, 7
+WALL, TERRAIN, INCLINED, STRAIGHT, CLUTTER = 1, 2, 3, 4, 7
 TILE = 1.2
 
 
@@ -86,12 +86,14 @@ ELEMENTS = {
     "manip_storage": [box(CLUTTER, (-0.59, 0.59), (-0.59, 0.59), 1.005)],
     "floor_tile_black": [box(TERRAIN, (-0.6, 0.6), (-0.6, 0.6), 0.01)],
     "floor_tile_white": [box(TERRAIN, (-0.6, 0.6), (-0.6, 0.6), 0.01)],
-    "victim_with_box1": [box(VICTIM, (-0.25, 0.25), (0.35, 0.59), 0.2)],
-    "victim_with_box_q": [box(VICTIM, (-0.25, 0.25), (0.35, 0.59), 0.2)],
-    "victim_doll_heat_with_box": [box(VICTIM, (-0.25, 0.25), (0.35, 0.59), 0.2)],
-    "victim_1": [box(VICTIM, (-0.2, 0.2), (-0.2, 0.2), 0.2)],
+    "victim_with_box1": [box(CLUTTER, (-0.25, 0.25), (0.35, 0.59), 0.2)],
+    "victim_with_box_q": [box(CLUTTER, (-0.25, 0.25), (0.35, 0.59), 0.2)],
+    "victim_doll_heat_with_box": [box(CLUTTER, (-0.25, 0.25), (0.35, 0.59), 0.2)],
+    "victim_1": [box(CLUTTER, (-0.2, 0.2), (-0.2, 0.2), 0.2)],
 }
-"""Shapes in the element's frame, each a label and the height of its top; the height is -inf beside the shape."""
+"""From above, only the box of a victim is seen.
+
+Shapes in the element's frame, each a label and the height of its top; the height is -inf beside the shape."""
 
 LOOSE = ("hazmat", "start_check", "spectator", "fire_extinguisher", "stepfield")
 """Prefixes of the types whose shape the format does not give to the millimetre."""

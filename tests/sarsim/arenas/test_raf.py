@@ -14,7 +14,7 @@ from sarsim.arenas.load import load_arena
 from sarsim.arenas.raf import FAMILIES, TYPES, build_raf
 from sarsim.sensors.camera import geom_labels
 from sarsim.victims.victims import victims_of
-from tests.sarsim.arenas.raf_geometry import ELEMENTS, LOOSE, MOUNTS, TILE, WALL, steady, top_of
+from tests.sarsim.arenas.raf_geometry import CLUTTER, ELEMENTS, LOOSE, MOUNTS, TILE, WALL, steady, top_of
 
 HIGH = 10.0
 LOOSE_TYPES = ("stepfield_red_diagonal", "spectator_120", "fire_extinguisher")
@@ -27,7 +27,8 @@ def write(path, *elements):
 
 
 def compile_raf(path):
-    model = mujoco.MjModel.from_xml_string(build_raf(path).to_xml())
+    builder = build_raf(path)
+    model = mujoco.MjModel.from_xml_string(builder.to_xml(), builder.files)
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
     return model, data
@@ -88,6 +89,19 @@ def test_rotations_are_clockwise(rotation, tmp_path):
     assert compare(path, [("half_ramp", 0, 0, rotation, (0, 0))], x, y) > 0.8
 
 
+def assert_victim_in_box(model, data, middle):
+    """Five boards of clutter are about a place (3,), m, within them is one victim, and nothing else has its label."""
+    boards = [geom for geom in range(model.ngeom) if model.geom(geom).name.startswith("victim_with_box")]
+    places = data.geom_xpos[boards]
+    assert len(boards) == 5 and (geom_labels(model)[boards] == CLUTTER).all()
+    lowest, highest = places.min(axis=0), places.max(axis=0)
+    assert_allclose((lowest + highest)[[0, 2]] / 2, np.array(middle)[[0, 2]], atol=0.002)
+    (victim,) = victims_of(model, data)
+    corners = victim.T_world_victim[:3, :3] @ victim.box.T + victim.T_world_victim[:3, 3:]
+    assert (np.abs(corners - np.array(middle)[:, None]) < [[0.24], [0.12], [0.19]]).all()
+    assert set(np.flatnonzero(geom_labels(model) == 6)) == set(victim.geoms)
+
+
 @pytest.mark.parametrize("wall", sorted(MOUNTS))
 @pytest.mark.parametrize("point", [0, 1, 2])
 def test_what_hangs_on_a_wall_hangs_at_its_mount_point(wall, point, tmp_path):
@@ -95,19 +109,16 @@ def test_what_hangs_on_a_wall_hangs_at_its_mount_point(wall, point, tmp_path):
     path = write(tmp_path, hung, f'type="{wall}" x="1" y="2" rotation="180"')
     mx, my = MOUNTS[wall][point]
     # Turned round, the wall is at the tile's south side and the element's x runs along the world's -x.
-    (victim,) = victims_of(*compile_raf(path))
-    assert_allclose(victim.centre, (1.2 - (mx - 0.6), 2.4 - 0.47, my), atol=0.002)
+    assert_victim_in_box(*compile_raf(path), (1.2 - (mx - 0.6), 2.4 - 0.47, my))
 
 
 def test_without_a_number_it_hangs_at_the_first_mount_point_and_on_a_plain_wall_at_none(tmp_path):
     hung = 'type="victim_with_box1" x="0" y="0" rotation="0"'
     for wall, expected in (("wall_holes1", (-0.3, 0.47, 0.9)), ("small_wall", (0, 0.47, 0))):
         path = write(tmp_path, f'type="{wall}" x="0" y="0" rotation="0"', hung)
-        (victim,) = victims_of(*compile_raf(path))
-        assert_allclose(victim.centre, expected, atol=0.002)
+        assert_victim_in_box(*compile_raf(path), expected)
     elsewhere = write(tmp_path, 'type="wall_holes1" x="0" y="0" rotation="90"', hung)
-    (victim,) = victims_of(*compile_raf(elsewhere))
-    assert_allclose(victim.centre, (0, 0.47, 0), atol=0.002)
+    assert_victim_in_box(*compile_raf(elsewhere), (0, 0.47, 0))
 
 
 def test_a_step_field_has_posts_of_5_to_40_cm_the_highest_along_the_diagonal(tmp_path):

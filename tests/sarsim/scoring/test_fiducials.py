@@ -8,7 +8,8 @@ from numpy.testing import assert_allclose
 from pipeline.frame import Frame, Intrinsics
 from pipeline.transforms import from_yaw, inverse, transform_points
 from sarsim.arenas.arena import RescueArena
-from sarsim.arenas.fiducials import TAG_SIDE, hang_fiducials, picture
+from sarsim.arenas.fiducials import TAG_SIDE, hang_fiducials
+from sarsim.arenas.things.codes import tag_picture
 from sarsim.scoring.fiducials import FiducialScore, read_fiducials
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 
@@ -27,7 +28,7 @@ def frame(*tags: tuple[int, int, int, int], depth: float = 2.0) -> Frame:
     """A grey wall square to the camera with tags: number, left, top, and pixels of a module."""
     rgb = np.full((480, 640, 3), 128, np.uint8)
     for tag, left, top, module in tags:
-        rgb[top : top + 10 * module, left : left + 10 * module] = picture(tag, module)[..., None]
+        rgb[top : top + 10 * module, left : left + 10 * module] = tag_picture(tag, module)[..., None]
     image = np.full((480, 640), depth, np.float32)
     return Frame(0.0, rgb, image, CAMERA, T_BASE_CAMERA, np.eye(4))
 

@@ -7,7 +7,8 @@ import numpy as np
 import pytest
 
 from pipeline.frame import Intrinsics
-from sarsim.scoring.victims import VISIBLE, VictimScore
+from sarsim.scoring.victims import VictimScore
+from sarsim.scoring.visibility import VISIBLE
 from sarsim.sensors.camera import LabelledImage
 
 ROOM = """<mujoco><size nuser_geom="1"/><worldbody><geom type="plane" size="5 5 1" user="2"/>

@@ -1,0 +1,127 @@
+"""Hangs things to find on the walls of a random arena."""
+
+from collections.abc import Callable
+from itertools import islice
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from sarsim.arenas.elements import ArenaBuilder
+from sarsim.arenas.fiducials import MOST_TAGS, TAG_SIDE
+from sarsim.arenas.random_draws import RandomDraws
+from sarsim.arenas.things.codes import FAMILY
+from sarsim.arenas.things.dolls import doll
+from sarsim.arenas.things.hazmat import CLASSES, SignStyle
+from sarsim.arenas.things.models import (
+    THICK,
+    ThingModel,
+    april_tag,
+    door_lever,
+    fire_extinguisher,
+    hazmat_sign,
+    qr_code,
+)
+from sarsim.arenas.things.thing import ALIVE, DEAD, data_of
+from sarsim.arenas.walls import Walls, facing
+from sarsim.victims.mjcf import about_z
+
+WALL_ROOM = 0.25  # m of flat wall to all sides: half a doll's box, and more than half of the largest sign's diagonal
+THING_SPACING = 0.6  # m between things, so that they do not touch
+HIGHEST, LOWEST = 0.25, -0.15  # m above the height at which walls are searched for; higher leaves the camera's view
+DEAD_SHARE = 1 / 3  # of people and dolls
+SIGN_SIDES = (0.10, 0.15, 0.20, 0.25)  # m of hazmat labels: those of UN packages have 0.1 m, placards 0.25 m
+CODE_SIDES = (0.10, 0.14, 0.18)  # m
+FRONT = np.array([(1.0, 0, 0), (0, 0, 1.0), (0, -1.0, 0)])
+"""Axes of what stands with its back to a wall, x to the right and z up, in those of what hangs on the wall."""
+LETTERS = "ABCDEFGHJKLMNPQRSTUVWXYZ23456789"
+DOLL_BOX = 0.59  # m from a doll's origin to the back of its box
+BRACKET = 0.11  # m from the wall to the middle of an extinguisher
+TILTED = 0.3  # Share of the signs that do not stand on their corner
+
+
+def hang_things(builder: ArenaBuilder, number: int, rng: np.random.Generator) -> None:
+    """Hang up to ``number`` things of all kinds in turn on walls before drivable ground; let some people be dead."""
+    if not number:
+        return
+    draws = RandomDraws(rng)
+    _let_die(builder, draws)
+    model = mujoco.MjModel.from_xml_string(builder.to_xml(), builder.files)
+    data = mujoco.MjData(model)
+    mujoco.mj_kinematics(model, data)
+    walls, rises = Walls(model, data.site("start").xpos), rng.uniform(LOWEST, HIGHEST, number)
+    hung = 0
+
+    def fits(point: NDArray[np.float64], normal: NDArray[np.float64]) -> bool:
+        return walls.has_room(point, normal, WALL_ROOM, rises[hung])
+
+    for point, normal in islice(walls.spread(rng, THING_SPACING, fits), number):
+        _hang(builder, draws, hung, point + np.array([0.0, 0.0, rises[hung]]), normal)
+        hung += 1
+
+
+def _let_die(builder: ArenaBuilder, draws: RandomDraws) -> None:
+    """Declare a share of the people in the arena dead."""
+    for text in builder.root.findall("custom/text"):
+        if text.get("data") == data_of("victim", state=ALIVE) and draws.chance(DEAD_SHARE):
+            text.set("data", data_of("victim", state=DEAD))
+
+
+def _hang(
+    builder: ArenaBuilder, draws: RandomDraws, turn: int, point: NDArray[np.float64], normal: NDArray[np.float64]
+) -> None:
+    """Hang the thing whose turn it is at a point (3,) of a wall with a normal (3,)."""
+    kind, R = TURNS[turn % len(TURNS)], facing(normal)
+    if kind == "doll":
+        _hang_doll(builder, draws, point + DOLL_BOX * normal, R @ FRONT)
+        return
+    thing = MODELS[kind](f"{kind}_{builder.next_thing}", draws)
+    if kind == "fire_extinguisher":
+        builder.add_thing(thing, point + BRACKET * normal - [0.0, 0.0, WALL_ROOM], R @ FRONT)
+        return
+    tilt = draws.rng.uniform(-np.pi, np.pi) if kind == "hazmat_sign" and draws.chance(TILTED) else 0.0
+    builder.add_thing(thing, point + (kind != "door_lever") * THICK * normal, R @ about_z(tilt))
+
+
+def _hang_doll(
+    builder: ArenaBuilder, draws: RandomDraws, position: NDArray[np.float64], R: NDArray[np.float64]
+) -> None:
+    """Hang a box with a doll in it, its origin at (3,) m, its axes ``R`` (3, 3)."""
+    state = DEAD if draws.chance(DEAD_SHARE) else ALIVE
+    builder.add_element("victim_with_box", position, float(np.degrees(np.arctan2(R[1, 0], R[0, 0]))))
+    builder.add_thing(doll(builder.next_victim, state, draws.rng), position, R)
+
+
+def _sign(name: str, draws: RandomDraws) -> ThingModel:
+    paper = draws.pick((0.0, 0.0, 0.02, 0.04))
+    return hazmat_sign(name, draws.pick(CLASSES), draws.pick(SIGN_SIDES), SignStyle.random(draws.rng), paper)
+
+
+def _code(name: str, draws: RandomDraws) -> ThingModel:
+    text = "".join(draws.pick(LETTERS) for _ in range(draws.number(4, 14)))
+    return qr_code(name, text, draws.pick(CODE_SIDES))
+
+
+def _tag(name: str, draws: RandomDraws) -> ThingModel:
+    # The lower numbers are those of the tags with which maps are scored.
+    return april_tag(name, draws.number(MOST_TAGS, len(FAMILY.bytesList) - 1), TAG_SIDE)
+
+
+def _extinguisher(name: str, draws: RandomDraws) -> ThingModel:
+    radius = draws.number(55, 80) / 1000
+    return fire_extinguisher(name, radius, draws.number(36, 48) / 100, draws.number(0, 2), draws.number(0, 2))
+
+
+def _lever(name: str, draws: RandomDraws) -> ThingModel:
+    return door_lever(name, draws.number(11, 14) / 100, draws.chance(0.5))
+
+
+MODELS: dict[str, Callable[[str, RandomDraws], ThingModel]] = {
+    "hazmat_sign": _sign,
+    "qr_code": _code,
+    "april_tag": _tag,
+    "fire_extinguisher": _extinguisher,
+    "door_lever": _lever,
+}
+TURNS = ("hazmat_sign", "qr_code", "doll", "april_tag", "hazmat_sign", "fire_extinguisher", "door_lever")
+"""The kinds in the order in which they are hung."""

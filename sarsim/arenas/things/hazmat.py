@@ -1,0 +1,197 @@
+"""The hazmat signs that teams print, drawn: a diamond with colours, a symbol, words, and the number of its class.
+
+Colours, symbols and class numbers are those of the placards of 49 CFR 172.500 and the UN model regulations.
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from typing import Self
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from sarsim.arenas.things.symbols import Colour, Drawing, Symbol
+
+BLACK, WHITE = (0, 0, 0), (255, 255, 255)
+RED, ORANGE, YELLOW = (218, 41, 28), (255, 134, 54), (255, 221, 0)
+GREEN, BLUE = (0, 122, 82), (0, 87, 184)
+FINER = 2  # Drawn so many times finer than asked for
+BEYOND = 1.5  # Half sides that colours reach; the diamond is cut out of them
+EDGE = 0.92  # Half a diagonal of the inner line over that of the sign
+
+
+@dataclass(frozen=True)
+class SignStyle:
+    """How a printer made a sign; the default is the plain placard.
+
+    Attributes:
+        line: it has the inner line.
+        words: it has words below the symbol.
+        number: it has the number of its class.
+        bold: thickness that is added to letters, as a share of their height.
+        narrow: width of letters over that of the font.
+        size: of the symbol, over that of the placard.
+        tint: factors of red, green and blue, by ink and paper.
+        variant: letter or picture of the signs that have several, 0 to 3.
+    """
+
+    line: bool = True
+    words: bool = True
+    number: bool = True
+    bold: float = 0.045
+    narrow: float = 0.72
+    size: float = 1.0
+    tint: tuple[float, float, float] = (1.0, 1.0, 1.0)
+    variant: int = 0
+
+    @classmethod
+    def random(cls, rng: np.random.Generator) -> Self:
+        """One of the ways in which teams print."""
+        return cls(
+            line=bool(rng.random() < 0.8),
+            words=bool(rng.random() < 0.9),
+            number=bool(rng.random() < 0.95),
+            bold=float(rng.uniform(0.015, 0.06)),
+            narrow=float(rng.uniform(0.62, 0.95)),
+            size=float(rng.uniform(0.9, 1.12)),
+            tint=(float(rng.uniform(0.82, 1.0)), float(rng.uniform(0.82, 1.0)), float(rng.uniform(0.82, 1.0))),
+            variant=int(rng.integers(4)),
+        )
+
+
+@dataclass(frozen=True)
+class _Sign:
+    """What is on a sign.
+
+    Attributes:
+        top, bottom: colours of the halves above and below ``split``.
+        symbol: draws the symbol.
+        words: lines.
+        number: of the class.
+        ink: colour of symbol and words.
+        foot: colour of the number.
+        split: y of the edge between the halves.
+    """
+
+    top: Colour
+    bottom: Colour
+    symbol: Callable[[Symbol], None]
+    words: tuple[str, ...]
+    number: str
+    ink: Colour = BLACK
+    foot: Colour = BLACK
+    split: float = 0.0
+
+
+_SIGNS = {
+    "corrosive": _Sign(WHITE, BLACK, Symbol.corrosion, ("CORROSIVE",), "8", BLACK, WHITE, -0.2),
+    "dangerous-when-wet": _Sign(BLUE, BLUE, Symbol.flame, ("DANGEROUS", "WHEN WET"), "4", WHITE, WHITE),
+    "explosive": _Sign(ORANGE, ORANGE, Symbol.bomb, ("EXPLOSIVE",), "1"),
+    "flammable": _Sign(RED, RED, Symbol.flame, ("FLAMMABLE",), "3", WHITE, WHITE),
+    "flammable-gas": _Sign(RED, RED, Symbol.flame, ("FLAMMABLE", "GAS"), "2", WHITE, WHITE),
+    "flammable-liquid": _Sign(RED, RED, Symbol.flame, ("FLAMMABLE", "LIQUID"), "3", WHITE, WHITE),
+    "flammable-solid": _Sign(WHITE, WHITE, Symbol.flame, ("FLAMMABLE", "SOLID"), "4"),
+    "infectious-substance": _Sign(WHITE, WHITE, Symbol.biohazard, ("INFECTIOUS", "SUBSTANCE"), "6"),
+    "inhalation-hazard": _Sign(WHITE, WHITE, Symbol.skull, ("INHALATION", "HAZARD"), "6"),
+    "non-flammable-gas": _Sign(GREEN, GREEN, Symbol.gas_cylinder, ("NON-FLAMMABLE", "GAS"), "2", WHITE, WHITE),
+    "organic-peroxide": _Sign(RED, YELLOW, Symbol.flame, ("ORGANIC", "PEROXIDE"), "5.2"),
+    "oxidizer": _Sign(YELLOW, YELLOW, Symbol.flame_over_circle, ("OXIDIZER",), "5.1"),
+    "oxygen": _Sign(YELLOW, YELLOW, Symbol.flame_over_circle, ("OXYGEN",), "2"),
+    "poison": _Sign(WHITE, WHITE, Symbol.skull, ("POISON",), "6"),
+    "radioactive": _Sign(YELLOW, WHITE, Symbol.trefoil, ("RADIOACTIVE",), "7", split=-0.15),
+    "spontaneously-combustible": _Sign(WHITE, RED, Symbol.flame, ("SPONTANEOUSLY", "COMBUSTIBLE"), "4"),
+}
+CLASSES = tuple(_SIGNS)
+"""The classes of signs, by the names that teams report."""
+
+
+def sign_face(name: str, size: int = 512, style: SignStyle | None = None) -> NDArray[np.uint8]:
+    """The square label of a class, (size, size, 3) uint8 RGB; the diamond's top corner is its top left one."""
+    upright = _drawn(name, round(FINER * size * np.sqrt(2)), style or SignStyle())
+    # The corners of the diamond that stands on its point: top, right, bottom and left become those of the square.
+    far, half = len(upright) - 1.0, (len(upright) - 1) / 2
+    corners = np.array([(half, 0), (far, half), (half, far), (0, half)], np.float32)
+    square = (FINER * size - 1.0) * np.array([(0, 0), (1, 0), (1, 1), (0, 1)], np.float32)
+    M = cv2.getPerspectiveTransform(corners, square)
+    face = cv2.warpPerspective(upright, M, (FINER * size,) * 2, flags=cv2.INTER_AREA, borderMode=cv2.BORDER_REPLICATE)
+    return cv2.resize(face, (size, size), interpolation=cv2.INTER_AREA).astype(np.uint8)
+
+
+def sign_upright(name: str, size: int = 512, style: SignStyle | None = None) -> NDArray[np.uint8]:
+    """A sign that stands on its corner, (size, size, 4) uint8 RGBA, transparent outside."""
+    colours = _drawn(name, FINER * size, style or SignStyle())
+    inside = np.zeros(colours.shape[:2], np.uint8)
+    far, half = len(colours) - 1, len(colours) // 2
+    cv2.fillPoly(inside, [np.array([(half, 0), (far, half), (half, far), (0, half)])], 255, cv2.LINE_AA)
+    return cv2.resize(np.dstack([colours, inside]), (size, size), interpolation=cv2.INTER_AREA).astype(np.uint8)
+
+
+def _drawn(name: str, size: int, style: SignStyle) -> NDArray[np.uint8]:
+    """(size, size, 3) uint8 RGB, the upright sign, with its colours beyond the diamond's edge."""
+    sign = _SIGNS[name]
+    drawing = Drawing.blank(size, sign.top)
+    drawing.area([(-BEYOND, sign.split), (BEYOND, sign.split), (BEYOND, BEYOND), (-BEYOND, BEYOND)], sign.bottom)
+    if name == "flammable-solid":
+        _stripes(drawing)
+    if name == "inhalation-hazard":
+        drawing.area(_diamond(0.36, (0, -0.5)), BLACK)
+    _margin(drawing, sign, style)
+    _symbol(drawing, name, sign, style)
+    if style.words:
+        _words(drawing, sign, style)
+    if style.number:
+        drawing.words(sign.number, (0, 0.64), (0.5, 0.22), style.bold, sign.foot)
+    return np.rint(drawing.pixels * np.array(style.tint)).astype(np.uint8)
+
+
+def _diamond(half: float, centre: tuple[float, float] = (0.0, 0.0)) -> NDArray[np.float64]:
+    """(4, 2) corners of a diamond with half a diagonal ``half``."""
+    return half * np.array([(0, -1), (1, 0), (0, 1), (-1, 0)], np.float64) + centre
+
+
+def _stripes(drawing: Drawing) -> None:
+    """Seven upright red stripes."""
+    for x in np.arange(-6, 7, 2) / 7.5:
+        drawing.area([(x - 0.07, -1), (x + 0.07, -1), (x + 0.07, 1), (x - 0.07, 1)], RED)
+
+
+def _margin(drawing: Drawing, sign: _Sign, style: SignStyle) -> None:
+    """The inner line; and outside it white, where the sign has a white half."""
+    if WHITE in (sign.top, sign.bottom) and sign.bottom in (WHITE, BLACK) and not style.variant % 2:
+        ring = (1 + EDGE) / 2
+        drawing.line(_diamond(ring), 1 - EDGE, WHITE, closed=True)
+    if style.line:
+        for half, colour in ((_diamond(EDGE)[[3, 0, 1]], sign.ink), (_diamond(EDGE)[[1, 2, 3]], sign.foot)):
+            on_black = colour == WHITE and sign.bottom == BLACK
+            drawing.line(half, 0.012, BLACK if on_black else colour)
+
+
+def _symbol(drawing: Drawing, name: str, sign: _Sign, style: SignStyle) -> None:
+    if name == "explosive" and style.variant != 3:
+        # Divisions 1.4 to 1.6 have the number in place of the bomb, and a letter for what they may be stored with.
+        drawing.words(("1.4", "1.4", "1.5")[style.variant], (0, -0.36), (0.9, 0.42), 2 * style.bold, BLACK)
+        drawing.words(("E", "S", "D")[style.variant], (0, 0.4), (0.3, 0.18), style.bold, BLACK)
+        return
+    small = name == "inhalation-hazard"
+    scale = (0.2 if small else 0.29) * style.size * (1.35 if name in ("corrosive", "non-flammable-gas") else 1)
+    colours = (WHITE, BLACK) if small else (sign.ink, sign.top)
+    sign.symbol(Symbol(drawing, (0.0, -0.5), scale, *colours))
+
+
+def _words(drawing: Drawing, sign: _Sign, style: SignStyle) -> None:
+    """The lines, each as wide as the diamond allows, about the middle."""
+    height = 0.26 if len(sign.words) == 1 else 0.2
+    for line, text in enumerate(sign.words):
+        y = 0.06 + (line - (len(sign.words) - 1) / 2) * height * 1.2 + (0.1 if sign.bottom == BLACK else 0.0)
+        room = 1.75 * (0.97 - abs(y) - height / 2)
+        width = min(room, len(text) * height * style.narrow)
+        colour = sign.foot if y > sign.split and sign.bottom == BLACK else sign.ink
+        drawing.words(text, (0, y), (width, height), style.bold, colour)
+
+
+@cache
+def sign_png(name: str, size: int = 512, style: SignStyle | None = None) -> bytes:
+    """The square label as a PNG file's content, drawn once."""
+    return cv2.imencode(".png", cv2.cvtColor(sign_face(name, size, style), cv2.COLOR_RGB2BGR))[1].tobytes()

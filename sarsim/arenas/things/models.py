@@ -1,0 +1,195 @@
+"""Things to find as MJCF: signs, codes, tags, fire extinguishers, door levers.
+
+Flat things and levers hang on a wall, their frame's origin on it: x right and y up for a viewer, z towards the
+viewer. A fire extinguisher stands, z up, its origin in the middle of its foot.
+"""
+
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from xml.etree.ElementTree import Element, SubElement
+
+import cv2
+import mujoco
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pipeline.labels import Label
+from sarsim.arenas.things.codes import MODULES, QUIET, qr_picture, tag_picture
+from sarsim.arenas.things.hazmat import SignStyle, sign_png
+from sarsim.arenas.things.thing import declare
+from sarsim.victims.mjcf import geom, numbers, quaternion
+
+BACKING = "backing_"  # begins the name of the body of what a thing hangs on or lies under
+THICK = 0.001  # m of paper; a depth camera does not see the step
+PAPER, METAL, RUBBER = (0.93, 0.93, 0.91), (0.62, 0.63, 0.65), (0.06, 0.06, 0.06)
+PAINT = ((0.75, 0.05, 0.04), (0.82, 0.10, 0.07), (0.62, 0.03, 0.05))  # of extinguishers
+LABELS = ((0.92, 0.92, 0.90), (0.93, 0.83, 0.15), (0.85, 0.85, 0.80))
+ACROSS = np.array([np.sqrt(0.5), 0.0, np.sqrt(0.5), 0.0])
+"""Quaternion that lays a capsule or cylinder along x."""
+UPRIGHT = np.array([np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0])
+"""Quaternion that lays a capsule or cylinder along y."""
+
+
+@dataclass(frozen=True, eq=False)
+class ThingModel:
+    """A thing to find, before it is set down.
+
+    Attributes:
+        name: of its body, unique in the arena.
+        kind: as in :data:`sarsim.arenas.things.thing.KINDS`.
+        text: class of a sign, what a code says, number of a tag.
+        state: alive or dead, of a victim.
+        geoms: of its body.
+        assets: materials and textures.
+        files: contents of the pictures to which the textures refer, by name.
+        backing: geoms that belong to it but are not it: paper, a box.
+    """
+
+    name: str
+    kind: str
+    text: str
+    geoms: list[Element]
+    assets: list[Element] = field(default_factory=list)
+    files: dict[str, bytes] = field(default_factory=dict)
+    state: str = ""
+    backing: list[Element] = field(default_factory=list)
+
+    def add_to(self, root: Element, position: ArrayLike, R: NDArray[np.float64]) -> None:
+        """Set it down in a ``<mujoco>`` element: its origin at ``position`` (3,) m, turned by ``R`` (3, 3)."""
+        declare(root, self.name, self.kind, self.text, self.state)
+        pose = {"pos": numbers(np.asarray(position), 6), "quat": numbers(quaternion(R), 6)}
+        bodies = []
+        for name, geoms in ((self.name, self.geoms), (BACKING + self.name, self.backing)):
+            if geoms:
+                bodies.append(Element("body", {"name": name} | pose))
+                bodies[-1].extend(geoms)
+        for parent, children in (("asset", self.assets), ("worldbody", bodies)):
+            element = root.find(parent)
+            (SubElement(root, parent) if element is None else element).extend(children)
+
+
+@dataclass(frozen=True, eq=False)
+class Solid:
+    """A geom in a plain colour.
+
+    Attributes:
+        name: of the geom, after that of its body.
+        shape: as in MJCF.
+        place: (3,) m of its middle.
+        size: as in MJCF, m.
+        colour: red, green, blue, from 0 to 1.
+        quat: (4,) its orientation.
+    """
+
+    name: str
+    shape: str
+    place: ArrayLike
+    size: ArrayLike
+    colour: tuple[float, ...]
+    quat: ArrayLike = (1.0, 0.0, 0.0, 0.0)
+
+    def moved(self, R: NDArray[np.float64], position: NDArray[np.float64]) -> "Solid":
+        """The part turned by ``R`` (3, 3) about the origin, and moved by (3,) m."""
+        quat = np.empty(4)
+        mujoco.mju_mulQuat(quat, quaternion(R), np.asarray(self.quat, np.float64))
+        return replace(self, place=R @ np.asarray(self.place, np.float64) + position, quat=quat)
+
+    def geom(self, body: str, label: Label = Label.CLUTTER) -> Element:
+        """The geom of a ``body``."""
+        pose = {"pos": numbers(np.asarray(self.place), 5), "quat": numbers(np.asarray(self.quat), 6)}
+        look = {"size": numbers(np.asarray(self.size), 5), "rgba": numbers((*self.colour, 1))}
+        return geom(f"{body}_{self.name}", label, type=self.shape, **pose, **look)
+
+
+def hazmat_sign(name: str, kind: str, side: float, style: SignStyle, paper: float = 0.0) -> ThingModel:
+    """A sign of a class, ``side`` m, that stands on its corner; on a sheet that is ``paper`` m larger all around."""
+    turned = numbers((np.cos(np.pi / 8), 0, 0, -np.sin(np.pi / 8)), 6)  # the picture's top left corner is on top
+    content = sign_png(kind, style=style)
+    plate, assets, files = _printed(name, content, side / 2, turned)
+    sheet = [_box(f"{name}_paper", (side / 2 + paper,) * 2, PAPER, turned)] if paper else []
+    return ThingModel(name, "hazmat_sign", kind, [plate], assets, files, backing=sheet)
+
+
+def qr_code(name: str, text: str, side: float) -> ThingModel:
+    """A QR code whose black square measures ``side`` m."""
+    code = qr_picture(text)
+    modules = len(code) // 8
+    plate, assets, files = _printed(name, _png(code), side / 2 * modules / (modules - 2 * QUIET))
+    return ThingModel(name, "qr_code", text, [plate], assets, files)
+
+
+def april_tag(name: str, number: int, side: float) -> ThingModel:
+    """An AprilTag of family 36h11 whose black square measures ``side`` m."""
+    plate, assets, files = _printed(name, _png(tag_picture(number)), side / 2 * (MODULES + 2) / MODULES)
+    return ThingModel(name, "april_tag", str(number), [plate], assets, files)
+
+
+def door_lever(name: str, length: float, to_left: bool) -> ThingModel:
+    """A lever of a ``length`` in m on a plate with a keyhole."""
+    way = -1 if to_left else 1
+    parts = [
+        Solid("plate", "box", (0, -0.03, 0.004), (0.022, 0.11, 0.004), METAL),
+        Solid("rose", "cylinder", (0, 0.03, 0.012), (0.02, 0.006), METAL),
+        Solid("neck", "cylinder", (0, 0.03, 0.032), (0.009, 0.02), METAL),
+        Solid("lever", "capsule", (way * length / 2, 0.03, 0.052), (0.0095, length / 2), METAL, ACROSS),
+        Solid("lock", "cylinder", (0, -0.05, 0.009), (0.011, 0.002), METAL),
+        Solid("keyhole", "box", (0, -0.05, 0.0115), (0.0015, 0.006, 0.0005), RUBBER),
+    ]
+    return ThingModel(name, "door_lever", "", [part.geom(name) for part in parts])
+
+
+def fire_extinguisher(name: str, radius: float, height: float, paint: int, label: int) -> ThingModel:
+    """A red bottle of a ``radius`` and a ``height`` in m with label, valve, handle, gauge and hose."""
+    red, r, h, top = PAINT[paint % len(PAINT)], radius, 0.72 * height, height
+    parts = [
+        Solid("foot", "cylinder", (0, 0, 0.01), (r * 1.02, 0.01), RUBBER),
+        Solid("bottle", "cylinder", (0, 0, h / 2 + 0.01), (r, h / 2 - 0.01), red),
+        Solid("shoulder", "ellipsoid", (0, 0, h), (r, r, 0.6 * r), red),
+        Solid("label", "cylinder", (0, 0, 0.5 * h), (r + 0.0015, 0.17 * h), LABELS[label % len(LABELS)]),
+        Solid("print", "cylinder", (0, 0, 0.56 * h), (r + 0.0020, 0.03 * h), red),
+        Solid("neck", "cylinder", (0, 0, h + 0.6 * r + 0.02), (0.018, 0.03), METAL),
+        Solid("valve", "box", (0, 0, top - 0.045), (0.022, 0.018, 0.016), RUBBER),
+        Solid("gauge", "cylinder", (0, -0.022, top - 0.045), (0.012, 0.004), PAPER, UPRIGHT),
+        Solid("grip", "box", (0.045, 0, top - 0.035), (0.045, 0.011, 0.004), RUBBER),
+        Solid("trigger", "box", (0.04, 0, top - 0.01), (0.05, 0.011, 0.004), red),
+    ]
+    return ThingModel(name, "fire_extinguisher", "", [part.geom(name) for part in parts + _hose(r, h, top)])
+
+
+def _hose(radius: float, shoulder: float, top: float) -> list[Solid]:
+    """A hose from the valve in an arc to the side of the bottle, where it ends in a nozzle."""
+    side = radius + 0.016
+    places = np.array([(-0.02, top - 0.045), (-0.6 * side, top - 0.04), (-side, top - 0.1), (-side, 0.4 * shoulder)])
+    hose = []
+    for n, (start, end) in enumerate(pairwise(places)):
+        middle, half = (start + end) / 2, (end - start) / 2
+        tilt, size = np.arctan2(half[0], half[1]) / 2, (0.01, float(np.linalg.norm(half)))
+        quat = (np.cos(tilt), 0, np.sin(tilt), 0)
+        hose.append(Solid(f"hose_{n}", "capsule", (middle[0], 0, middle[1]), size, RUBBER, quat))
+    return [*hose, Solid("nozzle", "cylinder", (-side, 0, 0.34 * shoulder), (0.014, 0.08 * shoulder), RUBBER)]
+
+
+def _box(name: str, half: tuple[float, float], colour: tuple[float, float, float], quat: str) -> Element:
+    """A sheet just behind what hangs before the wall."""
+    size = numbers((*half, THICK / 4), 6)
+    pose = {"pos": numbers((0, 0, -3 * THICK / 4), 6), "quat": quat, "size": size, "rgba": numbers((*colour, 1))}
+    return geom(name, Label.CLUTTER, type="box", contype="0", conaffinity="0", **pose)
+
+
+def _printed(
+    name: str, content: bytes, half: float, quat: str = "1 0 0 0"
+) -> tuple[Element, list[Element], dict[str, bytes]]:
+    """A square plate, 2 ``half`` m wide, its front at z = 0, with a picture on it; its assets, and its file."""
+    file = f"{name}.png"
+    texture = Element("texture", name=name, type="2d", file=file)
+    material = Element("material", name=name, texture=name, texuniform="false", specular="0.02", shininess="0.05")
+    plate = geom(
+        f"{name}_plate", Label.CLUTTER, type="box", size=numbers((half, half, THICK / 4), 6),
+        pos=numbers((0, 0, -THICK / 4), 6), quat=quat, material=name, contype="0", conaffinity="0",
+    )  # fmt: skip
+    return plate, [texture, material], {file: content}
+
+
+def _png(picture: NDArray[np.uint8]) -> bytes:
+    """A grey picture (H, W) as the content of a PNG file in colours."""
+    return cv2.imencode(".png", cv2.cvtColor(picture, cv2.COLOR_GRAY2BGR))[1].tobytes()

@@ -1,0 +1,111 @@
+"""Where the things to find are, and what they are: a model's bodies with a kind, a text and a state.
+
+They stand in the MJCF, ``<custom><text name="BODY" data="kind=hazmat_sign;text=poison;state="/></custom>``, the
+values written as in URLs. A victim without such a text is alive.
+"""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from urllib.parse import quote, unquote
+from xml.etree.ElementTree import Element, SubElement
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.transforms import from_rotation
+from sarsim.victims.victims import PREFIX, box_of_geoms, victims_of
+
+VICTIM, HEAT = "victim", "heat"
+KINDS = (VICTIM, "hazmat_sign", "qr_code", "april_tag", "fire_extinguisher", "door_lever", HEAT)
+"""What a rescue robot looks for; heat is what victims that are alive give off."""
+ALIVE, DEAD = "alive", "dead"
+MOST_TEXT = 4000  # characters of a text that are read; the largest QR code holds 2,953 bytes
+
+
+@dataclass(frozen=True, eq=False)
+class Thing:
+    """A thing to find.
+
+    Attributes:
+        name: of its body.
+        kind: one of ``KINDS`` but heat.
+        text: the class of a sign, what a code says, or the number of a tag; else empty.
+        state: of a victim, alive or dead; else empty.
+        T_world_thing: 4×4 pose of its own frame. Signs, codes, tags: origin in the middle of the front, x right and y
+            up for a viewer, z towards the viewer; a sign's y is towards the top of what is printed. Else z is up.
+        box: (2, 3) lowest and highest corner in its own frame, m.
+        geoms: ids of its geoms, which are the instances in a camera's image.
+    """
+
+    name: str
+    kind: str
+    text: str
+    state: str
+    T_world_thing: NDArray[np.float64]
+    box: NDArray[np.float64]
+    geoms: NDArray[np.int64]
+
+    @property
+    def centre(self) -> NDArray[np.float64]:
+        """(3,) middle of the box in the world, m."""
+        return self.T_world_thing[:3, :3] @ self.box.mean(axis=0) + self.T_world_thing[:3, 3]
+
+    @property
+    def normal(self) -> NDArray[np.float64]:
+        """(3,) direction in the world of its frame's z axis: of flat things, towards the viewer."""
+        return self.T_world_thing[:3, 2]
+
+    @property
+    def is_warm(self) -> bool:
+        """Whether it is a victim that is alive."""
+        return self.kind == VICTIM and self.state == ALIVE
+
+
+def things_of(model: mujoco.MjModel, data: mujoco.MjData) -> list[Thing]:
+    """The things to find in a model, victims first, each kind in the order of its bodies."""
+    said = dict(_said(model))
+    victims = [
+        Thing(PREFIX + v.id, VICTIM, *said.get(PREFIX + v.id, ("", "", ALIVE))[1:], v.T_world_victim, v.box, v.geoms)
+        for v in victims_of(model, data)
+    ]
+    return victims + list(_others(model, data, said))
+
+
+def of_kind(things: Sequence[Thing], kind: str) -> list[Thing]:
+    """The things of a kind; those of kind heat are the warm ones."""
+    return [thing for thing in things if (thing.is_warm if kind == HEAT else thing.kind == kind)]
+
+
+def declare(root: Element, name: str, kind: str, text: str = "", state: str = "") -> None:
+    """Say in a ``<mujoco>`` element what the body ``name`` is."""
+    custom = root.find("custom")
+    custom = SubElement(root, "custom") if custom is None else custom
+    SubElement(custom, "text", name=name, data=data_of(kind, text, state))
+
+
+def data_of(kind: str, text: str = "", state: str = "") -> str:
+    """The data of a custom text that says what a body is."""
+    return ";".join(f"{key}={quote(value)}" for key, value in (("kind", kind), ("text", text), ("state", state)))
+
+
+def _others(model: mujoco.MjModel, data: mujoco.MjData, said: dict[str, tuple[str, str, str]]) -> Iterator[Thing]:
+    for body in range(model.nbody):
+        name = model.body(body).name.rpartition("/")[2]
+        kind, text, state = said.get(name, ("", "", ""))
+        geoms = np.flatnonzero(model.geom_bodyid == body)
+        if kind in KINDS[1:-1] and geoms.size:
+            T = from_rotation(data.xmat[body].reshape(3, 3), data.xpos[body])
+            yield Thing(name, kind, text, state, T, box_of_geoms(model, geoms), geoms)
+
+
+def _said(model: mujoco.MjModel) -> Iterator[tuple[str, tuple[str, str, str]]]:
+    """Body, and kind, text and state of every custom text that has this form."""
+    for n in range(model.ntext):
+        start = int(model.text_adr[n])
+        raw = bytes(model.text_data[start : start + min(int(model.text_size[n]) - 1, MOST_TEXT)])
+        values = dict(part.partition("=")[::2] for part in raw.decode(errors="replace").split(";"))
+        name = mujoco.mj_id2name(model, mujoco.mjtObj.mjOBJ_TEXT, n) or ""
+        if "kind" in values:
+            kind, text, state = (unquote(values.get(key, "")) for key in ("kind", "text", "state"))
+            yield name.rpartition("/")[2], (kind, text, state)

@@ -1,0 +1,31 @@
+"""How warm the surfaces of an arena are."""
+
+from collections.abc import Sequence
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from sarsim.arenas.things.thing import Thing
+
+AMBIENT = 20.0  # °C
+SKIN_WARMTH = 34.0  # °C, of a person at rest; a doll with a heat pad is as warm
+CLOTHES_WARMTH = 28.0
+"""°C, surface of clothes of 0.5 clo on a person at rest at 20 °C, by the heat balance of ISO 7730."""
+CLOTHES = ("top", "bottom", "shoes", "hair")
+"""What the material of a geom of a person ends with if it keeps the warmth in."""
+
+
+def temperatures(model: mujoco.MjModel, things: Sequence[Thing]) -> NDArray[np.float32]:
+    """(ngeom + 1,) float32 °C of the surface of every geom; the last element is for what is no geom."""
+    warm = np.full(model.ngeom + 1, AMBIENT, np.float32)
+    for thing in things:
+        if thing.is_warm:
+            cloth = [_is_cloth(model, int(geom)) for geom in thing.geoms]
+            warm[thing.geoms] = np.where(cloth, CLOTHES_WARMTH, SKIN_WARMTH)
+    return warm
+
+
+def _is_cloth(model: mujoco.MjModel, geom: int) -> bool:
+    material = model.geom_matid[geom]
+    return material >= 0 and model.material(material).name.rpartition("_")[2] in CLOTHES

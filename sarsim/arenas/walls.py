@@ -1,0 +1,103 @@
+"""An arena's walls as places to hang something on, in front of drivable ground."""
+
+from collections.abc import Callable, Iterator
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.labels import Label
+from sarsim.ground_truth.true_surface import Survey, TrueSurface
+from sarsim.sensors.camera import geom_labels
+
+SIGHT_HEIGHT = 0.5  # m above the ground at which walls are searched for; the camera is at 0.6 m
+STAND = 0.8  # m in front of a place, where the robot must be able to stand; a lane of 1.2 m is wide enough
+MAX_STEP = 0.05  # m, largest height difference between the ground there and the ground from which the wall was found
+PLACES, DIRECTIONS = 2000, 8
+"""Largest number of drivable places from which walls are searched for, and number of directions from each."""
+WALL_REACH = 2.5  # m, largest distance of these walls
+FLAT = 0.001  # m by which a wall may deviate from a plane
+_SEEN = np.array([1, 1, 1, 0, 0, 0], np.uint8)  # the visible groups of geoms
+
+
+class Walls:
+    """An arena's upright walls as seen from drivable ground."""
+
+    def __init__(self, model: mujoco.MjModel, start: NDArray[np.float64]) -> None:
+        """``start``: (3,) m, on the ground that is driven on."""
+        self._model, self._data = model, mujoco.MjData(model)
+        mujoco.mj_kinematics(model, self._data)
+        self._is_wall = geom_labels(model) == Label.WALL
+        self._surface: TrueSurface = Survey(model, self._data).surface_from(start)
+
+    def spread(
+        self,
+        rng: np.random.Generator,
+        spacing: float,
+        fits: Callable[[NDArray[np.float64], NDArray[np.float64]], bool],
+    ) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
+        """Places on walls where it ``fits``, each as far as possible from those before, ``spacing`` m at least.
+
+        The first is random. Each is a point (3,) at ``SIGHT_HEIGHT``, m, and the wall's normal (3,).
+        """
+        point, normal = self.hits(rng)
+        to_others = np.full(len(point), np.inf)
+        while len(point) and to_others.max() > spacing:
+            farthest = int(to_others.argmax())
+            if fits(point[farthest], normal[farthest]):
+                yield point[farthest], normal[farthest]
+                to_others = np.minimum(to_others, np.linalg.norm(point - point[farthest], axis=1))
+            to_others[farthest] = 0.0
+
+    def hits(self, rng: np.random.Generator) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+        """(N, 3) points on walls at ``SIGHT_HEIGHT``, m, and their normals (N, 3), in random order."""
+        surface = self._surface
+        cells = rng.permutation(np.argwhere(surface.drivable))[:PLACES]
+        eyes = np.column_stack([surface.grid.centre_of(cells), surface.height[tuple(cells.T)] + SIGHT_HEIGHT])
+        angles = rng.uniform(0, 2 * np.pi, (len(eyes), 1)) + np.arange(DIRECTIONS) * 2 * np.pi / DIRECTIONS
+        rays = np.stack([np.cos(angles), np.sin(angles), np.zeros_like(angles)], axis=2)
+        found = [self._cast(eye, ray) for eye, ray in zip(eyes, rays, strict=True)]
+        return np.concatenate([f[0] for f in found]), np.concatenate([f[1] for f in found])
+
+    def has_room(
+        self, point: NDArray[np.float64], normal: NDArray[np.float64], half: float, rise: float = 0.0
+    ) -> bool:
+        """Whether the wall is flat for ``half`` m about a place, nothing occludes it, and the robot can stand there.
+
+        ``rise``: m from the point (3,) of :meth:`hits` up to the place.
+        """
+        eye, surface = point + STAND * normal, self._surface
+        step = surface.grid.at(surface.height, eye) + SIGHT_HEIGHT - eye[2]
+        if not (surface.grid.at(surface.drivable, eye) and abs(step) < MAX_STEP):
+            return False
+        offsets = np.linspace(-half, half, 5)
+        starts = (eye + a * along(normal) + [0.0, 0.0, rise + b] for a in offsets for b in offsets)
+        return all(self._meets(start, -normal) for start in starts)
+
+    def _cast(self, eye: NDArray[np.float64], rays: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+        """Points where rays (N, 3) of length 1 from a point (3,) hit upright walls, and the normals there."""
+        count = len(rays)
+        geom, distance, normal = np.full(count, -1, np.int32), np.full(count, -1.0), np.zeros((count, 3))
+        flat = normal.ravel()
+        mujoco.mj_multiRay(
+            self._model, self._data, eye, rays.ravel(), _SEEN, 1, -1, geom, distance, flat, count, WALL_REACH
+        )  # fmt: skip
+        met = (geom >= 0) & self._is_wall[geom] & (distance <= WALL_REACH) & (np.abs(normal[:, 2]) < 1e-6)
+        return eye + rays[met] * distance[met, None], normal[met]
+
+    def _meets(self, start: NDArray[np.float64], ray: NDArray[np.float64]) -> bool:
+        """Whether a ray from a point hits a wall perpendicularly at a distance of ``STAND`` m."""
+        geom, normal = np.full(1, -1, np.int32), np.zeros(3)
+        distance = mujoco.mj_ray(self._model, self._data, start, ray, _SEEN, 1, -1, geom, normal)
+        is_square = abs(distance - STAND) < FLAT and normal @ ray < -0.9999
+        return bool(geom[0] >= 0 and self._is_wall[geom[0]] and is_square)
+
+
+def along(normal: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(3,) direction to the right for a viewer who faces a wall with this horizontal normal (3,)."""
+    return np.array([-normal[1], normal[0], 0.0])
+
+
+def facing(normal: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(3, 3) axes of what hangs on a wall with this horizontal normal (3,): right, up, and towards the viewer."""
+    return np.column_stack([along(normal), [0.0, 0.0, 1.0], normal])

@@ -1,0 +1,67 @@
+"""Signs: every class is drawn, and looks like itself alone."""
+
+from itertools import combinations
+
+import numpy as np
+import pytest
+
+from sarsim.arenas.things.hazmat import CLASSES, SignStyle, sign_face, sign_upright
+
+SIZE = 96
+
+
+@pytest.fixture(scope="module")
+def faces():
+    return {name: sign_face(name, SIZE).astype(float) for name in CLASSES}
+
+
+def test_the_classes_are_those_that_teams_report():
+    assert CLASSES == (
+        "corrosive", "dangerous-when-wet", "explosive", "flammable", "flammable-gas", "flammable-liquid",
+        "flammable-solid", "infectious-substance", "inhalation-hazard", "non-flammable-gas", "organic-peroxide",
+        "oxidizer", "oxygen", "poison", "radioactive", "spontaneously-combustible",
+    )  # fmt: skip
+
+
+def test_no_two_classes_look_alike(faces):
+    """The nearest two, a gas and a liquid that burn, differ by a word and a digit: in 2 % of the pixels at least."""
+    for a, b in combinations(CLASSES, 2):
+        differs = np.abs(faces[a] - faces[b]).max(axis=2) > 100
+        assert differs.mean() > 0.02, (a, b)
+
+
+def test_a_face_has_the_top_of_the_sign_in_its_top_left_corner():
+    above, below, bare = np.s_[8:12, 8:12], np.s_[-30:-14, -30:-14], SignStyle(words=False, number=False, size=0.5)
+    for name, top, bottom in (
+        ("corrosive", (255, 255, 255), (0, 0, 0)),
+        ("organic-peroxide", (218, 41, 28), (255, 221, 0)),
+        ("spontaneously-combustible", (255, 255, 255), (218, 41, 28)),
+    ):
+        for where, colour in ((above, top), (below, bottom)):
+            assert np.abs(np.median(sign_face(name, SIZE, bare)[where], axis=(0, 1)) - colour).max() <= 3, name
+
+
+def test_an_upright_sign_is_a_diamond_and_the_same_picture():
+    upright = sign_upright("corrosive", SIZE)
+    v, u = np.mgrid[0.5:SIZE, 0.5:SIZE] / SIZE * 2 - 1
+    inside = np.abs(u) + np.abs(v)
+    assert (upright[inside < 0.95, 3] == 255).all() and (upright[inside > 1.05, 3] == 0).all()
+    assert upright[SIZE // 10, SIZE // 2, :3].min() > 200
+    assert upright[-SIZE // 10, SIZE // 2, :3].max() < 60
+
+
+def test_a_style_draws_the_same_twice_and_styles_differ():
+    rng = np.random.default_rng(0)
+    styles = [SignStyle.random(rng) for _ in range(8)]
+    for style in styles:
+        np.testing.assert_array_equal(sign_face("explosive", SIZE, style), sign_face("explosive", SIZE, style))
+    assert len({sign_face("explosive", SIZE, style).tobytes() for style in styles}) == len(styles)
+
+
+@pytest.mark.parametrize("name", CLASSES)
+def test_every_class_is_drawn_in_every_variant(name):
+    rng = np.random.default_rng(1)
+    for variant in range(4):
+        face = sign_face(name, SIZE, SignStyle(variant=variant, tint=(0.9, 0.9, 0.9)))
+        assert face.shape == (SIZE, SIZE, 3) and face.dtype == np.uint8 and face.max() <= 230
+        assert sign_face(name, SIZE, SignStyle.random(rng)).std() > 20

@@ -55,12 +55,13 @@ class PerceptionConfig:
         labels: source of the points' labels: a network, height and slope alone (rules), a simulator (truth), to see
             the effect of perfect labels, or a class of your own, module:Class.
         weights: weights file of the network, from train.py; by default the shipped one.
-        detector: victim detector: a YOLOv3 as Darknet's .cfg and .weights; None turns it off (faster).
+        detector: victim detector: a YOLO as Darknet's .cfg and weights, or .safetensors with its .cfg beside it; None
+            turns it off (faster).
     """
 
     labels: Labels = NETWORK
     weights: Path | None = None
-    detector: tuple[Path, Path] | None = DETECTOR if all(path.exists() for path in DETECTOR) else None
+    detector: tuple[Path, Path] | tuple[Path] | None = DETECTOR if all(path.exists() for path in DETECTOR) else None
 
 
 @dataclass(frozen=True, kw_only=True)

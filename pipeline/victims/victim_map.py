@@ -14,7 +14,7 @@ from pipeline.localisation.localisation import KEYFRAME_WAY
 from pipeline.segments.cells_kernels import moved
 from pipeline.sensor import SensorModel
 from pipeline.transforms import inverse, transform_points
-from pipeline.victims.detection.detection import Detection
+from pipeline.victims.detection.detection import VICTIM, Detection
 from pipeline.victims.observation import (
     MAX_SIZE,
     PERSON_GAP,
@@ -194,11 +194,11 @@ class Victims:
 
         Args:
             frame: with its depth.
-            detections: in its image; may be empty.
+            detections: in its image; may be empty; those of other kinds are ignored.
             T_map_camera: 4×4 pose of ``camera_optical`` in ``map``.
             keyframe: number of the frame's keyframe.
         """
-        seen = [observe(frame, detection, T_map_camera) for detection in detections]
+        seen = [observe(frame, detection, T_map_camera) for detection in detections if detection.kind == VICTIM]
         self.refusals = [item for item in seen if isinstance(item, Refusal)]
         T_map_base = T_map_camera @ inverse(frame.T_base_camera)
         before, found = list(self.all), set[int]()

@@ -170,7 +170,7 @@ class MapRecording(PerceptionConfig):
             odometry or true poses as recorded; by default slam if there is odometry, else registration.
         robot: robot that ground must suit: pioneer3at, jackal, or the path of an MJCF file structured like theirs.
         camera: pose of the camera on the robot: x y z in m, roll pitch yaw in degrees, positive pitch looks down; by
-            default as recorded, else level over the floor of the first frame.
+            default as recorded, else level, by accelerometer or surfaces.
         intrinsics: fx fy cx cy of the camera in pixels, with pixel centres at whole numbers; by default as recorded.
         depth_scale: units per metre of a folder's depth images; by default 5000.
         fps: frames per second of a folder whose images have no times.

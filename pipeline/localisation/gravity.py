@@ -13,9 +13,6 @@ from pipeline.localisation.registration import front_normals
 from pipeline.localisation.slam import cloud_of_frame
 from pipeline.transforms import from_rotation, inverse
 
-ROUNDS = np.deg2rad([45] * 5 + [15] * 5)
-"""rad from horizontal and from vertical within which surfaces count, round by round, as published."""
-
 
 def vertical(frame: Frame) -> NDArray[np.float64] | None:
     """(3,) the vertical in ``base_link``, by surfaces about level or upright in the image; None if they do not tell.
@@ -27,7 +24,8 @@ def vertical(frame: Frame) -> NDArray[np.float64] | None:
         return None
     normals = front_normals(cloud, frame.T_base_camera[:3, 3])
     up = -frame.T_base_camera[:3, 1]
-    for angle in ROUNDS:
+    # Within so much of horizontal and of vertical surfaces count, round by round, as published.
+    for angle in np.repeat(np.deg2rad([45, 15]), 5):
         along = np.abs(normals @ up)
         level, upright = normals[along > np.cos(angle)], normals[along < np.sin(angle)]
         values, directions = np.linalg.eigh(upright.T @ upright - level.T @ level)

@@ -55,8 +55,7 @@ class PerceptionConfig:
         labels: source of the points' labels: a network, height and slope alone (rules), a simulator (truth), to see
             the effect of perfect labels, or a class of your own, module:Class.
         weights: weights file of the network, from train.py; by default the shipped one.
-        detector: victim detector: a YOLO as Darknet's .cfg and weights, or .safetensors with its .cfg beside it; None
-            turns it off (faster).
+        detector: YOLO of victims: .cfg and weights, or .safetensors beside .cfg; None: off.
     """
 
     labels: Labels = NETWORK

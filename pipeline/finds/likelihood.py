@@ -24,8 +24,8 @@ EXTENTS: dict[str, tuple[tuple[float, float, float], ...]] = {
 """m, medians of a thing's extents, the longest first, by kind.
 
 People who stand or lie: stature, shoulder breadth, chest depth; who sit: sitting height, half of it and a thigh
-before them, shoulder breadth (NASA-STD-3000, section 3.3); dolls and extinguishers: as the RoboCup Rescue arena designer has them; labels:
-as the leagues print them, 0.1 to 0.3 m. What codes say needs no such check.
+before them, shoulder breadth (NASA-STD-3000, section 3.3); dolls and extinguishers: as the RoboCup Rescue arena
+designer has them; labels: as the leagues print them, 0.1 to 0.3 m. What codes say needs no such check.
 """
 SPREAD = log(1.5) / 2
 """Standard deviation of an extent's logarithm: 95 % lie within a factor of 1.5."""

@@ -55,12 +55,12 @@ class PerceptionConfig:
         labels: source of the points' labels: a network, height and slope alone (rules), a simulator (truth), to see
             the effect of perfect labels, or a class of your own, module:Class.
         weights: weights file of the network, from train.py; by default the shipped one.
-        detector: victim detector: a YOLOv3 as Darknet's .cfg and .weights; None turns it off (faster).
+        detector: YOLO of victims: .cfg and weights, or .safetensors beside .cfg; None: off.
     """
 
     labels: Labels = NETWORK
     weights: Path | None = None
-    detector: tuple[Path, Path] | None = DETECTOR if all(path.exists() for path in DETECTOR) else None
+    detector: tuple[Path, Path] | tuple[Path] | None = DETECTOR if all(path.exists() for path in DETECTOR) else None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -169,7 +169,7 @@ class MapRecording(PerceptionConfig):
             odometry or true poses as recorded; by default slam if there is odometry, else registration.
         robot: robot that ground must suit: pioneer3at, jackal, or the path of an MJCF file structured like theirs.
         camera: pose of the camera on the robot: x y z in m, roll pitch yaw in degrees, positive pitch looks down; by
-            default as recorded, else level over the floor of the first frame.
+            default as recorded, else level, by accelerometer or surfaces.
         intrinsics: fx fy cx cy of the camera in pixels, with pixel centres at whole numbers; by default as recorded.
         depth_scale: units per metre of a folder's depth images; by default 5000.
         fps: frames per second of a folder whose images have no times.

@@ -15,7 +15,7 @@ from pipeline.frame import Frame
 from pipeline.labels import Label
 from pipeline.semantic_map.classifier import PointClassifier
 from pipeline.victims.detection.boxes import MOST_BOXES
-from pipeline.victims.detection.detection import Detection, Detector
+from pipeline.victims.detection.detection import KINDS, Detection, Detector
 
 
 class OutputCache:
@@ -88,10 +88,10 @@ class CachedDetector:
         numbers = self._cache.get(
             (self._files, rgb),
             np.float64,
-            (-1, 5),
-            lambda: np.array([(*person.box, person.confidence) for person in self._detector.detect(rgb)]),
+            (-1, 6),
+            lambda: np.array([(*d.box, d.confidence, KINDS.index(d.kind)) for d in self._detector.detect(rgb)]),
         )
-        return [Detection((x0, y0, x1, y1), sure) for x0, y0, x1, y1, sure in numbers.tolist()]
+        return [Detection((x0, y0, x1, y1), sure, KINDS[int(k)]) for x0, y0, x1, y1, sure, k in numbers.tolist()]
 
 
 def _content(*files: Path) -> NDArray[np.uint8]:

@@ -57,6 +57,7 @@ def run_episode(config: EpisodeConfig) -> None:
 
 def cache_outputs(episode: "Episode") -> "OutputCache":
     """Cache the outputs of an episode's networks in its folder, so that a resumed episode need not run them again."""
+    from pipeline.victims.detection.weights import network_files
     from sarsim.scripts.network_cache import CachedClassifier, CachedDetector, OutputCache
 
     config, mapper = episode.config, episode.explorer.mapper
@@ -65,7 +66,7 @@ def cache_outputs(episode: "Episode") -> "OutputCache":
         weights = config.weights or asset("weights", f"{config.labels}.safetensors")
         mapper.classifier = CachedClassifier(mapper.classifier, cache, weights)
     if mapper.detector and config.detector:
-        mapper.detector = CachedDetector(mapper.detector, cache, *config.detector)
+        mapper.detector = CachedDetector(mapper.detector, cache, *network_files(*config.detector))
     return cache
 
 

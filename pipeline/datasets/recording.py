@@ -32,6 +32,8 @@ class CameraPose(NamedTuple):
         return from_rotation(R @ LINK_OPTICAL, [self.x, self.y, self.z])
 
 
+AT_REST = 0.5
+"""s at the beginning during which an accelerometer measures the vertical."""
 LINK_OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 """Rotation of ``camera_optical`` in a body that looks along its x axis (REP 103)."""
 
@@ -48,7 +50,8 @@ class Recording:
         has_camera_pose: whether the frames have the camera's pose on the robot.
         odometry: ``T_odom_base``, if it was recorded.
         truth: true poses for comparison, in any frame.
-        up: (3,) the vertical in ``base_link`` at the beginning, by an accelerometer.
+        up: (3,) the vertical in ``base_link`` at the beginning, by an accelerometer; in ``camera_optical`` if the
+            camera's pose is unknown.
         keyframes: the times of the frames of which the robot made keyframes, and whether it labelled them.
         steps: the times of those keyframes at which the robot stood, corrected its maps and planned.
         left_out: number of items that could not be used, by reason.

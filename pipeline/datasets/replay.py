@@ -1,7 +1,9 @@
 """Replays a recording through the mapper: poses for its frames, and the choice of keyframes."""
 
 from collections.abc import Iterator
+from contextlib import suppress
 from dataclasses import replace
+from itertools import dropwhile
 from typing import Literal, NamedTuple
 
 import numpy as np
@@ -11,8 +13,8 @@ from pipeline.datasets.recording import Recording
 from pipeline.errors import InputError
 from pipeline.frame import Frame
 from pipeline.localisation.depth_odometry import DepthOdometry
-from pipeline.localisation.floor import T_floor_camera
-from pipeline.localisation.localisation import Localisation, is_keyframe
+from pipeline.localisation.gravity import T_level_camera, vertical
+from pipeline.localisation.localisation import Localisation, LostError, is_keyframe
 from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.localisation.slam import Slam
 from pipeline.localisation.trajectory import Trajectory
@@ -24,6 +26,9 @@ from pipeline.traversability.pose_paths import PosePaths
 
 PoseSource = Literal["slam", "registration", "odometry", "truth"]
 """Odometry corrected by registration; registration alone; recorded odometry or true poses without correction."""
+
+
+POSELESS = "frames at times of which no pose is known"
 
 
 class Replayed(NamedTuple):
@@ -97,7 +102,7 @@ class Replay:
                 frame = replace(frame, T_base_camera=self._T_base_camera)
             T = self._T_odom_base(frame)
             if T is None:
-                self.recording.leave_out("frames at times of which no pose is known")
+                self.recording.leave_out(POSELESS)
                 continue
             frame = replace(frame, T_odom_base=T)
             truth = self._truth.at(frame.time) if self._truth else None
@@ -113,27 +118,61 @@ class Replay:
         if not frame.returns.any():
             self.recording.leave_out("blank frames at the beginning")
             return False
+        if self._known is not None and self._known.at(frame.time) is None:
+            self.recording.leave_out(POSELESS)
+            return False
         self._has_begun = True
         if not self._is_on_ground:
-            self._T_base_camera = T_floor_camera(frame)
+            self._T_base_camera = self._above_floor(frame)
         T_base_camera = frame.T_base_camera if self._T_base_camera is None else self._T_base_camera
+        up = self._up(frame, T_base_camera) if self._is_on_ground else np.array([0.0, 0.0, 1.0])
+        T_map_base = from_rotation(level(up), np.zeros(3))
         if self._known is None:
-            R = level(self._up(frame, T_base_camera)) if self._is_on_ground else np.eye(3)
-            self._odometry = DepthOdometry(from_rotation(R, np.zeros(3)))
+            self._odometry = DepthOdometry(T_map_base)
         else:
-            self._known = self._known.of_base(T_base_camera)
+            self._known = self._upright(self._known.of_base(T_base_camera), up, T_map_base, frame.time)
         truth = self.recording.truth
         self._truth = truth and truth.of_base(T_base_camera)
         return True
 
+    def _upright(
+        self, known: Trajectory, up: NDArray[np.float64], T_map_base: NDArray[np.float64], time: float
+    ) -> Trajectory:
+        """Known poses in ``map``: as they are if z is up there, within the tilt of ground that the robot drives on.
+
+        Args:
+            known: of ``base_link``, in any frame.
+            up: (3,) the vertical in ``base_link`` at ``time``, s.
+            T_map_base: 4×4 pose at that time in a ``map`` that begins there.
+        """
+        T = known.at(time)
+        assert T is not None
+        if T[2, :3] @ up >= np.cos(self.mapper.elevation_map.robot.max_tilt) * np.linalg.norm(up):
+            return known
+        return Trajectory(known.times, T_map_base @ inverse(T) @ known.poses)
+
+    def _above_floor(self, first: Frame) -> NDArray[np.float64]:
+        """4×4 pose of the first frame's camera over the floor, by the accelerometer, else by the surfaces in view.
+
+        Raises:
+            InputError: neither tells which way is up.
+        """
+        if self.recording.up is not None:
+            return T_level_camera(first, self.recording.up)
+        odometry = DepthOdometry(np.eye(4))
+        with suppress(LostError):
+            for frame in dropwhile(lambda frame: frame.time < first.time, self.recording.frames()):
+                T_first_frame, up = odometry.pose(frame), vertical(frame)
+                if up is not None:
+                    return T_level_camera(first, T_first_frame[:3, :3] @ up)
+        raise InputError(f"{self.recording.path}: neither an accelerometer nor floor and walls tell which way is up")
+
     def _up(self, frame: Frame, T_base_camera: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(3,) the vertical in ``base_link`` by the accelerometer, else by the floor, else for a level robot."""
+        """(3,) the vertical in ``base_link`` by the accelerometer, else by the surfaces, else for a level robot."""
         if self.recording.up is not None:
             return self.recording.up
-        try:
-            return (T_base_camera @ inverse(T_floor_camera(frame)))[:3, 2]
-        except InputError:
-            return np.array([0.0, 0.0, 1.0])
+        up = vertical(replace(frame, T_base_camera=T_base_camera))
+        return np.array([0.0, 0.0, 1.0]) if up is None else up
 
     def _take(self, frame: Frame) -> Keyframe | None:
         """Make a keyframe of the frame if it is due; None if not."""

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rosbags.highlevel import AnyReader
 
-from pipeline.datasets.recording import Recording
+from pipeline.datasets.recording import AT_REST, Recording
 from pipeline.errors import InputError
 from pipeline.files import check_regular
 from pipeline.frame import SAME_TIME, Calibration, Frame
@@ -22,7 +22,6 @@ from pipeline.ros.messages import BASE, NANO, ODOM, STORE, Message, pose_matrix,
 from pipeline.ros.pinhole import Pinhole
 
 BUFFERED = 15  # Depth images that are buffered: they may come out of order, and colour images may lag
-AT_REST = 0.5  # s at the beginning during which the accelerometer measures the vertical
 KEYFRAME_TOPIC, LABELLED_TOPIC, STEP_TOPIC = "/keyframe", "/semantic_cloud", "/map"
 TRUTH, LABELS = "/ground_truth/pose", "/camera/label/image_raw"  # Topics of sarsim's own bags
 INFRARED = re.compile("/(infra|ir/)")  # In names of topics of infrared images
@@ -177,9 +176,10 @@ class _Beside:
         return Trajectory(np.array([t for t, _ in good]), np.array([T for _, T in good])) if good else None
 
     def up(self) -> NDArray[np.float64] | None:
-        """(3,) the vertical in the robot's frame at the beginning, by the accelerometer."""
+        """(3,) the vertical at the beginning, by the accelerometer, in the robot's frame or else in the camera's."""
         felt = np.array([a for time, a in self._felt if time <= self._felt[0][0] + AT_REST]).reshape(-1, 3)
-        T = self.links.T_base(self._imu_frame)
+        in_base = self.links.T_base(self.camera_frame) is not None
+        T = self.links.T_base(self._imu_frame) if in_base else self.links.between(self.camera_frame, self._imu_frame)
         mean = felt.mean(axis=0) if len(felt) and np.isfinite(felt).all() else np.zeros(3)
         return None if T is None or not mean.any() else T[:3, :3] @ mean / np.linalg.norm(mean)
 

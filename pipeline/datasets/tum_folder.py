@@ -8,7 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.datasets.recording import Recording
+from pipeline.datasets.recording import AT_REST, Recording
 from pipeline.errors import InputError
 from pipeline.files import MOST_MEMORY, read_bytes, read_numbers, read_text
 from pipeline.frame import SAME_TIME, Calibration, Frame, Intrinsics, decoded
@@ -25,7 +25,9 @@ def read_tum_folder(
 ) -> Recording:
     """A folder with ``depth.txt`` and ``rgb.txt``, or with numbered images in ``depth`` and ``rgb`` or ``color``.
 
-    ``groundtruth.txt`` and ``odometry.txt`` hold poses of the camera, ``calibration.txt`` the line fx fy cx cy.
+    ``groundtruth.txt`` and ``odometry.txt`` hold poses of the camera, ``calibration.txt`` the line fx fy cx cy,
+    ``accelerometer.txt`` what was felt: in ``base_link`` beside a ``camera.txt``, else in the axes of a Kinect (x
+    right, y up, z back) or of its camera (x right, y down, z forward), which is not upside down.
 
     Args:
         path: of the folder.
@@ -50,6 +52,7 @@ def read_tum_folder(
     )
     recording.truth = _trajectory(path / "groundtruth.txt")
     recording.odometry = _trajectory(path / "odometry.txt")
+    recording.up = _up(path / "accelerometer.txt", recording.has_camera_pose)
     recording.check_clocks(depth[0][0], depth[-1][0])
     if (path / "keyframes.txt").exists():
         rows = read_numbers(path / "keyframes.txt", "time labelled stood")
@@ -60,6 +63,18 @@ def read_tum_folder(
 
 def _trajectory(path: Path) -> Trajectory | None:
     return read_trajectory(path, of_camera=True) if path.exists() else None
+
+
+def _up(path: Path, in_base: bool) -> NDArray[np.float64] | None:
+    """(3,) the vertical at the beginning, in ``base_link`` or else in ``camera_optical``; None if it was not felt."""
+    if not path.exists():
+        return None
+    rows = read_numbers(path, "time ax ay az")
+    felt = rows[rows[:, 0] <= rows[0, 0] + AT_REST, 1:].mean(axis=0)
+    if not felt.any():
+        return None
+    up = felt / np.linalg.norm(felt)
+    return up if in_base or up[1] <= 0 else up * [1, -1, -1]
 
 
 def _calibration(path: Path) -> Calibration:

@@ -1,9 +1,12 @@
 """The transforms between the frames of a robot."""
 
+from collections.abc import Iterator
+
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.ros.messages import BASE, Message, pose_matrix
+from pipeline.transforms import inverse
 
 
 class FrameTree:
@@ -26,12 +29,20 @@ class FrameTree:
 
     def T_base(self, frame: str) -> NDArray[np.float64] | None:
         """4×4 pose of a frame in the robot's; None if no chain of transforms connects them."""
-        T = np.eye(4)
-        for _ in range(len(self._links) + 1):
-            if frame.strip("/") == self.base.strip("/"):
-                return T
-            if frame.strip("/") not in self._links:
-                return None
-            frame, step = self._links[frame.strip("/")]
+        return next((T for name, T in self._above(frame) if name == self.base.strip("/")), None)
+
+    def between(self, frame: str, other: str) -> NDArray[np.float64] | None:
+        """4×4 pose of another frame in a frame; None if they hang on no common one."""
+        above = dict(self._above(frame))
+        return next((inverse(above[name]) @ T for name, T in self._above(other) if name in above), None)
+
+    def _above(self, frame: str) -> Iterator[tuple[str, NDArray[np.float64]]]:
+        """The names of a frame and of those that it hangs on, and the frame's 4×4 pose in each."""
+        name, T = frame.strip("/"), np.eye(4)
+        yield name, T
+        for _ in range(len(self._links)):
+            if name not in self._links:
+                return
+            name, step = self._links[name]
             T = step @ T
-        return None
+            yield name, T

@@ -5,15 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.finds.likelihood import extents_of, weigh
 from pipeline.frame import Frame
-from pipeline.transforms import transform_points
+from pipeline.transforms import inverse, transform_points
 from pipeline.victims.detection.background import background_planes, near_plane
-from pipeline.victims.detection.detection import Detection
+from pipeline.victims.detection.detection import VICTIM, Detection
 
-LEAST_SHARE = 0.05  # Of a box's pixels, that must have a depth, and of these, that must stand out of the background
 PERSON_GAP = 0.3  # m of depth between a person and objects in front of or behind the person
-MIN_PART = 0.25  # The person is the nearest part with at least this share of the points that stand out
-MIN_SIZE, MAX_SIZE = 0.15, 2.3  # m across a person, or across the head of one
 SKIN_TO_MIDDLE = 0.08  # m, standard deviation due to the distance from the visible skin to the middle of the body
 
 
@@ -52,23 +50,23 @@ def observe(frame: Frame, detection: Detection, T_map_camera: NDArray[np.float64
         detection: in its image.
         T_map_camera: 4×4 pose of ``camera_optical`` in ``map``.
     """
-    inside = _window(frame, detection)
-    returns = frame.returns & inside
-    if returns.sum() < max(1, LEAST_SHARE * inside.sum()):
+    returns = frame.returns & _window(frame, detection)
+    if not returns.any():
         return Refusal(detection, "no depth where it is")
-    points = frame.intrinsics.rays[returns] * frame.depth[returns, None]
-    person = points[_stands_out(frame, detection, points)]
-    if len(person) < LEAST_SHARE * len(points):
+    in_camera = frame.intrinsics.rays[returns] * frame.depth[returns, None]
+    is_background = ~_stands_out(frame, detection, in_camera)
+    if is_background.all():
         return Refusal(detection, "flat: nothing stands out of the plane around it, as of a picture")
-    person = _nearest_part(person)
-    person = person[np.linalg.norm(person - np.median(person, axis=0), axis=1) < MAX_SIZE / 2]
-    size = size_of(person)
-    if not MIN_SIZE <= size <= MAX_SIZE:
-        return Refusal(detection, f"{size:.2f} m: {'less' if size < MIN_SIZE else 'more'} than a person")
-    points = transform_points(T_map_camera, person)
+    points, camera = transform_points(T_map_camera, in_camera), T_map_camera[:3, 3]
+    ground = float((T_map_camera @ inverse(frame.T_base_camera))[2, 3])
+    weighed = weigh(VICTIM, points, ground, is_background, camera)
+    person = points[weighed.belongs]
+    if weighed.log_ratio <= 0:
+        extents = " × ".join(f"{extent:.2f}" for extent in extents_of(person))
+        return Refusal(detection, f"{extents} m: less like a person than like background")
     # The middle's standard deviation is half that of the points, because parts of the person may be hidden.
-    spread = np.cov(points.T.astype(np.float64)) / 2**2 + np.eye(3) * SKIN_TO_MIDDLE**2
-    return PersonObservation(detection, points, middle(points), spread, T_map_camera[:3, 3])
+    spread = np.cov(person.T.astype(np.float64)) / 2**2 + np.eye(3) * SKIN_TO_MIDDLE**2
+    return PersonObservation(detection, person, middle(person), spread, camera)
 
 
 def middle(points: NDArray[np.floating]) -> NDArray[np.float64]:
@@ -77,8 +75,8 @@ def middle(points: NDArray[np.floating]) -> NDArray[np.float64]:
 
 
 def size_of(points: NDArray[np.floating]) -> float:
-    """Diagonal, m, of a box around (N, 3) points without the outermost 5 % at each end of each axis."""
-    return float(np.linalg.norm(np.subtract(*np.percentile(points, [95, 5], axis=0))))
+    """Diagonal, m, of the box of their extents, of (N, 3) points."""
+    return float(np.linalg.norm(extents_of(points)))
 
 
 def _window(frame: Frame, detection: Detection) -> NDArray[np.bool_]:
@@ -94,11 +92,3 @@ def _stands_out(frame: Frame, detection: Detection, points: NDArray[np.float32])
     for plane in background_planes(frame, detection.box, np.random.default_rng(0)):
         result &= ~near_plane(points, plane, frame.sensor)
     return result
-
-
-def _nearest_part(points: NDArray[np.float32]) -> NDArray[np.float32]:
-    """The (M, 3) points of the nearest large enough part, where gaps in depth separate the parts."""
-    order = np.argsort(points[:, 2], kind="stable")
-    parts = np.split(order, np.flatnonzero(np.diff(points[order, 2]) > PERSON_GAP) + 1)
-    large = [part for part in parts if len(part) >= MIN_PART * len(points)]
-    return points[np.sort(large[0] if large else max(parts, key=len))]

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from pipeline.finds.likelihood import weigh
 from pipeline.frame import Frame
 from pipeline.keyframes import Places
 from pipeline.localisation.gates import chi2_gate
@@ -14,9 +15,8 @@ from pipeline.localisation.localisation import KEYFRAME_WAY
 from pipeline.segments.cells_kernels import moved
 from pipeline.sensor import SensorModel
 from pipeline.transforms import inverse, transform_points
-from pipeline.victims.detection.detection import Detection
+from pipeline.victims.detection.detection import VICTIM, Detection
 from pipeline.victims.observation import (
-    MAX_SIZE,
     PERSON_GAP,
     SKIN_TO_MIDDLE,
     PersonObservation,
@@ -86,6 +86,7 @@ class Victim:
         tried: the places on the ground from which the person was to be re-observed, one each.
         tried_at: (3,) float64 each, these places, m in ``map``.
         sightings: the observations of which points and information are made, relative to their keyframes.
+        ground: height of the lowest ground from which the person was seen, m in ``map``.
     """
 
     points: NDArray[np.float32]
@@ -98,6 +99,7 @@ class Victim:
     tried: list[Places] = field(default_factory=list)
     tried_at: list[NDArray[np.float64]] = field(default_factory=list)
     sightings: list[Sighting] = field(default_factory=list)
+    ground: float = 0.0
 
     def take(self, seen: "Sighting | Victim") -> None:
         """Add the points and information of another observation, or of another victim that is the same person."""
@@ -113,6 +115,7 @@ class Victim:
         self.points, self.information = first.points, first.information
         for seen in others:
             self.take(seen)
+        self.ground = min(float(poses[seen.keyframe][2, 3]) for seen in self.sightings)
         self.cameras = [seen.camera for seen in (first, *others)]
 
     @property
@@ -173,13 +176,15 @@ class Victims:
     def is_confirmed(victim: Victim) -> bool:
         """Whether it has enough detections from places far enough apart, enough evidence, and fewer misses.
 
-        A victim of which little is seen needs more evidence.
+        All that was seen of it must have the shape of a person; one of whom little is seen needs more evidence.
         """
         found = len(victim.cameras)
         if found <= victim.missed or victim.evidence < ENOUGH:
             return False
         # Distances and sizes come last: they take longest, and this is called several times a step.
-        return victim.apart >= KEYFRAME_WAY and (victim.evidence >= ENOUGH_OF_PART or victim.size >= WHOLE)
+        if victim.apart < KEYFRAME_WAY or (victim.evidence < ENOUGH_OF_PART and victim.size < WHOLE):
+            return False
+        return _is_person(victim.points, victim.ground)
 
     def place(self, poses: NDArray[np.float64]) -> None:
         """Make all victims anew at (K, 4, 4) keyframes in ``map``, and join those that prove to be one person."""
@@ -194,11 +199,11 @@ class Victims:
 
         Args:
             frame: with its depth.
-            detections: in its image; may be empty.
+            detections: in its image; may be empty; those of other kinds are ignored.
             T_map_camera: 4×4 pose of ``camera_optical`` in ``map``.
             keyframe: number of the frame's keyframe.
         """
-        seen = [observe(frame, detection, T_map_camera) for detection in detections]
+        seen = [observe(frame, detection, T_map_camera) for detection in detections if detection.kind == VICTIM]
         self.refusals = [item for item in seen if isinstance(item, Refusal)]
         T_map_base = T_map_camera @ inverse(frame.T_base_camera)
         before, found = list(self.all), set[int]()
@@ -223,6 +228,7 @@ class Victims:
         new = Victim(
             now.points, now.information, [now.camera], [confidence], photo, len(points) * confidence, sightings=[seen]
         )
+        new.ground = float(T_map_base[2, 3])
         same = [other for other in self.all if _distance(other, new) <= chi2_gate(3) or _is_one(other, new)]
         if not same:
             self.all.append(new)
@@ -236,6 +242,7 @@ class Victims:
         if other.photo_shows > victim.photo_shows:
             victim.photo, victim.photo_shows = other.photo, other.photo_shows
         victim.take(other)
+        victim.ground = min(victim.ground, other.ground)
         victim.sightings += other.sightings
         victim.cameras += other.cameras
         victim.confidences += other.confidences
@@ -264,13 +271,16 @@ def _distance(one: Victim, other: Victim) -> float:
 def _is_one(one: Victim, other: Victim) -> bool:
     """Whether two victims are one person: near each other and together small enough, or with much overlap."""
     small, large = sorted((one.points, other.points), key=len)
-    together = size_of(np.concatenate([small, large]))
-    if together > MAX_SIZE:
-        return False
     apart, _ = cKDTree(large).query(small)
-    if together <= TOGETHER:
+    both = np.concatenate([small, large])
+    if size_of(both) <= TOGETHER:
         return bool(apart.min() <= BETWEEN)
-    return bool((apart <= TOUCH).mean() >= 1 / 2)
+    return bool((apart <= TOUCH).mean() >= 1 / 2) and _is_person(both, min(one.ground, other.ground))
+
+
+def _is_person(points: NDArray[np.float32], ground: float) -> bool:
+    """Whether all that was seen (N, 3), together, is more like a person than like background."""
+    return weigh(VICTIM, points, ground).log_ratio > 0
 
 
 def farthest_whole(sensor: SensorModel) -> float:

@@ -242,12 +242,12 @@ class VictimsSettings(EpisodesSettings):
         frames: number of frames of an arena.
         seed: seed of these arenas, on which no network was trained.
         rounds: number of timed rounds; 0 skips the timing.
-        detector: victim detector: a YOLOv3 as Darknet's .cfg and .weights.
+        detector: victim detector: a YOLO as Darknet's .cfg and weights, or .safetensors with its .cfg beside it.
     """
 
     scenes: int = 30
     frames: int = 12
     seed: int = 2026
     rounds: int = 15
-    detector: tuple[Path, Path] = DETECTOR
+    detector: tuple[Path, Path] | tuple[Path] = DETECTOR
     runs: Path = Path("runs/benchmark-victims")

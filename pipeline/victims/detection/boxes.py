@@ -17,7 +17,7 @@ MOST_BOXES = 3000
 def decode(
     head: NDArray[np.float32], yolo: YoloHead, width: int, height: int, threshold: float
 ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-    """Boxes of one scale, by the equations of section 2.1 of YOLOv3.
+    """Boxes of one scale, by the equations of section 2.1 of YOLOv3, or of Scaled-YOLOv4 (arXiv:2011.08036).
 
     Args:
         head: (anchors · (5 + classes), H, W) input of [yolo].
@@ -30,13 +30,17 @@ def decode(
     """
     rows, columns = head.shape[1:]
     cells = head.reshape(len(yolo.mask), -1, rows, columns)
-    anchor, y, x = np.nonzero(cells[:, OBJECTNESS] >= logit(threshold))
+    anchor, y, x = np.nonzero(cells[:, OBJECTNESS] >= (threshold if yolo.new_coords else logit(threshold)))
     found = cells[anchor, :, y, x]
-    middle = (expit(found[:, :2]) + np.stack([x, y], axis=1)) * (width / columns, height / rows)
+    shares = found if yolo.new_coords else expit(found)
+    in_cell = (shares[:, :2] - 1 / 2) * yolo.scale_x_y + 1 / 2
+    middle = (in_cell + np.stack([x, y], axis=1)) * (width / columns, height / rows)
     sizes = np.array(yolo.anchors)[list(yolo.mask)][anchor]
-    half = np.exp(np.minimum(found[:, 2:OBJECTNESS], LARGEST_EXPONENT)) * sizes / 2
-    boxes = np.concatenate([middle - half, middle + half], axis=1)
-    return boxes.astype(np.float32), expit(found[:, OBJECTNESS + 1 :]) * expit(found[:, OBJECTNESS, None])
+    grown = np.exp(np.minimum(found[:, 2:OBJECTNESS], LARGEST_EXPONENT))
+    if yolo.new_coords:
+        grown = np.square(2 * found[:, 2:OBJECTNESS])
+    boxes = np.concatenate([middle - grown * sizes / 2, middle + grown * sizes / 2], axis=1)
+    return boxes.astype(np.float32), shares[:, OBJECTNESS + 1 :] * shares[:, OBJECTNESS, None]
 
 
 def areas(boxes: NDArray[np.floating]) -> NDArray[np.floating]:

@@ -16,12 +16,13 @@ from pipeline.files import read_text
 N = TypeVar("N", int, float)
 OBJECTNESS = 4
 """Place among the numbers that a [yolo] reads for an anchor of a cell: after x, y, width, height, before classes."""
-WIDEST = 64  # Greatest size, stride or padding of a window
+WIDEST = 64  # Greatest size, stride, padding or dilation of a window
+ACTIVATIONS = "linear", "leaky", "relu", "relu6", "logistic", "swish", "mish"
 
 
 @dataclass(frozen=True)
 class Convolutional:
-    """A convolution; ``padding`` is on each side."""
+    """A convolution; ``padding`` is on each side, in pixels of the input; each group has its own channels."""
 
     filters: int
     size: int
@@ -29,6 +30,8 @@ class Convolutional:
     padding: int
     batch_normalize: bool
     activation: str
+    groups: int = 1
+    dilation: int = 1
 
 
 @dataclass(frozen=True)
@@ -41,6 +44,16 @@ class Maxpool:
 
 
 @dataclass(frozen=True)
+class Avgpool:
+    """The mean of each channel over the whole image."""
+
+
+@dataclass(frozen=True)
+class Dropout:
+    """Nothing, outside training."""
+
+
+@dataclass(frozen=True)
 class Upsample:
     """Upsampling: every pixel is repeated ``stride`` times along both axes."""
 
@@ -49,9 +62,11 @@ class Upsample:
 
 @dataclass(frozen=True)
 class RouteLayer:
-    """The outputs of the layers with these numbers, concatenated along the channels."""
+    """The outputs of the layers with these numbers, of each one of ``groups``, joined along the channels."""
 
     layers: tuple[int, ...]
+    groups: int = 1
+    group: int = 0
 
 
 @dataclass(frozen=True)
@@ -59,15 +74,34 @@ class Shortcut:
     """The sum of the outputs of the layer before and of the layer with this number."""
 
     layer: int
+    activation: str = "linear"
+
+
+@dataclass(frozen=True)
+class Scale:
+    """The product of the outputs of the layer with this number and of the layer before.
+
+    The layer before has a number for each pixel ([sam]) or for each channel ([scale_channels]).
+    """
+
+    layer: int
+    each_pixel: bool
+    activation: str = "linear"
 
 
 @dataclass(frozen=True)
 class YoloHead:
-    """Boxes at one scale, for the ``anchors`` (width, height in pixels of the input) with the numbers in ``mask``."""
+    """Boxes at one scale, for the ``anchors`` (width, height in pixels of the input) with the numbers in ``mask``.
+
+    ``scale_x_y`` stretches the range of a box's middle around that of its cell; ``new_coords`` means that the layer
+    before has applied the logistic function, and that sizes are squares instead of exponentials.
+    """
 
     anchors: tuple[tuple[float, float], ...]
     mask: tuple[int, ...]
     classes: int
+    scale_x_y: float = 1.0
+    new_coords: bool = False
 
     @property
     def channels(self) -> int:
@@ -75,7 +109,7 @@ class YoloHead:
         return len(self.mask) * (OBJECTNESS + 1 + self.classes)
 
 
-Layer = Convolutional | Maxpool | Upsample | RouteLayer | Shortcut | YoloHead
+Layer = Convolutional | Maxpool | Avgpool | Dropout | Upsample | RouteLayer | Shortcut | Scale | YoloHead
 
 
 @dataclass(frozen=True)
@@ -111,7 +145,7 @@ class DarknetCfg:
         classes = {layer.classes for layer in layers if isinstance(layer, YoloHead)}
         if len(classes) != 1:
             what = "several numbers of classes" if classes else "no [yolo] section"
-            raise InputError(f"{name}: {what}: not a YOLOv3 network")
+            raise InputError(f"{name}: {what}: not a YOLO network")
         return cls(width, height, channels, layers, name)
 
     @property
@@ -149,7 +183,7 @@ class _Section:
         """The layer that the section describes."""
         if self.kind not in _READERS:
             known = ", ".join(f"[{kind}]" for kind in _READERS)
-            raise self.error(f"unknown section; YOLOv3 has {known}")
+            raise self.error(f"unknown section; known are {known}")
         return _READERS[self.kind](self)
 
     def sources(self, key: str) -> tuple[int, ...]:
@@ -177,6 +211,17 @@ class _Section:
             what = "a whole number" if kind is int else "a number"
             raise self.error(f"{key}={text:.80}: not {what}") from None
 
+    def source(self) -> int:
+        """Index of the one layer that ``from`` refers to."""
+        sources = self.sources("from")
+        if len(sources) != 1:
+            raise self.error(f"from: one layer, not {len(sources)}")
+        return sources[0]
+
+    def activation(self, default: str | None = "linear") -> str:
+        """Name of the activation function."""
+        return self.word("activation", ACTIVATIONS, default)
+
     def flag(self, key: str) -> bool:
         """Whether a setting is 1; it may be 0 or absent."""
         return self.word(key, ("0", "1"), "0") == "1"
@@ -189,7 +234,7 @@ class _Section:
         return text
 
     def refuse_others(self, **only: str) -> None:
-        """Raise InputError for other values of these settings: they would make a layer that YOLOv3 does not have."""
+        """Raise InputError for other values of these settings: they would make another layer."""
         for key, value in only.items():
             self.word(key, (value,), value)
 
@@ -241,17 +286,22 @@ def _read_sections(text: str, name: str) -> list[_Section]:
 
 
 def _convolutional(section: _Section) -> Convolutional:
-    section.refuse_others(groups="1", dilation="1", antialiasing="0", flipped="0", binary="0", xnor="0")
-    size = section.whole("size", most=WIDEST)
+    stride = section.whole("stride", 1, most=WIDEST)
+    section.refuse_others(antialiasing="0", flipped="0", binary="0", xnor="0", deform="0", assisted_excitation="0")
+    section.refuse_others(stride_x=str(stride), stride_y=str(stride))
+    size, dilation = (section.whole(key, default, most=WIDEST) for key, default in (("size", None), ("dilation", 1)))
     padding = size // 2 if section.flag("pad") else section.whole("padding", 0, least=0, most=WIDEST)
-    activation = section.word("activation", ("leaky", "linear"))
-    stride, normalize = section.whole("stride", 1, most=WIDEST), section.flag("batch_normalize")
-    return Convolutional(section.whole("filters"), size, stride, padding, normalize, activation)
+    filters, groups = section.whole("filters"), section.whole("groups", 1)
+    if filters % groups:
+        raise section.error(f"groups={groups}: do not divide its {filters} filters")
+    normalize, activation = section.flag("batch_normalize"), section.activation(None)
+    # Darknet's im2col dilates the padding too.
+    return Convolutional(filters, size, stride, padding * dilation, normalize, activation, groups, dilation)
 
 
 def _maxpool(section: _Section) -> Maxpool:
-    section.refuse_others(maxpool_depth="0", antialiasing="0")
     size, stride = section.whole("size", most=WIDEST), section.whole("stride", 1, most=WIDEST)
+    section.refuse_others(maxpool_depth="0", antialiasing="0", stride_x=str(stride), stride_y=str(stride))
     return Maxpool(size, stride, section.whole("padding", size - 1, least=0, most=WIDEST))
 
 
@@ -261,21 +311,26 @@ def _upsample(section: _Section) -> Upsample:
 
 
 def _route(section: _Section) -> RouteLayer:
-    section.refuse_others(groups="1")
-    return RouteLayer(section.sources("layers"))
+    groups = section.whole("groups", 1)
+    group = section.whole("group_id", 0, least=0, most=groups - 1)
+    return RouteLayer(section.sources("layers"), groups, group)
 
 
 def _shortcut(section: _Section) -> Shortcut:
     section.refuse_others(weights_type="none")
-    section.word("activation", ("linear",))
-    sources = section.sources("from")
-    if len(sources) != 1:
-        raise section.error(f"from: one layer, not {len(sources)}")
-    return Shortcut(sources[0])
+    return Shortcut(section.source(), section.activation())
+
+
+def _scale_channels(section: _Section) -> Scale:
+    section.refuse_others(scale_wh="0")
+    return Scale(section.source(), False, section.activation())
+
+
+def _sam(section: _Section) -> Scale:
+    return Scale(section.source(), True, section.activation())
 
 
 def _yolo(section: _Section) -> YoloHead:
-    section.refuse_others(scale_x_y="1", new_coords="0")
     numbers = section.numbers("anchors", float)
     anchors = tuple(zip(numbers[::2], numbers[1::2], strict=False))
     if len(numbers) != 2 * section.whole("num") or not all(0 < number < inf for number in numbers):
@@ -283,14 +338,21 @@ def _yolo(section: _Section) -> YoloHead:
     mask = tuple(section.numbers("mask", int))
     if len(set(mask)) != len(mask) or not all(0 <= number < len(anchors) for number in mask):
         raise section.error(f"mask: numbers of anchors, 0 to {len(anchors) - 1}")
-    return YoloHead(anchors, mask, section.whole("classes"))
+    scale = section.numbers("scale_x_y", float, "1")
+    if len(scale) != 1 or not 0 < scale[0] < inf:
+        raise section.error(f"scale_x_y={section.settings['scale_x_y']:.80}: one positive number")
+    return YoloHead(anchors, mask, section.whole("classes"), scale[0], section.flag("new_coords"))
 
 
 _READERS: dict[str, Callable[[_Section], Layer]] = {
     "convolutional": _convolutional,
     "maxpool": _maxpool,
+    "avgpool": lambda _: Avgpool(),
+    "dropout": lambda _: Dropout(),
     "upsample": _upsample,
     "route": _route,
     "shortcut": _shortcut,
+    "scale_channels": _scale_channels,
+    "sam": _sam,
     "yolo": _yolo,
 }

@@ -1,4 +1,4 @@
-"""Detections of people, and the interface of detectors."""
+"""Detections of what a rescue robot looks for, and the interface of detectors."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -6,23 +6,28 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+VICTIM = "victim"
+KINDS = VICTIM, "hazmat_sign", "qr_code", "april_tag", "fire_extinguisher", "door_lever"
+
 
 @dataclass(frozen=True)
 class Detection:
-    """A person in an image.
+    """A thing in an image.
 
     Attributes:
         box: x0, y0, x1, y1 in pixels, from the image's upper left corner.
         confidence: 0 to 1.
+        kind: one of KINDS.
     """
 
     box: tuple[float, float, float, float]
     confidence: float
+    kind: str = VICTIM
 
 
 class Detector(Protocol):
-    """Finds people in images."""
+    """Finds things in images."""
 
     def detect(self, rgb: NDArray[np.uint8]) -> list[Detection]:
-        """People in an (H, W, 3) image, the most confident first."""
+        """Things of the kinds that it knows in an (H, W, 3) image, the most confident first."""
         ...

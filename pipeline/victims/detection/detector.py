@@ -1,6 +1,6 @@
-"""The detector of people in a camera's image."""
+"""The detector of people, and of other things if its network knows them, in a camera's image."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from math import ceil
 from pathlib import Path
 
@@ -8,15 +8,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.errors import InputError
+from pipeline.files import read_text
 from pipeline.victims.detection.boxes import areas, decode, suppress
-from pipeline.victims.detection.detection import Detection
+from pipeline.victims.detection.detection import KINDS, VICTIM, Detection
 from pipeline.victims.detection.inference import FusedNetwork
 from pipeline.victims.detection.input_image import Letterbox, evenly_exposed
 from pipeline.victims.detection.network import DarknetNetwork
-from pipeline.victims.detection.weights import load_network
+from pipeline.victims.detection.weights import load_network, network_files
 
 PERSON = {1: 0, 20: 14, 80: 0}
-"""Number of the class ``person`` by the number of classes: victims alone, Pascal VOC, COCO."""
+"""Number of the class ``person`` by the number of classes, if they have no names: victims, Pascal VOC, COCO."""
+KIND_OF = {kind: kind for kind in KINDS} | dict.fromkeys(("person", "doll"), VICTIM)
+"""Kind of the classes of networks by their names, spaces as underscores; other classes are ignored."""
 CONFIDENCE = 0.25  # Least confidence of a detection; one this low only helps to find a known victim again
 SUPPRESSING_IOU = 0.45  # Intersection over union above which the less confident of two boxes is dropped
 SMALLER, LARGE_BOX = 0.6, 0.15
@@ -25,36 +28,45 @@ network; and least length of the longer side of a box found in it, relative to t
 
 
 class VictimDetector:
-    """Finds people by a network of the YOLOv3 family."""
+    """Finds people, and what else its network knows, by a network of the YOLO family."""
 
     def __init__(
         self,
         network: DarknetNetwork,
         confidence: float = CONFIDENCE,
         make_fast: Callable[[DarknetNetwork], FusedNetwork] = FusedNetwork,
+        names: Sequence[str] = (),
     ) -> None:
         """Detect people by a network.
 
         Args:
-            network: network for images of three channels, with one class or the classes of COCO or Pascal VOC.
+            network: network for images of three channels.
             confidence: least confidence of a detection, between 0 and 1.
             make_fast: turns the network into one for inference on this processor.
+            names: of the network's classes; by default one of people, or those of COCO or Pascal VOC.
 
         Raises:
             InputError: a confidence out of range, or a network of other channels or classes.
         """
         if not 0 < confidence < 1:
             raise InputError(f"detector: confidence {confidence}: between 0 and 1")
-        self._confidence, self._person = confidence, _person(network)
+        self._confidence, self._classes = confidence, _classes(network, names)
         self._networks = [make_fast(n) for n in of_both_sizes(network)]
 
     @classmethod
-    def load(cls, cfg: Path, weights: Path, confidence: float = CONFIDENCE) -> "VictimDetector":
-        """A detector from Darknet's files. InputError as :func:`load_network`."""
-        return cls(load_network(cfg, weights), confidence)
+    def load(cls, *files: Path, confidence: float = CONFIDENCE) -> "VictimDetector":
+        """A detector from ``.cfg`` and weights, or from weights with the ``.cfg`` beside them.
+
+        A file beside the ``.cfg`` with the ending ``.names`` has the names of the classes, one a line.
+
+        Raises:
+            InputError: as :func:`load_network`, or no class is of a kind that the robot looks for.
+        """
+        names = network_files(*files)[0].with_suffix(".names")
+        return cls(load_network(*files), confidence, names=read_text(names).split("\n") if names.exists() else ())
 
     def detect(self, rgb: NDArray[np.uint8]) -> list[Detection]:
-        """People in an (H, W, 3) uint8 image of any size, the most confident first.
+        """Things in an (H, W, 3) uint8 image of any size, the most confident first.
 
         Raises:
             InputError: the image is grey, empty, or of another type.
@@ -65,13 +77,14 @@ class VictimDetector:
         for network in self._networks[1:]:
             more, their_scores = self._find(network, image)
             is_near = np.max(more[:, 2:] - more[:, :2], axis=1, initial=0) >= least
-            boxes, scores = np.concatenate([boxes, more[is_near]]), np.append(scores, their_scores[is_near])
-        return self._best(boxes, scores)
+            boxes, scores = np.concatenate([boxes, more[is_near]]), np.concatenate([scores, their_scores[is_near]])
+        found = [self._best(kind, boxes, scores[:, numbers].max(axis=1)) for kind, numbers in self._classes.items()]
+        return sorted((thing for one in found for thing in one), key=lambda thing: -thing.confidence)
 
     def _find(
         self, network: FusedNetwork, image: NDArray[np.uint8]
     ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """(N, 4) boxes in the image, several of each person, and their (N,) confidences."""
+        """(N, 4) boxes in the image, several of each thing, and their (N, classes) confidences."""
         cfg = network.cfg
         letterbox, canvas = Letterbox.fit(image, cfg.width, cfg.height)
         parts = [
@@ -79,13 +92,13 @@ class VictimDetector:
             for head, yolo in zip(network(canvas), cfg.heads, strict=True)
         ]
         boxes = letterbox.to_image(np.concatenate([boxes for boxes, _ in parts]))
-        return boxes, np.concatenate([scores[:, self._person] for _, scores in parts])
+        return boxes, np.concatenate([scores for _, scores in parts])
 
-    def _best(self, boxes: NDArray[np.float32], scores: NDArray[np.float32]) -> list[Detection]:
+    def _best(self, kind: str, boxes: NDArray[np.float32], scores: NDArray[np.float32]) -> list[Detection]:
         good = (scores >= self._confidence) & (areas(boxes) > 0)
         boxes, scores = boxes[good], scores[good]
         kept = suppress(boxes, scores, SUPPRESSING_IOU)
-        return [Detection(tuple(boxes[i].tolist()), float(scores[i])) for i in kept]
+        return [Detection(tuple(boxes[i].tolist()), float(scores[i]), kind) for i in kept]
 
 
 def of_both_sizes(network: DarknetNetwork) -> list[DarknetNetwork]:
@@ -106,12 +119,19 @@ def check_image(rgb: NDArray[np.uint8]) -> None:
         raise InputError(f"image: {rgb.dtype} instead of uint8")
 
 
-def _person(network: DarknetNetwork) -> int:
-    """Number of the class ``person``."""
-    classes, name = network.cfg.classes, network.cfg.name
+def _classes(network: DarknetNetwork, names: Sequence[str]) -> dict[str, list[int]]:
+    """Numbers of the network's classes by their kind."""
+    count, name = network.cfg.classes, network.cfg.name
     if network.cfg.channels != 3:
         raise InputError(f"{name}: a network for {network.cfg.channels} channels, not for colour images")
-    if classes not in PERSON:
-        known = ", ".join(map(str, PERSON))
-        raise InputError(f"{name}: which of its {classes} classes is a person? Known are networks of {known}")
-    return PERSON[classes]
+    if not names and count in PERSON:
+        return {VICTIM: [PERSON[count]]}
+    words = ["_".join(word.split()) for word in names if word.strip()]
+    if words and len(words) != count:
+        raise InputError(f"{name}: {count} classes, but {len(words)} names")
+    kinds = [KIND_OF.get(word) for word in words]
+    if not any(kinds):
+        raise InputError(
+            f"{name}: which of its {count} classes is a person? Beside it, .names has none of {', '.join(KIND_OF)}"
+        )
+    return {kind: [i for i, other in enumerate(kinds) if other == kind] for kind in KINDS if kind in kinds}

@@ -1,6 +1,6 @@
 """The network for inference on the robot's processor.
 
-Batch normalization is folded into the convolution, which also applies leaky ReLU; kernels are stored in oneDNN's
+Batch normalization is folded into the convolution, which also applies the activation; kernels are stored in oneDNN's
 layout, and images have their channels last. These are the operators that torch.compile calls on a processor; called
 directly, they need no C++ compiler on the robot and no minute of compiling.
 """
@@ -10,7 +10,16 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from pipeline.victims.detection.network import LEAKY_SLOPE, DarknetConvolution, DarknetNetwork
+from pipeline.victims.detection.network import ACTIVATE, LEAKY_SLOPE, DarknetConvolution, DarknetNetwork
+
+ONEDNN_ACTIVATIONS: dict[str, tuple[str, list[float]]] = {
+    "linear": ("none", []),
+    "leaky": ("leaky_relu", [LEAKY_SLOPE]),
+    "relu": ("relu", []),
+    "logistic": ("sigmoid", []),
+    "swish": ("swish", []),
+}
+"""Name and parameters of the activations that oneDNN's convolution applies; others follow it."""
 
 
 class FusedNetwork:
@@ -34,24 +43,24 @@ class FusedNetwork:
 
 
 class _FusedConvolution(nn.Module):
-    """Convolution, batch normalization and leaky ReLU as one operator."""
+    """Convolution, batch normalization and activation as one operator."""
 
     def __init__(self, layer: DarknetConvolution, shape: tuple[int, int, int]) -> None:
         super().__init__()
         kernel, self._bias = _folded(layer)
         kernel = kernel.cpu().contiguous(memory_format=torch.channels_last)
         conv = layer.conv
-        # Padding, stride, dilation, groups.
-        window = (list(conv.padding), list(conv.stride), [1, 1], 1)
+        window = (list(conv.padding), list(conv.stride), list(conv.dilation), conv.groups)
         self._kernel = torch.ops.mkldnn._reorder_convolution_weight(kernel, *window, [1, *shape])
         self._window = window
-        self._activation = ("leaky_relu", [LEAKY_SLOPE]) if layer.leaky else ("none", [])
+        is_fused = layer.activation in ONEDNN_ACTIVATIONS
+        self._activation = ONEDNN_ACTIVATIONS[layer.activation if is_fused else "linear"]
+        self._activate = ACTIVATE["linear" if is_fused else layer.activation]
 
     def forward(self, x: Tensor) -> Tensor:
         """(1, C, H, W) in and out."""
-        return torch.ops.mkldnn._convolution_pointwise(
-            x, self._kernel, self._bias, *self._window, *self._activation, ""
-        )
+        x = torch.ops.mkldnn._convolution_pointwise(x, self._kernel, self._bias, *self._window, *self._activation, "")
+        return self._activate(x)
 
 
 @torch.no_grad()

@@ -1,6 +1,6 @@
-"""YOLOv3 in PyTorch, layer by layer as a Darknet ``.cfg`` describes it."""
+"""Networks of the YOLOv3 and YOLOv4 families in PyTorch, layer by layer as a Darknet ``.cfg`` describes them."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from math import prod
 
@@ -10,11 +10,13 @@ from torch.nn import functional
 
 from pipeline.errors import InputError
 from pipeline.victims.detection.darknet_cfg import (
+    Avgpool,
     Convolutional,
     DarknetCfg,
     Layer,
     Maxpool,
     RouteLayer,
+    Scale,
     Shortcut,
     Upsample,
     YoloHead,
@@ -22,6 +24,15 @@ from pipeline.victims.detection.darknet_cfg import (
 
 BATCH_NORM_EPSILON = 1e-6  # as Darknet's batchnorm_layer.c on a processor, and OpenCV's reader
 LEAKY_SLOPE = 0.1  # as Darknet's activations.h
+ACTIVATE: dict[str, Callable[[Tensor], Tensor]] = {
+    "linear": lambda x: x,
+    "leaky": lambda x: functional.leaky_relu(x, LEAKY_SLOPE, inplace=True),
+    "relu": functional.relu_,
+    "relu6": lambda x: functional.relu6(x, inplace=True),
+    "logistic": torch.sigmoid,
+    "swish": functional.silu,
+    "mish": functional.mish,
+}
 MOST_NUMBERS = 2**29
 """Most weights of a network, and most numbers that it computes for an image: 2 GB each; YOLOv3 has 62 million
 weights, and computes 345 million numbers for an image of 1024 × 1024 pixels."""
@@ -48,7 +59,7 @@ class DarknetNetwork(nn.Module):
         inputs = [(cfg.channels, cfg.height, cfg.width), *self.shapes]
         self.layers = nn.ModuleList(_module(layer, inputs[i]) for i, layer in enumerate(cfg.layers))
         self._kept = {i for layer in cfg.layers if isinstance(layer, RouteLayer) for i in layer.layers}
-        self._kept |= {layer.layer for layer in cfg.layers if isinstance(layer, Shortcut)}
+        self._kept |= {layer.layer for layer in cfg.layers if isinstance(layer, Shortcut | Scale)}
 
     def forward(self, images: Tensor) -> list[Tensor]:
         """(N, anchors · (5 + classes), H, W) input of each [yolo], from (N, C, H, W) images of 0 to 1."""
@@ -56,15 +67,18 @@ class DarknetNetwork(nn.Module):
         heads: list[Tensor] = []
         x = images
         for index, (layer, module) in enumerate(zip(self.cfg.layers, self.layers, strict=True)):
-            if isinstance(layer, RouteLayer):
-                sources = [kept[i] for i in layer.layers]
-                x = torch.cat(sources, dim=1) if sources[1:] else sources[0]
-            elif isinstance(layer, Shortcut):
-                x = x + kept[layer.layer]
-            elif isinstance(layer, YoloHead):
-                heads.append(x)
-            else:
-                x = module(x)
+            match layer:
+                case RouteLayer():
+                    sources = [kept[i].chunk(layer.groups, dim=1)[layer.group] for i in layer.layers]
+                    x = torch.cat(sources, dim=1) if sources[1:] else sources[0]
+                case Shortcut():
+                    x = ACTIVATE[layer.activation](x + kept[layer.layer])
+                case Scale():
+                    x = ACTIVATE[layer.activation](x * kept[layer.layer])
+                case YoloHead():
+                    heads.append(x)
+                case _:
+                    x = module(x)
             if index in self._kept:
                 kept[index] = x
         return heads
@@ -72,7 +86,8 @@ class DarknetNetwork(nn.Module):
     @property
     def stride(self) -> int:
         """Pixels of the input, along one side, per cell of the coarsest scale."""
-        return self.cfg.width // min(width for _, _, width in self.shapes)
+        heads = zip(self.cfg.layers, self.shapes, strict=True)
+        return self.cfg.width // min(shape[2] for layer, shape in heads if isinstance(layer, YoloHead))
 
     def resized(self, width: int, height: int) -> "DarknetNetwork":
         """A network in evaluation mode with the same weights for an input of another size.
@@ -91,21 +106,22 @@ class DarknetNetwork(nn.Module):
 
 
 class DarknetConvolution(nn.Module):
-    """Convolution, with batch normalization and leaky ReLU if the layer has them."""
+    """Convolution, with batch normalization and activation if the layer has them."""
 
     def __init__(self, layer: Convolutional, channels: int) -> None:
         super().__init__()
         normalize = layer.batch_normalize
-        self.conv = nn.Conv2d(channels, layer.filters, layer.size, layer.stride, layer.padding, bias=not normalize)
+        window = layer.size, layer.stride, layer.padding, layer.dilation, layer.groups
+        self.conv = nn.Conv2d(channels, layer.filters, *window, bias=not normalize)
         self.norm = nn.BatchNorm2d(layer.filters, BATCH_NORM_EPSILON) if normalize else None
-        self.leaky = layer.activation == "leaky"
+        self.activation = layer.activation
 
     def forward(self, x: Tensor) -> Tensor:
         """(N, C, H, W) in and out."""
         x = self.conv(x)
         if self.norm is not None:
             x = self.norm(x)
-        return functional.leaky_relu(x, LEAKY_SLOPE, inplace=True) if self.leaky else x
+        return ACTIVATE[self.activation](x)
 
 
 class DarknetMaxpool(nn.Module):
@@ -136,9 +152,11 @@ def _module(layer: Layer, shape: tuple[int, int, int]) -> nn.Module:
             return DarknetConvolution(layer, shape[0])
         case Maxpool():
             return DarknetMaxpool(layer, *shape[1:])
+        case Avgpool():
+            return nn.AdaptiveAvgPool2d(1)
         case Upsample():
             return nn.Upsample(scale_factor=layer.stride, mode="nearest")
-    return nn.Identity()  # route, shortcut and yolo have no weights; DarknetNetwork.forward computes them
+    return nn.Identity()  # dropout; and DarknetNetwork.forward computes what joins layers
 
 
 def _shapes(cfg: DarknetCfg) -> list[tuple[int, int, int]]:
@@ -162,8 +180,13 @@ def _shape(
     channels, height, width = before
     match layer:
         case Convolutional():
-            extents = ((e + 2 * layer.padding - layer.size) // layer.stride + 1 for e in (height, width))
+            if channels % layer.groups:
+                raise InputError(f"{where}: groups={layer.groups} do not divide {channels} channels")
+            window = layer.dilation * (layer.size - 1) + 1
+            extents = ((e + 2 * layer.padding - window) // layer.stride + 1 for e in (height, width))
             return (layer.filters, *extents)  # type: ignore[return-value]
+        case Avgpool():
+            return channels, 1, 1
         case Maxpool():
             return channels, _pooled(layer, height), _pooled(layer, width)
         case Upsample():
@@ -172,10 +195,15 @@ def _shape(
             sources = [shapes[i] for i in layer.layers]
             if len({shape[1:] for shape in sources}) != 1:
                 raise InputError(f"{where}: layers of other sizes: {_sizes(sources)}")
-            return (sum(shape[0] for shape in sources), *sources[0][1:])
-        case Shortcut():
-            if shapes[layer.layer] != before:
-                raise InputError(f"{where}: layers of other sizes: {_sizes([shapes[layer.layer], before])}")
+            if any(shape[0] % layer.groups for shape in sources):
+                raise InputError(f"{where}: groups={layer.groups} do not divide the channels of {_sizes(sources)}")
+            return (sum(shape[0] // layer.groups for shape in sources), *sources[0][1:])
+        case Shortcut() | Scale():
+            source = shapes[layer.layer]
+            is_each = isinstance(layer, Shortcut) or layer.each_pixel
+            if before != (source if is_each else (source[0], 1, 1)):
+                raise InputError(f"{where}: layers of other sizes: {_sizes([source, before])}")
+            return source
         case YoloHead():
             if channels != layer.channels:
                 raise InputError(f"{where}: needs filters={layer.channels} before it, not {channels}")
@@ -188,7 +216,7 @@ def _check_size(cfg: DarknetCfg, shapes: Sequence[tuple[int, int, int]]) -> None
     convolutions = [
         (layer, n) for layer, n in zip(cfg.layers, inputs, strict=False) if isinstance(layer, Convolutional)
     ]
-    weights = sum(layer.filters * n * layer.size**2 for layer, n in convolutions)
+    weights = sum(layer.filters * n * layer.size**2 // layer.groups for layer, n in convolutions)
     outputs = cfg.channels * cfg.height * cfg.width + sum(map(prod, shapes))
     for count, what in ((weights, "weights"), (outputs, "numbers for an image")):
         if count > MOST_NUMBERS:

@@ -77,10 +77,12 @@ class YoloTrainer(TrainingLoop[list[TrainingImage]]):
         if initial == path:
             self._text = fitted_cfg(self._text, training, config)
             network = new_network(self._text)
-        elif cfg.classes == 1:
-            network = load_network(path, initial)
-        else:
+        elif cfg.classes > 1:
             raise InputError(f"{path}: tells {cfg.classes} classes apart, not people alone")
+        elif any(head.scale_x_y != 1 or head.new_coords for head in cfg.heads):
+            raise InputError(f"{path}: scale_x_y, new_coords: such boxes are not trained")
+        else:
+            network = load_network(path, initial)
         self.network = network.to(device)
         self.average = deepcopy(self.network).eval()
         self._yolo_loss = YoloLoss(self.network.cfg)

@@ -5,6 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from pipeline.datasets.recording import CameraPose, Recording
 from pipeline.datasets.replay import PoseSource, Replay, Replayed, default_poses, localisation_of
@@ -12,7 +13,7 @@ from pipeline.errors import InputError
 from pipeline.localisation.trajectory import Trajectory
 from pipeline.mapper import Mapper
 from pipeline.semantic_map.classifier import TruthClassifier
-from pipeline.transforms import inverse
+from pipeline.transforms import from_rotation, inverse
 from tests.pipeline.datasets.recorded_room import ODOMETRY, WAY, camera_poses, frames
 from tests.pipeline.localisation.driving_robot import T_BASE_CAMERA
 from tests.pipeline.robot_model import PIONEER
@@ -65,6 +66,71 @@ def test_true_poses_of_the_camera_become_those_of_the_robot() -> None:
     mapper, found = replayed(recording(truth=truth), "truth")
     np.testing.assert_allclose(mapper.keyframes.poses[0], WAY[0], atol=1e-12)
     np.testing.assert_allclose([r.T_world_base for r in found], WAY, atol=1e-12)
+
+
+ON_ITS_SIDE = from_rotation(
+    Rotation.from_euler("xyz", [110, 20, 30], degrees=True).as_matrix(), np.array([3.0, 1, 2])
+)
+"""4×4 pose of the room in a world whose z is not up."""
+
+
+def hand_held(**known) -> Recording:
+    """A recording of a camera whose pose on the robot is unknown."""
+    held = [replace(frame, T_odom_base=np.eye(4), T_base_camera=np.eye(4)) for frame in frames()]
+    return Recording(Path("room"), lambda: iter(held), **known)
+
+
+def tilt(T: np.ndarray) -> float:
+    """Degrees between z of the map and of a robot on level ground."""
+    return float(np.degrees(np.arccos(np.clip(T[2, 2], -1, 1))))
+
+
+@pytest.mark.parametrize("felt", [None, T_BASE_CAMERA[2, :3]], ids=["surfaces", "accelerometer"])
+def test_z_is_up_whatever_the_true_poses_call_so(felt: np.ndarray | None) -> None:
+    poses = ON_ITS_SIDE @ np.array(camera_poses(WAY))
+    mapper, found = replayed(hand_held(truth=Trajectory(TIMES, poses, of_camera=True), up=felt), "truth")
+    T_map_base = np.array([r.frame.T_odom_base for r in found])
+    assert tilt(T_map_base[0]) < 1e-6
+    assert max(map(tilt, T_map_base)) < (1 if felt is None else 1e-6)
+    np.testing.assert_allclose(
+        np.linalg.norm(np.diff(T_map_base[:, :3, 3], axis=0), axis=1),
+        np.linalg.norm(np.diff(np.array(WAY)[:, :3, 3], axis=0), axis=1),
+        atol=0.01,
+    )
+    np.testing.assert_allclose(found[0].T_world_base @ found[0].frame.T_base_camera, poses[0], atol=1e-9)
+    assert len(mapper.keyframes)
+
+
+def test_registration_alone_levels_a_hand_held_camera() -> None:
+    _, found = replayed(hand_held(), "registration")
+    assert max(tilt(r.frame.T_odom_base) for r in found) < 1.5
+
+
+def test_z_of_known_poses_stays_up_on_a_slope() -> None:
+    """Ground that the robot drives on says nothing against the poses."""
+    slope = from_rotation(Rotation.from_euler("y", 12, degrees=True).as_matrix(), np.zeros(3))
+    way = slope @ np.array(WAY)
+    _, found = replayed(recording(truth=Trajectory(TIMES, way)), "truth")
+    np.testing.assert_allclose([r.frame.T_odom_base for r in found], way, atol=1e-12)
+
+
+def test_frames_before_the_first_true_pose_are_left_out() -> None:
+    poses = ON_ITS_SIDE @ np.array(camera_poses(WAY))
+    source = hand_held(truth=Trajectory(TIMES[3:], poses[3:], of_camera=True))
+    _, found = replayed(source, "truth")
+    assert [r.frame.time for r in found] == TIMES[3:].tolist()
+    assert tilt(found[0].frame.T_odom_base) < 1e-6
+    assert source.left_out == {"frames at times of which no pose is known": 3}
+
+
+def test_what_shows_no_vertical_is_told_so() -> None:
+    blank = [replace(frame, depth=np.where(frame.depth > 0, np.float32(2), 0)) for frame in hand_held().frames()]
+    source = replace(hand_held(truth=Trajectory(TIMES, np.array(WAY), of_camera=True)), frames=lambda: iter(blank))
+    for poses in ("truth", "registration"):
+        with pytest.raises(
+            InputError, match="room: neither an accelerometer nor floor and walls tell which way is up"
+        ):
+            replayed(source, poses)
 
 
 def test_recorded_keyframes_are_made_again() -> None:

@@ -42,6 +42,21 @@ def test_trajectories_come_back(folder: Path) -> None:
     assert odometry.at(-1.0) is None
 
 
+@pytest.mark.parametrize(
+    ("felt", "up"),
+    [((0.5, 9, 3), (0.5, -9, -3)), ((0.5, -9, 3), (0.5, -9, 3)), ((0, 0, 0), None)],
+    ids=["Kinect", "camera", "nothing"],
+)
+def test_an_accelerometer_tells_the_vertical(folder: Path, felt: tuple, up: tuple | None) -> None:
+    rows = [f"{time:.2f} {' '.join(map(str, felt))}" for time in (0.0, 0.2, 0.4)]
+    (folder / "accelerometer.txt").write_text("\n".join(["# timestamp ax ay az", *rows, "9 7 7 7"]) + "\n")
+    found = read_tum_folder(folder).up
+    if up is None:
+        assert found is None
+    else:
+        np.testing.assert_allclose(found, np.array(up) / np.linalg.norm(up))
+
+
 def test_numbered_images_take_their_times_from_the_rate(folder: Path) -> None:
     for name in ("rgb", "depth"):
         (folder / f"{name}.txt").unlink()

@@ -7,7 +7,7 @@ import pytest
 
 from pipeline.keyframes import Places
 from pipeline.transforms import from_rotation
-from pipeline.victims import observation, victim_map
+from pipeline.victims import victim_map
 from pipeline.victims.detection.detection import Detection
 from pipeline.victims.observation import PersonObservation, Refusal, observe
 from pipeline.victims.victim_map import Victims
@@ -55,13 +55,23 @@ def test_the_map_may_lie_anywhere() -> None:
 def test_what_is_no_person_is_refused() -> None:
     assert "flat" in refusal([], Detection((70, 30, 100, 70), 0.9))  # a picture on the wall
     assert "flat" in refusal([], Detection((40, 90, 120, 118), 0.9))  # and on the floor
-    small: Ball = (1.5, 0, 0.05, 0.05)
-    assert "less than a person" in refusal([small], detection_of(camera_at(0, 0), small))
-    T = camera_at(0, 0)
-    with constants(observation, MAX_SIZE=0.2):
-        large = observe(step(T, [PERSON]), detection_of(T, PERSON), T)
-    assert isinstance(large, Refusal)
-    assert "more than a person" in large.reason
+    large: Ball = (3.2, 0, 0.8, 0.9)
+    assert "less like a person than like background" in refusal([large], detection_of(camera_at(0, 0), large))
+
+
+def test_what_covers_a_corner_of_its_box_is_not_what_was_detected() -> None:
+    x0, y0, x1, y1 = detection_of(camera_at(0, 0), PERSON).box
+    wide = Detection((x0 - 3 * (x1 - x0), y0 - 2 * (y1 - y0), x1, y1), 0.9)
+    assert "less like a person" in refusal([PERSON], wide)
+
+
+def test_what_together_is_no_person_is_not_confirmed() -> None:
+    row = [(2.2, y, 0.4, 0.4) for y in (-1.2, -0.6, 0.0, 0.6, 1.2)]
+    victims = Victims()
+    with constants(victim_map, chi2_gate=lambda dimensions: 1e6):  # all of it is taken for one person
+        walk(victims, [(0, 0), (0, 0.4)], row, row)
+    assert len(victims.all) == 1
+    assert victims.confirmed == []
 
 
 def test_a_hole_in_the_depth_is_refused() -> None:

@@ -67,6 +67,8 @@ def test_files_make_a_detector(tmp_path: Path) -> None:
     write_weights(tmp_path / "n.weights", bright_spot_network())
     loaded = VictimDetector.load(tmp_path / "n.cfg", tmp_path / "n.weights")
     assert loaded.detect(np.full((8, 16, 3), 255, np.uint8))
+    write_weights(tmp_path / "n.safetensors", bright_spot_network())
+    assert VictimDetector.load(tmp_path / "n.safetensors").detect(np.full((8, 16, 3), 255, np.uint8))
 
 
 @pytest.mark.parametrize(
@@ -81,6 +83,46 @@ def test_files_make_a_detector(tmp_path: Path) -> None:
 def test_images_that_are_none_are_refused(image: np.ndarray, message: str) -> None:
     with pytest.raises(InputError, match=message):
         VictimDetector(random_network(SMALL)).detect(image)
+
+
+def three_classes(biases: list[float]) -> DarknetNetwork:
+    """Sees a thing in every cell, with these logits of its three classes."""
+    network = random_network(SMALL.replace("classes=1", "classes=3").replace("filters=6", "filters=8"))
+    last = network.convolutions[-1].conv
+    with torch.no_grad():
+        assert last.bias is not None
+        last.weight.zero_()
+        last.bias.copy_(torch.tensor([0, 0, 0, 0, 9, *biases]))
+    return network
+
+
+def test_classes_are_known_by_their_names(tmp_path: Path) -> None:
+    image, text = (
+        np.zeros((8, 16, 3), np.uint8),
+        SMALL.replace("classes=1", "classes=3").replace("filters=6", "filters=8"),
+    )
+    (tmp_path / "n.cfg").write_text(text)
+    for biases, names, expected in (
+        ([9, -9, -9], "person\nfire extinguisher\ncat\n", {"victim"}),
+        ([-9, 9, -9], "person\nfire extinguisher\ncat\n", {"fire_extinguisher"}),
+        ([9, 9, 9], "person\nfire extinguisher\ncat\n", {"victim", "fire_extinguisher"}),
+        ([-9, -9, 9], "person\nfire extinguisher\ncat\n", set()),
+        ([-9, -9, 9], "person\ncat\ndoll", {"victim"}),
+    ):
+        (tmp_path / "n.names").write_text(names)
+        write_weights(tmp_path / "n.safetensors", three_classes(biases))
+        found = VictimDetector.load(tmp_path / "n.safetensors").detect(image)
+        assert {thing.kind for thing in found} == expected
+        assert [t.confidence for t in found] == sorted((t.confidence for t in found), reverse=True)
+
+
+@pytest.mark.parametrize(
+    ("names", "message"),
+    [(["person", "cat"], "3 classes, but 2 names"), (["a", "b", "c"], "has none of victim, hazmat_sign")],
+)
+def test_names_must_fit_and_be_known(names: list[str], message: str) -> None:
+    with pytest.raises(InputError, match=message):
+        VictimDetector(three_classes([0, 0, 0]), names=names)
 
 
 def test_a_network_must_know_people() -> None:

@@ -1,5 +1,6 @@
 """The network and its weights' files, against OpenCV's own reader."""
 
+from hashlib import sha256
 from pathlib import Path
 
 import cv2
@@ -101,6 +102,32 @@ def test_weights_survive_being_written(tmp_path: Path) -> None:
         torch.testing.assert_close(other.state_dict()[name], tensor, rtol=0, atol=0)
 
 
+def test_safetensors_keep_kernels_in_half_precision(tmp_path: Path) -> None:
+    network, path = random_network(SMALL), tmp_path / "n.safetensors"
+    write_weights(path, network, seen=9)
+    (tmp_path / "n.cfg").write_text(SMALL)
+    assert read_weights(path, random_network(SMALL, seed=1)) == 9
+    loaded = load_network(path).state_dict()
+    for name, tensor in network.state_dict().items():
+        torch.testing.assert_close(loaded[name], tensor.half().float() if tensor.ndim > 1 else tensor)
+    wider = random_network(SMALL.replace("size=3", "size=5"))
+    with pytest.raises(InputError, match=r"weights of another network: layers.0.conv.weight is \(2, 3, 3, 3\)"):
+        read_weights(path, wider)
+
+
+@pytest.mark.parametrize("ending", ["weights", "safetensors"])
+def test_weights_must_have_the_hash_that_is_written_beside_them(ending: str, tmp_path: Path) -> None:
+    network, path = random_network(SMALL), tmp_path / f"n.{ending}"
+    write_weights(path, network)
+    beside = path.with_name(f"{path.name}.sha256")
+    beside.write_text(f"{sha256(path.read_bytes()).hexdigest()}  {path.name}\n")
+    read_weights(path, network)
+    for wrong in (64 * "0", ""):
+        beside.write_text(wrong)
+        with pytest.raises(InputError, match=rf"SHA-256 .* not {wrong} as n.{ending}.sha256 has it"):
+            read_weights(path, network)
+
+
 def test_wrong_weights_are_refused(tmp_path: Path) -> None:
     network, path = random_network(SMALL), tmp_path / "n.weights"
     write_weights(path, network)
@@ -123,6 +150,9 @@ def test_layers_that_do_not_fit_are_refused() -> None:
     for old, new, message in (
         ("filters=6", "filters=5", "filters=6 before it, not 5"),
         ("[yolo]", "[route]\nlayers=-1,-2\n[shortcut]\nfrom=0\nactivation=linear\n[yolo]", "other sizes: 2×4×8"),
+        ("[yolo]", "[scale_channels]\nfrom=0\n[yolo]", "other sizes: 2×4×8, 6×4×8"),
+        ("[yolo]", "[route]\nlayers=0\ngroups=3\ngroup_id=1\n[yolo]", "groups=3 do not divide the channels of 2×4×8"),
+        ("size=1", "size=1\ngroups=3", "groups=3 do not divide 2 channels"),
         ("[yolo]", "[upsample]\nstride=2\n[route]\nlayers=-1,0\n[yolo]", "other sizes: 6×8×16, 2×4×8"),
         ("size=1", "size=9", "nothing is left"),
     ):

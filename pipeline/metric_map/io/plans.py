@@ -27,17 +27,36 @@ def save_geotiff(path: Path, cells: Cells, cell: float, origin: NDArray[np.float
     Raises:
         InputError: the file cannot be written.
     """
-    tags, height = TiffImagePlugin.ImageFileDirectory_v2(), cells.shape[1] * cell
+    top = origin + np.array([0.0, cells.shape[1] * cell])
+    write_geotiff(path, _image(cells), cell, top, PGM_UNKNOWN)
+    return [path]
+
+
+def write_geotiff(
+    path: Path, image: Cells, pixel: float, corner: NDArray[np.float64], unknown: int | None = None
+) -> None:
+    """Write an image (H, W) or (H, W, 3), its upper left corner at ``corner`` (2,) m, y up, as GeoTIFF without loss.
+
+    Args:
+        path: of the file.
+        image: grey or RGB.
+        pixel: side of a pixel, m.
+        corner: of the first pixel, m.
+        unknown: value of unknown pixels.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    tags = TiffImagePlugin.ImageFileDirectory_v2()
     for tag, kind, value in (
-        (33550, TiffTags.DOUBLE, (cell, cell, 0.0)),  # ModelPixelScale
-        (33922, TiffTags.DOUBLE, (0.0, 0.0, 0.0, float(origin[0]), float(origin[1]) + height, 0.0)),  # ModelTiepoint
+        (33550, TiffTags.DOUBLE, (pixel, pixel, 0.0)),  # ModelPixelScale
+        (33922, TiffTags.DOUBLE, (0.0, 0.0, 0.0, float(corner[0]), float(corner[1]), 0.0)),  # ModelTiepoint
         (34735, TiffTags.SHORT, GEO_KEYS),
-        (42113, TiffTags.ASCII, str(PGM_UNKNOWN)),  # GDAL_NODATA
+        *([] if unknown is None else [(42113, TiffTags.ASCII, str(unknown))]),  # GDAL_NODATA
     ):
         tags.tagtype[tag], tags[tag] = kind, value
     with whole_file(path) as partial:
-        Image.fromarray(_image(cells)).save(partial, "TIFF", tiffinfo=tags, compression="tiff_adobe_deflate")
-    return [path]
+        Image.fromarray(image).save(partial, "TIFF", tiffinfo=tags, compression="tiff_adobe_deflate")
 
 
 def save_world_png(path: Path, cells: Cells, cell: float, origin: NDArray[np.float64]) -> list[Path]:

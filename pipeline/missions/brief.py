@@ -7,6 +7,7 @@ from typing import Literal, get_args
 
 from pipeline.errors import InputError
 
+HANDED_IN = "handed_in"  # The folder of the files, in that of the run
 Task = Literal["explore", "find", "home", "park"]
 """Map the arena, report what is in it, be back at the start in time, end beside victims that are alive."""
 TASKS = get_args(Task)

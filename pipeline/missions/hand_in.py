@@ -12,17 +12,15 @@ from pipeline.map_file import KEYFRAMES, load_elevation_map
 from pipeline.metric_map.io.npz import load_metric_map
 from pipeline.metric_map.io.plans import write_geotiff
 from pipeline.metric_map.metric_map import MetricMap
-from pipeline.missions.brief import MissionBrief
+from pipeline.missions.brief import HANDED_IN, MissionBrief
 from pipeline.missions.cloud import write_cloud
 from pipeline.missions.plan import draw_plan, searched_ground
 from pipeline.missions.pois import PointOfInterest, found_in, points_of_interest, write_pois
-from pipeline.missions.style import LENGTHS
+from pipeline.missions.rules import LENGTHS
 from pipeline.robot import RobotModel
 from pipeline.semantic_map.ply import read_ply
 from pipeline.transforms import from_yaw
 from pipeline.traversability.traversability import assess_map
-
-HANDED_IN = "handed_in"  # The folder, in that of the run
 
 
 def hand_in(folder: Path, brief: MissionBrief, robot: RobotModel) -> list[Path]:

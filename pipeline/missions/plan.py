@@ -12,7 +12,7 @@ from scipy.special import expit
 from pipeline.grid_map import Grid, check_memory
 from pipeline.metric_map.metric_map import LOG_ODDS, MetricMap
 from pipeline.missions.pois import PointOfInterest
-from pipeline.missions.style import COLOURS, LENGTHS, pixels
+from pipeline.missions.rules import COLOURS, LENGTHS, pixels
 from pipeline.transforms import inverse, transform_points
 from pipeline.traversability.ros_map import LETHAL, costs
 from pipeline.traversability.traversability import Traversability

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from pipeline.errors import InputError
 from pipeline.files import MOST_TEXT, read_text, whole_file
 from pipeline.missions.brief import START, MissionBrief
-from pipeline.missions.style import LENGTHS
+from pipeline.missions.rules import LENGTHS
 from pipeline.transforms import inverse, transform_points
 
 TYPES = ("ar_code", "hazmat_sign", "real_object", "heat_sig")

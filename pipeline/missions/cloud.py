@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from scipy.special import expit
 
-from pipeline.errors import InputError
 from pipeline.files import MOST_MEMORY, read_bytes, whole_file
 from pipeline.localisation.registration import NORMAL_NEIGHBOURS
 from pipeline.metric_map.metric_map import LOG_ODDS, MetricMap

@@ -44,13 +44,14 @@ def hand_in(folder: Path, brief: MissionBrief, robot: RobotModel) -> list[Path]:
     except OSError as error:
         raise InputError(f"{target}: {error.strerror or error}") from error
     path, T = _driven(folder, robot.half_length)
+    cameras = path + np.array([0.0, 0.0, robot.headroom])
     metric_map = load_metric_map(folder / "metric_map.npz")
     pois = points_of_interest(found_in(folder), T, brief.start)
     names = (brief.plan_name, brief.cloud_name, brief.pois_name)
     plan, cloud, listed = files = [target / name for name in names]
     each(
         lambda: write_pois(listed, brief, pois),
-        lambda: write_cloud(cloud, brief, *_surface(folder, metric_map), path + [0, 0, robot.headroom], metric_map, T),
+        lambda: write_cloud(cloud, brief, *_surface(folder, metric_map), cameras, metric_map, T),
         lambda: _write_plan(plan, folder, robot, metric_map, T, path, pois),
     )
     return files

@@ -145,7 +145,9 @@ def _draw_start(plan: Plan, start: NDArray[np.floating]) -> None:
     """Draw an arrow up the map, in the middle of the robot at its start (3,) m."""
     x, y = plan.pixel_of(start).tolist()
     half = pixels("arrow", 0.5)
-    tips = np.array([(x, y - half), (x - half // 2, y + half), (x, y + half // 2), (x + half // 2, y + half)], np.int32)
+    tips = np.array(
+        [(x, y - half), (x - half // 2, y + half), (x, y + half // 2), (x + half // 2, y + half)], np.int32
+    )
     cv2.fillPoly(plan.image, [tips], COLOURS["start"])
 
 

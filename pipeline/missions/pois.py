@@ -120,9 +120,7 @@ def points_of_interest(
 
 def is_same_thing(a: PointOfInterest, b: PointOfInterest) -> bool:
     """Whether two finds are of one thing: of one name, and nearer than two of them can hang side by side."""
-    return (a.type, a.name) == (b.type, b.name) and bool(
-        np.linalg.norm(a.position - b.position) < LENGTHS["diamond"]
-    )
+    return (a.type, a.name) == (b.type, b.name) and bool(np.linalg.norm(a.position - b.position) < LENGTHS["diamond"])
 
 
 def write_pois(path: Path, brief: MissionBrief, pois: Sequence[PointOfInterest]) -> None:

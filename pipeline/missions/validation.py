@@ -9,8 +9,8 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from pipeline.errors import InputError
-from pipeline.missions.cloud import COMMENTS, NORMAL, RGB, CloudFile, read_cloud
 from pipeline.missions.brief import HANDED_IN
+from pipeline.missions.cloud import COMMENTS, NORMAL, RGB, CloudFile, read_cloud
 from pipeline.missions.pois import PoiFile, read_pois
 from pipeline.missions.rules import COLOURS, LENGTHS, LIMITS
 

@@ -22,7 +22,7 @@ class ScoreMission:
         start: start pose: x and y in m, yaw in degrees; by default the arena's own.
         robot: that drove: pioneer3at, jackal, or the path of an MJCF file.
         mission: league, virtual, or the path of a YAML file with rewards and penalties.
-        parked: x and y in m where the robot was at the end; by default the end of trajectory_true.tum, if it is there.
+        parked: x and y in m where the robot was at the end; by default the end of trajectory_true.tum.
         resets: how often the robot was touched.
         contacts: contacts with living victims.
     """
@@ -38,7 +38,7 @@ class ScoreMission:
 
 
 def score_mission(settings: ScoreMission) -> None:
-    """Compare the 3D map and the list of finds that a team hands in with the arena, and print both leagues' scores."""
+    """Compare the 3D map and the list of finds of a team with the arena, and print both leagues' scores."""
     import json
 
     import numpy as np

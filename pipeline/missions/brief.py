@@ -6,12 +6,13 @@ from datetime import datetime
 from typing import Literal, get_args
 
 from pipeline.errors import InputError
+from pipeline.missions.rules import LIMITS, POINTS
 
 HANDED_IN = "handed_in"  # The folder of the files, in that of the run
 Task = Literal["explore", "find", "home", "park"]
 """Map the arena, report what is in it, be back at the start in time, end beside victims that are alive."""
 TASKS = get_args(Task)
-START = datetime.fromisoformat("2026-01-26T14:30:00")
+DEFAULT_START = datetime.fromisoformat("2026-01-26T14:30:00")
 """Start of a mission that names none: a fixed one, so that files are equal by seed."""
 
 
@@ -27,12 +28,12 @@ class Rewards:
         alpha: difficulty of the map, Virtual Robot 2022: above 0.1 and below 2, by the map's designer.
     """
 
-    detection: float = 1.0
-    extra: float = 0.1
-    teleoperated: float = 1.0
-    autonomous: float = 5.0
-    beta: float = 0.5
-    alpha: float = 1.0
+    detection: float = POINTS["detection"]
+    extra: float = POINTS["extra"]
+    teleoperated: float = POINTS["teleoperated"]
+    autonomous: float = POINTS["autonomous"]
+    beta: float = POINTS["beta"]
+    alpha: float = POINTS["alpha"]
 
 
 @dataclass(frozen=True)
@@ -45,9 +46,9 @@ class Penalties:
         reset: points lost at each reset in the labyrinth; 0, for the summary of the rules names none.
     """
 
-    contact: float = 0.2
-    wrong: float = 0.5
-    reset: float = 0.0
+    contact: float = POINTS["contact"]
+    wrong: float = POINTS["wrong"]
+    reset: float = POINTS["reset"]
 
 
 @dataclass(frozen=True)
@@ -65,8 +66,8 @@ class MissionBrief:
     team: str = "sarsim"
     country: str = "none"
     name: str = "mission"
-    start: datetime = START
-    minutes: float = 20.0
+    start: datetime = DEFAULT_START
+    minutes: float = LIMITS["minutes"]
     tasks: tuple[Task, ...] = ("explore", "find")
     rewards: Rewards = field(default_factory=Rewards)
     penalties: Penalties = field(default_factory=Penalties)

@@ -76,7 +76,7 @@ def write_cloud(
     lines += [f"comment {name}: {value}" for name, value in zip(COMMENTS, comments, strict=True)]
     lines += [f"element vertex {len(points)}", *(f"property {KINDS[name]} {name}" for name in WRITTEN), "end_header"]
     table = np.column_stack([moved, colours, normals, confidence])
-    form = " ".join(["%.3f"] * 3 + ["%d"] * 3 + ["%.2f"] * 4)
+    form = " ".join(["%.3f"] * len(PLACE) + ["%d"] * len(RGB) + ["%.2f"] * (len(NORMAL) + 1))
     with whole_file(path) as partial:
         np.savetxt(partial, table, form, header="\n".join(lines), comments="", encoding="utf-8")
 

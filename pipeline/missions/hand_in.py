@@ -4,6 +4,7 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from pipeline.errors import InputError
 from pipeline.files import each, read_numbers
@@ -18,8 +19,8 @@ from pipeline.missions.plan import draw_plan, searched_ground
 from pipeline.missions.pois import PointOfInterest, found_in, points_of_interest, write_pois
 from pipeline.missions.rules import LENGTHS
 from pipeline.robot import RobotModel
-from pipeline.semantic_map.ply import read_ply
-from pipeline.transforms import from_yaw
+from pipeline.semantic_map.ply import VERTEX, read_ply
+from pipeline.transforms import from_rotation, from_yaw
 from pipeline.traversability.traversability import assess_map
 
 
@@ -71,17 +72,15 @@ def _driven(folder: Path, front: float) -> tuple[NDArray[np.float64], NDArray[np
     rows = read_numbers(file, "t x y z qx qy qz qw")
     if not len(rows):
         raise InputError(f"{file}: no pose")
-    x, y, z, w = rows[0, -4:] / np.linalg.norm(rows[0, -4:])
-    T = np.eye(4)
-    T[:3, 0] = 1 - 2 * (y * y + z * z), 2 * (x * y + z * w), 2 * (x * z - y * w)
-    T[:3, 3] = rows[0, 1:4]
-    return rows[:, 1:4], league_frame(T, front)
+    _, x, y, z, *quaternion = rows.T
+    track, R = np.stack([x, y, z], axis=1), Rotation.from_quat([q[0] for q in quaternion])
+    return track, league_frame(from_rotation(R.as_matrix(), track[0]), front)
 
 
 def _surface(folder: Path, metric_map: MetricMap) -> tuple[NDArray[np.float32], NDArray[np.uint8]]:
     """(N, 3) points, m in ``map``, with colours (N, 3): of the semantic map, or else of occupied voxels."""
     file = folder / "semantic_map.ply"
-    vertices = read_ply(file) if file.exists() else []
+    vertices = read_ply(file) if file.exists() else np.zeros(0, VERTEX)
     if not len(vertices):
         centres = metric_map.occupied_centres()
         return centres, np.tile(COLOURS[Label.UNLABELLED], (len(centres), 1))

@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 from pipeline.errors import InputError
 from pipeline.files import MOST_TEXT, read_text, whole_file
-from pipeline.missions.brief import START, MissionBrief
+from pipeline.missions.brief import DEFAULT_START, MissionBrief
 from pipeline.missions.rules import LENGTHS
 from pipeline.transforms import inverse, transform_points
 
-TYPES = ("ar_code", "hazmat_sign", "real_object", "heat_sig")
+POI_TYPES = ("ar_code", "hazmat_sign", "real_object", "heat_sig")
 TYPE_OF = {
     "april_tag": "ar_code",
     "hazmat_sign": "hazmat_sign",
@@ -26,7 +26,7 @@ TYPE_OF = {
     **dict.fromkeys(("victim", "fire_extinguisher", "door_lever"), "real_object"),
 }
 """The league's type of each kind of find; QR codes have none. That victims are objects is an assumption."""
-COLUMNS = "detection,time,type,name,x,y,z,robot,mode"
+POI_COLUMNS = "detection,time,type,name,x,y,z,robot,mode"
 MODES = {"A": "autonomous", "T": "teleoperated"}
 HEADER = ("pois", "1.3", "team", "country", "date", "time", "mission")
 """The quoted lines before the columns: two fixed words and five of the mission's own."""
@@ -43,7 +43,7 @@ class PointOfInterest:
 
     Attributes:
         time: of the detection, ``HH:MM:SS``.
-        type: one of ``TYPES``.
+        type: one of ``POI_TYPES``.
         name: of a tag, a class or an object.
         position: (3,) float64 m, in the frame of the 3D map.
         robot: that found it.
@@ -133,7 +133,7 @@ def write_pois(path: Path, brief: MissionBrief, pois: Sequence[PointOfInterest])
         for number, poi in enumerate(pois, 1)
     ]
     with whole_file(path) as partial:
-        partial.write_text("\n".join([*map(_quoted, (*HEADER[:2], *own)), COLUMNS, *rows, ""]), encoding="utf-8")
+        partial.write_text("\n".join([*map(_quoted, (*HEADER[:2], *own)), POI_COLUMNS, *rows, ""]), encoding="utf-8")
 
 
 def _quoted(text: str) -> str:
@@ -152,8 +152,8 @@ def read_pois(path: Path) -> PoiFile:
     if len(lines) <= len(HEADER):
         read.faults.append(f"ends after {len(lines)} lines; {len(HEADER)} of a header and the columns are wanted")
         return read
-    if lines[len(HEADER)] != COLUMNS:
-        read.faults.append(f"line {len(HEADER) + 1}: must be {COLUMNS}")
+    if lines[len(HEADER)] != POI_COLUMNS:
+        read.faults.append(f"line {len(HEADER) + 1}: must be {POI_COLUMNS}")
     for number, line in enumerate(lines[len(HEADER) + 1 :], 1):
         _read_row(read, number, len(HEADER) + 1 + number, line)
     return read
@@ -171,7 +171,7 @@ def _read_header(read: PoiFile, number: int, name: str, line: str) -> None:
     elif not value.strip():
         read.faults.append(f"line {number}: the {name} is empty")
     elif name in FORMS and not _is_of(value, FORMS[name]):
-        read.faults.append(f"line {number}: {value} is no {name} as in {START:{FORMS[name]}}")
+        read.faults.append(f"line {number}: {value} is no {name} as in {DEFAULT_START:{FORMS[name]}}")
 
 
 def _is_of(text: str, form: str) -> bool:
@@ -186,14 +186,16 @@ def _read_row(read: PoiFile, number: int, at: int, line: str) -> None:
     """Take one detection, the ``number``th, from line ``at``."""
     row = _ROW.fullmatch(line)
     if row is None:
-        read.faults.append(f"line {at}: must be {COLUMNS}, with type, name and robot in double quotes, x y z in m")
+        read.faults.append(
+            f"line {at}: must be {POI_COLUMNS}, with type, name and robot in double quotes, x y z in m"
+        )
         return
     label, time, kind, name, x, y, z, robot, mode = (text.replace('""', '"') for text in row.groups())
     poi = PointOfInterest(time, kind, name, np.array([float(x), float(y), float(z)]), robot, mode)
     wrong = {
         f"detection {label}: must be {number}, they are counted": int(label) != number,
         f"time {time}: there is no such": not _is_of(time, FORMS["time"]),
-        f"type {kind}: must be one of {', '.join(TYPES)}": kind not in TYPES,
+        f"type {kind}: must be one of {', '.join(POI_TYPES)}": kind not in POI_TYPES,
         "name: is empty": not name.strip(),
         f"mode {mode}: must be one of {', '.join(MODES)}": mode not in MODES,
     }

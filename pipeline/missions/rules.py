@@ -1,4 +1,4 @@
-"""How the elements of the league's 2D map look, and the limits that its files keep."""
+"""The numbers of the leagues' rules: looks of the 2D map, points, and the limits that files keep."""
 
 from importlib.resources import files
 
@@ -6,10 +6,12 @@ import yaml
 
 _TABLE = yaml.safe_load(files(__package__).joinpath("rules.yaml").read_text())
 
-COLOURS: dict[str, tuple[int, ...]] = {name: tuple(colour) for name, colour in _TABLE["colours"].items()}
+MAP_COLOURS: dict[str, tuple[int, ...]] = {name: tuple(colour) for name, colour in _TABLE["colours"].items()}
 """RGB by element."""
 LENGTHS: dict[str, float] = _TABLE["lengths"]
 """m, by element."""
+POINTS: dict[str, float] = _TABLE["points"]
+"""Points and factors of the leagues, by what earns or costs them."""
 LIMITS: dict[str, float] = _TABLE["limits"]
 """What a judge's tools would stumble over, by name."""
 

@@ -9,14 +9,14 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from pipeline.errors import InputError
+from pipeline.metric_map.io.plans import GeoTag
 from pipeline.missions.brief import HANDED_IN
 from pipeline.missions.cloud import COMMENTS, NORMAL, RGB, CloudFile, read_cloud
 from pipeline.missions.pois import PoiFile, read_pois
-from pipeline.missions.rules import COLOURS, LENGTHS, LIMITS
+from pipeline.missions.rules import LENGTHS, LIMITS, MAP_COLOURS
 
 ENDINGS = {".tiff": "2D map", ".ply": "3D map", ".csv": "list of finds"}
 NAME = re.compile(r"RoboCup\d{4}-[^-]+-.+")
-PIXEL_SCALE = 33550  # Tag of GeoTIFF: sides of a pixel, m
 ALWAYS = ("file_name", "scale", "grid", "start", "walls", "path")
 """Elements of every 2D map that have one colour."""
 
@@ -68,7 +68,9 @@ def _letters(*texts: str) -> str:
 
 
 def _stem(header: dict[str, str]) -> str:
-    return _letters("RoboCup", header.get("date", "")[:4], header.get("team", ""), header.get("mission", ""))
+    return _letters(
+        "RoboCup", header.get("date", "").partition("-")[0], header.get("team", ""), header.get("mission", "")
+    )
 
 
 def _wrong_list_name(path: Path, read: PoiFile) -> Iterator[str]:
@@ -139,7 +141,7 @@ def wrong_plan(path: Path, types: set[str]) -> list[str]:
     if image.ndim != 3 or image.shape[2] < 3 or image.dtype != np.uint8:
         return ["not a picture of red, green and blue of 8 bits each"]
     image = image[..., :3]
-    scale = np.atleast_1d(tags.get(PIXEL_SCALE, ()))
+    scale = np.atleast_1d(tags.get(GeoTag.PIXEL_SCALE, ()))
     return [*_wrong_scale(image, scale), *_missing_elements(image, types)]
 
 
@@ -153,14 +155,14 @@ def _wrong_scale(image: NDArray[np.uint8], scale: NDArray[np.float64]) -> Iterat
     if scale[0] != scale[1]:
         yield f"pixels of {scale[0]:g} × {scale[1]:g} m: squares are wanted"
     elif not line:
-        yield f"no scale at the top right: a line of exactly {LENGTHS['scale']:g} m in {COLOURS['scale']}"
+        yield f"no scale at the top right: a line of exactly {LENGTHS['scale']:g} m in {MAP_COLOURS['scale']}"
     elif abs(line * scale[0] - LENGTHS["scale"]) > scale[0]:
         yield f"its scale is {line} pixels of {scale[0]:g} m, which is {line * scale[0]:.3f} m and not 1 m"
 
 
 def _is_of(image: NDArray[np.uint8], element: str) -> NDArray[np.bool_]:
     """(H, W) the pixels of an image (H, W, 3) that have the colour of an element."""
-    return np.asarray((image == np.array(COLOURS[element], np.uint8)).all(axis=-1))
+    return np.asarray((image == np.array(MAP_COLOURS[element], np.uint8)).all(axis=-1))
 
 
 def _longest_run(mask: NDArray[np.bool_]) -> int:
@@ -172,15 +174,15 @@ def _longest_run(mask: NDArray[np.bool_]) -> int:
 
 def _missing_elements(image: NDArray[np.uint8], types: set[str]) -> Iterator[str]:
     """The elements that an image (H, W, 3) lacks by their colours."""
-    for element in (*ALWAYS, *sorted(types & COLOURS.keys())):
+    for element in (*ALWAYS, *sorted(types & MAP_COLOURS.keys())):
         if not _is_of(image, element).any():
-            yield f"no {element.replace('_', ' ')}: nothing is of the colour {COLOURS[element]}"
+            yield f"no {element.replace('_', ' ')}: nothing is of the colour {MAP_COLOURS[element]}"
     title = _is_of(image, "file_name")
     if title.any() and not title[: image.shape[0] // 2, : image.shape[1] // 2].any():
         yield "the file name is not at the top left"
     is_grey = image.max(axis=-1) == image.min(axis=-1)
-    if not (is_grey & (image[..., 0] >= COLOURS["searched"][0])).any():
-        yield f"no searched area: nothing is from {COLOURS['searched']} to {COLOURS['text']}"
+    if not (is_grey & (image[..., 0] >= MAP_COLOURS["searched"][0])).any():
+        yield f"no searched area: nothing is from {MAP_COLOURS['searched']} to {MAP_COLOURS['text']}"
     frame = np.concatenate([image[0], image[-1], image[:, 0], image[:, -1]])
     colours, counts = np.unique(frame, axis=0, return_counts=True)
     greys = np.ptp(colours[counts >= LIMITS["rarest"] * len(frame)].astype(int), axis=1) <= 2

@@ -30,7 +30,7 @@ from sarsim.victims.victims import victims_of
 
 BESIDE = 1.5  # m from a victim within which marks and robots count, Virtual Robot 2022
 SHOWN = 0.1  # m from a cell within which a point of the 3D map covers it: a voxel of a coarse map
-REACH = 0.5  # m; points farther from every true surface do not take part in the registration
+ALIKE = 0.5  # m; points farther from every true surface do not take part in the registration
 MOST_POINTS = 20_000  # of a cloud that are compared; the mean distance of so many is exact to 1 %
 ROUNDS = 30  # of the registration, which converges in fewer
 
@@ -101,7 +101,7 @@ def true_scene(model: mujoco.MjModel, data: mujoco.MjData) -> Any:
     geoms = np.flatnonzero(drawn_geoms(model))
     poses = [from_rotation(data.geom_xmat[geom].reshape(3, 3), data.geom_xpos[geom]) for geom in geoms]
     mesh, scene = joined_mesh(model, geoms, poses), o3d.t.geometry.RaycastingScene()
-    scene.add_triangles(mesh.vertices, mesh.triangles)
+    scene.add_triangles(*map(o3d.core.Tensor.from_numpy, (mesh.vertices, mesh.triangles)))
     return scene
 
 
@@ -126,14 +126,14 @@ def registered_error(points: NDArray[np.floating], scene: Any) -> float:
 def _nearest(points: NDArray[np.float64], scene: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
     """(N, 3) nearest points of the surfaces to points (N, 3) m in the world, and the normals (N, 3) there."""
     found = scene.compute_closest_points(np.ascontiguousarray(points, np.float32))
-    return tuple(found[name].numpy().astype(np.float64) for name in ("points", "primitive_normals"))  # type: ignore
+    return tuple(found[name].numpy().astype(np.float64) for name in ("points", "primitive_normals"))
 
 
 def _step(
     points: NDArray[np.float64], nearest: NDArray[np.float64], normals: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """(6,) rotation, rad, and translation, m, that bring points (N, 3) in the world nearer to the planes there."""
-    near = np.linalg.norm(points - nearest, axis=1) < REACH
+    near = np.linalg.norm(points - nearest, axis=1) < ALIKE
     points, nearest, normals = points[near], nearest[near], normals[near]
     rows = np.hstack([np.cross(points, normals), normals])
     step, *_ = np.linalg.lstsq(rows.T @ rows, rows.T @ ((nearest - points) * normals).sum(axis=1), rcond=1e-9)
@@ -207,8 +207,8 @@ def league_run(
 ) -> LeagueRun:
     """Measure what the Rescue Robot League counts; points (N, 3) and places (M, 3) of finds, m in the world.
 
-    A find is right within ``NEAR`` of a thing of its type and name that no other find has. A run is autonomous if every
-    find says so.
+    A find is right within ``NEAR`` of a thing of its type and name that no other find has. A run is
+    autonomous unless a find says otherwise.
     """
     names = {(thing.type, thing.name) for thing in arena.things}
     errors = [

@@ -1,7 +1,7 @@
 """The scores of the rescue leagues, rule by rule, from what was measured of a mission; numbers and nothing else.
 
-Sources: Rescue Robot League, rules 2026D, as a team's summary has them; Virtual Robot competition, draft of the rules of
-18 January 2022. What these leave open is an assumption, named in the docstring of the rule's function.
+Sources: Rescue Robot League, rules 2026D, as a team's summary has them; Virtual Robot competition, draft of the rules
+of 18 January 2022. What these leave open is an assumption, named in the docstring of the rule's function.
 """
 
 from dataclasses import dataclass
@@ -61,8 +61,8 @@ def league(run: LeagueRun, rewards: Rewards, penalties: Penalties) -> dict[str, 
     """The score of the Rescue Robot League 2026D: (map + detections) · autonomy − resets.
 
     map: ``coverage / (1 + global error) · bonus``. Assumed: errors in m, and a bonus of 1 + ``extra`` for each extra.
-    detections: ``DS / (1 + localisation error)``. Assumed: DS is a fixed number of points for each thing found; a wrong
-    find costs nothing, as the summary names no price.
+    detections: ``DS / (1 + localisation error)``. Assumed: DS is a fixed number of points for each thing found, and a
+    wrong find costs nothing, as the summary names no price.
     autonomy: the sum of both × 5, or × 1 if teleoperated; what the factor adds are this rule's points.
     resets: the summary names no price in the labyrinth.
     """
@@ -79,7 +79,7 @@ def league(run: LeagueRun, rewards: Rewards, penalties: Penalties) -> dict[str, 
             "points": of_finds,
         },
         "autonomy": {"factor": factor, "points": (factor - 1) * (of_map + of_finds)},
-        "resets": {"count": run.resets, "points": -penalties.reset * run.resets},
+        "resets": {"count": run.resets, "points": 0.0 - penalties.reset * run.resets},
     }
     return rules | {"total": {"points": sum(rule["points"] for rule in rules.values())}}
 
@@ -87,9 +87,9 @@ def league(run: LeagueRun, rewards: Rewards, penalties: Penalties) -> dict[str, 
 def virtual(run: VirtualRun, rewards: Rewards, penalties: Penalties) -> dict[str, Rule]:
     """The score of the Virtual Robot competition 2022, of which the rules are the summands.
 
-    ``[β S + (1 − β) ((v_r − ½ v_w) / V + max(0, (2 v_ar − v_aw) / (2 V_a)))] α``. Assumed: without victims, or without
-    living ones, that summand is 0; a contact costs a share of what a living victim adds to both summands, and all
-    contacts together at most what the living with a robot beside them have brought.
+    ``[β S + (1 − β) ((v_r − ½ v_w) / V + max(0, (2 v_ar − v_aw) / (2 V_a)))] α``. Assumed: without victims, or
+    without living ones, that summand is 0; a contact costs a share of what a living victim adds to both summands, and
+    all contacts together at most what the living with a robot beside them have brought.
     """
     share = run.discovered / run.portals if run.portals else 0.0
     found = rewards.alpha * (1 - rewards.beta)
@@ -110,6 +110,6 @@ def virtual(run: VirtualRun, rewards: Rewards, penalties: Penalties) -> dict[str
             "wrong": run.wrong_living,
             "points": found * max(0.0, alive),
         },
-        "contacts": {"count": run.contacts, "points": -lost},
+        "contacts": {"count": run.contacts, "points": 0.0 - lost},
     }
     return rules | {"total": {"points": sum(rule["points"] for rule in rules.values())}}

@@ -1,6 +1,7 @@
 """A 2D map for geographic information systems and drawing programs: GeoTIFF, PNG with a world file, SVG, DXF."""
 
 from collections.abc import Callable
+from enum import IntEnum
 from pathlib import Path
 
 import cv2
@@ -14,6 +15,17 @@ from pipeline.metric_map.io.exports import PGM_FREE, PGM_OCCUPIED, PGM_UNKNOWN
 Cells = NDArray[np.uint8]
 GEO_KEYS = (1, 1, 0, 3, 1024, 0, 1, 32767, 1025, 0, 1, 1, 3076, 0, 1, 9001)
 """Keys of GeoTIFF 1.1: version 1.1.0, three keys: a user-defined model (``map``), pixels that are areas, metres."""
+
+
+class GeoTag(IntEnum):
+    """Tags of a TIFF that say where it lies (OGC GeoTIFF 1.1), and GDAL's own."""
+
+    PIXEL_SCALE = 33550
+    TIEPOINT = 33922
+    KEYS = 34735
+    NO_DATA = 42113
+
+
 LOOKS = {"unknown": (PGM_UNKNOWN, "#cdcdcd"), "free": (PGM_FREE, "#ffffff"), "occupied": (PGM_OCCUPIED, "#1a1a1a")}
 """Grey value and colour of each kind of ground."""
 
@@ -49,10 +61,10 @@ def write_geotiff(
     """
     tags = TiffImagePlugin.ImageFileDirectory_v2()
     for tag, kind, value in (
-        (33550, TiffTags.DOUBLE, (pixel, pixel, 0.0)),  # ModelPixelScale
-        (33922, TiffTags.DOUBLE, (0.0, 0.0, 0.0, float(corner[0]), float(corner[1]), 0.0)),  # ModelTiepoint
-        (34735, TiffTags.SHORT, GEO_KEYS),
-        *([] if unknown is None else [(42113, TiffTags.ASCII, str(unknown))]),  # GDAL_NODATA
+        (GeoTag.PIXEL_SCALE, TiffTags.DOUBLE, (pixel, pixel, 0.0)),
+        (GeoTag.TIEPOINT, TiffTags.DOUBLE, (0.0, 0.0, 0.0, float(corner[0]), float(corner[1]), 0.0)),
+        (GeoTag.KEYS, TiffTags.SHORT, GEO_KEYS),
+        *([] if unknown is None else [(GeoTag.NO_DATA, TiffTags.ASCII, str(unknown))]),
     ):
         tags.tagtype[tag], tags[tag] = kind, value
     with whole_file(path) as partial:

@@ -89,7 +89,7 @@ class MissionBrief:
     @property
     def stem(self) -> str:
         """``RoboCup[Year]-[Team]-[Mission]``, with _ for what would part the name or lead to another folder."""
-        team, name = (re.sub(r"[^\w.]+", "_", text).strip(".") or "_" for text in (self.team, self.name))
+        team, name = (re.sub(r"\W+", "_", text) for text in (self.team, self.name))
         return f"RoboCup{self.start.year}-{team}-{name}"
 
     @property

@@ -186,9 +186,7 @@ def _read_row(read: PoiFile, number: int, at: int, line: str) -> None:
     """Take one detection, the ``number``th, from line ``at``."""
     row = _ROW.fullmatch(line)
     if row is None:
-        read.faults.append(
-            f"line {at}: must be {POI_COLUMNS}, with type, name and robot in double quotes, x y z in m"
-        )
+        read.faults.append(f"line {at}: must be {POI_COLUMNS}; type, name and robot in double quotes, x y z in m")
         return
     label, time, kind, name, x, y, z, robot, mode = (text.replace('""', '"') for text in row.groups())
     poi = PointOfInterest(time, kind, name, np.array([float(x), float(y), float(z)]), robot, mode)

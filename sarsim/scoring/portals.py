@@ -10,21 +10,28 @@ from sarsim.ground_truth.true_surface import CELL, TrueSurface
 
 DOOR = 0.9  # m, width of the leagues' doors
 CORRIDOR = 1.2  # m, least width of their corridors
-SPUR = 0.6  # m; a shorter branch of the skeleton leads into a corner of a corridor, not along one
 EIGHT = np.ones((3, 3), np.bool_)
 RING = ((0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1))  # Steps to the neighbours, around
 
 
 def portals(surface: TrueSurface, clearance: float) -> NDArray[np.float64]:
-    """(N, 2) m, the doorways and junctions of the drivable ground.
+    """(N, 2) m, the doorways and junctions of the ground between the walls; what lies in the way makes none.
 
     Args:
         surface: the true ground.
-        clearance: m that the robot's middle keeps from obstacles, so by how much drivable ground is narrower.
+        clearance: m that the robot's middle keeps from walls.
     """
-    free = surface.drivable
+    free = _between_walls(surface, clearance)
     cells = [*_doorways(free, (DOOR + CORRIDOR) / 4 - clearance), *_junctions(free)]
     return surface.grid.centre_of(np.array(cells).reshape(-1, 2))
+
+
+def _between_walls(surface: TrueSurface, clearance: float) -> NDArray[np.bool_]:
+    """(nx, ny) the cells farther than ``clearance`` m from walls, joined with drivable ones, whatever lies there."""
+    near = surface.grid.distance_to(surface.walls) <= clearance
+    free = ndimage.binary_fill_holes(near | np.isfinite(surface.height)) & ~near
+    pieces, _ = ndimage.label(free, EIGHT)
+    return np.asarray(free & np.isin(pieces, np.unique(pieces[surface.drivable])))
 
 
 def _doorways(free: NDArray[np.bool_], narrow: float) -> list[NDArray[np.int64]]:
@@ -47,12 +54,25 @@ def _doorways(free: NDArray[np.bool_], narrow: float) -> list[NDArray[np.int64]]
 
 
 def _junctions(free: NDArray[np.bool_]) -> list[NDArray[np.int64]]:
-    """(2,) cells at which three or more ways of the skeleton meet."""
+    """(2,) cells of the skeleton from which three or more ways lead on, one of those near each other.
+
+    A way leads on if it leaves the square around the largest disc there: branches into its corners do not.
+    """
     thin = skeleton(free)
-    for _ in range(round(SPUR / CELL)):
-        thin &= ~((_neighbours(thin).sum(axis=0) == 1) & thin)
-    meeting, count = ndimage.label(thin & (_crossings(_neighbours(thin)) >= 3), EIGHT)
-    return [_middle(meeting == number) for number in range(1, count + 1)]
+    reach = np.sqrt(2) * ndimage.distance_transform_edt(np.pad(free, 1))[1:-1, 1:-1] + 1
+    cells = np.argwhere(thin & (_crossings(_neighbours(thin)) >= 3))
+    found: list[NDArray[np.int64]] = []
+    for cell in cells[np.argsort(-reach[tuple(cells.T)], kind="stable")]:
+        is_new = all(np.linalg.norm(cell - other) > reach[tuple(other)] for other in found)
+        found += [cell] if is_new and _ways(thin, cell, float(reach[tuple(cell)])) >= 3 else []
+    return found
+
+
+def _ways(thin: NDArray[np.bool_], cell: NDArray[np.int64], reach: float) -> int:
+    """How many lines of a skeleton lead from a cell (2,) to beyond ``reach`` cells."""
+    distance = np.linalg.norm(np.indices(thin.shape) - cell[:, None, None], axis=0)
+    pieces, _ = ndimage.label(thin & (distance <= reach + 2), EIGHT)
+    return int(ndimage.label((pieces == pieces[tuple(cell)]) & (distance > reach), EIGHT)[1])
 
 
 def _middle(mask: NDArray[np.bool_]) -> NDArray[np.int64]:

@@ -112,10 +112,15 @@ def points_of_interest(
         if find["kind"] in TYPE_OF:
             place = transform_points(inverse(T_map_league), np.array([find["position"]], np.float64))[0]
             time = f"{start + timedelta(seconds=find['time_s']):%H:%M:%S}"
-            name = " ".join(find["text"].split()) or find["kind"]
+            name = name_of(find["kind"], find["text"])
             poi = PointOfInterest(time, TYPE_OF[find["kind"]], name, place.astype(np.float64))
             kept += [] if any(is_same_thing(poi, other) for other in kept) else [poi]
     return sorted(kept, key=lambda poi: (poi.time, poi.type, poi.name))
+
+
+def name_of(kind: str, text: str) -> str:
+    """The name of a thing in the list: its class or number in one line, or else its kind."""
+    return " ".join(text.split()) or kind
 
 
 def is_same_thing(a: PointOfInterest, b: PointOfInterest) -> bool:

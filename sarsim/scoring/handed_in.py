@@ -15,10 +15,11 @@ from pipeline.errors import InputError
 from pipeline.missions.brief import MissionBrief
 from pipeline.missions.cloud import NORMAL, RGB, CloudFile, read_cloud
 from pipeline.missions.hand_in import league_frame
-from pipeline.missions.pois import PointOfInterest, read_pois
+from pipeline.missions.pois import TYPE_OF, PointOfInterest, name_of, read_pois
 from pipeline.missions.validation import handed_in_files
 from pipeline.robot import RobotModel
 from pipeline.transforms import from_rotation, transform_points
+from sarsim.arenas.things.thing import of_kind, things_of
 from sarsim.ground_truth.meshes import drawn_geoms, joined_mesh
 from sarsim.ground_truth.true_surface import Survey, TrueSurface, clearance_of
 from sarsim.scoring.coverage import SEEN_HEIGHT
@@ -26,7 +27,6 @@ from sarsim.scoring.coverage_kernels import see
 from sarsim.scoring.leagues import LeagueRun, VirtualRun, league, virtual
 from sarsim.scoring.portals import portals
 from sarsim.scoring.victims import NEAR
-from sarsim.victims.victims import victims_of
 
 BESIDE = 1.5  # m from a victim within which marks and robots count, Virtual Robot 2022
 SHOWN = 0.1  # m from a cell within which a point of the 3D map covers it: a voxel of a coarse map
@@ -54,10 +54,12 @@ class SoughtThing:
 
 
 def sought_things(model: mujoco.MjModel, data: mujoco.MjData) -> list[SoughtThing]:
-    """What counts in an arena: each victim as an object, and, as they are alive, as a source of heat."""
-    places = [victim.centre for victim in victims_of(model, data)]
-    return [SoughtThing("real_object", "victim", place, True, True) for place in places] + [
-        SoughtThing("heat_sig", "heat", place) for place in places
+    """What counts in an arena: things of a kind that the league lists, and the living as sources of heat too."""
+    things = things_of(model, data)
+    return [
+        SoughtThing(TYPE_OF[kind], name_of(kind, thing.text), thing.centre, kind == "victim", thing.is_warm)
+        for kind in TYPE_OF
+        for thing in of_kind(things, kind)
     ]
 
 

@@ -16,7 +16,10 @@ WALLS = "".join(WALL.format(*p) for s in (-2.05, 2.05) for p in ((s, 0, 0.05, 2.
 ROOM = f"""<mujoco><size nuser_geom="1"/><worldbody>
 <geom type="box" pos="0 0 -0.1" size="2.1 2.1 0.1" user="2"/>{WALLS}
 <body name="victim_a" pos="1.1 -1 0.2"><geom type="sphere" size="0.2" user="6"/></body>
-<body name="victim_b" pos="-1.5 -1.5 0.2"><geom type="sphere" size="0.2" user="6"/></body></worldbody></mujoco>"""
+<body name="victim_b" pos="-1.5 -1.5 0.2"><geom type="sphere" size="0.2" user="6"/></body>
+<body name="sign" pos="-1 1.1 0.3"><geom type="box" size="0.1 0.01 0.1" user="7"/></body></worldbody>
+<custom><text name="victim_b" data="kind=victim;text=;state=dead"/>
+<text name="sign" data="kind=hazmat_sign;text=poison;state="/></custom></mujoco>"""
 
 
 @pytest.fixture(scope="module")
@@ -36,22 +39,24 @@ def folder(tmp_path_factory):
 
 
 def test_both_scores_are_those_of_an_independent_computation(folder, arena):
-    """The finds are two victims' marks at 0.1 m from victim a, an AprilTag and a sign that nobody hung."""
+    """The finds are two marks at 0.1 m from victim a, a sign at as much from its place, and a tag that nobody hung."""
     score = score_handed_in(folder, arena, BRIEF, parked=np.array([0.0, -1.0]))
     rows = [line.split(",") for line in next(folder.glob("*.csv")).read_text().splitlines()[8:]]
     marks = [row for row in rows if "victim" in row[3] or "heat" in row[3]]
     # Forward is y and left is -x of the files, from 0.25 m before the robot's middle.
     errors = [np.hypot(float(row[5]) + 0.25 - 1.1, -float(row[4]) + 1) for row in marks]
+    (sign,) = (row for row in rows if "poison" in row[3])
+    errors.append(np.hypot(float(sign[5]) + 0.25 + 1, -float(sign[4]) - 1.1))
     assert (len(rows), len(marks)) == (4, 2)
-    of_league = 1 / (1 + score["league"]["map"]["global_error_m"]) * 1.3 + 2 / (1 + np.mean(errors))
+    of_league = 1 / (1 + score["league"]["map"]["global_error_m"]) * 1.3 + 3 / (1 + np.mean(errors))
     assert score["league"]["map"]["coverage"] == 1
     assert score["league"]["total"]["points"] == pytest.approx(5 * of_league)
-    # No portal in a single room; one of two victims found, living and parked beside, and no wrong mark.
-    assert score["virtual"]["total"]["points"] == pytest.approx(0.5 * 1 / 2 + 0.5 * 2 / 4)
+    # No portal in a single room; one of two victims found, the only living one, with the robot beside.
+    assert score["virtual"]["total"]["points"] == pytest.approx(0.5 * 1 / 2 + 0.5 * 2 / 2)
 
 
 def test_the_robot_must_be_beside_a_living_victim(folder, arena):
-    for parked in (None, np.array([-1.5, 1.0])):
+    for parked in (None, np.array([-1.5, -1.0])):
         assert score_handed_in(folder, arena, BRIEF, parked)["virtual"]["living"]["right"] == 0
 
 

@@ -17,7 +17,7 @@ from pipeline.missions.brief import MissionBrief
 from pipeline.transforms import inverse, transform_points
 
 PLACE, NORMAL, RGB = ("x", "y", "z"), ("nx", "ny", "nz"), ("red", "green", "blue")
-KINDS = dict.fromkeys((*PLACE, *NORMAL, "confidence", "temp"), "float") | dict.fromkeys(RGB, "uchar")
+PROPERTIES = dict.fromkeys((*PLACE, *NORMAL, "confidence", "temp"), "float") | dict.fromkeys(RGB, "uchar")
 """Type of each property; ``confidence`` from 0 to 1, an assumption."""
 WRITTEN = (*PLACE, *RGB, *NORMAL, "confidence")
 ALIASES = {"float32": "float", "uint8": "uchar"}
@@ -74,7 +74,11 @@ def write_cloud(
     comments = (brief.team, f"{brief.start:%Y-%m-%d %H:%M:%S}", brief.name)
     lines = ["ply", "format ascii 1.0"]
     lines += [f"comment {name}: {value}" for name, value in zip(COMMENTS, comments, strict=True)]
-    lines += [f"element vertex {len(points)}", *(f"property {KINDS[name]} {name}" for name in WRITTEN), "end_header"]
+    lines += [
+        f"element vertex {len(points)}",
+        *(f"property {PROPERTIES[name]} {name}" for name in WRITTEN),
+        "end_header",
+    ]
     table = np.column_stack([moved, colours, normals, confidence])
     form = " ".join(["%.3f"] * len(PLACE) + ["%d"] * len(RGB) + ["%.2f"] * (len(NORMAL) + 1))
     with whole_file(path) as partial:
@@ -133,8 +137,8 @@ def _vertices(read: CloudFile, lines: list[str]) -> tuple[int, list[str]]:
 def _wrong_properties(kinds: dict[str, str]) -> Iterator[str]:
     """What is wrong with the properties of a vertex and their types."""
     for name, kind in kinds.items():
-        if name in KINDS and ALIASES.get(kind, kind) != KINDS[name]:
-            yield f"property {name} is {kind}; {KINDS[name]} is wanted"
+        if name in PROPERTIES and ALIASES.get(kind, kind) != PROPERTIES[name]:
+            yield f"property {name} is {kind}; {PROPERTIES[name]} is wanted"
     for name in PLACE:
         if name not in kinds:
             yield f"property float {name} is missing"

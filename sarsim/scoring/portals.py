@@ -8,7 +8,7 @@ from scipy import ndimage
 
 from sarsim.ground_truth.true_surface import CELL, TrueSurface
 
-DOOR = 0.9  # m, width of the leagues' doors
+DOORWAY = 0.9  # m, width of the leagues' doors
 CORRIDOR = 1.2  # m, least width of their corridors
 EIGHT = np.ones((3, 3), np.bool_)
 RING = ((0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1))  # Steps to the neighbours, around
@@ -22,7 +22,7 @@ def portals(surface: TrueSurface, clearance: float) -> NDArray[np.float64]:
         clearance: m that the robot's middle keeps from walls.
     """
     free = _between_walls(surface, clearance)
-    cells = [*_doorways(free, (DOOR + CORRIDOR) / 4 - clearance), *_junctions(free)]
+    cells = [*_doorways(free, (DOORWAY + CORRIDOR) / 4 - clearance), *_junctions(free)]
     return surface.grid.centre_of(np.array(cells).reshape(-1, 2))
 
 

@@ -7,7 +7,7 @@ import pytest
 from pipeline.errors import InputError
 from pipeline.missions.brief import MissionBrief
 from sarsim.scripts.cli import guarded
-from sarsim.scripts.score_mission import ScoreMission, score_mission
+from sarsim.scripts.score_mission import score_mission
 from sarsim.scripts.settings import load_mission
 from sarsim.scripts.validate_mission import validate_mission
 from tests.pipeline.missions.handed_in_room import hand_in_room
@@ -59,4 +59,4 @@ def test_what_is_accepted_ends_well_and_what_is_rejected_does_not(tmp_path, caps
 
 def test_no_fewer_than_no_resets(tmp_path):
     with pytest.raises(InputError, match="at least 0"):
-        score_mission(ScoreMission(tmp_path, "nist_6x4", resets=-1))
+        score_mission(tmp_path, "nist_6x4", resets=-1)

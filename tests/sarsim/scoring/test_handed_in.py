@@ -39,7 +39,7 @@ def folder(tmp_path_factory):
 
 
 def test_both_scores_are_those_of_an_independent_computation(folder, arena):
-    """The finds are two marks at 0.1 m from victim a, a sign at as much from its place, and a tag that nobody hung."""
+    """The finds are two marks at 0.1 m from victim a, a sign at as much from its place, a tag of nobody."""
     score = score_handed_in(folder, arena, BRIEF, parked=np.array([0.0, -1.0]))
     rows = [line.split(",") for line in next(folder.glob("*.csv")).read_text().splitlines()[8:]]
     marks = [row for row in rows if "victim" in row[3] or "heat" in row[3]]

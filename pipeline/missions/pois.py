@@ -3,7 +3,7 @@
 import csv
 import json
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta
 from pathlib import Path
@@ -27,6 +27,8 @@ TYPE_OF = {
 }
 """The league's type of each kind of find; QR codes have none. That victims are objects is an assumption."""
 POI_COLUMNS = "detection,time,type,name,x,y,z,robot,mode"
+USED = ("kind", "text", "position", "time_s", "confidence")
+"""What counts of a find."""
 MODES = {"A": "autonomous", "T": "teleoperated"}
 HEADER = ("pois", "1.3", "team", "country", "date", "time", "mission")
 """The quoted lines before the columns: two fixed words and five of the mission's own."""
@@ -79,22 +81,25 @@ def found_in(folder: Path) -> list[dict[str, Any]]:
     Raises:
         InputError: one of the files is damaged.
     """
-    finds = _json(folder / "finds.json", [])
-    people = [person for person in _json(folder / "victims.json", {"people": []})["people"] if person["confirmed"]]
-    if not any(find["kind"] == "victim" for find in finds):
-        finds += [
-            {key: person[key] for key in ("position", "covariance", "confidence")}
-            | {"kind": "victim", "text": "", "time_s": min(person["times"], default=0.0)}
-            for person in people
-        ]
-    return finds
+    finds = _rows(folder / "finds.json", lambda content: [{key: find[key] for key in USED} for find in content])
+    people = _rows(folder / "victims.json", lambda content: [_victim(p) for p in content["people"] if p["confirmed"]])
+    return finds if any(find["kind"] == "victim" for find in finds) else finds + people
 
 
-def _json(path: Path, instead: Any) -> Any:
+def _victim(person: dict[str, Any]) -> dict[str, Any]:
+    """A person as a find."""
+    own = {key: person[key] for key in ("position", "confidence")}
+    return own | {"kind": "victim", "text": "", "time_s": min(person["times"], default=0.0)}
+
+
+def _rows(path: Path, rows_of: Callable[[Any], list[dict[str, Any]]]) -> list[dict[str, Any]]:
+    """What is taken from a JSON file; nothing if there is none."""
     try:
-        return json.loads(read_text(path)) if path.exists() else instead
-    except ValueError as error:
-        raise InputError(f"{path}: not readable: {error}") from error
+        return rows_of(json.loads(read_text(path))) if path.exists() else []
+    except InputError:
+        raise
+    except (ValueError, KeyError, TypeError) as error:
+        raise InputError(f"{path}: not as a run writes it: {' '.join(repr(error).split())}") from error
 
 
 def points_of_interest(
@@ -110,10 +115,10 @@ def points_of_interest(
     kept: list[PointOfInterest] = []
     for find in sorted(finds, key=lambda find: -find["confidence"]):
         if find["kind"] in TYPE_OF:
-            place = transform_points(inverse(T_map_league), np.array([find["position"]], np.float64))[0]
+            place = transform_points(inverse(T_map_league), np.array([find["position"]], np.float64))[0].astype(float)
             time = f"{start + timedelta(seconds=find['time_s']):%H:%M:%S}"
             name = name_of(find["kind"], find["text"])
-            poi = PointOfInterest(time, TYPE_OF[find["kind"]], name, place.astype(np.float64))
+            poi = PointOfInterest(time, TYPE_OF[find["kind"]], name, place.round(2))  # as it is written
             kept += [] if any(is_same_thing(poi, other) for other in kept) else [poi]
     return sorted(kept, key=lambda poi: (poi.time, poi.type, poi.name))
 

@@ -3,8 +3,9 @@ import json
 import numpy as np
 import pytest
 
-from pipeline.missions.pois import found_in, read_pois, write_pois
-from tests.pipeline.missions.handed_in_room import BRIEF, room_pois
+from pipeline.errors import InputError
+from pipeline.missions.pois import found_in, points_of_interest, read_pois, write_pois
+from tests.pipeline.missions.handed_in_room import BRIEF, FINDS, T_MAP_LEAGUE, room_pois
 
 TEXT = """\
 "pois"
@@ -77,3 +78,17 @@ def test_confirmed_people_are_finds(tmp_path):
     (tmp_path / "victims.json").write_text(json.dumps({"people": people}))
     (find,) = found_in(tmp_path)
     assert (find["kind"], find["time_s"], find["position"]) == ("victim", 5.0, [1, 2, 0])
+
+
+@pytest.mark.parametrize("text", ["[", '[{"kind": "heat"}]', "3"])
+def test_damaged_finds_are_refused(tmp_path, text):
+    (tmp_path / "finds.json").write_text(text)
+    with pytest.raises(InputError, match=r"finds\.json"):
+        found_in(tmp_path)
+
+
+@pytest.mark.parametrize("apart", [0.2951, 0.2999, 0.3001, 0.3049])
+def test_no_list_of_ones_own_has_a_thing_twice_once_it_is_rounded(tmp_path, apart):
+    finds = [FINDS[1] | {"position": [x, 1.0, 0.3]} for x in (-1.0021, -1.0021 - apart)]
+    write_pois(tmp_path / "pois.csv", BRIEF, points_of_interest(finds, T_MAP_LEAGUE, BRIEF.start))
+    assert read_pois(tmp_path / "pois.csv").faults == []

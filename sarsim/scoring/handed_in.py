@@ -135,7 +135,8 @@ def _step(
     points: NDArray[np.float64], nearest: NDArray[np.float64], normals: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """(6,) rotation, rad, and translation, m, that bring points (N, 3) in the world nearer to the planes there."""
-    near = np.linalg.norm(points - nearest, axis=1) < ALIKE
+    # A triangle without area, as in the middle of a cylinder's end, has no normal.
+    near = (np.linalg.norm(points - nearest, axis=1) < ALIKE) & np.isfinite(normals).all(axis=1)
     points, nearest, normals = points[near], nearest[near], normals[near]
     rows = np.hstack([np.cross(points, normals), normals])
     step, *_ = np.linalg.lstsq(rows.T @ rows, rows.T @ ((nearest - points) * normals).sum(axis=1), rcond=1e-9)

@@ -8,7 +8,7 @@ import pytest
 
 from pipeline.errors import InputError
 from sarsim.robots.model import robot_model
-from sarsim.scoring.handed_in import matched, registered_error, score_handed_in, true_arena
+from sarsim.scoring.handed_in import matched, registered_error, score_handed_in, true_arena, true_scene
 from tests.pipeline.missions.handed_in_room import BRIEF, hand_in_room, room_points
 
 WALL = '<geom type="box" pos="{} {} 0.5" size="{} {} 0.5" user="1"/>'
@@ -63,6 +63,16 @@ def test_the_robot_must_be_beside_a_living_victim(folder, arena):
 @pytest.mark.parametrize("moved", [(0.0, 0.0, 0.0), (0.1, -0.05, 0.03)])
 def test_a_map_that_is_only_moved_is_registered(arena, moved):
     assert registered_error(room_points() + np.array(moved), arena.scene) < 1e-4
+
+
+def test_triangles_without_area_do_no_harm():
+    model = mujoco.MjModel.from_xml_string(
+        '<mujoco><worldbody><geom type="cylinder" size="0.3 0.2"/></worldbody></mujoco>'
+    )
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    points = np.array([(0, 0, 0.21), (0.1, 0, 0.21), (0, 0.1, 0.21), (0, 0, -0.19)])
+    assert registered_error(points, true_scene(model, data)) < 1e-4
 
 
 def test_a_bent_map_keeps_its_error(arena):

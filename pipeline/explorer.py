@@ -11,7 +11,7 @@ from pipeline.keyframes import Moves
 from pipeline.labels import Label
 from pipeline.localisation.localisation import KEYFRAME_WAY
 from pipeline.mapper import Keyframe, Mapper
-from pipeline.mission import PATIENCE, Mission
+from pipeline.missions.mission import PATIENCE, Mission
 from pipeline.navigation.keyframing import Keyframing
 from pipeline.navigation.navigator import Navigator, Outcome
 from pipeline.navigation.obstacle_check import ObstacleCheck

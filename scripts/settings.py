@@ -14,6 +14,8 @@ import yaml
 
 from pipeline.errors import InputError
 from pipeline.files import read_text, whole_file
+from pipeline.missions.brief import MissionBrief
+from sarsim.assets import asset
 from sarsim.scripts.cli import COMMON, common, guarded, parse
 
 CONFIG_HELP = "YAML file of settings, such as the one that every run writes; flags override its values."
@@ -22,6 +24,8 @@ RESULTS = ("out", "resume", "bag", "tum", "json")
 OUTPUTS = (*RESULTS, "workers")
 """Settings left out of a run's own file, so that repeating a run overwrites no results, and may use other workers."""
 
+MISSIONS = ("league", "virtual")
+"""Names of the missions that sarsim ships."""
 MOST_SETTINGS, DEEPEST = 100_000, 8
 """Size and levels of a file of settings; one that a run writes has 1,500 bytes and 3 levels."""
 Settings = TypeVar("Settings")
@@ -104,7 +108,17 @@ def config_file(args: Sequence[str]) -> Path | None:
     return found.config or (found.resume and found.resume / "config.yaml")
 
 
-def load_settings(kind: type[Settings], path: Path, args: Sequence[str] = ()) -> Settings:
+def load_mission(name: str) -> MissionBrief:
+    """The mission that ``--mission`` names: league, virtual, or a YAML file.
+
+    Raises:
+        InputError: the file cannot be read, or holds an unknown key or a value that cannot be.
+    """
+    is_own = name in MISSIONS
+    return load_settings(MissionBrief, asset("missions", f"{name}.yaml") if is_own else Path(name), flag="mission")
+
+
+def load_settings(kind: type[Settings], path: Path, args: Sequence[str] = (), flag: str = "config") -> Settings:
     """Settings from a YAML file; ``tyro.MISSING`` for fields without a value in the file and in ``kind``.
 
     A classifier's class in ``labels`` is accepted only if ``args`` name it: a file must not choose code to run.
@@ -112,7 +126,7 @@ def load_settings(kind: type[Settings], path: Path, args: Sequence[str] = ()) ->
     Raises:
         InputError: the file cannot be read, or holds an unknown key or a value of a wrong type.
     """
-    where = f"--config {path}"
+    where = f"--{flag} {path}"
     content = _yaml(path, where)
     if isinstance(content, dict) and (places := sorted(content.keys() & set(RESULTS))):
         raise InputError(f"{where}: no file says where results go: give --{places[0]} as a flag")
@@ -135,7 +149,7 @@ def _yaml(path: Path, where: str) -> Any:
                 )
         return yaml.safe_load(text)
     except InputError as error:
-        raise InputError(f"--config {error}") from error
+        raise InputError(f"{where.partition(' ')[0]} {error}") from error
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         raise InputError(f"{where}: not readable YAML: {' '.join(str(error).split())}") from error
 

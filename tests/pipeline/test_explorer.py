@@ -8,7 +8,7 @@ from pipeline.explorer import Explorer
 from pipeline.frame import Frame
 from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.mapper import Mapper
-from pipeline.mission import PATIENCE, Goals
+from pipeline.missions.mission import PATIENCE, Goals
 from pipeline.navigation.navigator import DrivenLeg, Halt, Outcome
 from pipeline.planning.path_plan import PathPlan
 from pipeline.robot import Velocity

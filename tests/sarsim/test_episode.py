@@ -10,7 +10,7 @@ import pytest
 
 from pipeline.errors import InputError
 from pipeline.explorer import Step
-from pipeline.mission import PATIENCE
+from pipeline.missions.mission import PATIENCE
 from pipeline.transforms import from_yaw
 from sarsim.episode import Episode
 from sarsim.settings import EpisodeConfig

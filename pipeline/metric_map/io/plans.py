@@ -1,6 +1,7 @@
 """A 2D map for geographic information systems and drawing programs: GeoTIFF, PNG with a world file, SVG, DXF."""
 
 from collections.abc import Callable
+from enum import IntEnum
 from pathlib import Path
 
 import cv2
@@ -14,6 +15,17 @@ from pipeline.metric_map.io.exports import PGM_FREE, PGM_OCCUPIED, PGM_UNKNOWN
 Cells = NDArray[np.uint8]
 GEO_KEYS = (1, 1, 0, 3, 1024, 0, 1, 32767, 1025, 0, 1, 1, 3076, 0, 1, 9001)
 """Keys of GeoTIFF 1.1: version 1.1.0, three keys: a user-defined model (``map``), pixels that are areas, metres."""
+
+
+class GeoTag(IntEnum):
+    """Tags of a TIFF that say where it lies (OGC GeoTIFF 1.1), and GDAL's own."""
+
+    PIXEL_SCALE = 33550
+    TIEPOINT = 33922
+    KEYS = 34735
+    NO_DATA = 42113
+
+
 LOOKS = {"unknown": (PGM_UNKNOWN, "#cdcdcd"), "free": (PGM_FREE, "#ffffff"), "occupied": (PGM_OCCUPIED, "#1a1a1a")}
 """Grey value and colour of each kind of ground."""
 
@@ -27,17 +39,36 @@ def save_geotiff(path: Path, cells: Cells, cell: float, origin: NDArray[np.float
     Raises:
         InputError: the file cannot be written.
     """
-    tags, height = TiffImagePlugin.ImageFileDirectory_v2(), cells.shape[1] * cell
+    top = origin + np.array([0.0, cells.shape[1] * cell])
+    write_geotiff(path, _image(cells), cell, top, PGM_UNKNOWN)
+    return [path]
+
+
+def write_geotiff(
+    path: Path, image: Cells, pixel: float, corner: NDArray[np.float64], unknown: int | None = None
+) -> None:
+    """Write an image (H, W) or (H, W, 3), its upper left corner at ``corner`` (2,) m, y up, as GeoTIFF without loss.
+
+    Args:
+        path: of the file.
+        image: grey or RGB.
+        pixel: side of a pixel, m.
+        corner: of the first pixel, m.
+        unknown: value of unknown pixels.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    tags = TiffImagePlugin.ImageFileDirectory_v2()
     for tag, kind, value in (
-        (33550, TiffTags.DOUBLE, (cell, cell, 0.0)),  # ModelPixelScale
-        (33922, TiffTags.DOUBLE, (0.0, 0.0, 0.0, float(origin[0]), float(origin[1]) + height, 0.0)),  # ModelTiepoint
-        (34735, TiffTags.SHORT, GEO_KEYS),
-        (42113, TiffTags.ASCII, str(PGM_UNKNOWN)),  # GDAL_NODATA
+        (GeoTag.PIXEL_SCALE, TiffTags.DOUBLE, (pixel, pixel, 0.0)),
+        (GeoTag.TIEPOINT, TiffTags.DOUBLE, (0.0, 0.0, 0.0, float(corner[0]), float(corner[1]), 0.0)),
+        (GeoTag.KEYS, TiffTags.SHORT, GEO_KEYS),
+        *([] if unknown is None else [(GeoTag.NO_DATA, TiffTags.ASCII, str(unknown))]),
     ):
         tags.tagtype[tag], tags[tag] = kind, value
     with whole_file(path) as partial:
-        Image.fromarray(_image(cells)).save(partial, "TIFF", tiffinfo=tags, compression="tiff_adobe_deflate")
-    return [path]
+        Image.fromarray(image).save(partial, "TIFF", tiffinfo=tags, compression="tiff_adobe_deflate")
 
 
 def save_world_png(path: Path, cells: Cells, cell: float, origin: NDArray[np.float64]) -> list[Path]:

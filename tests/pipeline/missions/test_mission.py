@@ -7,7 +7,7 @@ import pytest
 
 from pipeline import mission
 from pipeline.exploration.viewpoint import ARRIVED, Context
-from pipeline.mission import PATIENCE, Goals
+from pipeline.missions.mission import PATIENCE, Goals
 from pipeline.transforms import from_yaw
 from pipeline.traversability.pose_paths import PosePaths
 from tests.pipeline.still_robot import StillRobot

@@ -1,0 +1,272 @@
+"""What handed-in files, of this or of another program, are worth in an arena."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+from scipy.spatial.transform import Rotation
+
+from pipeline.errors import InputError
+from pipeline.missions.brief import MissionBrief
+from pipeline.missions.cloud import NORMAL, RGB, CloudFile, read_cloud
+from pipeline.missions.hand_in import league_frame
+from pipeline.missions.pois import TYPE_OF, PointOfInterest, name_of, read_pois
+from pipeline.missions.validation import handed_in_files
+from pipeline.robot import RobotModel
+from pipeline.transforms import from_rotation, transform_points
+from sarsim.arenas.things.thing import of_kind, things_of
+from sarsim.ground_truth.meshes import drawn_geoms, joined_mesh
+from sarsim.ground_truth.true_surface import Survey, TrueSurface, clearance_of
+from sarsim.scoring.coverage import SEEN_HEIGHT
+from sarsim.scoring.coverage_kernels import see
+from sarsim.scoring.leagues import LeagueRun, VirtualRun, league, virtual
+from sarsim.scoring.portals import portals
+from sarsim.scoring.victims import NEAR
+
+BESIDE = 1.5  # m from a victim within which marks and robots count, Virtual Robot 2022
+SHOWN = 0.1  # m from a cell within which a point of the 3D map covers it: a voxel of a coarse map
+ALIKE = 0.5  # m; points farther from every true surface do not take part in the registration
+MOST_POINTS = 20_000  # of a cloud that are compared; the mean distance of so many is exact to 1 %
+ROUNDS = 30  # of the registration, which converges in fewer
+
+
+@dataclass(frozen=True, eq=False)
+class SoughtThing:
+    """A thing in the arena that counts.
+
+    Attributes:
+        type: one of the league's types.
+        name: that a find must have.
+        position: (3,) m in the world.
+        is_victim, is_living: whether it is one, and whether it is alive.
+    """
+
+    type: str
+    name: str
+    position: NDArray[np.float64]
+    is_victim: bool = False
+    is_living: bool = False
+
+
+def sought_things(model: mujoco.MjModel, data: mujoco.MjData) -> list[SoughtThing]:
+    """What counts in an arena: things of a kind that the league lists, and the living as sources of heat too."""
+    things = things_of(model, data)
+    return [
+        SoughtThing(TYPE_OF[kind], name_of(kind, thing.text), thing.centre, kind == "victim", thing.is_warm)
+        for kind in TYPE_OF
+        for thing in of_kind(things, kind)
+    ]
+
+
+@dataclass(frozen=True, eq=False)
+class TrueArena:
+    """What a judge knows.
+
+    Attributes:
+        surface: the true ground.
+        things: what counts.
+        scene: Open3D's RaycastingScene of all visible surfaces.
+        T_world_league: 4×4 pose of the league's frame.
+        portals: (N, 2) m, doorways and junctions.
+    """
+
+    surface: TrueSurface
+    things: list[SoughtThing]
+    scene: Any
+    T_world_league: NDArray[np.float64]
+    portals: NDArray[np.float64]
+
+
+def true_arena(
+    model: mujoco.MjModel, data: mujoco.MjData, T_world_start: NDArray[np.float64], robot: RobotModel
+) -> TrueArena:
+    """Survey an arena without its robot, which starts at the 4×4 pose; InputError if it cannot stand there."""
+    surface = Survey(model, data, robot=robot).surface_from(T_world_start[:3, 3])
+    return TrueArena(
+        surface,
+        sought_things(model, data),
+        true_scene(model, data),
+        league_frame(T_world_start, robot.half_length),
+        portals(surface, clearance_of(robot)),
+    )
+
+
+def true_scene(model: mujoco.MjModel, data: mujoco.MjData) -> Any:
+    """Open3D's RaycastingScene of the visible surfaces of an arena, m in the world."""
+    import open3d as o3d  # here, because it takes a second
+
+    geoms = np.flatnonzero(drawn_geoms(model))
+    poses = [from_rotation(data.geom_xmat[geom].reshape(3, 3), data.geom_xpos[geom]) for geom in geoms]
+    mesh, scene = joined_mesh(model, geoms, poses), o3d.t.geometry.RaycastingScene()
+    scene.add_triangles(*map(o3d.core.Tensor.from_numpy, (mesh.vertices, mesh.triangles)))
+    return scene
+
+
+def registered_error(points: NDArray[np.floating], scene: Any) -> float:
+    """Mean distance, m, of points (N, 3) in the world to the true surfaces, after registration from the identity.
+
+    Assumed: the league's global error is this distance; the registration is that of Chen and Medioni (1992), point to
+    plane, with the nearest point of the true surface itself. Infinite without points.
+    """
+    if not len(points):
+        return float("inf")
+    moved = np.asarray(points, np.float64)[:: max(1, len(points) // MOST_POINTS)]
+    for _ in range(ROUNDS):
+        step = _step(moved, *_nearest(moved, scene))
+        moved = Rotation.from_rotvec(step[:3]).apply(moved) + step[3:]
+        if np.abs(step).max() < 1e-6:
+            break
+    nearest, _ = _nearest(moved, scene)
+    return float(np.linalg.norm(moved - nearest, axis=1).mean())
+
+
+def _nearest(points: NDArray[np.float64], scene: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """(N, 3) nearest points of the surfaces to points (N, 3) m in the world, and the normals (N, 3) there."""
+    found = scene.compute_closest_points(np.ascontiguousarray(points, np.float32))
+    return tuple(found[name].numpy().astype(np.float64) for name in ("points", "primitive_normals"))
+
+
+def _step(
+    points: NDArray[np.float64], nearest: NDArray[np.float64], normals: NDArray[np.float64]
+) -> NDArray[np.float64]:
+    """(6,) rotation, rad, and translation, m, that bring points (N, 3) in the world nearer to the planes there."""
+    # A triangle without area, as in the middle of a cylinder's end, has no normal.
+    near = (np.linalg.norm(points - nearest, axis=1) < ALIKE) & np.isfinite(normals).all(axis=1)
+    points, nearest, normals = points[near], nearest[near], normals[near]
+    rows = np.hstack([np.cross(points, normals), normals])
+    step, *_ = np.linalg.lstsq(rows.T @ rows, rows.T @ ((nearest - points) * normals).sum(axis=1), rcond=1e-9)
+    return np.asarray(step)
+
+
+def covered(points: NDArray[np.floating], surface: TrueSurface) -> NDArray[np.bool_]:
+    """(nx, ny) the cells of the true ground that points (N, 3), m in the world, show."""
+    seen = np.zeros(surface.grid.shape, np.bool_)
+    see(np.asarray(points, np.float64), surface.grid.origin, surface.grid.cell, surface.height, SEEN_HEIGHT, seen)
+    return np.asarray(surface.grid.distance_to(seen) <= SHOWN)
+
+
+def matched(places: NDArray[np.float64], things: NDArray[np.float64], within: float) -> NDArray[np.float64]:
+    """(K,) distances, m, of places (N, 3) and things (M, 3) of one name, matched one to one ``within`` m."""
+    distance = np.linalg.norm(places[:, None] - things[None], axis=2)
+    rows, columns = linear_sum_assignment(np.where(distance <= within, distance, 1e3))
+    found: NDArray[np.float64] = distance[rows, columns]
+    return found[found <= within]
+
+
+def _places(items: Sequence[SoughtThing] | Sequence[PointOfInterest]) -> NDArray[np.float64]:
+    return np.array([item.position for item in items]).reshape(-1, 3)
+
+
+def score_handed_in(
+    folder: Path,
+    arena: TrueArena,
+    brief: MissionBrief,
+    parked: NDArray[np.float64] | None = None,
+    resets: int = 0,
+    contacts: int = 0,
+) -> dict[str, dict[str, dict[str, float]]]:
+    """Both scores, ``league`` and ``virtual``, of the first run in a folder that was handed in.
+
+    Args:
+        folder: of the files, or an episode's that contains ``handed_in/``.
+        arena: that the robot was in.
+        brief: of the mission, for its rewards and penalties.
+        parked: (2,) m in the world, where the robot was at the end; None if nobody knows.
+        resets: how often the robot was touched.
+        contacts: with living victims.
+
+    Raises:
+        InputError: the 3D map or the list of finds is missing, or cannot be read.
+    """
+    files = handed_in_files(folder)
+    for ending in (".ply", ".csv"):
+        if not files[ending]:
+            raise InputError(f"{folder}: no file ends in {ending}, and it is what counts")
+    cloud, pois = read_cloud(files[".ply"][0]), read_pois(files[".csv"][0]).pois
+    if not len(cloud.points()):
+        raise InputError(f"{files['.ply'][0]}: no points can be read; validate_mission.py says why")
+    points = transform_points(arena.T_world_league, cloud.points())
+    moved = transform_points(arena.T_world_league, _places(pois)).astype(np.float64)
+    shown = covered(points, arena.surface)
+    run = league_run(cloud, points, shown, pois, moved, arena, resets)
+    by_rules = virtual_run(shown, pois, moved, arena, parked, contacts)
+    return {
+        "league": league(run, brief.rewards, brief.penalties),
+        "virtual": virtual(by_rules, brief.rewards, brief.penalties),
+    }
+
+
+def league_run(
+    cloud: CloudFile,
+    points: NDArray[np.floating],
+    shown: NDArray[np.bool_],
+    pois: list[PointOfInterest],
+    places: NDArray[np.float64],
+    arena: TrueArena,
+    resets: int,
+) -> LeagueRun:
+    """Measure what the Rescue Robot League counts; points (N, 3) and places (M, 3) of finds, m in the world.
+
+    A find is right within ``NEAR`` of a thing of its type and name that no other find has. A run is
+    autonomous unless a find says otherwise.
+    """
+    names = {(thing.type, thing.name) for thing in arena.things}
+    errors = [
+        matched(
+            places[[(poi.type, poi.name) == name for poi in pois]],
+            _places([thing for thing in arena.things if (thing.type, thing.name) == name]),
+            NEAR,
+        )
+        for name in sorted(names)
+    ]
+    right = np.concatenate([np.zeros(0), *errors])
+    extras = (RGB, NORMAL, ("confidence",))
+    return LeagueRun(
+        coverage=float(shown[arena.surface.drivable].mean()),
+        global_error=registered_error(points, arena.scene),
+        extras=sum(len(cloud.points(names)) > 0 for names in extras),
+        right=len(right),
+        wrong=len(pois) - len(right),
+        localisation_error=float(right.mean()) if len(right) else 0.0,
+        is_autonomous=all(poi.mode == "A" for poi in pois),
+        resets=resets,
+    )
+
+
+def virtual_run(
+    shown: NDArray[np.bool_],
+    pois: list[PointOfInterest],
+    places: NDArray[np.float64],
+    arena: TrueArena,
+    parked: NDArray[np.float64] | None,
+    contacts: int,
+) -> VirtualRun:
+    """Measure what the Virtual Robot competition counts; places (M, 3) of finds, m in the world.
+
+    Assumed: an object named victim and a source of heat are marks of a victim, a source of heat that of a living one;
+    the robot beside a living one must have marked it too.
+    """
+    victims = [thing for thing in arena.things if thing.is_victim]
+    true, is_living = _places(victims)[:, :2], np.array([thing.is_living for thing in victims], np.bool_)
+    is_heat = np.array([poi.type == "heat_sig" for poi in pois], np.bool_)
+    is_mark = is_heat | np.array([poi.name == "victim" for poi in pois], np.bool_)
+    near = np.linalg.norm(places[:, None, :2] - true, axis=2) <= BESIDE
+    called_alive = near[is_heat].any(axis=0) & is_living
+    beside = np.zeros(len(true), np.bool_) if parked is None else np.linalg.norm(true - parked, axis=1) <= BESIDE
+    cells = arena.surface.grid.cell_of(arena.portals)
+    return VirtualRun(
+        portals=len(arena.portals),
+        discovered=int(shown[cells[:, 0], cells[:, 1]].sum()),
+        victims=len(victims),
+        right=int(near[is_mark].any(axis=0).sum()),
+        wrong=int((~near[is_mark].any(axis=1)).sum()),
+        living=int(is_living.sum()),
+        right_living=int((called_alive & beside).sum()),
+        wrong_living=int((~near[is_heat][:, is_living].any(axis=1)).sum()),
+        contacts=contacts,
+    )

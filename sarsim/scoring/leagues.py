@@ -1,0 +1,115 @@
+"""The scores of the rescue leagues, rule by rule, from what was measured of a mission; numbers and nothing else.
+
+Sources: Rescue Robot League, rules 2026D, as a team's summary has them; Virtual Robot competition, draft of the rules
+of 18 January 2022. What these leave open is an assumption, named in the docstring of the rule's function.
+"""
+
+from dataclasses import dataclass
+
+from pipeline.missions.brief import Penalties, Rewards
+
+Rule = dict[str, float]
+
+
+@dataclass(frozen=True)
+class LeagueRun:
+    """What is measured of a run in the labyrinth.
+
+    Attributes:
+        coverage: share of the drivable ground that the 3D map shows.
+        global_error: of the 3D map, m.
+        extras: how many of rgb, normals and confidence the 3D map has.
+        right, wrong: numbers of finds that are in the arena, each thing counted once, and of all others.
+        localisation_error: mean of the right finds, m.
+        is_autonomous: whether nobody drove.
+        resets: how often the robot was touched.
+    """
+
+    coverage: float
+    global_error: float
+    extras: int
+    right: int
+    wrong: int
+    localisation_error: float
+    is_autonomous: bool = True
+    resets: int = 0
+
+
+@dataclass(frozen=True)
+class VirtualRun:
+    """What is measured of a run of virtual robots.
+
+    Attributes:
+        portals, discovered: numbers of the arena's, and of those that the map shows.
+        victims, right, wrong: numbers of the arena's, of those with a mark near, and of marks with none near.
+        living, right_living, wrong_living: of those alive, those with a robot beside them, and marks of others.
+        contacts: with living victims.
+    """
+
+    portals: int
+    discovered: int
+    victims: int
+    right: int
+    wrong: int
+    living: int
+    right_living: int
+    wrong_living: int
+    contacts: int = 0
+
+
+def league(run: LeagueRun, rewards: Rewards, penalties: Penalties) -> dict[str, Rule]:
+    """The score of the Rescue Robot League 2026D: (map + detections) · autonomy − resets.
+
+    map: ``coverage / (1 + global error) · bonus``. Assumed: errors in m, and a bonus of 1 + ``extra`` for each extra.
+    detections: ``DS / (1 + localisation error)``. Assumed: DS is a fixed number of points for each thing found, and a
+    wrong find costs nothing, as the summary names no price.
+    autonomy: the sum of both × 5, or × 1 if teleoperated; what the factor adds are this rule's points.
+    resets: the summary names no price in the labyrinth.
+    """
+    bonus = 1 + rewards.extra * run.extras
+    of_map = run.coverage / (1 + run.global_error) * bonus
+    of_finds = rewards.detection * run.right / (1 + run.localisation_error)
+    factor = rewards.autonomous if run.is_autonomous else rewards.teleoperated
+    rules = {
+        "map": {"coverage": run.coverage, "global_error_m": run.global_error, "bonus": bonus, "points": of_map},
+        "detections": {
+            "right": run.right,
+            "wrong": run.wrong,
+            "localisation_error_m": run.localisation_error,
+            "points": of_finds,
+        },
+        "autonomy": {"factor": factor, "points": (factor - 1) * (of_map + of_finds)},
+        "resets": {"count": run.resets, "points": 0.0 - penalties.reset * run.resets},
+    }
+    return rules | {"total": {"points": sum(rule["points"] for rule in rules.values())}}
+
+
+def virtual(run: VirtualRun, rewards: Rewards, penalties: Penalties) -> dict[str, Rule]:
+    """The score of the Virtual Robot competition 2022, of which the rules are the summands.
+
+    ``[β S + (1 − β) ((v_r − ½ v_w) / V + max(0, (2 v_ar − v_aw) / (2 V_a)))] α``. Assumed: without victims, or
+    without living ones, that summand is 0; a contact costs a share of what a living victim adds to both summands, and
+    all contacts together at most what the living with a robot beside them have brought.
+    """
+    share = run.discovered / run.portals if run.portals else 0.0
+    found = rewards.alpha * (1 - rewards.beta)
+    of_victims = found * (run.right - penalties.wrong * run.wrong) / run.victims if run.victims else 0.0
+    alive = (2 * run.right_living - run.wrong_living) / (2 * run.living) if run.living else 0.0
+    of_one = found * (1 / run.victims + 1 / run.living) if run.living else 0.0
+    lost = min(penalties.contact * run.contacts, run.right_living) * of_one
+    rules: dict[str, Rule] = {
+        "portals": {
+            "present": run.portals,
+            "discovered": run.discovered,
+            "points": rewards.alpha * rewards.beta * share,
+        },
+        "victims": {"present": run.victims, "right": run.right, "wrong": run.wrong, "points": of_victims},
+        "living": {
+            "present": run.living,
+            "right": run.right_living,
+            "wrong": run.wrong_living,
+            "points": found * max(0.0, alive),
+        },
+        "contacts": {"count": run.contacts, "points": 0.0 - lost},
+    }
+    return rules | {"total": {"points": sum(rule["points"] for rule in rules.values())}}

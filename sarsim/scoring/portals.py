@@ -1,0 +1,110 @@
+"""Portals of an arena: doorways and junctions of the free space, which count once they are on the map."""
+
+from functools import reduce
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from sarsim.ground_truth.true_surface import CELL, TrueSurface
+
+DOORWAY = 0.9  # m, width of the leagues' doors
+CORRIDOR = 1.2  # m, least width of their corridors
+EIGHT = np.ones((3, 3), np.bool_)
+RING = ((0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1))  # Steps to the neighbours, around
+
+
+def portals(surface: TrueSurface, clearance: float) -> NDArray[np.float64]:
+    """(N, 2) m, the doorways and junctions of the ground between the walls; what lies in the way makes none.
+
+    Args:
+        surface: the true ground.
+        clearance: m that the robot's middle keeps from walls.
+    """
+    free = _between_walls(surface, clearance)
+    cells = [*_doorways(free, (DOORWAY + CORRIDOR) / 4 - clearance), *_junctions(free)]
+    return surface.grid.centre_of(np.array(cells).reshape(-1, 2))
+
+
+def _between_walls(surface: TrueSurface, clearance: float) -> NDArray[np.bool_]:
+    """(nx, ny) the cells farther than ``clearance`` m from walls, joined with drivable ones, whatever lies there."""
+    near = surface.grid.distance_to(surface.walls) <= clearance
+    free = ndimage.binary_fill_holes(near | np.isfinite(surface.height)) & ~near
+    pieces, _ = ndimage.label(free, EIGHT)
+    return np.asarray(free & np.isin(pieces, np.unique(pieces[surface.drivable])))
+
+
+def _doorways(free: NDArray[np.bool_], narrow: float) -> list[NDArray[np.int64]]:
+    """(2,) cells in the middle of passages at most ``narrow`` m to each side, with wider ground at both ends.
+
+    What an opening by a disc removes and what touches the rest twice is a doorway (morphological room segmentation,
+    Bormann et al. 2016).
+    """
+    inside = np.pad(free, 1)
+    wide = ndimage.distance_transform_edt(inside)[1:-1, 1:-1] * CELL > narrow
+    opened = free & (ndimage.distance_transform_edt(~wide) * CELL <= narrow) if wide.any() else wide
+    passages, count = ndimage.label(free & ~opened, EIGHT)
+    doors = []
+    for number in range(1, count + 1):
+        passage = passages == number
+        _, ends = ndimage.label(ndimage.binary_dilation(passage, EIGHT) & opened, EIGHT)
+        if ends >= 2:
+            doors.append(_middle(passage))
+    return doors
+
+
+def _junctions(free: NDArray[np.bool_]) -> list[NDArray[np.int64]]:
+    """(2,) cells of the skeleton from which three or more ways lead on, one of those near each other.
+
+    A way leads on if it leaves the square around the largest disc there: branches into its corners do not.
+    """
+    thin = skeleton(free)
+    reach = np.sqrt(2) * ndimage.distance_transform_edt(np.pad(free, 1))[1:-1, 1:-1] + 1
+    cells = np.argwhere(thin & (_crossings(_neighbours(thin)) >= 3))
+    found: list[NDArray[np.int64]] = []
+    for cell in cells[np.argsort(-reach[tuple(cells.T)], kind="stable")]:
+        is_new = all(np.linalg.norm(cell - other) > reach[tuple(other)] for other in found)
+        found += [cell] if is_new and _ways(thin, cell, float(reach[tuple(cell)])) >= 3 else []
+    return found
+
+
+def _ways(thin: NDArray[np.bool_], cell: NDArray[np.int64], reach: float) -> int:
+    """How many lines of a skeleton lead from a cell (2,) to beyond ``reach`` cells."""
+    distance = np.linalg.norm(np.indices(thin.shape) - cell[:, None, None], axis=0)
+    pieces, _ = ndimage.label(thin & (distance <= reach + 2), EIGHT)
+    return int(ndimage.label((pieces == pieces[tuple(cell)]) & (distance > reach), EIGHT)[1])
+
+
+def _middle(mask: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """(2,) the cell of a mask that is nearest to its centroid."""
+    cells = np.argwhere(mask)
+    nearest: NDArray[np.int64] = cells[np.linalg.norm(cells - cells.mean(axis=0), axis=1).argmin()]
+    return nearest
+
+
+def _neighbours(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(8, nx, ny) the neighbours of each cell of a mask, in the order of ``RING``."""
+    padded = np.pad(mask, 1)
+    nx, ny = mask.shape
+    return np.stack([padded[1 + i : 1 + i + nx, 1 + j : 1 + j + ny] for i, j in RING])
+
+
+def _crossings(around: NDArray[np.bool_]) -> NDArray[np.int64]:
+    """(nx, ny) how often the neighbours (8, nx, ny) change from outside to inside on the way around each cell."""
+    return np.asarray((~around & np.roll(around, -1, axis=0)).sum(axis=0), np.int64)
+
+
+def skeleton(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """(nx, ny) the lines, a cell wide, to which a mask is thinned from its edges (Zhang and Suen 1984)."""
+    thin, changes = mask.copy(), True
+    while changes:
+        changes = False
+        for sides in (((0, 2, 4), (2, 4, 6)), ((0, 2, 6), (0, 4, 6))):
+            around = _neighbours(thin)
+            count = around.sum(axis=0)
+            goes = thin & (count >= 2) & (count <= 6) & (_crossings(around) == 1)
+            for side in sides:
+                goes &= ~reduce(np.logical_and, around[list(side)])
+            thin &= ~goes
+            changes |= bool(goes.any())
+    return thin

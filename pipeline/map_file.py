@@ -177,18 +177,24 @@ def load_keyframes(path: Path, mapper: Mapper) -> None:
         mapper.restore()
 
 
+def read_keyframes(path: Path, robot: RobotModel) -> Keyframes:
+    """Only the keyframes of a map, with their evidence of the ground; InputError as :func:`load_keyframes`."""
+    keyframes = Keyframes(robot, 0.0)
+    with _opened(path) as rows:
+        _restore_keyframes(rows, keyframes)
+    return keyframes
+
+
 def load_elevation_map(path: Path, robot: RobotModel) -> tuple[ElevationMap, NDArray[np.float64]]:
     """Only the final elevation map, for a robot, and the (K, 4, 4) poses of the keyframes in ``map``.
 
     Raises:
         InputError: as :func:`load_keyframes`.
     """
-    elevation_map, keyframes = ElevationMap(robot), Keyframes(robot, 0.0)
-    with _opened(path) as rows:
-        _restore_keyframes(rows, keyframes)
-        with elevation_map.made_anew(keyframes.boxes()):
-            for k, evidence in keyframes.ground:
-                evidence.put(elevation_map, keyframes.poses[k])
+    elevation_map, keyframes = ElevationMap(robot), read_keyframes(path, robot)
+    with elevation_map.made_anew(keyframes.boxes()):
+        for k, evidence in keyframes.ground:
+            evidence.put(elevation_map, keyframes.poses[k])
     return elevation_map, keyframes.poses
 
 

@@ -3,6 +3,7 @@
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -18,13 +19,14 @@ from pipeline.robot import RobotModel
 from pipeline.segments.cells_kernels import moved
 from pipeline.segments.planes import PlanePatch, find_planes
 from pipeline.segments.segments import Segments
-from pipeline.semantic_map.classifier import PointClassifier
-from pipeline.semantic_map.semantic_map import SemanticMap
+from pipeline.semantic_map.classifier import PointClassifier, TruthClassifier
+from pipeline.semantic_map.semantic_map import VOXEL, SemanticMap
+from pipeline.semantic_map.uprights import with_whole_uprights
 from pipeline.stopwatch import Stopwatch
 from pipeline.topological_map.topological_map import TopologicalMap
 from pipeline.transforms import inverse, transform_points, yaw_of
 from pipeline.traversability.accessibility import is_inaccessible
-from pipeline.traversability.elevation_map import HEIGHTS, ElevationMap
+from pipeline.traversability.elevation_map import CELL, HEIGHTS, ElevationMap
 from pipeline.traversability.ground_evidence import Assumed, Driven, GroundEvidence
 from pipeline.traversability.pose_kernels import MOST_ROOM
 from pipeline.traversability.pose_paths import PosePaths
@@ -91,7 +93,9 @@ class Mapper:
         self.metric_map = MetricMap(voxel_size)
         self.elevation_map = ElevationMap(robot)
         self._traversability_layer = TraversabilityLayer()
-        self.semantic_map = SemanticMap(self._is_inaccessible)
+        is_told = isinstance(classifier, TruthClassifier)  # True labels need no other evidence
+        revise = partial(with_whole_uprights, robot=robot, voxel=VOXEL, cell=CELL)
+        self.semantic_map = SemanticMap(self._is_inaccessible, None if is_told else revise)
         self.segments = Segments(self.metric_map.is_surface)
         self.topological_map = TopologicalMap(graph)
         self.victims = Victims()

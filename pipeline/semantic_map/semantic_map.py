@@ -12,12 +12,14 @@ from pipeline.labels import COLOURS, Label
 from pipeline.segments.cells_kernels import EMPTY, insert_all
 from pipeline.semantic_map.ply import write_ply
 from pipeline.semantic_map.semantic_map_kernels import accumulate
+from pipeline.semantic_map.uprights import RAMPS
 
 VOXEL = 0.02  # m, the edge of the voxels; each keeps one point whatever the number of frames
-RAMPS = Label.INCLINED_RAMP, Label.STRAIGHT_RAMP
 SKIN = 0.03  # m; a point this near to a person's points belongs to that person
 IsInaccessible = Callable[[NDArray[np.float32], NDArray[np.bool_]], NDArray[np.bool_]]
 """Takes (N, 3) points in ``map`` labelled as ramps, and which are straight ones; (N,) where no robot can drive."""
+Revise = Callable[[NDArray[np.float32], NDArray[np.uint8]], NDArray[np.uint8]]
+"""Takes all (N, 3) points in ``map`` and their (N,) labels; (N,) labels that fit together."""
 
 
 class SemanticMap:
@@ -29,9 +31,9 @@ class SemanticMap:
     first hit: the same frames in the same order give the same map.
     """
 
-    def __init__(self, is_inaccessible: IsInaccessible | None = None) -> None:
-        """An empty map. Without ``is_inaccessible`` points labelled as ramps keep their labels."""
-        self._is_inaccessible = is_inaccessible
+    def __init__(self, is_inaccessible: IsInaccessible | None = None, revise: Revise | None = None) -> None:
+        """An empty map. Without ``is_inaccessible``, ramps keep their labels; without ``revise``, all points do."""
+        self._is_inaccessible, self._revise = is_inaccessible, revise
         self._blocks, self._size = 0, 0
         self._block_keys = np.empty(0, np.int64)
         self._voxels = np.empty((0, 64), np.int32)
@@ -110,6 +112,8 @@ class SemanticMap:
             ramps = np.flatnonzero(np.isin(labels, RAMPS))
             is_deck = labels[ramps] == Label.STRAIGHT_RAMP
             labels[ramps[self._is_inaccessible(self._rows[ramps, 1:4], is_deck)]] = Label.CLUTTER
+        if self._revise is not None:
+            labels = self._revise(self.points(), labels)
         if self._people and not (labels == Label.VICTIM).any():
             for person in self._people:
                 labels[self._points_of(person)] = Label.VICTIM

@@ -8,6 +8,7 @@ from pipeline.semantic_map.networks.classifier import NetworkClassifier
 from sarsim.scripts.benchmarks.common import Result, at_least
 from sarsim.scripts.benchmarks.labelled_drives import drive_through
 from sarsim.scripts.benchmarks.semantic_accuracy import accuracy
+from sarsim.scripts.benchmarks.semantic_confusion import confusion
 from sarsim.scripts.benchmarks.semantic_speed import THREADS, agreement, speed
 from sarsim.scripts.benchmarks.settings import SemanticSettings
 from sarsim.scripts.cli import tracked
@@ -21,11 +22,13 @@ SPARSE_KEYFRAMES = (2.0, 0.8)
 def measure(settings: SemanticSettings) -> Result:
     """DGCNN's speed and agreement with a published checkpoint; the network's accuracy in arenas never trained on.
 
-    Missing files give no figures.
+    Missing files give no figures. Instead of all this, the confusion of an episode's map if its folder is given.
 
     Raises:
-        InputError: there is nothing to measure, or an arena or the weights are broken.
+        InputError: there is nothing to measure, or an arena, the weights or the episode are broken.
     """
+    if settings.confusion is not None:
+        return confusion(settings.confusion)
     at_least(1, settings, "rounds", "timed_frames")
     at_least(0, settings, "frames", "raf_frames")
     weights, seed = settings.weights, settings.seed

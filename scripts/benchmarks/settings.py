@@ -126,6 +126,7 @@ class SemanticSettings(LabelSettings):
         raf_frames: number of frames of a .raf arena; 0 for none.
         checkpoint: folder of a published checkpoint and its logits; without it there is no figure of the agreement.
         weights: weights file of the network that labels the points.
+        confusion: folder of an episode; only says which things its semantic map takes for what.
     """
 
     timed_frames: Fixed[int] = 10
@@ -133,6 +134,7 @@ class SemanticSettings(LabelSettings):
     raf_frames: int = 10
     checkpoint: Fixed[Path] = SHARED / "dgcnn"
     weights: Path = WEIGHTS
+    confusion: Path | None = None
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -17,6 +17,8 @@ from pipeline.metric_map.io.npz import load_metric_map
 from pipeline.victims.detection.weights import write_weights
 from sarsim.episode import Episode
 from sarsim.scripts import run_episode
+from sarsim.scripts.benchmarks.semantic_confusion import confusion
+from sarsim.scripts.settings import save_settings
 from sarsim.settings import WEIGHTS, EpisodeConfig
 from tests.pipeline.victims.detection.networks import SMALL, random_network
 
@@ -64,6 +66,13 @@ def test_segments_lie_where_the_planes_are(report):
 
 def test_true_labels_make_no_error(report):
     assert report["semantic_map"]["accuracy"] > 0.9995
+
+
+def test_what_rays_hit_is_what_the_map_shows(episode):
+    save_settings(EpisodeConfig(labels="truth"), episode / "config.yaml")
+    told = confusion(episode)
+    assert told.figures["accuracy"] > 0.97
+    assert told.figures["points"] > 100_000
 
 
 def test_the_robot_knows_where_it_is(report):

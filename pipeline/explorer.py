@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 
 from pipeline.exploration.next_best_view import Exploration
 from pipeline.exploration.viewpoint import Context, Viewpoint
+from pipeline.finds.reobservation import Reobservation
 from pipeline.keyframes import Moves
 from pipeline.labels import Label
 from pipeline.localisation.localisation import KEYFRAME_WAY
@@ -22,7 +23,6 @@ from pipeline.segments.cells import centres
 from pipeline.transforms import yaw_of
 from pipeline.traversability.pose_paths import PosePaths
 from pipeline.traversability.traversability import Traversability
-from pipeline.victims.reobservation import Reobservation
 
 
 @dataclass(frozen=True, eq=False)
@@ -90,7 +90,7 @@ class Explorer:
     def __init__(self, robot: Robot, mapper: Mapper):
         """Begin where the robot stands, with the maps as they are."""
         self.robot, self.mapper = robot, mapper
-        self.reobservation = Reobservation(mapper.victims, mapper.metric_map, mapper.keyframes)
+        self.reobservation = Reobservation((mapper.victims, mapper.finds), mapper.metric_map, mapper.keyframes)
         exploration = Exploration(robot.model)
         exploration.rewards = self.reobservation
         self.mission = Mission(exploration)

@@ -12,6 +12,9 @@ from numpy.typing import NDArray
 
 from pipeline.errors import InputError
 from pipeline.files import each, load_arrays, whole_file
+from pipeline.finds.find import FIND_KINDS, Reading
+from pipeline.finds.find_map import TrackedFind
+from pipeline.finds.observation import FindSighting
 from pipeline.frame import Intrinsics
 from pipeline.keyframes import Keyframes, Places, Seen
 from pipeline.labels import Label
@@ -28,7 +31,7 @@ from pipeline.traversability.ground_evidence import Assumed, Driven, GroundEvide
 from pipeline.victims.victim_map import Sighting, Victim
 
 KEYFRAMES = "keyframes.npz"  # The file that ``--map`` reads in a folder of results
-FORMAT, VERSION = "sarsim keyframes", 4
+FORMAT, VERSION = "sarsim keyframes", 5
 
 Row = dict[str, Any]
 Arrays = dict[str, NDArray[Any]]
@@ -102,6 +105,25 @@ LAYOUT: dict[str, dict[str, Field]] = {
         "information": Field("f8", (3, 3)),
         "points": _points(),
     },
+    "find": {
+        "kind": Field("u1", (MANY,)),  # UTF-8
+        "missed": Field("i8"),
+        "tried_from": Field("i8", (MANY,)),
+        "tried": _points("f8"),
+        "sightings": Field("i8"),  # as of a victim
+    },
+    "find_sighting": {
+        "keyframe": Field("i8"),
+        "text": Field("u1", (MANY,)),  # UTF-8
+        "confidence": Field("f8"),
+        "corners": Field("f4", (MANY, 2)),
+        "position": Field("f8", (3,)),
+        "information": Field("f8", (3, 3)),
+        "camera": Field("f8", (3,)),
+        "has_depth": Field("?"),
+        "photo": Field("u1", (MANY,)),
+        "photo_shape": Field("i8", (3,)),
+    },
 }
 """The rows of each kind. A field of rows of different lengths is stored end to end, with its lengths beside it."""
 
@@ -134,6 +156,8 @@ def save_keyframes(mapper: Mapper, path: Path) -> None:
         "member": [_member_row(member) for member in mapper.segments.members],
         "victim": [_victim_row(victim) for victim in mapper.victims.all],
         "sighting": [vars(s) | {"confidence": c} for s, c in zip(sightings, confidences, strict=True)],
+        "find": [_find_row(find) for find in mapper.finds.all],
+        "find_sighting": [_find_sighting_row(seen) for find in mapper.finds.all for seen in find.seen],
     }
     arrays = {"format": np.array(FORMAT), "version": np.array(VERSION)}
     for kind, fields in LAYOUT.items():
@@ -174,6 +198,8 @@ def load_keyframes(path: Path, mapper: Mapper) -> None:
         mapper.victims.all = [
             _victim_of(row, [next(sightings) for _ in range(row["sightings"])]) for row in rows["victim"]
         ]
+        seen = iter(rows["find_sighting"])
+        mapper.finds.all = [_find_of(row, [next(seen) for _ in range(row["sightings"])]) for row in rows["find"]]
         mapper.restore()
 
 
@@ -258,7 +284,7 @@ def _check(rows: dict[str, list[Row]]) -> None:
     if len(rows["odometry"]) != 1 or np.linalg.eigvalsh(rows["odometry"][0]["covariance"])[0] <= 0:
         raise ValueError("it does not tell once how wrong the odometry is")
     of_keyframe = [row["keyframe"] for kind in LAYOUT for row in rows[kind] if "keyframe" in row]
-    of_keyframe += [k for row in rows["victim"] for k in row["tried_from"].tolist()]
+    of_keyframe += [k for kind in ("victim", "find") for row in rows[kind] for k in row["tried_from"].tolist()]
     if not all(0 <= k < keyframes for k in of_keyframe):
         raise ValueError("something belongs to a keyframe that is not there")
     if any((row["camera"][:2] <= 0).any() for row in rows["keyframe"]):
@@ -268,8 +294,12 @@ def _check(rows: dict[str, list[Row]]) -> None:
         (row["classes"] >= len(Label)).any() for row in rows["keyframe"]
     ):
         raise ValueError("something is of no class")
-    if any(row["count"] < 1 for row in rows["member"]) or any(row["sightings"] < 1 for row in rows["victim"]):
-        raise ValueError("a segment or a victim was seen nowhere")
+    if any(row["count"] < 1 for row in rows["member"]) or any(
+        row["sightings"] < 1 for kind in ("victim", "find") for row in rows[kind]
+    ):
+        raise ValueError("a segment, a victim or a find was seen nowhere")
+    if not {_text_of(row["kind"]) for row in rows["find"]} <= set(FIND_KINDS):
+        raise ValueError("a find is of no kind")
 
 
 def _keyframe_rows(mapper: Mapper) -> Iterator[Row]:
@@ -358,3 +388,44 @@ def _victim_of(row: Row, rows: list[Row]) -> Victim:
     victim.sightings = seen
     victim.tried = [Places(k[None], at[None]) for k, at in zip(row["tried_from"], row["tried"], strict=True)]
     return victim
+
+
+def _text_of(data: NDArray[np.uint8]) -> str:
+    return data.tobytes().decode()
+
+
+def _data_of(text: str) -> NDArray[np.uint8]:
+    return np.frombuffer(text.encode(errors="replace"), np.uint8)
+
+
+def _find_row(find: TrackedFind) -> Row:
+    tried = Places.joined(find.tried)
+    return {
+        "kind": _data_of(find.kind),
+        "missed": find.missed,
+        "tried_from": tried.keyframe,
+        "tried": tried.position,
+        "sightings": len(find.seen),
+    }
+
+
+def _find_sighting_row(seen: FindSighting) -> Row:
+    return vars(seen) | {
+        "text": _data_of(seen.reading.text),
+        "confidence": seen.reading.confidence,
+        "corners": seen.reading.corners,
+        "photo": seen.photo.ravel(),
+        "photo_shape": seen.photo.shape,
+    }
+
+
+def _find_of(row: Row, rows: list[Row]) -> TrackedFind:
+    """A find with its sightings, which are placed when the mapper makes its maps."""
+    kind, seen = _text_of(row["kind"]), []
+    for s in rows:
+        reading = Reading(kind, _text_of(s["text"]), s["corners"], s["confidence"])
+        photo = s["photo"].reshape(s["photo_shape"])
+        where = s["position"], s["information"], s["camera"], s["has_depth"]
+        seen.append(FindSighting(reading, s["keyframe"], *where, np.nan, photo))
+    tried = [Places(k[None], at[None]) for k, at in zip(row["tried_from"], row["tried"], strict=True)]
+    return TrackedFind(kind, seen, [], row["missed"], tried)

@@ -10,6 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.errors import InputError
+from pipeline.finds.find_map import Finds
+from pipeline.finds.readers import FindReaders
 from pipeline.frame import Frame
 from pipeline.keyframes import Keyframes, Moves, Seen, nearest
 from pipeline.localisation.localisation import Localisation
@@ -76,6 +78,7 @@ class Mapper:
         graph: Literal["mst", "roadmap"] = "roadmap",
         seed: int = 0,
         localisation: Localisation | None = None,
+        readers: FindReaders | None = None,
     ):
         """Begin with empty maps.
 
@@ -87,8 +90,9 @@ class Mapper:
             graph: what plans are made on: ``mst``, the thesis's tree, or ``roadmap``, which adds loops.
             seed: of RANSAC.
             localisation: gives the poses of frames; by default odometry corrected by registration (SLAM).
+            readers: of signs, codes and heat; without them the maps hold no finds but victims.
         """
-        self.classifier, self.detector = classifier, detector
+        self.classifier, self.detector, self.readers = classifier, detector, readers
         self.localisation: Localisation = localisation or Slam()
         self.metric_map = MetricMap(voxel_size)
         self.elevation_map = ElevationMap(robot)
@@ -98,7 +102,7 @@ class Mapper:
         self.semantic_map = SemanticMap(self._is_inaccessible, None if is_told else revise)
         self.segments = Segments(self.metric_map.is_surface)
         self.topological_map = TopologicalMap(graph)
-        self.victims = Victims()
+        self.victims, self.finds = Victims(), Finds()
         self.stopwatch = Stopwatch()
         self.keyframes = Keyframes(robot, self.metric_map.max_range)
         self._set_down: NDArray[np.float64] | None = None
@@ -174,7 +178,9 @@ class Mapper:
         with self.stopwatch("segments"):
             patches = find_planes(frame, labels, T_map_camera, self._seed + index)
             self.segments.update(patches, index, T_map_base)
-        return Keyframe(frame, T_map_base, in_map, labels, patches, self._find_victims(frame, T_map_camera), index)
+        detections = self._find_victims(frame, T_map_camera)
+        self._find_things(frame, detections, T_map_base)
+        return Keyframe(frame, T_map_base, in_map, labels, patches, detections, index)
 
     def add_drive(
         self, track: NDArray[np.float64], obstacles: NDArray[np.float32], touched: Sequence[NDArray[np.float64]]
@@ -241,6 +247,7 @@ class Mapper:
             semantic_map.result()
         with self.stopwatch("correction_victims"):
             self.victims.place(poses)
+            self.finds.place(poses)
             self.semantic_map.show_people([victim.points for victim in self.victims.confirmed])
         with self.stopwatch("correction_topological_map"):
             self.topological_map.place(poses)
@@ -308,3 +315,10 @@ class Mapper:
             self.victims.update(frame, detections, T_map_camera, len(self.keyframes) - 1)
             self.semantic_map.show_people([victim.points for victim in self.victims.confirmed])
         return detections
+
+    def _find_things(self, frame: Frame, detections: list[Detection], T_map_base: NDArray[np.float64]) -> None:
+        """Read what is in the image besides people, and place it on the map."""
+        if self.readers is not None:
+            with self.stopwatch("finds"):
+                readings = self.readers.read(frame, detections)
+                self.finds.update(frame, readings, T_map_base, len(self.keyframes) - 1)

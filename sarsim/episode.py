@@ -20,7 +20,7 @@ from pipeline.ros.recorded_robot import ExplorerBag, RecordedRobot
 from pipeline.ros.topics import Joints
 from sarsim.arenas.fiducials import hang_fiducials
 from sarsim.arenas.load import load_arena
-from sarsim.perception import make_perception
+from sarsim.perception import make_perception, make_readers
 from sarsim.recording import EpisodeRecorder
 from sarsim.robots.skid_steered import WHEELS
 from sarsim.scoring.episode import EpisodeScore
@@ -61,7 +61,8 @@ class Episode(Expedition):
         is_told = config.odometry == "truth" or config.localisation == "odometry"
         localisation = OdometryLocalisation() if is_told else Slam()
         model, voxel_size, graph, seed = self.robot.model, config.voxel_size, config.graph, config.seed
-        mapper = Mapper(model, classifier, detector, voxel_size, graph, seed, localisation)
+        readers = make_readers(config)
+        mapper = Mapper(model, classifier, detector, voxel_size, graph, seed, localisation, readers)
         with ExitStack() as refused:
             refused.callback(self.robot.close)
             if config.map:

@@ -3,6 +3,7 @@
 from pathlib import Path
 
 from pipeline.errors import InputError
+from pipeline.finds.readers import FindReaders
 from pipeline.semantic_map.classifier import PointClassifier, TruthClassifier, own_classifier
 from pipeline.semantic_map.networks.classifier import NetworkClassifier
 from pipeline.semantic_map.rules import RuleClassifier
@@ -15,6 +16,11 @@ def make_perception(config: PerceptionConfig) -> tuple[PointClassifier, VictimDe
     """The classifier and the victim detector, if any, of a command; InputError if their files cannot be used."""
     classifier = make_classifier(config.labels, config.weights)
     return classifier, VictimDetector.load(*config.detector) if config.detector else None
+
+
+def make_readers(config: PerceptionConfig) -> FindReaders | None:
+    """The readers of signs, codes and heat, if there is a detector; InputError if their weights are damaged."""
+    return FindReaders.load(asset("weights", "hazmat.safetensors")) if config.detector else None
 
 
 def make_classifier(labels: Labels, weights: Path | None) -> PointClassifier:

@@ -19,7 +19,7 @@ from pipeline.mapper import Mapper
 from pipeline.rerun.recorder import Recorder
 from pipeline.rescue_report.situation import Situation, situation_of
 from pipeline.transforms import inverse
-from sarsim.perception import make_perception
+from sarsim.perception import make_perception, make_readers
 from sarsim.robots.model import robot_model
 from sarsim.robots.pose import Pose
 from sarsim.scoring.trajectory import TrajectoryScore
@@ -43,7 +43,9 @@ class RecordedDrive:
         poses = config.poses or default_poses(recording)
         (classifier, detector), localisation = make_perception(config), localisation_of(poses)
         self._robot = robot_model(config.robot)
-        self.mapper = Mapper(self._robot, classifier, detector, localisation=localisation)
+        self.mapper = Mapper(
+            self._robot, classifier, detector, localisation=localisation, readers=make_readers(config)
+        )
         camera = config.camera and CameraPose(*config.camera).T_base_camera
         self._replay = Replay(recording, self.mapper, poses, camera)
         make_folder(config.out)

@@ -23,7 +23,7 @@ from pipeline.ros.live.node import RosNode
 from pipeline.ros.live.ros_robot import RosRobot
 from pipeline.ros.messages import MAP, ODOM, transforms
 from pipeline.ros.topics import MapTopics
-from sarsim.perception import make_perception
+from sarsim.perception import make_perception, make_readers
 from sarsim.robots.model import robot_model
 from sarsim.settings import RosExploration
 
@@ -57,7 +57,7 @@ class RosDrive(Expedition, Observer):
         camera = config.camera and CameraPose(*config.camera).T_base_camera
         model = replace(robot_model(config.robot), speed=config.speed)
         self.robot = RosRobot(node, model, config.topics, camera, config.patience, STARTING_TIME, self._log_motion)
-        mapper = Mapper(model, classifier, detector)
+        mapper = Mapper(model, classifier, detector, readers=make_readers(config))
         explorer = Explorer(self.robot, mapper)
         if config.map:
             load_keyframes(config.map / KEYFRAMES, mapper)

@@ -15,7 +15,8 @@ from pipeline.errors import InputError
 from pipeline.semantic_map.networks.training_config import TrainingConfig
 from pipeline.victims.detection.training_config import YoloTrainingConfig
 from sarsim.assets import asset
-from sarsim.scripts.cli import Interruptible, check_folder_of, progress
+from sarsim.dataset.settings import HazmatTrainingConfig
+from sarsim.scripts.cli import Interruptible, check_folder_of, progress, tracked
 from sarsim.scripts.settings import run_one_of, save_settings
 from sarsim.settings import POINT_NETWORKS
 
@@ -71,6 +72,21 @@ class TrainYolo(YoloTrainingConfig, TrainingFiles):
     """Train the victim detector with datasets of generate_dataset.py."""
 
 
+@dataclass(frozen=True, kw_only=True)
+class TrainHazmat(HazmatTrainingConfig):
+    """Train the classifier of hazmat signs on drawn signs among datasets of generate_dataset.py and photos.
+
+    Attributes:
+        data: folders of datasets, and files of photos, all without signs.
+        out: file for the weights, .safetensors.
+        init: file of initial weights; by default they are random.
+    """
+
+    data: tuple[Path, ...]
+    out: Path
+    init: Path | None = None
+
+
 def train_points(settings: TrainPoints, network: str) -> None:
     """Train a network of the semantic map, and print the path of its weights."""
     _check(settings, ".safetensors")
@@ -111,6 +127,23 @@ def train_yolo(settings: TrainYolo) -> None:
         initial = settings.init or asset("weights", ARCHITECTURES[config.network])
         trainer = YoloTrainer(training, validation, config, settings.out, about, initial)
         _train(trainer, settings, "AP50")
+
+
+def train_hazmat(settings: TrainHazmat) -> None:
+    """Train the classifier of hazmat signs, and print its accuracy and the path of its weights."""
+    if settings.out.suffix != ".safetensors":
+        raise InputError(f"--out {settings.out}: a name that ends with .safetensors")
+    check_folder_of("out", settings.out)
+    from pipeline.finds.hazmat_network import HazmatNetwork
+    from sarsim.dataset.hazmat_training import HazmatTraining, pictures, save_hazmat
+
+    config = HazmatTrainingConfig(**{f.name: getattr(settings, f.name) for f in fields(HazmatTrainingConfig)})
+    network = HazmatNetwork.load(settings.init) if settings.init else None
+    training = HazmatTraining(list(pictures(settings.data)), config, network)
+    for _ in tracked(range(config.steps), "steps"):
+        training.step()
+    save_hazmat(training.network, settings.out)
+    Console().print(f"Validated: accuracy {training.accuracy():.4f}. Weights in {settings.out}", soft_wrap=True)
 
 
 def _check(settings: TrainPoints | TrainYolo, ending: str) -> None:
@@ -204,6 +237,7 @@ def main() -> None:
     """Entry point."""
     networks: dict[str, Any] = {name: (partial(train_points, network=name), TrainPoints) for name in POINT_NETWORKS}
     networks["yolo"] = (train_yolo, TrainYolo)
+    networks["hazmat"] = (train_hazmat, TrainHazmat)
     run_one_of(networks, str(__doc__))
 
 

@@ -11,6 +11,7 @@ _SCENE = (
     "- $origin/robot/camera/depth",
     "- $origin/robot/camera/labels",
     "- $origin/victims/photos",
+    "- $origin/finds/photos",
     # The eye looks from above, where a ceiling would hide the map.
     "- $origin/arena/ceiling/**",
 )
@@ -28,7 +29,7 @@ def blueprint(low: ArrayLike = (-3, -3, 0), high: ArrayLike = (3, 3, 1), tab: in
         ),
         _scene("Segments", low, high, hidden=["metric_map", "semantic_map", "arena", "localisation"]),
         _scene("Arena", low, high, hidden=[*_MAPS, "localisation"]),
-        _scene("Localisation", low, high, hidden=[*_MAPS, "topological_map", "frontiers", "victims"]),
+        _scene("Localisation", low, high, hidden=[*_MAPS, "topological_map", "frontiers", "victims", "finds"]),
         active_tab=tab,
     )
     columns = rrb.TextLogColumns(timeline_columns=["sim_time"], text_log_columns=["loglevel", "body"])
@@ -78,8 +79,14 @@ def _camera() -> rrb.Vertical:
         active_tab=0,
     )
     return rrb.Vertical(
-        rrb.Spatial2DView(origin=camera, contents=[f"{camera}/rgb", f"{camera}/victims"], name="Colour"),
-        rrb.Spatial2DView(origin="world/victims/photos", name="Victims"),
+        rrb.Spatial2DView(
+            origin=camera, contents=[f"{camera}/rgb", f"{camera}/victims", f"{camera}/finds"], name="Colour"
+        ),
+        rrb.Tabs(
+            rrb.Spatial2DView(origin="world/victims/photos", name="Victims"),
+            rrb.Spatial2DView(origin="world/finds/photos", name="Finds"),
+            active_tab=0,
+        ),
         pictures,
     )
 

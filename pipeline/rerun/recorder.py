@@ -11,10 +11,11 @@ from numpy.typing import NDArray
 
 from pipeline.errors import InputError
 from pipeline.explorer import Explorer, Observer, Step
+from pipeline.finds.find_map import Finds
 from pipeline.keyframes import Moves
 from pipeline.localisation.localisation import Localisation
 from pipeline.mapper import Keyframe, Mapper
-from pipeline.rerun import drawings, victim_drawings
+from pipeline.rerun import drawings, find_drawings, victim_drawings
 from pipeline.rerun.blueprint import blueprint
 from pipeline.rerun.legend import legend
 from pipeline.rerun.track import EstimatedTrack
@@ -85,6 +86,8 @@ class Recorder(Observer):
         if mapper.detector is not None:
             found = victim_drawings.detections(keyframe.detections, mapper.victims.refusals)
             self.stream.log("world/robot/camera/victims", found)
+        if mapper.readers is not None:
+            self.stream.log("world/robot/camera/finds", find_drawings.outlines(mapper.finds.readings))
         self._log_progress(mapper)
 
     def log_pose(self, time: float, T_odom_base: NDArray[np.float64]) -> bool:
@@ -192,6 +195,8 @@ class Recorder(Observer):
         log("world/topological_map/edges", drawings.edges(mapper.topological_map))
         if mapper.detector is not None:
             self._log_victims(mapper.victims)
+        if mapper.readers is not None:
+            self._log_finds(mapper.finds)
         self.log_trajectory(localisation)
         self._log_keyframes(localisation)
         log("world/localisation/loops", drawings.loops(localisation.loops, localisation.poses))
@@ -208,6 +213,12 @@ class Recorder(Observer):
         log("world/victims/photos", victim_drawings.photo_sheet(victims))
         confirmed, unconfirmed = len(victims.confirmed), len(victims.unconfirmed)
         self._log_metrics("victims/", confirmed=confirmed, unconfirmed=unconfirmed)
+
+    def _log_finds(self, finds: Finds) -> None:
+        confirmed = finds.confirmed
+        self.stream.log("world/finds", find_drawings.marks(confirmed))
+        self.stream.log("world/finds/photos", find_drawings.photo_sheet(confirmed))
+        self._log_metrics("finds/", confirmed=len(confirmed), unconfirmed=len(finds.unconfirmed))
 
     def _log_clouds(self, mapper: Mapper) -> None:
         """Log the metric and the semantic map, each if its size has changed enough."""

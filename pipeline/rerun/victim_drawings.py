@@ -1,16 +1,15 @@
 """Victims as Rerun draws them: in the camera's image, on the map, and their photos; lengths in m."""
 
 from collections.abc import Sequence
-from math import ceil, sqrt
 
-import cv2
 import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
-from PIL import Image, ImageColor, ImageOps
+from PIL import ImageColor
 from scipy.spatial.transform import Rotation
 
-from pipeline.rerun.drawings import ABOVE_GROUND, FONT, Colour, colour_image
+from pipeline.rerun.drawings import ABOVE_GROUND, Colour
+from pipeline.rerun.photo_sheet import sheet
 from pipeline.victims.certainty import ellipsoids
 from pipeline.victims.detection.detection import Detection
 from pipeline.victims.display_ids import confirmed_ids, unconfirmed_ids
@@ -18,9 +17,6 @@ from pipeline.victims.observation import Refusal
 from pipeline.victims.victim_map import Victim, Victims
 
 CONFIRMED, UNCONFIRMED, REFUSED = map(ImageColor.getrgb, ("limegreen", "orange", "darkgray"))
-PHOTO = 240
-"""Pixels of a photo's sides, its caption included; all sheets are as large as nine, for the viewer takes JPEGs of one
-entity for a video."""
 
 
 def detections(found: Sequence[Detection], refusals: Sequence[Refusal]) -> rr.Boxes2D:
@@ -70,22 +66,8 @@ def ways(strips: Sequence[NDArray[np.float64]]) -> rr.LineStrips3D:
 
 
 def photo_sheet(victims: Victims) -> rr.EncodedImage:
-    """The victims' photos with their display ids, row by row, as many in a row as there are rows."""
-    cells = [_photo(f"{_name(id)}  {v.confidence:.0%}", v.photo, _colour(id)) for id, v in _displayed(victims)]
-    side = ceil(sqrt(len(cells))) or 1
-    cells += [np.zeros((PHOTO, PHOTO, 3), np.uint8)] * (side**2 - len(cells))
-    sheet = np.vstack([np.hstack(cells[k : k + side]) for k in range(0, len(cells), side)])
-    whole = 3 * PHOTO, 3 * PHOTO
-    return colour_image(np.asarray(cv2.resize(sheet, whole, interpolation=cv2.INTER_AREA), np.uint8))
-
-
-def _photo(text: str, photo: NDArray[np.uint8], colour: Colour) -> NDArray[np.uint8]:
-    """A photo, scaled to fit its place, above its caption."""
-    (_, caption), _ = cv2.getTextSize(text, *FONT, thickness=1)
-    fitted = np.asarray(ImageOps.pad(Image.fromarray(photo), (PHOTO, PHOTO - 2 * caption)))
-    cell = np.vstack([fitted, np.zeros((2 * caption, PHOTO, 3), np.uint8)])
-    cv2.putText(cell, text, (caption, PHOTO - caption // 2), *FONT, colour, 1, cv2.LINE_AA)
-    return cell
+    """The victims' photos with their display ids."""
+    return sheet([(f"{_name(id)}  {v.confidence:.0%}", v.photo, _colour(id)) for id, v in _displayed(victims)])
 
 
 def _displayed(victims: Victims) -> list[tuple[str, Victim]]:

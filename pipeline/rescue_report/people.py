@@ -26,25 +26,25 @@ def _person(person: Person, confirmed: bool) -> Row:
     return {
         "id": person.display_id,
         "confirmed": confirmed,
-        "position": _plain(victim.position),
-        "covariance": _plain(victim.covariance),
-        "size": _plain([posture.length, posture.width, posture.height]),
+        "position": plain(victim.position),
+        "covariance": plain(victim.covariance),
+        "size": plain([posture.length, posture.width, posture.height]),
         "posture": posture.name or None,
         "confidence": round(victim.confidence, 4),
         "keyframes": len(victim.cameras),
         "missed": victim.missed,
-        "times": _plain(sorted(seen.time for seen in victim.sightings if np.isfinite(seen.time))),
+        "times": plain(sorted(seen.time for seen in victim.sightings if np.isfinite(seen.time))),
         "photo": photo_name(person),
         "way": None
         if route is None
         else {
             "arrives": route.arrives,
             "in_sight": bool(route.in_sight),
-            "gap": _plain(route.gap),
-            "length": _plain(route.length),
-            "steepest": _plain(route.steepest),
-            "points": _plain(route.way),
-            "drops": [{"position": _plain(drop.position), "depth": _plain(drop.value)} for drop in route.drops],
+            "gap": plain(route.gap),
+            "length": plain(route.length),
+            "steepest": plain(route.steepest),
+            "points": plain(route.way),
+            "drops": [{"position": plain(drop.position), "depth": plain(drop.value)} for drop in route.drops],
         },
     }
 
@@ -54,8 +54,8 @@ def photo_name(person: Person) -> str:
     return f"victim_{person.display_id}.jpg"
 
 
-def _plain(numbers: Any) -> Any:
-    """A number, or nested lists of numbers, for JSON, rounded to 1e-6."""
+def plain(numbers: Any) -> Any:
+    """A number, or nested lists of numbers, (...), for JSON, rounded to 1e-6."""
     return np.round(np.asarray(numbers, np.float64), 6).tolist()
 
 

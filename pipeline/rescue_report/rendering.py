@@ -40,6 +40,6 @@ TEMPLATES = environment("pipeline.rescue_report")
 """The rescue report's templates."""
 for _filter in (
     png, jpeg, words.centimetres, words.counted, words.degrees, words.metres, words.minutes, words.number,
-    words.percent, words.place, words.rotate, words.side, words.slope, words.turn,
+    words.percent, words.place, words.rotate, words.shown, words.side, words.slope, words.turn,
 ):  # fmt: skip
     TEMPLATES.filters[_filter.__name__] = _filter

@@ -8,6 +8,7 @@ from typing import Any
 from pipeline.exploration.viewpoint import Viewpoint
 from pipeline.explorer import Explorer, Observer, Step
 from pipeline.files import whole_file
+from pipeline.rescue_report.finds import write_finds
 from pipeline.rescue_report.page import page
 from pipeline.rescue_report.people import write_people
 from pipeline.rescue_report.situation import Situation, situation_of
@@ -34,7 +35,7 @@ class RescueReport(Observer):
 
 
 def write_page(path: Path, situation: Situation, report: Mapping[str, Any]) -> None:
-    """Write the page, with the figures of report.json, and beside it the people as data.
+    """Write the page, with the figures of report.json, and beside it the people and all finds as data.
 
     Raises:
         InputError: a file cannot be written.
@@ -42,3 +43,4 @@ def write_page(path: Path, situation: Situation, report: Mapping[str, Any]) -> N
     with whole_file(path) as partial:
         partial.write_text(page(situation, report, datetime.now().astimezone()), encoding="utf-8")
     write_people(path.parent, situation)
+    write_finds(path.parent, situation)

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.exploration.viewpoint import Viewpoint
+from pipeline.finds.find import Find
 from pipeline.mapper import Mapper
 from pipeline.rescue_report.hazards import Hazards, find_hazards
 from pipeline.rescue_report.posture import Posture, posture_of
@@ -74,6 +75,7 @@ class Situation:
         unseen: ground that was not seen.
         people: confirmed.
         sightings: people who are not confirmed.
+        finds: signs, codes and other things.
         searched: whether a detector looked for people.
         finished: whether no viewpoint was left that was worth a keyframe.
         left: viewpoints that would have shown more ground but were not worth the drive.
@@ -91,6 +93,7 @@ class Situation:
     unseen: Unseen
     people: list[Person]
     sightings: list[Person]
+    finds: list[Find]
     searched: bool
     finished: bool
     left: Sequence[Viewpoint]
@@ -147,6 +150,7 @@ def situation_of(
         unseen=find_unseen(traversability, measured, paths.reachable, robot),
         people=[_person(*found, router) for found in confirmed_ids(mapper.victims)],
         sightings=[_person(*found, router) for found in unconfirmed_ids(mapper.victims)],
+        finds=mapper.finds.confirmed,
         searched=mapper.detector is not None,
         finished=finished,
         left=left,

@@ -3,6 +3,7 @@
 import numpy as np
 from numpy.typing import ArrayLike
 
+from pipeline.finds.codes import plain_text
 from pipeline.labels import RAMP_TILT
 from pipeline.transforms import wrap_angle
 
@@ -51,6 +52,11 @@ def minutes(seconds: float) -> str:
 def counted(count: int, one: str, many: str = "") -> str:
     """A number of things: ``counted(2, "drop")`` is "2 drops"."""
     return f"{count or 'no'} {one if count == 1 else many or one + 's'}"
+
+
+def shown(text: str) -> str:
+    """What a code says, as far as it fits on a line."""
+    return plain_text(text)
 
 
 def slope(angle: float) -> str:

@@ -116,7 +116,7 @@ class MapTopics:
             self._send("/semantic_cloud", time, messages.labelled_cloud(time, cloud.points, named))
 
     def maps(self, mapper: Mapper, keyframe: Keyframe, plan: PathPlan | None) -> None:
-        """Send the traversable ground, the path driven so far, the plan, and markers of nodes, edges and people."""
+        """Send the traversable ground, the path driven so far, the plan, and markers of nodes, edges and finds."""
         time, traversability = keyframe.frame.time, mapper.traversability
         known = np.where(traversability.hazard, 100, 0)
         values = np.where(np.isnan(traversability.elevation), -1, known).astype(np.int8)
@@ -132,9 +132,11 @@ class MapTopics:
         ways = [topology.way(a, b) for a, b in topology.graph.edges]
         edges = np.concatenate([np.zeros((0, 3)), *(np.repeat(way, 2, axis=0)[1:-1] for way in ways)])
         people = np.array([victim.position for victim in mapper.victims.confirmed]).reshape(-1, 3)
+        finds = np.array([find.position for find in mapper.finds.confirmed]).reshape(-1, 3)
         drawn = [
             messages.marker(time, "nodes", "SPHERE_LIST", nodes, 0.15, "royalblue"),
             messages.marker(time, "edges", "LINE_LIST", edges, 0.03, "silver"),
+            messages.marker(time, "finds", "SPHERE_LIST", finds, 0.2, "darkorange"),
             messages.marker(time, "people", "SPHERE_LIST", people, 0.4, "limegreen"),
         ]
         return messages.make("visualization_msgs/MarkerArray", drawn)

@@ -11,7 +11,6 @@ from pipeline.transforms import inverse, transform_points
 from pipeline.victims.detection.background import background_planes, near_plane
 from pipeline.victims.detection.detection import VICTIM, Detection
 
-PERSON_GAP = 0.3  # m of depth between a person and objects in front of or behind the person
 SKIN_TO_MIDDLE = 0.08  # m, standard deviation due to the distance from the visible skin to the middle of the body
 
 

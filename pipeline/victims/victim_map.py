@@ -8,6 +8,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from pipeline.finds.likelihood import weigh
+from pipeline.finds.sought import THING_GAP
 from pipeline.frame import Frame
 from pipeline.keyframes import Places
 from pipeline.localisation.gates import chi2_gate
@@ -16,15 +17,7 @@ from pipeline.segments.cells_kernels import moved
 from pipeline.sensor import SensorModel
 from pipeline.transforms import inverse, transform_points
 from pipeline.victims.detection.detection import VICTIM, Detection
-from pipeline.victims.observation import (
-    PERSON_GAP,
-    SKIN_TO_MIDDLE,
-    PersonObservation,
-    Refusal,
-    middle,
-    observe,
-    size_of,
-)
+from pipeline.victims.observation import SKIN_TO_MIDDLE, PersonObservation, Refusal, middle, observe, size_of
 
 TOGETHER = 1.85
 """m across; 24 of 25 people measure no more; two who lie side by side almost always measure more together."""
@@ -100,6 +93,20 @@ class Victim:
     tried_at: list[NDArray[np.float64]] = field(default_factory=list)
     sightings: list[Sighting] = field(default_factory=list)
     ground: float = 0.0
+
+    @property
+    def across(self) -> float:
+        """m of a person that are to be in the image."""
+        return WHOLE
+
+    @property
+    def is_flat(self) -> bool:
+        """A person looks different from another side."""
+        return False
+
+    def distances(self, sensor: SensorModel) -> tuple[float, float]:
+        """Least and greatest distance, m, from which a person is whole in the image."""
+        return sensor.nearest + WHOLE / 2, farthest_whole(sensor)
 
     def take(self, seen: "Sighting | Victim") -> None:
         """Add the points and information of another observation, or of another victim that is the same person."""
@@ -297,7 +304,7 @@ def _in_view(victim: Victim, frame: Frame, T_map_camera: NDArray[np.float64]) ->
     pixels, inside = frame.intrinsics.project(points)
     depth, (row, column) = depth[inside], pixels[inside].T
     measured = frame.depth[row, column]
-    is_open = (measured > 0) & (measured > depth - PERSON_GAP)
+    is_open = (measured > 0) & (measured > depth - THING_GAP)
     return bool(is_open.sum() > OPEN_SHARE * len(points))
 
 

@@ -122,3 +122,24 @@ def check(flag: str, value: float, low: float, high: float = math.inf) -> None:
     if not low <= value <= high:
         limits = f"at least {low:g}" if high == math.inf else f"from {low:g} to {high:g}"
         raise InputError(f"--{flag} {value:g}: {limits}")
+
+
+@dataclass(frozen=True, kw_only=True)
+class HazmatTrainingConfig:
+    """How to train the classifier of hazmat signs.
+
+    Attributes:
+        steps: number of steps.
+        batch: patches of a step.
+        rate: highest learning rate of the one-cycle schedule.
+        labels: labels drawn of each class.
+        bank: patches, of which each step takes some, each time another way up.
+        seed: of all random numbers.
+    """
+
+    steps: int = 3000
+    batch: int = 96
+    rate: Fixed[float] = 3e-3
+    labels: Fixed[int] = 60
+    bank: Fixed[int] = 20_000
+    seed: int = 0

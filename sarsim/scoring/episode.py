@@ -12,6 +12,7 @@ from pipeline.navigation.navigator import Outcome
 from sarsim.ground_truth.faces import true_faces
 from sarsim.scoring.coverage import Coverage
 from sarsim.scoring.fiducials import FiducialScore
+from sarsim.scoring.finds import FindScore
 from sarsim.scoring.segments import SegmentScore
 from sarsim.scoring.semantics import KeyframeTruth, compared
 from sarsim.scoring.topology import score_topology
@@ -44,6 +45,7 @@ class EpisodeScore(Observer):
         self._voxels = VoxelScore(explorer.mapper.metric_map)
         self._semantics = KeyframeTruth(explorer.mapper.keyframes)
         self._victims = VictimScore(model, data)
+        self._finds, self._has_thermal = FindScore(model, data, T_world_tag[:, :3, 3]), False
         self._fiducials = FiducialScore(T_world_tag)
         self.trajectory = TrajectoryScore(explorer.mapper.localisation, robot.trajectory)
         for seen, T in zip(explorer.mapper.keyframes.seen, explorer.mapper.keyframes.poses, strict=True):
@@ -70,6 +72,8 @@ class EpisodeScore(Observer):
         self._progress.append((keyframe.frame.time - self._start_time, self._coverage.fraction))
         self._segments.add(points, truth.image.instance[truth.image.depth > 0])
         self._victims.add(truth.image)
+        self._finds.add(truth.image)
+        self._has_thermal |= keyframe.frame.thermal is not None
         self._fiducials.add(keyframe.frame, keyframe.T_map_base)
         if len(keyframe.labels):
             self._semantics.add(keyframe)
@@ -107,6 +111,7 @@ class EpisodeScore(Observer):
         """The figures of all stages that have any; the commands add settings and times."""
         self._wait()
         explorer, known = self._explorer, self._explorer.mapper.keyframes
+        has_readers = explorer.mapper.readers is not None
         stages = {
             "metric_map": self._voxels.report(),
             "semantic_map": compared(self._semantics.map(), explorer.mapper.semantic_map),
@@ -119,6 +124,11 @@ class EpisodeScore(Observer):
             | {"relocalised": explorer.keyframing.pose_check.relocalised}
             | self._fiducials.report(list(known.poses[known.loaded :])),
             **({"victims": self._victims.report(self._confirmed)} if explorer.mapper.detector else {}),
+            **(
+                {"finds": self._finds.report(explorer.mapper.finds.confirmed, self._has_thermal)}
+                if has_readers
+                else {}
+            ),
         }
         return {name: stage for name, stage in stages.items() if stage}
 
@@ -127,6 +137,11 @@ class EpisodeScore(Observer):
         """Position error in m of each victim that was found."""
         errors = self._victims.matches(self._confirmed)
         return errors[np.isfinite(errors)].tolist()
+
+    @property
+    def find_errors(self) -> dict[str, list[float]]:
+        """Position errors in m of the finds of each kind."""
+        return self._finds.errors(self._explorer.mapper.finds.confirmed)
 
     @property
     def _confirmed(self) -> NDArray[np.float64]:

@@ -18,7 +18,7 @@ class HasGeoms(Protocol):
 
     @property
     def geoms(self) -> NDArray[np.int64]:
-        """Their ids."""
+        """(N,) their ids."""
 
 
 class Visibility:

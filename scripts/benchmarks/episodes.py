@@ -216,4 +216,5 @@ def _run(job: Job, folder: Path) -> dict[str, Any] | None:
         if not episode.run():
             return None
         cv2.imwrite(str(folder / f"{job.name}.png"), cv2.cvtColor(episode.picture(), cv2.COLOR_RGB2BGR))
-        return {"report": episode.report, "position_errors": episode.score.position_errors}
+        score = episode.score
+        return {"report": episode.report, "position_errors": score.position_errors, "find_errors": score.find_errors}

@@ -1,10 +1,11 @@
 """Settings of the benchmark's subjects, in a module of their own: ``--help`` needs nothing else."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from tyro.conf import Fixed, FlagConversionOff
 
+from sarsim.arenas.settings import RandomArenaConfig
 from sarsim.settings import DETECTOR, WEIGHTS, EpisodeConfig, LightingName, Odometry, PerceptionConfig
 
 SHARED = Path(__file__).resolve().parents[2].parent / "shared"  # Test data beside the checkout
@@ -233,6 +234,30 @@ class ExplorationSettings(EpisodesSettings):
 
     raf: Path | None = None
     runs: Path = Path("runs/benchmark-exploration")
+
+
+@dataclass(frozen=True, kw_only=True)
+class FindsSettings(EpisodesSettings):
+    """Whole episodes in random arenas with things of every kind; or a folder of real photos.
+
+    Attributes:
+        photos: folder of real photos with arena/, people/, rooms/ and truth.json, in place of episodes.
+        things: number of things in an arena, besides people.
+    """
+
+    nist: int = 0
+    esogu: int = 0
+    random: int = 10
+    baselines: Fixed[bool] = False
+    photos: Path | None = None
+    things: Fixed[int] = 12
+    detector: tuple[Path, Path] | tuple[Path] = DETECTOR
+    runs: Path = Path("runs/benchmark-finds")
+
+    @property
+    def episode(self) -> EpisodeConfig:
+        """Settings that all episodes have."""
+        return replace(super().episode, random=RandomArenaConfig(things=self.things))
 
 
 @dataclass(frozen=True, kw_only=True)

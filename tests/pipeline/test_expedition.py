@@ -22,7 +22,15 @@ from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.still_robot import StillRobot
 
 MAPS = {"keyframes.npz", "metric_map.npz", "semantic_map.ply", "topology.json"}
-REST = {"trajectory_estimated.tum", "episode.rrd", "report.json", "report.html", "victims.json", "victims.csv"}
+REST = {
+    "trajectory_estimated.tum",
+    "episode.rrd",
+    "report.json",
+    "report.html",
+    "victims.json",
+    "victims.csv",
+    "finds.json",
+}
 
 
 @dataclass(frozen=True)

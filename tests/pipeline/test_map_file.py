@@ -7,6 +7,9 @@ import numpy as np
 import pytest
 
 from pipeline.errors import InputError
+from pipeline.finds.find import Reading, box_corners
+from pipeline.finds.find_map import TrackedFind
+from pipeline.finds.observation import FindSighting
 from pipeline.keyframes import Places
 from pipeline.labels import Label
 from pipeline.localisation.odometry import OdometryLocalisation
@@ -44,6 +47,9 @@ def mapper() -> Mapper:
     tried = [Places.anchored(np.ones((1, 3)), poses)]
     victim = Victim(points, np.eye(3), [], [0.8, 0.7], photo, 9.5, missed=1, tried=tried, sightings=seen)
     mapper.victims.all = [victim]
+    reading = Reading("qr_code", "Ausgang \N{RIGHTWARDS ARROW}", box_corners((1, 2, 3, 4)), 0.9)
+    sighting = FindSighting(reading, 2, np.ones(3), 9 * np.eye(3), np.zeros(3), True, 1.0, photo)
+    mapper.finds.all = [TrackedFind("qr_code", [sighting], [], missed=1, tried=tried)]
     mapper.correct(poses @ from_yaw(0.02, 0, 0, 0.01))
     mapper.localisation.graph.poses = mapper.keyframes.poses
     mapper.localisation.local_map.place(mapper.keyframes.poses)
@@ -78,6 +84,11 @@ def test_a_loaded_map_is_the_one_that_was_saved(mapper, file):
     np.testing.assert_allclose(victim.information, before.information)
     np.testing.assert_array_equal(victim.photo, before.photo)
     assert (victim.confidences, victim.missed, victim.photo_shows) == ([0.8, 0.7], 1, 9.5)
+    (thing,), (find,) = mapper.finds.all, loaded.finds.all
+    assert (find.kind, find.text, find.missed, len(find.tried)) == ("qr_code", thing.text, 1, 1)
+    np.testing.assert_allclose(find.position, thing.position, atol=1e-3)
+    np.testing.assert_allclose(find.covariance, np.eye(3) / 9, atol=1e-9)
+    np.testing.assert_array_equal(find.find().photo, thing.find().photo)
     np.testing.assert_allclose(victim.tried_at, before.tried_at)
     np.testing.assert_allclose(victim.cameras[1], before.cameras[1])
 
@@ -131,7 +142,7 @@ def test_an_entry_of_wrong_type_length_or_value_is_refused_in_one_line(file, tmp
     ("name", "value", "reason"),
     [
         ("format", "sarsim metric map", "not the map of an episode"),
-        ("version", 3, "not of version 4"),
+        ("version", 3, "not of version 5"),
         ("member.keyframe", -1, "a keyframe that is not there"),
         ("driven.keyframe", 4, "a keyframe that is not there"),
         ("victim.tried_from", 4, "a keyframe that is not there"),

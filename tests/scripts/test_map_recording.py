@@ -24,6 +24,7 @@ from tests.scripts.refusal import refusal
 FILES = {
     "config.yaml", "episode.rrd", "keyframes.npz", "metric_map.npz", "report.html", "report.json", "semantic_map.ply",
     "topology.json", "trajectory_estimated.tum", "trajectory_true.tum",
+    "finds.json",
     "victims.csv",
     "victims.json",
 }  # fmt: skip

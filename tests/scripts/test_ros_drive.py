@@ -19,6 +19,7 @@ from tests.pipeline.ros.live.loopback import End, Wire
 FILES = {
     "episode.rrd", "keyframes.npz", "metric_map.npz", "report.html", "report.json", "semantic_map.ply",
     "topology.json", "trajectory_estimated.tum",
+    "finds.json",
     "victims.csv",
     "victims.json",
 }  # fmt: skip

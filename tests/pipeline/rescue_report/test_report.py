@@ -60,7 +60,7 @@ def test_marks_and_entrance_follow_a_correction_of_the_poses() -> None:
 def test_the_page_is_a_file(tmp_path: Path) -> None:
     write_page(tmp_path / "report.html", before_a_wall(None), {"arena": "Fußweg"})
     assert "Fußweg" in read((tmp_path / "report.html").read_text(encoding="utf-8")).text
-    assert {path.name for path in tmp_path.iterdir()} == {"report.html", "victims.json", "victims.csv"}
+    assert {path.name for path in tmp_path.iterdir()} == {"report.html", "victims.json", "victims.csv", "finds.json"}
 
 
 def test_a_page_that_cannot_be_written_is_bad_input(tmp_path: Path) -> None:

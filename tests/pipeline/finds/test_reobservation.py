@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pipeline.finds import reobservation as module
+from pipeline.finds.reobservation import REWARD, Reobservation, half_view
 from pipeline.keyframes import Keyframes
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.sensor import XTION
 from pipeline.transforms import from_yaw
-from pipeline.victims import reobservation as module
-from pipeline.victims.reobservation import REWARD, Reobservation, half_view
 from pipeline.victims.victim_map import Victims
 from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.victims.rooms import INTRINSICS, Ball, camera_at, detection_of, step
@@ -37,7 +37,7 @@ def seen_once(metric_map: MetricMap, keyframes: Keyframes | None = None) -> tupl
     victims, T = Victims(), camera_at(0, 0)
     frame = step(T, [PERSON])
     victims.update(frame, [detection_of(T, PERSON)], T)
-    result = Reobservation(victims, metric_map, one_keyframe() if keyframes is None else keyframes)
+    result = Reobservation([victims], metric_map, one_keyframe() if keyframes is None else keyframes)
     result.count(frame)
     return victims, result
 
@@ -67,7 +67,7 @@ def test_an_unconfirmed_victim_is_worth_a_viewpoint_on_another_side(reobservatio
 def test_only_viewpoints_towards_it_count(reobservation):
     x, y = 0.6, 1.1
     towards = bearing_to_person(x, y)
-    off = np.array([0.0, 0.7, -0.7, 1.3, -1.3, 3.0, 9.0]) * half_view(step(camera_at(0, 0)))
+    off = np.array([0.0, 0.7, -0.7, 1.3, -1.3, 3.0, 9.0]) * half_view(step(camera_at(0, 0)), reobservation.wanted[0])
     counts = reobservation.gains(place(x, y), towards + off)[0] > 0
     assert counts.tolist() == [True, True, True, False, False, False, False]
 

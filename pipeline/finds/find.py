@@ -1,0 +1,71 @@
+"""What is found: by a reader in one image, and on the map."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+FIND_KINDS = ("hazmat_sign", "qr_code", "april_tag", "fire_extinguisher", "door_lever", "heat")
+"""Kinds of finds, as report.json has them."""
+CODES = ("qr_code", "april_tag")
+"""Kinds that are read rightly or not at all, for they carry check sums."""
+PRINTED = ("hazmat_sign", *CODES)
+"""Kinds of which the middle is where their outline's is; others have a shape."""
+
+
+@dataclass(frozen=True, eq=False)
+class Reading:
+    """A thing in an image.
+
+    Attributes:
+        kind: one of ``FIND_KINDS``.
+        text: the class of a sign or what a code says; empty if it cannot be read, or says nothing.
+        corners: (N, 2) float32 of its outline, pixels from the image's upper left corner.
+        confidence: 0 to 1.
+    """
+
+    kind: str
+    text: str
+    corners: NDArray[np.float32]
+    confidence: float
+
+    @property
+    def box(self) -> tuple[float, float, float, float]:
+        """x0, y0, x1, y1 around the outline, pixels."""
+        (x0, y0), (x1, y1) = self.corners.min(axis=0).tolist(), self.corners.max(axis=0).tolist()
+        return x0, y0, x1, y1
+
+    @property
+    def side(self) -> float:
+        """Pixels, the square root of the box's area."""
+        x0, y0, x1, y1 = self.box
+        return float(np.sqrt((x1 - x0) * (y1 - y0)))
+
+
+@dataclass(frozen=True, eq=False)
+class Find:
+    """A thing on the map, as it is reported.
+
+    Attributes:
+        kind: one of ``FIND_KINDS``, or ``victim``.
+        text: a class, or what a code says.
+        position: (3,) float64 m in ``map``.
+        covariance: (3, 3) float64 of the position, m².
+        time_s: s, when it was first seen.
+        confidence: 0 to 1.
+        photo: (h, w, 3) uint8 that shows it best.
+    """
+
+    kind: str
+    text: str
+    position: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+    time_s: float
+    confidence: float
+    photo: NDArray[np.uint8]
+
+
+def box_corners(box: tuple[float, float, float, float]) -> NDArray[np.float32]:
+    """(4, 2) corners of a box x0, y0, x1, y1, clockwise from the upper left, pixels."""
+    x0, y0, x1, y1 = box
+    return np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]], np.float32)

@@ -1,0 +1,43 @@
+"""Finds as Rerun draws them: in the camera's image, on the map, and their photos; lengths in m."""
+
+from collections.abc import Sequence
+
+import numpy as np
+import rerun as rr
+from PIL import ImageColor
+
+from pipeline.finds.codes import plain_text
+from pipeline.finds.find import Find, Reading
+from pipeline.rerun.drawings import GRAIN
+from pipeline.rerun.photo_sheet import sheet
+
+FIND_COLOUR = ImageColor.getrgb("darkorange")
+
+
+def marks(finds: Sequence[Find]) -> rr.Points3D:
+    """A labelled point for each find."""
+    return rr.Points3D(
+        np.array([find.position for find in finds]).reshape(-1, 3),
+        labels=[_name(find) for find in finds],
+        colors=FIND_COLOUR,
+        radii=2 * GRAIN,
+        show_labels=True,
+    )
+
+
+def photo_sheet(finds: Sequence[Find]) -> rr.EncodedImage:
+    """The photos of all finds."""
+    return sheet([(f"{k} {_name(find)}", find.photo, FIND_COLOUR) for k, find in enumerate(finds, start=1)])
+
+
+def outlines(readings: Sequence[Reading]) -> rr.LineStrips2D:
+    """What was read in an image, outlined."""
+    return rr.LineStrips2D(
+        [np.vstack([reading.corners, reading.corners[:1]]) for reading in readings],
+        labels=[plain_text(reading.text or reading.kind) for reading in readings],
+        colors=FIND_COLOUR,
+    )
+
+
+def _name(find: Find) -> str:
+    return plain_text(f"{find.kind.replace('_', ' ')} {find.text}".rstrip())

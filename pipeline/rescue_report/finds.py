@@ -1,0 +1,57 @@
+"""All finds of a situation as data for other programs: finds.json, and a photo of each."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.files import whole_file
+from pipeline.finds.find import Find
+from pipeline.frame import jpeg
+from pipeline.rescue_report.people import Row, photo_name, plain
+from pipeline.rescue_report.situation import Person, Situation
+
+
+def finds_data(situation: Situation) -> list[Row]:
+    """The content of finds.json: lengths in m, times in s, positions in ``map``; confirmed people are among them.
+
+    Text is as it was read; JSON escapes what is not printable ASCII.
+    """
+    return [_row(find, photo) for find, photo in _named(situation)]
+
+
+def _row(find: Find, photo: str) -> Row:
+    return {
+        "kind": find.kind,
+        "text": find.text,
+        "position": plain(find.position),
+        "covariance": plain(find.covariance),
+        "time_s": plain(find.time_s) if np.isfinite(find.time_s) else 0.0,  # in an earlier episode
+        "confidence": round(find.confidence, 4),
+        "photo": photo,
+    }
+
+
+def _named(situation: Situation) -> Iterator[tuple[Find, str]]:
+    """Each find with the name of the file of its photo."""
+    yield from ((_person(person), photo_name(person)) for person in situation.people)
+    yield from ((find, f"find_{k}.jpg") for k, find in enumerate(situation.finds, start=1))
+
+
+def _person(person: Person) -> Find:
+    """A confirmed person as a find."""
+    victim = person.victim
+    times = [seen.time for seen in victim.sightings if np.isfinite(seen.time)]
+    first = min(times, default=np.nan)
+    return Find("victim", "", victim.position, victim.covariance, first, victim.confidence, victim.photo)
+
+
+def write_finds(folder: Path, situation: Situation) -> None:
+    """Write finds.json and the photos of what is no person; InputError if one cannot be written."""
+    with whole_file(folder / "finds.json") as path:
+        path.write_text(json.dumps(finds_data(situation), indent=1, allow_nan=False) + "\n")
+    for find, name in _named(situation):
+        if find.kind != "victim":
+            with whole_file(folder / name) as path:
+                path.write_bytes(jpeg(find.photo))

@@ -1,0 +1,84 @@
+"""Whether the robot has found the things besides people, kind by kind, and read them rightly.
+
+Reported finds are matched with things of their kind within ``NEAR``, one to one, those with the right text first: a
+thing reported twice counts as found once, and as one false alarm.
+"""
+
+from collections.abc import Sequence
+from typing import Any
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linear_sum_assignment
+
+from pipeline.finds.find import FIND_KINDS, Find
+from sarsim.arenas.things.thing import HEAT, Thing, of_kind, things_of
+from sarsim.scoring.victims import NEAR
+from sarsim.scoring.visibility import Visibility
+from sarsim.sensors.camera import LabelledImage
+
+UNMATCHED = 1e3  # In place of the distance, m, of what is too far apart, for an assignment needs finite costs
+
+
+class FindScore:
+    """Records which things come into view, and compares the reported finds with the true things."""
+
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, others: NDArray[np.float64]):
+        """``others``: (N, 3) m in the world, where something may be reported that counts neither way."""
+        self._things = things_of(model, data)
+        self._visibility, self._others = Visibility(model, self._things), others
+
+    def add(self, image: LabelledImage) -> None:
+        """Mark the things in a noise-free image, clipped to the sensor's range."""
+        self._visibility.add(image)
+
+    def report(self, finds: Sequence[Find], has_thermal: bool) -> dict[str, Any]:
+        """Figures by kind; of heat only with a thermal camera."""
+        kinds = [kind for kind in FIND_KINDS if kind != HEAT or has_thermal]
+        return {kind: self._figures(kind, [find for find in finds if find.kind == kind]) for kind in kinds}
+
+    def _figures(self, kind: str, finds: Sequence[Find]) -> dict[str, Any]:
+        things = of_kind(self._things, kind)
+        visible = np.array(
+            [v for t, v in zip(self._things, self._visibility.visible, strict=True) if t in things], bool
+        )
+        pairs = matched(things, finds)
+        errors = _distances(things, finds, pairs)
+        found = np.isin(np.arange(len(things)), [i for i, _ in pairs])
+        unmatched = (find for k, find in enumerate(finds) if k not in {k for _, k in pairs})
+        return {
+            "present": len(things),
+            "visible": int(visible.sum()),
+            "found": len(pairs),
+            "visible_found": int((visible & found).sum()),
+            "read": sum(things[i].text == finds[k].text for i, k in pairs),
+            "false_alarms": sum(not self._is_other(find) for find in unmatched),
+            "position_error_m": float(np.median(errors)) if errors else None,
+        }
+
+    def errors(self, finds: Sequence[Find]) -> dict[str, list[float]]:
+        """Distances, m, of the finds of each kind from the things that they are matched with."""
+        result = {}
+        for kind in FIND_KINDS:
+            things, told = of_kind(self._things, kind), [find for find in finds if find.kind == kind]
+            result[kind] = _distances(things, told, matched(things, told))
+        return result
+
+    def _is_other(self, find: Find) -> bool:
+        return bool((np.linalg.norm(self._others - find.position, axis=1) <= NEAR).any())
+
+
+def _distances(things: Sequence[Thing], finds: Sequence[Find], pairs: Sequence[tuple[int, int]]) -> list[float]:
+    return [float(np.linalg.norm(things[i].centre - finds[k].position)) for i, k in pairs]
+
+
+def matched(things: Sequence[Thing], finds: Sequence[Find]) -> list[tuple[int, int]]:
+    """Pairs of numbers of a thing and of the find that is matched with it: as many as possible, texts right first."""
+    true = np.array([thing.centre for thing in things]).reshape(-1, 3)
+    told = np.array([find.position for find in finds]).reshape(-1, 3)
+    distance = np.linalg.norm(true[:, None] - told, axis=2)
+    misread = np.array([[t.text != f.text for f in finds] for t in things]).reshape(distance.shape)
+    cost = np.where(distance <= NEAR, distance + NEAR * misread, UNMATCHED)
+    rows, columns = linear_sum_assignment(cost)
+    return [(int(i), int(k)) for i, k in zip(rows, columns, strict=True) if cost[i, k] < UNMATCHED]

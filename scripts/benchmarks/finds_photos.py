@@ -1,0 +1,123 @@
+"""Finds in a folder of real photos: alarms where nobody is, people, hazmat signs and QR codes.
+
+The folder has ``arena/`` (boards named ``board<number>_<distance>cm``, nobody in them), ``people/``, ``rooms/``
+(nobody in them) and ``truth.json``.
+"""
+
+import json
+import re
+from collections import Counter, defaultdict
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.errors import InputError
+from pipeline.files import read_text
+from pipeline.finds.find import Reading
+from pipeline.finds.readers import FindReaders
+from pipeline.frame import decoded
+from pipeline.victims.detection.boxes import overlaps
+from pipeline.victims.detection.detection import VICTIM, Detection, Detector
+from sarsim.scripts.cli import tracked
+
+SURE, LIKELY = 0.5, 0.25  # Confidences from which a box counts
+CLEAR, LONG = 0.6, 0.15
+"""Least confidence of a reference box that counts, and least longer side of it, as a share of the photo's."""
+OVERLAP = 0.5  # IoU above which a person is found
+BOARD = re.compile(r"board(\w+)_(\d+)cm")
+DISTANCES_CM = ("50", "100", "150")
+ENDINGS = (".jpg", ".jpeg", ".png")
+
+
+def photo_figures(folder: Path, detector: Detector, readers: FindReaders) -> dict[str, float]:
+    """All figures ``real.*``; one without anything to count is missing.
+
+    Raises:
+        InputError: the folder, a photo or truth.json is missing or broken.
+    """
+    truth = _truth(folder)
+    score = PhotoScore()
+    photos = [path for kind in ("arena", "people", "rooms") for path in _photos(folder / kind)]
+    for path in tracked(photos, "photos"):
+        rgb = decoded(path.read_bytes(), cv2.IMREAD_COLOR)[..., ::-1].copy()
+        detections = detector.detect(rgb)
+        people = [found for found in detections if found.kind == VICTIM]
+        readings = readers.read_image(rgb, detections)
+        if path.parent.name == "people":
+            score.add_people(people, truth["people"].get(path.name, {}).get("coco_person", ()), max(rgb.shape))
+        else:
+            score.add_empty(people)
+        board = BOARD.fullmatch(path.stem) if path.parent.name == "arena" else None
+        if board is not None and board[1] in truth["boards"]:
+            score.add_board(readings, truth["boards"][board[1]], board[2])
+        elif path.parent.name != "arena":
+            score.add_without_signs(readings)
+    return {"real.images": float(len(photos))} | score.figures()
+
+
+class PhotoScore:
+    """Counts what is found in photos: by the name of a figure, how often, and of how many."""
+
+    def __init__(self) -> None:
+        self._hits, self._of = defaultdict[str, int](int), defaultdict[str, int](int)
+
+    def figures(self) -> dict[str, float]:
+        """Every share of which there is at least one to count."""
+        return {f"real.{name}": self._hits[name] / number for name, number in self._of.items() if number}
+
+    def _add(self, name: str, hits: int, number: int) -> None:
+        self._hits[name] += hits
+        self._of[name] += number
+
+    def add_empty(self, people: Sequence[Detection]) -> None:
+        """Add a photo in which nobody is, with the people and dolls that a detector has found there."""
+        for name, least in (("empty_alarms_50", SURE), ("empty_alarms_25", LIKELY)):
+            self._add(name, any(person.confidence >= least for person in people), 1)
+
+    def add_people(self, people: Sequence[Detection], reference: Sequence[Sequence[float]], side: int) -> None:
+        """Add a photo with people.
+
+        Args:
+            people: that a detector has found.
+            reference: x, y, width and height of each person, pixels, and a confidence.
+            side: the photo's longer side, pixels.
+        """
+        clear = [(x, y, x + w, y + h) for x, y, w, h, sure in reference if sure >= CLEAR and max(w, h) >= LONG * side]
+        for name, least in (("people_found_50", SURE), ("people_found_25", LIKELY)):
+            found = np.array([p.box for p in people if p.confidence >= least], np.float64).reshape(-1, 4)
+            self._add(name, sum(_is_found(np.array(box), found) for box in clear), len(clear))
+
+    def add_board(self, readings: Sequence[Reading], board: dict[str, Any], distance: str) -> None:
+        """Add a photo of a board, of which it is known what is on it, from a distance in cm."""
+        signs = Counter(r.text for r in readings if r.kind == "hazmat_sign" and r.confidence >= SURE)
+        found = min(signs.total(), len(board["hazmat"]))
+        self._add(f"hazmat_found.{distance}cm", found, len(board["hazmat"]))
+        self._add("hazmat_right", min(found, (signs & Counter(board["hazmat"])).total()), found)
+        codes = len({r.text for r in readings if r.kind == "qr_code" and r.text})
+        self._add(f"qr_read.{distance}cm", min(codes, board["qr"]), board["qr"])
+
+    def add_without_signs(self, readings: Sequence[Reading]) -> None:
+        """Add a photo that shows no hazmat sign."""
+        self._add("hazmat_false", any(r.kind == "hazmat_sign" and r.confidence >= SURE for r in readings), 1)
+
+
+def _is_found(box: NDArray[np.float64], found: NDArray[np.float64]) -> bool:
+    return bool((overlaps(box[None], found) > OVERLAP).any())
+
+
+def _photos(folder: Path) -> list[Path]:
+    return sorted(path for path in folder.glob("*") if path.suffix.lower() in ENDINGS)
+
+
+def _truth(folder: Path) -> dict[str, Any]:
+    """What is on the boards and who is on the photos; InputError if that is not told."""
+    file = folder / "truth.json"
+    try:
+        truth = json.loads(read_text(file))
+        return {"boards": dict(truth["boards"]), "people": dict(truth["people"])}
+    except (ValueError, KeyError, TypeError) as error:
+        raise InputError(f"{file}: not the truth of a folder of photos: {error!r}") from error

@@ -1,0 +1,149 @@
+"""Finds on the map: where they are, which are one, what is reported, and what is to be looked at again."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pipeline.finds.find import Reading, box_corners
+from pipeline.finds.find_map import Finds
+from pipeline.finds.observation import sight
+from pipeline.frame import Frame
+from pipeline.sensor import XTION
+from pipeline.transforms import from_yaw
+from tests.pipeline.victims.rooms import HEIGHT, INTRINSICS, WALL, camera_at, step
+
+START = np.eye(4)
+
+
+def seen_from(x: float = 1.0, y: float = 0.0) -> tuple[Frame, np.ndarray]:
+    """What the robot sees at a place, and its pose: the camera stands above the robot's middle."""
+    frame = step(camera_at(x, y))
+    return replace(frame, T_base_camera=camera_at(0, 0), time=x), from_yaw(x, y, 0, 0)
+
+
+def on_wall(x: float, y: float, z: float, seen_x: float = 1.0, seen_y: float = 0.0, half: float = 6.0) -> np.ndarray:
+    """The outline of a square around a point of the wall, as seen from a place."""
+    depth = x - seen_x
+    u, v = 80 - 144 * (y - seen_y) / depth, 60 - 144 * (z - HEIGHT) / depth
+    return box_corners((u - half, v - half, u + half, v + half))
+
+
+def sign(text: str, corners: np.ndarray, confidence: float = 0.9, kind: str = "hazmat_sign") -> Reading:
+    return Reading(kind, text, corners, confidence)
+
+
+def test_a_sign_is_placed_on_its_wall_within_its_covariance() -> None:
+    frame, T = seen_from()
+    finds = Finds()
+    finds.update(frame, [sign("poison", on_wall(WALL, 0.5, 0.8))], T, 0)
+    (find,) = finds.confirmed
+    assert (find.kind, find.text, find.time_s) == ("hazmat_sign", "poison", 1.0)
+    error = find.position - (WALL, 0.5, 0.8)
+    assert error @ np.linalg.solve(find.covariance, error) < 1
+    assert np.sqrt(np.linalg.eigvalsh(find.covariance)).max() < 0.05
+
+
+def test_sightings_of_one_thing_are_one_and_of_two_alike_are_two() -> None:
+    finds = Finds()
+    for k, y in enumerate((0.0, 0.4)):
+        frame, T = seen_from(1.0, y)
+        pair = [sign("poison", on_wall(WALL, at, 0.8, seen_y=y)) for at in (0.4, 0.6)]
+        finds.update(frame, pair, T, k)
+    assert sorted(round(find.position[1], 1) for find in finds.confirmed) == [0.4, 0.6]
+    assert [len(thing.sightings) for thing in finds.all] == [2, 2]
+
+
+def test_a_codes_text_tells_it_from_another_and_a_signs_class_is_voted() -> None:
+    finds = Finds()
+    at = on_wall(WALL, 0.0, 0.8)
+    for k, (code, kind, sure) in enumerate([("a", "poison", 0.9), ("b", "oxygen", 0.6), ("a", "poison", 0.7)]):
+        frame, T = seen_from()
+        finds.update(frame, [sign(code, at, 1.0, "qr_code"), sign(kind, at, sure)], T, k)
+    told = sorted((find.kind, find.text) for find in finds.confirmed)
+    assert told == [("hazmat_sign", "poison"), ("qr_code", "a"), ("qr_code", "b")]
+
+
+def test_without_depth_a_find_is_looked_for_from_nearer_and_then_reported() -> None:
+    finds = Finds()
+    frame, T = seen_from(-1.0)
+    blind = replace(frame, depth=np.where(frame.depth > 3.5, 0, frame.depth).astype(np.float32))
+    finds.update(blind, [sign("poison", on_wall(WALL, 0.5, 0.8, -1.0))], T, 0)
+    assert finds.confirmed == []
+    (wanted,) = finds.unconfirmed
+    least, most = wanted.distances(XTION)
+    assert XTION.nearest <= least < most <= XTION.farthest
+    frame, T = seen_from(1.5, 0.3)
+    finds.update(frame, [sign("poison", on_wall(WALL, 0.5, 0.8, 1.5, 0.3, half=31))], T, 1)
+    (find,) = finds.confirmed
+    np.testing.assert_allclose(find.position, (WALL, 0.5, 0.8), atol=0.05)
+    assert finds.unconfirmed == []
+
+
+def test_a_code_that_was_only_located_is_not_reported_but_looked_at_again() -> None:
+    finds = Finds()
+    frame, T = seen_from()
+    finds.update(frame, [sign("", on_wall(WALL, 0.5, 0.8), 0.5, "qr_code")], T, 0)
+    assert finds.confirmed == []
+    assert len(finds.unconfirmed) == 1
+
+
+def test_what_later_keyframes_should_show_and_do_not_is_given_up() -> None:
+    finds = Finds()
+    frame, T = seen_from()
+    finds.update(frame, [sign("poison", on_wall(WALL, 0.5, 0.8), 0.6)], T, 0)
+    assert len(finds.confirmed) == 1
+    frame, T = seen_from(1.2, 0.2)
+    finds.update(frame, [], T, 1)
+    assert finds.confirmed == []
+    frame, T = seen_from(-1.0)  # farther away than it was seen from: no reason for a miss
+    finds.update(frame, [], T, 2)
+    assert finds.all[0].missed == 1
+
+
+def test_warm_parts_of_one_body_are_one() -> None:
+    finds = Finds()
+    for k, y in enumerate((0.0, 0.3)):
+        frame, T = seen_from(2.0, y)
+        parts = [on_wall(WALL, 0.5 + at, 0.8, 2.0, y, half=15) for at in (0.0, 0.35)]
+        finds.update(frame, [sign("", part, 1.0, "heat") for part in parts], T, k)
+    (find,) = finds.confirmed
+    np.testing.assert_allclose(find.position, (WALL, 0.675, 0.8), atol=0.1)
+
+
+def test_a_detected_thing_is_as_sure_as_its_size_makes_it() -> None:
+    frame, T = seen_from()
+    whole_wall = sign("", on_wall(WALL, 0.0, 0.8, half=50), 0.6, "fire_extinguisher")
+    finds = Finds()
+    finds.update(frame, [whole_wall], T, 0)
+    assert finds.all[0].confidence < 0.1
+    assert finds.confirmed == []
+
+
+def test_finds_move_along_with_their_keyframes() -> None:
+    finds = Finds()
+    frame, T = seen_from()
+    finds.update(frame, [sign("poison", on_wall(WALL, 0.5, 0.8))], T, 0)
+    finds.place(np.array([from_yaw(2.0, 0.0, 0.0, np.pi / 2)]))  # the keyframe was at x = 1
+    np.testing.assert_allclose(finds.confirmed[0].position, (1.5, 3.0, 0.8), atol=0.03)
+
+
+@pytest.mark.parametrize("has_depth", [True, False])
+def test_without_depth_only_the_direction_is_known(has_depth: bool) -> None:
+    frame, _ = seen_from()
+    if not has_depth:
+        frame = replace(frame, depth=np.zeros_like(frame.depth))
+    sighting = sight(frame, sign("poison", on_wall(WALL, 0.0, HEIGHT)), 0, START)
+    deviations = np.sqrt(np.linalg.eigvalsh(np.linalg.inv(sighting.information)))
+    assert sighting.has_depth == has_depth
+    assert (deviations[-1] > 1) != has_depth
+    assert deviations[0] < 0.05
+
+
+def test_the_photo_shows_the_surroundings_and_stays_within_the_image() -> None:
+    frame, _ = seen_from()
+    rgb = (
+        np.arange(INTRINSICS.height * INTRINSICS.width * 3, dtype=np.uint32).astype(np.uint8).reshape(frame.rgb.shape)
+    )
+    corner = sight(replace(frame, rgb=rgb), sign("poison", box_corners((0, 0, 10, 10))), 0, START)
+    np.testing.assert_array_equal(corner.photo, rgb[:15, :15])

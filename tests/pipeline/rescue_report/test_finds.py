@@ -1,0 +1,63 @@
+"""All finds as data, and on the page: what a code says is text, whatever it says."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.finds.find import Find
+from pipeline.rescue_report.finds import finds_data, write_finds
+from pipeline.rescue_report.page import page
+from pipeline.rescue_report.situation import Situation
+from tests.pipeline.rescue_report.html_page import read
+from tests.pipeline.rescue_report.people import before_a_wall, block, victim, victims
+
+PHOTO = np.full((30, 40, 3), (10, 200, 30), np.uint8)
+SCRIPT = "<script>alert('1')</script>\x07" + "long" * 1000
+
+
+def find(kind: str, text: str, time: float = 2.5) -> Find:
+    return Find(kind, text, np.array([1.5, 0.2, 0.7]), np.eye(3) * 1e-3, time, 0.9, PHOTO)
+
+
+@pytest.fixture(scope="module")
+def situation() -> Situation:
+    people = victims(victim(block((1.6, 0.3, 0.2), (0.3, 0.3, 0.4))), victim(block((9, 0, 0.2), (1, 0.5, 0.3)), 1))
+    return replace(
+        before_a_wall(people), finds=[find("hazmat_sign", "poison"), find("qr_code", SCRIPT, float("nan"))]
+    )
+
+
+def test_finds_come_back_as_json_with_the_confirmed_people(situation: Situation, tmp_path: Path) -> None:
+    write_finds(tmp_path, situation)
+    person, sign, code = json.loads((tmp_path / "finds.json").read_text())
+    assert list(sign) == ["kind", "text", "position", "covariance", "time_s", "confidence", "photo"]
+    assert (person["kind"], person["text"], person["photo"]) == ("victim", "", "victim_1.jpg")
+    assert (sign["kind"], sign["text"], sign["time_s"]) == ("hazmat_sign", "poison", 2.5)
+    assert sign["position"] == [1.5, 0.2, 0.7] and np.shape(sign["covariance"]) == (3, 3)
+    assert code["text"] == SCRIPT and code["time_s"] == 0
+    assert (tmp_path / sign["photo"]).stat().st_size > 0 and not (tmp_path / "victim_1.jpg").exists()
+
+
+def test_what_a_code_says_is_never_markup_and_cut(situation: Situation) -> None:
+    html = page(situation, {"arena": "nist_6x4"})
+    root = read(html)
+    assert "alert" not in "".join(script.text for script in root.all("script"))
+    (table,) = root.all("table", "finds")
+    _, sign, code = table.all("tr")
+    assert "poison" in sign.text
+    assert "<script>alert('1')</script>\ufffdlong" in code.text
+    assert len(code.text) < 200
+    assert "\x07" not in html
+
+
+def test_every_find_is_on_the_map_and_in_the_legend(situation: Situation) -> None:
+    root = read(page(situation, {"arena": "nist_6x4"}))
+    (drawing,) = root.all("svg", "drawing")
+    assert [mark.text for mark in drawing.all("text", "find-mark")] == ["1", "2"]
+    assert "other find" in next(root.all("ul", "legend")).text
+    nothing = replace(situation, finds=[])
+    assert "other find" not in page(nothing, {"arena": "nist_6x4"})
+    assert len(finds_data(nothing)) == 1

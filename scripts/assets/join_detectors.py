@@ -1,7 +1,7 @@
 """Join two networks into the shipped detector: ``join_detectors.py COCO.weights RENDERED.weights OUT.safetensors``.
 
-``assets/weights/victims.cfg`` describes what is joined: a layer that copies the image, YOLOv3-tiny as trained on COCO,
-a route back to the image, and a network trained on rendered arenas. Each file has its .cfg beside it.
+``assets/weights/victims.cfg`` describes the whole: a layer that copies the image, YOLOv3-tiny as trained on COCO, a
+route back to the image, and a network trained on rendered arenas. Each file has its .cfg beside it.
 """
 
 import sys
@@ -49,7 +49,9 @@ def main() -> None:
     """Entry point."""
     coco, rendered, out = map(Path, sys.argv[1:])
     network = DarknetNetwork(DarknetCfg.read(asset("weights", "victims.cfg")))
-    join(network, [load_network(coco.with_suffix(".cfg"), coco), load_network(rendered.with_suffix(".cfg"), rendered)])
+    join(
+        network, [load_network(coco.with_suffix(".cfg"), coco), load_network(rendered.with_suffix(".cfg"), rendered)]
+    )
     write_weights(out, network)
 
 

@@ -94,8 +94,8 @@ class YoloHead:
     """Boxes at one scale, for the ``anchors`` (width, height in pixels of the input) with the numbers in ``mask``.
 
     ``scale_x_y`` stretches the range of a box's middle around that of its cell; ``new_coords`` means that the layer
-    before has applied the logistic function, and that sizes are squares instead of exponentials. With ``witnesses``, the
-    numbers of earlier [yolo] layers, a box counts only where one of these sees something too; Darknet ignores them.
+    before has applied the logistic function, and that sizes are squares instead of exponentials. ``witnesses`` are
+    numbers of earlier [yolo] layers: a box counts only where one of these sees something too. Darknet ignores them.
     """
 
     anchors: tuple[tuple[float, float], ...]

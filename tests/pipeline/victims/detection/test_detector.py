@@ -57,7 +57,9 @@ def test_a_smaller_input_finds_those_who_are_larger(near: float, widths: set[int
 def test_a_box_needs_a_witness(seen: float, count: int, size: str, known: int) -> None:
     """A second [yolo] sees the same spots, surely; the first one, its witness, sees them as ``seen`` with any box."""
     text = SMALL.replace("anchors=4,6", f"anchors={size}") + SMALL[SMALL.rindex("[convolutional]") :]
-    text = text.replace("[convolutional]\nfilters=6", "[route]\nlayers=0\n[convolutional]\nfilters=6") + "witnesses=3\n"
+    text = (
+        text.replace("[convolutional]\nfilters=6", "[route]\nlayers=0\n[convolutional]\nfilters=6") + "witnesses=3\n"
+    )
     network = random_network(text)
     trunk, witness, sure = network.convolutions
     example = bright_spot_network()

@@ -16,7 +16,7 @@ from pipeline.victims.detection.network import DarknetNetwork
 from pipeline.victims.detection.weights import load_network, write_weights
 from sarsim.assets import asset
 
-BETWEEN = 1  # Layers before each of the two networks: the copy, the route
+ADDED = 1  # Layers before each of the two networks: the copy, the route
 
 
 @torch.no_grad()
@@ -26,7 +26,7 @@ def join(network: DarknetNetwork, parts: list[DarknetNetwork]) -> None:
     copy.weight.copy_(torch.eye(len(copy.weight))[..., None, None])
     assert copy.bias is not None
     copy.bias.zero_()
-    place = BETWEEN
+    place = ADDED
     for part in parts:
         ends = [index - 1 for index in part.cfg.places]
         for index, layer in enumerate(part.layers):
@@ -36,7 +36,7 @@ def join(network: DarknetNetwork, parts: list[DarknetNetwork]) -> None:
                 assert isinstance(yolo, YoloHead)
                 state = {name: people_alone(tensor, yolo) for name, tensor in state.items()}
             network.layers[place + index].load_state_dict(state)
-        place += len(part.layers) + BETWEEN
+        place += len(part.layers) + ADDED
 
 
 def people_alone(tensor: Tensor, yolo: YoloHead) -> Tensor:

@@ -25,7 +25,7 @@ NETWORK: NetworkName = "pointnext"
 """The default network."""
 WEIGHTS = asset("weights", f"{NETWORK}.safetensors")
 """Weights of the default network."""
-DETECTOR = asset("weights", "victims.cfg"), asset("weights", "victims.weights")
+DETECTOR = asset("weights", "victims.cfg"), asset("weights", "victims.safetensors")
 
 
 @dataclass(frozen=True, kw_only=True)

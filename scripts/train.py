@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     from pipeline.semantic_map.networks.parallel import TrainingWorker
     from pipeline.semantic_map.networks.training_loop import TrainingLoop
 
-ARCHITECTURES = {"yolov3-small": "victims.cfg", "yolov3-tiny": "yolov3-tiny.cfg", "yolov3": "yolov3.cfg"}
+ARCHITECTURES = {"yolov3-small": "yolov3-small.cfg", "yolov3-tiny": "yolov3-tiny.cfg", "yolov3": "yolov3.cfg"}
 """The file that describes each of the networks for people."""
 VALIDATION_FRAMES = 40
 """Largest number of clouds for validation, spread over its scenes; 200 took as long as 1,000 training steps."""

@@ -94,7 +94,8 @@ class YoloHead:
     """Boxes at one scale, for the ``anchors`` (width, height in pixels of the input) with the numbers in ``mask``.
 
     ``scale_x_y`` stretches the range of a box's middle around that of its cell; ``new_coords`` means that the layer
-    before has applied the logistic function, and that sizes are squares instead of exponentials.
+    before has applied the logistic function, and that sizes are squares instead of exponentials. ``witnesses`` are
+    numbers of earlier [yolo] layers: a box counts only where one of these sees something too. Darknet ignores them.
     """
 
     anchors: tuple[tuple[float, float], ...]
@@ -102,6 +103,7 @@ class YoloHead:
     classes: int
     scale_x_y: float = 1.0
     new_coords: bool = False
+    witnesses: tuple[int, ...] = ()
 
     @property
     def channels(self) -> int:
@@ -146,12 +148,20 @@ class DarknetCfg:
         if len(classes) != 1:
             what = "several numbers of classes" if classes else "no [yolo] section"
             raise InputError(f"{name}: {what}: not a YOLO network")
+        witnesses = {place for layer in layers if isinstance(layer, YoloHead) for place in layer.witnesses}
+        if others := sorted(place for place in witnesses if not isinstance(layers[place], YoloHead)):
+            raise InputError(f"{name}: witnesses: layer {others[0]} is no [yolo]")
         return cls(width, height, channels, layers, name)
 
     @property
     def heads(self) -> list[YoloHead]:
         """The [yolo] layers, one per scale, in order."""
         return [layer for layer in self.layers if isinstance(layer, YoloHead)]
+
+    @property
+    def places(self) -> list[int]:
+        """Numbers of the [yolo] layers, in order."""
+        return [index for index, layer in enumerate(self.layers) if isinstance(layer, YoloHead)]
 
     @property
     def classes(self) -> int:
@@ -341,7 +351,8 @@ def _yolo(section: _Section) -> YoloHead:
     scale = section.numbers("scale_x_y", float, "1")
     if len(scale) != 1 or not 0 < scale[0] < inf:
         raise section.error(f"scale_x_y={section.settings['scale_x_y']:.80}: one positive number")
-    return YoloHead(anchors, mask, section.whole("classes"), scale[0], section.flag("new_coords"))
+    witnesses = section.sources("witnesses") if "witnesses" in section.settings else ()
+    return YoloHead(anchors, mask, section.whole("classes"), scale[0], section.flag("new_coords"), witnesses)
 
 
 _READERS: dict[str, Callable[[_Section], Layer]] = {

@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 
 from pipeline.errors import InputError
 from pipeline.files import read_text
-from pipeline.victims.detection.boxes import areas, decode, suppress
+from pipeline.victims.detection.boxes import areas, decode, overlaps, suppress
+from pipeline.victims.detection.darknet_cfg import YoloHead
 from pipeline.victims.detection.detection import KINDS, VICTIM, Detection
 from pipeline.victims.detection.inference import FusedNetwork
 from pipeline.victims.detection.input_image import Letterbox, evenly_exposed
@@ -22,9 +23,16 @@ KIND_OF = {kind: kind for kind in KINDS} | dict.fromkeys(("person", "doll"), VIC
 """Kind of the classes of networks by their names, spaces as underscores; other classes are ignored."""
 CONFIDENCE = 0.25  # Least confidence of a detection; one this low only helps to find a known victim again
 SUPPRESSING_IOU = 0.45  # Intersection over union above which the less confident of two boxes is dropped
+WITNESS, WITNESS_IOU = 0.05, 0.3
+"""Least confidence of a box that bears witness to one of another [yolo], and least overlap of the two: so uncertain a
+network sees people in hardly any image without people, and where two networks see them by chance is not the same."""
 SMALLER, LARGE_BOX = 0.6, 0.15
 """Size of a second input relative to the network's own, for people who are so near that they are too large for the
 network; and least length of the longer side of a box found in it, relative to the image's longer side."""
+
+
+Boxes = tuple[NDArray[np.float32], NDArray[np.float32]]
+"""(N, 4) boxes and their (N, classes) confidences."""
 
 
 class VictimDetector:
@@ -81,24 +89,36 @@ class VictimDetector:
         found = [self._best(kind, boxes, scores[:, numbers].max(axis=1)) for kind, numbers in self._classes.items()]
         return sorted((thing for one in found for thing in one), key=lambda thing: -thing.confidence)
 
-    def _find(
-        self, network: FusedNetwork, image: NDArray[np.uint8]
-    ) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
+    def _find(self, network: FusedNetwork, image: NDArray[np.uint8]) -> Boxes:
         """(N, 4) boxes in the image, several of each thing, and their (N, classes) confidences."""
         cfg = network.cfg
         letterbox, canvas = Letterbox.fit(image, cfg.width, cfg.height)
-        parts = [
-            decode(head, yolo, cfg.width, cfg.height, self._confidence)
-            for head, yolo in zip(network(canvas), cfg.heads, strict=True)
-        ]
-        boxes = letterbox.to_image(np.concatenate([boxes for boxes, _ in parts]))
-        return boxes, np.concatenate([scores for _, scores in parts])
+        least, parts = min(self._confidence, WITNESS), dict[int, Boxes]()
+        for head, yolo, place in zip(network(canvas), cfg.heads, cfg.places, strict=True):
+            parts[place] = _witnessed(decode(head, yolo, cfg.width, cfg.height, least), yolo, parts)
+        boxes = letterbox.to_image(np.concatenate([boxes for boxes, _ in parts.values()]))
+        return boxes, np.concatenate([scores for _, scores in parts.values()])
 
     def _best(self, kind: str, boxes: NDArray[np.float32], scores: NDArray[np.float32]) -> list[Detection]:
         good = (scores >= self._confidence) & (areas(boxes) > 0)
         boxes, scores = boxes[good], scores[good]
         kept = suppress(boxes, scores, SUPPRESSING_IOU)
         return [Detection(tuple(boxes[i].tolist()), float(scores[i]), kind) for i in kept]
+
+
+def _witnessed(found: Boxes, yolo: YoloHead, parts: dict[int, Boxes]) -> Boxes:
+    """The boxes of a [yolo] where one of its witnesses sees something too; all if it has none.
+
+    ``parts`` are the boxes of earlier [yolo] layers by their numbers.
+    """
+    if not yolo.witnesses:
+        return found
+    boxes, scores = (np.concatenate(part) for part in zip(*(parts[place] for place in yolo.witnesses), strict=True))
+    best = scores.max(axis=1, initial=0)
+    sure = best >= WITNESS
+    seen = boxes[sure][suppress(boxes[sure], best[sure], SUPPRESSING_IOU)]
+    known = overlaps(found[0], seen).max(axis=1, initial=0) > WITNESS_IOU
+    return found[0][known], found[1][known]
 
 
 def of_both_sizes(network: DarknetNetwork) -> list[DarknetNetwork]:

@@ -77,6 +77,8 @@ def test_a_network_is_adapted_to_another_input_and_other_classes(text: str) -> N
         ("[yolo]", "[scale_channels]\nfrom=0\nscale_wh=1\n[yolo]", "scale_wh=1: known are 0"),
         ("num=1", "num=1\nscale_x_y=-1", "scale_x_y=-1: one positive number"),
         ("num=1", "num=1\nnew_coords=2", "new_coords=2: known are 0, 1"),
+        ("num=1", "num=1\nwitnesses=1", r"net.cfg: witnesses: layer 1 is no \[yolo\]"),
+        ("num=1", "num=1\nwitnesses=2", "layer 2: there is no such layer before it"),
         ("batch_normalize=1", "batch_normalize=2", "batch_normalize=2"),
         ("anchors=4,6", "anchors=4,6,8", "anchors"),
         ("anchors=4,6", "anchors=4,-6", "positive"),

@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import torch
+from scipy.special import logit
 
 from pipeline.errors import InputError
 from pipeline.victims.detection import detector
@@ -49,6 +50,29 @@ def test_a_smaller_input_finds_those_who_are_larger(near: float, widths: set[int
     with constants(detector, SMALLER=0.5, LARGE_BOX=near, SUPPRESSING_IOU=0.99):
         found = VictimDetector(bright_spot_network()).detect(image)
     assert {round(d.box[2] - d.box[0]) for d in found} == widths
+
+
+@pytest.mark.parametrize(("seen", "count"), [(0.04, 0), (0.06, 1)])
+@pytest.mark.parametrize(("size", "known"), [("4,6", 1), ("4,21", 0)])
+def test_a_box_needs_a_witness(seen: float, count: int, size: str, known: int) -> None:
+    """A second [yolo] sees the same spots, surely; the first one, its witness, sees them as ``seen`` with any box."""
+    text = SMALL.replace("anchors=4,6", f"anchors={size}") + SMALL[SMALL.rindex("[convolutional]") :]
+    text = (
+        text.replace("[convolutional]\nfilters=6", "[route]\nlayers=0\n[convolutional]\nfilters=6") + "witnesses=3\n"
+    )
+    network = random_network(text)
+    trunk, witness, sure = network.convolutions
+    example = bright_spot_network()
+    trunk.load_state_dict(example.convolutions[0].state_dict())
+    for layer in (witness, sure):
+        layer.load_state_dict(example.convolutions[1].state_dict())
+    with torch.no_grad():
+        assert witness.conv.bias is not None
+        witness.conv.bias[4] += float(logit(seen)) - 10
+    image = np.zeros((8, 16, 3), np.uint8)
+    image[2:4, 8:10] = 255
+    with constants(detector, SMALLER=1):
+        assert len(VictimDetector(network).detect(image)) == count * known
 
 
 def test_nothing_is_found_in_the_dark() -> None:

@@ -23,7 +23,7 @@ from tests.pipeline.victims.constants import constants
 from tests.pipeline.victims.detection.networks import SHIPPED, SMALL
 from tests.pipeline.victims.detection.people import WhiteBoxes
 
-OWN = SHIPPED / "victims.cfg"
+OWN = SHIPPED / "yolov3-small.cfg"
 CONFIG = YoloTrainingConfig(width=64, height=64, steps=6, validate_every=3, batch=2)
 
 

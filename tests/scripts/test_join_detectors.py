@@ -1,0 +1,28 @@
+"""Two networks joined into one see what each saw of people."""
+
+import numpy as np
+import torch
+
+from pipeline.victims.detection.darknet_cfg import DarknetCfg
+from pipeline.victims.detection.inference import to_tensor
+from pipeline.victims.detection.network import DarknetNetwork
+from sarsim.scripts.assets.join_detectors import join
+from tests.pipeline.victims.detection.networks import SMALL, random_network
+
+COPY = "[convolutional]\nfilters=3\nsize=1\nactivation=linear\n"
+VOC = SMALL.replace("classes=1", "classes=20").replace("filters=6", "filters=25")
+BODY = SMALL[SMALL.index("[convolutional]") :]
+PERSON_OF_VOC = 5 + 14
+
+
+def test_each_part_sees_the_image_and_tells_people_alone() -> None:
+    head = SMALL[: SMALL.index("[convolutional]")]
+    joined = DarknetNetwork(DarknetCfg.parse(f"{head}{COPY}{BODY}[route]\nlayers=0\n{BODY}")).eval()
+    parts = [random_network(VOC, 1), random_network(SMALL, 2)]
+    join(joined, parts)
+    image = to_tensor(np.random.default_rng(0).integers(0, 256, (1, 8, 16, 3), np.uint8))
+    with torch.inference_mode():
+        first, second = joined(image)
+        ((many,), (one,)) = (part(image) for part in parts)
+    torch.testing.assert_close(first, many[:, [0, 1, 2, 3, 4, PERSON_OF_VOC]])
+    torch.testing.assert_close(second, one)

@@ -15,6 +15,7 @@ from pipeline.files import each, load_arrays, whole_file
 from pipeline.finds.find import FIND_KINDS, Reading
 from pipeline.finds.find_map import TrackedFind
 from pipeline.finds.observation import FindSighting
+from pipeline.finds.victims.victim_map import Sighting, Victim
 from pipeline.frame import Intrinsics
 from pipeline.keyframes import Keyframes, Places, Seen
 from pipeline.labels import Label
@@ -28,7 +29,6 @@ from pipeline.semantic_map.class_shares import ClassShares
 from pipeline.transforms import POSE, are_poses
 from pipeline.traversability.elevation_map import ElevationMap
 from pipeline.traversability.ground_evidence import Assumed, Driven, GroundEvidence
-from pipeline.victims.victim_map import Sighting, Victim
 
 KEYFRAMES = "keyframes.npz"  # The file that ``--map`` reads in a folder of results
 FORMAT, VERSION = "sarsim keyframes", 5

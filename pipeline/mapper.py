@@ -12,6 +12,8 @@ from numpy.typing import NDArray
 from pipeline.errors import InputError
 from pipeline.finds.find_map import Finds
 from pipeline.finds.readers import FindReaders
+from pipeline.finds.victims.detection.detection import Detection, Detector
+from pipeline.finds.victims.victim_map import Victims
 from pipeline.frame import Frame
 from pipeline.keyframes import Keyframes, Moves, Seen, nearest
 from pipeline.localisation.localisation import Localisation
@@ -34,8 +36,6 @@ from pipeline.traversability.pose_kernels import MOST_ROOM
 from pipeline.traversability.pose_paths import PosePaths
 from pipeline.traversability.traversability import Traversability
 from pipeline.traversability.traversability_layer import TraversabilityLayer
-from pipeline.victims.detection.detection import Detection, Detector
-from pipeline.victims.victim_map import Victims
 
 
 @dataclass(frozen=True, eq=False)

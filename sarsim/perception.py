@@ -4,10 +4,10 @@ from pathlib import Path
 
 from pipeline.errors import InputError
 from pipeline.finds.readers import FindReaders
+from pipeline.finds.victims.detection.detector import VictimDetector
 from pipeline.semantic_map.classifier import PointClassifier, TruthClassifier, own_classifier
 from pipeline.semantic_map.networks.classifier import NetworkClassifier
 from pipeline.semantic_map.rules import RuleClassifier
-from pipeline.victims.detection.detector import VictimDetector
 from sarsim.assets import asset
 from sarsim.settings import POINT_NETWORKS, Labels, PerceptionConfig
 

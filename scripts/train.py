@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 
 from pipeline.errors import InputError
+from pipeline.finds.victims.detection.training_config import YoloTrainingConfig
 from pipeline.semantic_map.networks.training_config import TrainingConfig
-from pipeline.victims.detection.training_config import YoloTrainingConfig
 from sarsim.assets import asset
 from sarsim.dataset.settings import HazmatTrainingConfig
 from sarsim.scripts.cli import Interruptible, check_folder_of, progress, tracked
@@ -116,7 +116,7 @@ def train_points(settings: TrainPoints, network: str) -> None:
 def train_yolo(settings: TrainYolo) -> None:
     """Train the victim detector, and print the path of its weights."""
     _check(settings, ".weights")
-    from pipeline.victims.detection.training import YoloTrainer
+    from pipeline.finds.victims.detection.training import YoloTrainer
     from sarsim.dataset.victim_images import VictimImages
 
     config = YoloTrainingConfig(**{f.name: getattr(settings, f.name) for f in fields(YoloTrainingConfig)})

@@ -28,6 +28,8 @@ from pipeline.datasets.tum_folder import read_tum_folder
 from pipeline.errors import InputError
 from pipeline.explorer import Explorer
 from pipeline.files import each, load_arrays
+from pipeline.finds.victims.detection.detector import VictimDetector
+from pipeline.finds.victims.detection.weights import write_weights
 from pipeline.frame import Frame
 from pipeline.localisation.localisation import LostError
 from pipeline.localisation.slam import Slam
@@ -39,8 +41,6 @@ from pipeline.semantic_map.networks.blocks import BlockConfig
 from pipeline.semantic_map.networks.classifier import load_classifier, save_classifier
 from pipeline.semantic_map.rules import RuleClassifier
 from pipeline.transforms import from_yaw
-from pipeline.victims.detection.detector import VictimDetector
-from pipeline.victims.detection.weights import write_weights
 from sarsim.arenas.load import load_arena
 from sarsim.dataset.exports.export import Export
 from sarsim.dataset.exports.s3dis import S3dis
@@ -54,11 +54,11 @@ from sarsim.scripts.settings import load_settings, settings_from
 from sarsim.settings import EpisodeConfig
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 from tests.pipeline.datasets.recorded_room import ODOMETRY, WAY, camera_poses, write_tum_folder
+from tests.pipeline.finds.victims.detection.networks import SMALL, random_network
 from tests.pipeline.kinematic_robot import KinematicRobot
 from tests.pipeline.polygon_scene import floor, look, pose, wall
 from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.semantic_map.networks.small_network import network
-from tests.pipeline.victims.detection.networks import SMALL, random_network
 from tests.sarsim.dataset.small import toys
 
 KINDS = 12  # of what is mutated: the tests that draw

@@ -5,8 +5,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-FIND_KINDS = ("hazmat_sign", "qr_code", "april_tag", "fire_extinguisher", "door_lever", "heat")
-"""Kinds of finds, as report.json has them."""
+VICTIM, HEAT = "victim", "heat"
+KINDS = (VICTIM, "hazmat_sign", "qr_code", "april_tag", "fire_extinguisher", "door_lever", HEAT)
+"""What a rescue robot looks for, as report.json has it; heat is what victims that are alive give off."""
+FIND_KINDS = KINDS[1:]
+"""All but victims, who have figures of their own."""
 CODES = ("qr_code", "april_tag")
 """Kinds that are read rightly or not at all, for they carry check sums."""
 PRINTED = ("hazmat_sign", *CODES)

@@ -15,7 +15,7 @@ from pipeline.frame import Frame
 
 
 class Detected(Protocol):
-    """A box of a detector; see :class:`pipeline.victims.detection.detection.Detection`."""
+    """A box of a detector; see :class:`pipeline.finds.victims.detection.detection.Detection`."""
 
     @property
     def box(self) -> tuple[float, float, float, float]:

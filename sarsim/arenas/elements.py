@@ -16,9 +16,10 @@ import numpy as np
 from defusedxml import ElementTree
 from numpy.typing import ArrayLike, NDArray
 
+from pipeline.finds.find import VICTIM
 from sarsim.arenas.panels import covered_panels, numbers_of
 from sarsim.arenas.things.models import ThingModel
-from sarsim.arenas.things.thing import DEAD, VICTIM, declare
+from sarsim.arenas.things.thing import DEAD, declare
 from sarsim.assets import asset
 from sarsim.ground_truth.shapes import rotation
 from sarsim.victims.victims import PREFIX

@@ -8,6 +8,7 @@ well; an arena that fails is drawn again from the next random numbers.
 import numpy as np
 
 from pipeline.errors import InputError
+from pipeline.finds.find import VICTIM
 from sarsim.arenas.checks import failed_checks
 from sarsim.arenas.element_things import add_things
 from sarsim.arenas.elements import TILE_SIZE, ArenaBuilder
@@ -27,7 +28,7 @@ from sarsim.arenas.random_rooms import Piece, furnish
 from sarsim.arenas.random_things import hang_things
 from sarsim.arenas.random_victims import PlacedVictim, place_victim
 from sarsim.arenas.settings import SHARES, RandomArenaConfig
-from sarsim.arenas.things.thing import ALIVE, VICTIM, declare
+from sarsim.arenas.things.thing import ALIVE, declare
 from sarsim.victims.victims import PREFIX
 
 CEILING = 2.4  # m, its height; all walls reach up to it

@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from pipeline.finds.find import FIND_KINDS, Find
-from sarsim.arenas.things.thing import HEAT, Thing, of_kind, things_of
+from pipeline.finds.find import FIND_KINDS, HEAT, Find
+from sarsim.arenas.things.thing import Thing, of_kind, things_of
 from sarsim.scoring.victims import NEAR
 from sarsim.scoring.visibility import Visibility
 from sarsim.sensors.camera import LabelledImage

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pipeline.labels import Label
-from sarsim.arenas.things.models import Solid, ThingModel
+from sarsim.arenas.things.models import ColouredGeom, ThingModel
 from sarsim.victims.body import HAIR, SKIN, TOPS
 
 DOLL_BACK = 0.50  # m, y of a doll's trunk
@@ -31,32 +31,32 @@ def doll(name: str, state: str, rng: np.random.Generator) -> ThingModel:
     trunk = np.array([0.0, DOLL_BACK, SITS_AT if abs(roll) < 1 else LIES_AT])
     parts = [_placed(part, roll, trunk) for part in _body(skin, hair, cloth)]
     geoms = [part.geom(name, Label.VICTIM) for part in parts]
-    blanket = Solid("blanket", "ellipsoid", (0, -0.035, -0.10), (0.11, 0.05, 0.075), cover)
+    blanket = ColouredGeom("blanket", "ellipsoid", (0, -0.035, -0.10), (0.11, 0.05, 0.075), cover)
     backing = [_placed(blanket, roll, trunk).geom(name, Label.CLUTTER)] if rng.random() < 0.6 else []
     return ThingModel(name, "victim", "", geoms, state=state, backing=backing)
 
 
-def _body(skin: tuple[float, ...], hair: tuple[float, ...], cloth: tuple[float, ...]) -> list[Solid]:
+def _body(skin: tuple[float, ...], hair: tuple[float, ...], cloth: tuple[float, ...]) -> list[ColouredGeom]:
     """The parts of a doll that sits, the middle of its trunk at the origin."""
     parts = [
-        Solid("trunk", "ellipsoid", (0, 0, 0), (0.07, 0.055, 0.085), cloth),
-        Solid("head", "ellipsoid", (0, -0.02, 0.135), (0.062, 0.066, 0.07), skin),
-        Solid("hair", "ellipsoid", (0, 0.0, 0.155), (0.066, 0.064, 0.06), hair),
-        Solid("nose", "ellipsoid", (0, -0.087, 0.128), (0.009, 0.01, 0.01), skin),
-        Solid("lips", "ellipsoid", (0, -0.08, 0.102), (0.017, 0.007, 0.005), LIPS),
+        ColouredGeom("trunk", "ellipsoid", (0, 0, 0), (0.07, 0.055, 0.085), cloth),
+        ColouredGeom("head", "ellipsoid", (0, -0.02, 0.135), (0.062, 0.066, 0.07), skin),
+        ColouredGeom("hair", "ellipsoid", (0, 0.0, 0.155), (0.066, 0.064, 0.06), hair),
+        ColouredGeom("nose", "ellipsoid", (0, -0.087, 0.128), (0.009, 0.01, 0.01), skin),
+        ColouredGeom("lips", "ellipsoid", (0, -0.08, 0.102), (0.017, 0.007, 0.005), LIPS),
     ]
     for side, way in (("left", -1), ("right", 1)):
         parts += [
-            Solid(f"{side}_eye", "ellipsoid", (way * 0.024, -0.081, 0.145), (0.009, 0.006, 0.007), EYE),
-            Solid(f"{side}_sleeve", "ellipsoid", (way * 0.085, -0.02, 0.015), (0.028, 0.028, 0.055), cloth),
-            Solid(f"{side}_hand", "ellipsoid", (way * 0.105, -0.05, -0.045), (0.018, 0.025, 0.03), skin),
-            Solid(f"{side}_leg", "ellipsoid", (way * 0.045, -0.045, -0.095), (0.03, 0.06, 0.03), cloth),
-            Solid(f"{side}_foot", "ellipsoid", (way * 0.055, -0.1, -0.095), (0.02, 0.02, 0.03), skin),
+            ColouredGeom(f"{side}_eye", "ellipsoid", (way * 0.024, -0.081, 0.145), (0.009, 0.006, 0.007), EYE),
+            ColouredGeom(f"{side}_sleeve", "ellipsoid", (way * 0.085, -0.02, 0.015), (0.028, 0.028, 0.055), cloth),
+            ColouredGeom(f"{side}_hand", "ellipsoid", (way * 0.105, -0.05, -0.045), (0.018, 0.025, 0.03), skin),
+            ColouredGeom(f"{side}_leg", "ellipsoid", (way * 0.045, -0.045, -0.095), (0.03, 0.06, 0.03), cloth),
+            ColouredGeom(f"{side}_foot", "ellipsoid", (way * 0.055, -0.1, -0.095), (0.02, 0.02, 0.03), skin),
         ]
     return parts
 
 
-def _placed(part: Solid, roll: float, trunk: ArrayLike) -> Solid:
+def _placed(part: ColouredGeom, roll: float, trunk: ArrayLike) -> ColouredGeom:
     """A part turned about y by ``roll`` rad, and moved to the ``trunk`` (3,) m."""
     cos, sin = np.cos(roll), np.sin(roll)
     R: NDArray[np.float64] = np.array([(cos, 0, sin), (0, 1, 0), (-sin, 0, cos)])

@@ -69,7 +69,7 @@ class ThingModel:
 
 
 @dataclass(frozen=True, eq=False)
-class Solid:
+class ColouredGeom:
     """A geom in a plain colour.
 
     Attributes:
@@ -88,7 +88,7 @@ class Solid:
     colour: tuple[float, ...]
     quat: ArrayLike = (1.0, 0.0, 0.0, 0.0)
 
-    def moved(self, R: NDArray[np.float64], position: NDArray[np.float64]) -> "Solid":
+    def moved(self, R: NDArray[np.float64], position: NDArray[np.float64]) -> "ColouredGeom":
         """The part turned by ``R`` (3, 3) about the origin, and moved by (3,) m."""
         quat = np.empty(4)
         mujoco.mju_mulQuat(quat, quaternion(R), np.asarray(self.quat, np.float64))
@@ -128,12 +128,12 @@ def door_lever(name: str, length: float, to_left: bool) -> ThingModel:
     """A lever of a ``length`` in m on a plate with a keyhole."""
     way = -1 if to_left else 1
     parts = [
-        Solid("plate", "box", (0, -0.03, 0.004), (0.022, 0.11, 0.004), METAL),
-        Solid("rose", "cylinder", (0, 0.03, 0.012), (0.02, 0.006), METAL),
-        Solid("neck", "cylinder", (0, 0.03, 0.032), (0.009, 0.02), METAL),
-        Solid("lever", "capsule", (way * length / 2, 0.03, 0.052), (0.0095, length / 2), METAL, ACROSS),
-        Solid("lock", "cylinder", (0, -0.05, 0.009), (0.011, 0.002), METAL),
-        Solid("keyhole", "box", (0, -0.05, 0.0115), (0.0015, 0.006, 0.0005), RUBBER),
+        ColouredGeom("plate", "box", (0, -0.03, 0.004), (0.022, 0.11, 0.004), METAL),
+        ColouredGeom("rose", "cylinder", (0, 0.03, 0.012), (0.02, 0.006), METAL),
+        ColouredGeom("neck", "cylinder", (0, 0.03, 0.032), (0.009, 0.02), METAL),
+        ColouredGeom("lever", "capsule", (way * length / 2, 0.03, 0.052), (0.0095, length / 2), METAL, ACROSS),
+        ColouredGeom("lock", "cylinder", (0, -0.05, 0.009), (0.011, 0.002), METAL),
+        ColouredGeom("keyhole", "box", (0, -0.05, 0.0115), (0.0015, 0.006, 0.0005), RUBBER),
     ]
     return ThingModel(name, "door_lever", "", [part.geom(name) for part in parts])
 
@@ -142,21 +142,21 @@ def fire_extinguisher(name: str, radius: float, height: float, paint: int, label
     """A red bottle of a ``radius`` and a ``height`` in m with label, valve, handle, gauge and hose."""
     red, r, h, top = PAINT[paint % len(PAINT)], radius, 0.72 * height, height
     parts = [
-        Solid("foot", "cylinder", (0, 0, 0.01), (r * 1.02, 0.01), RUBBER),
-        Solid("bottle", "cylinder", (0, 0, h / 2 + 0.01), (r, h / 2 - 0.01), red),
-        Solid("shoulder", "ellipsoid", (0, 0, h), (r, r, 0.6 * r), red),
-        Solid("label", "cylinder", (0, 0, 0.5 * h), (r + 0.0015, 0.17 * h), LABELS[label % len(LABELS)]),
-        Solid("print", "cylinder", (0, 0, 0.56 * h), (r + 0.0020, 0.03 * h), red),
-        Solid("neck", "cylinder", (0, 0, h + 0.6 * r + 0.02), (0.018, 0.03), METAL),
-        Solid("valve", "box", (0, 0, top - 0.045), (0.022, 0.018, 0.016), RUBBER),
-        Solid("gauge", "cylinder", (0, -0.022, top - 0.045), (0.012, 0.004), PAPER, UPRIGHT),
-        Solid("grip", "box", (0.045, 0, top - 0.035), (0.045, 0.011, 0.004), RUBBER),
-        Solid("trigger", "box", (0.04, 0, top - 0.01), (0.05, 0.011, 0.004), red),
+        ColouredGeom("foot", "cylinder", (0, 0, 0.01), (r * 1.02, 0.01), RUBBER),
+        ColouredGeom("bottle", "cylinder", (0, 0, h / 2 + 0.01), (r, h / 2 - 0.01), red),
+        ColouredGeom("shoulder", "ellipsoid", (0, 0, h), (r, r, 0.6 * r), red),
+        ColouredGeom("label", "cylinder", (0, 0, 0.5 * h), (r + 0.0015, 0.17 * h), LABELS[label % len(LABELS)]),
+        ColouredGeom("print", "cylinder", (0, 0, 0.56 * h), (r + 0.0020, 0.03 * h), red),
+        ColouredGeom("neck", "cylinder", (0, 0, h + 0.6 * r + 0.02), (0.018, 0.03), METAL),
+        ColouredGeom("valve", "box", (0, 0, top - 0.045), (0.022, 0.018, 0.016), RUBBER),
+        ColouredGeom("gauge", "cylinder", (0, -0.022, top - 0.045), (0.012, 0.004), PAPER, UPRIGHT),
+        ColouredGeom("grip", "box", (0.045, 0, top - 0.035), (0.045, 0.011, 0.004), RUBBER),
+        ColouredGeom("trigger", "box", (0.04, 0, top - 0.01), (0.05, 0.011, 0.004), red),
     ]
     return ThingModel(name, "fire_extinguisher", "", [part.geom(name) for part in parts + _hose(r, h, top)])
 
 
-def _hose(radius: float, shoulder: float, top: float) -> list[Solid]:
+def _hose(radius: float, shoulder: float, top: float) -> list[ColouredGeom]:
     """A hose from the valve in an arc to the side of the bottle, where it ends in a nozzle."""
     side = radius + 0.016
     places = np.array([(-0.02, top - 0.045), (-0.6 * side, top - 0.04), (-side, top - 0.1), (-side, 0.4 * shoulder)])
@@ -165,8 +165,8 @@ def _hose(radius: float, shoulder: float, top: float) -> list[Solid]:
         middle, half = (start + end) / 2, (end - start) / 2
         tilt, size = np.arctan2(half[0], half[1]) / 2, (0.01, float(np.linalg.norm(half)))
         quat = (np.cos(tilt), 0, np.sin(tilt), 0)
-        hose.append(Solid(f"hose_{n}", "capsule", (middle[0], 0, middle[1]), size, RUBBER, quat))
-    return [*hose, Solid("nozzle", "cylinder", (-side, 0, 0.34 * shoulder), (0.014, 0.08 * shoulder), RUBBER)]
+        hose.append(ColouredGeom(f"hose_{n}", "capsule", (middle[0], 0, middle[1]), size, RUBBER, quat))
+    return [*hose, ColouredGeom("nozzle", "cylinder", (-side, 0, 0.34 * shoulder), (0.014, 0.08 * shoulder), RUBBER)]
 
 
 def _box(name: str, half: tuple[float, float], colour: tuple[float, float, float], quat: str) -> Element:

@@ -13,12 +13,10 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.finds.find import HEAT, KINDS, VICTIM
 from pipeline.transforms import from_rotation
 from sarsim.victims.victims import PREFIX, box_of_geoms, victims_of
 
-VICTIM, HEAT = "victim", "heat"
-KINDS = (VICTIM, "hazmat_sign", "qr_code", "april_tag", "fire_extinguisher", "door_lever", HEAT)
-"""What a rescue robot looks for; heat is what victims that are alive give off."""
 ALIVE, DEAD = "alive", "dead"
 MOST_TEXT = 4000  # characters of a text that are read; the largest QR code holds 2,953 bytes
 

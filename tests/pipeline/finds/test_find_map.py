@@ -11,7 +11,7 @@ from pipeline.finds.observation import sight
 from pipeline.frame import Frame
 from pipeline.sensor import XTION
 from pipeline.transforms import from_yaw
-from tests.pipeline.victims.rooms import HEIGHT, INTRINSICS, WALL, camera_at, step
+from tests.pipeline.finds.victims.rooms import HEIGHT, INTRINSICS, WALL, camera_at, step
 
 START = np.eye(4)
 

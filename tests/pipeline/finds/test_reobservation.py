@@ -7,13 +7,13 @@ import pytest
 
 from pipeline.finds import reobservation as module
 from pipeline.finds.reobservation import REWARD, Reobservation, half_view
+from pipeline.finds.victims.victim_map import Victims
 from pipeline.keyframes import Keyframes
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.sensor import XTION
 from pipeline.transforms import from_yaw
-from pipeline.victims.victim_map import Victims
+from tests.pipeline.finds.victims.rooms import INTRINSICS, Ball, camera_at, detection_of, step
 from tests.pipeline.robot_model import PIONEER
-from tests.pipeline.victims.rooms import INTRINSICS, Ball, camera_at, detection_of, step
 
 PERSON: Ball = (2.0, 0.0, 0.2, 0.25)
 BEARINGS = np.arange(36) * np.deg2rad(10)

@@ -13,9 +13,9 @@ from pipeline.segments.boxes import corners
 from pipeline.segments.planes import find_planes
 from pipeline.segments.segments import Segments
 from pipeline.transforms import from_yaw
+from tests.pipeline.finds.victims.constants import constants
 from tests.pipeline.polygon_scene import floor, look, pose, wall, wedge
 from tests.pipeline.segments.patches import deck, patch, segments_of, wall_patch
-from tests.pipeline.victims.constants import constants
 
 
 def test_wall_seen_piece_by_piece_is_one_segment() -> None:

@@ -7,7 +7,8 @@ import numpy as np
 from dm_control import mjcf
 from numpy.testing import assert_allclose
 
-from sarsim.arenas.things.thing import KINDS, data_of, declare, of_kind, things_of
+from pipeline.finds.find import KINDS
+from sarsim.arenas.things.thing import data_of, declare, of_kind, things_of
 
 ARENA = """<mujoco><size nuser_geom="1"/><worldbody>
 <body name="victim_a" pos="1 0 0"><geom size="0.1" user="6"/></body>

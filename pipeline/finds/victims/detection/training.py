@@ -12,19 +12,19 @@ from torch import Tensor, nn
 
 from pipeline.errors import InputError
 from pipeline.files import read_text, whole_file
+from pipeline.finds.victims.detection.augmentation import CanvasSampler
+from pipeline.finds.victims.detection.average_precision import AveragePrecision
+from pipeline.finds.victims.detection.boxes import fit_anchors
+from pipeline.finds.victims.detection.darknet_cfg import OBJECTNESS, DarknetCfg, YoloHead, adapted
+from pipeline.finds.victims.detection.detector import VictimDetector
+from pipeline.finds.victims.detection.inference import to_tensor
+from pipeline.finds.victims.detection.labelled_image import TrainingImage, TrainingImages
+from pipeline.finds.victims.detection.loss import YoloLoss
+from pipeline.finds.victims.detection.network import LEAKY_SLOPE, DarknetConvolution, DarknetNetwork
+from pipeline.finds.victims.detection.training_config import YoloTrainingConfig
+from pipeline.finds.victims.detection.weights import load_network, write_weights
 from pipeline.semantic_map.networks.parallel import TrainingWorker
 from pipeline.semantic_map.networks.training_loop import TrainingLoop
-from pipeline.victims.detection.augmentation import CanvasSampler
-from pipeline.victims.detection.average_precision import AveragePrecision
-from pipeline.victims.detection.boxes import fit_anchors
-from pipeline.victims.detection.darknet_cfg import OBJECTNESS, DarknetCfg, YoloHead, adapted
-from pipeline.victims.detection.detector import VictimDetector
-from pipeline.victims.detection.inference import to_tensor
-from pipeline.victims.detection.labelled_image import TrainingImage, TrainingImages
-from pipeline.victims.detection.loss import YoloLoss
-from pipeline.victims.detection.network import LEAKY_SLOPE, DarknetConvolution, DarknetNetwork
-from pipeline.victims.detection.training_config import YoloTrainingConfig
-from pipeline.victims.detection.weights import load_network, write_weights
 
 PRIOR = 0.01
 """Objectness before training (Lin et al., RetinaNet, arXiv:1708.02002, section 3.3); average precision counts no

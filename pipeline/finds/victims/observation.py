@@ -5,11 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.finds.find import VICTIM
 from pipeline.finds.likelihood import extents_of, weigh
+from pipeline.finds.victims.detection.background import background_planes, near_plane
+from pipeline.finds.victims.detection.detection import Detection
 from pipeline.frame import Frame
 from pipeline.transforms import inverse, transform_points
-from pipeline.victims.detection.background import background_planes, near_plane
-from pipeline.victims.detection.detection import VICTIM, Detection
 
 SKIN_TO_MIDDLE = 0.08  # m, standard deviation due to the distance from the visible skin to the middle of the body
 

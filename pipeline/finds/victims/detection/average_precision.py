@@ -6,7 +6,7 @@ Unlike in COCO, precision is taken at every recall, not at 101 of them.
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.victims.detection.boxes import overlaps
+from pipeline.finds.victims.detection.boxes import overlaps
 
 MATCHING_IOU = 0.5  # Least intersection over union of a detection with its true box
 

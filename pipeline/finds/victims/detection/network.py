@@ -9,7 +9,7 @@ from torch import Tensor, nn
 from torch.nn import functional
 
 from pipeline.errors import InputError
-from pipeline.victims.detection.darknet_cfg import (
+from pipeline.finds.victims.detection.darknet_cfg import (
     Avgpool,
     Convolutional,
     DarknetCfg,

@@ -1,6 +1,6 @@
 """Display ids of victims, the same in the report, the drawings and the log."""
 
-from pipeline.victims.victim_map import Victim, Victims
+from pipeline.finds.victims.victim_map import Victim, Victims
 
 
 def confirmed_ids(victims: Victims) -> list[tuple[str, Victim]]:

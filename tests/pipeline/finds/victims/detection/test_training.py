@@ -10,18 +10,18 @@ import torch
 from scipy.special import logit
 
 from pipeline.errors import InputError
+from pipeline.finds.victims.detection import augmentation, loss, training
+from pipeline.finds.victims.detection.boxes import overlaps
+from pipeline.finds.victims.detection.darknet_cfg import DarknetCfg
+from pipeline.finds.victims.detection.detector import VictimDetector
+from pipeline.finds.victims.detection.labelled_image import TrainingImage
+from pipeline.finds.victims.detection.loss import YoloLoss, ciou, iou
+from pipeline.finds.victims.detection.training import YoloTrainer, new_network, validate
+from pipeline.finds.victims.detection.training_config import YoloTrainingConfig
 from pipeline.semantic_map.networks.training_loop import schedule
-from pipeline.victims.detection import augmentation, loss, training
-from pipeline.victims.detection.boxes import overlaps
-from pipeline.victims.detection.darknet_cfg import DarknetCfg
-from pipeline.victims.detection.detector import VictimDetector
-from pipeline.victims.detection.labelled_image import TrainingImage
-from pipeline.victims.detection.loss import YoloLoss, ciou, iou
-from pipeline.victims.detection.training import YoloTrainer, new_network, validate
-from pipeline.victims.detection.training_config import YoloTrainingConfig
-from tests.pipeline.victims.constants import constants
-from tests.pipeline.victims.detection.networks import SHIPPED, SMALL
-from tests.pipeline.victims.detection.people import WhiteBoxes
+from tests.pipeline.finds.victims.constants import constants
+from tests.pipeline.finds.victims.detection.networks import SHIPPED, SMALL
+from tests.pipeline.finds.victims.detection.people import WhiteBoxes
 
 OWN = SHIPPED / "yolov3-small.cfg"
 CONFIG = YoloTrainingConfig(width=64, height=64, steps=6, validate_every=3, batch=2)

@@ -7,8 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from pipeline.finds.find import VICTIM
 from pipeline.finds.likelihood import weigh
 from pipeline.finds.sought import THING_GAP
+from pipeline.finds.victims.detection.detection import Detection
+from pipeline.finds.victims.observation import SKIN_TO_MIDDLE, PersonObservation, Refusal, middle, observe, size_of
 from pipeline.frame import Frame
 from pipeline.keyframes import Places
 from pipeline.localisation.gates import chi2_gate
@@ -16,8 +19,6 @@ from pipeline.localisation.localisation import KEYFRAME_WAY
 from pipeline.segments.cells_kernels import moved
 from pipeline.sensor import SensorModel
 from pipeline.transforms import inverse, transform_points
-from pipeline.victims.detection.detection import VICTIM, Detection
-from pipeline.victims.observation import SKIN_TO_MIDDLE, PersonObservation, Refusal, middle, observe, size_of
 
 TOGETHER = 1.85
 """m across; 24 of 25 people measure no more; two who lie side by side almost always measure more together."""

@@ -5,14 +5,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pipeline.finds.victims import victim_map
+from pipeline.finds.victims.detection.detection import Detection
+from pipeline.finds.victims.observation import PersonObservation, Refusal, observe
+from pipeline.finds.victims.victim_map import Victims
 from pipeline.keyframes import Places
 from pipeline.transforms import from_rotation
-from pipeline.victims import victim_map
-from pipeline.victims.detection.detection import Detection
-from pipeline.victims.observation import PersonObservation, Refusal, observe
-from pipeline.victims.victim_map import Victims
-from tests.pipeline.victims.constants import constants
-from tests.pipeline.victims.rooms import Ball, camera_at, detection_of, step
+from tests.pipeline.finds.victims.constants import constants
+from tests.pipeline.finds.victims.rooms import Ball, camera_at, detection_of, step
 
 PERSON: Ball = (2.0, 0.0, 0.2, 0.25)
 OTHER: Ball = (2.4, 1.5, 0.3, 0.25)

@@ -9,13 +9,14 @@ from numpy.typing import NDArray
 
 from pipeline.errors import InputError
 from pipeline.files import read_text
-from pipeline.victims.detection.boxes import areas, decode, overlaps, suppress
-from pipeline.victims.detection.darknet_cfg import YoloHead
-from pipeline.victims.detection.detection import KINDS, VICTIM, Detection
-from pipeline.victims.detection.inference import FusedNetwork
-from pipeline.victims.detection.input_image import Letterbox, evenly_exposed
-from pipeline.victims.detection.network import DarknetNetwork
-from pipeline.victims.detection.weights import load_network, network_files
+from pipeline.finds.find import KINDS, VICTIM
+from pipeline.finds.victims.detection.boxes import areas, decode, overlaps, suppress
+from pipeline.finds.victims.detection.darknet_cfg import YoloHead
+from pipeline.finds.victims.detection.detection import Detection
+from pipeline.finds.victims.detection.inference import FusedNetwork
+from pipeline.finds.victims.detection.input_image import Letterbox, evenly_exposed
+from pipeline.finds.victims.detection.network import DarknetNetwork
+from pipeline.finds.victims.detection.weights import load_network, network_files
 
 PERSON = {1: 0, 20: 14, 80: 0}
 """Number of the class ``person`` by the number of classes, if they have no names: victims, Pascal VOC, COCO."""

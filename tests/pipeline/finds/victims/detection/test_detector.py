@@ -8,12 +8,12 @@ import torch
 from scipy.special import logit
 
 from pipeline.errors import InputError
-from pipeline.victims.detection import detector
-from pipeline.victims.detection.detector import VictimDetector, of_both_sizes
-from pipeline.victims.detection.network import DarknetNetwork
-from pipeline.victims.detection.weights import write_weights
-from tests.pipeline.victims.constants import constants
-from tests.pipeline.victims.detection.networks import SMALL, random_network
+from pipeline.finds.victims.detection import detector
+from pipeline.finds.victims.detection.detector import VictimDetector, of_both_sizes
+from pipeline.finds.victims.detection.network import DarknetNetwork
+from pipeline.finds.victims.detection.weights import write_weights
+from tests.pipeline.finds.victims.constants import constants
+from tests.pipeline.finds.victims.detection.networks import SMALL, random_network
 
 
 def bright_spot_network() -> DarknetNetwork:

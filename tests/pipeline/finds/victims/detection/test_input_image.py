@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from pipeline.victims.detection.input_image import BRIGHTNESS, DARKEST, GREY, Letterbox, evenly_exposed
+from pipeline.finds.victims.detection.input_image import BRIGHTNESS, DARKEST, GREY, Letterbox, evenly_exposed
 
 
 def test_dim_light_makes_no_difference() -> None:

@@ -8,12 +8,12 @@ import numpy as np
 import pytest
 import torch
 
-from pipeline.victims.detection.boxes import decode, overlaps, suppress
-from pipeline.victims.detection.darknet_cfg import DarknetCfg
-from pipeline.victims.detection.inference import FusedNetwork, to_tensor
-from pipeline.victims.detection.network import DarknetNetwork
-from pipeline.victims.detection.weights import load_network, write_weights
-from tests.pipeline.victims.detection.networks import random_network
+from pipeline.finds.victims.detection.boxes import decode, overlaps, suppress
+from pipeline.finds.victims.detection.darknet_cfg import DarknetCfg
+from pipeline.finds.victims.detection.inference import FusedNetwork, to_tensor
+from pipeline.finds.victims.detection.network import DarknetNetwork
+from pipeline.finds.victims.detection.weights import load_network, write_weights
+from tests.pipeline.finds.victims.detection.networks import random_network
 
 SHARED = Path(__file__).parents[5] / "shared"
 PHOTOS = SHARED / "real_photos"

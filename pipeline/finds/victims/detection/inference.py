@@ -10,7 +10,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from pipeline.victims.detection.network import ACTIVATE, LEAKY_SLOPE, DarknetConvolution, DarknetNetwork
+from pipeline.finds.victims.detection.network import ACTIVATE, LEAKY_SLOPE, DarknetConvolution, DarknetNetwork
 
 ONEDNN_ACTIVATIONS: dict[str, tuple[str, list[float]]] = {
     "linear": ("none", []),

@@ -14,9 +14,9 @@ from numpy.typing import NDArray
 from torch import Tensor
 from torch.nn.functional import binary_cross_entropy_with_logits, logsigmoid
 
-from pipeline.victims.detection.boxes import LARGEST_EXPONENT, size_overlaps
-from pipeline.victims.detection.darknet_cfg import OBJECTNESS, DarknetCfg, YoloHead
-from pipeline.victims.detection.labelled_image import TrainingImage
+from pipeline.finds.victims.detection.boxes import LARGEST_EXPONENT, size_overlaps
+from pipeline.finds.victims.detection.darknet_cfg import OBJECTNESS, DarknetCfg, YoloHead
+from pipeline.finds.victims.detection.labelled_image import TrainingImage
 
 ASSIGNED_IOU = 0.3  # Least overlap of an anchor's size with a person's for the anchor to be assigned to that person
 IGNORED_IOU = 0.7
@@ -98,7 +98,7 @@ class YoloLoss:
         return person, anchor
 
     def _boxes(self, cells: Tensor, yolo: YoloHead) -> Tensor:
-        """(N, anchors, H, W, 4) boxes in pixels of the input; see :func:`pipeline.victims.detection.boxes.decode`."""
+        """(N, anchors, H, W, 4) boxes in pixels of the input, as :func:`.boxes.decode` gives."""
         rows, columns = cells.shape[2:4]
         y, x = torch.meshgrid(torch.arange(rows), torch.arange(columns), indexing="ij")
         stride = torch.tensor([self.cfg.width / columns, self.cfg.height / rows], device=cells.device)

@@ -7,8 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.errors import InputError
-from pipeline.victims.detection.boxes import decode, fit_anchors, overlaps, size_overlaps, suppress
-from pipeline.victims.detection.darknet_cfg import YoloHead
+from pipeline.finds.victims.detection.boxes import decode, fit_anchors, overlaps, size_overlaps, suppress
+from pipeline.finds.victims.detection.darknet_cfg import YoloHead
 
 
 def random_boxes(count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:

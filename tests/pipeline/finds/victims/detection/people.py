@@ -5,7 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.victims.detection.labelled_image import TrainingImage
+from pipeline.finds.victims.detection.labelled_image import TrainingImage
 
 
 @dataclass(frozen=True)

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import torch
 
-from pipeline.victims.detection.darknet_cfg import DarknetCfg
-from pipeline.victims.detection.network import DarknetNetwork
+from pipeline.finds.victims.detection.darknet_cfg import DarknetCfg
+from pipeline.finds.victims.detection.network import DarknetNetwork
 
 SHIPPED = Path(__file__).parents[4] / "assets" / "weights"
 TINY = (SHIPPED / "yolov3-tiny.cfg").read_text()

@@ -6,7 +6,7 @@ from scipy.cluster.vq import kmeans2
 from scipy.special import expit, logit
 
 from pipeline.errors import InputError
-from pipeline.victims.detection.darknet_cfg import OBJECTNESS, YoloHead
+from pipeline.finds.victims.detection.darknet_cfg import OBJECTNESS, YoloHead
 
 LARGEST_EXPONENT = 20.0
 """Bound of the exponent that scales an anchor: no box in an image is so large, and its square still fits float32."""

@@ -6,7 +6,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.errors import InputError
-from pipeline.victims.detection.darknet_cfg import (
+from pipeline.finds.victims.detection.darknet_cfg import (
     Convolutional,
     DarknetCfg,
     Maxpool,
@@ -15,7 +15,7 @@ from pipeline.victims.detection.darknet_cfg import (
     YoloHead,
     adapted,
 )
-from tests.pipeline.victims.detection.networks import FULL, OWN, SMALL, TINY
+from tests.pipeline.finds.victims.detection.networks import FULL, OWN, SMALL, TINY
 
 
 def test_a_text_is_read() -> None:

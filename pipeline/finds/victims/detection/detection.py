@@ -6,8 +6,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-VICTIM = "victim"
-KINDS = VICTIM, "hazmat_sign", "qr_code", "april_tag", "fire_extinguisher", "door_lever"
+from pipeline.finds.find import VICTIM
 
 
 @dataclass(frozen=True)
@@ -17,7 +16,7 @@ class Detection:
     Attributes:
         box: x0, y0, x1, y1 in pixels, from the image's upper left corner.
         confidence: 0 to 1.
-        kind: one of KINDS.
+        kind: one of :data:`pipeline.finds.find.KINDS`.
     """
 
     box: tuple[float, float, float, float]

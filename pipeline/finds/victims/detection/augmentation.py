@@ -11,9 +11,9 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pipeline.errors import InputError
-from pipeline.victims.detection.boxes import areas
-from pipeline.victims.detection.input_image import GREY, evenly_exposed, scaled
-from pipeline.victims.detection.labelled_image import TrainingImage, TrainingImages
+from pipeline.finds.victims.detection.boxes import areas
+from pipeline.finds.victims.detection.input_image import GREY, evenly_exposed, scaled
+from pipeline.finds.victims.detection.labelled_image import TrainingImage, TrainingImages
 
 ODDS = 0.5
 """Probability of each thing that may be done: drawing an image without people, a mosaic of four images (Bochkovskiy

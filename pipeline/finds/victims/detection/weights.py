@@ -19,10 +19,10 @@ from torch import Tensor
 
 from pipeline.errors import InputError
 from pipeline.files import read_bytes, read_text, whole_file
+from pipeline.finds.victims.detection.darknet_cfg import DarknetCfg
+from pipeline.finds.victims.detection.network import DarknetNetwork
 from pipeline.semantic_map.networks.network import whole
 from pipeline.semantic_map.networks.tensor_file import copy_tensors, read_tensors
-from pipeline.victims.detection.darknet_cfg import DarknetCfg
-from pipeline.victims.detection.network import DarknetNetwork
 
 WRITTEN_VERSION = (0, 2, 5)  # as the Darknet that published YOLOv3 writes
 NUMBER = np.dtype("<f4")

@@ -68,7 +68,7 @@ class MissionConfig:
     """Settings of everything that drives a robot by its own maps.
 
     Attributes:
-        steps: most steps (sense, map, plan, drive) of exploring, which ends earlier when no viewpoint is left.
+        steps: most steps (sense, map, plan, drive) of exploring, which may end earlier.
         map: folder of an earlier episode in the same place, in whose map the robot finds its pose and goes on.
         goals: places to drive to after exploring, x y x y … in m in the map; the robot chooses a short order.
         home: drive back to the start at the end.
@@ -100,8 +100,7 @@ class EpisodeConfig(PerceptionConfig, MissionConfig, SimulatorConfig):
         localisation: odometry corrected by registration of the depth images (slam), or uncorrected (odometry).
         sensor: Xtion camera with its noise, or ideal with the same range, to see the effect of noise.
         dust: dust concentration in the air, 0 to 1; dust swallows depth returns, makes false ones and veils colours.
-        tyre_error: relative error of the wheels' radius that the odometry does not know, beside small random ones;
-            with 0.02 it measures ways 2 % too long.
+        tyre_error: relative error of the wheels' radius that the odometry does not know.
         fiducials: number of AprilTags on the arena's walls, by which the report measures the error of distances in
             the map; the robot ignores them.
         voxel_size: side of the metric map's voxels, m; smaller voxels show more detail and take more time and memory.

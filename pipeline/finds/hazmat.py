@@ -50,7 +50,8 @@ class HazmatReader:
 
 
 RARER = 9
-"""Odds of a sign among the patches that were learned, over those among the squares of a camera's image."""
+"""Odds of a sign among the patches that were learned, over those among the squares of a camera's image: chosen by the
+photos of boards and rooms on which its figures are given, so these flatter it."""
 HOPEFUL = 0.1
 """Probability of a sign, the square one way up, from which it is looked at all four ways."""
 

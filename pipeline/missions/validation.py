@@ -15,14 +15,14 @@ from pipeline.missions.cloud import COMMENTS, NORMAL, RGB, CloudFile, read_cloud
 from pipeline.missions.pois import PoiFile, read_pois
 from pipeline.missions.rules import LENGTHS, LIMITS, MAP_COLOURS
 
-ENDINGS = {".tiff": "2D map", ".ply": "3D map", ".csv": "list of finds"}
+HANDED_FILES = {".tiff": "2D map", ".ply": "3D map", ".csv": "list of finds"}
 NAME = re.compile(r"RoboCup\d{4}-[^-]+-.+")
 ALWAYS = ("file_name", "scale", "grid", "start", "walls", "path")
 """Elements of every 2D map that have one colour."""
 
 
 def handed_in_files(folder: Path) -> dict[str, list[Path]]:
-    """The files in a folder, or in the ``handed_in/`` that it contains, by their endings in ``ENDINGS``.
+    """The files in a folder, or in the ``handed_in/`` that it contains, by their endings in ``HANDED_FILES``.
 
     Raises:
         InputError: no such folder, or nothing is handed in there.
@@ -32,9 +32,9 @@ def handed_in_files(folder: Path) -> dict[str, list[Path]]:
         names = sorted(place.iterdir())
     except OSError as error:
         raise InputError(f"{place}: {error.strerror or error}") from error
-    found = {ending: [path for path in names if path.suffix.lower() == ending] for ending in ENDINGS}
+    found = {ending: [path for path in names if path.suffix.lower() == ending] for ending in HANDED_FILES}
     if not any(found.values()):
-        raise InputError(f"{place}: nothing is handed in: no file ends in {', '.join(ENDINGS)}")
+        raise InputError(f"{place}: nothing is handed in: no file ends in {', '.join(HANDED_FILES)}")
     return found
 
 
@@ -45,7 +45,7 @@ def validate(folder: Path) -> list[str]:
         InputError: no such folder, nothing is handed in, or a file cannot be read at all.
     """
     files = handed_in_files(folder)
-    faults = [f"no {what} (*{ending})" for ending, what in ENDINGS.items() if not files[ending]]
+    faults = [f"no {what} (*{ending})" for ending, what in HANDED_FILES.items() if not files[ending]]
     lists = {path: read_pois(path) for path in files[".csv"]}
     headers = [read.header for read in lists.values()]
     for path, read in lists.items():

@@ -21,7 +21,7 @@ RAMPS = Label.INCLINED_RAMP, Label.STRAIGHT_RAMP
 
 
 @dataclass(frozen=True, eq=False)
-class Plan:
+class SeenFromAbove:
     """Points in the cells of a grid, seen from above.
 
     Attributes:
@@ -79,11 +79,11 @@ def with_whole_uprights(
     """
     if not len(points):
         return labels
-    of_walls = with_whole_walls(Plan.of(points, voxel), labels, robot.width / 2, robot.max_gap)
-    return with_sides_of_ramps(Plan.of(points, cell), of_walls, robot.headroom)
+    of_walls = with_whole_walls(SeenFromAbove.of(points, voxel), labels, robot.width / 2, robot.max_gap)
+    return with_sides_of_ramps(SeenFromAbove.of(points, cell), of_walls, robot.headroom)
 
 
-def with_whole_walls(plan: Plan, labels: NDArray[np.uint8], width: float, gap: float) -> NDArray[np.uint8]:
+def with_whole_walls(plan: SeenFromAbove, labels: NDArray[np.uint8], width: float, gap: float) -> NDArray[np.uint8]:
     """(N,) labels in which walls are flat and at least ``width`` m wide; others are clutter.
 
     Which way a wall runs shows around its cells or, if it has gaps of up to ``gap`` m between slats, in a
@@ -104,7 +104,7 @@ def with_whole_walls(plan: Plan, labels: NDArray[np.uint8], width: float, gap: f
     return result
 
 
-def with_sides_of_ramps(plan: Plan, labels: NDArray[np.uint8], headroom: float) -> NDArray[np.uint8]:
+def with_sides_of_ramps(plan: SeenFromAbove, labels: NDArray[np.uint8], headroom: float) -> NDArray[np.uint8]:
     """(N,) labels in which the sides of a ramp or deck have the label of its top, of the nearest that is broad.
 
     What is ``headroom`` m high is no side: the robot can get under a deck as high as that.

@@ -8,7 +8,7 @@ import pytest
 from pipeline.labels import Label
 from pipeline.robot import RobotModel
 from pipeline.semantic_map.semantic_map import VOXEL, SemanticMap
-from pipeline.semantic_map.uprights import Plan, with_sides_of_ramps, with_whole_uprights, with_whole_walls
+from pipeline.semantic_map.uprights import SeenFromAbove, with_sides_of_ramps, with_whole_uprights, with_whole_walls
 from pipeline.semantic_map.uprights_kernels import directions, on_long_runs
 from pipeline.traversability.elevation_map import CELL
 from sarsim.robots.skid_steered import robot_model
@@ -37,13 +37,13 @@ def told(*parts: tuple[np.ndarray, Label]) -> tuple[np.ndarray, np.ndarray, np.n
 
 def of_walls(*parts: tuple[np.ndarray, Label]) -> list[set[int]]:
     points, labels, part = told(*parts)
-    result = with_whole_walls(Plan.of(points, VOXEL), labels, WIDTH, GAP)
+    result = with_whole_walls(SeenFromAbove.of(points, VOXEL), labels, WIDTH, GAP)
     return [set(result[part == n].tolist()) for n in range(len(parts))]
 
 
 def of_sides(*parts: tuple[np.ndarray, Label]) -> list[set[int]]:
     points, labels, part = told(*parts)
-    result = with_sides_of_ramps(Plan.of(points, CELL), labels, HEADROOM)
+    result = with_sides_of_ramps(SeenFromAbove.of(points, CELL), labels, HEADROOM)
     return [set(result[part == n].tolist()) for n in range(len(parts))]
 
 

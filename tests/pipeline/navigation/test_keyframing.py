@@ -36,7 +36,7 @@ class SeeingRobot(KinematicRobot):
 
     def sense(self) -> Frame:
         self.looks += 1
-        return seen(self.faces, self.T, seed=self.looks)
+        return replace(seen(self.faces, self.T, seed=self.looks), time=float(self.looks))
 
 
 class Outlook:
@@ -177,7 +177,7 @@ class HeldRobot(SeeingRobot):
         T = self.T.copy()
         T[0, 3] = min(T[0, 3], 2.5)
         self.looks += 1
-        return seen(ROOM, T, T @ inverse(self.T), seed=self.looks)
+        return replace(seen(ROOM, T, T @ inverse(self.T), seed=self.looks), time=float(self.looks))
 
 
 @pytest.mark.parametrize(("robot", "outcome"), [(HeldRobot(), Outcome.STUCK), (SeeingRobot(), Outcome.REACHED)])

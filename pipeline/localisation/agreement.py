@@ -8,15 +8,13 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from pipeline.frame import Frame
-from pipeline.localisation.belief import CORRELATED_TILES, tiles_seen
+from pipeline.localisation.belief import CORRELATED_TILES, TILES, tiles_seen
 from pipeline.localisation.localisation import STILL_TURN, STILL_WAY
 from pipeline.localisation.registration import FINE
 from pipeline.localisation.relocalisation_kernels import cast
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.transforms import angle_of, inverse
 
-TILES = 32
-"""Tiles across an image, along each side of which depths are compared: 1.8° of the Xtion."""
 DEPTH_TOLERANCE = 0.2
 """m by which a depth may differ from the map's: the diagonal of a voxel, 0.17, and noise."""
 

@@ -17,6 +17,7 @@ import numpy as np
 import small_gicp
 from numpy.typing import NDArray
 
+from pipeline.localisation.belief import evidence_of_overlap
 from pipeline.localisation.gates import chi2_gate
 from pipeline.localisation.pose_graph import LEVER
 from pipeline.transforms import orthonormal
@@ -36,9 +37,6 @@ STRAY = 0.063
 among the points of one keyframe, with which later ones are registered."""
 SAME_SURFACE = 0.9
 """Least cosine between the normals of a pair on one surface."""
-FIT_BY_CHANCE, PARTS = 0.4, 60
-"""Share of a frame's points that fit although its pose is wrong in 281 frames of other places; if no more
-fit, it tells nothing: the rest may be new ground, or dust. And parts of a frame, 7° wide, that fit independently."""
 FEIGNED = 1e-3
 """Share of the strongest information; weaker information comes from noise and is left out."""
 _SCALE = np.repeat([LEVER, 1.0], 3)
@@ -123,8 +121,8 @@ class Registration:
 
     @property
     def fit(self) -> float:
-        """Logarithm of how much likelier a right pose explains what fits than chance does."""
-        return max(0.0, self.overlap - FIT_BY_CHANCE) * PARTS * -np.log(FIT_BY_CHANCE)
+        """Logarithm of how much likelier a right pose explains the points that fit than chance does."""
+        return evidence_of_overlap(self.overlap)
 
     @property
     def log_likelihood(self) -> float:

@@ -16,7 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.errors import InputError
 from pipeline.frame import Frame
-from pipeline.localisation.belief import Belief, MotionState, place_bounded
+from pipeline.localisation.belief import ENOUGH_OVERLAP, Belief, MotionState, place_bounded
 from pipeline.localisation.local_map import LocalMap
 from pipeline.localisation.localisation import (
     KEYFRAME_TURN,
@@ -51,8 +51,6 @@ from pipeline.transforms import from_rotation, inverse, orthonormal, transform_p
 AROUND = 9
 """Pixels along each side of a square that must not reach the sensor's limit, which cuts off the far half of the
 noise: walls at the limit came 3 cm too near, and floors rose by 1 mm from keyframe to keyframe."""
-ENOUGH_OVERLAP = 0.6
-"""Overlap below which wheels may have slipped and a loop is doubtful."""
 MOST_SHARES = 6
 """Greatest number of keyframes that a new one is connected with: those with the most information."""
 FAR_OFF = 1.0

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from pipeline.frame import Intrinsics
-from pipeline.localisation.agreement import TILES, Agreement, agreement, change
-from pipeline.localisation.belief import MotionState
+from pipeline.localisation.agreement import Agreement, agreement, change
+from pipeline.localisation.belief import TILES, MotionState
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.transforms import from_yaw
 from tests.pipeline.localisation.carried_robot import ROOM, T_BASE_CAMERA, Maps, seen, tour

@@ -268,7 +268,7 @@ def test_a_robot_that_has_seen_nothing_for_long_no_longer_knows_its_place() -> N
     blank = replace(first, depth=np.zeros_like(first.depth))
     for k in range(6):
         assert slam.belief.knows_place
-        frame = replace(blank, T_odom_base=from_yaw(0.65 * k, 0.0, 0.0, 0.0) @ first.T_odom_base, time=float(k))
+        frame = replace(blank, T_odom_base=from_yaw(0.65 * k, 0.0, 0.0, 0.0) @ first.T_odom_base, time=k / 10)
         slam.add(frame, slam.localise(frame))
     assert not slam.belief.knows_place
     slam.set_down(AROUND[0])

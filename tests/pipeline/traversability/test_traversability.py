@@ -82,6 +82,13 @@ def test_uphill_is_the_gradient_of_the_ramp():
     assert abs(before[1]) < 0.01
 
 
+def test_a_ramp_is_near_within_the_margin():
+    traversability = assess_map(surface_of(ground_points(ridge, (-2, 2), (-1, 1))))
+    assert traversability.has_ramp((0.3, 0.0))
+    assert traversability.has_ramp((-RUN - RAMP_MARGIN / 2, 0.0))
+    assert not traversability.has_ramp((-RUN - RAMP_MARGIN - 0.2, 0.0))
+
+
 def test_where_the_robot_has_driven_it_may_drive_again():
     corridor = surface_of(
         ground_points(flat, (-1, 1), (-0.5, 0.5)), *(wall_points((-1, y), (1, y)) for y in (-0.33, 0.33))

@@ -7,7 +7,7 @@ from pipeline.errors import InputError
 from pipeline.traversability import pose_kernels
 from pipeline.traversability.elevation_map import ElevationMap
 from pipeline.traversability.pose_paths import PosePaths
-from pipeline.traversability.traversability import assess_map
+from pipeline.traversability.traversability import RAMP_MARGIN, assess_map
 from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.worlds import RUN, flat, ground_points, ramp_and_deck, ridge, show, surface_of, wall_points
 

@@ -68,8 +68,10 @@ class Belief:
 
     def observe(self, log_likelihoods: NDArray[np.float64]) -> None:
         """Take (5,) log-likelihoods of an observation into account, up to a common constant."""
-        likelihoods = self.probabilities * np.exp(log_likelihoods - np.max(log_likelihoods))
-        self.probabilities = likelihoods / likelihoods.sum()
+        with np.errstate(divide="ignore"):  # a state may be impossible
+            logarithms = np.log(self.probabilities) + log_likelihoods
+        weights = np.exp(logarithms - logarithms.max())
+        self.probabilities = weights / weights.sum()
 
     def is_sure_of(self, state: MotionState) -> bool:
         """Whether a state is as probable as ``CONFIDENCE``."""

@@ -47,6 +47,12 @@ def test_bayes_by_hand() -> None:
     assert not belief.is_sure_of(MotionState.CARRIED)
 
 
+def test_what_is_impossible_stays_so_however_well_it_explains_a_frame() -> None:
+    belief = Belief()
+    belief.observe(np.array([-2000.0, -np.inf, 0.0, 0.0, 0.0]))
+    np.testing.assert_array_equal(belief.probabilities, np.eye(STATES)[MotionState.NOMINAL])
+
+
 def test_a_frame_alone_convinces_nobody_and_three_do() -> None:
     belief = Belief()
     belief.predict(0.0, 10.0)

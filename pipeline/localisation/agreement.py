@@ -96,13 +96,9 @@ def change(frame: Frame, last: Frame) -> Agreement | None:
         return None
     before, now = tile_depths(last), tile_depths(frame)
     seen, expected = np.isfinite(now), np.isfinite(before)
-    short = _highest(now) + DEPTH_TOLERANCE < _lowest(before)
-    through = _lowest(now) > _highest(before) + DEPTH_TOLERANCE
-    both = seen & expected
-    explained = int((both & ~short & ~through).sum())
-    return Agreement(
-        explained, int((both & short).sum()), int((both & through).sum()), int(seen.sum()), int(expected.sum())
-    )
+    both, shift = seen & expected, np.where(seen & expected, now, 0.0) - np.where(seen & expected, before, 0.0)
+    short, through = int((shift < -DEPTH_TOLERANCE).sum()), int((shift > DEPTH_TOLERANCE).sum())
+    return Agreement(int(both.sum()) - short - through, short, through, int(seen.sum()), int(expected.sum()))
 
 
 def _lowest(depths: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -116,7 +116,7 @@ def _side(frame: Frame) -> int:
 
 
 def tile_depths(frame: Frame) -> NDArray[np.float64]:
-    """(rows, ``TILES``) median depths, m; infinite where fewer than half of a tile's pixels have a return."""
+    """(R, C) median depths of the tiles, m; infinite where fewer than half of a tile's pixels have a return."""
     side = _side(frame)
     rows, columns = (n // side for n in frame.depth.shape)
     depth = np.where(frame.returns, frame.depth, np.inf)[: rows * side, : columns * side]
@@ -129,7 +129,7 @@ def tile_depths(frame: Frame) -> NDArray[np.float64]:
 def expected_depths(
     frame: Frame, T_map_camera: NDArray[np.float64], metric_map: MetricMap
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Depths in the map before a camera off by up to ``FINE``, at the middle of every tile (rows, ``TILES``).
+    """Depths in the map before a camera off by up to ``FINE``, at the middle of every tile (R, C).
 
     Returns:
         m along the optical axis: the least depth up to which space is free, and the greatest at which the ray meets a

@@ -144,7 +144,10 @@ class Explorer:
                 self.keyframing.look,
             )
         T_map_base = self.navigator.T_map_base
-        was_kidnapped = self.navigator.legs[-1].outcome is Outcome.MOVED
+        outcome = self.navigator.legs[-1].outcome
+        was_kidnapped = outcome is Outcome.MOVED
+        if outcome is Outcome.TILTED:
+            self.keyframing.pose_check.doubt(self.navigator.halts[-1], step.traversability)
         assert self.navigator.motion is not None
         self.keyframing.pose_check.T_odom_expected = None if was_kidnapped else self.navigator.motion.T_odom_base
         came_away = np.linalg.norm(T_map_base[:2, 3] - T_map_start[:2, 3]) > KEYFRAME_WAY

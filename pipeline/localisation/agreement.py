@@ -8,23 +8,15 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from pipeline.frame import Frame
+from pipeline.localisation.belief import CORRELATED_TILES, TILES, tiles_seen
 from pipeline.localisation.localisation import STILL_TURN, STILL_WAY
 from pipeline.localisation.registration import FINE
 from pipeline.localisation.relocalisation_kernels import cast
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.transforms import angle_of, inverse
 
-TILES = 32
-"""Tiles across an image, along each side of which depths are compared: 1.8° of the Xtion."""
 DEPTH_TOLERANCE = 0.2
 """m by which a depth may differ from the map's: the diagonal of a voxel, 0.17, and noise."""
-LEAST_EXPLAINED = 0.85
-"""Least share of what is known that the map must explain: at a right pose it explains 0.99, in dust of 0.5, 0.97."""
-TELLING_TILES = 40
-"""Least number of tiles that tell anything: a twentieth of the image. Fewer may be one edge, or a thin panel."""
-TELLING_SHARE = 1 / 3
-"""Share of tiles that tells anything. An arena's frames show nearly all that the map expects; before a wall, or where
-nothing is mapped, a carried robot shows none."""
 
 
 class Agreement(NamedTuple):
@@ -60,14 +52,14 @@ class Agreement(NamedTuple):
         return self.explained / self.known if self.known else 1.0
 
     @property
-    def was_carried(self) -> bool:
-        """Whether the frames contradict the map so much that the robot must be elsewhere."""
-        return self.share < LEAST_EXPLAINED and self.short + self.through >= TELLING_TILES
+    def log_likelihoods(self) -> NDArray[np.float64]:
+        """(5,) of each :class:`pipeline.localisation.belief.MotionState`."""
+        return tiles_seen(self.explained, self.short + self.through, max(0, self.expected - self.known))
 
     @property
-    def is_doubtful(self) -> bool:
-        """Whether so few of the expected tiles are known that the robot may well be elsewhere."""
-        return self.expected >= TELLING_TILES and self.known < TELLING_SHARE * self.expected
+    def tells(self) -> bool:
+        """Whether the map expects enough to be seen to tell a camera that sees nothing."""
+        return self.expected >= CORRELATED_TILES
 
 
 def agreement(frame: Frame, T_map_camera: NDArray[np.float64], metric_map: MetricMap) -> Agreement:
@@ -93,16 +85,20 @@ def agreement(frame: Frame, T_map_camera: NDArray[np.float64], metric_map: Metri
     return Agreement(**{name: int((mask & seen).sum()) for name, mask in counts.items()}, expected=expected)
 
 
-def shows_another_place(frame: Frame, last: Frame) -> bool:
-    """Whether the image changed since the last frame although the wheels stood: the robot was carried.
+def change(frame: Frame, last: Frame) -> Agreement | None:
+    """Compare a frame with the last one, tile by tile, if the wheels stood: who was carried sees another place.
 
-    A frame from elsewhere may say nothing about the map, as before a wall too near for the camera.
+    None if the robot has moved. A frame from elsewhere may say nothing about the map, as before a wall too near for
+    the camera; here it shows nothing where the last frame did.
     """
     moved = inverse(last.T_odom_base) @ frame.T_odom_base
     if np.linalg.norm(moved[:3, 3]) > STILL_WAY or angle_of(moved) > STILL_TURN:
-        return False
-    before, now = (np.where(np.isfinite(depths), depths, 0.0) for depths in map(tile_depths, (last, frame)))
-    return bool((np.abs(now - before) > DEPTH_TOLERANCE).mean() > TELLING_SHARE)
+        return None
+    before, now = tile_depths(last), tile_depths(frame)
+    seen, expected = np.isfinite(now), np.isfinite(before)
+    both, shift = seen & expected, np.where(seen & expected, now, 0.0) - np.where(seen & expected, before, 0.0)
+    short, through = int((shift < -DEPTH_TOLERANCE).sum()), int((shift > DEPTH_TOLERANCE).sum())
+    return Agreement(int(both.sum()) - short - through, short, through, int(seen.sum()), int(expected.sum()))
 
 
 def _lowest(depths: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -120,7 +116,7 @@ def _side(frame: Frame) -> int:
 
 
 def tile_depths(frame: Frame) -> NDArray[np.float64]:
-    """(rows, ``TILES``) median depths, m; infinite where fewer than half of a tile's pixels have a return."""
+    """(R, C) median depths of the tiles, m; infinite where fewer than half of a tile's pixels have a return."""
     side = _side(frame)
     rows, columns = (n // side for n in frame.depth.shape)
     depth = np.where(frame.returns, frame.depth, np.inf)[: rows * side, : columns * side]
@@ -133,7 +129,7 @@ def tile_depths(frame: Frame) -> NDArray[np.float64]:
 def expected_depths(
     frame: Frame, T_map_camera: NDArray[np.float64], metric_map: MetricMap
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Depths in the map before a camera off by up to ``FINE``, at the middle of every tile (rows, ``TILES``).
+    """Depths in the map before a camera off by up to ``FINE``, at the middle of every tile (R, C).
 
     Returns:
         m along the optical axis: the least depth up to which space is free, and the greatest at which the ray meets a

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frame import Frame
+from pipeline.localisation.belief import Belief
 from pipeline.transforms import angle_of, are_poses, inverse
 
 KEYFRAME_WAY, KEYFRAME_TURN = 0.3, np.deg2rad(15)
@@ -81,35 +82,17 @@ class Localisation(Protocol):
         T_map_odom: 4×4 pose of ``odom`` in ``map`` by the newest frame.
         loops: loop closures so far.
         may_err: whether the poses must be checked against the map.
+        belief: of the robot's motion and place.
     """
 
     T_map_odom: NDArray[np.float64]
     loops: list[Loop]
     may_err: bool
+    belief: Belief
 
     @property
     def poses(self) -> NDArray[np.float64]:
         """(K, 4, 4) ``T_map_base`` of every keyframe as now estimated."""
-        ...
-
-    @property
-    def is_contradicted(self) -> bool:
-        """Whether registration of the newest frame contradicts the odometry more than slipping wheels can explain."""
-        ...
-
-    @property
-    def is_blind(self) -> bool:
-        """Whether the robot has driven too far without a registration to trust its odometry."""
-        ...
-
-    @property
-    def agrees(self) -> bool | None:
-        """Whether registration of the newest frame agrees with the odometry; None if it was not registered."""
-        ...
-
-    @property
-    def overlap(self) -> float:
-        """Share of the newest frame's points that were seen before; 1 if it was not registered."""
         ...
 
     @property
@@ -135,10 +118,6 @@ class Localisation(Protocol):
 
     def set_down(self, T_map_base: NDArray[np.float64]) -> None:
         """Continue from the pose (4×4) to which the robot was carried."""
-        ...
-
-    def trust(self) -> None:
-        """Trust the odometry again where nothing could be registered, once the robot has looked around."""
         ...
 
     def points(self) -> NDArray[np.float32]:

@@ -4,6 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frame import Frame
+from pipeline.localisation.belief import Belief
 from pipeline.localisation.localisation import UNKNOWN_ODOMETRY, Localisation, Loop, SavedKeyframes, check_odometry
 
 
@@ -14,6 +15,7 @@ class OdometryLocalisation(Localisation):
         T_map_odom: 4×4 pose of ``odom`` in ``map`` by the newest frame; here the two frames are the same.
         loops: loop closures so far.
         may_err: whether the poses must be checked against the map.
+        belief: that the robot moves as its odometry says; no frame changes it.
     """
 
     may_err = False
@@ -21,32 +23,13 @@ class OdometryLocalisation(Localisation):
     def __init__(self) -> None:
         self.T_map_odom = np.eye(4)
         self.loops: list[Loop] = []
+        self.belief = Belief()
         self._poses: NDArray[np.float64] = np.zeros((0, 4, 4))
 
     @property
     def poses(self) -> NDArray[np.float64]:
         """(K, 4, 4) ``T_map_base`` of every keyframe as now estimated."""
         return self._poses
-
-    @property
-    def is_contradicted(self) -> bool:
-        """Whether registration of the newest frame contradicts the odometry more than slipping wheels can explain."""
-        return False
-
-    @property
-    def is_blind(self) -> bool:
-        """Whether the robot has driven too far without a registration to trust its odometry."""
-        return False
-
-    @property
-    def agrees(self) -> bool | None:
-        """Whether registration of the newest frame agrees with the odometry; None if it was not registered."""
-        return None
-
-    @property
-    def overlap(self) -> float:
-        """Share of the newest frame's points that were seen before; 1 if it was not registered."""
-        return 1.0
 
     @property
     def repeats(self) -> bool:
@@ -70,9 +53,6 @@ class OdometryLocalisation(Localisation):
 
     def set_down(self, T_map_base: NDArray[np.float64]) -> None:
         """Continue from the pose (4×4) to which the robot was carried; here the pose is ignored."""
-
-    def trust(self) -> None:
-        """Trust the odometry again where nothing could be registered, once the robot has looked around."""
 
     def points(self) -> NDArray[np.float32]:
         """(N, 3) float32 points of the surfaces seen so far, m in ``map``; here none are kept."""

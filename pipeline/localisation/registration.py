@@ -17,6 +17,7 @@ import numpy as np
 import small_gicp
 from numpy.typing import NDArray
 
+from pipeline.localisation.belief import evidence_of_overlap
 from pipeline.localisation.gates import chi2_gate
 from pipeline.localisation.pose_graph import LEVER
 from pipeline.transforms import orthonormal
@@ -94,6 +95,7 @@ class Registration:
         covariance: (6, 6) of GICP and priors, rad² and m².
         overlap: share of the source's points with a corresponding target point.
         chi2: squared Mahalanobis distance of ``T`` from the priors.
+        prior: (6, 6) information of the priors together, 1/rad² and 1/m².
     """
 
     T: NDArray[np.float64]
@@ -101,11 +103,36 @@ class Registration:
     covariance: NDArray[np.float64]
     overlap: float
     chi2: float
+    prior: NDArray[np.float64]
 
     @property
     def fits(self) -> bool:
         """Whether it is near enough to the priors not to disprove them."""
         return self.chi2 <= chi2_gate(len(self.covariance))
+
+    @property
+    def surprise(self) -> float:
+        """Negative logarithm of the marginal likelihood of the motion under the priors, by Laplace's approximation.
+
+        A prior that says less fits more, and pays for it by its volume as far as surfaces determine the pose
+        (MacKay, Information Theory, Inference, and Learning Algorithms, 2003, chapter 28).
+        """
+        return self.chi2 / 2 + occam_factor(self.prior, self.information)
+
+    @property
+    def fit(self) -> float:
+        """Logarithm of how much likelier a right pose explains the points that fit than chance does."""
+        return evidence_of_overlap(self.overlap)
+
+    @property
+    def log_likelihood(self) -> float:
+        """Logarithm of the likelihood of the frame under the priors, up to a constant of the frame."""
+        return self.fit - self.surprise
+
+
+def occam_factor(prior: NDArray[np.float64], information: NDArray[np.float64]) -> float:
+    """Logarithm of the ratio of a prior's volume to the posterior's, from (6, 6) information of both."""
+    return float(np.linalg.slogdet(prior + information)[1] - np.linalg.slogdet(prior)[1]) / 2
 
 
 def cloud_of(points: NDArray) -> small_gicp.PointCloud:
@@ -150,7 +177,8 @@ def register(
     chi2 = sum(float(o @ p.information @ o) for o, p in zip(offsets, priors, strict=True))
     covariance = np.asarray(np.linalg.inv(total))
     overlap = float(np.mean(pairs.squared < FINE**2))
-    return Registration(T, information, covariance, overlap, chi2)
+    prior = np.sum([prior.information for prior in priors], axis=0)
+    return Registration(T, information, covariance, overlap, chi2, prior)
 
 
 def shares_of(

@@ -8,7 +8,8 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from pipeline.frame import Frame
-from pipeline.localisation.agreement import LEAST_EXPLAINED, Agreement, agreement
+from pipeline.localisation.agreement import Agreement, agreement
+from pipeline.localisation.belief import disproves
 from pipeline.localisation.motion_model import GRAVITY_SIGMA
 from pipeline.localisation.place_search import SEARCHED, Guess, VoxelField, VoxelState, search, standable, weigh
 from pipeline.localisation.pose_graph import spread
@@ -20,6 +21,8 @@ from pipeline.traversability.elevation_map import ElevationMap
 
 LEAST_FRAMES = 3
 """Least number of frames: one corner of a room looks like another, above all in an incomplete map."""
+LEAST_EXPLAINED = 0.85
+"""Least share of what was seen that lies on surfaces of the map."""
 RIVAL = 1e-4
 """Greatest likelihood of any other place, relative to the best one."""
 CORRELATED_PATCHES = 3
@@ -158,7 +161,8 @@ class Relocalisation:
         """Whether the frames contradict the map if the robot is at a 4×4 pose."""
         T_map_odom = T_map_level @ self._T_level_odom
         parts = (agreement(f, T_map_odom @ f.T_odom_base @ f.T_base_camera, metric_map) for f in self.frames)
-        return Agreement.of(parts).was_carried
+        found = Agreement.of(parts)
+        return disproves(found.explained, found.short + found.through)
 
     def _correct(self, T_map_level: NDArray[np.float64], target: MapPoints) -> NDArray[np.float64] | None:
         """4×4 ``T_map_base`` corrected by the newest frame alone, for wheels slide while the robot looks around."""

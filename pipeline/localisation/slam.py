@@ -16,6 +16,7 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.errors import InputError
 from pipeline.frame import Frame
+from pipeline.localisation.belief import ENOUGH_OVERLAP, Belief, MotionState, place_bounded
 from pipeline.localisation.local_map import LocalMap
 from pipeline.localisation.localisation import (
     KEYFRAME_TURN,
@@ -41,6 +42,7 @@ from pipeline.localisation.registration import (
     Target,
     cloud_of,
     exponential,
+    occam_factor,
     register,
     shares_of,
 )
@@ -49,18 +51,8 @@ from pipeline.transforms import from_rotation, inverse, orthonormal, transform_p
 AROUND = 9
 """Pixels along each side of a square that must not reach the sensor's limit, which cuts off the far half of the
 noise: walls at the limit came 3 cm too near, and floors rose by 1 mm from keyframe to keyframe."""
-IMPOSSIBLE = 100.0
-"""χ² above which slipping wheels cannot explain a contradicted odometry: of 800 frames the greatest was 45."""
-ENOUGH_OVERLAP, BETTER = 0.6, 0.1
-"""Overlap below which wheels may have slipped and a loop is doubtful; and by how much more overlap assuming a slip
-must give."""
-BLIND = 3.0
-"""m by the odometry without a registration; the wheels may also have spun before a wall too near to be measured."""
 MOST_SHARES = 6
 """Greatest number of keyframes that a new one is connected with: those with the most information."""
-TOLD = 0.01
-"""Least information along the way, relative to the best known direction, to tell that wheels slipped: on bare floors,
-where robots that drove seem to have stayed, it is less than 0.0004 in 95 of 100 frames."""
 FAR_OFF = 1.0
 """m; a loop is sought no farther, however uncertain the pose is, and an odometry that measures more between two
 keyframes has jumped and is ignored."""
@@ -118,7 +110,8 @@ class Slam(Localisation):
         loops: loop closures so far.
         closes_loops: False for comparison only.
         on_ground: whether ``base_link`` is on the ground, as that of a robot is, and that of a camera in a hand not.
-        slips: number of frames in which registration showed that wheels slipped.
+        slips: number of frames in which registration showed that wheels slipped or spun.
+        belief: of the robot's motion and place.
     """
 
     may_err = True
@@ -132,10 +125,10 @@ class Slam(Localisation):
         self.loops = self._loops.closed
         self.closes_loops, self.on_ground = closes_loops, on_ground
         self.slips = 0
+        self.belief = Belief()
         self._reference = _Reference(-1, np.eye(4), 0.0, np.eye(4))
         self._anchor: NDArray[np.float64] | None = None
         self._deviations = np.zeros(0)
-        self._unseen_way = 0.0
         self._turned = 0.0
         self._match: _Match | None = None
 
@@ -159,30 +152,6 @@ class Slam(Localisation):
         """(6, 6) of the newest keyframe's pose relative to the first one's, in its tangent, as optimised last."""
         return self.graph.covariance(len(self.graph) - 1)
 
-    @property
-    def is_contradicted(self) -> bool:
-        """Whether registration of the newest frame contradicts the odometry more than slipping wheels can explain."""
-        match = self._match
-        return bool(match and match.step and match.registration and match.registration.chi2 > IMPOSSIBLE)
-
-    @property
-    def is_blind(self) -> bool:
-        """Whether the robot has driven too far without a registration to trust its odometry."""
-        return self._unseen_way > BLIND and bool(self._match and not self._match.registration)
-
-    @property
-    def agrees(self) -> bool | None:
-        """Whether registration of the newest frame agrees with the odometry; None if it was not registered."""
-        match = self._match
-        if match is None or match.registration is None:
-            return None
-        return match.step is not None and match.registration.fits
-
-    @property
-    def overlap(self) -> float:
-        """Share of the newest frame's points that were seen before; 1 if it was not registered."""
-        return self._match.registration.overlap if self._match and self._match.registration else 1.0
-
     def localise(self, frame: Frame) -> NDArray[np.float64]:
         """4×4 pose of ``base_link`` in ``map`` at the time of the frame.
 
@@ -192,7 +161,7 @@ class Slam(Localisation):
         if self._match is None or self._match.frame is not frame:
             check_odometry(frame)
             self._check_camera(frame)
-            self._count_turns(frame)
+            self._pass_time(frame)
             self._match = self._find(frame)
             self.T_map_odom = self._match.T_map_base @ inverse(frame.T_odom_base)
         return self._match.T_map_base
@@ -245,8 +214,6 @@ class Slam(Localisation):
             self.motion.restart(match.registration.covariance)
         elif len(self.graph):
             self.motion.restart(np.diag(spread(KNOWN) ** 2))
-        way = float(np.linalg.norm(match.prediction.motion.T[:3, 3])) if match.prediction else 0.0
-        self._unseen_way = 0.0 if match.registration else self._unseen_way + way
         return match
 
     def _refer(self, keyframe: int, T_keyframe_base: NDArray[np.float64], frame: Frame) -> None:
@@ -275,12 +242,8 @@ class Slam(Localisation):
 
     def set_down(self, T_map_base: NDArray[np.float64]) -> None:
         """Continue from the pose (4×4) at which a carried robot was found, whatever the odometry measured."""
-        self._anchor, self._unseen_way = T_map_base, 0.0
-        self._match = None
-
-    def trust(self) -> None:
-        """Trust the odometry again where nothing could be registered, once the robot has looked around."""
-        self._unseen_way = 0.0
+        self._anchor, self._match = T_map_base, None
+        self.belief.restart()
 
     def points(self) -> NDArray[np.float32]:
         """(N, 3) float32 points of the surfaces seen so far, m in ``map``."""
@@ -316,11 +279,16 @@ class Slam(Localisation):
             if np.linalg.norm(moved[:3, 3]) > CLOUD_VOXEL:
                 raise LostError(f"the camera has stopped: at {frame.time:.2f} s it shows what it showed before")
 
-    def _count_turns(self, frame: Frame) -> None:
-        """Add up the robot's rotation: between keyframes it may exceed half a turn, as when it looks around."""
+    def _pass_time(self, frame: Frame) -> None:
+        """Let the belief follow the way since the last frame, and add up the robot's rotation.
+
+        Between keyframes the rotation may exceed half a turn, as when the robot looks around.
+        """
         if self._match is not None:
-            moved = inverse(self._match.frame.T_odom_base) @ frame.T_odom_base
+            last = self._match.frame
+            moved = inverse(last.T_odom_base) @ frame.T_odom_base
             self._turned += float(Rotation.from_matrix(moved[:3, :3]).as_rotvec() @ frame.T_odom_base[2, :3])
+            self.belief.predict(float(np.linalg.norm(moved[:3, 3])), max(0.0, frame.time - last.time))
 
     def _renew(self) -> None:
         self.local_map.place(self.poses)
@@ -343,16 +311,33 @@ class Slam(Localisation):
         first = self._relative_to(target, first)
         stand = self._stand(first.T)
         known = [Prior(stand.T, stand.information)] if stand else []
-        registration = register(target, cloud, [first, by_gravity(first.T, frame), *known], farthest)
-        if odometry is not None and not (registration.fits and registration.overlap >= ENOUGH_OVERLAP):
-            prior, slipped = slipped_registration(target, cloud, first, self.T_map_reference, frame)
-            is_better = not registration.fits or slipped.overlap > registration.overlap + BETTER
-            # On a bare floor, which looks the same everywhere, the pose of a robot that stayed always fits best.
-            way = (inverse(slipped.T) @ first.T)[:3, 3]
-            if is_better and is_pinned(slipped.information, way):
-                self.slips += 1
-                return _Match(frame, slipped.T, None, prior, cloud, target, slipped)
-        return _Match(frame, registration.T, odometry, step, cloud, target, registration)
+        nominal = register(target, cloud, [first, by_gravity(first.T, frame), *known], farthest)
+        if odometry is None:
+            return _Match(frame, nominal.T, None, None, cloud, target, nominal)
+        found = {MotionState.NOMINAL: (first, nominal)}
+        if not (nominal.fits and nominal.overlap >= ENOUGH_OVERLAP):
+            found |= otherwise(target, cloud, first, self.T_map_reference, frame)
+        self.belief.observe(
+            self._likelihoods({state: registration for state, (_, registration) in found.items()}, frame)
+        )
+        state = max(found, key=lambda state: self.belief.probabilities[state])
+        prior, registration = found[state]
+        if state is MotionState.NOMINAL:
+            return _Match(frame, registration.T, odometry, step, cloud, target, registration)
+        self.slips += 1
+        return _Match(frame, registration.T, None, prior, cloud, target, registration)
+
+    def _likelihoods(self, found: dict[MotionState, Registration], frame: Frame) -> NDArray[np.float64]:
+        """(5,) log-likelihoods of a frame that was registered under some states."""
+        told = np.full(len(MotionState), -np.inf)
+        for state, registration in found.items():
+            told[state] = registration.log_likelihood
+        motion = max(found.values(), key=lambda registration: -registration.surprise)
+        # Elsewhere, either the frame happens to fit here as well, or it fits nowhere near.
+        reach = max(FAR_OFF, float(np.ptp(self.poses[:, :3, 3], axis=0).max()))
+        anywhere = by_gravity(motion.T, frame).information + np.diag(np.repeat([np.pi, reach], 3) ** -2.0)
+        told[MotionState.CARRIED] = -min(motion.surprise, occam_factor(anywhere, motion.information))
+        return place_bounded(told)
 
     def _target(
         self,
@@ -450,21 +435,27 @@ def prior_of(prediction: Prediction) -> Prior:
     return Prior(prediction.T_map_base, np.asarray(np.linalg.inv(prediction.covariance[POSE, POSE])))
 
 
-def slipped_registration(
+def otherwise(
     target: Target, cloud: small_gicp.PointCloud, odometry: Prior, T_map_base: NDArray[np.float64], frame: Frame
-) -> tuple[Prior, Registration]:
-    """Register a frame as if the wheels had slipped: the position is known no better than the length of the way.
+) -> dict[MotionState, tuple[Prior, Registration]]:
+    """Register a frame as if the robot had stayed at ``T_map_base`` (4×4), or had slipped: by no more than the way.
 
-    Of two registrations, from the position before, ``T_map_base`` (4×4), and from the odometry's, more overlap wins.
+    A slip is registered from the position before, and from the odometry's.
     """
     stayed = odometry.T.copy()
     stayed[:3, 3] = T_map_base[:3, 3]
     way = STILL_WAY + np.linalg.norm(odometry.T[:3, 3] - stayed[:3, 3])
     rotation = np.linalg.inv(np.linalg.inv(odometry.information)[:3, :3])
-    prior = Prior(odometry.T, block_diag(rotation, np.eye(3) / way**2))
-    begins = (Prior(T, np.zeros_like(prior.information)) for T in (stayed, odometry.T))
-    found = [register(target, cloud, [begin, prior, by_gravity(prior.T, frame)]) for begin in begins]
-    return prior, max(found, key=lambda registration: registration.overlap)
+    held, slips = (
+        Prior(T, block_diag(rotation, np.eye(3) / deviation**2))
+        for T, deviation in ((stayed, STILL_WAY), (odometry.T, way))
+    )
+    begins = (Prior(T, np.zeros_like(slips.information)) for T in (stayed, odometry.T))
+    slipped = [register(target, cloud, [begin, slips, by_gravity(slips.T, frame)]) for begin in begins]
+    return {
+        MotionState.HELD: (held, register(target, cloud, [held, by_gravity(held.T, frame)])),
+        MotionState.SLIPPING: (slips, max(slipped, key=lambda registration: registration.log_likelihood)),
+    }
 
 
 def by_gravity(T: NDArray[np.float64], frame: Frame) -> Prior:
@@ -475,15 +466,7 @@ def by_gravity(T: NDArray[np.float64], frame: Frame) -> Prior:
     return Prior(level, block_diag(tilt, np.zeros((3, 3))))
 
 
-def is_pinned(information: NDArray[np.float64], way: NDArray[np.float64] | None = None) -> bool:
-    """Whether (6, 6) information of surfaces alone, 1/rad² and 1/m², determines the position to within ``KNOWN``.
-
-    It must do so in every direction, or only along a ``way`` (3,), m, in the frame of the pose.
-    """
+def is_pinned(information: NDArray[np.float64]) -> bool:
+    """Whether (6, 6) information of surfaces alone, 1/rad² and 1/m², determines the position to within ``KNOWN``."""
     covariance = np.linalg.inv(information + np.eye(len(information)))[3:, 3:]
-    variances = np.linalg.eigvalsh(covariance)
-    if way is None:
-        return bool(variances[-1] < KNOWN**2)
-    return bool(
-        way @ covariance @ way < min(KNOWN**2, variances[0] / TOLD) * max(float(way @ way), np.finfo(np.float64).eps)
-    )
+    return bool(np.linalg.eigvalsh(covariance)[-1] < KNOWN**2)

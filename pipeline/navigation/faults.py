@@ -4,7 +4,14 @@ from dataclasses import dataclass
 
 from pipeline.errors import InputError
 from pipeline.frame import Frame
+from pipeline.localisation.belief import Belief, MotionState
 from pipeline.localisation.floor import T_floor_camera
+
+NOTICED = {
+    MotionState.SLIPPING: "the wheels slip",
+    MotionState.HELD: "the wheels spin and the robot stays",
+    MotionState.BLIND: "the camera tells nothing of where the robot is",
+}
 
 
 @dataclass(frozen=True)
@@ -12,7 +19,8 @@ class Fault:
     """A fault.
 
     Attributes:
-        kind: ``camera`` (it gave no frame), ``depth_scale``, ``stuck``, ``carried`` or ``lost``.
+        kind: ``camera`` (it gave no frame), ``depth_scale``, ``slipping``, ``held`` (its wheels spin), ``blind``,
+            ``stuck``, ``carried`` or ``lost``.
         time_s: when it was noticed, s.
         text: in words.
     """
@@ -36,6 +44,11 @@ class Faults:
         """Add a fault noticed at a time, s, unless it is the newest one, which lasts."""
         if not self.all or (self.all[-1].kind, self.all[-1].text) != (kind, text):
             self.all.append(Fault(kind, time, text))
+
+    def check_motion(self, belief: Belief, time: float) -> None:
+        """Note at a time, s, what keeps the robot from moving as its odometry says, if that is likely."""
+        if belief.state in NOTICED:
+            self.note(belief.state.name.lower(), time, NOTICED[belief.state])
 
     def check_depth_scale(self, frame: Frame) -> None:
         """Note if the floor before a robot that was just set down lies deeper or higher than its camera stands."""

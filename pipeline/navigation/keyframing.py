@@ -8,13 +8,13 @@ from numpy.typing import NDArray
 
 from pipeline.errors import InputError
 from pipeline.frame import Frame
-from pipeline.localisation.localisation import KEYFRAME_WAY, LostError, is_keyframe
+from pipeline.localisation.belief import MotionState
+from pipeline.localisation.localisation import LostError, is_keyframe
 from pipeline.mapper import Keyframe, Mapper
 from pipeline.metric_map.isolated_returns import without_isolated_returns
 from pipeline.navigation.faults import Faults
 from pipeline.navigation.navigator import MotionCheck, Navigator
 from pipeline.navigation.pose_check import PoseCheck
-from pipeline.navigation.progress import BLOCKED_SHARE
 from pipeline.transforms import angle_of, inverse
 
 LABELLED = 6
@@ -70,21 +70,17 @@ class Keyframing:
         if not is_keyframe(self._T_odom_keyframe, self._navigator.motion.T_odom_base):
             return MotionCheck.FINE
         frame, localisation = self._sense(), self._mapper.localisation
-        T_map_before = localisation.T_map_odom @ self._T_odom_keyframe
-        if localisation.may_err and self.pose_check.was_carried(frame):
+        is_placed = self.pose_check.is_placed(frame)
+        self.faults.check_motion(localisation.belief, frame.time)
+        if not is_placed:
             return MotionCheck.UNSURE
-        driven = np.linalg.norm((inverse(self._T_odom_keyframe) @ frame.T_odom_base)[:3, 3])
         T_map_base = self._mapper.localise(frame)
-        moved = np.linalg.norm((T_map_base - T_map_before)[:3, 3])
         if localisation.repeats:
             localisation.pass_by(frame, T_map_base)
             self._go_on(frame)
         else:
             self.add(frame, labelled=len(self._mapper.keyframes) % LABELLED == 0)
-        if localisation.is_blind:
-            return MotionCheck.UNSURE
-        spins = driven >= KEYFRAME_WAY and moved < BLOCKED_SHARE * driven
-        return MotionCheck.SPINNING if spins else MotionCheck.FINE
+        return MotionCheck.SPINNING if localisation.belief.is_sure_of(MotionState.HELD) else MotionCheck.FINE
 
     def returns(self) -> NDArray[np.float32]:
         """(N, 3) the camera's present returns, m in ``map``; their frame becomes a keyframe."""

@@ -199,6 +199,10 @@ class Navigator:
         yield from self._straight_to(self.T_map_base[:2, 3].copy(), target, backwards)
 
     @property
+    def _leans(self) -> bool:
+        return self.attitude.tilt_in(0.0) > LEAN
+
+    @property
     def _on_ramp(self) -> bool:
         """Whether the robot leans, or leaned within ``RAMP_MARGIN``: on the crest of a ridge it stands level."""
         return self._leaned_at is not None and bool(
@@ -286,14 +290,17 @@ class Navigator:
             leans = self.attitude.tilt_in(TILT_LEAD) > self.robot.model.tipping_tilt
             is_stuck = progress.is_stuck(self._T_odom_base, self._time, command, self._on_ramp)
             if leans or look is MotionCheck.SPINNING or is_stuck:
-                self.halts.append(Halt(T, command, self._back_out(start, command)))
+                self.halts.append(Halt(T, command, self._back_out(start, command, leans)))
                 self.recovered += self.halts[-1].freed
                 return Outcome.TILTED if leans else Outcome.STUCK
         self._drive(Velocity())
         return Outcome.REACHED
 
-    def _back_out(self, T_odom_start: NDArray[np.float64], command: Velocity) -> bool:
-        """Undo the last motion since a 4×4 pose, for its way was free; True if more than half of it was possible."""
+    def _back_out(self, T_odom_start: NDArray[np.float64], command: Velocity, leans: bool) -> bool:
+        """Undo the last motion since a 4×4 pose, for its way was free; True if more than half of it was possible.
+
+        A robot that leans goes back until it is level.
+        """
         model, turns, T_odom_held = self.robot.model, isinstance(command, Turn), self._T_odom_base
         if turns:
             most, least, braking = KEYFRAME_TURN, STILL_TURN, abs(command.omega) / model.turn_acceleration
@@ -301,8 +308,9 @@ class Navigator:
         else:
             most, least, braking = KEYFRAME_WAY, STILL_WAY, abs(command.v) / model.acceleration
             undo = Velocity(-np.sign(command.v) * model.ramp_speed)
-        way, began, progress = np.clip(_way(T_odom_start, T_odom_held, undo), least, most), self._time, None
-        while _way(self._T_odom_base, T_odom_held, undo) < way:
+        came, began, progress = _way(T_odom_start, T_odom_held, undo), self._time, None
+        way = np.clip(came, least, most)
+        while (back := _way(self._T_odom_base, T_odom_held, undo)) < way or (leans and self._leans and back < came):
             self._drive(undo)
             # Until its wheels come to rest they push on, and would seem to be held.
             if progress is None and self._time > began + braking:
@@ -323,7 +331,7 @@ class Navigator:
         self.motion = motion
         self.on_motion(motion)
         self.attitude.update(self.motion.gyro, self.motion.accelerometer, self.robot.control_period)
-        if self.attitude.tilt_in(0.0) > LEAN:
+        if self._leans:
             self._leaned_at = self.T_map_base[:3, 3]
         self.track.append(np.append(self.T_map_base[:2, 3], yaw_of(self.T_map_base)))
         return self.T_map_base

@@ -6,21 +6,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frame import Frame
-from pipeline.localisation.agreement import TELLING_TILES, Agreement, agreement, shows_another_place
-from pipeline.localisation.localisation import KEYFRAME_TURN, KEYFRAME_WAY, LostError
-from pipeline.localisation.relocalisation import LEAST_FRAMES, Relocalisation
+from pipeline.localisation.agreement import Agreement, agreement, change
+from pipeline.localisation.belief import LEANED, MotionState
+from pipeline.localisation.localisation import KEYFRAME_TURN, KEYFRAME_WAY, Localisation, LostError
+from pipeline.localisation.relocalisation import Relocalisation
 from pipeline.mapper import Mapper
-from pipeline.navigation.navigator import Navigator
+from pipeline.navigation.navigator import Halt, Navigator
 from pipeline.transforms import inverse, yaw_of
+from pipeline.traversability.traversability import Traversability
 
 LOOKS = 8
 """Number of frames that a robot takes around itself when its pose is in doubt."""
-SURE_AGREEMENT, FAIR_FIT = 0.98, 0.7
-"""Agreement and overlap of a frame; if both are lower, the pose is in doubt. In all 56 steps of two episodes at least
-one was higher. If agreement and overlap are both higher than the second, the map is wrong and not the pose, as behind
-a curtain."""
-UNRIVALLED = 0.9
-"""Overlap of a frame above which its pose is trusted if no other place fits for sure either."""
 
 
 class PoseCheck:
@@ -47,16 +43,23 @@ class PoseCheck:
         Raises:
             LostError: the pose remains in doubt.
         """
-        frame, is_there = self._confirm(frame, last)
-        return frame if is_there else self._find_place(frame)
+        frame = self._confirm(frame, last)
+        return frame if self._localisation.belief.knows_place and not self._is_lost else self._find_place(frame)
 
-    def was_carried(self, frame: Frame) -> bool:
-        """Whether a frame contradicts the map so much that the robot must be elsewhere."""
-        return self._was_carried(self._agreement(frame))
+    def is_placed(self, frame: Frame) -> bool:
+        """Whether the robot still knows its place after a frame taken during a drive."""
+        if self._localisation.may_err:
+            self._localisation.belief.observe(self._agreement(frame).log_likelihoods)
+        return self._localisation.belief.knows_place
+
+    def doubt(self, halt: Halt, traversability: Traversability) -> None:
+        """Doubt the pose, or the map, after a halt of a robot that leaned too far where no ramp is mapped nearby."""
+        if not traversability.has_ramp(halt.T_map_base[:2, 3]):
+            self._localisation.belief.observe(LEANED)
 
     def expects(self, frame: Frame) -> bool:
         """Whether the map has surfaces within the camera's reach where a frame was taken."""
-        return self._agreement(frame).expected >= TELLING_TILES
+        return self._agreement(frame).tells
 
     def was_set_down(self, frame: Frame) -> bool:
         """Whether the robot is elsewhere than its drive ended, or has just begun; if so, assume flat ground there."""
@@ -67,32 +70,32 @@ class PoseCheck:
         return is_elsewhere
 
     @property
+    def _localisation(self) -> Localisation:
+        return self._mapper.localisation
+
+    @property
     def _is_lost(self) -> bool:
         """Whether the robot has yet to be localised in the map of an earlier episode."""
-        return self._mapper.localisation.may_err and 0 < len(self._mapper.keyframes) == self._mapper.keyframes.loaded
+        return self._localisation.may_err and 0 < len(self._mapper.keyframes) == self._mapper.keyframes.loaded
 
-    def _confirm(self, frame: Frame, last: Frame | None) -> tuple[Frame, bool]:
-        """Look around until it is clear whether the robot's pose is right: the newest frame, and whether it is."""
-        localisation = self._mapper.localisation
-        if not localisation.may_err or self._is_lost:
-            return frame, not self._is_lost
-        if last is not None and shows_another_place(frame, last):
-            return frame, False
-        found = self._agreement(frame)
+    def _confirm(self, frame: Frame, last: Frame | None) -> Frame:
+        """Look around until it is clear whether the robot's pose is right: the newest frame."""
+        belief = self._localisation.belief
+        if self._is_lost or not self._localisation.may_err:
+            return frame
+        self.is_placed(frame)
+        if last is not None and (changed := change(frame, last)) is not None:
+            belief.observe(changed.log_likelihoods)
         for _ in range(LOOKS):
-            is_elsewhere = self._was_carried(found) or localisation.is_contradicted
-            is_unsure = localisation.is_blind or (found.share < SURE_AGREEMENT and localisation.overlap < FAIR_FIT)
-            is_doubtful = found.is_doubtful or is_unsure
-            if is_elsewhere or not is_doubtful or not self._navigator.turn(2 * np.pi / LOOKS):
+            if belief.knows_place or belief.is_sure_of(MotionState.CARRIED) or not self._turn():
                 break
             frame = self._sense()
-            found = Agreement.of([found, self._agreement(frame)])
-        is_elsewhere = self._was_carried(found) or localisation.is_contradicted
-        return frame, not (is_elsewhere or found.is_doubtful or localisation.is_blind)
+            self.is_placed(frame)
+        return frame
 
-    def _was_carried(self, found: Agreement) -> bool:
-        overlap = self._mapper.localisation.overlap
-        return found.was_carried and not (found.share > FAIR_FIT and overlap > FAIR_FIT)
+    def _turn(self) -> bool:
+        """Turn by as much as shows the next part of the surroundings; False if that is impossible."""
+        return self._navigator.turn(2 * np.pi / LOOKS)
 
     def _agreement(self, frame: Frame) -> Agreement:
         T_map_camera = self._mapper.localise(frame) @ frame.T_base_camera
@@ -101,24 +104,16 @@ class PoseCheck:
     def _find_place(self, frame: Frame) -> Frame:
         """Look around until the robot is localised; returns the newest frame."""
         mapper, relocalisation = self._mapper, Relocalisation(self._navigator.robot.model)
-        agreements, agrees = [], []
         for _ in range(LOOKS):
-            agreements.append(self._agreement(frame))
-            agrees.append(mapper.localisation.agrees)
             relocalisation.add(frame)
             T = relocalisation.find(mapper.metric_map, mapper.elevation_map, mapper.localisation.points())
             if T is not None:
                 return self._go_on(frame, T)
-            if not self._navigator.turn(2 * np.pi / LOOKS):
+            if not self._turn():
                 break
             frame = self._sense()
-        localisation = mapper.localisation
-        fits = localisation.overlap > UNRIVALLED and not localisation.is_contradicted
-        around = Agreement.of(agreements)
-        # In dust the map has few voxels to compare with, but registration tells as much as to relocalise.
-        is_registered = agrees.count(True) >= LEAST_FRAMES and False not in agrees
-        has_seen_all = len(agreements) == LOOKS and not around.was_carried
-        if not self._is_lost and (fits or (has_seen_all and (is_registered or not around.is_doubtful))):
+            self.is_placed(frame)
+        if not self._is_lost and self._localisation.belief.knows_place:
             # The frames fit the map except for something new, or something that the robot has driven through.
             return self._go_on(frame, mapper.localise(frame))
         raise LostError("the camera shows what the map does not, and no place fits for sure")
@@ -127,9 +122,9 @@ class PoseCheck:
         """Trust a 4×4 pose; if the robot's pose was another one, the robot was carried or set down there."""
         move = inverse(self._mapper.localise(frame)) @ T_map_base
         self.T_odom_expected = frame.T_odom_base
-        self._mapper.localisation.trust()
+        self._localisation.belief.restart()
         if self._is_lost or np.linalg.norm(move[:3, 3]) > KEYFRAME_WAY or abs(yaw_of(move)) > KEYFRAME_TURN:
-            self._mapper.localisation.set_down(T_map_base)
+            self._localisation.set_down(T_map_base)
             self.relocalised += 1
             self.T_odom_expected = None
         return frame

@@ -5,14 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.localisation.agreement import Agreement, agreement
+from pipeline.localisation.gates import CONFIDENCE
 from pipeline.localisation.slam import Slam
 from pipeline.mapper import Mapper
 
 MOST_CHECKED = 100
 """Most keyframes that are compared with the map, evenly spread over the drive."""
-MOST_CONTRADICTED = 0.01
-"""Greatest share of the keyframes' depth that a consistent map contradicts: the share is 0.002 with poses right to
-2 cm, 0.018 with a heading that drifts by 8° in 28 m, and 0.10 with 16°."""
 MOST_DEVIATION = 0.3
 """m, standard deviation at which a place may be mistaken for the next one: a robot's way is 0.6 m wide."""
 
@@ -33,8 +31,11 @@ class Trust:
 
     @property
     def is_consistent(self) -> bool:
-        """Whether the map agrees with its keyframes."""
-        return self.contradicted <= MOST_CONTRADICTED
+        """Whether the map agrees with its keyframes.
+
+        The share is 0.002 with poses right to 2 cm, 0.018 with a heading that drifts by 8° in 28 m, 0.10 with 16°.
+        """
+        return self.contradicted <= 1 - CONFIDENCE
 
     @property
     def is_certain(self) -> bool:

@@ -92,6 +92,11 @@ class Traversability:
         a, b = np.ascontiguousarray(a), np.ascontiguousarray(b)
         return pose_kernels.lines_seconds(a, b, self.terrain, costs_of(self.robot))
 
+    def has_ramp(self, xy: ArrayLike) -> bool:
+        """Whether a ramp lies within ``RAMP_MARGIN`` of a place (2,), m."""
+        places = self.grid.centre_of(np.argwhere(self.ramp))
+        return bool((np.linalg.norm(places - np.asarray(xy), axis=1) < RAMP_MARGIN).any())
+
     def on_ground(self, xy: ArrayLike) -> NDArray[np.float64]:
         """(N, 3) the points of the ground at (N, 2) m."""
         return np.column_stack([np.asarray(xy, np.float64), self.grid.at(self.elevation, xy)])

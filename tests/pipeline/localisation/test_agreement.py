@@ -7,17 +7,24 @@ import numpy as np
 import pytest
 
 from pipeline.frame import Intrinsics
-from pipeline.localisation.agreement import TILES, Agreement, agreement, shows_another_place
+from pipeline.localisation.agreement import Agreement, agreement, change
+from pipeline.localisation.belief import TILES, MotionState
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.transforms import from_yaw
 from tests.pipeline.localisation.carried_robot import ROOM, T_BASE_CAMERA, Maps, seen, tour
 
+SURE = np.log(0.99 / 0.01)
 HERE = from_yaw(1.0, 2.0, 0.0, 0.2)
 
 
 @cache
 def room() -> MetricMap:
     return Maps().add(ROOM, tour([(0.8, 0.8), (0.8, 3.0), (2.6, 2.2), (3.0, 0.6), (4.2, 2.8)])).metric_map
+
+
+def odds(found: Agreement, state: MotionState = MotionState.CARRIED) -> float:
+    """Logarithm of how much likelier a state makes what was seen than a robot that is where it thinks does."""
+    return float(found.log_likelihoods[state] - found.log_likelihoods[MotionState.NOMINAL])
 
 
 @pytest.mark.parametrize("T_map_base", [HERE, from_yaw(3.0, 2.5, 0.0, -1.5), from_yaw(2.6, 1.0, 0.0, 0.4)])
@@ -28,19 +35,19 @@ def test_an_ordinary_error_of_the_pose_is_no_contradiction(T_map_base: np.ndarra
             error = from_yaw(0.05 * np.cos(towards), 0.05 * np.sin(towards), 0.0, yaw)
             found = agreement(frame, T_map_base @ error @ T_BASE_CAMERA, room())
             assert found.known > 100
-            assert not found.was_carried
+            assert odds(found) < -SURE / 2
 
 
 @pytest.mark.parametrize("T_map_base", [from_yaw(3, 0.6, 0, 0), from_yaw(4.2, 2.6, 0, -1.5), from_yaw(1, 3, 0, 2.2)])
 def test_a_carried_robot_sees_what_the_map_denies(T_map_base: np.ndarray) -> None:
     found = agreement(seen(ROOM, T_map_base), HERE @ T_BASE_CAMERA, room())
-    assert found.was_carried
+    assert odds(found) == pytest.approx(SURE)
     assert found.short + found.through == found.known - found.explained > 0
 
 
 def test_what_the_map_does_not_know_counts_neither_way() -> None:
     found = agreement(seen(ROOM, HERE), HERE @ T_BASE_CAMERA, MetricMap())
-    assert (found.known, found.share, found.was_carried) == (0, 1.0, False)
+    assert (found.known, found.share, odds(found)) == (0, 1.0, 0.0)
     assert found.seen > 100
 
 
@@ -50,7 +57,7 @@ def test_specks_of_dust_are_no_contradiction() -> None:
     dusty = replace(
         frame, depth=np.where(specks, rng.uniform(0.8, 1.5, specks.shape), frame.depth).astype(np.float32)
     )
-    assert not agreement(dusty, HERE @ T_BASE_CAMERA, room()).was_carried
+    assert odds(agreement(dusty, HERE @ T_BASE_CAMERA, room())) < -SURE / 2
 
 
 def test_what_ought_to_be_seen_and_is_not_leaves_doubt() -> None:
@@ -58,24 +65,28 @@ def test_what_ought_to_be_seen_and_is_not_leaves_doubt() -> None:
     blind = replace(frame, depth=np.zeros_like(frame.depth))
     there, nothing = (agreement(f, HERE @ T_BASE_CAMERA, room()) for f in (frame, blind))
     assert there.known > 0.9 * there.expected > 100
-    assert (nothing.known, nothing.was_carried, nothing.expected) == (0, False, there.expected)
-    assert nothing.is_doubtful and not there.is_doubtful
-    assert not Agreement.of([nothing, there]).is_doubtful
-    assert not agreement(blind, HERE @ T_BASE_CAMERA, MetricMap()).is_doubtful
+    assert (nothing.known, nothing.expected) == (0, there.expected)
+    assert odds(nothing, MotionState.BLIND) == pytest.approx(SURE)
+    assert odds(there, MotionState.BLIND) == pytest.approx(-SURE)
+    assert nothing.tells and not agreement(blind, HERE @ T_BASE_CAMERA, MetricMap()).tells
 
 
 @pytest.mark.parametrize("to", [from_yaw(3, 0.6, 0, 0), from_yaw(4.2, 2.6, 0, -1.5), from_yaw(0.3, 2.0, 0.0, np.pi)])
 def test_a_robot_whose_view_changed_while_its_wheels_stood_was_carried(to: np.ndarray) -> None:
     before = seen(ROOM, HERE)
     carried = replace(seen(ROOM, to, seed=1), T_odom_base=before.T_odom_base)
-    assert shows_another_place(carried, before)
-    assert not shows_another_place(seen(ROOM, to, seed=1), before), "by its wheels it drove there"
+    changed = change(carried, before)
+    assert changed is not None
+    assert max(odds(changed), odds(changed, MotionState.BLIND)) == pytest.approx(SURE)
+    assert change(seen(ROOM, to, seed=1), before) is None, "by its wheels it drove there"
 
 
 def test_noise_and_a_small_move_show_the_same_place() -> None:
     before = seen(ROOM, HERE)
     for move in (from_yaw(0, 0, 0, 0), from_yaw(0.015, -0.01, 0, 0.03)):
-        assert not shows_another_place(seen(ROOM, HERE @ move, seed=2), before)
+        changed = change(seen(ROOM, HERE @ move, seed=2), before)
+        assert changed is not None
+        assert odds(changed) < -SURE / 2
 
 
 @pytest.mark.parametrize(("width", "height"), [(512, 424), (640, 576), (672, 376)])

@@ -31,7 +31,7 @@ def there_and_back(drift: float) -> PoseGraph:
 
 
 def registered(T: NDArray[np.float64]) -> Registration:
-    return Registration(T, SURE, np.linalg.inv(SURE), 1.0, 0.0)
+    return Registration(T, SURE, np.linalg.inv(SURE), 1.0, 0.0, SURE)
 
 
 def propose(loops: Loops, keyframe: int, owner: int, T: NDArray[np.float64]) -> None:

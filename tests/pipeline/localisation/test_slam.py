@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 import pipeline.localisation.slam as slam_module
 from pipeline.frame import Frame
+from pipeline.localisation.belief import MotionState
 from pipeline.localisation.localisation import LostError
 from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.localisation.registration import logarithm
@@ -138,7 +139,6 @@ def test_without_a_return_the_pose_is_that_of_the_odometry(depth: float) -> None
         expected = slam.poses[-1] @ inverse(frames()[k - 1].T_odom_base) @ blind.T_odom_base
         T = slam.localise(blind)
         assert 0 < distance(T, expected) < 0.0065  # apart from learnt corrections of the odometry
-        assert slam.agrees is None
         slam.add(blind, T)
         slam.optimise()
     T = slam.localise(frames()[6])
@@ -193,10 +193,19 @@ def test_an_odometry_that_jumps_is_not_followed() -> None:
 def test_wheels_that_slip_do_not_carry_the_robot_along() -> None:
     """The odometry measures 0.3 m, but the robot has not moved."""
     slam = driven(4)
-    slipped = replace(seen(AROUND[3], AROUND[3], time=50), T_odom_base=frames()[4].T_odom_base)
+    slipped = replace(seen(AROUND[3], AROUND[3], time=5), T_odom_base=frames()[4].T_odom_base)
     T = slam.localise(slipped)
     assert distance(T, AROUND[3]) < 0.02
     assert slam.slips == 1
+    assert slam.belief.state is MotionState.HELD
+
+
+def test_wheels_that_slip_on_a_part_of_the_way_are_not_held() -> None:
+    """The odometry measures 0.3 m, and the robot has moved by half of it."""
+    slam, T = driven(4), AROUND[3] @ from_yaw(0.15, 0.0, 0.0, 0.0)
+    slipped = replace(seen(T, T, time=5), T_odom_base=frames()[4].T_odom_base)
+    assert distance(slam.localise(slipped), T) < 0.02
+    assert slam.belief.state is MotionState.SLIPPING
 
 
 def test_wheels_that_spin_before_a_long_wall_do_not_carry_the_robot_along() -> None:
@@ -254,17 +263,16 @@ def test_a_bare_floor_does_not_shorten_a_drive() -> None:
     assert distance(slam.poses[-1], poses[-1]) < 0.01
 
 
-def test_a_robot_that_has_seen_nothing_for_long_is_blind_until_it_has_looked_around() -> None:
+def test_a_robot_that_has_seen_nothing_for_long_no_longer_knows_its_place() -> None:
     slam, first = Slam(), frames()[0]
-    step = slam_module.BLIND / 4
+    blank = replace(first, depth=np.zeros_like(first.depth))
     for k in range(6):
-        assert not slam.is_blind
-        moved = from_yaw(k * step, 0.0, 0.0, 0.0) @ first.T_odom_base
-        frame = replace(first, depth=np.zeros_like(first.depth), T_odom_base=moved, time=float(k))
+        assert slam.belief.knows_place
+        frame = replace(blank, T_odom_base=from_yaw(0.65 * k, 0.0, 0.0, 0.0) @ first.T_odom_base, time=k / 10)
         slam.add(frame, slam.localise(frame))
-    assert slam.is_blind
-    slam.trust()
-    assert not slam.is_blind
+    assert not slam.belief.knows_place
+    slam.set_down(AROUND[0])
+    assert slam.belief.knows_place
 
 
 def test_a_turn_made_blind_is_corrected_when_it_ends_where_it_began() -> None:

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from pipeline.explorer import Explorer
+from pipeline.localisation.belief import Belief, MotionState
 from pipeline.localisation.localisation import LostError
 from pipeline.mapper import Mapper
 from pipeline.navigation.faults import Faults
@@ -52,3 +53,11 @@ def test_a_fault_that_lasts_is_noted_once() -> None:
     for kind, time in (("a", 1.0), ("a", 2.0), ("b", 3.0), ("a", 4.0)):
         faults.note(kind, time, kind)
     assert [fault.time_s for fault in faults.all] == [1.0, 3.0, 4.0]
+
+
+def test_what_keeps_the_robot_from_moving_as_its_odometry_says_is_noted() -> None:
+    faults, belief = Faults(), Belief()
+    for state in MotionState:
+        belief.probabilities = np.eye(len(MotionState))[state]
+        faults.check_motion(belief, 1.0)
+    assert [fault.kind for fault in faults.all] == ["slipping", "held", "blind"]

@@ -1,6 +1,7 @@
 """How a robot with a camera takes keyframes during a drive, and what it does if the map disagrees with its frames."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -10,8 +11,9 @@ from pipeline.localisation.localisation import KEYFRAME_WAY, LostError
 from pipeline.localisation.slam import Slam
 from pipeline.mapper import Keyframe, Mapper
 from pipeline.navigation.keyframing import LABELLED, Keyframing
-from pipeline.navigation.navigator import Navigator, Outcome
+from pipeline.navigation.navigator import Halt, Navigator, Outcome
 from pipeline.navigation.pose_check import LOOKS
+from pipeline.robot import Velocity
 from pipeline.semantic_map.classifier import TruthClassifier
 from pipeline.transforms import from_yaw, inverse
 from tests.pipeline.kinematic_robot import KinematicRobot
@@ -36,7 +38,7 @@ class SeeingRobot(KinematicRobot):
 
     def sense(self) -> Frame:
         self.looks += 1
-        return seen(self.faces, self.T, seed=self.looks)
+        return replace(seen(self.faces, self.T, seed=self.looks), time=float(self.looks))
 
 
 class Outlook:
@@ -75,6 +77,7 @@ def outlook(looked_around, monkeypatch):
         looked_around.keyframing.pose_check,
         looked_around.navigator,
         slam,
+        slam.belief,
     ):
         for name, value in vars(thing).items():
             monkeypatch.setattr(thing, name, value)
@@ -124,6 +127,20 @@ def test_nor_is_it_where_no_place_is_found_for_sure():
     assert before + 1 < outlook.robot.looks <= before + 1 + LOOKS
     assert outlook.keyframing.pose_check.relocalised == 0
     assert not outlook.keyframing.pose_check.was_set_down(frame)
+
+
+@pytest.mark.parametrize("is_ramp", [True, False])
+def test_a_robot_that_leans_where_its_map_is_level_doubts_its_place(outlook, is_ramp):
+    outlook.keyframing.sense()
+    belief, halt = outlook.mapper.localisation.belief, Halt(START, Velocity(0.2), True)
+    belief.predict(0.3, 1.0)
+    ground = SimpleNamespace(has_ramp=lambda place: is_ramp)
+    outlook.keyframing.pose_check.doubt(halt, ground)
+    assert belief.knows_place == is_ramp
+    looks = outlook.robot.looks
+    outlook.keyframing.sense()  # all that it sees agrees with its map, so its map is wrong there
+    assert belief.knows_place
+    assert outlook.robot.looks == looks + 1
 
 
 def test_a_robot_in_another_room_is_lost(outlook):
@@ -177,7 +194,7 @@ class HeldRobot(SeeingRobot):
         T = self.T.copy()
         T[0, 3] = min(T[0, 3], 2.5)
         self.looks += 1
-        return seen(ROOM, T, T @ inverse(self.T), seed=self.looks)
+        return replace(seen(ROOM, T, T @ inverse(self.T), seed=self.looks), time=float(self.looks))
 
 
 @pytest.mark.parametrize(("robot", "outcome"), [(HeldRobot(), Outcome.STUCK), (SeeingRobot(), Outcome.REACHED)])
@@ -187,6 +204,8 @@ def test_a_robot_whose_wheels_spin_is_held(robot, outcome):
     keyframing.add(keyframing.sense(), labelled=True)
     navigator.follow(np.array([(4.0, 2.0)]), look=keyframing.look)
     assert [leg.outcome for leg in navigator.legs] == [outcome]
+    noticed = ["slipping", "held"] if outcome is Outcome.STUCK else []
+    assert [fault.kind for fault in keyframing.faults.all] == noticed
     if outcome is Outcome.STUCK:
         assert robot.T[0, 3] < 2.5 + 3 * KEYFRAME_WAY
         (halt,) = navigator.halts

@@ -230,6 +230,16 @@ def test_it_stops_before_it_tips():
     assert robot.T[0, 3] < 1
 
 
+@pytest.mark.parametrize("below", [0.0, -np.deg2rad(16)])
+def test_a_robot_that_leans_too_far_goes_back_until_it_is_level(below):
+    robot = KinematicRobot(pitch=lambda x, y: -np.deg2rad(30) if x > 1 else below if x > 0.4 else 0.0)
+    navigator = Navigator(robot)
+    assert not navigator.follow(np.array([(2, 0)]))
+    assert navigator.legs[-1].outcome is Outcome.TILTED
+    assert navigator.halts[-1].freed
+    assert robot.T[0, 3] == pytest.approx(0.3 if below else 1.0 - KEYFRAME_WAY, abs=0.11)
+
+
 def test_on_a_ramp_it_backs_where_told():
     robot = KinematicRobot(pitch=lambda x, y: -np.deg2rad(16) if x > 1 else 0.0)
     navigator = Navigator(robot)

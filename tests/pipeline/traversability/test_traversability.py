@@ -7,7 +7,7 @@ from pipeline.errors import InputError
 from pipeline.traversability import pose_kernels
 from pipeline.traversability.elevation_map import ElevationMap
 from pipeline.traversability.pose_paths import PosePaths
-from pipeline.traversability.traversability import assess_map
+from pipeline.traversability.traversability import RAMP_MARGIN, assess_map
 from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.worlds import RUN, flat, ground_points, ramp_and_deck, ridge, show, surface_of, wall_points
 
@@ -80,6 +80,13 @@ def test_uphill_is_the_gradient_of_the_ramp():
     before = traversability.grid.at(traversability.uphill, (-RUN - 0.1, 0))
     assert before[0] > 0.1
     assert abs(before[1]) < 0.01
+
+
+def test_a_ramp_is_near_within_the_margin():
+    traversability = assess_map(surface_of(ground_points(ridge, (-2, 2), (-1, 1))))
+    assert traversability.has_ramp((0.3, 0.0))
+    assert traversability.has_ramp((-RUN - RAMP_MARGIN / 2, 0.0))
+    assert not traversability.has_ramp((-RUN - RAMP_MARGIN - 0.2, 0.0))
 
 
 def test_where_the_robot_has_driven_it_may_drive_again():

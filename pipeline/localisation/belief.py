@@ -29,9 +29,9 @@ class MotionState(IntEnum):
     """Its camera tells nothing, and its odometry has gone too far alone to be believed."""
 
 
-WAY_BETWEEN, TIME_BETWEEN = 300.0, 10_800.0
+WAY_BETWEEN, TIME_BETWEEN = 300.0, 3600.0
 """m driven from one slip, halt or loss of sight to the next, each by itself, and s from one lift to the next. In four
-recorded drives there was no slip; of nine missions of 20 minutes one has a lift."""
+recorded drives there was no slip; a mission of an hour has at most one lift."""
 ENOUGH_OVERLAP = 0.6
 """Share of what a frame shows that fits what was seen before although its pose is wrong: 0.45 of the points and 0.6
 of the tiles in 281 frames of other places. With less overlap wheels may have slipped and a loop is doubtful."""

@@ -70,9 +70,9 @@ class Keyframing:
         if not is_keyframe(self._T_odom_keyframe, self._navigator.motion.T_odom_base):
             return MotionCheck.FINE
         frame, localisation = self._sense(), self._mapper.localisation
-        is_placed = self.pose_check.is_placed(frame)
+        self.pose_check.compare(frame, is_driving=True)
         self.faults.check_motion(localisation.belief, frame.time)
-        if not is_placed:
+        if not localisation.belief.knows_place:
             return MotionCheck.UNSURE
         T_map_base = self._mapper.localise(frame)
         if localisation.repeats:

@@ -46,11 +46,15 @@ class PoseCheck:
         frame = self._confirm(frame, last)
         return frame if self._localisation.belief.knows_place and not self._is_lost else self._find_place(frame)
 
-    def is_placed(self, frame: Frame) -> bool:
-        """Whether the robot still knows its place after a frame taken during a drive."""
+    def compare(self, frame: Frame, is_driving: bool = False) -> None:
+        """Believe what a frame tells of the robot's place.
+
+        On a drive the camera passes what is too near for it, so tiles without a return tell nothing.
+        """
         if self._localisation.may_err:
-            self._localisation.belief.observe(self._agreement(frame).log_likelihoods)
-        return self._localisation.belief.knows_place
+            found = self._agreement(frame)
+            found = found._replace(expected=found.known) if is_driving else found
+            self._localisation.belief.observe(found.log_likelihoods)
 
     def doubt(self, halt: Halt, traversability: Traversability) -> None:
         """Doubt the pose, or the map, after a halt of a robot that leaned too far where no ramp is mapped nearby."""
@@ -83,14 +87,14 @@ class PoseCheck:
         belief = self._localisation.belief
         if self._is_lost or not self._localisation.may_err:
             return frame
-        self.is_placed(frame)
+        self.compare(frame)
         if last is not None and (changed := change(frame, last)) is not None:
             belief.observe(changed.log_likelihoods)
         for _ in range(LOOKS):
             if belief.knows_place or belief.is_sure_of(MotionState.CARRIED) or not self._turn():
                 break
             frame = self._sense()
-            self.is_placed(frame)
+            self.compare(frame)
         return frame
 
     def _turn(self) -> bool:
@@ -112,7 +116,7 @@ class PoseCheck:
             if not self._turn():
                 break
             frame = self._sense()
-            self.is_placed(frame)
+            self.compare(frame)
         if not self._is_lost and self._localisation.belief.knows_place:
             # The frames fit the map except for something new, or something that the robot has driven through.
             return self._go_on(frame, mapper.localise(frame))

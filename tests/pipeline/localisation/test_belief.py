@@ -35,7 +35,7 @@ def test_slips_are_as_frequent_as_stated_and_end() -> None:
     short = transition(0.003, 0.0)
     assert short[MotionState.NOMINAL, MotionState.SLIPPING] == pytest.approx(1e-5, rel=0.01)
     assert short[MotionState.SLIPPING, MotionState.NOMINAL] == pytest.approx(0.003, rel=0.01)
-    assert transition(0.0, 10.8)[MotionState.HELD, MotionState.CARRIED] == pytest.approx(1e-3, rel=0.01)
+    assert transition(0.0, 3.6)[MotionState.HELD, MotionState.CARRIED] == pytest.approx(1e-3, rel=0.01)
 
 
 def test_bayes_by_hand() -> None:
@@ -125,7 +125,7 @@ def _followed(state: int, way: float, seconds: float) -> np.ndarray:
 
     def change(_: float, p: np.ndarray) -> np.ndarray:
         nominal, slipping, held, _, blind = p
-        begin, lift = way * nominal / 300, seconds / 10_800
+        begin, lift = way * nominal / 300, seconds / 3600
         flow = [way * (slipping + held) - 3 * begin, begin - way * slipping, begin - way * held, 0.0, begin]
         lifted = np.array([nominal, slipping, held, 0.0, blind]) * lift
         return np.array(flow) - lifted + np.eye(STATES)[MotionState.CARRIED] * lifted.sum()

@@ -5,8 +5,8 @@ from itertools import count
 import numpy as np
 import pytest
 
-from pipeline import mission
 from pipeline.exploration.viewpoint import ARRIVED, Context
+from pipeline.missions import mission
 from pipeline.missions.mission import PATIENCE, Goals
 from pipeline.transforms import from_yaw
 from pipeline.traversability.pose_paths import PosePaths

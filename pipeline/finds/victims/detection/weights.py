@@ -30,7 +30,13 @@ TENSORS = ".safetensors"
 
 
 def network_files(*files: Path) -> tuple[Path, Path]:
-    """The ``.cfg`` and the weights of a network, given both, or the weights alone, beside which the ``.cfg`` lies."""
+    """The ``.cfg`` and the weights of a network, given both, or the weights alone, beside which the ``.cfg`` lies.
+
+    Raises:
+        InputError: a ``.cfg`` alone, or anything else without an ending.
+    """
+    if not files[1:] and files[0].suffix in ("", ".cfg"):
+        raise InputError(f"--detector {files[0]}: give the .cfg and the weights, or .safetensors beside its .cfg")
     return (files[0], files[1]) if files[1:] else (files[0].with_suffix(".cfg"), files[0])
 
 

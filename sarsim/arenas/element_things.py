@@ -10,9 +10,10 @@ from collections.abc import Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.finds.hazmat_classes import HAZMAT_CLASSES
 from sarsim.arenas.elements import ArenaBuilder
 from sarsim.arenas.things.dolls import doll
-from sarsim.arenas.things.hazmat import CLASSES, SignStyle
+from sarsim.arenas.things.hazmat import SignStyle
 from sarsim.arenas.things.models import ThingModel, fire_extinguisher, hazmat_sign, qr_code
 from sarsim.arenas.things.thing import ALIVE, DEAD
 
@@ -70,4 +71,4 @@ def _boxed(builder: ArenaBuilder, kind: str, number: int) -> Iterator[_Placed]:
 def _class(kind: str, number: int) -> str:
     """The class of a sign of type ``hazmat_CLASS``."""
     word = kind.removeprefix("hazmat").strip("_")
-    return OTHER_WORDS.get(word, word if word in CLASSES else CLASSES[number % len(CLASSES)])
+    return OTHER_WORDS.get(word, word if word in HAZMAT_CLASSES else HAZMAT_CLASSES[number % len(HAZMAT_CLASSES)])

@@ -7,12 +7,13 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.finds.hazmat_classes import HAZMAT_CLASSES
 from sarsim.arenas.elements import ArenaBuilder
 from sarsim.arenas.fiducials import MOST_TAGS, TAG_SIDE
 from sarsim.arenas.random_draws import RandomDraws
 from sarsim.arenas.things.codes import FAMILY
 from sarsim.arenas.things.dolls import doll
-from sarsim.arenas.things.hazmat import CLASSES, SignStyle
+from sarsim.arenas.things.hazmat import SignStyle
 from sarsim.arenas.things.models import (
     THICK,
     ThingModel,
@@ -94,7 +95,7 @@ def _hang_doll(
 
 def _sign(name: str, draws: RandomDraws) -> ThingModel:
     paper = draws.pick((0.0, 0.0, 0.02, 0.04))
-    return hazmat_sign(name, draws.pick(CLASSES), draws.pick(SIGN_SIDES), SignStyle.random(draws.rng), paper)
+    return hazmat_sign(name, draws.pick(HAZMAT_CLASSES), draws.pick(SIGN_SIDES), SignStyle.random(draws.rng), paper)
 
 
 def _code(name: str, draws: RandomDraws) -> ThingModel:

@@ -10,15 +10,12 @@ from typing import Any
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 
 from pipeline.finds.find import FIND_KINDS, HEAT, Find
 from sarsim.arenas.things.thing import Thing, of_kind, things_of
-from sarsim.scoring.victims import NEAR
+from sarsim.scoring.victims import NEAR, pairs_of_least
 from sarsim.scoring.visibility import Visibility
 from sarsim.sensors.camera import LabelledImage
-
-UNMATCHED = 1e3  # In place of the distance, m, of what is too far apart, for an assignment needs finite costs
 
 
 class FindScore:
@@ -79,6 +76,4 @@ def matched(things: Sequence[Thing], finds: Sequence[Find]) -> list[tuple[int, i
     told = np.array([find.position for find in finds]).reshape(-1, 3)
     distance = np.linalg.norm(true[:, None] - told, axis=2)
     misread = np.array([[t.text != f.text for f in finds] for t in things]).reshape(distance.shape)
-    cost = np.where(distance <= NEAR, distance + NEAR * misread, UNMATCHED)
-    rows, columns = linear_sum_assignment(cost)
-    return [(int(i), int(k)) for i, k in zip(rows, columns, strict=True) if cost[i, k] < UNMATCHED]
+    return pairs_of_least(np.where(distance <= NEAR, distance + NEAR * misread, np.inf))

@@ -8,7 +8,6 @@ from typing import Any
 import mujoco
 import numpy as np
 from numpy.typing import NDArray
-from scipy.optimize import linear_sum_assignment
 from scipy.spatial.transform import Rotation
 
 from pipeline.errors import InputError
@@ -26,7 +25,7 @@ from sarsim.scoring.coverage import SEEN_HEIGHT
 from sarsim.scoring.coverage_kernels import see
 from sarsim.scoring.leagues import LeagueRun, VirtualRun, league, virtual
 from sarsim.scoring.portals import portals
-from sarsim.scoring.victims import NEAR
+from sarsim.scoring.victims import NEAR, pairs_of_least
 
 BESIDE = 1.5  # m from a victim within which marks and robots count, Virtual Robot 2022
 SHOWN = 0.1  # m from a cell within which a point of the 3D map covers it: a voxel of a coarse map
@@ -153,9 +152,7 @@ def covered(points: NDArray[np.floating], surface: TrueSurface) -> NDArray[np.bo
 def matched(places: NDArray[np.float64], things: NDArray[np.float64], within: float) -> NDArray[np.float64]:
     """(K,) distances, m, of places (N, 3) and things (M, 3) of one name, matched one to one ``within`` m."""
     distance = np.linalg.norm(places[:, None] - things[None], axis=2)
-    rows, columns = linear_sum_assignment(np.where(distance <= within, distance, 1e3))
-    found: NDArray[np.float64] = distance[rows, columns]
-    return found[found <= within]
+    return np.array([distance[i, k] for i, k in pairs_of_least(np.where(distance <= within, distance, np.inf))])
 
 
 def _places(items: Sequence[SoughtThing] | Sequence[PointOfInterest]) -> NDArray[np.float64]:

@@ -17,6 +17,14 @@ from sarsim.sensors.camera import LabelledImage
 from sarsim.victims.victims import victims_of
 
 NEAR = 0.5  # m from the true position within which a victim counts as found
+UNMATCHED = 1e3  # In place of infinite costs: more than all pairs together
+
+
+def pairs_of_least(cost: NDArray[np.float64]) -> list[tuple[int, int]]:
+    """As many pairs as possible of a row and a column, of the least sum of costs (N, M); infinite costs are none."""
+    # An assignment needs finite costs.
+    rows, columns = linear_sum_assignment(np.where(np.isfinite(cost), cost, UNMATCHED))
+    return [(int(i), int(k)) for i, k in zip(rows, columns, strict=True) if np.isfinite(cost[i, k])]
 
 
 class VictimScore:
@@ -43,10 +51,9 @@ class VictimScore:
     def matches(self, confirmed: NDArray[np.float64]) -> NDArray[np.float64]:
         """(V,) m from each victim to the confirmed position, of (N, 3), that is matched with it; NaN without one."""
         distance = np.linalg.norm(self.positions[:, None] - confirmed.reshape(1, -1, 3), axis=2)
-        # As many matches as possible, with the smallest sum of distances.
-        rows, columns = linear_sum_assignment(np.where(distance <= NEAR, distance, 1e3))
         found = np.full(len(self.positions), np.nan)
-        found[rows] = np.where(distance[rows, columns] <= NEAR, distance[rows, columns], np.nan)
+        for i, k in pairs_of_least(np.where(distance <= NEAR, distance, np.inf)):
+            found[i] = distance[i, k]
         return found
 
     def report(self, confirmed: NDArray[np.float64]) -> dict[str, Any]:

@@ -4,8 +4,8 @@ import mujoco
 import pytest
 from numpy.testing import assert_allclose
 
+from pipeline.finds.hazmat_classes import HAZMAT_CLASSES
 from sarsim.arenas.raf import build_raf
-from sarsim.arenas.things.hazmat import CLASSES
 from sarsim.arenas.things.thing import things_of
 
 
@@ -43,7 +43,7 @@ def test_a_sign_has_the_class_of_its_type(kind, text, things_in):
 
 def test_signs_without_a_class_have_one_after_the_other(things_in):
     texts = [sign.text for sign in things_in("hazmat", "hazmat_acid", "hazmat")]
-    assert len(set(texts)) == 3 and set(texts) <= set(CLASSES)
+    assert len(set(texts)) == 3 and set(texts) <= set(HAZMAT_CLASSES)
 
 
 def test_what_hangs_turns_with_its_element(things_in):

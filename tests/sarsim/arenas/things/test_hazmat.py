@@ -5,18 +5,19 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from sarsim.arenas.things.hazmat import CLASSES, SignStyle, sign_face, sign_upright
+from pipeline.finds.hazmat_classes import HAZMAT_CLASSES
+from sarsim.arenas.things.hazmat import SignStyle, sign_face, sign_upright
 
 SIZE = 96
 
 
 @pytest.fixture(scope="module")
 def faces():
-    return {name: sign_face(name, SIZE).astype(float) for name in CLASSES}
+    return {name: sign_face(name, SIZE).astype(float) for name in HAZMAT_CLASSES}
 
 
 def test_the_classes_are_those_that_teams_report():
-    assert CLASSES == (
+    assert HAZMAT_CLASSES == (
         "corrosive", "dangerous-when-wet", "explosive", "flammable", "flammable-gas", "flammable-liquid",
         "flammable-solid", "infectious-substance", "inhalation-hazard", "non-flammable-gas", "organic-peroxide",
         "oxidizer", "oxygen", "poison", "radioactive", "spontaneously-combustible",
@@ -25,7 +26,7 @@ def test_the_classes_are_those_that_teams_report():
 
 def test_no_two_classes_look_alike(faces):
     """The nearest two, a gas and a liquid that burn, differ by a word and a digit: in 2 % of the pixels at least."""
-    for a, b in combinations(CLASSES, 2):
+    for a, b in combinations(HAZMAT_CLASSES, 2):
         differs = np.abs(faces[a] - faces[b]).max(axis=2) > 100
         assert differs.mean() > 0.02, (a, b)
 
@@ -58,7 +59,7 @@ def test_a_style_draws_the_same_twice_and_styles_differ():
     assert len({sign_face("explosive", SIZE, style).tobytes() for style in styles}) == len(styles)
 
 
-@pytest.mark.parametrize("name", CLASSES)
+@pytest.mark.parametrize("name", HAZMAT_CLASSES)
 def test_every_class_is_drawn_in_every_variant(name):
     rng = np.random.default_rng(1)
     for variant in range(4):

@@ -13,7 +13,7 @@ from pipeline.datasets.recording import Recording
 from pipeline.errors import InputError
 from pipeline.frame import Frame
 from pipeline.localisation.depth_odometry import DepthOdometry
-from pipeline.localisation.gravity import T_level_camera, vertical
+from pipeline.localisation.gravity import T_lowest_camera, vertical
 from pipeline.localisation.localisation import Localisation, LostError, is_keyframe
 from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.localisation.slam import Slam
@@ -158,13 +158,13 @@ class Replay:
             InputError: neither tells which way is up.
         """
         if self.recording.up is not None:
-            return T_level_camera(first, self.recording.up)
+            return T_lowest_camera(first, self.recording.up)
         odometry = DepthOdometry(np.eye(4))
         with suppress(LostError):
             for frame in dropwhile(lambda frame: frame.time < first.time, self.recording.frames()):
                 T_first_frame, up = odometry.pose(frame), vertical(frame)
                 if up is not None:
-                    return T_level_camera(first, T_first_frame[:3, :3] @ up)
+                    return T_lowest_camera(first, T_first_frame[:3, :3] @ up)
         raise InputError(f"{self.recording.path}: neither an accelerometer nor floor and walls tell which way is up")
 
     def _up(self, frame: Frame, T_base_camera: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -101,9 +101,11 @@ def _inside(frame: Frame, reading: Reading) -> NDArray[np.bool_]:
     return mask.astype(np.bool_)
 
 
-def photo_of(rgb: NDArray[np.uint8], box: tuple[float, float, float, float]) -> NDArray[np.uint8]:
-    """A copy of an image (H, W, 3) within a box, pixels, and a margin of half its longer side."""
+def photo_of(
+    rgb: NDArray[np.uint8], box: tuple[float, float, float, float], margin: float = 1 / 2
+) -> NDArray[np.uint8]:
+    """A copy of an image (H, W, 3) within a box, pixels, and a margin around it, a share of its longer side."""
     x0, y0, x1, y1 = box
-    more = max(x1 - x0, y1 - y0) / 2
+    more = margin * max(x1 - x0, y1 - y0)
     rows = slice(max(0, int(y0 - more)), int(np.ceil(y1 + more)))
     return rgb[rows, max(0, int(x0 - more)) : int(np.ceil(x1 + more))].copy()

@@ -47,10 +47,19 @@ def T_floor_camera(frame: Frame) -> NDArray[np.float64]:
     middle = points[best].mean(axis=0)
     up = np.linalg.svd(points[best] - middle, full_matrices=False)[2][2]
     up *= -np.sign(up[1])
-    # In the frame of the camera: forward is where it looks, level.
+    return T_level_camera(up, float(up @ middle))
+
+
+def T_level_camera(up: NDArray[np.float64], floor: float) -> NDArray[np.float64]:
+    """4×4 pose of ``camera_optical`` over a floor: level, x forward where it looks, the origin below the camera.
+
+    Args:
+        up: (3,) the vertical in ``camera_optical``, of length 1.
+        floor: m along it from the camera, below 0.
+    """
     left = np.cross(up, [0.0, 0.0, 1.0])
     left /= np.linalg.norm(left)
-    return inverse(from_rotation(np.column_stack([np.cross(left, up), left, up]), up * (up @ middle)))
+    return inverse(from_rotation(np.column_stack([np.cross(left, up), left, up]), floor * up))
 
 
 def _plane(points: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -8,10 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frame import Frame
-from pipeline.localisation.floor import LEAST_FLOOR, MOST_BELOW
+from pipeline.localisation.floor import LEAST_FLOOR, MOST_BELOW, T_level_camera
 from pipeline.localisation.registration import front_normals
 from pipeline.localisation.slam import cloud_of_frame
-from pipeline.transforms import from_rotation, inverse
 
 
 def vertical(frame: Frame) -> NDArray[np.float64] | None:
@@ -35,15 +34,12 @@ def vertical(frame: Frame) -> NDArray[np.float64] | None:
     return up
 
 
-def T_level_camera(frame: Frame, up: NDArray[np.float64]) -> NDArray[np.float64]:
-    """4×4 pose of the camera over the lowest that it sees: level, x forward, the origin below the camera.
+def T_lowest_camera(frame: Frame, up: NDArray[np.float64]) -> NDArray[np.float64]:
+    """4×4 pose of the camera over the lowest that it sees, as :func:`T_level_camera`.
 
     Args:
         frame: with its depth.
         up: (3,) the vertical in ``camera_optical``, of length 1.
     """
-    left = np.cross(up, [0.0, 0.0, 1.0])
-    left /= np.linalg.norm(left)
     heights = (frame.intrinsics.rays[frame.returns] @ up) * frame.depth[frame.returns]
-    lowest = np.quantile(heights, MOST_BELOW)
-    return inverse(from_rotation(np.column_stack([np.cross(left, up), left, up]), lowest * up))
+    return T_level_camera(up, float(np.quantile(heights, MOST_BELOW)))

@@ -136,13 +136,11 @@ def seen_through(frame: Frame, T_map_base: NDArray[np.float64], points: NDArray[
 
     At a wrong pose a frame looks through surfaces that are known. ``T_map_base``: 4×4 assumed pose of the robot.
     """
-    x, y, z = transform_points(inverse(T_map_base @ frame.T_base_camera), points).T
-    k = frame.intrinsics
-    before = z > frame.sensor.nearest
-    u, v = (np.floor(f * a[before] / z[before] + c).astype(int) for f, a, c in ((k.fx, x, k.cx), (k.fy, y, k.cy)))
-    inside = (u >= 0) & (u < k.width) & (v >= 0) & (v < k.height)
-    depth, z = frame.depth[v[inside], u[inside]], z[before][inside]
-    seen = (depth > 0) & (z < frame.sensor.farthest)
+    in_camera = transform_points(inverse(T_map_base @ frame.T_base_camera), points)
+    pixels, inside = frame.intrinsics.project(in_camera)
+    z = in_camera[inside, 2]
+    depth = frame.depth[tuple(pixels[inside].T)]
+    seen = (depth > 0) & (z > frame.sensor.nearest) & (z < frame.sensor.farthest)
     return float(np.mean(depth[seen] > z[seen] + KNOWN)) if seen.any() else 0.0
 
 

@@ -332,7 +332,7 @@ class Slam(Localisation):
         told = np.full(len(MotionState), -np.inf)
         for state, registration in found.items():
             told[state] = registration.log_likelihood
-        motion = max(found.values(), key=lambda registration: -registration.surprise)
+        motion = min(found.values(), key=lambda registration: registration.surprise)
         # Elsewhere, either the frame happens to fit here as well, or it fits nowhere near.
         reach = max(FAR_OFF, float(np.ptp(self.poses[:, :3, 3], axis=0).max()))
         anywhere = by_gravity(motion.T, frame).information + np.diag(np.repeat([np.pi, reach], 3) ** -2.0)

@@ -3,7 +3,7 @@
 import re
 from dataclasses import dataclass, field, fields
 from datetime import datetime
-from typing import Literal, get_args
+from typing import Literal
 
 from pipeline.errors import InputError
 from pipeline.missions.rules import LIMITS, POINTS
@@ -11,7 +11,6 @@ from pipeline.missions.rules import LIMITS, POINTS
 HANDED_IN = "handed_in"  # The folder of the files, in that of the run
 Task = Literal["explore", "find", "home", "park"]
 """Map the arena, report what is in it, be back at the start in time, end beside victims that are alive."""
-TASKS = get_args(Task)
 DEFAULT_START = datetime.fromisoformat("2026-01-26T14:30:00")
 """Start of a mission that names none: a fixed one, so that files are equal by seed."""
 

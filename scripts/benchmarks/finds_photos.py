@@ -29,7 +29,6 @@ CLEAR, LONG = 0.6, 0.15
 """Least confidence of a reference box that counts, and least longer side of it, as a share of the photo's."""
 OVERLAP = 0.5  # IoU above which a person is found
 BOARD = re.compile(r"board(\w+)_(\d+)cm")
-DISTANCES_CM = ("50", "100", "150")
 ENDINGS = (".jpg", ".jpeg", ".png")
 
 

@@ -9,6 +9,7 @@ from scipy.spatial import cKDTree
 
 from pipeline.finds.find import VICTIM
 from pipeline.finds.likelihood import weigh
+from pipeline.finds.observation import photo_of
 from pipeline.finds.sought import THING_GAP
 from pipeline.finds.victims.detection.detection import Detection
 from pipeline.finds.victims.observation import SKIN_TO_MIDDLE, PersonObservation, Refusal, middle, observe, size_of
@@ -230,7 +231,7 @@ class Victims:
         points, confidence = _thinned(observation.points), observation.detection.confidence
         seen = Sighting(keyframe, points, _inverse(observation.covariance), observation.camera, frame.time)
         seen = seen.moved(inverse(T_map_base))
-        photo = _crop(frame.rgb, observation.detection.box)
+        photo = photo_of(frame.rgb, observation.detection.box, PHOTO_MARGIN)
         # Of what is kept, so that a map made anew is the same.
         now = seen.moved(T_map_base)
         new = Victim(
@@ -317,11 +318,3 @@ def _thinned(points: NDArray[np.float32]) -> NDArray[np.float32]:
 
 def _inverse(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
     return np.linalg.inv(matrix).astype(np.float64)
-
-
-def _crop(rgb: NDArray[np.uint8], box: tuple[float, float, float, float]) -> NDArray[np.uint8]:
-    """A copy of the image inside a box and its margin."""
-    x0, y0, x1, y1 = box
-    more = PHOTO_MARGIN * max(x1 - x0, y1 - y0)
-    rows = slice(max(0, int(y0 - more)), int(np.ceil(y1 + more)))
-    return rgb[rows, max(0, int(x0 - more)) : int(np.ceil(x1 + more))].copy()

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.localisation.gravity import T_level_camera, vertical
+from pipeline.localisation.gravity import T_lowest_camera, vertical
 from pipeline.transforms import from_rotation, from_yaw
 from tests.pipeline.localisation.driving_robot import ROOM, T_BASE_CAMERA, seen
 from tests.pipeline.polygon_scene import floor, wall
@@ -42,6 +42,6 @@ def test_a_wall_alone_tells_nothing() -> None:
 
 def test_the_camera_is_level_over_the_lowest_in_view() -> None:
     frame = seen(HERE, HERE, faces=ROOM)
-    T = T_level_camera(frame, T_BASE_CAMERA[2, :3])
+    T = T_lowest_camera(frame, T_BASE_CAMERA[2, :3])
     np.testing.assert_allclose(T[:3, :3], T_BASE_CAMERA[:3, :3], atol=1e-9)
     np.testing.assert_allclose(T[:3, 3], [0, 0, T_BASE_CAMERA[2, 3]], atol=0.02)

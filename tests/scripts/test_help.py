@@ -11,7 +11,8 @@ import pytest
 
 from sarsim.scripts.benchmark import SUBJECTS
 
-SCRIPTS = Path(__file__).parents[2] / "scripts"
+ROOT = Path(__file__).parents[2]
+SCRIPTS = ROOT / "scripts"
 SUBCOMMANDS = {"train": ["pointnext", "yolo"], "benchmark": ["", *SUBJECTS]}
 COMMANDS = [
     [path.stem, *sub]
@@ -31,11 +32,12 @@ def told(*command: str) -> tuple[str, float]:
     name, *sub = (word for word in command if word)
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     done = subprocess.run(
-        [sys.executable, SCRIPTS / f"{name}.py", *sub, "--help"],
+        [sys.executable, f"scripts/{name}.py", *sub, "--help"],  # as a user types it: --help wraps a longer path
+        cwd=ROOT,
         capture_output=True,
         text=True,
         check=True,
-        env={"COLUMNS": "80", "PYTHONPATH": str(SCRIPTS.parent)},
+        env={"COLUMNS": "80", "PYTHONPATH": str(ROOT)},
     )
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     seconds = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime

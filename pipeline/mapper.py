@@ -97,9 +97,9 @@ class Mapper:
         self.metric_map = MetricMap(voxel_size)
         self.elevation_map = ElevationMap(robot)
         self._traversability_layer = TraversabilityLayer()
-        is_told = isinstance(classifier, TruthClassifier)  # True labels need no other evidence
         revise = partial(with_whole_uprights, robot=robot, voxel=VOXEL, cell=CELL)
-        self.semantic_map = SemanticMap(self._is_inaccessible, None if is_told else revise)
+        is_told = isinstance(classifier, TruthClassifier)  # True labels need no other evidence
+        self.semantic_map = SemanticMap() if is_told else SemanticMap(self._is_inaccessible, revise)
         self.segments = Segments(self.metric_map.is_surface)
         self.topological_map = TopologicalMap(graph)
         self.victims, self.finds = Victims(), Finds()

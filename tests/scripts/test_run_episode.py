@@ -89,9 +89,7 @@ def test_every_file_reads_back(episode, report):
     assert len(load_metric_map(episode / "metric_map.npz").occupied_centres()) > 1000
     cloud = o3d.t.io.read_point_cloud(str(episode / "semantic_map.ply"))
     assert len(cloud.point.positions) == report["semantic_map"]["points"]
-    labels, counts = np.unique(cloud.point["label"].numpy(), return_counts=True)
-    assert set(labels) - {7} == {1, 2, 3, 4, 6}
-    assert counts[labels == 7].sum() < 10  # points of a ramp that lie alone are clutter
+    assert set(np.unique(cloud.point["label"].numpy())) == {1, 2, 3, 4, 6}
     for name in ("trajectory_true.tum", "trajectory_estimated.tum"):
         rows = np.loadtxt(episode / name)
         assert rows.shape[1] == 8

@@ -14,17 +14,21 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pipeline.exploration.viewpoint import Viewpoint
-from pipeline.explorer import Explorer, Step
+from pipeline.explorer import Explorer, Observer, Step
 from pipeline.files import each, whole_file
 from pipeline.localisation.localisation import LostError
 from pipeline.localisation.trajectory import EstimatedTrajectory
 from pipeline.map_file import save_maps
 from pipeline.mapper import Mapper
+from pipeline.missions.brief import MissionBrief
+from pipeline.missions.deadline import Deadline
+from pipeline.missions.hand_in import hand_in
 from pipeline.navigation.navigator import Outcome
 from pipeline.planning.path_plan import place_name
 from pipeline.rerun.recorder import Level, Recorder
-from pipeline.rescue_report.report import RescueReport, write_page
+from pipeline.rescue_report.report import RescueReport, write_found, write_page
 from pipeline.rescue_report.situation import Situation
+from pipeline.robot import Motion
 from pipeline.traversability.elevation_map import CELL
 
 
@@ -39,6 +43,7 @@ class ResultFolder:
         seed: of all random numbers.
         mapper: all maps.
         recorder: writes the Rerun recording.
+        brief: of the mission whose files are handed in; None if there is none.
         report: the content of report.json, once it is written.
     """
 
@@ -48,6 +53,7 @@ class ResultFolder:
     seed: int
     mapper: Mapper
     recorder: Recorder
+    brief: MissionBrief | None = None
     report: dict[str, Any] = field(default_factory=dict, init=False)
     _situation: Situation | None = field(default=None, init=False)
 
@@ -73,6 +79,7 @@ class ResultFolder:
             lambda: save_maps(self.mapper, self.out),
             lambda: save_trajectory(self.out),
             lambda: self._assess(find_situation()),
+            self._hand_in,
             *close,
             write_report,
             self._write_page,
@@ -80,7 +87,12 @@ class ResultFolder:
 
     def _assess(self, situation: Situation) -> None:
         self._situation = situation
+        write_found(self.out, situation)
         self.recorder.log_ways([person.route.trace for person in situation.everyone if person.route])
+
+    def _hand_in(self) -> None:
+        if self.brief is not None:
+            hand_in(self.out, self.brief, self.mapper.elevation_map.robot)
 
     def _write_page(self) -> None:
         if self._situation is not None:
@@ -124,6 +136,22 @@ def _percentiles(seconds: list[float]) -> dict[str, float]:
     return {"median": float(np.median(ms)), "p95": float(np.percentile(ms, 95))}
 
 
+class TimeIsUpError(Exception):
+    """The clock of a mission has stopped."""
+
+
+class _Clock(Observer):
+    """Ends a drive when the clock stops, s of the robot's time."""
+
+    def __init__(self, end: float):
+        self._end = end
+
+    def on_motion(self, motion: Motion) -> None:
+        """Raises TimeIsUpError if no time is left."""
+        if motion.time >= self._end:
+            raise TimeIsUpError
+
+
 class Expedition(ABC):
     """An explorer on a mission.
 
@@ -132,7 +160,7 @@ class Expedition(ABC):
         results: of the run.
         lost: why localisation failed; None if it did not.
         ended: why exploring ended: ``nothing_left``, ``not_worth_it``, ``held``, ``shut_in``, ``lost``,
-            ``interrupted`` or ``steps``.
+            ``interrupted``, ``time`` or ``steps``.
     """
 
     def __init__(
@@ -150,7 +178,7 @@ class Expedition(ABC):
             explorer: that drives the robot.
             results: to fill.
             trajectory: the estimated trajectory.
-            steps: most steps of exploring.
+            steps: most steps of exploring; a mission is ended by its clock instead, that of ``results.brief``.
             goals: (2,) m in ``map`` each, places to drive to afterwards.
             home: whether to drive back to the start at the end.
         """
@@ -190,6 +218,7 @@ class Expedition(ABC):
             Whether the expedition ended without an interruption.
         """
         begin, wall_begin = self._time(), perf_counter()
+        self._start_clock(begin)
         try:
             for task in self.explorer.mission.tasks(self._goals, self._home, self.explorer):
                 while self._may_step() and not interrupted() and self.step():
@@ -197,6 +226,8 @@ class Expedition(ABC):
                 if self._explores and self.ended == "interrupted" and not interrupted():
                     self.ended = "steps"
             self._log_outcomes()
+        except TimeIsUpError:
+            self.ended = "time" if self._explores else self.ended
         except LostError as error:
             self.lost = str(error)
             self.ended = "lost" if self._explores else self.ended
@@ -204,6 +235,13 @@ class Expedition(ABC):
         finally:
             self._finish(self._time() - begin, perf_counter() - wall_begin)
         return not interrupted()
+
+    def _start_clock(self, begin: float) -> None:
+        """Start the clock of the mission, if there is one, at the robot's time ``begin``, s."""
+        if (brief := self.results.brief) is not None:
+            finds = self.explorer.mapper.finds
+            deadline = self.explorer.mission.deadline = Deadline(brief, begin, lambda: finds.confirmed)
+            self.explorer.observers.append(_Clock(deadline.end))
 
     @property
     def _explores(self) -> bool:
@@ -213,7 +251,7 @@ class Expedition(ABC):
     def _may_step(self) -> bool:
         """Whether the task continues: the steps of exploration are limited, those of a drive to goals are not."""
         mission = self.explorer.mission
-        mission.may_explore = self.explorer.steps < self._steps
+        mission.may_explore = mission.deadline is not None or self.explorer.steps < self._steps
         return mission.may_explore or mission.goals is not None
 
     def step(self) -> bool:
@@ -257,6 +295,8 @@ class Expedition(ABC):
         """Why exploring ends with a step; if it has a viewpoint, only an interruption can end it there."""
         if step.viewpoint is not None:
             return "interrupted"
+        if (deadline := self.explorer.mission.deadline) is not None and deadline.has_called:
+            return "time"
         if self.explorer.is_held:
             return "held"
         if step.context.paths.start is None:

@@ -14,6 +14,7 @@ from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.localisation.slam import Slam
 from pipeline.map_file import KEYFRAMES, load_keyframes
 from pipeline.mapper import Mapper
+from pipeline.missions.brief import MissionBrief
 from pipeline.rerun.viewer import Viewer
 from pipeline.robot import Robot
 from pipeline.ros.recorded_robot import ExplorerBag, RecordedRobot
@@ -24,6 +25,7 @@ from sarsim.perception import make_perception, make_readers
 from sarsim.recording import EpisodeRecorder
 from sarsim.robots.skid_steered import WHEELS
 from sarsim.scoring.episode import EpisodeScore
+from sarsim.scoring.missions import mission_score
 from sarsim.settings import EpisodeConfig
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 
@@ -38,8 +40,8 @@ class Episode(Expedition):
         recorder: writes the Rerun recording.
     """
 
-    def __init__(self, config: EpisodeConfig):
-        """Raises InputError if the arena, the output folder or the viewer is not available."""
+    def __init__(self, config: EpisodeConfig, brief: MissionBrief | None = None):
+        """Explore, or play a mission; raises InputError if the arena, the folder or the viewer is not available."""
         if config.steps < 1 or config.seed < 0:
             raise InputError(f"--steps {config.steps} --seed {config.seed}: at least 1 step, and no negative seed")
         if not np.isfinite(config.goals).all():
@@ -75,7 +77,7 @@ class Episode(Expedition):
         explorer = Explorer(robot, mapper)
         self.score = EpisodeScore(self.robot, explorer, fiducials)
         explorer.observers += [self.score, *recordings]
-        results = ResultFolder(config, config.folder, config.arena, config.seed, mapper, self.recorder)
+        results = ResultFolder(config, config.folder, config.arena, config.seed, mapper, self.recorder, brief)
         super().__init__(explorer, results, self.score.trajectory, config.steps, config.goals, config.home)
 
     def _recorded(self, mapper: Mapper) -> tuple[Robot, list[Observer]]:
@@ -115,7 +117,8 @@ class Episode(Expedition):
         return self.robot.time
 
     def _stages(self) -> dict[str, Any]:
-        return self.score.report()
+        brief = self.results.brief
+        return self.score.report() | (mission_score(self.config, self.robot, brief) if brief else {})
 
     def _finish(self, sim_time: float, wall_time: float) -> None:
         each(lambda: super(Episode, self)._finish(sim_time, wall_time), self.robot.close)

@@ -25,6 +25,8 @@ NETWORK: NetworkName = "pointnext"
 """The default network."""
 WEIGHTS = asset("weights", f"{NETWORK}.safetensors")
 """Weights of the default network."""
+EXPLORE = "explore"
+"""The mission without a clock, of which nothing is handed in."""
 DETECTOR = asset("weights", "victims.cfg"), asset("weights", "victims.safetensors")
 
 
@@ -52,8 +54,7 @@ class PerceptionConfig:
     """Settings of everything that labels points and finds people.
 
     Attributes:
-        labels: source of the points' labels: a network, height and slope alone (rules), a simulator (truth), to see
-            the effect of perfect labels, or a class of your own, module:Class.
+        labels: source of labels: a network, height and slope (rules), the simulator (truth), or your module:Class.
         weights: weights file of the network, from train.py; by default the shipped one.
         detector: YOLO of victims: .cfg and weights, or .safetensors beside .cfg; None: off.
     """
@@ -74,6 +75,8 @@ class MissionConfig:
         home: drive back to the start at the end.
         speed: top speed, m/s, on seen level ground with enough room; the thesis drives at 0.2.
         view: live view of the run: in a new window (spawn), in the browser (web), or none.
+        mission: explore, or one whose files are handed in on time: league, virtual, or a YAML file.
+        minutes: clock of a mission, which ends it in place of --steps; by default its own.
     """
 
     steps: int = 160
@@ -82,9 +85,13 @@ class MissionConfig:
     home: bool = False
     speed: float = 0.5
     view: Literal["none", "spawn", "web"] = "none"
+    mission: str = EXPLORE
+    minutes: float | None = None
 
     def __post_init__(self) -> None:
         """Raise InputError for settings out of range."""
+        if self.minutes is not None and (self.mission == EXPLORE or not 0 < self.minutes < float("inf")):
+            raise InputError(f"--minutes {self.minutes:g}: more than 0, and only with a --mission that has a clock")
         if not 0 < self.speed < float("inf"):
             raise InputError(f"--speed {self.speed:g}: more than 0")
 
@@ -94,18 +101,16 @@ class EpisodeConfig(PerceptionConfig, MissionConfig, SimulatorConfig):
     """Settings of an episode.
 
     Attributes:
-        resume: folder of an interrupted episode, which is repeated from its start with its settings and seed, bit for
-            bit, and then continued; stored outputs of its networks are not computed again.
+        resume: folder of an interrupted episode, which is repeated from its start, bit for bit, and then continued;
+            stored outputs of its networks are not computed again.
         odometry: dead reckoning by wheels and gyro, which drifts, or the true pose, for comparison.
-        localisation: odometry corrected by registration of the depth images (slam), or uncorrected (odometry).
+        localisation: odometry corrected by registration of depth images (slam), or not (odometry).
         sensor: Xtion camera with its noise, or ideal with the same range, to see the effect of noise.
-        dust: dust concentration in the air, 0 to 1; dust swallows depth returns, makes false ones and veils colours.
+        dust: dust in the air, 0 to 1: it swallows depth returns, makes false ones and veils colours.
         tyre_error: relative error of the wheels' radius that the odometry does not know.
-        fiducials: number of AprilTags on the arena's walls, by which the report measures the error of distances in
-            the map; the robot ignores them.
-        voxel_size: side of the metric map's voxels, m; smaller voxels show more detail and take more time and memory.
-        graph: graph for path planning: the thesis's minimum spanning tree (mst), or that tree with loops that shorten
-            detours (roadmap).
+        fiducials: AprilTags on the walls, by which the report measures the map; the robot ignores them.
+        voxel_size: side of the metric map's voxels, m; smaller ones take more time and memory.
+        graph: graph for path planning: the thesis's minimum spanning tree (mst), or with loops (roadmap).
         bag: new folder for a ROS 2 bag of the robot's sensor data, commands and maps.
         bag_images: images in the bag: depth in whole mm (16UC1) or exact, in m (32FC1); colour raw or as JPEG.
         tum: new folder for the images, IMU data, odometry and true poses in the layout of the TUM RGB-D benchmark.
@@ -173,6 +178,7 @@ class MapRecording(PerceptionConfig):
         depth_scale: units per metre of a folder's depth images; by default 5000.
         fps: frames per second of a folder whose images have no times.
         topics: names of the topics to use if a bag has several of a kind.
+        mission: explore, or one whose files are handed in: league, virtual, or a YAML file.
     """
 
     path: Annotated[Path, tyro.conf.Positional]
@@ -184,6 +190,7 @@ class MapRecording(PerceptionConfig):
     depth_scale: float | None = None
     fps: float | None = None
     topics: tuple[str, ...] = ()
+    mission: str = EXPLORE
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -100,11 +100,14 @@ class SimulatedRobot:
         self.renderer = Renderer(self.physics.model.ptr)
         self._camera = RgbdCamera(self.renderer, self.robot.camera.full_identifier)
         model, data = self.physics.model.ptr, self.physics.data.ptr
-        self._thermal = ThermalCamera(temperatures(model, things_of(model, data)))
+        things = things_of(model, data)
+        self._thermal = ThermalCamera(temperatures(model, things))
         radius, rng = self.robot.drive.wheel_radius, np.random.default_rng(odometry_seed)
         self._odometry = WheelOdometry(rng, radius, config.tyre_error)
         self._T_world_start = arena.T_world_start
-        self.collisions = CollisionCounter(self.physics.model.ptr, self._camera.base_body)
+        self.collisions = CollisionCounter(
+            model, self._camera.base_body, [thing.geoms for thing in things if thing.is_warm]
+        )
         self.true_frame: TrueFrame | None = None
         self.trajectory: list[Pose] = []
         self._settle()

@@ -6,7 +6,7 @@ from rich.console import Console
 
 from pipeline.errors import InputError
 from sarsim.scripts.cli import end_by, run_watched
-from sarsim.scripts.settings import run_with_settings, save_settings
+from sarsim.scripts.settings import run_with_settings, save_settings, wanted_mission
 from sarsim.scripts.tables import report_table
 from sarsim.settings import MapRecording
 
@@ -23,8 +23,8 @@ def map_recording(config: MapRecording) -> None:
     """
     from sarsim.scripts.recorded_drive import RecordedDrive
 
-    recording = open_recording(config)
-    drive = RecordedDrive(recording, config)
+    brief = wanted_mission(config.mission)
+    drive = RecordedDrive(open_recording(config), config, brief)
     ended_by = run_watched(
         lambda interrupted, on_frame: drive.run(interrupted, lambda line: on_frame(drive.frames, line)),
         config.path.name,

@@ -16,6 +16,7 @@ from pipeline.files import make_folder
 from pipeline.localisation.localisation import LostError
 from pipeline.localisation.trajectory import EstimatedTrajectory
 from pipeline.mapper import Mapper
+from pipeline.missions.brief import MissionBrief
 from pipeline.rerun.recorder import Recorder
 from pipeline.rescue_report.situation import Situation, situation_of
 from pipeline.transforms import inverse
@@ -37,7 +38,7 @@ class RecordedDrive:
         error: why the recording could not be mapped to its end; empty otherwise.
     """
 
-    def __init__(self, recording: Recording, config: MapRecording):
+    def __init__(self, recording: Recording, config: MapRecording, brief: MissionBrief | None = None):
         """Raises InputError if the recording lacks the wanted poses, or the output folder cannot be written."""
         self.recording, self.config = recording, config
         poses = config.poses or default_poses(recording)
@@ -50,7 +51,7 @@ class RecordedDrive:
         self._replay = Replay(recording, self.mapper, poses, camera)
         make_folder(config.out)
         self._recorder = Recorder(config.out / RECORDING)
-        self._results = ResultFolder(config, config.out, config.path.name, 0, self.mapper, self._recorder)
+        self._results = ResultFolder(config, config.out, config.path.name, 0, self.mapper, self._recorder, brief)
         self.frames, self._labelled, self.error = 0, list[int](), ""
         self._poses: list[Pose] = []
         self._score = TrajectoryScore(localisation, self._poses)

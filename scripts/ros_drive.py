@@ -15,6 +15,7 @@ from pipeline.files import check_folder, make_folder
 from pipeline.localisation.trajectory import EstimatedTrajectory
 from pipeline.map_file import KEYFRAMES, load_keyframes
 from pipeline.mapper import Keyframe, Mapper
+from pipeline.missions.brief import MissionBrief
 from pipeline.navigation.navigator import Outcome
 from pipeline.rerun.recorder import Recorder
 from pipeline.rerun.viewer import Viewer
@@ -50,7 +51,7 @@ class RosDrive(Expedition, Observer):
         stopped: why the robot was stopped before the end; None if it was not.
     """
 
-    def __init__(self, config: RosExploration, node: RosNode):
+    def __init__(self, config: RosExploration, node: RosNode, brief: MissionBrief | None = None):
         """Raises InputError if no robot is found, or a file cannot be read or written."""
         check_folder(config.out)
         classifier, detector = make_perception(config)
@@ -65,7 +66,7 @@ class RosDrive(Expedition, Observer):
         viewer = None if config.view == "none" else Viewer(config.view)
         make_folder(config.out)
         recorder = Recorder(config.out / "episode.rrd", viewer)
-        results = ResultFolder(config, config.out, config.out.name, 0, mapper, recorder)
+        results = ResultFolder(config, config.out, config.out.name, 0, mapper, recorder, brief)
         self._node, self._maps, self._frontiers = node, MapTopics(node.send), 0
         self._poses: list[TimedPose] = []
         self._estimate = EstimatedTrajectory(mapper.localisation, self._poses)

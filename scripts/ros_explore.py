@@ -5,7 +5,7 @@ from contextlib import closing
 from rich.console import Console
 
 from sarsim.scripts.cli import end_by, run_watched
-from sarsim.scripts.settings import run_with_settings, save_settings
+from sarsim.scripts.settings import run_with_settings, save_settings, wanted_mission
 from sarsim.scripts.tables import report_table
 from sarsim.settings import RosExploration
 
@@ -18,14 +18,15 @@ def ros_explore(config: RosExploration) -> None:
     from pipeline.ros.live.node import RosNode
     from sarsim.scripts.ros_drive import RosDrive
 
+    brief = wanted_mission(config.mission, config.minutes, config.home)
     with closing(RosNode(config.name, config.network)) as node:
-        drive = RosDrive(config, node)
+        drive = RosDrive(config, node, brief)
         save_settings(config, config.out / "config.yaml")
         ended_by = run_watched(
             lambda interrupted, on_step: drive.run(interrupted, lambda line: on_step(drive.explorer.steps, line)),
             config.out.name,
             "steps",
-            config.steps,
+            None if brief else config.steps,
         )
     console = Console()
     if drive.explorer.steps or drive.lost:

@@ -13,7 +13,7 @@ from rich.console import Console
 from pipeline.errors import InputError
 from sarsim.assets import asset
 from sarsim.scripts.cli import announce_compilation, end_by, run_watched
-from sarsim.scripts.settings import run_with_settings, save_settings
+from sarsim.scripts.settings import run_with_settings, save_settings, wanted_mission
 from sarsim.scripts.tables import report_table
 from sarsim.settings import POINT_NETWORKS, EpisodeConfig
 
@@ -28,15 +28,16 @@ def run_episode(config: EpisodeConfig) -> None:
 
     if config.resume and (config.out or (config.map and config.map.resolve() == config.resume.resolve())):
         raise InputError(f"--resume {config.resume}: neither into another folder (--out) nor on its own map (--map)")
+    brief = wanted_mission(config.mission, config.minutes, config.home)
     announce_compilation()
-    episode = Episode(config)
+    episode = Episode(config, brief)
     save_settings(config, config.folder / "config.yaml")
     cache = cache_outputs(episode)
     ended_by = run_watched(
         lambda interrupted, on_step: episode.run(interrupted, lambda line: on_step(episode.explorer.steps, line)),
         config.arena,
         "steps",
-        config.steps,
+        None if brief else config.steps,
     )
     if not ended_by:
         shutil.rmtree(cache.folder)

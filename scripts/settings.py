@@ -3,7 +3,7 @@
 import argparse
 import sys
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import MISSING, field, fields, is_dataclass, make_dataclass
+from dataclasses import MISSING, field, fields, is_dataclass, make_dataclass, replace
 from difflib import get_close_matches
 from inspect import getdoc
 from pathlib import Path
@@ -14,9 +14,10 @@ import yaml
 
 from pipeline.errors import InputError
 from pipeline.files import read_text, whole_file
-from pipeline.missions.brief import MissionBrief
+from pipeline.missions.brief import MissionBrief, Task
 from sarsim.assets import asset
 from sarsim.scripts.cli import COMMON, common, guarded, parse
+from sarsim.settings import EXPLORE
 
 CONFIG_HELP = "YAML file of settings, such as the one that every run writes; flags override its values."
 RESULTS = ("out", "resume", "bag", "tum", "json")
@@ -116,6 +117,19 @@ def load_mission(name: str) -> MissionBrief:
     """
     is_own = name in MISSIONS
     return load_settings(MissionBrief, asset("missions", f"{name}.yaml") if is_own else Path(name), flag="mission")
+
+
+def wanted_mission(mission: str, minutes: float | None = None, home: bool = False) -> MissionBrief | None:
+    """The mission that ``--mission``, ``--minutes`` and ``--home`` describe; None to explore without a clock.
+
+    Raises:
+        InputError: as :func:`load_mission` does.
+    """
+    if mission == EXPLORE:
+        return None
+    brief = load_mission(mission)
+    tasks: tuple[Task, ...] = (*brief.tasks, "home") if home and "home" not in brief.tasks else brief.tasks
+    return replace(brief, minutes=brief.minutes if minutes is None else minutes, tasks=tasks)
 
 
 def load_settings(kind: type[Settings], path: Path, args: Sequence[str] = (), flag: str = "config") -> Settings:

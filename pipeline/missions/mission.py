@@ -9,6 +9,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from pipeline.exploration.next_best_view import Exploration
 from pipeline.exploration.viewpoint import ARRIVED, Context, Strategy, Viewpoint
+from pipeline.missions.deadline import Deadline
 from pipeline.planning.path_plan import goal_name, obstacle_to, order_goals
 from pipeline.traversability.pose_kernels import STOP
 from pipeline.traversability.pose_paths import PosePaths
@@ -40,6 +41,7 @@ class Mission:
         exploration: the strategy that explores unseen ground.
         goals: the goals of the present task; None while the task is to explore.
         may_explore: whether exploring is allowed, also on the way to goals.
+        deadline: the clock that runs; None if none does.
     """
 
     def __init__(self, exploration: Exploration):
@@ -47,6 +49,7 @@ class Mission:
         self.exploration = exploration
         self.goals: Goals | None = None
         self.may_explore = True
+        self.deadline: Deadline | None = None
         self._visited: dict[str, Goals] = {}
         self._told: dict[str, int] = {}
 
@@ -63,16 +66,29 @@ class Mission:
         self.exploration.observe(context)
         if self.goals is not None:
             self.goals.observe(context)
+        if self.deadline is not None:
+            self.deadline.observe(context)
 
     def next_viewpoint(self, context: Context) -> tuple[Strategy, Viewpoint] | None:
         """The first viewpoint that any strategy names, and that strategy; None if the task is done."""
         for strategy in self.strategies:
             if (viewpoint := strategy.next_viewpoint(context)) is not None:
-                return strategy, viewpoint
+                return (strategy, viewpoint) if self._has_time(viewpoint, context) else None
         return None
+
+    def _has_time(self, viewpoint: Viewpoint, context: Context) -> bool:
+        """Whether the clock allows the drive; the robot then sets out. Once it turns back, it is not asked again."""
+        if self.deadline is None:
+            return True
+        if self.goals is None and not self.deadline.allows(viewpoint.position, context):
+            return False
+        self.deadline.set_out(viewpoint.position, context)
+        return True
 
     def tasks(self, goals: Sequence[ArrayLike], home: bool, robot: RobotState) -> Iterator[str]:
         """Begin one task after the other: explore, drive to goals (2,) m in ``map``, drive home.
+
+        With a clock, the retreat of :attr:`deadline` is the end.
 
         Yields:
             The name of each task as it begins; the robot makes steps until one has no plan.
@@ -80,7 +96,10 @@ class Mission:
         yield "exploring"
         if goals:
             yield from self._visit("goals", Goals(goals), robot)
-        if home and robot.T_map_start is not None:
+        if self.deadline is not None and self.deadline.retreat is not None:
+            retreat = self.deadline.retreat
+            yield from self._visit(retreat.task, Goals([retreat.position], may_be_near=True), robot)
+        elif home and robot.T_map_start is not None:
             yield from self._visit("home", Goals([robot.T_map_start[:2, 3]], may_be_near=True), robot)
 
     def _visit(self, name: str, goals: "Goals", robot: RobotState) -> Iterator[str]:

@@ -86,10 +86,11 @@ def draw_plan(
     corners = transform_points(inverse(T_map_league), np.column_stack([known, np.zeros(len(known))]))
     plan = _empty_plan(np.concatenate([corners, way, *(poi.position[None] for poi in pois)])[:, :2], len(title))
     _draw_ground(plan, ground, T_map_league)
+    _draw_start(plan, way[0])
+    # On top of the start, for of a robot that could not leave it the path is a dot there.
     cv2.polylines(
         plan.image, [plan.pixel_of(way)[:, None].astype(np.int32)], False, MAP_COLOURS["path"], pixels("path")
     )
-    _draw_start(plan, way[0])
     for poi in pois:
         if poi.type in MAP_COLOURS:
             _draw_find(plan, poi)

@@ -12,6 +12,7 @@ from pipeline.rescue_report.figures import figures
 from pipeline.rescue_report.map_drawing import MOST_NAMED, classes_from_above, draw_map, pale
 from pipeline.rescue_report.people import people_data
 from pipeline.rescue_report.rendering import TEMPLATES
+from pipeline.rescue_report.scores import league_scores
 from pipeline.rescue_report.situation import Situation
 
 RUN = ("arena", "seed", "steps", "version", "sim_time_s", "wall_time_s", "real_time_factor", "timing_ms")
@@ -31,7 +32,8 @@ def page(situation: Situation, report: Mapping[str, Any], written: datetime | No
 
     Args:
         situation: what the robot knows.
-        report: report.json's figures; those that need the ground truth are only in the last section, which says so.
+        report: report.json's figures; those that need the ground truth are only in the last section and
+            in a mission's scores, which say so.
         written: time of writing, for the head of the page.
     """
     drawn = np.unique(classes_from_above(situation))
@@ -43,6 +45,7 @@ def page(situation: Situation, report: Mapping[str, Any], written: datetime | No
         classes={PLAIN_NAMES.get(k, k.name.lower()): pale(k) for k in map(Label, drawn[drawn >= 0])},
         people=people_data(situation),
         written=written,
+        missions=league_scores(report),
         run=_tables({key: report[key] for key in RUN if key in report}, "run"),
         scores=_tables({key: report[key] for key in report if key not in (*RUN, SETTINGS)}, ""),
         settings=_tables(report.get(SETTINGS, {}), "command"),

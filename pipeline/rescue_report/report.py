@@ -35,12 +35,12 @@ class RescueReport(Observer):
 
 
 def write_page(path: Path, situation: Situation, report: Mapping[str, Any]) -> None:
-    """Write the page, with the figures of report.json, and beside it the people and all finds as data.
-
-    Raises:
-        InputError: a file cannot be written.
-    """
+    """Write the page, with the figures of report.json; InputError if that is impossible."""
     with whole_file(path) as partial:
         partial.write_text(page(situation, report, datetime.now().astimezone()), encoding="utf-8")
-    write_people(path.parent, situation)
-    write_finds(path.parent, situation)
+
+
+def write_found(folder: Path, situation: Situation) -> None:
+    """Write the people and all finds as data; InputError if a file cannot be written."""
+    write_people(folder, situation)
+    write_finds(folder, situation)

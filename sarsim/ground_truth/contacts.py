@@ -1,7 +1,10 @@
 """The robot's collisions with obstacles."""
 
+from collections.abc import Hashable, Iterable, Sequence
+
 import mujoco
 import numpy as np
+from numpy.typing import NDArray
 
 from pipeline.labels import Label
 from sarsim.sensors.camera import geom_labels
@@ -17,15 +20,17 @@ class CollisionCounter:
 
     Attributes:
         collisions: their number so far.
+        with_living: how often the robot began to touch a living victim, with whatever part.
     """
 
-    def __init__(self, model: mujoco.MjModel, base_body: int):
-        """``base_body``: id of the robot's root body."""
+    def __init__(self, model: mujoco.MjModel, base_body: int, living: Sequence[NDArray[np.integer]] = ()):
+        """``base_body``: id of the robot's root body; ``living``: (N,) ids of the geoms of each living victim."""
         self._is_robot = model.body_rootid[model.geom_bodyid] == base_body
         self._is_obstacle = np.isin(geom_labels(model), OBSTACLES) & ~self._is_robot
-        # Time of the last contact of each pair of geoms, s.
-        self._touched: dict[tuple[int, int], float] = {}
-        self.collisions = 0
+        self._victim_of = {int(geom): number for number, geoms in enumerate(living) for geom in geoms}
+        # Time of the last contact of each pair of geoms, and with each living victim, s.
+        self._touched: dict[Hashable, float] = {}
+        self.collisions = self.with_living = 0
 
     def count(self, data: mujoco.MjData) -> None:
         """Add the contacts of the current time step."""
@@ -33,6 +38,16 @@ class CollisionCounter:
         hit = (self._is_robot[first] & self._is_obstacle[second]) | (
             self._is_robot[second] & self._is_obstacle[first]
         )
-        for pair in {(int(a), int(b)) for a, b in zip(first[hit], second[hit], strict=True)}:
-            self.collisions += data.time - self._touched.get(pair, -np.inf) > CHATTER
-            self._touched[pair] = data.time
+        pairs = {(int(a), int(b)) for a, b in zip(first[hit], second[hit], strict=True)}
+        self.collisions += self._begun(pairs, data.time)
+        if pairs and self._victim_of:
+            victims = {self._victim_of[geom] for pair in pairs for geom in pair if geom in self._victim_of}
+            self.with_living += self._begun(victims, data.time)
+
+    def _begun(self, touches: Iterable[Hashable], time: float) -> int:
+        """How many of the touches at a time, s, are new."""
+        begun = 0
+        for touch in touches:
+            begun += time - self._touched.get(touch, -np.inf) > CHATTER
+            self._touched[touch] = time
+        return begun

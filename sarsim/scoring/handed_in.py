@@ -15,6 +15,7 @@ from pipeline.missions.brief import MissionBrief
 from pipeline.missions.cloud import NORMAL, RGB, CloudFile, read_cloud
 from pipeline.missions.hand_in import league_frame
 from pipeline.missions.pois import TYPE_OF, PointOfInterest, name_of, read_pois
+from pipeline.missions.rules import LIMITS
 from pipeline.missions.validation import handed_in_files
 from pipeline.robot import RobotModel
 from pipeline.transforms import from_rotation, transform_points
@@ -27,7 +28,7 @@ from sarsim.scoring.leagues import LeagueRun, VirtualRun, league, virtual
 from sarsim.scoring.portals import portals
 from sarsim.scoring.victims import NEAR, pairs_of_least
 
-BESIDE = 1.5  # m from a victim within which marks and robots count, Virtual Robot 2022
+BESIDE = LIMITS["beside"]
 SHOWN = 0.1  # m from a cell within which a point of the 3D map covers it: a voxel of a coarse map
 ALIKE = 0.5  # m; points farther from every true surface do not take part in the registration
 MOST_POINTS = 20_000  # of a cloud that are compared; the mean distance of so many is exact to 1 %

@@ -1,7 +1,7 @@
 """A robot that stands before a wall: what its observers are told, and what is left whatever fails."""
 
 import json
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from itertools import count
 from pathlib import Path
 
@@ -15,6 +15,8 @@ from pipeline.frame import Frame
 from pipeline.localisation.localisation import LostError
 from pipeline.localisation.trajectory import EstimatedTrajectory
 from pipeline.mapper import Mapper
+from pipeline.missions.brief import MissionBrief
+from pipeline.missions.validation import handed_in_files
 from pipeline.rerun.recorder import Recorder
 from pipeline.semantic_map.classifier import TruthClassifier
 from pipeline.transforms import from_yaw
@@ -39,6 +41,14 @@ class Settings:
     weights: tuple[Path, Path] = Path("a/b"), Path("/home/someone/c")
 
 
+@dataclass(frozen=True)
+class Here:
+    """Where the robot stands."""
+
+    time: float = 0.0
+    T_odom_base: np.ndarray = field(default_factory=lambda: np.eye(4))
+
+
 class Diary(Observer):
     """Writes down what it is told."""
 
@@ -61,12 +71,13 @@ class Diary(Observer):
 class OneStep(Expedition):
     """An expedition of one step, or of more."""
 
-    def __init__(self, out: Path, steps: int = 1):
+    def __init__(self, out: Path, steps: int = 1, brief: MissionBrief | None = None):
         explorer = Explorer(StillRobot(), Mapper(PIONEER, TruthClassifier()))
         self.diary = Diary()
         explorer.observers.append(self.diary)
-        results = ResultFolder(Settings(out), out, "here", 7, explorer.mapper, Recorder(out / "episode.rrd"))
-        trajectory = EstimatedTrajectory(explorer.mapper.localisation, [])
+        recorder = Recorder(out / "episode.rrd")
+        results = ResultFolder(Settings(out), out, "here", 7, explorer.mapper, recorder, brief)
+        trajectory = EstimatedTrajectory(explorer.mapper.localisation, [Here()])
         super().__init__(explorer, results, trajectory, steps)
 
     def _time(self) -> float:
@@ -173,3 +184,53 @@ def test_a_failure_costs_no_result_but_its_own(failing: str, tmp_path: Path) -> 
     with pytest.raises(ZeroDivisionError):
         expedition.run()
     assert {file.name for file in tmp_path.iterdir()} == (MAPS | REST) - {failing}
+
+
+class ShortMission(OneStep):
+    """A mission of 12 s of a robot that counts its seconds; one step is all that it may explore without a clock."""
+
+    def __init__(self, out: Path):
+        super().__init__(out, brief=MissionBrief(minutes=0.2))
+
+    def _time(self) -> float:
+        return self.explorer.robot.time
+
+
+def what_is_handed_in(out: Path) -> list[int]:
+    return [len(handed_in_files(out)[ending]) for ending in (".tiff", ".ply", ".csv")]
+
+
+def test_the_clock_ends_a_mission_in_the_middle_of_a_drive_and_the_steps_do_not(tmp_path, monkeypatch):
+    mission = ShortMission(tmp_path)
+    monkeypatch.setattr(Explorer, "is_held", property(lambda explorer: False))
+    drive = mission.explorer.drive
+    step = mission.explorer.step()
+    monkeypatch.setattr(mission.explorer, "step", lambda: step)
+    monkeypatch.setattr(mission.explorer, "drive", lambda step: [drive(step) for _ in range(9)][-1])
+    assert mission.run()
+    assert mission.report["exploration"] == {"ended": "time"}
+    assert mission.explorer.robot.time == pytest.approx(12, abs=2 * mission.explorer.robot.control_period)
+    assert what_is_handed_in(tmp_path) == [1, 1, 1]
+
+
+@pytest.mark.parametrize("ended", ["held", "lost", "interrupted"])
+def test_it_is_handed_in_whatever_happens(ended, tmp_path, monkeypatch):
+    mission = ShortMission(tmp_path)
+    step = mission.explorer.step()
+
+    def end():
+        if ended == "lost":
+            raise LostError("dark")
+        return replace(step, viewpoint=None, plan=None) if ended == "held" else step
+
+    monkeypatch.setattr(mission.explorer, "step", end)
+    monkeypatch.setattr(Explorer, "is_held", property(lambda explorer: ended == "held"))
+    calls = count()
+    mission.run(interrupted=lambda: ended == "interrupted" and next(calls) > 0)
+    assert mission.report["exploration"]["ended"] == ended
+    assert what_is_handed_in(tmp_path) == [1, 1, 1]
+
+
+def test_without_a_mission_nothing_is_handed_in(tmp_path):
+    OneStep(tmp_path).run()
+    assert not (tmp_path / "handed_in").exists()

@@ -11,6 +11,8 @@ import numpy as np
 import pytest
 
 from pipeline.metric_map.io.npz import load_metric_map
+from pipeline.missions.brief import HANDED_IN
+from pipeline.missions.validation import validate
 from sarsim.dataset.exports.tum import Tum
 from sarsim.dataset.generate import generate
 from sarsim.dataset.recipe import Recipe
@@ -45,12 +47,13 @@ def failed(capsys: pytest.CaptureFixture[str], *words: object) -> str:
 @pytest.fixture(scope="module")
 def mapped(tmp_path_factory: pytest.TempPathFactory) -> Path:
     folder = tmp_path_factory.mktemp("recording")
-    run(write_bag(folder / "room"), "--out", folder / "out", "--labels", "truth")
+    run(write_bag(folder / "room"), "--out", folder / "out", "--labels", "truth", "--mission", "league")
     return folder / "out"
 
 
 def test_it_leaves_the_files_of_an_episode(mapped: Path) -> None:
-    assert {path.name for path in mapped.iterdir()} == FILES
+    assert {path.name for path in mapped.iterdir()} == FILES | {HANDED_IN}
+    assert validate(mapped) == []
     report = json.loads((mapped / "report.json").read_text())
     assert report["recording"]["frames"] == len(frames())
     assert report["recording"]["left_out"] == {}

@@ -1,15 +1,19 @@
 """The commands about missions, and the files of missions."""
 
+import json
 from datetime import datetime
 
 import pytest
 
 from pipeline.errors import InputError
 from pipeline.missions.brief import MissionBrief
+from pipeline.missions.validation import validate
 from sarsim.scripts.cli import guarded
+from sarsim.scripts.run_episode import run_episode
 from sarsim.scripts.score_mission import score_mission
-from sarsim.scripts.settings import load_mission
+from sarsim.scripts.settings import load_mission, run_with_settings, wanted_mission
 from sarsim.scripts.validate_mission import validate_mission
+from sarsim.settings import EpisodeConfig
 from tests.pipeline.missions.handed_in_room import hand_in_room
 from tests.scripts.refusal import refusal
 
@@ -43,6 +47,43 @@ def test_a_wrong_file_is_refused_in_a_line(tmp_path, capsys, text, fault):
     path = tmp_path / "mission.yaml"
     path.write_text(text)
     assert fault in refusal(capsys, guarded, lambda: load_mission(str(path)))
+
+
+def test_flags_change_the_clock_and_what_counts():
+    assert wanted_mission("explore") is None
+    brief = wanted_mission("virtual", minutes=3.0, home=True)
+    assert brief is not None
+    assert (brief.minutes, brief.tasks) == (3.0, ("explore", "find", "park", "home"))
+    assert wanted_mission("league") == load_mission("league")
+
+
+@pytest.mark.parametrize(
+    ("flags", "fault"),
+    [
+        (["--mission", "league", "--minutes", "0"], "--minutes 0: more than 0"),
+        (["--mission", "league", "--minutes", "inf"], "--minutes inf: more than 0"),
+        (["--minutes", "5"], "only with a --mission"),
+        (["--mission", "none.yaml"], "none.yaml"),
+    ],
+)
+def test_a_mission_that_cannot_be_played_leaves_nothing(tmp_path, capsys, flags, fault):
+    out = tmp_path / "out"
+    play = lambda: run_with_settings(run_episode, EpisodeConfig, ["--out", str(out), *flags])  # noqa: E731
+    assert fault in refusal(capsys, guarded, play)
+    assert not out.exists()
+
+
+def test_an_episode_plays_a_mission_and_is_scored(tmp_path):
+    out = tmp_path / "out"
+    flags = ["--mission", "league", "--minutes", "0.05", "--labels", "truth", "--detector", "None", "--home"]
+    run_with_settings(run_episode, EpisodeConfig, ["--out", str(out), *flags])
+    report = json.loads((out / "report.json").read_text())
+    assert report["exploration"]["ended"] == "time"
+    assert report["home"]["reached"] == 1
+    assert report["sim_time_s"] <= 3.1
+    assert validate(out) == []
+    for league in ("league", "virtual"):
+        assert {"points"} <= set().union(*report[league].values())
 
 
 def test_what_is_accepted_ends_well_and_what_is_rejected_does_not(tmp_path, capsys):

@@ -8,6 +8,8 @@ import pytest
 
 from pipeline.errors import InputError
 from pipeline.metric_map.io.npz import load_metric_map
+from pipeline.missions.brief import HANDED_IN, MissionBrief
+from pipeline.missions.validation import validate
 from pipeline.robot import Velocity
 from pipeline.ros import messages
 from pipeline.transforms import yaw_of
@@ -28,14 +30,14 @@ FILES = {
 class Pair:
     """The simulated robot and an explorer, which wait for each other; the robot's time serves as wall-clock time."""
 
-    def __init__(self, folder: Path, **config: object):
+    def __init__(self, folder: Path, brief: MissionBrief | None = None, **config: object):
         self.wire = Wire()
         self.simulated = SimulatedNode(RosRobotConfig(out=folder / "truth"), End(self.wire, "robot"))
         end = End(self.wire, "explorer")
         end.work = self.work
         self.out = folder / "run"
         settings = {"steps": 2, "detector": None} | config
-        self.drive = RosDrive(RosExploration(out=self.out, **settings), end)  # type: ignore[arg-type]
+        self.drive = RosDrive(RosExploration(out=self.out, **settings), end, brief)  # type: ignore[arg-type]
 
     def work(self) -> None:
         self.wire.time += self.simulated.robot.control_period
@@ -100,7 +102,7 @@ def test_a_command_holds_for_half_a_second(driven: Pair) -> None:
 
 
 def test_where_the_robot_falls_silent_what_was_mapped_is_kept(tmp_path: Path) -> None:
-    pair = Pair(tmp_path, patience=1.0)
+    pair = Pair(tmp_path, MissionBrief(), patience=1.0)
 
     def falls_silent(topic: str, time: float, message: object) -> list:
         gone = topic == "/odom" and len(pair.drive.explorer.mapper.keyframes) > 1
@@ -109,6 +111,7 @@ def test_where_the_robot_falls_silent_what_was_mapped_is_kept(tmp_path: Path) ->
     pair.wire.change = falls_silent
     with pytest.raises(InputError, match="/odom: silent for 1 s; the robot was stopped"):
         pair.drive.run()
-    assert {path.name for path in pair.out.iterdir()} == FILES
+    assert {path.name for path in pair.out.iterdir()} == FILES | {HANDED_IN}
+    assert validate(pair.out) == []
     assert pair.report["stopped"].startswith("/odom: silent")
     assert messages.command_of(pair.wire.heard["/cmd_vel"][-1]) == Velocity()

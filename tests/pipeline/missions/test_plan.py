@@ -38,7 +38,7 @@ def test_finds_start_and_path(plan):
     assert colour(plan, -0.9, 1.09) != MAP_COLOURS["hazmat_sign"]  # a diamond of 30 cm
     assert colour(plan, 1.0, -1.13) == MAP_COLOURS["real_object"]
     assert colour(plan, 0.6, 0.0) == MAP_COLOURS["path"]
-    assert colour(plan, 0.2, 0.0) == colour(plan, -0.2, 0.11) == MAP_COLOURS["start"]
+    assert colour(plan, 0.1, 0.02) == colour(plan, -0.2, 0.11) == MAP_COLOURS["start"]
     assert colour(plan, 0.2, 0.11) != MAP_COLOURS["start"]  # it points up
     white = (plan.image == MAP_COLOURS["text"]).all(axis=-1)
     column, row = plan.pixel_of(np.array([-1.0, 0.75]))

@@ -11,7 +11,7 @@ from pipeline.exploration.viewpoint import Viewpoint
 from pipeline.explorer import Explorer
 from pipeline.mapper import Mapper
 from pipeline.rescue_report.page import page
-from pipeline.rescue_report.report import RescueReport, write_page
+from pipeline.rescue_report.report import RescueReport, write_found, write_page
 from pipeline.semantic_map.classifier import TruthClassifier
 from pipeline.transforms import from_yaw
 from tests.pipeline.rescue_report.html_page import read
@@ -59,6 +59,7 @@ def test_marks_and_entrance_follow_a_correction_of_the_poses() -> None:
 
 def test_the_page_is_a_file(tmp_path: Path) -> None:
     write_page(tmp_path / "report.html", before_a_wall(None), {"arena": "Fußweg"})
+    write_found(tmp_path, before_a_wall(None))
     assert "Fußweg" in read((tmp_path / "report.html").read_text(encoding="utf-8")).text
     assert {path.name for path in tmp_path.iterdir()} == {"report.html", "victims.json", "victims.csv", "finds.json"}
 

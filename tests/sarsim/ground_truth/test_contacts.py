@@ -1,6 +1,7 @@
 """A block on a rail that is pushed against a wall."""
 
 import mujoco
+import numpy as np
 import pytest
 
 from pipeline.labels import Label
@@ -11,7 +12,7 @@ WORLD = """
   <option gravity="0 0 0"/>
   <size nuser_geom="1"/>
   <worldbody>
-    <geom type="box" size=".1 1 1" pos="1.2 0 0" user="{label:d}"/>
+    <geom name="met" type="box" size=".1 1 1" pos="1.2 0 0" user="{label:d}"/>
     <body name="robot">
       <joint type="slide" axis="1 0 0"/>
       <geom type="box" size=".1 .1 .1" user="0"/>
@@ -21,17 +22,22 @@ WORLD = """
 """
 
 
-def collisions(places: list[float], label: Label = Label.WALL, pause: float = 0.0) -> int:
+def counted(places: list[float], label: Label, pause: float = 0.0, is_living: bool = False) -> CollisionCounter:
     """With the robot at each of these places along its rail, one after the other."""
     model = mujoco.MjModel.from_xml_string(WORLD.format(label=label))
     data = mujoco.MjData(model)
-    counter = CollisionCounter(model, model.body("robot").id)
+    living = [np.array([model.geom("met").id])] if is_living else []
+    counter = CollisionCounter(model, model.body("robot").id, living)
     for place in places:
         data.qpos[0] = place
         mujoco.mj_forward(model, data)
         counter.count(data)
         data.time += 0.02 + pause
-    return counter.collisions
+    return counter
+
+
+def collisions(places: list[float], label: Label = Label.WALL, pause: float = 0.0) -> int:
+    return counted(places, label, pause).collisions
 
 
 def test_staying_in_touch_is_one_collision() -> None:
@@ -46,6 +52,11 @@ def test_coming_back_is_another_collision() -> None:
     assert collisions([1.01, 0.5, 1.01], pause=CHATTER) == 2
 
 
-@pytest.mark.parametrize(("label", "counted"), [(Label.CLUTTER, 1), (Label.VICTIM, 1), (Label.TERRAIN, 0)])
-def test_the_ground_is_no_obstacle(label: Label, counted: int) -> None:
-    assert collisions([1.01], label) == counted
+@pytest.mark.parametrize(("label", "number"), [(Label.CLUTTER, 1), (Label.VICTIM, 1), (Label.TERRAIN, 0)])
+def test_the_ground_is_no_obstacle(label: Label, number: int) -> None:
+    assert collisions([1.01], label) == number
+
+
+def test_contacts_with_the_living_are_counted_apart() -> None:
+    assert counted([1.01, 0.5, 1.01], Label.VICTIM, CHATTER, is_living=True).with_living == 2
+    assert counted([1.01, 1.02], Label.VICTIM).with_living == 0

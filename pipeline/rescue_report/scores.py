@@ -1,0 +1,55 @@
+"""The leagues' scores of a mission, in words."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+from typing import Any
+
+LEAGUES = {"league": "Rescue Robot League", "virtual": "Virtual Robot competition"}
+
+
+@dataclass(frozen=True)
+class LeagueScore:
+    """What a mission is worth to a league.
+
+    Attributes:
+        name: the league's.
+        points: in all.
+        rules: points by rule, and what they follow from.
+        losses: what cost points, or would in other rules.
+    """
+
+    name: str
+    points: float
+    rules: dict[str, str]
+    losses: list[str]
+
+
+def league_scores(report: Mapping[str, Any]) -> list[LeagueScore]:
+    """The scores in report.json's figures, which need the ground truth; none if no mission was scored."""
+    return [
+        LeagueScore(
+            name,
+            report[key]["total"]["points"],
+            {rule: _told(figures) for rule, figures in report[key].items() if rule != "total"},
+            list(_losses(report[key])),
+        )
+        for key, name in LEAGUES.items()
+        if key in report
+    ]
+
+
+def _told(figures: Mapping[str, float]) -> str:
+    """Points and what they follow from, as in ``0.74: coverage 0.571, bonus 1.3``."""
+    causes = ", ".join(f"{name.replace('_', ' ')} {value:.3g}" for name, value in figures.items() if name != "points")
+    return f"{figures['points']:.2f}: {causes}".replace("-", "−")
+
+
+def _losses(rules: Mapping[str, Mapping[str, float]]) -> Iterator[str]:
+    for rule, figures in rules.items():
+        if figures["points"] < 0:
+            yield f"{-figures['points']:.2f} points for {rule}"
+        got = figures.get("right", figures.get("discovered", 0))
+        if missed := figures.get("present", got) - got:
+            yield f"{missed:.0f} {rule} missed"
+        if wrong := figures.get("wrong", 0):
+            yield f"{wrong:.0f} {rule} wrong"

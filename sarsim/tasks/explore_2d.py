@@ -47,9 +47,9 @@ class Explore2D(gymnasium.Env[Any, Any]):
     along its columns, and half turns. The robot goes to the nearest place that it can reach, sees at every node on
     the way, and turns to the heading.
 
-    An observation has the local maps ``elevation`` in m, ``label`` and ``seen`` (64, 64), with the robot in the
-    middle and rows along y; ``pose``: x, y in m from the start, cosine and sine of the heading; ``viewpoints`` (32, 4):
-    x, y and length of the way in ranges of the sensor from the robot, and the share of the frontiers that it sees, nearest
+    An observation has the local maps ``elevation`` in m, ``label`` and ``seen`` (64, 64), the robot in the middle and
+    rows along y; ``pose``: x, y in m from the start, cosine and sine of the heading; ``viewpoints`` (32, 4): x, y and
+    length of the way in ranges of the sensor from the robot, and the share of the frontiers that it sees, nearest
     first, zeros where there are no more; ``frontiers``: their number.
 
     An episode terminates when the map is explored or nothing is left to see, and is truncated after the rules' moves.

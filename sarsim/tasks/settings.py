@@ -14,3 +14,20 @@ class RewardWeights:
 
     ground: float = 1.0
     time: float = -0.1
+
+
+@dataclass(frozen=True)
+class DriveWeights:
+    """What a driving agent is rewarded for; a reward is the sum of these times what a step brought.
+
+    Attributes:
+        progress: per m nearer to the goal.
+        time: per second.
+        contact: per contact with a wall, clutter or a victim.
+        tipping: for tipping over.
+    """
+
+    progress: float = 1.0
+    time: float = -0.1
+    contact: float = -1.0
+    tipping: float = -10.0

@@ -16,6 +16,7 @@ from scipy.stats import bootstrap
 from sarsim.scripts.benchmarks.common import Result, at_least
 from sarsim.scripts.benchmarks.settings import TasksSettings
 from sarsim.scripts.cli import tracked
+from sarsim.tasks.drive import Drive
 from sarsim.tasks.explore_2d import SIZES, Explore2D
 from sarsim.tasks.grid_explorers import EXPLORERS, explore
 from sarsim.tasks.grid_scenes import DRAWINGS, GridScene, draw_scene, dungeon_files, read_dungeon
@@ -23,7 +24,7 @@ from sarsim.tasks.grid_world import PAPERS, GridWorld
 
 COMPARED = "viewpoint_tour"
 """The explorer whose ways are compared with those of the others."""
-CONFIDENCE = 0.95
+INTERVAL_SHARE = 0.95
 
 
 def measure(settings: TasksSettings) -> Result:
@@ -31,6 +32,7 @@ def measure(settings: TasksSettings) -> Result:
     at_least(1, settings, "steps")
     at_least(0, settings, "drawn")
     figures = {"explore2d.steps_per_s": steps_per_s(settings.steps)}
+    figures |= drive_rates(settings.steps // 4)
     figures["two_processes_vs_one"] = vector_rate(2, settings.steps) / vector_rate(1, settings.steps)
     groups = {"drawn": [draw_scene(DRAWINGS["test"] + n, *SIZES["papers"]) for n in range(settings.drawn)]}
     groups["dungeons"] = [read_dungeon(path) for path in dungeon_files(settings.maps)] if settings.maps else []
@@ -51,6 +53,27 @@ def steps_per_s(steps: int) -> float:
         if is_over or is_cut:
             _, info = env.reset()
     return steps / (time.process_time() - start)
+
+
+def drive_rates(steps: int) -> dict[str, float]:
+    """Rates of Drive over those of MuJoCo's own steps alone, in turns; with depth, of these and a ray cast."""
+    shares = dict[str, float]()
+    for name, size in {"drive.over_mujoco": None, "drive.depth84_over_floor": (84, 84)}.items():
+        env = Drive(depth=size, seconds=steps)
+        env.reset(seed=0)
+        env.step(np.zeros(2, np.float32))
+        task, floor = 0.0, 0.0
+        for n in range(steps):  # in turns, so that both have the same machine and contacts
+            action = np.array([0.3 * (-1) ** (n // 10), 0.2], np.float32)
+            start = time.process_time()
+            env.step(action)
+            middle = time.process_time()
+            env.steps_alone()
+            floor += time.process_time() - middle
+            task += middle - start
+        shares[name] = floor / task
+        env.close()
+    return shares
 
 
 def vector_rate(processes: int, steps: int) -> float:
@@ -95,7 +118,7 @@ def interval(name: str, above: NDArray[np.float64], below: NDArray[np.float64]) 
         (above, below),
         ratio,
         paired=True,
-        confidence_level=CONFIDENCE,
+        confidence_level=INTERVAL_SHARE,
         method="percentile",
         rng=np.random.default_rng(0),
     ).confidence_interval

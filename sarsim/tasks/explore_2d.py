@@ -1,4 +1,4 @@
-"""``sarsim/Explore2D-v0``: explore a 2D map, viewpoint by viewpoint, thousands of steps a second."""
+"""``sarsim/Explore2D-v0``: explore a 2D map, viewpoint by viewpoint, without physics."""
 
 from collections.abc import Mapping
 from functools import lru_cache

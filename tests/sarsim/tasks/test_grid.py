@@ -10,7 +10,7 @@ from sarsim.tasks import grid_kernels as kernels
 from sarsim.tasks.grid_scenes import GridScene, draw_scene, dungeon_files, read_dungeon, read_ros_scene
 from sarsim.tasks.grid_world import PAPERS, GridRules, GridWorld, route
 
-DUNGEONS = Path(__file__).parents[3] / "shared" / "dungeon_maps"
+DUNGEONS = Path(__file__).parents[4] / "shared" / "dungeon_maps"
 FROZEN = "cea4fa975598dc75"
 SMALL = GridRules(6, 360.0, 0.5, 2, 4, 2, 0, 20)
 

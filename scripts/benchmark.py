@@ -28,6 +28,7 @@ from sarsim.scripts.benchmarks.settings import (
     PlanningSettings,
     SemanticSettings,
     SubjectSettings,
+    TasksSettings,
     VictimsSettings,
 )
 from sarsim.scripts.cli import check_folder_of
@@ -48,6 +49,7 @@ SUBJECTS: dict[str, type[SubjectSettings]] = {
     "networks": NetworksSettings,
     "planning": PlanningSettings,
     "semantic": SemanticSettings,
+    "tasks": TasksSettings,
     "victims": VictimsSettings,
 }
 

@@ -16,7 +16,7 @@ FORBIDDEN = {
     "sarsim": ("sarsim.scripts", "scripts", "tests"),
     "scripts": ("tests",),
 }
-MOST_ENTRIES = {"pipeline": 29, "sarsim": 18}
+MOST_ENTRIES = {"pipeline": 29, "sarsim": 19}
 LONGEST_FUNCTION = 40
 LONGEST_EXPLORER = 120
 LEAST_DOCUMENTED = 0.98

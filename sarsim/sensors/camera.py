@@ -91,13 +91,17 @@ class RgbdCamera:
 
     def pose(self, data: mujoco.MjData) -> NDArray[np.float64]:
         """4×4 pose of ``camera_optical`` in the world."""
-        R = data.cam_xmat[self.camera_id].reshape(3, 3) @ _MUJOCO_OPTICAL
-        return from_rotation(R, data.cam_xpos[self.camera_id])
+        return optical_pose(data, self.camera_id)
 
     def pose_in_base(self, data: mujoco.MjData) -> NDArray[np.float64]:
         """4×4 pose of ``camera_optical`` in the robot's root body; in the world if no robot carries it."""
         T_world_base = from_rotation(data.xmat[self.base_body].reshape(3, 3), data.xpos[self.base_body])
         return inverse(T_world_base) @ self.pose(data)
+
+
+def optical_pose(data: mujoco.MjData, camera_id: int) -> NDArray[np.float64]:
+    """4×4 pose of a camera's ``camera_optical`` in the world."""
+    return from_rotation(data.cam_xmat[camera_id].reshape(3, 3) @ _MUJOCO_OPTICAL, data.cam_xpos[camera_id])
 
 
 def camera_intrinsics(model: mujoco.MjModel, camera_id: int, width: int, height: int) -> Intrinsics:

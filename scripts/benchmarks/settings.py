@@ -278,3 +278,18 @@ class VictimsSettings(EpisodesSettings):
     rounds: int = 15
     detector: tuple[Path, Path] | tuple[Path] = DETECTOR
     runs: Path = Path("runs/benchmark-victims")
+
+
+@dataclass(frozen=True, kw_only=True)
+class TasksSettings(SubjectSettings):
+    """Steps per second of the Gymnasium tasks, and lengths of way of the explorers of 2D maps.
+
+    Attributes:
+        steps: number of timed steps.
+        drawn: number of drawn maps on which the explorers are compared; 0 for none.
+        maps: folder of dungeon maps on which the explorers are compared as well.
+    """
+
+    steps: Fixed[int] = 2000
+    drawn: int = 100
+    maps: Path | None = None

@@ -1,0 +1,6 @@
+"""Gymnasium tasks; importing this package registers them: ``gym.make("sarsim.tasks:sarsim/Explore2D-v0")``."""
+
+import gymnasium
+
+gymnasium.register("sarsim/Explore2D-v0", entry_point="sarsim.tasks.explore_2d:Explore2D")
+gymnasium.register("sarsim/Drive-v0", entry_point="sarsim.tasks.drive:Drive")

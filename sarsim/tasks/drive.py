@@ -1,0 +1,210 @@
+"""``sarsim/Drive-v0``: drive the robot in MuJoCo by velocities, 0.1 s a step."""
+
+from collections.abc import Mapping
+from typing import Any
+
+import gymnasium
+import mujoco
+import numpy as np
+from dm_control.rl.control import PhysicsError
+from gymnasium import spaces
+from gymnasium.vector import AutoresetMode
+from numpy.typing import NDArray
+
+from pipeline.errors import InputError
+from pipeline.robot import Velocity
+from pipeline.sensor import XTION
+from pipeline.transforms import yaw_of
+from sarsim.arenas.load import load_arena
+from sarsim.environment import CONTROL_TIMESTEP, RescueEnvironment
+from sarsim.ground_truth.contacts import CollisionCounter
+from sarsim.ground_truth.true_surface import Survey
+from sarsim.sensors.camera import optical_pose
+from sarsim.sensors.odometry import WheelOdometry
+from sarsim.tasks.depth_rays import DepthRays
+from sarsim.tasks.settings import DriveWeights
+
+PERIODS = 5
+"""Of the drive's firmware, in a step."""
+SETTLING_PERIODS = 25
+"""Of the firmware, that the robot stands before an episode, as in an expedition."""
+ARRIVED_WITHIN = 0.3
+"""m from the goal."""
+TIPPED = np.cos(np.deg2rad(60))
+"""Least height of the robot's vertical axis."""
+MOST_SEEDS = 1_000_000
+"""Number of random arenas to draw from."""
+MEASURED_BOUNDS = {"gyro": 100.0, "accelerometer": 1000.0, "odometry": 10_000.0, "goal": 10_000.0}
+"""rad/s, m/s² and m; measurements are cut off here."""
+DEFAULT_DRIVE = DriveWeights()
+
+
+class Drive(gymnasium.Env[Any, Any]):
+    """Drive to a goal.
+
+    An action is forward speed and turn rate, each in [-1, 1], in shares of the drive's limits.
+
+    An observation has ``gyro`` rad/s, ``accelerometer`` m/s² (3,), means over the step; ``odometry``: x, y in m from
+    the start by the wheels, cosine and sine of the heading; ``goal``: x and y of the goal in m before and left of the
+    robot, by the true pose; with ``depth`` an image (height, width), m along the optical axis, 0 past 3.5 m.
+
+    An episode terminates at the goal or when the robot tips over, and is truncated after ``seconds``.
+    """
+
+    metadata: dict[str, Any] = {  # noqa: RUF012 - as the base class declares it
+        "render_modes": [],
+        "render_fps": 10,
+        "autoreset_mode": AutoresetMode.NEXT_STEP,
+    }
+
+    def __init__(
+        self,
+        arena: str = "nist_6x4",
+        *,
+        robot: str = "pioneer3at",
+        depth: tuple[int, int] | None = None,
+        seconds: float = 60.0,
+        weights: DriveWeights | Mapping[str, float] = DEFAULT_DRIVE,
+        render_mode: None = None,
+    ):
+        """Choose arena and sensors.
+
+        Args:
+            arena: as in run_episode.py; ``random``: another random arena each episode.
+            robot: as in run_episode.py.
+            depth: width and height of the depth image, pixels; None: no camera.
+            seconds: after which an episode is cut off.
+            weights: of the reward.
+            render_mode: None.
+        """
+        if not 0 < seconds < np.inf:
+            raise InputError(f"seconds {seconds:g}: more than 0")
+        if depth is not None and min(depth) < 1:
+            raise InputError(f"depth {depth}: at least 1 × 1 pixels")
+        self._arena, self._robot, self._size, self._seconds = arena, robot, depth, seconds
+        self._weights = weights if isinstance(weights, DriveWeights) else DriveWeights(**weights)
+        self.render_mode, self._is_closed = render_mode, False
+        self._world: RescueEnvironment | None = None
+        self.action_space = spaces.Box(-1.0, 1.0, (2,), np.float32)
+        sizes = {"gyro": 3, "accelerometer": 3, "odometry": 4, "goal": 2}
+        found: dict[str, spaces.Space[Any]] = {
+            name: spaces.Box(-MEASURED_BOUNDS[name], MEASURED_BOUNDS[name], (n,), np.float32)
+            for name, n in sizes.items()
+        }
+        if depth is not None:
+            found["depth"] = spaces.Box(0.0, XTION.farthest, depth[::-1], np.float32)
+        self.observation_space = spaces.Dict(found)
+
+    def reset(
+        self, *, seed: int | None = None, options: dict[str, Any] | None = None
+    ) -> tuple[dict[str, NDArray[np.float32]], dict[str, Any]]:
+        """Set the robot down at the start, and draw a goal; InputError if the task was closed."""
+        super().reset(seed=seed)
+        if self._is_closed:
+            raise InputError("the task was closed")
+        if self._world is None or self._arena == "random":
+            self._load()
+        assert self._world is not None
+        self._world.reset()
+        for _ in range(SETTLING_PERIODS):
+            self._world.drive(Velocity())
+        self._start = self._world.physics.time()
+        self._collisions = CollisionCounter(self._world.physics.model.ptr, self._body)
+        self._odometry = WheelOdometry(self.np_random, self._world.robot.drive.wheel_radius)
+        self._goal: NDArray[np.float64] = self._goals[int(self.np_random.integers(len(self._goals)))]
+        self._steps, self._way, observation = 0, 0.0, self._observe()
+        self._last = self._place
+        return observation, self._info()
+
+    def step(self, action: NDArray[np.float32]) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
+        """Follow the command for 0.1 s."""
+        if self._is_closed or self._world is None:
+            raise InputError("the task was closed, or not reset yet")
+        v, w = np.clip(np.asarray(action, np.float64), -1, 1) * self._world.robot.drive.limits
+        hits, far, diverged = self._collisions.collisions, self._distance, False
+        try:
+            for _ in range(PERIODS):
+                self._world.drive(Velocity(float(v), float(w)))
+                self._collisions.count(self._world.physics.data.ptr)
+        except PhysicsError:
+            diverged = True
+        observation = self._observe()
+        self._steps += 1
+        self._way += float(np.linalg.norm(self._place - self._last))
+        self._last = self._place
+        tipped = diverged or self._pose[2, 2] < TIPPED
+        weights, contacts = self._weights, self._collisions.collisions - hits
+        reward = weights.progress * (far - self._distance) + weights.time * PERIODS * CONTROL_TIMESTEP
+        reward += weights.contact * contacts + weights.tipping * tipped
+        is_over = bool(tipped or self._distance < ARRIVED_WITHIN)
+        is_cut = not is_over and self._world.physics.time() - self._start >= self._seconds - CONTROL_TIMESTEP / 2
+        return observation, float(reward), is_over, bool(is_cut), self._info() | {"navigation.tipped": int(tipped)}
+
+    def close(self) -> None:
+        """Free the physics."""
+        if self._world is not None:
+            self._world.close()
+        self._world, self._is_closed = None, True
+
+    def _load(self) -> None:
+        if self._world is not None:
+            self._world.close()
+        name = f"random:{self.np_random.integers(MOST_SEEDS)}" if self._arena == "random" else self._arena
+        arena = load_arena(name)
+        self._world = RescueEnvironment(arena, self._robot)
+        model, data = self._world.physics.model.ptr, self._world.physics.data.ptr
+        self._camera = int(model.camera(self._world.robot.camera.full_identifier).id)
+        self._body = int(model.body_rootid[model.cam_bodyid[self._camera]])
+        surface = Survey(model, data, self._body, self._world.robot.model).surface_from(arena.T_world_start[:3, 3])
+        self._goals: NDArray[np.float64] = surface.grid.centre_of(np.argwhere(surface.drivable))
+        self._rays = DepthRays(model, data, self._camera, self._size) if self._size else None
+
+    @property
+    def _place(self) -> NDArray[np.float64]:
+        return self._pose[:2, 3]
+
+    @property
+    def _distance(self) -> float:
+        """m to the goal."""
+        return float(np.linalg.norm(self._goal - self._place))
+
+    def _observe(self) -> dict[str, NDArray[np.float32]]:
+        assert self._world is not None
+        world, physics = self._world, self._world.physics
+        gyro, accelerometer = world.inertial()
+        dt = PERIODS * CONTROL_TIMESTEP
+        T_odom_base = self._odometry.update(world.robot.wheel_angle(physics), gyro, accelerometer, dt)
+        self._pose = pose = world.robot.T_world_base(physics)
+        yaw = yaw_of(T_odom_base)
+        values = {
+            "gyro": gyro,
+            "accelerometer": accelerometer,
+            "odometry": np.array([*T_odom_base[:2, 3], np.cos(yaw), np.sin(yaw)]),
+            "goal": pose[:2, :2].T @ (self._goal - pose[:2, 3]),
+        }
+        found = {
+            name: np.clip(value, -MEASURED_BOUNDS[name], MEASURED_BOUNDS[name]) for name, value in values.items()
+        }
+        if self._rays is not None:
+            depth = self._rays.depth(optical_pose(physics.data.ptr, self._camera))
+            found["depth"] = np.where(depth <= XTION.farthest, depth, 0)
+        return {name: value.astype(np.float32) for name, value in found.items()}
+
+    def _info(self) -> dict[str, Any]:
+        """Keys as in report.json."""
+        assert self._world is not None
+        return {
+            "steps": self._steps,
+            "sim_time_s": self._world.physics.time() - self._start,
+            "navigation.distance_m": self._way,
+            "navigation.collisions": self._collisions.collisions,
+            "navigation.reached": int(self._distance < ARRIVED_WITHIN),
+        }
+
+    def steps_alone(self) -> None:
+        """What a step costs at least: MuJoCo's own steps, and a ray cast if there is a camera; for benchmarks."""
+        assert self._world is not None
+        model, data = self._world.physics.model.ptr, self._world.physics.data.ptr
+        mujoco.mj_step(model, data, nstep=PERIODS * round(CONTROL_TIMESTEP / model.opt.timestep))
+        if self._rays is not None:
+            self._rays.depth(optical_pose(data, self._camera))

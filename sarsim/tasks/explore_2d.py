@@ -1,0 +1,242 @@
+"""``sarsim/Explore2D-v0``: explore a 2D map, viewpoint by viewpoint, without physics."""
+
+from collections.abc import Mapping
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, Literal
+
+import gymnasium
+import numpy as np
+from gymnasium import spaces
+from gymnasium.vector import AutoresetMode
+from numpy.typing import NDArray
+
+from pipeline.errors import InputError
+from pipeline.labels import Label
+from sarsim.tasks import grid_kernels as kernels
+from sarsim.tasks.grid_explorers import Sights
+from sarsim.tasks.grid_scenes import DRAWINGS, GridScene, draw_scene, dungeon_files, read_dungeon, read_ros_scene
+from sarsim.tasks.grid_world import RULES, GridWorld, route
+from sarsim.tasks.settings import RewardWeights
+
+LOCAL_SIDE = 64
+"""Rows and columns of the local maps."""
+VIEWPOINTS = 32
+"""Number of viewpoints to choose from."""
+FARTHEST_COORDINATE = 10_000.0
+"""m; poses are cut off here."""
+SPEED, TURN_RATE = 0.5, 1.0
+"""m/s and rad/s of the robot, as episodes drive by default."""
+SIZES = {"camera": ((120, 160), 10, 0.1), "papers": ((480, 640), 20, 1.0)}
+"""Rows and columns, width of corridors in cells, and m of a cell, of the maps that are drawn."""
+LABEL_OF = np.array([Label.UNLABELLED, Label.TERRAIN, Label.WALL], np.uint8)
+BELIEF_COLOURS = np.array([(127, 127, 127), (255, 255, 255), (0, 0, 0)], np.uint8)
+ROBOT_COLOUR = (220, 40, 40)
+
+DEFAULT_WEIGHTS = RewardWeights()
+
+Action = int | np.integer[Any] | NDArray[np.float32]
+Maps = dict[str, NDArray[Any]]
+
+
+class Explore2D(gymnasium.Env[Any, Any]):
+    """Explore a 2D map.
+
+    An action is the number of a viewpoint in the observation (``action="viewpoint"``; a number past the last counts
+    from the first again), or x, y and heading (``action="pose"``), each in [-1, 1]: a place in the local map, with x
+    along its columns, and half turns. The robot goes to the nearest place that it can reach, sees at every node on
+    the way, and turns to the heading.
+
+    An observation has the local maps ``elevation`` in m, ``label`` and ``seen`` (64, 64), the robot in the middle and
+    rows along y; ``pose``: x, y in m from the start, cosine and sine of the heading; ``viewpoints`` (32, 4): x, y and
+    length of the way in ranges of the sensor from the robot, and the share of the frontiers that it sees, nearest
+    first, zeros where there are no more; ``frontiers``: their number.
+
+    An episode terminates when the map is explored or nothing is left to see, and is truncated after the rules' moves.
+    """
+
+    metadata: dict[str, Any] = {  # noqa: RUF012 - as the base class declares it
+        "render_modes": ["rgb_array"],
+        "render_fps": 10,
+        "autoreset_mode": AutoresetMode.NEXT_STEP,
+    }
+
+    def __init__(
+        self,
+        maps: Path | str | None = None,
+        *,
+        split: str = "train",
+        rules: str | None = None,
+        action: Literal["viewpoint", "pose"] = "viewpoint",
+        weights: RewardWeights | Mapping[str, float] = DEFAULT_WEIGHTS,
+        render_mode: str | None = None,
+    ):
+        """Choose the maps; each episode takes another.
+
+        Args:
+            maps: folder of dungeon maps or a ROS map's yaml file; by default maps are drawn.
+            split: of the drawn maps: train, val or test.
+            rules: camera or papers; by default those of the papers for a folder, else the camera's.
+            action: what an action is.
+            weights: of the reward.
+            render_mode: rgb_array, or None.
+
+        Raises:
+            InputError: a setting or a map is wrong.
+        """
+        self._files = _files(None if maps is None else Path(maps))
+        self._name = rules or ("papers" if maps is not None and Path(maps).is_dir() else "camera")
+        for name, value, known in (("rules", self._name, RULES), ("split", split, DRAWINGS)):
+            if value not in known:
+                raise InputError(f"{name} {value!r}: not one of {', '.join(known)}")
+        if action not in ("viewpoint", "pose"):
+            raise InputError(f"action {action!r}: neither viewpoint nor pose")
+        self._rules, self._split, self._by_pose = RULES[self._name], split, action == "pose"
+        self._weights = weights if isinstance(weights, RewardWeights) else RewardWeights(**weights)
+        self._stride = -(-2 * self._rules.reach // LOCAL_SIDE)
+        self.render_mode = render_mode
+        self.action_space = spaces.Box(-1.0, 1.0, (3,), np.float32) if self._by_pose else spaces.Discrete(VIEWPOINTS)
+        self.observation_space = observation_space()
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Maps, dict[str, Any]]:
+        """Set the robot down in the next map, and look all around.
+
+        ``options["map"]`` is the number of the map in the split or the folder; by default it is drawn by chance.
+        """
+        super().reset(seed=seed)
+        self.world = GridWorld(self._scene((options or {}).get("map")), self._rules)
+        self._steps = 0
+        self._observe()
+        return self._observation(), self._info()
+
+    def step(self, action: Action) -> tuple[Maps, float, bool, bool, dict[str, Any]]:
+        """Go to a viewpoint; see the class."""
+        before, seconds = self.world.known_free, self._seconds
+        node, heading = self._target(action)
+        for stop in route(self._sights.before, self.world.here, node):
+            self.world.move(stop)
+            if self.world.is_explored or self.world.moves >= self._rules.most_moves:
+                break
+        if heading is not None and self._rules.field_of_view < 360:
+            self.world.turn(heading)
+        self._steps += 1
+        self._observe()
+        ground = (self.world.known_free - before) * self.world.scene.cell**2
+        reward = self._weights.ground * ground + self._weights.time * (self._seconds - seconds)
+        is_over = self.world.is_explored or not len(self._sights.frontiers)
+        is_cut = not is_over and max(self.world.moves, self._steps) >= self._rules.most_moves
+        return self._observation(), float(reward), is_over, is_cut, self._info()
+
+    def render(self) -> NDArray[np.uint8] | None:
+        """(H, W, 3) what is known of the map, and the robot in red."""
+        if self.render_mode is None:
+            return None
+        image: NDArray[np.uint8] = BELIEF_COLOURS[self.world.belief]
+        row, col = self.world.nodes[self.world.here]
+        half = self._rules.spacing // 2
+        image[max(row - half, 0) : row + half + 1, max(col - half, 0) : col + half + 1] = ROBOT_COLOUR
+        return image
+
+    @property
+    def _seconds(self) -> float:
+        return self.world.way * self.world.scene.cell / SPEED + self.world.turned / TURN_RATE
+
+    def _scene(self, number: int | None) -> GridScene:
+        if self._files:
+            index = int(self.np_random.integers(len(self._files))) if number is None else number % len(self._files)
+            file = self._files[index]
+            return _read(file)
+        most = DRAWINGS["val"]
+        index = int(self.np_random.integers(most)) if number is None else number % most
+        return draw_scene(DRAWINGS[self._split] + index, *SIZES[self._name])
+
+    def _observe(self) -> None:
+        """Find out what is left to see, and from where."""
+        self._sights = sights = Sights.of(self.world)
+        counts = sights.visible.sum(axis=1)
+        rows = np.flatnonzero(counts)
+        rows = rows[np.argsort(sights.ways[rows], kind="stable")][:VIEWPOINTS]
+        self._rows, self._shares = rows, counts[rows] / max(len(sights.frontiers), 1)
+
+    def _target(self, action: Action) -> tuple[int, float | None]:
+        """The node to go to and the heading there, rad."""
+        world, sights = self.world, self._sights
+        if self._by_pose:
+            x, y, turn = np.clip(np.asarray(action, np.float64), -1, 1).tolist()
+            place = world.nodes[world.here] + np.array([y, x]) * LOCAL_SIDE * self._stride / 2
+            nodes = np.append(np.flatnonzero(sights.before >= 0), world.here)
+            return int(nodes[np.linalg.norm(world.nodes[nodes] - place, axis=1).argmin()]), turn * np.pi
+        if not len(self._rows):
+            return world.here, None
+        row = int(self._rows[int(action) % len(self._rows)])
+        node = int(sights.nodes[row])
+        ahead = sights.frontiers[sights.visible[row]] - world.nodes[node]
+        bearings = np.arctan2(ahead[:, 0], ahead[:, 1])
+        return node, best_heading(bearings, np.deg2rad(self._rules.field_of_view))
+
+    def _observation(self) -> Maps:
+        world, reach = self.world, self._rules.reach
+        known = kernels.local_map(world.belief, *world.nodes[world.here], LOCAL_SIDE, self._stride)
+        viewpoints = np.zeros((VIEWPOINTS, 4), np.float32)
+        nodes, ways = self._sights.nodes[self._rows], self._sights.ways[self._rows]
+        away = (world.nodes[nodes] - world.nodes[world.here])[:, ::-1] / reach
+        rows = np.column_stack([away, ways / reach, self._shares])
+        viewpoints[: len(rows)] = np.clip(rows, -FARTHEST_COORDINATE, FARTHEST_COORDINATE)
+        x, y = (world.nodes[world.here] - world.scene.start)[::-1] * world.scene.cell
+        pose = np.array([x, y, np.cos(world.heading), np.sin(world.heading)], np.float32)
+        return {
+            "elevation": np.zeros((LOCAL_SIDE, LOCAL_SIDE), np.float32),
+            "label": LABEL_OF[known],
+            "seen": (known != kernels.IS_UNKNOWN).astype(np.uint8),
+            "pose": np.clip(pose, -FARTHEST_COORDINATE, FARTHEST_COORDINATE),
+            "viewpoints": viewpoints,
+            "frontiers": np.array([min(len(self._sights.frontiers), FARTHEST_COORDINATE)], np.float32),
+        }
+
+    def _info(self) -> dict[str, Any]:
+        """Keys as in report.json, and which numbers of viewpoints mean one."""
+        world, info = self.world, dict[str, Any]()
+        info["steps"] = self._steps
+        info["sim_time_s"] = self._seconds
+        info["navigation.distance_m"] = world.way * world.scene.cell
+        info["exploration.explored_fraction"] = world.explored_fraction
+        info["exploration.frontiers_left"] = len(self._sights.frontiers)
+        info["action_mask"] = (np.arange(VIEWPOINTS) < max(len(self._rows), 1)).astype(np.int8)
+        return info
+
+
+def observation_space() -> spaces.Dict:
+    """The space of the observations; see :class:`Explore2D`."""
+    far = FARTHEST_COORDINATE
+    low, high = np.array([-far, -far, -1, -1], np.float32), np.array([far, far, 1, 1], np.float32)
+    return spaces.Dict(
+        {
+            "elevation": spaces.Box(-far, far, (LOCAL_SIDE, LOCAL_SIDE), np.float32),
+            "label": spaces.Box(0, max(Label), (LOCAL_SIDE, LOCAL_SIDE), np.uint8),
+            "seen": spaces.Box(0, 1, (LOCAL_SIDE, LOCAL_SIDE), np.uint8),
+            "pose": spaces.Box(low, high, dtype=np.float32),
+            "viewpoints": spaces.Box(-far, far, (VIEWPOINTS, 4), np.float32),
+            "frontiers": spaces.Box(0, far, (1,), np.float32),
+        }
+    )
+
+
+def best_heading(bearings: NDArray[np.float64], field_of_view: float) -> float:
+    """The bearing of (N,), rad, around which a camera of this field of view, rad, sees most of the others."""
+    apart = abs((bearings[:, None] - bearings + np.pi) % (2 * np.pi) - np.pi)
+    return float(bearings[(apart <= field_of_view / 2).sum(axis=1).argmax()])
+
+
+def _files(maps: Path | None) -> list[Path]:
+    """The files of maps; empty if they are drawn."""
+    if maps is None:
+        return []
+    if not maps.exists():
+        raise InputError(f"{maps}: no such file or folder")
+    return dungeon_files(maps) if maps.is_dir() else [maps]
+
+
+@lru_cache(maxsize=128)
+def _read(file: Path) -> GridScene:
+    """The map in a file, kept for further episodes."""
+    return read_ros_scene(file) if file.suffix == ".yaml" else read_dungeon(file)

@@ -1,0 +1,189 @@
+"""Compiled loops over the cells of 2D maps: rays, edges, frontiers and what is visible from where."""
+
+import heapq
+
+import numpy as np
+from numba import njit
+
+IS_UNKNOWN, IS_FREE, IS_WALL = 0, 1, 2
+"""What is known of a cell."""
+
+
+@njit(cache=True)
+def sense(free, belief, row, col, bearings, reach, wall):
+    """Write into ``belief`` (H, W) what a sensor in a cell sees of ``free`` (H, W); the number of new free cells.
+
+    A ray goes by Bresenham's line to the cell at ``reach`` cells along one of the ``bearings`` (N,), rad, columns
+    being x; it enters a wall by less than ``wall`` cells and ends behind it. The cell at ``reach`` is not seen.
+    """
+    new = 0
+    for n in range(len(bearings)):
+        r, c = row, col
+        r_end = int(np.rint(row + reach * np.sin(bearings[n])))
+        c_end = int(np.rint(col + reach * np.cos(bearings[n])))
+        dr, dc = abs(r_end - r), abs(c_end - c)
+        step_r, step_c = (1 if r_end > r else -1), (1 if c_end > c else -1)
+        error, dr, dc, inside = dc - dr, 2 * dr, 2 * dc, 0
+        while 0 <= r < free.shape[0] and 0 <= c < free.shape[1]:
+            if not free[r, c]:
+                inside += 1
+                if inside >= wall:
+                    break
+            elif inside > 0:
+                break
+            if r == r_end and c == c_end:
+                break
+            if belief[r, c] == IS_UNKNOWN:
+                belief[r, c] = IS_FREE if free[r, c] else IS_WALL
+                new += free[r, c]
+            if error > 0:
+                c += step_c
+                error -= dr
+            else:
+                r += step_r
+                error += dc
+    return new
+
+
+@njit(cache=True)
+def is_clear(belief, r, c, r_end, c_end):
+    """Whether all cells of ``belief`` (H, W) on Bresenham's line between two cells, ends included, are known free."""
+    dr, dc = abs(r_end - r), abs(c_end - c)
+    step_r, step_c = (1 if r_end > r else -1), (1 if c_end > c else -1)
+    error, dr, dc = dc - dr, 2 * dr, 2 * dc
+    while belief[r, c] == IS_FREE:
+        if r == r_end and c == c_end:
+            return True
+        if error > 0:
+            c += step_c
+            error -= dr
+        else:
+            r += step_r
+            error += dc
+    return False
+
+
+@njit(cache=True)
+def open_edges(belief, nodes, neighbours, is_open, middle, radius):
+    """Set ``is_open`` (N, K) for edges to ``neighbours`` (N, K; -1: none) that are now known free.
+
+    Looks at ``nodes`` (N, 2) within ``radius`` cells, by row and column, of ``middle`` (2,).
+    """
+    for n in range(len(nodes)):
+        r, c = nodes[n]
+        if abs(r - middle[0]) > radius or abs(c - middle[1]) > radius or belief[r, c] != IS_FREE:
+            continue
+        for k in range(neighbours.shape[1]):
+            m = neighbours[n, k]
+            if m >= 0 and not is_open[n, k] and is_clear(belief, r, c, nodes[m, 0], nodes[m, 1]):
+                is_open[n, k] = True
+                is_open[m, neighbours.shape[1] - 1 - k] = True
+
+
+@njit(cache=True)
+def thin(belief, thinned, factor, middle, radius):
+    """Write ``thinned`` (H // factor, W // factor) around ``middle`` (2,): a wall where any of the cells is one.
+
+    Otherwise unknown where any is unknown, and free where all are. ``radius`` is in cells of ``belief`` (H, W).
+    """
+    low_r, low_c = max(middle[0] - radius, 0) // factor, max(middle[1] - radius, 0) // factor
+    for i in range(low_r, min((middle[0] + radius) // factor + 1, thinned.shape[0])):
+        for j in range(low_c, min((middle[1] + radius) // factor + 1, thinned.shape[1])):
+            state = IS_FREE
+            for r in range(i * factor, (i + 1) * factor):
+                for c in range(j * factor, (j + 1) * factor):
+                    if belief[r, c] == IS_WALL:
+                        state = IS_WALL
+                    elif belief[r, c] == IS_UNKNOWN and state == IS_FREE:
+                        state = IS_UNKNOWN
+            thinned[i, j] = state
+
+
+@njit(cache=True)
+def frontier_mask(thinned):
+    """(H, W) the free cells of a map (H, W) that have two to seven unknown neighbours among eight."""
+    mask = np.zeros(thinned.shape, np.bool_)
+    for i in range(1, thinned.shape[0] - 1):
+        for j in range(1, thinned.shape[1] - 1):
+            if thinned[i, j] == IS_FREE:
+                unknown = 0
+                for a in range(i - 1, i + 2):
+                    for b in range(j - 1, j + 2):
+                        unknown += thinned[a, b] == IS_UNKNOWN
+                mask[i, j] = 2 <= unknown <= 7
+    return mask
+
+
+@njit(cache=True)
+def visible(belief, places, points, reach):
+    """(N, M) whether a straight known free line of at most ``reach`` cells joins places (N, 2) and points (M, 2)."""
+    result = np.zeros((len(places), len(points)), np.bool_)
+    for n in range(len(places)):
+        r, c = places[n]
+        for m in range(len(points)):
+            dr, dc = points[m, 0] - r, points[m, 1] - c
+            if dr * dr + dc * dc <= reach * reach:
+                result[n, m] = is_clear(belief, r, c, points[m, 0], points[m, 1])
+    return result
+
+
+@njit(cache=True)
+def unknown_in_view(thinned, rows, cols, reach, deepest):
+    """(N,) numbers of unknown cells that rays from cells (N,) of a map (H, W) should see within ``reach`` cells.
+
+    Unknown cells are taken for free, over at most ``deepest`` of them on a ray.
+    """
+    counts = np.zeros(len(rows), np.int64)
+    stamp = np.full(thinned.shape, -1)
+    rays = int(np.ceil(2 * np.pi * reach))  # at the range, one ray a cell
+    for n in range(len(rows)):
+        for k in range(rays):
+            dr, dc = np.sin(2 * np.pi * k / rays), np.cos(2 * np.pi * k / rays)
+            unknown = 0
+            for d in range(1, reach + 1):
+                r, c = int(np.rint(rows[n] + d * dr)), int(np.rint(cols[n] + d * dc))
+                if not (0 <= r < thinned.shape[0] and 0 <= c < thinned.shape[1]) or thinned[r, c] == IS_WALL:
+                    break
+                if thinned[r, c] == IS_UNKNOWN:
+                    unknown += 1
+                    if unknown > deepest:
+                        break
+                    if stamp[r, c] != n:
+                        stamp[r, c] = n
+                        counts[n] += 1
+    return counts
+
+
+@njit(cache=True)
+def shortest_ways(neighbours, lengths, is_open, start):
+    """Lengths (N,) of the shortest ways from a node along open edges, inf if none, and the nodes before (N,).
+
+    Dijkstra's algorithm; edges lead to ``neighbours`` (N, K), have ``lengths`` (K,), alike at every node, and exist
+    where ``is_open`` (N, K). Before the start and nodes without a way is -1.
+    """
+    ways, before = np.full(len(neighbours), np.inf), np.full(len(neighbours), -1)
+    ways[start] = 0.0
+    heap = [(0.0, start)]
+    while heap:
+        way, n = heapq.heappop(heap)
+        if way > ways[n]:
+            continue
+        for k in range(neighbours.shape[1]):
+            m = neighbours[n, k]
+            if is_open[n, k] and way + lengths[k] < ways[m]:
+                ways[m] = way + lengths[k]
+                before[m] = n
+                heapq.heappush(heap, (ways[m], m))
+    return ways, before
+
+
+@njit(cache=True)
+def local_map(belief, row, col, side, stride):
+    """(side, side) every ``stride``-th cell of ``belief`` (H, W) around a cell; unknown beyond the map."""
+    result = np.full((side, side), IS_UNKNOWN, np.uint8)
+    for i in range(side):
+        for j in range(side):
+            r, c = row + (i - side // 2) * stride, col + (j - side // 2) * stride
+            if 0 <= r < belief.shape[0] and 0 <= c < belief.shape[1]:
+                result[i, j] = belief[r, c]
+    return result

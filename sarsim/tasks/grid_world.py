@@ -1,0 +1,160 @@
+"""A robot that explores a 2D map: what it knows, where it can go, and what is left to see."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from sarsim.tasks import grid_kernels as kernels
+from sarsim.tasks.grid_scenes import GridScene
+
+REACHES = 2
+"""Edges join nodes that are at most so many rows and columns of the lattice apart."""
+
+
+@dataclass(frozen=True)
+class GridRules:
+    """Sensor, motion and end of an exploration.
+
+    Attributes:
+        reach: cells, range of the sensor.
+        field_of_view: degrees, 360 for all around.
+        ray_step: degrees from one ray to the next.
+        wall: cells; rays enter walls by less than this.
+        spacing: cells from one node to the next.
+        thinning: cells; frontiers are found on squares of so many.
+        most_unseen: free cells that may be left unseen at the end.
+        most_moves: along edges, after which an episode is cut off.
+    """
+
+    reach: int
+    field_of_view: float
+    ray_step: float
+    wall: int
+    spacing: int
+    thinning: int
+    most_unseen: int
+    most_moves: int
+
+
+PAPERS = GridRules(80, 360.0, 0.5, 10, 20, 4, 250, 128)
+"""The tests of ARIADNE (Cao et al., ICRA 2023), by its public code."""
+CAMERA = GridRules(35, 58.0, 1.0, 2, 5, 2, 100, 2000)
+"""The robot's RGB-D camera (58°, 3.5 m) on cells of 0.1 m; the robot is done when less than 1 m² is unseen."""
+RULES = {"camera": CAMERA, "papers": PAPERS}
+
+
+class GridWorld:
+    """The state of an exploration. The robot stands on nodes of a lattice through its start; it is a point.
+
+    Attributes:
+        belief: (H, W) uint8, :data:`grid_kernels.IS_UNKNOWN`, ``IS_FREE`` or ``IS_WALL``.
+        thinned: the same in squares of ``rules.thinning`` cells.
+        nodes: (N, 2) row and column of each node of the lattice, cells.
+        here: node of the robot.
+        heading: rad, of the robot; 0 along the columns.
+        visited: (N,) nodes at which the robot has looked.
+        way: cells that it has come.
+        turned: rad that it has turned.
+        moves: number of edges that it has followed.
+    """
+
+    def __init__(self, scene: GridScene, rules: GridRules):
+        """Look all around at the start."""
+        self.scene, self.rules = scene, rules
+        self.belief = np.zeros(scene.free.shape, np.uint8)
+        self.thinned = np.zeros(np.array(scene.free.shape) // rules.thinning, np.uint8)
+        self._make_lattice()
+        self.visited = np.zeros(len(self.nodes), np.bool_)
+        self.way, self.turned, self.heading, self.moves = 0.0, 0.0, 0.0, 0
+        self._free, self.known_free = int(scene.free.sum()), 0
+        self._look(360.0)
+
+    def _make_lattice(self) -> None:
+        shape, spacing = self.belief.shape, self.rules.spacing
+        rows, cols = (np.arange(s % spacing, shape[axis], spacing) for axis, s in enumerate(self.scene.start))
+        index = np.pad(np.arange(len(rows) * len(cols)).reshape(len(rows), len(cols)), REACHES, constant_values=-1)
+        self.nodes = np.stack(np.meshgrid(rows, cols, indexing="ij"), axis=-1).reshape(-1, 2)
+        span = range(2 * REACHES + 1)
+        around = [index[i : i + len(rows), j : j + len(cols)] for i in span for j in span]
+        offsets = np.array([(i - REACHES, j - REACHES) for i in span for j in span])
+        around.pop(len(around) // 2)
+        self._lengths = spacing * np.delete(np.linalg.norm(offsets, axis=1), len(offsets) // 2)
+        self._neighbours = np.stack(around, axis=-1).reshape(len(self.nodes), -1)
+        self._open = np.zeros(self._neighbours.shape, np.bool_)
+        self.here = int(np.flatnonzero((self.nodes == self.scene.start).all(axis=1))[0])
+
+    @property
+    def unseen(self) -> int:
+        """Number of free cells that the robot has not seen."""
+        return self._free - self.known_free
+
+    @property
+    def is_explored(self) -> bool:
+        """Whether as good as everything is seen."""
+        return self.unseen <= self.rules.most_unseen
+
+    @property
+    def explored_fraction(self) -> float:
+        """Share of the free cells that the robot has seen."""
+        return self.known_free / self._free
+
+    def ways(self, start: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
+        """(N,) lengths of the shortest known ways from a node, cells, and (N,) the node before each, or -1."""
+        ways, before = kernels.shortest_ways(self._neighbours, self._lengths, self._open, start)
+        return ways, before
+
+    def next_nodes(self) -> NDArray[np.int64]:
+        """(K,) the nodes at the ends of the known edges from the robot's."""
+        nodes: NDArray[np.int64] = self._neighbours[self.here][self._open[self.here]]
+        return nodes
+
+    def frontiers(self) -> NDArray[np.int64]:
+        """(M, 2) cells, the middles of the free squares that border on unknown ones."""
+        return np.argwhere(kernels.frontier_mask(self.thinned)) * self.rules.thinning + self.rules.thinning // 2
+
+    def visible(self, nodes: NDArray[np.int64], frontiers: NDArray[np.int64]) -> NDArray[np.bool_]:
+        """(N, M) whether nodes (N,) see frontiers (M, 2), cells.
+
+        A frontier is within 7/8 of the sensor's range, so that something is seen behind it.
+        """
+        sees = kernels.visible(self.belief, self.nodes[nodes], frontiers, 7 * self.rules.reach / 8)
+        return np.asarray(sees, np.bool_)
+
+    def move(self, node: int) -> None:
+        """Follow the edge to a node and look there."""
+        step = self.nodes[node] - self.nodes[self.here]
+        self.way += float(np.linalg.norm(step))
+        self.here, self.moves = node, self.moves + 1
+        self._turn(float(np.arctan2(step[0], step[1])))
+        self._look(self.rules.field_of_view)
+
+    def turn(self, heading: float) -> None:
+        """Turn to a heading, rad, and look there."""
+        self._turn(heading)
+        self._look(self.rules.field_of_view)
+
+    def _turn(self, heading: float) -> None:
+        self.turned += float(abs((heading - self.heading + np.pi) % (2 * np.pi) - np.pi))
+        self.heading = heading
+
+    def _look(self, field_of_view: float) -> None:
+        """See what the sensor sees; ``field_of_view`` in degrees."""
+        rules, (row, col) = self.rules, self.nodes[self.here].tolist()
+        half = field_of_view / 2
+        bearings = self.heading + np.deg2rad(np.arange(-half, half, rules.ray_step))
+        self.known_free += kernels.sense(self.scene.free, self.belief, row, col, bearings, rules.reach, rules.wall)
+        self.visited[self.here] = True
+        middle, radius = np.array([row, col]), rules.reach + 1
+        kernels.thin(self.belief, self.thinned, rules.thinning, middle, radius)
+        far = radius + REACHES * rules.spacing
+        kernels.open_edges(self.belief, self.nodes, self._neighbours, self._open, middle, far)
+
+
+def route(before: NDArray[np.int64], here: int, node: int) -> list[int]:
+    """The nodes after ``here`` up to ``node``, by (N,) the node before each; empty if there is no way."""
+    nodes = []
+    while node != here and node >= 0:
+        nodes.append(node)
+        node = int(before[node])
+    return nodes[::-1] if node == here else []

@@ -1,0 +1,137 @@
+"""Rates of the tasks, and lengths of way of the explorers of 2D maps by the papers' protocol.
+
+Rates are steps per second of processor time, so that other work on the machine does not count; two processes are
+timed by the clock.
+"""
+
+import time
+from collections.abc import Mapping, Sequence
+
+import gymnasium
+import numpy as np
+from numpy.typing import NDArray
+from rich.table import Table
+from scipy.stats import bootstrap
+
+from sarsim.scripts.benchmarks.common import Result, at_least
+from sarsim.scripts.benchmarks.settings import TasksSettings
+from sarsim.scripts.cli import tracked
+from sarsim.tasks.drive import Drive
+from sarsim.tasks.explore_2d import SIZES, Explore2D
+from sarsim.tasks.grid_explorers import EXPLORERS, explore
+from sarsim.tasks.grid_scenes import DRAWINGS, GridScene, draw_scene, dungeon_files, read_dungeon
+from sarsim.tasks.grid_world import PAPERS, GridWorld
+
+COMPARED = "viewpoint_tour"
+"""The explorer whose ways are compared with those of the others."""
+INTERVAL_SHARE = 0.95
+
+
+def measure(settings: TasksSettings) -> Result:
+    """Steps per second; and for each explorer the mean way and how it compares, with 95 % intervals."""
+    at_least(1, settings, "steps")
+    at_least(0, settings, "drawn")
+    figures = {"explore2d.steps_per_s": steps_per_s(settings.steps)}
+    figures |= drive_rates(settings.steps // 4)
+    figures["two_processes_vs_one"] = vector_rate(2, settings.steps) / vector_rate(1, settings.steps)
+    groups = {"drawn": [draw_scene(DRAWINGS["test"] + n, *SIZES["papers"]) for n in range(settings.drawn)]}
+    groups["dungeons"] = [read_dungeon(path) for path in dungeon_files(settings.maps)] if settings.maps else []
+    for group, scenes in groups.items():
+        if len(scenes) > 1:
+            figures |= {f"{group}.{name}": value for name, value in compare(scenes, group).items()}
+    return Result(figures, table=_table(figures))
+
+
+def steps_per_s(steps: int) -> float:
+    """Steps per second of processor time of Explore2D, with viewpoints drawn by chance."""
+    env, rng = Explore2D(), np.random.default_rng(0)
+    _, info = env.reset(seed=0)
+    env.step(0)  # compiles
+    start = time.process_time()
+    for _ in range(steps):
+        _, _, is_over, is_cut, info = env.step(int(rng.integers(info["action_mask"].sum())))
+        if is_over or is_cut:
+            _, info = env.reset()
+    return steps / (time.process_time() - start)
+
+
+def drive_rates(steps: int) -> dict[str, float]:
+    """Rates of Drive over those of MuJoCo's own steps alone, in turns; with depth, of these and a ray cast."""
+    shares = dict[str, float]()
+    for name, size in {"drive.over_mujoco": None, "drive.depth84_over_floor": (84, 84)}.items():
+        env = Drive(depth=size, seconds=steps)
+        env.reset(seed=0)
+        env.step(np.zeros(2, np.float32))
+        task, floor = 0.0, 0.0
+        for n in range(steps):  # in turns, so that both have the same machine and contacts
+            action = np.array([0.3 * (-1) ** (n // 10), 0.2], np.float32)
+            start = time.process_time()
+            env.step(action)
+            middle = time.process_time()
+            env.steps_alone()
+            floor += time.process_time() - middle
+            task += middle - start
+        shares[name] = floor / task
+        env.close()
+    return shares
+
+
+def vector_rate(processes: int, steps: int) -> float:
+    """Steps per second by the clock of so many environments, each in a process of its own."""
+    envs = gymnasium.make_vec("sarsim/Explore2D-v0", num_envs=processes, vectorization_mode="async")
+    rng = np.random.default_rng(0)
+    envs.reset(seed=0)
+    envs.step(np.zeros(processes, np.int64))
+    start = time.perf_counter()
+    for _ in range(steps):
+        envs.step(rng.integers(0, 4, processes))
+    rate = processes * steps / (time.perf_counter() - start)
+    envs.close()
+    return rate
+
+
+def compare(scenes: Sequence[GridScene], group: str) -> dict[str, float]:
+    """Means of the explorers' ways, and the ratio of means of one explorer to each other, with their intervals."""
+    ways, explored = dict[str, NDArray[np.float64]](), dict[str, float]()
+    for name in tracked(list(EXPLORERS), f"exploring {group}"):
+        worlds = [GridWorld(scene, PAPERS) for scene in scenes]
+        for n, world in enumerate(worlds):
+            explore(world, EXPLORERS[name], np.random.default_rng(n))
+        ways[name] = np.array([world.way for world in worlds])
+        explored[name] = float(np.mean([world.is_explored for world in worlds]))
+    figures = dict[str, float]()
+    for name, way in ways.items():
+        figures |= interval(f"{name}.way", way, np.ones(len(way)))
+        figures[f"{name}.way.std"], figures[f"{name}.explored"] = float(way.std(ddof=1)), explored[name]
+        if name != COMPARED:
+            figures |= interval(f"{COMPARED}_over_{name}", ways[COMPARED], way)
+    return figures
+
+
+def interval(name: str, above: NDArray[np.float64], below: NDArray[np.float64]) -> dict[str, float]:
+    """The ratio of the sums of (N,) and (N,), and its 95 % interval by percentiles, resampled by map."""
+
+    def ratio(a: NDArray[np.float64], b: NDArray[np.float64], axis: int = -1) -> NDArray[np.float64]:
+        return np.asarray(a.sum(axis=axis) / b.sum(axis=axis))
+
+    found = bootstrap(
+        (above, below),
+        ratio,
+        paired=True,
+        confidence_level=INTERVAL_SHARE,
+        method="percentile",
+        rng=np.random.default_rng(0),
+    ).confidence_interval
+    return {name: float(ratio(above, below)), f"{name}.low": float(found.low), f"{name}.high": float(found.high)}
+
+
+def _table(figures: Mapping[str, float]) -> Table:
+    """Each figure with its interval in one row."""
+    table = Table("figure", title="tasks")
+    table.add_column("value", justify="right")
+    table.add_column("95 % interval", justify="right")
+    for name, value in figures.items():
+        if not name.endswith((".low", ".high")):
+            low, high = figures.get(f"{name}.low"), figures.get(f"{name}.high")
+            table.add_row(name, f"{value:,.4g}", "" if low is None else f"{low:,.4g} – {high:,.4g}")
+    return table

@@ -14,7 +14,10 @@ from sarsim.assets import asset
 NetworkName = Literal["pointnet", "pointnet2", "pointcnn", "dgcnn", "pointnext"]
 POINT_NETWORKS: tuple[NetworkName, ...] = get_args(NetworkName)
 Labels = NetworkName | Literal["rules", "truth"] | str
-"""Source of the points' labels: a network, height and slope alone, the simulator, or a class, module:Class."""
+"""Source of the points' labels: a network, height and slope alone, the simulator, or a class, MODULE:CLASS."""
+Exploration = Literal["next_best_view", "nearest_frontier", "random_walk"] | str
+Localisation = Literal["slam", "odometry"] | str
+Planner = Literal["topological"] | str
 Robot = Literal["pioneer3at", "jackal"] | str
 """A robot that sarsim ships, or the path of an MJCF file structured like theirs."""
 Odometry = Literal["truth", "wheel"]
@@ -36,7 +39,7 @@ class SimulatorConfig:
         arena: nist_6x4, esogu_52x15, random:SEED, or the path of a .raf, MJCF, SDF or map file.
         robot: pioneer3at, jackal, or the path of an MJCF file structured like theirs.
         start: start pose: x and y in m, yaw in degrees; by default the arena's own.
-        seed: seed of all random numbers; other seeds show how much of a result is chance.
+        seed: seed of all random numbers.
         lighting: light in the arena; in the dark, the robot's lamp is on.
     """
 
@@ -52,15 +55,17 @@ class PerceptionConfig:
     """Settings of everything that labels points and finds people.
 
     Attributes:
-        labels: source of the points' labels: a network, height and slope alone (rules), a simulator (truth), to see
-            the effect of perfect labels, or a class of your own, module:Class.
+        labels: source of the points' labels: a network, height and slope alone (rules), a simulator's truth, or
+            MODULE:CLASS.
         weights: weights file of the network, from train.py; by default the shipped one.
         detector: YOLO of victims: .cfg and weights, or .safetensors beside .cfg; None: off.
+        detector_class: detector of your own in its place, MODULE:CLASS.
     """
 
     labels: Labels = NETWORK
     weights: Path | None = None
     detector: tuple[Path, Path] | tuple[Path] | None = DETECTOR if all(path.exists() for path in DETECTOR) else None
+    detector_class: str | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -68,12 +73,13 @@ class MissionConfig:
     """Settings of everything that drives a robot by its own maps.
 
     Attributes:
-        steps: most steps (sense, map, plan, drive) of exploring, which may end earlier.
-        map: folder of an earlier episode in the same place, in whose map the robot finds its pose and goes on.
+        steps: most steps of exploring, which may end earlier.
+        map: folder of an earlier episode here, in whose map the robot goes on.
         goals: places to drive to after exploring, x y x y … in m in the map; the robot chooses a short order.
         home: drive back to the start at the end.
         speed: top speed, m/s, on seen level ground with enough room; the thesis drives at 0.2.
         view: live view of the run: in a new window (spawn), in the browser (web), or none.
+        exploration: what chooses viewpoints; a class of your own by MODULE:CLASS.
     """
 
     steps: int = 160
@@ -82,6 +88,7 @@ class MissionConfig:
     home: bool = False
     speed: float = 0.5
     view: Literal["none", "spawn", "web"] = "none"
+    exploration: Exploration = "next_best_view"
 
     def __post_init__(self) -> None:
         """Raise InputError for settings out of range."""
@@ -94,16 +101,17 @@ class EpisodeConfig(PerceptionConfig, MissionConfig, SimulatorConfig):
     """Settings of an episode.
 
     Attributes:
-        resume: folder of an interrupted episode, which is repeated from its start with its settings and seed, bit for
-            bit, and then continued; stored outputs of its networks are not computed again.
+        resume: folder of an interrupted episode, which is repeated bit for bit, with stored outputs of its networks,
+            and then continued.
         odometry: dead reckoning by wheels and gyro, which drifts, or the true pose, for comparison.
-        localisation: odometry corrected by registration of the depth images (slam), or uncorrected (odometry).
-        sensor: Xtion camera with its noise, or ideal with the same range, to see the effect of noise.
-        dust: dust concentration in the air, 0 to 1; dust swallows depth returns, makes false ones and veils colours.
+        localisation: odometry corrected by registration of depth images (slam), uncorrected, or MODULE:CLASS.
+        planner: planner on the topological map, or MODULE:CLASS.
+        sensor: Xtion camera, or ideal: of the same range, without noise.
+        dust: dust in the air, 0 to 1, which spoils depth and veils colours.
         tyre_error: relative error of the wheels' radius that the odometry does not know.
         fiducials: number of AprilTags on the arena's walls, by which the report measures the error of distances in
             the map; the robot ignores them.
-        voxel_size: side of the metric map's voxels, m; smaller voxels show more detail and take more time and memory.
+        voxel_size: side of the metric map's voxels, m.
         graph: graph for path planning: the thesis's minimum spanning tree (mst), or that tree with loops that shorten
             detours (roadmap).
         bag: new folder for a ROS 2 bag of the robot's sensor data, commands and maps.
@@ -116,7 +124,8 @@ class EpisodeConfig(PerceptionConfig, MissionConfig, SimulatorConfig):
 
     resume: Path | None = None
     odometry: Odometry = "wheel"
-    localisation: Literal["slam", "odometry"] = "slam"
+    localisation: Localisation = "slam"
+    planner: Planner = "topological"
     sensor: Literal["xtion", "ideal"] = "xtion"
     dust: float = 0.0
     tyre_error: float = 0.0

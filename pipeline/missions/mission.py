@@ -42,7 +42,7 @@ class Mission:
         may_explore: whether exploring is allowed, also on the way to goals.
     """
 
-    def __init__(self, exploration: Exploration):
+    def __init__(self, exploration: Strategy):
         """``exploration``: the strategy to begin with."""
         self.exploration = exploration
         self.goals: Goals | None = None
@@ -70,6 +70,10 @@ class Mission:
             if (viewpoint := strategy.next_viewpoint(context)) is not None:
                 return strategy, viewpoint
         return None
+
+    def left(self, context: Context) -> list[Viewpoint]:
+        """What :class:`Exploration` does not find worth the drive; nothing by a strategy that does not tell."""
+        return self.exploration.left(context) if isinstance(self.exploration, Exploration) else []
 
     def tasks(self, goals: Sequence[ArrayLike], home: bool, robot: RobotState) -> Iterator[str]:
         """Begin one task after the other: explore, drive to goals (2,) m in ``map``, drive home.

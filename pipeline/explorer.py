@@ -5,8 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.exploration.frontiers import find_frontiers
 from pipeline.exploration.next_best_view import Exploration
-from pipeline.exploration.viewpoint import Context, Viewpoint
+from pipeline.exploration.viewpoint import Context, Strategy, Viewpoint
 from pipeline.finds.reobservation import Reobservation
 from pipeline.keyframes import Moves
 from pipeline.labels import Label
@@ -17,7 +18,7 @@ from pipeline.navigation.keyframing import Keyframing
 from pipeline.navigation.navigator import Navigator, Outcome
 from pipeline.navigation.obstacle_check import ObstacleCheck
 from pipeline.navigation.speed_limit import SpeedLimit
-from pipeline.planning.path_plan import PathPlan, plan_path
+from pipeline.planning.path_plan import TOPOLOGICAL, PathPlan, Planner
 from pipeline.robot import Motion, Robot
 from pipeline.segments.cells import centres
 from pipeline.transforms import yaw_of
@@ -87,13 +88,16 @@ class Explorer:
         observers: told of every event, in their order.
     """
 
-    def __init__(self, robot: Robot, mapper: Mapper):
-        """Begin where the robot stands, with the maps as they are."""
+    def __init__(
+        self, robot: Robot, mapper: Mapper, exploration: Strategy | None = None, planner: Planner = TOPOLOGICAL
+    ):
+        """Begin where the robot stands, with the maps as they are; by default with the next best view."""
         self.robot, self.mapper = robot, mapper
         self.reobservation = Reobservation((mapper.victims, mapper.finds), mapper.metric_map, mapper.keyframes)
-        exploration = Exploration(robot.model)
-        exploration.rewards = self.reobservation
-        self.mission = Mission(exploration)
+        exploration = exploration or Exploration(robot.model)
+        if isinstance(exploration, Exploration) and exploration.takes_rewards:
+            exploration.rewards = self.reobservation
+        self.mission, self._planner = Mission(exploration), planner
         self.observers: list[Observer] = []
         self.navigator = Navigator(robot, on_motion=self._moved)
         self.keyframing = Keyframing(self.navigator, self.mapper, self._added)
@@ -110,9 +114,9 @@ class Explorer:
         self.reobservation.count(frame)
         with self.mapper.stopwatch("exploration"):
             viewpoint, context = self.decide(keyframe)
-            frontiers = self.mission.exploration.find_frontiers(context)
+            frontiers = find_frontiers(context)
             has_ended = viewpoint is None and self.mission.goals is None and not self.is_held
-            left = self.mission.exploration.left(context) if has_ended else []
+            left = self.mission.left(context) if has_ended else []
         self.mapper.connect(keyframe, context.paths)
         with self.mapper.stopwatch("path_plan"):
             plan = self._plan(viewpoint, context) if viewpoint else None
@@ -191,7 +195,7 @@ class Explorer:
 
     def _plan(self, viewpoint: Viewpoint, context: Context) -> PathPlan | None:
         heading = viewpoint.heading if viewpoint.turn else None
-        return plan_path(self.mapper.topological_map, context.paths, viewpoint.position, heading)
+        return self._planner.plan(self.mapper.topological_map, context.paths, viewpoint.position, heading)
 
     def _learn_from_drive(self, obstacles: NDArray[np.float32]) -> None:
         """Pass obstacles (N, 3), the track of the drive and what the robot touched on to the mapper."""

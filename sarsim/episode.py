@@ -10,8 +10,6 @@ from pipeline.errors import InputError
 from pipeline.expedition import Expedition, ResultFolder
 from pipeline.explorer import Explorer, Observer
 from pipeline.files import check_folder, each, make_folder
-from pipeline.localisation.odometry import OdometryLocalisation
-from pipeline.localisation.slam import Slam
 from pipeline.map_file import KEYFRAMES, load_keyframes
 from pipeline.mapper import Mapper
 from pipeline.missions.brief import MissionBrief
@@ -28,6 +26,7 @@ from sarsim.scoring.episode import EpisodeScore
 from sarsim.scoring.missions import mission_score
 from sarsim.settings import EpisodeConfig
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
+from sarsim.vetting.methods import make_exploration, make_localisation, make_planner
 
 
 class Episode(Expedition):
@@ -60,9 +59,9 @@ class Episode(Expedition):
             config.tyre_error,
         )
         self.config, self.robot = config, SimulatedRobot(arena, simulation, config.seed)
-        is_told = config.odometry == "truth" or config.localisation == "odometry"
-        localisation = OdometryLocalisation() if is_told else Slam()
         model, voxel_size, graph, seed = self.robot.model, config.voxel_size, config.graph, config.seed
+        localisation = make_localisation(config.localisation, model, config.odometry == "truth")
+        exploration, planner = make_exploration(config.exploration, model, seed), make_planner(config.planner, model)
         readers = make_readers(config)
         mapper = Mapper(model, classifier, detector, voxel_size, graph, seed, localisation, readers)
         with ExitStack() as refused:
@@ -74,7 +73,7 @@ class Episode(Expedition):
             make_folder(config.folder)
             self.recorder = EpisodeRecorder(self.robot, config.folder / "episode.rrd", viewer)
             refused.pop_all()
-        explorer = Explorer(robot, mapper)
+        explorer = Explorer(robot, mapper, exploration, planner)
         self.score = EpisodeScore(self.robot, explorer, fiducials)
         explorer.observers += [self.score, *recordings]
         results = ResultFolder(config, config.folder, config.arena, config.seed, mapper, self.recorder, brief)

@@ -4,23 +4,29 @@ from pathlib import Path
 
 from pipeline.errors import InputError
 from pipeline.finds.readers import FindReaders
+from pipeline.finds.victims.detection.detection import Detector
 from pipeline.finds.victims.detection.detector import VictimDetector
-from pipeline.semantic_map.classifier import PointClassifier, TruthClassifier, own_classifier
+from pipeline.semantic_map.classifier import PointClassifier, TruthClassifier
 from pipeline.semantic_map.networks.classifier import NetworkClassifier
 from pipeline.semantic_map.rules import RuleClassifier
 from sarsim.assets import asset
 from sarsim.settings import POINT_NETWORKS, Labels, PerceptionConfig
+from sarsim.vetting.methods import own_classifier, own_detector
 
 
-def make_perception(config: PerceptionConfig) -> tuple[PointClassifier, VictimDetector | None]:
-    """The classifier and the victim detector, if any, of a command; InputError if their files cannot be used."""
+def make_perception(config: PerceptionConfig) -> tuple[PointClassifier, Detector | None]:
+    """The classifier and the victim detector, if any, of a command; InputError if they cannot be used."""
     classifier = make_classifier(config.labels, config.weights)
+    if config.detector_class:
+        return classifier, own_detector(config.detector_class)
     return classifier, VictimDetector.load(*config.detector) if config.detector else None
 
 
 def make_readers(config: PerceptionConfig) -> FindReaders | None:
     """The readers of signs, codes and heat, if there is a detector; InputError if their weights are damaged."""
-    return FindReaders.load(asset("weights", "hazmat.safetensors")) if config.detector else None
+    return (
+        FindReaders.load(asset("weights", "hazmat.safetensors")) if config.detector or config.detector_class else None
+    )
 
 
 def make_classifier(labels: Labels, weights: Path | None) -> PointClassifier:

@@ -14,7 +14,10 @@ from sarsim.assets import asset
 NetworkName = Literal["pointnet", "pointnet2", "pointcnn", "dgcnn", "pointnext"]
 POINT_NETWORKS: tuple[NetworkName, ...] = get_args(NetworkName)
 Labels = NetworkName | Literal["rules", "truth"] | str
-"""Source of the points' labels: a network, height and slope alone, the simulator, or a class, module:Class."""
+"""Source of the points' labels: a network, height and slope alone, the simulator, or a class, MODULE:CLASS."""
+Exploration = Literal["next_best_view", "nearest_frontier", "random_walk"] | str
+Localisation = Literal["slam", "odometry"] | str
+Planner = Literal["topological"] | str
 Robot = Literal["pioneer3at", "jackal"] | str
 """A robot that sarsim ships, or the path of an MJCF file structured like theirs."""
 Odometry = Literal["truth", "wheel"]
@@ -28,6 +31,10 @@ WEIGHTS = asset("weights", f"{NETWORK}.safetensors")
 EXPLORE = "explore"
 """The mission without a clock, of which nothing is handed in."""
 DETECTOR = asset("weights", "victims.cfg"), asset("weights", "victims.safetensors")
+"""Files of the default detector."""
+Networks = Annotated[  # the hint keeps the place of the installation out of --help, whose lines it would break
+    tuple[Path, Path] | tuple[Path] | None, tyro.conf.arg(help_behavior_hint="(default: the shipped one)")
+]
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -38,7 +45,7 @@ class SimulatorConfig:
         arena: nist_6x4, esogu_52x15, random:SEED, or the path of a .raf, MJCF, SDF or map file.
         robot: pioneer3at, jackal, or the path of an MJCF file structured like theirs.
         start: start pose: x and y in m, yaw in degrees; by default the arena's own.
-        seed: seed of all random numbers; other seeds show how much of a result is chance.
+        seed: seed of all random numbers.
         lighting: light in the arena; in the dark, the robot's lamp is on.
     """
 
@@ -54,14 +61,16 @@ class PerceptionConfig:
     """Settings of everything that labels points and finds people.
 
     Attributes:
-        labels: source of labels: a network, height and slope (rules), the simulator (truth), or your module:Class.
+        labels: network, height and slope (rules), simulator's truth, or MODULE:CLASS.
         weights: weights file of the network, from train.py; by default the shipped one.
-        detector: YOLO of victims: .cfg and weights, or .safetensors beside .cfg; None: off.
+        detector: YOLO: .cfg and weights, or .safetensors beside .cfg; None: off.
+        detector_class: detector of your own, MODULE:CLASS.
     """
 
     labels: Labels = NETWORK
     weights: Path | None = None
-    detector: tuple[Path, Path] | tuple[Path] | None = DETECTOR if all(path.exists() for path in DETECTOR) else None
+    detector: Networks = DETECTOR if all(path.exists() for path in DETECTOR) else None
+    detector_class: str | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -69,14 +78,15 @@ class MissionConfig:
     """Settings of everything that drives a robot by its own maps.
 
     Attributes:
-        steps: most steps (sense, map, plan, drive) of exploring, which may end earlier.
-        map: folder of an earlier episode in the same place, in whose map the robot finds its pose and goes on.
+        steps: most steps of exploring, which may end earlier.
+        map: folder of an earlier episode here, in whose map the robot goes on.
         goals: places to drive to after exploring, x y x y … in m in the map; the robot chooses a short order.
-        home: drive back to the start at the end.
+        home: drive back at the end.
         speed: top speed, m/s, on seen level ground with enough room; the thesis drives at 0.2.
         view: live view of the run: in a new window (spawn), in the browser (web), or none.
-        mission: explore, or one whose files are handed in on time: league, virtual, or a YAML file.
+        mission: explore, or with files handed in: league, virtual, FILE.
         minutes: clock of a mission, which ends it in place of --steps; by default its own.
+        exploration: what chooses viewpoints; a class of your own by MODULE:CLASS.
     """
 
     steps: int = 160
@@ -87,6 +97,7 @@ class MissionConfig:
     view: Literal["none", "spawn", "web"] = "none"
     mission: str = EXPLORE
     minutes: float | None = None
+    exploration: Exploration = "next_best_view"
 
     def __post_init__(self) -> None:
         """Raise InputError for settings out of range."""
@@ -101,19 +112,20 @@ class EpisodeConfig(PerceptionConfig, MissionConfig, SimulatorConfig):
     """Settings of an episode.
 
     Attributes:
-        resume: folder of an interrupted episode, which is repeated from its start, bit for bit, and then continued;
-            stored outputs of its networks are not computed again.
+        resume: folder of an interrupted episode, which is repeated bit for bit, with stored outputs of its networks,
+            and then continued.
         odometry: dead reckoning by wheels and gyro, which drifts, or the true pose, for comparison.
-        localisation: odometry corrected by registration of depth images (slam), or not (odometry).
-        sensor: Xtion camera with its noise, or ideal with the same range, to see the effect of noise.
-        dust: dust in the air, 0 to 1: it swallows depth returns, makes false ones and veils colours.
+        localisation: slam corrects odometry by depth images; or MODULE:CLASS.
+        planner: planner on the topological map, or MODULE:CLASS.
+        sensor: Xtion camera, or ideal: of the same range, without noise.
+        dust: dust in the air, 0 to 1, which spoils depth and veils colours.
         tyre_error: relative error of the wheels' radius that the odometry does not know.
         fiducials: AprilTags on the walls, by which the report measures the map; the robot ignores them.
         voxel_size: side of the metric map's voxels, m; smaller ones take more time and memory.
         graph: graph for path planning: the thesis's minimum spanning tree (mst), or with loops (roadmap).
         bag: new folder for a ROS 2 bag of the robot's sensor data, commands and maps.
-        bag_images: images in the bag: depth in whole mm (16UC1) or exact, in m (32FC1); colour raw or as JPEG.
-        tum: new folder for the images, IMU data, odometry and true poses in the layout of the TUM RGB-D benchmark.
+        bag_images: depth in whole mm (16UC1) or in m (32FC1); colour raw or as JPEG.
+        tum: new folder for sensor data and true poses in the layout of TUM RGB-D.
         out: folder for the results; by default runs/<arena>-<seed>; with --config that name and the first free number
             from -2 on, so that no run is overwritten.
         random: contents of a random arena.
@@ -121,7 +133,8 @@ class EpisodeConfig(PerceptionConfig, MissionConfig, SimulatorConfig):
 
     resume: Path | None = None
     odometry: Odometry = "wheel"
-    localisation: Literal["slam", "odometry"] = "slam"
+    localisation: Localisation = "slam"
+    planner: Planner = "topological"
     sensor: Literal["xtion", "ideal"] = "xtion"
     dust: float = 0.0
     tyre_error: float = 0.0

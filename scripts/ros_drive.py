@@ -27,6 +27,7 @@ from pipeline.ros.topics import MapTopics
 from sarsim.perception import make_perception, make_readers
 from sarsim.robots.model import robot_model
 from sarsim.settings import RosExploration
+from sarsim.vetting.methods import make_exploration
 
 STARTING_TIME = 120.0
 """s that a robot which is not there yet may take to start: a simulated one compiles first."""
@@ -59,7 +60,7 @@ class RosDrive(Expedition, Observer):
         model = replace(robot_model(config.robot), speed=config.speed)
         self.robot = RosRobot(node, model, config.topics, camera, config.patience, STARTING_TIME, self._log_motion)
         mapper = Mapper(model, classifier, detector, readers=make_readers(config))
-        explorer = Explorer(self.robot, mapper)
+        explorer = Explorer(self.robot, mapper, make_exploration(config.exploration, model))
         if config.map:
             load_keyframes(config.map / KEYFRAMES, mapper)
         explorer.observers.append(self)

@@ -66,7 +66,7 @@ def cache_outputs(episode: "Episode") -> "OutputCache":
     if config.labels in POINT_NETWORKS:
         weights = config.weights or asset("weights", f"{config.labels}.safetensors")
         mapper.classifier = CachedClassifier(mapper.classifier, cache, weights)
-    if mapper.detector and config.detector:
+    if mapper.detector and config.detector and not config.detector_class:
         mapper.detector = CachedDetector(mapper.detector, cache, *network_files(*config.detector))
     return cache
 

@@ -25,6 +25,8 @@ RESULTS = ("out", "resume", "bag", "tum", "json")
 OUTPUTS = (*RESULTS, "workers")
 """Settings left out of a run's own file, so that repeating a run overwrites no results, and may use other workers."""
 
+METHODS = ("exploration", "labels", "detector-class", "localisation", "planner")
+"""Settings that may name a class of the user's own."""
 MISSIONS = ("league", "virtual")
 """Names of the missions that sarsim ships."""
 MOST_SETTINGS, DEEPEST = 100_000, 8
@@ -135,7 +137,7 @@ def wanted_mission(mission: str, minutes: float | None = None, home: bool = Fals
 def load_settings(kind: type[Settings], path: Path, args: Sequence[str] = (), flag: str = "config") -> Settings:
     """Settings from a YAML file; ``tyro.MISSING`` for fields without a value in the file and in ``kind``.
 
-    A classifier's class in ``labels`` is accepted only if ``args`` name it: a file must not choose code to run.
+    A class in one of :data:`METHODS` is accepted only if ``args`` name it: a file must not choose code to run.
 
     Raises:
         InputError: the file cannot be read, or holds an unknown key or a value of a wrong type.
@@ -144,10 +146,12 @@ def load_settings(kind: type[Settings], path: Path, args: Sequence[str] = (), fl
     content = _yaml(path, where)
     if isinstance(content, dict) and (places := sorted(content.keys() & set(RESULTS))):
         raise InputError(f"{where}: no file says where results go: give --{places[0]} as a flag")
-    if isinstance(content, dict) and ":" in str(content.get("labels")):
-        if not any(word.split("=")[0] == "--labels" for word in args):
-            raise InputError(f"{where}: no file says what code runs: give --labels as a flag")
-        del content["labels"]
+    for key in list(content) if isinstance(content, dict) else []:
+        name = str(key).replace("_", "-")
+        if name in METHODS and ":" in str(content[key]):
+            if not any(word.split("=")[0].replace("_", "-") == f"--{name}" for word in args):
+                raise InputError(f"{where}: no file says what code runs: give --{name} as a flag")
+            del content[key]
     return _settings(kind, content, where)
 
 

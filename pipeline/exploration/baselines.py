@@ -17,6 +17,8 @@ class NearestFrontier(Exploration):
     As with Yamauchi, frontiers smaller than the robot come last.
     """
 
+    takes_rewards = False
+
     def worth(self, gains: NDArray[np.float64], seconds: NDArray[np.float64]) -> NDArray[np.float64]:
         """(N, 16) m², gains of the nearest place that is worth the drive, 0 elsewhere; see the base class."""
         is_large = gains >= self._robot.length * self._robot.width
@@ -29,7 +31,9 @@ class NearestFrontier(Exploration):
 class RandomWalk(Exploration):
     """Takes a given number of keyframes in random directions from random places nearby."""
 
-    def __init__(self, robot: RobotModel, seed: int, stride: float = 2.0, steps: int = 300):
+    takes_rewards = False
+
+    def __init__(self, robot: RobotModel, seed: int = 0, stride: float = 2.0, steps: int = 300):
         """``stride``: greatest length of the way to the next place, m; ``steps``: number of keyframes to take."""
         super().__init__(robot)
         self._rng = np.random.default_rng(seed)

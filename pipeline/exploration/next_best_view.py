@@ -3,13 +3,13 @@
 from collections.abc import Sequence
 from typing import Protocol
 
-import cv2
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
 from pipeline.exploration import visibility
 from pipeline.exploration import visibility_kernels as kernels
+from pipeline.exploration.frontiers import unseen
 from pipeline.exploration.posterior import MOST_MISSES, Posterior
 from pipeline.exploration.viewpoint import ARRIVED, Context, Viewpoint
 from pipeline.grid_map import GridMap, Layer, best_of_blocks
@@ -50,9 +50,12 @@ class Exploration:
     """Chooses the viewpoint that is expected to show most per second of driving.
 
     Attributes:
+        takes_rewards: whether an :class:`pipeline.explorer.Explorer` gives it rewards for looking at victims again.
         rewards: of viewpoints, besides unseen ground; None for no such rewards.
         posterior: of what shows.
     """
+
+    takes_rewards = True
 
     def __init__(self, robot: RobotModel):
         """``robot``: the range of its camera limits what keyframes are expected to show."""
@@ -126,20 +129,6 @@ class Exploration:
             place = context.traversability.on_ground(viewpoint.position[None])[0]
             self.rewards.aim(place, viewpoint.heading)
 
-    def find_frontiers(self, context: Context) -> NDArray[np.float64]:
-        """(N, 3) centres of the connected pieces of reachable ground that border on unseen ground, m in ``map``."""
-        traversability, target = context.traversability, self._layers["target"]
-        side = 2 * round(self._robot.corner_radius / traversability.grid.cell) + 1
-        # The ground that the robot's corners may touch around unseen cells; many times as fast as SciPy's filter.
-        around = cv2.dilate(target.view(np.uint8), np.ones((side, side), np.uint8)).view(np.bool_)
-        pieces, _ = ndimage.label(around & context.paths.reachable & ~target, np.ones((3, 3)))
-        centres = []
-        for piece, box in enumerate(ndimage.find_objects(pieces), start=1):
-            cells = np.argwhere(pieces[box] == piece) + [side.start for side in box]
-            middle = cells[np.linalg.norm(cells - cells.mean(axis=0), axis=1).argmin()]
-            centres.append([*traversability.grid.centre_of(middle), traversability.elevation[tuple(middle)]])
-        return np.array(centres).reshape(-1, 3)
-
     def worth(self, gains: NDArray[np.float64], seconds: NDArray[np.float64]) -> NDArray[np.float64]:
         """(N, 16) scores of viewpoints, of which the greatest is chosen; not above 0 for those that show nothing.
 
@@ -206,11 +195,10 @@ class Exploration:
 
     def _write_ground(self, context: Context) -> None:
         """Update the layers of the ground; unseen ground that may be traversable is a target."""
-        # Unknown ground nearer to a hazard than half of the robot cannot be driven on.
-        layers, may_be_driven = self._layers, context.traversability.to_hazard >= self._robot.half_width
+        layers = self._layers
         layers.write("elevation", context.traversability.sealed)
         layers.write("gradient", context.traversability.gradient)
-        layers.write("target", np.isnan(context.measured) & may_be_driven)
+        layers.write("target", unseen(context))
 
     def _count_shown(self, context: Context) -> int:
         """Count which targets were shown; the number of the first keyframe whose misses are still to be counted."""

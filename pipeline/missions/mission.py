@@ -44,7 +44,7 @@ class Mission:
         deadline: the clock that runs; None if none does.
     """
 
-    def __init__(self, exploration: Exploration):
+    def __init__(self, exploration: Strategy):
         """``exploration``: the strategy to begin with."""
         self.exploration = exploration
         self.goals: Goals | None = None
@@ -84,6 +84,10 @@ class Mission:
             return False
         self.deadline.set_out(viewpoint.position, context)
         return True
+
+    def left(self, context: Context) -> list[Viewpoint]:
+        """What :class:`Exploration` does not find worth the drive; nothing by a strategy that does not tell."""
+        return self.exploration.left(context) if isinstance(self.exploration, Exploration) else []
 
     def tasks(self, goals: Sequence[ArrayLike], home: bool, robot: RobotState) -> Iterator[str]:
         """Begin one task after the other: explore, drive to goals (2,) m in ``map``, drive home.

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Protocol
 
 import networkx as nx
 import numpy as np
@@ -31,6 +32,36 @@ class PathPlan:
     backwards: NDArray[np.bool_]
     nodes: list[int]
     length: float
+
+
+class Planner(Protocol):
+    """Plans the way to a viewpoint or goal."""
+
+    def plan(
+        self, topology: TopologicalMap, paths: PosePaths, goal: ArrayLike, heading: float | None = None
+    ) -> PathPlan | None:
+        """The plan from the start of ``paths`` to a goal; None if no way leads there.
+
+        Args:
+            topology: the topological map.
+            paths: the cheapest ways from where the robot stands, and the ground.
+            goal: (2 or 3,) m in ``map``.
+            heading: rad, in which the robot must arrive; None for any.
+        """
+        ...
+
+
+class TopologicalPlanner:
+    """The planner of the thesis, :func:`plan_path`."""
+
+    def plan(
+        self, topology: TopologicalMap, paths: PosePaths, goal: ArrayLike, heading: float | None = None
+    ) -> PathPlan | None:
+        """As :class:`Planner` says."""
+        return plan_path(topology, paths, goal, heading)
+
+
+TOPOLOGICAL = TopologicalPlanner()
 
 
 def plan_path(

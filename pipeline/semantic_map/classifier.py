@@ -1,8 +1,5 @@
-"""Point classifiers: their interface, the one that gives the simulator's true labels, and those that users name."""
+"""Point classifiers: their interface, and the one that gives the simulator's true labels."""
 
-import sys
-from importlib import import_module
-from pathlib import Path
 from typing import Protocol
 
 import numpy as np
@@ -45,24 +42,3 @@ class TruthClassifier:
         if frame.label is None:
             raise InputError(f"the frame at {frame.time:.2f} s carries no true labels: only a simulator knows them")
         return np.eye(len(Label), dtype=np.float32)[frame.label[frame.returns]]
-
-
-def own_classifier(name: str) -> PointClassifier:
-    """An instance of the class ``module:Class``; the module may also lie in the working folder.
-
-    Raises:
-        InputError: there is no such class, or it has no method ``classify``.
-    """
-    module, _, kind = name.partition(":")
-    if not (module and kind):
-        raise InputError(f"--labels {name}: give one that --help names, or module:Class")
-    sys.path.append(str(Path.cwd()))
-    try:
-        classifier = getattr(import_module(module), kind)()
-    except (ImportError, AttributeError, TypeError, ValueError) as error:
-        raise InputError(f"--labels {name}: {error}") from error
-    finally:
-        sys.path.pop()
-    if not callable(getattr(classifier, "classify", None)):
-        raise InputError(f"--labels {name}: has no method classify, see pipeline.semantic_map.classifier")
-    return classifier

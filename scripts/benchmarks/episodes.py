@@ -22,7 +22,6 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.errors import InputError
-from pipeline.exploration.baselines import NearestFrontier, RandomWalk
 from pipeline.explorer import Observer
 from pipeline.files import whole_file
 from pipeline.navigation.navigator import Outcome
@@ -160,11 +159,8 @@ class BenchmarkEpisode(Episode):
     """An episode with one of the strategies, which records where the robot was when it collided."""
 
     def __init__(self, job: Job, out: Path):
-        super().__init__(replace(job.config, out=out))
-        if job.strategy == "nearest_frontier":
-            self.explorer.mission.exploration = NearestFrontier(self.robot.model)
-        elif job.strategy == "random_walk":
-            self.explorer.mission.exploration = RandomWalk(self.robot.model, job.config.seed)
+        exploration = "next_best_view" if job.strategy == "ours" else job.strategy
+        super().__init__(replace(job.config, out=out, exploration=exploration))
         self._is_random = job.strategy == "random_walk"
         self._contacts = Contacts(self.robot)
         self.explorer.observers.append(self._contacts)

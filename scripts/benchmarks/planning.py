@@ -12,6 +12,7 @@ from contextlib import contextmanager
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.exploration.frontiers import find_frontiers
 from pipeline.exploration.next_best_view import Exploration
 from pipeline.exploration.viewpoint import Context
 from pipeline.planning.path_plan import plan_path
@@ -111,7 +112,7 @@ class _Floor:
         with _timed(seconds["next_view"]):
             self._exploration.observe(context)
             viewpoint = self._exploration.next_viewpoint(context)
-            self._exploration.find_frontiers(context)
+            find_frontiers(context)
         with _timed(seconds["topology"]):
             self._topology.update([], Segments(), paths)
         with _timed(seconds["way"]):

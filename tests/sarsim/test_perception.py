@@ -11,7 +11,10 @@ from pipeline.semantic_map.rules import RuleClassifier
 from sarsim.perception import make_classifier
 from sarsim.settings import WEIGHTS
 
-OWN = "class Mine:\n    def classify(self, frame, points, T_map_camera):\n        return points\n"
+OWN = (
+    "import numpy as np\nclass Mine:\n    def classify(self, frame, points, T_map_camera):\n"
+    "        return np.full((len(points), 8), 0.125, np.float32)\n"
+)
 
 
 def test_labels_come_from_rules_the_simulator_or_a_class_of_the_users(
@@ -29,7 +32,7 @@ def test_labels_come_from_rules_the_simulator_or_a_class_of_the_users(
 @pytest.mark.parametrize(
     ("labels", "said"),
     [
-        ("magic", "give one that --help names, or module:Class"),
+        ("magic", "none of pointnet, .*, rules, truth or MODULE:CLASS"),
         ("no_such_module:Mine", "No module named 'no_such_module'"),
         ("json:Mine", "has no attribute 'Mine'"),
         ("json:JSONDecoder", "has no method classify"),

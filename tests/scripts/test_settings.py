@@ -111,8 +111,12 @@ def test_a_bad_file_is_one_line_and_status_2(
 
 def test_a_file_names_no_code_that_runs(tmp_path: Path) -> None:
     path = tmp_path / "config.yaml"
+    for key in ("exploration", "labels", "detector_class", "detector-class", "localisation", "planner"):
+        path.write_text(f"{key}: os:getcwd\n")
+        with pytest.raises(
+            InputError, match=f"no file says what code runs: give --{key.replace('_', '-')} as a flag"
+        ):
+            load_settings(EpisodeConfig, path)
     path.write_text("labels: os:getcwd\n")
-    with pytest.raises(InputError, match="no file says what code runs: give --labels as a flag"):
-        load_settings(EpisodeConfig, path)
     assert settings_from(EpisodeConfig, ["--labels", "my:Own"]).labels == "my:Own"
     assert settings_from(EpisodeConfig, ["--config", str(path), "--labels", "my:Own"]).labels == "my:Own"

@@ -4,6 +4,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from pipeline.exploration.frontiers import find_frontiers
 from pipeline.exploration.next_best_view import Exploration
 from pipeline.exploration.viewpoint import Context, Viewpoint
 from pipeline.exploration.visibility_kernels import CameraView
@@ -67,8 +68,7 @@ def next_viewpoint(exploration: Exploration, world: ElevationMap, pose: np.ndarr
     return viewpoint
 
 
-def frontiers(exploration: Exploration, world: ElevationMap, pose: np.ndarray) -> np.ndarray:
+def frontiers(world: ElevationMap, pose: np.ndarray) -> np.ndarray:
     """(N, 3) the frontiers that a robot at a pose (4×4) finds."""
     here = context(world, pose)
-    exploration.observe(here)
-    return exploration.find_frontiers(here)
+    return find_frontiers(here)

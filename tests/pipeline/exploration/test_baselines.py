@@ -77,7 +77,7 @@ def test_where_the_robot_can_not_turn_the_frontier_behind_it_is_left_for_later()
 def test_nothing_is_left_in_a_closed_room():
     exploration = NearestFrontier(PIONEER)
     assert next_viewpoint(exploration, closed_room(), from_yaw(0, 0, 0, 0)) is None
-    assert len(frontiers(exploration, closed_room(), from_yaw(0, 0, 0, 0))) == 0
+    assert len(frontiers(closed_room(), from_yaw(0, 0, 0, 0))) == 0
 
 
 def test_a_frontier_that_never_comes_into_view_is_given_up():

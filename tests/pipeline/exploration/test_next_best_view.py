@@ -33,7 +33,7 @@ def test_it_looks_where_the_known_ground_ends():
 def test_nothing_is_left_in_a_closed_room():
     exploration = Exploration(PIONEER)
     assert next_viewpoint(exploration, closed_room(), from_yaw(0, 0, 0, 0)) is None
-    assert len(frontiers(exploration, closed_room(), from_yaw(0, 0, 0, 0))) == 0
+    assert len(frontiers(closed_room(), from_yaw(0, 0, 0, 0))) == 0
 
 
 def test_walls_hide_what_lies_behind_them():
@@ -55,8 +55,7 @@ def test_frontiers_are_where_reachable_ground_meets_the_unknown():
     world = surface_of(ground_points(flat, (-2, 2), (-1, 1)), wall_points((-2, -1), (-2, 1)))
     for y in (-1, 1):
         world.update(wall_points((-2, y), (2, y)))
-    exploration = Exploration(PIONEER)
-    found = frontiers(exploration, world, from_yaw(0, 0, 0, 0))
+    found = frontiers(world, from_yaw(0, 0, 0, 0))
     assert len(found) == 1
     np.testing.assert_allclose(found[0], (1.7, 0, 0), atol=0.2)
 

@@ -1,0 +1,95 @@
+"""What a method of the user's own may answer; InputError, in one line, for anything else."""
+
+from collections.abc import Callable, Mapping
+from typing import Any
+
+import numpy as np
+
+from pipeline.errors import InputError
+from pipeline.exploration.viewpoint import Context, Viewpoint
+from pipeline.finds.find import KINDS
+from pipeline.finds.victims.detection.detection import Detection
+from pipeline.labels import Label
+from pipeline.planning.path_plan import PathPlan, obstacle_to
+from pipeline.transforms import are_poses
+
+
+def one_line(error: BaseException) -> str:
+    """An error by its type and message, in one line."""
+    return f"{type(error).__name__}: {' '.join(str(error).split())}"
+
+
+def _check_viewpoint(answer: Any, told: str, context: Context) -> None:
+    """A viewpoint that can be driven to, or None."""
+    if answer is None:
+        return
+    if not isinstance(answer, Viewpoint):
+        raise InputError(f"{told} gave {_kind(answer)}, not a Viewpoint or None")
+    _check_numbers(answer.position, (2,), f"{told}: the viewpoint's position")
+    _check_numbers(answer.heading, (), f"{told}: the viewpoint's heading")
+    if context.paths.start is not None and (obstacle := obstacle_to(context.paths, answer.position)):
+        raise InputError(f"{told}: {obstacle}")
+
+
+def _check_probabilities(answer: Any, told: str, frame: object, points: Any, T_map_camera: object) -> None:
+    """(N, 8) class probabilities of N points."""
+    _check_numbers(answer, (len(points), len(Label)), f"{told}: the probabilities")
+    if (answer < 0).any() or not np.allclose(answer.sum(axis=1), 1, atol=1e-3):
+        raise InputError(f"{told}: the probabilities of a point are negative or do not sum to 1")
+
+
+def _check_detections(answer: Any, told: str, rgb: object) -> None:
+    """A list of detections of kinds that the robot looks for."""
+    if not isinstance(answer, list) or not all(isinstance(one, Detection) for one in answer):
+        raise InputError(f"{told} gave {_kind(answer)}, not a list of Detection")
+    for one in answer:
+        _check_numbers(np.asarray(one.box), (4,), f"{told}: a box")
+        if one.kind not in KINDS or not 0 <= one.confidence <= 1:
+            raise InputError(f"{told}: {one.kind!r} at {one.confidence}: none of {', '.join(KINDS)} at 0 to 1")
+
+
+def _check_pose(answer: Any, told: str, frame: object) -> None:
+    if np.shape(answer) != (4, 4) or not are_poses(answer):
+        raise InputError(f"{told} gave {_kind(answer)}, not a pose (4, 4)")
+
+
+def check_poses(answer: Any, where: str) -> None:
+    """(1, 4, 4) the poses after a first keyframe."""
+    if np.shape(answer) != (1, 4, 4) or not are_poses(answer):
+        raise InputError(f"{where}: poses is {_kind(answer)}, not one pose (1, 4, 4) after the first keyframe")
+
+
+def _check_plan(answer: Any, told: str, *args: object) -> None:
+    """A plan with way points, or None."""
+    if answer is None:
+        return
+    if not isinstance(answer, PathPlan):
+        raise InputError(f"{told} gave {_kind(answer)}, not a PathPlan or None")
+    count = len(np.atleast_1d(answer.way_points))
+    _check_numbers(answer.way_points, (count, 3), f"{told}: the way points")
+    if np.shape(answer.backwards) != (count,) or not count:
+        raise InputError(f"{told}: backwards is {_kind(answer.backwards)}, not one flag for each way point")
+
+
+CHECKS: Mapping[str, Callable[..., None]] = {
+    "next_viewpoint": _check_viewpoint,
+    "classify": _check_probabilities,
+    "detect": _check_detections,
+    "localise": _check_pose,
+    "plan": _check_plan,
+}
+"""Checks of answers, by the method's name; arguments: the answer, how to begin the line, and the method's own."""
+
+
+def _check_numbers(value: Any, shape: tuple[int, ...], what: str) -> None:
+    """Finite numbers of a shape."""
+    is_number = np.issubdtype(np.asarray(value).dtype, np.number)
+    if not is_number or np.shape(value) != shape or (shape and not isinstance(value, np.ndarray)):
+        raise InputError(f"{what}: {_kind(value)}, not {shape or 'a number'}")
+    if not np.isfinite(value).all():
+        raise InputError(f"{what}: not finite")
+
+
+def _kind(value: Any) -> str:
+    """A value by its type and, of an array, shape."""
+    return f"an array {value.shape} of {value.dtype}" if isinstance(value, np.ndarray) else type(value).__name__

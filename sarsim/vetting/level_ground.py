@@ -1,0 +1,47 @@
+"""Level ground half seen by a robot, on which methods of one's own are tried before a run."""
+
+import numpy as np
+
+from pipeline.exploration.viewpoint import Context
+from pipeline.frame import Frame, Intrinsics
+from pipeline.robot import RobotModel
+from pipeline.sensor import XTION
+from pipeline.transforms import from_rotation, yaw_of
+from pipeline.traversability.elevation_map import CELL, ElevationMap
+from pipeline.traversability.pose_paths import PosePaths
+from pipeline.traversability.traversability import assess_map
+
+INTRINSICS = Intrinsics(640, 480, 577.0, 577.0, 320.0, 240.0)
+"""Of an Xtion, 58° × 45°."""
+HEIGHT = 0.65
+"""m of the camera above the ground."""
+SENSED = 100
+"""Returns of the ground in each cell, so that none of it is doubted."""
+
+
+def level_frame() -> Frame:
+    """A frame of level ground, 20° down; its colours are black."""
+    sin, cos = np.sin(np.deg2rad(20)), np.cos(np.deg2rad(20))
+    R = np.array([[0, -sin, cos], [-1, 0, 0], [0, -cos, -sin]])
+    down = -(INTRINSICS.rays @ R[2])
+    depth = np.divide(HEIGHT, down, out=np.zeros_like(down), where=down > 0)
+    depth[depth > XTION.farthest] = 0
+    return Frame(
+        time=0.0,
+        rgb=np.zeros((*depth.shape, 3), np.uint8),
+        depth=depth.astype(np.float32),
+        intrinsics=INTRINSICS,
+        T_base_camera=from_rotation(R, [0, 0, HEIGHT]),
+        T_odom_base=np.eye(4),
+    )
+
+
+def level_context(robot: RobotModel) -> Context:
+    """What a robot knows in the middle of a square of level ground, beyond which nothing was seen."""
+    half, pose = 4 * robot.length, np.eye(4)
+    x, y = np.mgrid[-half:half:CELL, -half:half:CELL]
+    world = ElevationMap(robot)
+    points = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)]).astype(np.float32)
+    world.update(points, hits=np.full(len(points), SENSED, np.uint32))
+    paths = PosePaths(assess_map(world), pose[:2, 3], yaw_of(pose))
+    return Context(level_frame(), pose, world.measured, paths, pose[None])

@@ -1,0 +1,186 @@
+"""Methods of the user's own, by a flag: found, made, tried, and watched while they run.
+
+A name is MODULE:CLASS, looked for on PYTHONPATH and in the working folder, or an entry point of an installed package
+in the group ``sarsim.<flag>``, as ``sarsim.exploration``.
+"""
+
+import inspect
+import sys
+from collections.abc import Callable
+from importlib import import_module
+from importlib.metadata import entry_points
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+
+from pipeline.errors import InputError
+from pipeline.exploration.baselines import NearestFrontier, RandomWalk
+from pipeline.exploration.viewpoint import Strategy
+from pipeline.finds.victims.detection.detection import Detector
+from pipeline.localisation.localisation import Localisation, LostError
+from pipeline.localisation.odometry import OdometryLocalisation
+from pipeline.localisation.slam import Slam
+from pipeline.planning.path_plan import TOPOLOGICAL, Planner
+from pipeline.robot import RobotModel
+from pipeline.semantic_map.classifier import PointClassifier
+from pipeline.topological_map.topological_map import TopologicalMap
+from sarsim.vetting import answers
+from sarsim.vetting.level_ground import level_context, level_frame
+
+Flag = Literal["exploration", "labels", "detector-class", "localisation", "planner"]
+GIVEN = {
+    "exploration": "next_best_view, nearest_frontier, random_walk",
+    "labels": "pointnet, pointnet2, pointcnn, dgcnn, pointnext, rules, truth",
+    "localisation": "slam, odometry",
+    "planner": "topological",
+}
+"""Names of the methods that sarsim ships, by their flags."""
+
+
+def make_exploration(name: str, robot: RobotModel, seed: int = 0) -> Strategy | None:
+    """The strategy that ``--exploration`` names; None for the explorer's own. ``seed``: of the random walk.
+
+    Raises:
+        InputError: there is no such class, or it is no strategy, as a step on level ground shows.
+    """
+    if name == "next_best_view":
+        return None
+    if name == "nearest_frontier":
+        return NearestFrontier(robot)
+    if name == "random_walk":
+        return RandomWalk(robot, seed)
+    tried = _own("exploration", name, Strategy, robot)  # for trial alone: a strategy remembers what it saw
+    context = level_context(robot)
+    tried.observe(context)
+    if (viewpoint := tried.next_viewpoint(context)) is not None:
+        tried.commit(viewpoint, context)
+    return _own("exploration", name, Strategy, robot)
+
+
+def make_localisation(name: str, robot: RobotModel, is_told: bool = False) -> Localisation:
+    """The localisation that ``--localisation`` names; ``is_told``: the odometry has the true pose already.
+
+    Raises:
+        InputError: there is no such class, or it is no localisation, as its first keyframe shows.
+    """
+    if name == "odometry" or (name == "slam" and is_told):
+        return OdometryLocalisation()
+    if name == "slam":
+        return Slam()
+    frame = level_frame()
+    tried = _own("localisation", name, Localisation, robot)
+    tried.add(frame, tried.localise(frame))
+    tried.optimise()
+    answers.check_poses(tried.poses, _where("localisation", name))
+    return _own("localisation", name, Localisation, robot)
+
+
+def make_planner(name: str, robot: RobotModel) -> Planner:
+    """The planner that ``--planner`` names.
+
+    Raises:
+        InputError: there is no such class, or it is no planner, as a plan on level ground shows.
+    """
+    if name == "topological":
+        return TOPOLOGICAL
+    planner, context = _own("planner", name, Planner, robot), level_context(robot)
+    planner.plan(TopologicalMap(), context.paths, np.array([robot.length, 0.0]), None)
+    return planner
+
+
+def own_classifier(name: str) -> PointClassifier:
+    """The classifier of points that ``--labels`` names, if it is none of sarsim's.
+
+    Raises:
+        InputError: there is no such class, or it is no classifier, as an image of level ground shows.
+    """
+    classifier, frame = _own("labels", name, PointClassifier), level_frame()
+    classifier.classify(frame, frame.points(frame.T_base_camera), frame.T_base_camera)
+    return classifier
+
+
+def own_detector(name: str) -> Detector:
+    """The detector that ``--detector-class`` names.
+
+    Raises:
+        InputError: there is no such class, or it is no detector, as a black image shows.
+    """
+    detector = _own("detector-class", name, Detector)
+    detector.detect(level_frame().rgb)
+    return detector
+
+
+def _own(flag: Flag, name: str, protocol: type, *args: RobotModel) -> Any:
+    """An instance of a class with the members of a protocol, whose answers are checked from then on."""
+    where = _where(flag, name)
+    kind = _load(flag, name)
+    method = _guarded(kind, f"{where}: making it")(*args)
+    for member, wanted in vars(protocol).items():
+        if member.startswith("_"):
+            continue
+        if member not in dir(method):
+            what = "method" if inspect.isfunction(wanted) else "attribute"
+            raise InputError(f"{where}: has no {what} {member}, see {protocol.__module__}.{protocol.__name__}")
+        if inspect.isfunction(wanted):
+            _watch(method, member, len(inspect.signature(wanted).parameters) - 1, where)
+    if missing := [member for member in inspect.get_annotations(protocol) if member not in dir(method)]:
+        raise InputError(f"{where}: has no attribute {missing[0]}, see {protocol.__module__}.{protocol.__name__}")
+    return method
+
+
+def _load(flag: Flag, name: str) -> Callable[..., Any]:
+    """The class of that name."""
+    where, (module, colon, kind) = _where(flag, name), name.partition(":")
+    sys.path.append(str(Path.cwd()))
+    try:
+        if not colon:
+            group = f"sarsim.{flag.replace('-', '_')}"
+            if not (found := entry_points(group=group, name=name)):
+                known = ", ".join(filter(None, [GIVEN.get(flag), *sorted(entry_points(group=group).names)]))
+                raise InputError(f"{where}: none of {known}{' or ' if known else ''}MODULE:CLASS")
+            return next(iter(found)).load()
+        loaded = getattr(import_module(module), kind)
+    except InputError:
+        raise
+    except Exception as error:
+        raise InputError(f"{where}: {answers.one_line(error)}") from error
+    finally:
+        sys.path.pop()
+    if not inspect.isclass(loaded):
+        raise InputError(f"{where}: is no class")
+    return loaded
+
+
+def _watch(method: Any, member: str, count: int, where: str) -> None:
+    """Replace a method of an instance by one whose errors and answers are checked."""
+    function, told = getattr(method, member), f"{where}: {member}"
+    try:
+        inspect.signature(function).bind(*range(count))
+    except (TypeError, ValueError) as error:
+        raise InputError(f"{told}: must take {count} arguments: {answers.one_line(error)}") from error
+    try:
+        setattr(method, member, _guarded(function, told, answers.CHECKS.get(member)))
+    except AttributeError as error:
+        raise InputError(f"{where}: its methods cannot be watched: {answers.one_line(error)}") from error
+
+
+def _guarded(function: Callable[..., Any], told: str, check: Callable[..., None] | None = None) -> Callable[..., Any]:
+    """A function whose errors, and answers that ``check`` refuses, are InputErrors that begin with ``told``."""
+
+    def guarded(*args: Any) -> Any:
+        try:
+            answer = function(*args)
+        except (InputError, LostError):
+            raise
+        except Exception as error:
+            raise InputError(f"{told} failed: {answers.one_line(error)}") from error
+        if check is not None:
+            check(answer, told, *args)
+        return answer
+
+    return guarded
+
+
+def _where(flag: Flag, name: str) -> str:
+    return f"--{flag} {name}"

@@ -1,0 +1,255 @@
+"""Methods of one's own: the examples of the page, what is refused, and how it is said."""
+
+import re
+import sys
+from importlib.metadata import EntryPoint, EntryPoints
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.errors import InputError
+from pipeline.exploration.baselines import NearestFrontier, RandomWalk
+from pipeline.exploration.viewpoint import Context, Viewpoint
+from pipeline.localisation.localisation import LostError
+from pipeline.localisation.odometry import OdometryLocalisation
+from pipeline.localisation.slam import Slam
+from pipeline.planning.path_plan import TOPOLOGICAL
+from pipeline.robot import RobotModel
+from pipeline.topological_map.topological_map import TopologicalMap
+from sarsim.vetting import methods
+from sarsim.vetting.level_ground import level_context, level_frame
+from tests.pipeline.robot_model import PIONEER
+
+PAGE = Path(__file__).parents[3] / "docs" / "extend.md"
+MAKE = {
+    "exploration": lambda name: methods.make_exploration(name, PIONEER),
+    "planner": lambda name: methods.make_planner(name, PIONEER),
+    "localisation": lambda name: methods.make_localisation(name, PIONEER),
+    "labels": methods.own_classifier,
+    "detector-class": methods.own_detector,
+}
+
+
+@pytest.fixture(autouse=True)
+def workplace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty working folder, whose modules are forgotten afterwards."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delitem(sys.modules, "page", raising=False)
+    return tmp_path
+
+
+@pytest.fixture
+def page(workplace: Path) -> None:
+    blocks = re.findall(r"^```python\n(.*?)^```", PAGE.read_text(), re.DOTALL | re.MULTILINE)
+    (workplace / "page.py").write_text("\n".join(blocks))
+
+
+class Silent:
+    """A strategy with exactly the protocol's methods."""
+
+    answer: object = None
+
+    def __init__(self, robot: RobotModel):
+        self.robot = robot
+
+    def observe(self, context: Context) -> None:
+        pass
+
+    def next_viewpoint(self, context: Context) -> object:
+        return self.answer
+
+    def commit(self, viewpoint: Viewpoint, context: Context) -> None:
+        pass
+
+
+class Mute(Silent):
+    observe = None  # type: ignore[assignment]
+
+
+class Greedy(Silent):
+    def next_viewpoint(self, context: Context, more: int) -> None:  # type: ignore[override]
+        pass
+
+
+class Broken(Silent):
+    def observe(self, context: Context) -> None:
+        raise KeyError("first\nsecond")
+
+
+class Unmade(Silent):
+    def __init__(self) -> None:
+        pass
+
+
+class Talkative(Silent):
+    answer = (1.0, 2.0)
+
+
+class Nowhere(Silent):
+    answer = Viewpoint(np.array([np.nan, 0]), 0.0, True, 0.0)
+
+
+class Deep(Silent):
+    answer = Viewpoint(np.zeros(3), 0.0, True, 0.0)
+
+
+class Far(Silent):
+    answer = Viewpoint(np.array([90.0, 0]), 0.0, True, 0.0)
+
+
+class Turned(Silent):
+    answer = Viewpoint(np.zeros(2), float("inf"), True, 0.0)
+
+
+class Labels:
+    def __init__(self, shape: tuple[int, ...] = (3, 8), value: float = 0.125):
+        self.answer = np.full(shape, value, np.float32)
+
+    def classify(self, frame: object, points: np.ndarray, T_map_camera: object) -> object:
+        return self.answer
+
+
+class Improbable(Labels):
+    def classify(self, frame: object, points: np.ndarray, T_map_camera: object) -> object:
+        return np.ones((len(points), 8), np.float32)
+
+
+class Boxes:
+    answer: object = "none"
+
+    def detect(self, rgb: np.ndarray) -> object:
+        return self.answer
+
+
+class Adrift(OdometryLocalisation):
+    def __init__(self, robot: RobotModel):
+        super().__init__()
+
+    def localise(self, frame: object) -> np.ndarray:  # type: ignore[override]
+        return np.zeros((4, 4))
+
+
+class Lost(Adrift):
+    def localise(self, frame: object) -> np.ndarray:  # type: ignore[override]
+        raise LostError("no pose")
+
+
+class Wayless:
+    def __init__(self, robot: RobotModel):
+        pass
+
+    def plan(self, topology: object, paths: object, goal: object, heading: float | None = None) -> object:
+        return [goal]
+
+
+@pytest.mark.usefixtures("page")
+@pytest.mark.parametrize(
+    ("flag", "name"),
+    [
+        ("exploration", "Ahead"),
+        ("planner", "Careful"),
+        ("localisation", "Flat"),
+        ("labels", "Low"),
+        ("detector-class", "Bright"),
+    ],
+)
+def test_the_examples_of_the_page_pass_the_trial(flag: str, name: str) -> None:
+    path = list(sys.path)
+    assert type(MAKE[flag](f"page:{name}")).__name__ == name
+    assert sys.path == path
+
+
+def test_shipped_methods_have_names() -> None:
+    assert methods.make_exploration("next_best_view", PIONEER) is None
+    assert type(methods.make_exploration("nearest_frontier", PIONEER)) is NearestFrontier
+    assert type(methods.make_exploration("random_walk", PIONEER, 3)) is RandomWalk
+    assert methods.make_planner("topological", PIONEER) is TOPOLOGICAL
+    assert type(methods.make_localisation("slam", PIONEER)) is Slam
+    assert type(methods.make_localisation("slam", PIONEER, is_told=True)) is OdometryLocalisation
+    assert type(methods.make_localisation("odometry", PIONEER)) is OdometryLocalisation
+
+
+def test_a_subclass_of_a_shipped_one_is_a_method() -> None:
+    name = "pipeline.exploration.baselines:NearestFrontier"
+    assert isinstance(methods.make_exploration(name, PIONEER), NearestFrontier)
+
+
+@pytest.mark.usefixtures("page")
+def test_the_trial_leaves_no_trace() -> None:
+    strategy, context, named = methods.make_exploration("page:Ahead", PIONEER), level_context(PIONEER), []
+    assert strategy is not None
+    for _ in range(3):
+        strategy.observe(context)
+        named.append(strategy.next_viewpoint(context) is not None)
+    assert named == [True, True, False]
+
+
+@pytest.mark.parametrize(
+    ("flag", "name", "said"),
+    [
+        ("exploration", "nearest", "none of next_best_view, nearest_frontier, random_walk or MODULE:CLASS"),
+        ("detector-class", "mine", "none of MODULE:CLASS"),
+        ("labels", "no_such_module:Mine", "No module named 'no_such_module'"),
+        ("labels", "json:Mine", "has no attribute 'Mine'"),
+        ("labels", "json:dumps", "is no class"),
+        ("labels", "json:JSONDecoder", "has no method classify, see pipeline.semantic_map.classifier.Point"),
+        ("exploration", "Mute", "observe: must take 1 arguments"),
+        ("exploration", "Greedy", "next_viewpoint: must take 1 arguments: TypeError: missing"),
+        ("exploration", "Broken", "observe failed: KeyError: 'first\\\\nsecond'"),
+        ("exploration", "Unmade", "making it failed: TypeError"),
+        ("exploration", "Talkative", "gave tuple, not a Viewpoint or None"),
+        ("exploration", "Nowhere", "position: not finite"),
+        ("exploration", "Deep", re.escape("position: an array (3,) of float64, not (2,)")),
+        ("exploration", "Far", "is off the map"),
+        ("exploration", "Turned", "heading: not finite"),
+        ("labels", "Labels", "probabilities: an array"),
+        ("labels", "Improbable", "do not sum to 1"),
+        ("detector-class", "Boxes", "gave str, not a list of Detection"),
+        ("localisation", "Silent", "has no method localise|has no attribute"),
+        ("localisation", "Adrift", "not a pose"),
+        ("planner", "Wayless", "gave list, not a PathPlan"),
+    ],
+)
+def test_what_is_no_method_is_refused_in_one_line(flag: str, name: str, said: str) -> None:
+    name = name if ":" in name or name[0].islower() else f"{__name__}:{name}"
+    with pytest.raises(InputError, match=said) as refused:
+        MAKE[flag](name)
+    assert str(refused.value).startswith(f"--{flag} {name}:")
+    assert "\n" not in str(refused.value)
+
+
+def test_a_method_is_watched_after_the_trial() -> None:
+    strategy = methods.make_exploration(f"{__name__}:Silent", PIONEER)
+    assert isinstance(strategy, Silent)
+    strategy.answer = Viewpoint(np.array([np.inf, 0]), 0.0, True, 0.0)
+    with pytest.raises(InputError, match="position: not finite"):
+        strategy.next_viewpoint(level_context(PIONEER))
+
+
+def test_a_localisation_may_say_that_it_is_lost() -> None:
+    with pytest.raises(LostError, match="no pose"):
+        methods.make_localisation(f"{__name__}:Lost", PIONEER)
+
+
+def test_classes_come_from_installed_packages(monkeypatch: pytest.MonkeyPatch) -> None:
+    entry = EntryPoint("silent", f"{__name__}:Silent", "sarsim.exploration")
+
+    def installed(**wanted: str) -> EntryPoints:
+        return EntryPoints([entry]).select(**wanted)
+
+    monkeypatch.setattr(methods, "entry_points", installed)
+    assert isinstance(methods.make_exploration("silent", PIONEER), Silent)
+    with pytest.raises(InputError, match="random_walk, silent or MODULE:CLASS"):
+        methods.make_exploration("loud", PIONEER)
+
+
+def test_the_ground_of_the_trial_leaves_something_to_explore() -> None:
+    context, frame = level_context(PIONEER), level_frame()
+    assert context.paths.start is not None and context.paths.reachable.any()
+    points = frame.points(frame.T_base_camera)
+    assert len(points) > 10_000 and np.abs(points[:, 2]).max() < 1e-5
+    near = NearestFrontier(PIONEER)
+    near.observe(context)
+    assert near.next_viewpoint(context) is not None
+    assert methods.make_planner("topological", PIONEER).plan(TopologicalMap(), context.paths, (0.5, 0.0)) is not None

@@ -36,8 +36,8 @@ def export_arena(settings: ExportArena) -> None:
     if settings.out.suffix not in (".xml", ".mjcf"):
         raise InputError(f"--out {settings.out}: MJCF is written, so the ending must be .xml or .mjcf")
     check_folder_of("out", settings.out)
-    root = load_arena(settings.arena, settings.start, settings.random).mjcf_model
-    for name, content in (root.get_assets() | {settings.out.name: root.to_xml_string().encode()}).items():
+    arena = load_arena(settings.arena, settings.start, settings.random)
+    for name, content in (arena.mjcf_model.get_assets() | {settings.out.name: arena.to_xml().encode()}).items():
         with whole_file(settings.out.with_name(name)) as part:
             part.write_bytes(content)
     print(f"python -m mujoco.viewer --mjcf={settings.out}")

@@ -2,6 +2,7 @@
 
 import numpy as np
 from dm_control import composer, mjcf
+from lxml import etree
 from numpy.typing import NDArray
 
 from pipeline.errors import InputError
@@ -23,4 +24,18 @@ class RescueArena(composer.Arena):
     def T_world_start(self) -> NDArray[np.float64]:
         """4×4 pose at which the robot's ``base_link`` is set down."""
         quat = np.array([1.0, 0, 0, 0] if self._start.quat is None else self._start.quat)
+        quat = quat / np.linalg.norm(quat)  # as MuJoCo does: a file has few digits
         return from_rotation(rotation(quat), np.zeros(3) if self._start.pos is None else self._start.pos)
+
+    def to_xml(self) -> str:
+        """Its MJCF, which :func:`~sarsim.arenas.load.load_arena` reads again.
+
+        PyMJCF calls the class of defaults that counts everywhere ``/`` and refuses a file in which it has a name.
+        """
+        root = self.mjcf_model.to_xml(precision=17)
+        for top in root.iterfind("default/default[@class='/']"):
+            top.getparent().extend(top)
+            top.getparent().remove(top)
+        for element in root.iterfind(".//*[@class='/']"):
+            del element.attrib["class"]
+        return etree.tostring(root, encoding="unicode", pretty_print=True)

@@ -111,8 +111,8 @@ def arena_of(scene: SceneRecipe) -> ArenaText:
         # The same as by load_arena, without the tenths of a second that PyMJCF takes to read and write it.
         builder = build_random(int(scene.arena.removeprefix(PREFIX)), scene.random)
         return ArenaText(builder.to_xml(), builder.files)
-    root = load_arena(scene.arena).mjcf_model
-    return ArenaText(root.to_xml_string(), root.get_assets())
+    arena = load_arena(scene.arena)
+    return ArenaText(arena.to_xml(), arena.mjcf_model.get_assets())
 
 
 class World(ExitStack):

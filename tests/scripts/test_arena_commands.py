@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from sarsim.arenas.load import load_arena
 from sarsim.arenas.things.thing import things_of
 from sarsim.scripts.export_arena import ExportArena, export_arena
 from sarsim.scripts.settings import run_with_settings
@@ -39,6 +40,17 @@ def test_a_built_in_arena_is_written_whole(name, tmp_path):
     assert model.nbody > 2 and model.nv == 0
     assert mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, "start") >= 0
     assert (model.geom_user[:, 0] > 0).all()
+
+
+@pytest.mark.parametrize("name", ["nist_6x4", "random:1"])
+def test_what_was_written_is_an_arena_again(name, tmp_path):
+    before = exported(tmp_path, "--arena", name)
+    again = load_arena(str(tmp_path / "out.xml"))
+    assert np.allclose(again.T_world_start, load_arena(name).T_world_start, rtol=0, atol=1e-12)
+    after = mujoco.MjModel.from_xml_string(again.to_xml(), again.mjcf_model.get_assets())
+    assert np.array_equal(after.tex_data, before.tex_data)
+    for values in ("geom_pos", "geom_quat", "geom_size", "geom_user", "geom_friction", "mat_rgba"):
+        assert np.allclose(getattr(after, values), getattr(before, values), rtol=0, atol=1e-12), values
 
 
 def test_a_raf_file_is_written_with_the_start_that_is_asked_for(tmp_path):

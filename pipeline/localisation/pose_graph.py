@@ -39,6 +39,7 @@ class PoseGraph:
         self._factors = gtsam.NonlinearFactorGraph()
         self.ups: list[NDArray[np.float64]] = []
         self._links: dict[tuple[int, int], float] = {}
+        self._turns: dict[tuple[int, int], float] = {}
         self._marginals: gtsam.Marginals | None = None
 
     def __len__(self) -> int:
@@ -69,7 +70,8 @@ class PoseGraph:
         for k, (T, up) in enumerate(zip(poses, ups, strict=True)):
             self.add(T, up)
             self._factors.add(gtsam.PriorFactorPose3(k, gtsam.Pose3(T), model))
-        self._links |= {(k - 1, k): FIXED**2 for k in range(1, len(poses))}
+        fixed = {(k - 1, k): FIXED**2 for k in range(1, len(poses))}
+        self._links, self._turns = self._links | fixed, self._turns | fixed
 
     def connect(
         self,
@@ -99,7 +101,8 @@ class PoseGraph:
         """Take back what was connected and linked by loops."""
         self._loops = [(loop, factor) for loop, factor in self._loops if loop not in loops]
         for loop in loops:
-            self._links.pop((loop.first, loop.second), None)
+            for links in (self._links, self._turns):
+                links.pop((loop.first, loop.second), None)
 
     def drive(self, motion: MeasuredMotion) -> None:
         """Add the robot's motion by odometry from the previous keyframe to the newest one."""
@@ -115,13 +118,25 @@ class PoseGraph:
 
     def link(self, i: int, j: int, covariance: NDArray[np.float64]) -> None:
         """Remember the (6, 6) covariance of keyframe j relative to i; of several the smallest one counts."""
-        self._links[i, j] = min(variance_of(covariance), self._links.get((i, j), np.inf))
+        turn = float(np.linalg.eigvalsh(covariance[:3, :3])[-1])
+        for links, variance in ((self._links, variance_of(covariance)), (self._turns, turn)):
+            links[i, j] = min(variance, links.get((i, j), np.inf))
 
     def deviations(self, keyframe: int) -> NDArray[np.float64]:
         """(K,) m, standard deviation of each position relative to a keyframe, by the best chain of links."""
-        ends = np.array(list(self._links), np.int64).reshape(-1, 2).T
-        links = coo_array((list(self._links.values()), tuple(ends)), shape=(len(self), len(self))).tocsr()
-        return np.sqrt(dijkstra(links, directed=False, indices=keyframe))
+        return self._chained(self._links, keyframe)
+
+    def headings(self, keyframe: int) -> NDArray[np.float64]:
+        """(K,) rad, standard deviation of each rotation relative to a keyframe, by the best chain of links.
+
+        A gyro keeps it small where wheels alone tell the way, as along a corridor.
+        """
+        return self._chained(self._turns, keyframe)
+
+    def _chained(self, links: dict[tuple[int, int], float], keyframe: int) -> NDArray[np.float64]:
+        ends = np.array(list(links), np.int64).reshape(-1, 2).T
+        variances = coo_array((list(links.values()), tuple(ends)), shape=(len(self), len(self))).tocsr()
+        return np.sqrt(dijkstra(variances, directed=False, indices=keyframe))
 
     def covariance(self, keyframe: int) -> NDArray[np.float64]:
         """(6, 6) of a keyframe's pose relative to the first one's, in its own tangent, rad² and m²."""

@@ -128,7 +128,7 @@ class Slam(Localisation):
         self.belief = Belief()
         self._reference = _Reference(-1, np.eye(4), 0.0, np.eye(4))
         self._anchor: NDArray[np.float64] | None = None
-        self._deviations = np.zeros(0)
+        self._deviations = self._headings = np.zeros(0)
         self._turned = 0.0
         self._match: _Match | None = None
 
@@ -220,7 +220,7 @@ class Slam(Localisation):
         """Take the odometry since a frame, at a 4×4 pose relative to a keyframe."""
         self._reference = _Reference(keyframe, T_keyframe_base, frame.time, frame.T_odom_base)
         self._anchor, self._turned = None, 0.0
-        self._deviations = self.graph.deviations(keyframe)
+        self._judge()
 
     def _repeated(self, T_map_base: NDArray[np.float64]) -> int | None:
         """Number of the nearest keyframe at the same pose as a 4×4 one; None if there is none, or it is unknown."""
@@ -292,7 +292,12 @@ class Slam(Localisation):
 
     def _renew(self) -> None:
         self.local_map.place(self.poses)
+        self._judge()
+
+    def _judge(self) -> None:
+        """See how sure each keyframe is relative to the reference."""
         self._deviations = self.graph.deviations(self._reference.keyframe)
+        self._headings = self.graph.headings(self._reference.keyframe)
 
     def _find(self, frame: Frame) -> _Match:
         cloud = cloud_of_frame(frame)
@@ -357,9 +362,12 @@ class Slam(Localisation):
         return self.motion.predict(self.T_map_reference, MeasuredMotion(T, up, frame.time - known.time, self._turned))
 
     def _relative_to(self, target: Target, prior: Prior) -> Prior:
-        """A prior of the pose relative to the keyframes that own the target, whose own positions are uncertain."""
-        deviation = float(np.median(self._deviations[target.owner]))
-        covariance = np.linalg.inv(prior.information) + np.diag(spread(deviation) ** 2)
+        """A prior of the pose relative to the keyframes that own the target, whose own poses are uncertain.
+
+        Were the heading as uncertain as the position allows, a wall beside the robot would turn it in each frame.
+        """
+        heading, way = (float(np.median(sigma[target.owner])) for sigma in (self._headings, self._deviations))
+        covariance = np.linalg.inv(prior.information) + np.diag(np.repeat([heading, way], 3) ** 2)
         return Prior(prior.T, np.asarray(np.linalg.inv(covariance)))
 
     def _step(self, odometry: Prediction) -> Prior:

@@ -137,6 +137,13 @@ def test_deviations_are_those_of_the_best_chain() -> None:
     np.testing.assert_allclose(graph.deviations(4), np.sqrt(by_hand))
 
 
+def test_a_heading_is_as_sure_as_the_best_chain_of_rotations_whatever_the_way() -> None:
+    graph = chain([from_yaw(1, 0, 0, 0)] * 2)
+    for i, j, turn, way in ((0, 1, 0.01, 9.0), (1, 2, 0.03, 9.0), (0, 2, 0.09, 0.01)):
+        graph.link(i, j, np.diag([turn / 2, 0.0, turn, way, 0.0, 0.0]))
+    np.testing.assert_allclose(graph.headings(2), np.sqrt([0.04, 0.03, 0]))
+
+
 def test_of_two_links_the_better_one_counts() -> None:
     graph = chain([from_yaw(1, 0, 0, 0)])
     for variance in (0.09, 0.01, 0.04):

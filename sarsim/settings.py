@@ -42,7 +42,7 @@ class SimulatorConfig:
     """Settings of everything that simulates a robot in an arena.
 
     Attributes:
-        arena: nist_6x4, esogu_52x15, random:SEED, or the path of a .raf, MJCF, SDF or map file.
+        arena: nist_6x4, esogu_52x15, lanes/NAME, random:SEED, or the path of a .raf, MJCF, SDF or map file.
         robot: pioneer3at, jackal, or the path of an MJCF file structured like theirs.
         start: start pose: x and y in m, yaw in degrees; by default the arena's own.
         seed: seed of all random numbers.
@@ -158,7 +158,7 @@ class TeleopConfig:
     """Settings of a drive by a person.
 
     Attributes:
-        arena: nist_6x4, esogu_52x15, random:SEED, or the path of a .raf, MJCF, SDF or map file.
+        arena: nist_6x4, esogu_52x15, lanes/NAME, random:SEED, or the path of a .raf, MJCF, SDF or map file.
         start: start pose: x and y in m, yaw in degrees; by default the arena's own.
         robot: pioneer3at, jackal, or the path of an MJCF file structured like theirs.
         labels: source of the points' labels if --out is given, as in run_episode.py.

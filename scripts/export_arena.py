@@ -17,7 +17,7 @@ class ExportArena:
     """What is written, and where.
 
     Attributes:
-        arena: nist_6x4, esogu_52x15, random:SEED, or the path of a .raf, MJCF, SDF or map file.
+        arena: nist_6x4, esogu_52x15, lanes/NAME, random:SEED, or the path of a .raf, MJCF, SDF or map file.
         out: MJCF file to write, .xml or .mjcf; files that the arena refers to are copied beside it.
         start: start pose: x and y in m, yaw in degrees; by default the arena's own.
         random: contents of a random arena, set in a --config file as run_episode.py writes it.

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from pipeline.errors import InputError
 from sarsim.arenas.arena import RescueArena
 from sarsim.arenas.elements import ArenaBuilder
+from sarsim.arenas.lanes import LANES, LANES_FOLDER
 from sarsim.arenas.map_2d import build_map
 from sarsim.arenas.raf import build_raf
 from sarsim.arenas.random_arena import build_random
@@ -21,7 +22,7 @@ from sarsim.arenas.start import find_start, start_at
 from sarsim.assets import asset
 from sarsim.vetting.trial import vet_mjcf
 
-BUILT_IN = ("nist_6x4", "esogu_52x15")
+BUILT_IN = ("nist_6x4", "esogu_52x15", *(f"{LANES_FOLDER}{lane}" for lane in LANES))
 RANDOM = "random:"
 MAX_DIGITS = 18  # of a seed
 BUILDERS: dict[str, Callable[[Path], ArenaBuilder]] = {
@@ -34,7 +35,7 @@ def load_arena(name: str, start: StartPose | None = None, random: RandomArenaCon
     """The arena that a command's ``--arena`` names.
 
     Args:
-        name: a built-in arena, ``random:SEED``, or the path of a ``.raf``, MJCF, SDF or 2D map file.
+        name: a built-in arena or lane, ``random:SEED``, or the path of a ``.raf``, MJCF, SDF or 2D map file.
         start: where to set the robot down; if not given, the arena's own start, or else the best place in it.
         random: settings of a random arena.
 

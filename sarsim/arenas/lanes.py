@@ -1,0 +1,50 @@
+"""The lanes of ``assets/arenas/lanes``, and what each asks of a robot's body."""
+
+import math
+from dataclasses import dataclass
+
+from pipeline.robot import RobotModel
+
+LANES_FOLDER = "lanes/"
+LANE_SLOPE = 15.0  # degrees
+ROBOT_PASSAGE = 0.597  # m, the width of a Pioneer 3-AT and 10 cm
+GATE = 0.9  # m, width of doors and of the gates between holes
+
+
+@dataclass(frozen=True)
+class Lane:
+    """What a lane asks of whoever drives through it.
+
+    Attributes:
+        step: height of the lowest step that no way avoids, m.
+        slope: tilt of the ground that no way avoids, degrees.
+        passage: width of the narrowest passage, m; infinite if there is none.
+    """
+
+    step: float = 0.0
+    slope: float = 0.0
+    passage: float = math.inf
+
+    def cannot(self, robot: RobotModel) -> str | None:
+        """Why a robot's body is not made for it, with the numbers that say so; None if it is."""
+        if self.step > robot.max_step:
+            return f"a step of {self.step:g} m, at most {robot.max_step:g} m are driven over"
+        if math.radians(self.slope) > robot.max_tilt:
+            return f"a slope of {self.slope:g}°, at most {math.degrees(robot.max_tilt):.3g}° are driven on"
+        if self.passage < robot.width:
+            return f"a passage of {self.passage:g} m, the robot is {robot.width:g} m wide"
+        return None
+
+
+LANES = {
+    "avoid_holes": Lane(passage=GATE),
+    "centre": Lane(slope=LANE_SLOPE, passage=ROBOT_PASSAGE),
+    "crossing_ramps": Lane(slope=LANE_SLOPE),
+    "door": Lane(passage=GATE),
+    "hurdles": Lane(step=0.2),
+    "krails": Lane(step=0.1),
+    "krails_15": Lane(step=0.1, slope=LANE_SLOPE),
+    "stepfield": Lane(step=0.15),
+    "traverse": Lane(slope=LANE_SLOPE, passage=ROBOT_PASSAGE),
+}
+"""By name."""

@@ -74,7 +74,7 @@ class Episode(Expedition):
             self.recorder = EpisodeRecorder(self.robot, config.folder / "episode.rrd", viewer)
             refused.pop_all()
         explorer = Explorer(robot, mapper, exploration, planner)
-        self.score = EpisodeScore(self.robot, explorer, fiducials)
+        self.score = EpisodeScore(self.robot, explorer, fiducials, config.oracle)
         explorer.observers += [self.score, *recordings]
         results = ResultFolder(config, config.folder, config.arena, config.seed, mapper, self.recorder, brief)
         super().__init__(explorer, results, self.score.trajectory, config.steps, config.goals, config.home)

@@ -121,6 +121,7 @@ class EpisodeConfig(PerceptionConfig, MissionConfig, SimulatorConfig):
         dust: dust in the air, 0 to 1, which spoils depth and veils colours.
         tyre_error: relative error of the wheels' radius that the odometry does not know.
         fiducials: AprilTags on the walls, by which the report measures the map; the robot ignores them.
+        oracle: compare with the best tour of one who knows the ground; takes seconds, minutes in large arenas.
         voxel_size: side of the metric map's voxels, m; smaller ones take more time and memory.
         graph: graph for path planning: the thesis's minimum spanning tree (mst), or with loops (roadmap).
         bag: new folder for a ROS 2 bag of the robot's sensor data, commands and maps.
@@ -139,6 +140,7 @@ class EpisodeConfig(PerceptionConfig, MissionConfig, SimulatorConfig):
     dust: float = 0.0
     tyre_error: float = 0.0
     fiducials: int = 0
+    oracle: bool = False
     voxel_size: float = 0.1
     graph: Literal["mst", "roadmap"] = "roadmap"
     bag: Path | None = None

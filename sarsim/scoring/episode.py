@@ -7,17 +7,22 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.explorer import Explorer, Observer, Step
+from pipeline.frame import Frame
 from pipeline.mapper import Keyframe
 from pipeline.navigation.navigator import Outcome
+from pipeline.transforms import yaw_of
 from sarsim.ground_truth.faces import true_faces
 from sarsim.scoring.coverage import Coverage
 from sarsim.scoring.fiducials import FiducialScore
 from sarsim.scoring.finds import FindScore
+from sarsim.scoring.handed_in import true_scene
+from sarsim.scoring.oracle import Oracle, true_traversability
 from sarsim.scoring.segments import SegmentScore
 from sarsim.scoring.semantics import KeyframeTruth, compared
+from sarsim.scoring.sight import Sight
 from sarsim.scoring.topology import score_topology
 from sarsim.scoring.topology_kernels import way_lengths
-from sarsim.scoring.trajectory import TrajectoryScore, motion_figures
+from sarsim.scoring.trajectory import TrajectoryScore, driven, motion_figures
 from sarsim.scoring.victims import VictimScore
 from sarsim.scoring.voxels import VoxelScore
 from sarsim.simulated_robot import SimulatedRobot, TrueFrame
@@ -34,8 +39,17 @@ class EpisodeScore(Observer):
         trajectory: the estimated trajectory against the true one.
     """
 
-    def __init__(self, robot: SimulatedRobot, explorer: Explorer, T_world_tag: NDArray[np.float64]):
-        """``T_world_tag``: (N, 4, 4) true poses of the tags on the arena's walls."""
+    def __init__(
+        self, robot: SimulatedRobot, explorer: Explorer, T_world_tag: NDArray[np.float64], oracle: bool = False
+    ):
+        """Score a robot from its current pose on.
+
+        Args:
+            robot: in the arena.
+            explorer: that drives it.
+            T_world_tag: (N, 4, 4) true poses of the tags on the arena's walls.
+            oracle: whether the report compares the robot with a tour of one who knows the ground.
+        """
         self._robot = robot
         self._explorer = explorer
         model, data = robot.physics.model.ptr, robot.physics.data.ptr
@@ -51,7 +65,10 @@ class EpisodeScore(Observer):
         for seen, T in zip(explorer.mapper.keyframes.seen, explorer.mapper.keyframes.poses, strict=True):
             self._coverage.see(seen.points_at(T))
         self._cost_ratios: list[float] = []
-        self._start_time = robot.time
+        self._start_time, self._T_world_start = robot.time, robot.trajectory[-1].T_world_base
+        # Without a map of earlier episodes, which shows ground before the start.
+        self._wants_oracle = oracle and not explorer.mapper.keyframes.loaded
+        self._first_frame: Frame | None = None
         self._kidnaps = 0
         self._frontiers_left = 0
         self._progress: list[tuple[float, float]] = []
@@ -62,6 +79,7 @@ class EpisodeScore(Observer):
         truth = self._robot.true_frame
         assert truth is not None
         self.trajectory.add()
+        self._first_frame = self._first_frame or keyframe.frame
         self._pending.append(self._thread.submit(self._compare, keyframe, truth))
 
     def _compare(self, keyframe: Keyframe, truth: TrueFrame) -> None:
@@ -160,11 +178,29 @@ class EpisodeScore(Observer):
     def _exploration(self) -> dict[str, Any]:
         """Times in ``MOST`` are missing if less was seen."""
         seen = {name: [time for time, share in self.progress if share >= most] for name, most in MOST.items()}
+        times = {name: times[0] for name, times in seen.items() if times}
+        oracle = (
+            self._oracle(self._first_frame, times.get("t99_s")) if self._wants_oracle and self._first_frame else {}
+        )
         return {
             "explored_fraction": self.coverage.fraction,
             "frontiers_left": self._frontiers_left,
-            **{name: times[0] for name, times in seen.items() if times},
+            **times,
+            **oracle,
         }
+
+    def _oracle(self, frame: Frame, t99: float | None) -> dict[str, float]:
+        """The figures of the oracle; none if no tour sees as much, and no ratios if the robot has not seen it."""
+        robot, T = self._robot, self._T_world_start
+        scene = true_scene(robot.physics.model.ptr, robot.physics.data.ptr, robot.base_body)
+        ground = true_traversability(self.surface, robot.model)
+        start = np.array([*T[:2, 3], yaw_of(T)])
+        oracle = Oracle(ground, Sight(self.surface, ground, scene, frame), start, MOST["t99_s"])
+        figures = oracle.figures()
+        if figures and t99 is not None:
+            way = driven([pose for pose in robot.trajectory if pose.time - self._start_time <= t99])
+            figures |= oracle.ratios(way, t99)
+        return figures
 
     def _path_plan(self) -> dict[str, Any]:
         ratios = np.array([r for r in self._cost_ratios if np.isfinite(r)])

@@ -96,11 +96,14 @@ def true_arena(
     )
 
 
-def true_scene(model: mujoco.MjModel, data: mujoco.MjData) -> Any:
-    """Open3D's RaycastingScene of the visible surfaces of an arena, m in the world."""
+def true_scene(model: mujoco.MjModel, data: mujoco.MjData, robot_body: int | None = None) -> Any:
+    """Open3D's RaycastingScene of the visible surfaces of an arena, m in the world, without the robot's, if any."""
     import open3d as o3d  # here, because it takes a second
 
-    geoms = np.flatnonzero(drawn_geoms(model))
+    drawn = drawn_geoms(model)
+    if robot_body is not None:
+        drawn &= model.body_rootid[model.geom_bodyid] != model.body_rootid[robot_body]
+    geoms = np.flatnonzero(drawn)
     poses = [from_rotation(data.geom_xmat[geom].reshape(3, 3), data.geom_xpos[geom]) for geom in geoms]
     mesh, scene = joined_mesh(model, geoms, poses), o3d.t.geometry.RaycastingScene()
     scene.add_triangles(*map(o3d.core.Tensor.from_numpy, (mesh.vertices, mesh.triangles)))

@@ -1,0 +1,227 @@
+"""The oracle: how soon a robot that knows the true ground could have seen it, by its own planner and camera."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import pairwise
+from math import ceil, inf
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+
+from pipeline.exploration.next_best_view import KEYFRAME_TIME
+from pipeline.exploration.visibility import PLACE_STRIDE
+from pipeline.grid_map import best_of_blocks
+from pipeline.localisation.localisation import KEYFRAME_TURN, KEYFRAME_WAY
+from pipeline.planning.visiting_order import visiting_order
+from pipeline.robot import RobotModel
+from pipeline.transforms import wrap_angle
+from pipeline.traversability.pose_kernels import ANGLES
+from pipeline.traversability.pose_paths import PosePaths, bits
+from pipeline.traversability.traversability import Traversability, assess
+from sarsim.ground_truth.true_surface import TrueSurface
+from sarsim.scoring.set_cover import cells_of, cover_bound, greedy_cover
+from sarsim.scoring.sight import Sight
+
+
+@dataclass(frozen=True, eq=False)
+class Tour:
+    """A drive that sees enough.
+
+    Attributes:
+        order: of the viewpoints, by their numbers.
+        seconds, metres: until enough was seen; inf if it never was.
+    """
+
+    order: list[int]
+    seconds: float
+    metres: float
+
+
+@dataclass(frozen=True, eq=False)
+class Leg:
+    """A drive from one viewpoint to the next.
+
+    Attributes:
+        seconds, metres: of the drive, with the keyframe at its end.
+        seen: (N,) bool, cells that its keyframes show.
+    """
+
+    seconds: float
+    metres: float
+    seen: NDArray[np.bool_]
+
+
+def true_traversability(surface: TrueSurface, robot: RobotModel) -> Traversability:
+    """What the robot's planner would know of the whole arena; all that is not connected ground is a wall."""
+    top = np.nanmax(surface.height) + robot.headroom
+    elevation = np.where(np.isnan(surface.height) | surface.walls, top, surface.height).astype(np.float32)
+    none = np.zeros(surface.grid.shape, np.bool_)
+    return assess(surface.grid, elevation, none, none.astype(np.uint16), robot)
+
+
+@dataclass(eq=False)
+class Oracle:
+    """Looks for the quickest tour; the first viewpoint is the start.
+
+    Attributes:
+        ground: the true ground, as the robot's planner sees it.
+        sight: of its camera.
+        start: (3,) pose: x and y in m, heading in rad.
+        share: of the drivable ground that is to be seen, 0 to 1.
+    """
+
+    ground: Traversability
+    sight: Sight
+    start: NDArray[np.float64]
+    share: float
+    _from: dict[int, PosePaths] = field(default_factory=dict)
+    _legs: dict[tuple[int, int], Leg] = field(default_factory=dict)
+
+    @cached_property
+    def poses(self) -> NDArray[np.float64]:
+        """(V, 3) the start, and of each block of 0.25 m the cell with most headings, with each of these."""
+        headings = self.paths(0).headings
+        cells = best_of_blocks(np.bitwise_count(headings), PLACE_STRIDE)
+        n, m = np.nonzero(bits(headings[tuple(cells.T)]))
+        return np.vstack([self.start, np.column_stack([self.ground.grid.centre_of(cells[n]), wrap_angle(ANGLES[m])])])
+
+    @cached_property
+    def views(self) -> sparse.csr_array:
+        """(V, N) bool sparse, the cells that each pose shows."""
+        return self.sight.views(self.poses)
+
+    @property
+    def wanted(self) -> int:
+        """Number of cells that are to be seen."""
+        return ceil(self.share * len(self.sight.cells))
+
+    @cached_property
+    def at_start(self) -> NDArray[np.bool_]:
+        """(N,) the cells seen at once."""
+        seen = np.zeros(len(self.sight.cells), np.bool_)
+        seen[cells_of(self.views, 0)] = True
+        return seen
+
+    def paths(self, view: int) -> PosePaths:
+        """The quickest ways from a viewpoint."""
+        if view not in self._from:
+            x, y, heading = self.start if view == 0 else self.poses[view]
+            self._from[view] = PosePaths(self.ground, [x, y], heading, caution=0.0)
+        return self._from[view]
+
+    def seconds(self, here: int, there: Sequence[int] | slice = slice(None)) -> NDArray[np.float64]:
+        """(M,) s from one viewpoint to others, their keyframes included."""
+        poses = self.poses[there]
+        cells, heading = self.ground.grid.cell_of(poses), np.cos(ANGLES - poses[:, 2:]).argmax(axis=1)
+        seconds = self.paths(here).seconds_to(cells)[np.arange(len(poses)), heading]
+        return KEYFRAME_TIME + seconds.astype(np.float64)
+
+    def leg(self, here: int, there: int) -> Leg:
+        """The drive between two viewpoints; keyframes on the way are as frequent as those of the robot."""
+        if (here, there) not in self._legs:
+            x, y, heading = self.poses[there]
+            way = self.paths(here).way_to([x, y], heading)
+            stops, shown = np.vstack([self.poses[here, :2], way.places]), np.zeros(len(self.sight.cells), np.bool_)
+            keyframes = _keyframes(stops, way.backwards, self.poses[here, 2], heading)
+            shown[self.sight.views(np.array([*keyframes, self.poses[there]])).indices] = True
+            metres = float(np.linalg.norm(np.diff(stops, axis=0), axis=1).sum())
+            self._legs[here, there] = Leg(float(self.seconds(here, [there])[0]), metres, shown)
+        return self._legs[here, there]
+
+    def tour(self, order: Sequence[int]) -> Tour:
+        """The tour over viewpoints, up to the one where enough was seen."""
+        seen, seconds, metres, done = self.at_start, 0.0, 0.0, list[int]()
+        for here, there in pairwise([0, *order]):
+            if seen.sum() >= self.wanted:
+                break
+            leg = self.leg(here, there)
+            seen, seconds, metres = seen | leg.seen, seconds + leg.seconds, metres + leg.metres
+            done.append(there)
+        return Tour(done, *((seconds, metres) if seen.sum() >= self.wanted else (inf, inf)))
+
+    def cover(self) -> list[int]:
+        """Few viewpoints that see enough."""
+        return greedy_cover(self.views, self.wanted, self.at_start)
+
+    def bound(self) -> float:
+        """No fewer viewpoints than this cover enough, by the relaxed set cover."""
+        return cover_bound(self.views, self.wanted, self.at_start)
+
+    def by_rate(self) -> list[int]:
+        """Viewpoints that see enough, each the one that shows most new ground a second from the one before it."""
+        seen, order = self.at_start.copy(), list[int]()
+        while seen.sum() < self.wanted:
+            rate = (self.views @ (~seen).astype(np.float64)) / self.seconds(order[-1] if order else 0)
+            best = int(rate.argmax())
+            if rate[best] <= 0:
+                break
+            order.append(best)
+            seen |= self.leg(order[-2] if len(order) > 1 else 0, best).seen
+        return order
+
+    def ordered(self, views: list[int]) -> list[int]:
+        """The viewpoints in an order that makes the drive over all of them short, no longer than as given."""
+        cost = np.array([self.seconds(a, [0, *views]) for a in [0, *views]])
+        order = [views[k - 1] for k in visiting_order(cost)]
+        return min(order, views, key=lambda way: sum(self.seconds(a, [b])[0] for a, b in pairwise([0, *way])))
+
+    @cached_property
+    def quickest(self) -> Tour:
+        """The quickest of the shortened tours over the cover and over the viewpoints by their rate."""
+        orders = [order for views in (self.cover(), self.by_rate()) for order in (views, self.ordered(views))]
+        return min((self.shortened(self.tour(order)) for order in orders), key=lambda tour: tour.seconds)
+
+    def figures(self) -> dict[str, float]:
+        """The figures of the tour and of the cover for report.json; none if no tour sees enough, as at the start."""
+        tour = self.quickest
+        if not 0 < tour.seconds < inf:
+            return {}
+        return {
+            "oracle_time_s": tour.seconds,
+            "oracle_path_m": tour.metres,
+            "oracle_views": len(self.cover()),
+            "oracle_views_bound": self.bound(),
+        }
+
+    def ratios(self, metres: float, seconds: float) -> dict[str, float]:
+        """How a robot that has seen enough after a way, m, and a time, s, compares; a way only with a way."""
+        tour = self.quickest
+        path = {"path_over_oracle": metres / tour.metres} if tour.metres > 0 else {}
+        return {"time_over_oracle": seconds / tour.seconds, **path}
+
+    def shortened(self, tour: Tour) -> Tour:
+        """Leave out one viewpoint after another, each time the one without which the tour is quickest."""
+        while True:
+            others = [self.tour(tour.order[:k] + tour.order[k + 1 :]) for k in range(len(tour.order))]
+            quickest = min(others, key=lambda other: other.seconds, default=tour)
+            if not quickest.seconds < tour.seconds:
+                return tour
+            tour = quickest
+
+
+def _keyframes(
+    stops: NDArray[np.float64], backwards: NDArray[np.bool_], first: float, last: float
+) -> list[NDArray[np.float64]]:
+    """The poses of keyframes on drives from stop (2,) to stop, and in the turns before and after them."""
+    poses, heading = list[NDArray[np.float64]](), first
+    for (a, b), is_backwards in zip(pairwise(stops), backwards, strict=True):
+        if (a != b).any():
+            along = float(np.arctan2(b[1] - a[1], b[0] - a[0])) + np.pi * bool(is_backwards)
+            poses += _turn(a, heading, along) + _drive(a, b, along)
+            heading = along
+    return poses + _turn(stops[-1], heading, last)
+
+
+def _turn(place: NDArray[np.float64], first: float, last: float) -> list[NDArray[np.float64]]:
+    """The poses of keyframes in a turn in place."""
+    turn = float(wrap_angle(last - first))
+    steps = np.arange(1, int(abs(turn) / KEYFRAME_TURN) + 1) * KEYFRAME_TURN * np.sign(turn)
+    return [np.array([*place, first + step]) for step in steps]
+
+
+def _drive(a: NDArray[np.float64], b: NDArray[np.float64], heading: float) -> list[NDArray[np.float64]]:
+    """The poses of keyframes on a straight drive, with one at its end."""
+    count = ceil(np.linalg.norm(b - a) / KEYFRAME_WAY)
+    return [np.array([*place, heading]) for place in np.linspace(a, b, count + 1)[1:]]

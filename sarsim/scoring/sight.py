@@ -1,0 +1,83 @@
+"""Which true ground a depth camera on a robot shows from poses, without noise."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import sparse
+from scipy.spatial import cKDTree
+
+from pipeline.frame import Frame
+from pipeline.traversability.traversability import Traversability
+from sarsim.ground_truth.true_surface import TrueSurface
+from sarsim.scoring.coverage import SEEN_HEIGHT
+
+
+class Sight:
+    """Casts one ray from the camera to the middle of each drivable cell in its image (Open3D, Embree).
+
+    Attributes:
+        cells: (N, 2) the drivable cells.
+    """
+
+    def __init__(self, surface: TrueSurface, ground: Traversability, scene: Any, frame: Frame):
+        """See the drivable ground of a surface.
+
+        Args:
+            surface: the true ground.
+            ground: on the same grid, by which a robot that stands there leans.
+            scene: Open3D's RaycastingScene of all visible surfaces, m in the world.
+            frame: any of the camera; its intrinsics, mount and ranges count.
+        """
+        self._grid, self._ground, self._scene, self._frame = surface.grid, ground, scene, frame
+        self.cells = np.argwhere(surface.drivable)
+        self._middles = np.column_stack([self._grid.centre_of(self.cells), surface.height[surface.drivable]])
+        self._tree = cKDTree(self._middles)
+
+    def views(self, poses: NDArray[np.float64]) -> sparse.csr_array:
+        """(V, N) bool: the cells that show from (V, 3) poses: x and y in m, heading in rad."""
+        rows = [self._seen(T @ self._frame.T_base_camera) for T in self._on_ground(poses)]
+        ends = np.cumsum([0, *map(len, rows)])
+        columns = np.concatenate([*rows, np.zeros(0, np.int64)])
+        return sparse.csr_array((np.ones(len(columns), np.bool_), columns, ends), shape=(len(poses), len(self.cells)))
+
+    def _on_ground(self, poses: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(V, 4, 4) poses of a robot that stands on the ground and leans as the ground does."""
+        where = tuple(self._grid.cell_of(poses).T)
+        slope, ahead = self._ground.gradient[where], np.stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])], axis=1)
+        x = np.column_stack([ahead, (slope * ahead).sum(axis=1)])
+        z = np.column_stack([-slope, np.ones(len(poses))])
+        x, z = (axis / np.linalg.norm(axis, axis=1)[:, None] for axis in (x, z))
+        T = np.tile(np.eye(4), (len(poses), 1, 1))
+        T[:, :3, 0], T[:, :3, 1], T[:, :3, 2] = x, np.cross(z, x), z
+        T[:, :2, 3], T[:, 2, 3] = poses[:, :2], self._ground.elevation[where]
+        return T
+
+    def _seen(self, T_world_camera: NDArray[np.float64]) -> NDArray[np.int64]:
+        """The numbers of the cells that one image shows."""
+        lens, sensor = self._frame.intrinsics, self._frame.sensor
+        far = sensor.farthest * np.hypot(1, np.hypot(lens.width / lens.fx, lens.height / lens.fy))
+        near = np.sort(self._tree.query_ball_point(T_world_camera[:3, 3], far)).astype(np.int64)
+        along = self._middles[near] - T_world_camera[:3, 3]
+        x, y, depth = (along @ T_world_camera[:3, :3]).T
+        in_range = (depth >= sensor.nearest) & (depth <= sensor.farthest)
+        depth = np.where(in_range, depth, np.inf)
+        u, v = lens.fx * x / depth + lens.cx, lens.fy * y / depth + lens.cy
+        inside = in_range & (u >= 0) & (u < lens.width) & (v >= 0) & (v < lens.height)
+        near, along = near[inside], along[inside]
+        return near[self._is_met(T_world_camera[:3, 3], along, near)] if len(near) else near
+
+    def _is_met(
+        self, origin: NDArray[np.float64], along: NDArray[np.float64], cells: NDArray[np.int64]
+    ) -> NDArray[np.bool_]:
+        """Whether rays (M, 3) from a point return from the ground of their cells, as the coverage counts it."""
+        import open3d as o3d  # here, because it takes a second
+
+        rays = np.hstack([np.broadcast_to(origin, along.shape), along]).astype(np.float32)
+        hit = self._scene.cast_rays(o3d.core.Tensor.from_numpy(rays), nthreads=1)
+        t, normal = hit["t_hit"].numpy(), hit["primitive_normals"].numpy()
+        points = origin + np.where(np.isfinite(t), t, 0)[:, None] * along
+        is_same = (self._grid.cell_of(points) == self.cells[cells]).all(axis=1)
+        is_ground = np.abs(points[:, 2] - self._middles[cells, 2]) < SEEN_HEIGHT
+        incidence = np.abs((normal * along).sum(axis=1)) / np.linalg.norm(along, axis=1)
+        return is_same & is_ground & (incidence >= np.sin(self._frame.sensor.grazing))

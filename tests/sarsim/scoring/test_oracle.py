@@ -1,0 +1,81 @@
+"""The tour of a robot that knows the ground, on ground of the tests' own with rays that meet boxes."""
+
+from itertools import pairwise
+from math import inf
+
+import numpy as np
+import open3d as o3d
+
+from pipeline.exploration.next_best_view import KEYFRAME_TIME
+from pipeline.frame import Frame, Intrinsics
+from pipeline.grid_map import Grid
+from sarsim.ground_truth.true_surface import CELL, TrueSurface
+from sarsim.robots.skid_steered import robot_model
+from sarsim.scoring.oracle import Oracle, true_traversability
+from sarsim.scoring.sight import Sight
+
+LENS = Intrinsics(640, 480, 570.0, 570.0, 320.0, 240.0)
+HEIGHT = 0.6  # m of the camera
+# Looks forward and 20° down.
+DOWN = np.deg2rad(20)
+T_BASE_CAMERA = np.array(
+    [[0, -np.sin(DOWN), np.cos(DOWN), 0], [-1, 0, 0, 0], [0, -np.cos(DOWN), -np.sin(DOWN), HEIGHT], [0, 0, 0, 1]]
+)
+
+
+def oracle_in(length, width, start, wall=None, share=1.0):
+    """An oracle in a room, m, whose corner is the origin, with a wall ((x, y), (x, y)), m, or none."""
+    grid = Grid(np.array([-10, -10]), CELL, (round(length / CELL) + 20, round(width / CELL) + 20))
+    x, y = np.moveaxis(grid.centre_of(np.moveaxis(np.indices(grid.shape), 0, -1)), -1, 0)
+    floor = (x > 0) & (x < length) & (y > 0) & (y < width)
+    to_wall = np.minimum(np.minimum(x, length - x), np.minimum(y, width - y))
+    scene = o3d.t.geometry.RaycastingScene(nthreads=1)
+    boxes = [((0, 0, -0.1), (length, width, 0))]
+    if wall:
+        (a, b), (c, d) = wall
+        inside = (x > a) & (x < c) & (y > b) & (y < d)
+        floor &= ~inside
+        to_wall = np.minimum(to_wall, grid.distance_to(inside))
+        boxes.append(((a, b, 0), (c, d, 1)))
+    for low, high in boxes:
+        size = np.subtract(high, low)
+        box = o3d.t.geometry.TriangleMesh.create_box(*size.tolist()).translate(np.array(low, np.float64))
+        scene.add_triangles(box.vertex.positions.to(o3d.core.float32), box.triangle.indices.to(o3d.core.uint32))
+    surface = TrueSurface(grid, np.where(floor, 0.0, np.nan), floor & (to_wall > 0.3), np.zeros(grid.shape, np.bool_))
+    frame = Frame(0, np.zeros((0, 0, 3), np.uint8), np.zeros((0, 0), np.float32), LENS, T_BASE_CAMERA, np.eye(4))
+    ground = true_traversability(surface, robot_model())
+    return Oracle(ground, Sight(surface, ground, scene, frame), np.array(start), share)
+
+
+def test_in_a_corridor_all_ahead_shows_at_once_and_the_ground_behind_needs_a_drive():
+    oracle = oracle_in(4.0, 1.2, (2.0, 0.6, 0.0))
+    ahead = oracle.sight.cells[oracle.at_start]
+    assert (oracle.ground.grid.centre_of(ahead)[:, 0] > 2.0).all()
+    tour = oracle.quickest
+    assert tour.order
+    assert KEYFRAME_TIME < tour.seconds < inf
+    assert oracle.bound() <= len(oracle.cover())
+
+
+def test_what_is_seen_at_the_start_takes_no_time_and_has_no_figures():
+    oracle = oracle_in(4.0, 1.2, (2.0, 0.6, 0.0), share=0.05)
+    assert oracle.quickest.seconds == 0
+    assert oracle.figures() == {}
+
+
+def test_the_order_is_a_permutation_and_no_longer_than_the_greedy_one():
+    oracle = oracle_in(4.0, 2.0, (1.0, 1.0, 0.0), wall=((1.9, 0.0), (2.1, 0.9)), share=0.95)
+    cover = oracle.cover()
+    order = oracle.ordered(cover)
+    assert sorted(order) == sorted(cover)
+
+    def seconds(way):
+        return sum(oracle.seconds(a, [b])[0] for a, b in pairwise([0, *way]))
+
+    assert seconds(order) <= seconds(cover)
+
+
+def test_a_robot_is_compared_with_the_tour():
+    oracle = oracle_in(4.0, 1.2, (2.0, 0.6, 0.0))
+    tour = oracle.quickest
+    assert oracle.ratios(2 * tour.metres, 3 * tour.seconds)["time_over_oracle"] == 3

@@ -120,9 +120,9 @@ class EpisodeConfig(PerceptionConfig, MissionConfig, SimulatorConfig):
         sensor: Xtion camera, or ideal: of the same range, without noise.
         dust: dust in the air, 0 to 1, which spoils depth and veils colours.
         tyre_error: relative error of the wheels' radius that the odometry does not know.
-        fiducials: AprilTags on the walls, by which the report measures the map; the robot ignores them.
+        fiducials: AprilTags on the walls, which measure the map.
         oracle: compare with the best tour of one who knows the ground; takes seconds, minutes in large arenas.
-        voxel_size: side of the metric map's voxels, m; smaller ones take more time and memory.
+        voxel_size: side of the metric map's voxels, m.
         graph: graph for path planning: the thesis's minimum spanning tree (mst), or with loops (roadmap).
         bag: new folder for a ROS 2 bag of the robot's sensor data, commands and maps.
         bag_images: depth in whole mm (16UC1) or in m (32FC1); colour raw or as JPEG.

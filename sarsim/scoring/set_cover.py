@@ -36,7 +36,7 @@ def cover_bound(views: sparse.csr_array, wanted: int, shown: NDArray[np.bool_]) 
     """No fewer views than this show ``wanted`` cells: the linear relaxation of the partial set cover.
 
     The least Σ x over x, y in [0, 1] with y_c ≤ Σ x of the views that show c, and Σ y = ``wanted``. Infinite if all
-    views together show fewer. Arguments as of :func:`greedy_cover`.
+    views together show fewer. Arguments as of :func:`greedy_cover`: (V, N) views and the (N,) cells that are shown.
     """
     rest = np.flatnonzero(~shown)
     missing = wanted - int(shown.sum())

@@ -79,7 +79,8 @@ class EpisodeScore(Observer):
         truth = self._robot.true_frame
         assert truth is not None
         self.trajectory.add()
-        self._first_frame = self._first_frame or keyframe.frame
+        if self._wants_oracle and self._first_frame is None:
+            self._first_frame = keyframe.frame
         self._pending.append(self._thread.submit(self._compare, keyframe, truth))
 
     def _compare(self, keyframe: Keyframe, truth: TrueFrame) -> None:

@@ -38,8 +38,7 @@ class PoseGraph:
         self._loops: list[tuple[Loop, gtsam.BetweenFactorPose3]] = []
         self._factors = gtsam.NonlinearFactorGraph()
         self.ups: list[NDArray[np.float64]] = []
-        self._links: dict[tuple[int, int], float] = {}
-        self._turns: dict[tuple[int, int], float] = {}
+        self._links: dict[tuple[int, int], NDArray[np.float64]] = {}  # variances of position, m², and rotation, rad²
         self._marginals: gtsam.Marginals | None = None
 
     def __len__(self) -> int:
@@ -70,8 +69,7 @@ class PoseGraph:
         for k, (T, up) in enumerate(zip(poses, ups, strict=True)):
             self.add(T, up)
             self._factors.add(gtsam.PriorFactorPose3(k, gtsam.Pose3(T), model))
-        fixed = {(k - 1, k): FIXED**2 for k in range(1, len(poses))}
-        self._links, self._turns = self._links | fixed, self._turns | fixed
+        self._links |= {(k - 1, k): np.full(2, FIXED**2) for k in range(1, len(poses))}
 
     def connect(
         self,
@@ -101,8 +99,7 @@ class PoseGraph:
         """Take back what was connected and linked by loops."""
         self._loops = [(loop, factor) for loop, factor in self._loops if loop not in loops]
         for loop in loops:
-            for links in (self._links, self._turns):
-                links.pop((loop.first, loop.second), None)
+            self._links.pop((loop.first, loop.second), None)
 
     def drive(self, motion: MeasuredMotion) -> None:
         """Add the robot's motion by odometry from the previous keyframe to the newest one."""
@@ -118,25 +115,26 @@ class PoseGraph:
 
     def link(self, i: int, j: int, covariance: NDArray[np.float64]) -> None:
         """Remember the (6, 6) covariance of keyframe j relative to i; of several the smallest one counts."""
-        turn = float(np.linalg.eigvalsh(covariance[:3, :3])[-1])
-        for links, variance in ((self._links, variance_of(covariance)), (self._turns, turn)):
-            links[i, j] = min(variance, links.get((i, j), np.inf))
+        variances = np.array([variance_of(covariance), np.linalg.eigvalsh(covariance[:3, :3])[-1]])
+        self._links[i, j] = np.minimum(variances, self._links.get((i, j), np.inf))
 
     def deviations(self, keyframe: int) -> NDArray[np.float64]:
         """(K,) m, standard deviation of each position relative to a keyframe, by the best chain of links."""
-        return self._chained(self._links, keyframe)
+        return self._chained(keyframe, 0)
 
     def headings(self, keyframe: int) -> NDArray[np.float64]:
         """(K,) rad, standard deviation of each rotation relative to a keyframe, by the best chain of links.
 
         A gyro keeps it small where wheels alone tell the way, as along a corridor.
         """
-        return self._chained(self._turns, keyframe)
+        return self._chained(keyframe, 1)
 
-    def _chained(self, links: dict[tuple[int, int], float], keyframe: int) -> NDArray[np.float64]:
-        ends = np.array(list(links), np.int64).reshape(-1, 2).T
-        variances = coo_array((list(links.values()), tuple(ends)), shape=(len(self), len(self))).tocsr()
-        return np.sqrt(dijkstra(variances, directed=False, indices=keyframe))
+    def _chained(self, keyframe: int, which: int) -> NDArray[np.float64]:
+        """(K,) standard deviations relative to a keyframe by the best chain of one of the two variances of links."""
+        ends = np.array(list(self._links), np.int64).reshape(-1, 2).T
+        variances = np.array(list(self._links.values())).reshape(-1, 2)[:, which]
+        links = coo_array((variances, tuple(ends)), shape=(len(self), len(self))).tocsr()
+        return np.sqrt(dijkstra(links, directed=False, indices=keyframe))
 
     def covariance(self, keyframe: int) -> NDArray[np.float64]:
         """(6, 6) of a keyframe's pose relative to the first one's, in its own tangent, rad² and m²."""

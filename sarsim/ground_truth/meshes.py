@@ -2,6 +2,7 @@
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from typing import Any
 
 import mujoco
 import numpy as np
@@ -60,6 +61,20 @@ def drawn_geoms(model: mujoco.MjModel) -> NDArray[np.bool_]:
 def geom_poses(model: mujoco.MjModel, geoms: Iterable[int]) -> list[NDArray[np.float64]]:
     """4×4 poses of geoms in the frames of their bodies."""
     return [from_rotation(rotation(model.geom_quat[geom]), model.geom_pos[geom]) for geom in geoms]
+
+
+def true_scene(model: mujoco.MjModel, data: mujoco.MjData, robot_body: int | None = None) -> Any:
+    """Open3D's RaycastingScene of the visible surfaces of an arena, m in the world, without the robot's, if any."""
+    import open3d as o3d  # here, because it takes a second
+
+    drawn = drawn_geoms(model)
+    if robot_body is not None:
+        drawn &= model.body_rootid[model.geom_bodyid] != model.body_rootid[robot_body]
+    geoms = np.flatnonzero(drawn)
+    poses = [from_rotation(data.geom_xmat[geom].reshape(3, 3), data.geom_xpos[geom]) for geom in geoms]
+    mesh, scene = joined_mesh(model, geoms, poses), o3d.t.geometry.RaycastingScene()
+    scene.add_triangles(*map(o3d.core.Tensor.from_numpy, (mesh.vertices, mesh.triangles)))
+    return scene
 
 
 def joined_mesh(model: mujoco.MjModel, geoms: Iterable[int], poses: Iterable[NDArray[np.float64]]) -> Mesh:

@@ -12,10 +12,10 @@ from pipeline.mapper import Keyframe
 from pipeline.navigation.navigator import Outcome
 from pipeline.transforms import yaw_of
 from sarsim.ground_truth.faces import true_faces
+from sarsim.ground_truth.meshes import true_scene
 from sarsim.scoring.coverage import Coverage
 from sarsim.scoring.fiducials import FiducialScore
 from sarsim.scoring.finds import FindScore
-from sarsim.scoring.handed_in import true_scene
 from sarsim.scoring.oracle import Oracle, true_traversability
 from sarsim.scoring.segments import SegmentScore
 from sarsim.scoring.semantics import KeyframeTruth, compared

@@ -18,9 +18,9 @@ from pipeline.missions.pois import TYPE_OF, PointOfInterest, name_of, read_pois
 from pipeline.missions.rules import LIMITS
 from pipeline.missions.validation import handed_in_files
 from pipeline.robot import RobotModel
-from pipeline.transforms import from_rotation, transform_points
+from pipeline.transforms import transform_points
 from sarsim.arenas.things.thing import of_kind, things_of
-from sarsim.ground_truth.meshes import drawn_geoms, joined_mesh
+from sarsim.ground_truth.meshes import true_scene
 from sarsim.ground_truth.true_surface import Survey, TrueSurface, clearance_of
 from sarsim.scoring.coverage import SEEN_HEIGHT
 from sarsim.scoring.coverage_kernels import see
@@ -94,20 +94,6 @@ def true_arena(
         league_frame(T_world_start, robot.half_length),
         portals(surface, clearance_of(robot)),
     )
-
-
-def true_scene(model: mujoco.MjModel, data: mujoco.MjData, robot_body: int | None = None) -> Any:
-    """Open3D's RaycastingScene of the visible surfaces of an arena, m in the world, without the robot's, if any."""
-    import open3d as o3d  # here, because it takes a second
-
-    drawn = drawn_geoms(model)
-    if robot_body is not None:
-        drawn &= model.body_rootid[model.geom_bodyid] != model.body_rootid[robot_body]
-    geoms = np.flatnonzero(drawn)
-    poses = [from_rotation(data.geom_xmat[geom].reshape(3, 3), data.geom_xpos[geom]) for geom in geoms]
-    mesh, scene = joined_mesh(model, geoms, poses), o3d.t.geometry.RaycastingScene()
-    scene.add_triangles(*map(o3d.core.Tensor.from_numpy, (mesh.vertices, mesh.triangles)))
-    return scene
 
 
 def registered_error(points: NDArray[np.floating], scene: Any) -> float:

@@ -59,11 +59,8 @@ class Sight:
         far = sensor.farthest * np.hypot(1, np.hypot(lens.width / lens.fx, lens.height / lens.fy))
         near = np.sort(self._tree.query_ball_point(T_world_camera[:3, 3], far)).astype(np.int64)
         along = self._middles[near] - T_world_camera[:3, 3]
-        x, y, depth = (along @ T_world_camera[:3, :3]).T
-        in_range = (depth >= sensor.nearest) & (depth <= sensor.farthest)
-        depth = np.where(in_range, depth, np.inf)
-        u, v = lens.fx * x / depth + lens.cx, lens.fy * y / depth + lens.cy
-        inside = in_range & (u >= 0) & (u < lens.width) & (v >= 0) & (v < lens.height)
+        points = along @ T_world_camera[:3, :3]
+        inside = lens.project(points)[1] & (points[:, 2] >= sensor.nearest) & (points[:, 2] <= sensor.farthest)
         near, along = near[inside], along[inside]
         return near[self._is_met(T_world_camera[:3, 3], along, near)] if len(near) else near
 

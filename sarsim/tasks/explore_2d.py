@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from pipeline.errors import InputError
 from pipeline.labels import Label
+from pipeline.transforms import wrap_angle
 from sarsim.tasks import grid_kernels as kernels
 from sarsim.tasks.grid_explorers import Sights
 from sarsim.tasks.grid_scenes import DRAWINGS, GridScene, draw_scene, dungeon_files, read_dungeon, read_ros_scene
@@ -223,7 +224,7 @@ def observation_space() -> spaces.Dict:
 
 def best_heading(bearings: NDArray[np.float64], field_of_view: float) -> float:
     """The bearing of (N,), rad, around which a camera of this field of view, rad, sees most of the others."""
-    apart = abs((bearings[:, None] - bearings + np.pi) % (2 * np.pi) - np.pi)
+    apart = abs(wrap_angle(bearings[:, None] - bearings))
     return float(bearings[(apart <= field_of_view / 2).sum(axis=1).argmax()])
 
 

@@ -10,6 +10,21 @@ IS_UNKNOWN, IS_FREE, IS_WALL = 0, 1, 2
 
 
 @njit(cache=True)
+def line(r, c, r_end, c_end):
+    """The state of Bresenham's line at its first cell: its error, and twice its height and width with their signs."""
+    dr, dc = r_end - r, c_end - c
+    return abs(dc) - abs(dr), 2 * dr, 2 * dc
+
+
+@njit(cache=True)
+def after(r, c, error, dr, dc):
+    """The next cell of a :func:`line`, and the error there."""
+    if error > 0:
+        return r, c + (1 if dc > 0 else -1), error - abs(dr)
+    return r + (1 if dr > 0 else -1), c, error + abs(dc)
+
+
+@njit(cache=True)
 def sense(free, belief, row, col, bearings, reach, wall):
     """Write into ``belief`` (H, W) what a sensor in a cell sees of ``free`` (H, W); the number of new free cells.
 
@@ -21,9 +36,8 @@ def sense(free, belief, row, col, bearings, reach, wall):
         r, c = row, col
         r_end = int(np.rint(row + reach * np.sin(bearings[n])))
         c_end = int(np.rint(col + reach * np.cos(bearings[n])))
-        dr, dc = abs(r_end - r), abs(c_end - c)
-        step_r, step_c = (1 if r_end > r else -1), (1 if c_end > c else -1)
-        error, dr, dc, inside = dc - dr, 2 * dr, 2 * dc, 0
+        error, dr, dc = line(r, c, r_end, c_end)
+        inside = 0
         while 0 <= r < free.shape[0] and 0 <= c < free.shape[1]:
             if not free[r, c]:
                 inside += 1
@@ -36,30 +50,18 @@ def sense(free, belief, row, col, bearings, reach, wall):
             if belief[r, c] == IS_UNKNOWN:
                 belief[r, c] = IS_FREE if free[r, c] else IS_WALL
                 new += free[r, c]
-            if error > 0:
-                c += step_c
-                error -= dr
-            else:
-                r += step_r
-                error += dc
+            r, c, error = after(r, c, error, dr, dc)
     return new
 
 
 @njit(cache=True)
 def is_clear(belief, r, c, r_end, c_end):
     """Whether all cells of ``belief`` (H, W) on Bresenham's line between two cells, ends included, are known free."""
-    dr, dc = abs(r_end - r), abs(c_end - c)
-    step_r, step_c = (1 if r_end > r else -1), (1 if c_end > c else -1)
-    error, dr, dc = dc - dr, 2 * dr, 2 * dc
+    error, dr, dc = line(r, c, r_end, c_end)
     while belief[r, c] == IS_FREE:
         if r == r_end and c == c_end:
             return True
-        if error > 0:
-            c += step_c
-            error -= dr
-        else:
-            r += step_r
-            error += dc
+        r, c, error = after(r, c, error, dr, dc)
     return False
 
 

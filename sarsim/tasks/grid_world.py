@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.transforms import wrap_angle
 from sarsim.tasks import grid_kernels as kernels
 from sarsim.tasks.grid_scenes import GridScene
 
@@ -135,7 +136,7 @@ class GridWorld:
         self._look(self.rules.field_of_view)
 
     def _turn(self, heading: float) -> None:
-        self.turned += float(abs((heading - self.heading + np.pi) % (2 * np.pi) - np.pi))
+        self.turned += abs(wrap_angle(heading - self.heading))
         self.heading = heading
 
     def _look(self, field_of_view: float) -> None:

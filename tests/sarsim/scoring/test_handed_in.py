@@ -7,8 +7,9 @@ import numpy as np
 import pytest
 
 from pipeline.errors import InputError
+from sarsim.ground_truth.meshes import true_scene
 from sarsim.robots.model import robot_model
-from sarsim.scoring.handed_in import matched, registered_error, score_handed_in, true_arena, true_scene
+from sarsim.scoring.handed_in import matched, registered_error, score_handed_in, true_arena
 from tests.pipeline.missions.handed_in_room import BRIEF, hand_in_room, room_points
 
 WALL = '<geom type="box" pos="{} {} 0.5" size="{} {} 0.5" user="1"/>'

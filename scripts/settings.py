@@ -25,7 +25,7 @@ RESULTS = ("out", "resume", "bag", "tum", "json")
 OUTPUTS = (*RESULTS, "workers")
 """Settings left out of a run's own file, so that repeating a run overwrites no results, and may use other workers."""
 
-METHODS = ("exploration", "labels", "detector-class", "localisation", "planner")
+METHODS = ("exploration", "labels", "detector-class", "localisation", "planner", "methods")
 """Settings that may name a class of the user's own."""
 MISSIONS = ("league", "virtual")
 """Names of the missions that sarsim ships."""

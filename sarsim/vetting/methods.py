@@ -28,7 +28,7 @@ from pipeline.topological_map.topological_map import TopologicalMap
 from sarsim.vetting import answers
 from sarsim.vetting.level_ground import level_context, level_frame
 
-Flag = Literal["exploration", "labels", "detector-class", "localisation", "planner"]
+Flag = Literal["exploration", "labels", "detector-class", "localisation", "planner", "methods"]
 GIVEN = {
     "exploration": "next_best_view, nearest_frontier, random_walk",
     "labels": "pointnet, pointnet2, pointcnn, dgcnn, pointnext, rules, truth",
@@ -114,7 +114,7 @@ def own_detector(name: str) -> Detector:
 def _own(flag: Flag, name: str, protocol: type, *args: RobotModel) -> Any:
     """An instance of a class with the members of a protocol, whose answers are checked from then on."""
     where = _where(flag, name)
-    kind = _load(flag, name)
+    kind = load_class(flag, name)
     method = _guarded(kind, f"{where}: making it")(*args)
     for member, wanted in vars(protocol).items():
         if member.startswith("_"):
@@ -129,8 +129,8 @@ def _own(flag: Flag, name: str, protocol: type, *args: RobotModel) -> Any:
     return method
 
 
-def _load(flag: Flag, name: str) -> Callable[..., Any]:
-    """The class of that name."""
+def load_class(flag: Flag, name: str) -> Callable[..., Any]:
+    """The class of that name; InputError if there is none."""
     where, (module, colon, kind) = _where(flag, name), name.partition(":")
     sys.path.append(str(Path.cwd()))
     try:

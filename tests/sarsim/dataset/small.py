@@ -5,8 +5,9 @@ from pathlib import Path
 
 import numpy as np
 
+from pipeline.errors import InputError
 from pipeline.frame import Frame, Intrinsics
-from sarsim.dataset.engine import Event, JobDone, Make, PartDone
+from sarsim.dataset.engine import Event, JobDone, JobFailed, Make, PartDone
 from sarsim.dataset.folder_lock import FolderLock
 from sarsim.dataset.generate import generate
 from sarsim.dataset.manifest import SceneEntry, scene_path, sha256_of, split_of
@@ -79,7 +80,12 @@ class InProcess:
         for index in indices:
             self.made.append(index)
             yield PartDone(index)
-            yield JobDone(toy(index, folder) if self.toys else make(index, folder, lambda: None))
+            try:
+                product = toy(index, folder) if self.toys else make(index, folder, lambda: None)
+            except InputError as error:
+                yield JobFailed(index, error)
+            else:
+                yield JobDone(product)
 
 
 def toy(index: int, folder: Path) -> SceneEntry:

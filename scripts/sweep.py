@@ -137,7 +137,10 @@ def run_missing(work: "Sweep", folder: Path, engine: "Engine", lock: "FolderLock
 def results_of(
     jobs: Sequence["SweepJob"], folder: Path, failed: dict["SweepJob", str]
 ) -> tuple[list["Row"], dict[str, float]]:
-    """The rows of all episodes, and the s of processor time of each method."""
+    """The rows of all episodes, and the s of processor time of each method.
+
+    Those that failed get the arena's checksum from the other methods' rows.
+    """
     from sarsim.scripts.sweeps.episodes import Row, result_of
 
     rows, seconds = list[Row](), dict.fromkeys((job.method for job in jobs), 0.0)
@@ -145,7 +148,8 @@ def results_of(
         found = result_of(job, folder) or (job.row | {"failed": failed.get(job, "not run")}, 0.0)
         rows.append(found[0])
         seconds[job.method] += found[1]
-    return rows, seconds
+    known = {row["arena"]: row["checksum"] for row in rows if "checksum" in row}
+    return [{"checksum": known[row["arena"]]} | row if row["arena"] in known else row for row in rows], seconds
 
 
 def entry(settings: SweepSettings, method: str, rows: Sequence["Row"], seconds: float) -> "Entry":

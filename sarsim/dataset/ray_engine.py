@@ -44,7 +44,8 @@ class RayEngine:
         try:
             while todo or running:
                 while todo and len(running) < self._count:
-                    running[task.remote(make, todo[0])] = todo.pop(0)
+                    index = todo.pop(0)
+                    running[task.remote(make, index)] = index
                 (done,), _ = self._ray.wait(list(running))
                 yield self._event(done, running.pop(done), folder)
         finally:

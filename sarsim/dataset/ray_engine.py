@@ -39,13 +39,13 @@ class RayEngine:
     def run(self, make: Make, indices: Sequence[int], folder: Path, lock: FolderLock) -> Iterator[Event]:
         """See :class:`sarsim.dataset.engine.Engine`; only this process writes into the folder."""
         task = self._ray.remote(num_cpus=1, max_retries=ATTEMPTS - 1)(_make)
-        todo = list(indices)
+        todo, shared = list(indices), self._ray.put(make)
         running: dict[Any, int] = {}
         try:
             while todo or running:
                 while todo and len(running) < self._count:
                     index = todo.pop(0)
-                    running[task.remote(make, index)] = index
+                    running[task.remote(shared, index)] = index
                 (done,), _ = self._ray.wait(list(running))
                 yield self._event(done, running.pop(done), folder)
         finally:

@@ -20,6 +20,7 @@ from sarsim.scripts.cli import progress
 from sarsim.scripts.generate_dataset import make_engine
 from sarsim.scripts.results import state_of_code
 from sarsim.scripts.settings import run_with_settings, save_settings
+from sarsim.settings import METHODS
 
 if TYPE_CHECKING:
     from sarsim.dataset.engine import Engine
@@ -30,8 +31,6 @@ if TYPE_CHECKING:
 MANIFEST = "sweep.json"
 """Says what the episodes in a folder were run with."""
 ENTRIES = "entries"
-SHIPPED = ("next_best_view", "nearest_frontier", "random_walk")
-"""Methods in arenas of MuJoCo."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -74,7 +73,7 @@ def sweep(settings: SweepSettings) -> None:
     if settings.workers is not None and settings.workers < 1:
         raise InputError(f"--workers {settings.workers}: give at least 1")
     arenas = arenas_of(settings.arenas)
-    methods = dict.fromkeys(settings.methods) or (EXPLORERS if arenas[0].startswith(GRID) else SHIPPED)
+    methods = dict.fromkeys(settings.methods) or (EXPLORERS if arenas[0].startswith(GRID) else METHODS["exploration"])
     jobs = [SweepJob(m, arena, seed) for arena in arenas for seed in dict.fromkeys(settings.seeds) for m in methods]
     make_folder(settings.out, [MANIFEST])
     with FolderLock.take(settings.out) as lock:

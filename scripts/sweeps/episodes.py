@@ -1,6 +1,7 @@
 """The episodes of a sweep: one method in one arena with one seed, as a job of an engine."""
 
 import faulthandler
+import gc
 import hashlib
 import json
 import os
@@ -21,13 +22,13 @@ from numpy.typing import NDArray
 from pipeline.errors import InputError
 from pipeline.files import read_text, whole_file
 from pipeline.rescue_report.figures import figures as flat
+from sarsim.methods.answers import one_line
+from sarsim.methods.make import load_class
 from sarsim.scoring.progress import progress_figures
 from sarsim.scripts.sweeps.arenas import GRID, checked, grid_scene
 from sarsim.settings import EpisodeConfig
 from sarsim.tasks.grid_explorers import EXPLORERS, Explorer2D, Sights, explore
 from sarsim.tasks.grid_world import PAPERS, GridWorld
-from sarsim.vetting.answers import one_line
-from sarsim.vetting.methods import load_class
 
 FOLDER = "episodes"
 OF_THE_RUN = re.compile(r"config\.|timing_ms\.|(wall_time_s|real_time_factor|version|arena|seed)$")
@@ -99,6 +100,8 @@ class Sweep:
             raise
         except Exception as error:
             raise InputError(one_line(error)) from error
+        finally:
+            gc.collect()  # an episode's maps are in circles of references, and a worker runs many episodes
         content = {"row": job.row | figures, "processor_s": time.process_time() - start}
         path = folder / job.file
         path.parent.mkdir(exist_ok=True)

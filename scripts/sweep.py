@@ -77,27 +77,31 @@ def sweep(settings: SweepSettings) -> None:
     jobs = [SweepJob(m, arena, seed) for arena in arenas for seed in dict.fromkeys(settings.seeds) for m in methods]
     make_folder(settings.out, [MANIFEST])
     with FolderLock.take(settings.out) as lock:
-        begin(settings)
+        commit = begin(settings)
         (settings.out / FOLDER).mkdir(exist_ok=True)
         work = Sweep(tuple(jobs), settings.steps, settings.limit)
         failed = run_missing(work, settings.out, make_engine(settings.engine, settings.workers), lock)
         rows, seconds = results_of(jobs, settings.out, failed)
         write_parquet(rows, settings.out / "episodes.parquet")
         save_settings(settings, settings.out / "config.yaml")
-    entries = [entry(settings, method, rows, seconds[method]) for method in methods]
+    entries = [entry(settings, method, rows, seconds[method], commit) for method in methods]
     for one in entries:
         write_entry(one, settings.out / ENTRIES)
     show(settings, entries, failed)
 
 
-def begin(settings: SweepSettings) -> None:
-    """Write the folder's manifest; InputError if it holds results of another version or of other settings."""
+def begin(settings: SweepSettings) -> str:
+    """Write the folder's manifest; the state of the code.
+
+    Raises:
+        InputError: the folder holds results of another version or state of the code, or of other settings.
+    """
     file, told = settings.out / MANIFEST, {"version": importlib.metadata.version("sarsim"), "code": code()}
     told |= {"steps": str(settings.steps)}
     if not file.exists():
         with whole_file(file) as part:
             part.write_text(json.dumps(told) + "\n")
-        return
+        return told["code"]
     try:
         earlier = dict(json.loads(read_text(file)))
     except (ValueError, TypeError) as error:
@@ -107,6 +111,7 @@ def begin(settings: SweepSettings) -> None:
             raise InputError(
                 f"--out {settings.out}: holds results of {key} {earlier.get(key)}, not {value}: choose another folder"
             )
+    return told["code"]
 
 
 def code() -> str:
@@ -151,7 +156,7 @@ def results_of(
     return [{"checksum": known[row["arena"]]} | row if row["arena"] in known else row for row in rows], seconds
 
 
-def entry(settings: SweepSettings, method: str, rows: Sequence["Row"], seconds: float) -> "Entry":
+def entry(settings: SweepSettings, method: str, rows: Sequence["Row"], seconds: float, commit: str) -> "Entry":
     """A method's entry of the leaderboard."""
     from sarsim.scripts.sweeps.leaderboard import entry_of
 
@@ -160,7 +165,7 @@ def entry(settings: SweepSettings, method: str, rows: Sequence["Row"], seconds: 
         method=method,
         arenas=settings.arenas,
         seeds=tuple(dict.fromkeys(settings.seeds)),
-        commit=code(),
+        commit=commit,
         version=importlib.metadata.version("sarsim"),
         processor=processor(),
         processor_s=round(seconds, 1),

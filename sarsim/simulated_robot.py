@@ -77,6 +77,7 @@ class SimulatedRobot:
 
     Attributes:
         model: its size and abilities.
+        T_world_start: 4×4 pose at which it was set down.
         physics: dm_control's, for scores and drawings.
         true_frame: of the newest frame.
         trajectory: a pose every control period.
@@ -105,10 +106,10 @@ class SimulatedRobot:
         self._thermal = ThermalCamera(temperatures(model, things))
         radius, rng = self.robot.drive.wheel_radius, np.random.default_rng(odometry_seed)
         self._odometry = WheelOdometry(rng, radius, config.tyre_error)
-        self._T_world_start = arena.T_world_start
+        self.T_world_start = arena.T_world_start
         # Upright also where the robot stands on a slope, whose tilt the odometry measures.
-        x, y, z = self._T_world_start[:3, 3]
-        self._T_world_odom = from_yaw(x, y, z, yaw_of(self._T_world_start))
+        x, y, z = self.T_world_start[:3, 3]
+        self._T_world_odom = from_yaw(x, y, z, yaw_of(self.T_world_start))
         self.collisions = CollisionCounter(
             model, self._camera.base_body, [thing.geoms for thing in things if thing.is_warm]
         )
@@ -121,7 +122,7 @@ class SimulatedRobot:
             for _ in range(round(SETTLING_TIME / self.control_period)):
                 self.drive(Velocity())
         except PhysicsError as error:
-            x, y = self._T_world_start[:2, 3]
+            x, y = self.T_world_start[:2, 3]
             raise InputError(f"the arena has no free start: nothing can stand at ({x:g}, {y:g}) m") from error
 
     @property

@@ -102,7 +102,8 @@ class Mapper:
         self.semantic_map = SemanticMap() if is_told else SemanticMap(self._is_inaccessible, revise)
         self.segments = Segments(self.metric_map.is_surface)
         self.topological_map = TopologicalMap(graph)
-        self.victims, self.finds = Victims(), Finds()
+        self.victims = Victims()
+        self.finds = Finds(self.victims)
         self.stopwatch = Stopwatch()
         self.keyframes = Keyframes(robot, self.metric_map.max_range)
         self._set_down: NDArray[np.float64] | None = None

@@ -12,6 +12,8 @@ from pipeline.finds.find import CODES, PRINTED, Find, Reading
 from pipeline.finds.observation import FindSighting, sight
 from pipeline.finds.reobservation import NEW_SIDE
 from pipeline.finds.sought import THING_GAP
+from pipeline.finds.victims.victim_map import Victims
+from pipeline.finds.warm_victims import one_per_victim
 from pipeline.frame import Frame
 from pipeline.keyframes import Places
 from pipeline.localisation.gates import chi2_gate
@@ -150,14 +152,16 @@ class Finds:
         readings: in the last frame.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, victims: Victims) -> None:
+        """``victims``: the people on the map, who give off heat."""
         self.all: list[TrackedFind] = []
         self.readings: list[Reading] = []
+        self._victims = victims
 
     @property
     def confirmed(self) -> list[Find]:
-        """What is reported."""
-        return [thing.find() for thing in self.all if thing.is_confirmed]
+        """What is reported; what is warm of a person as one find."""
+        return list(one_per_victim([t.find() for t in self.all if t.is_confirmed], self._victims.confirmed))
 
     @property
     def unconfirmed(self) -> list[TrackedFind]:

@@ -8,6 +8,7 @@ import pytest
 from pipeline.finds.find import Reading, box_corners
 from pipeline.finds.find_map import Finds
 from pipeline.finds.observation import sight
+from pipeline.finds.victims.victim_map import Victims
 from pipeline.frame import Frame
 from pipeline.sensor import XTION
 from pipeline.transforms import from_yaw
@@ -35,7 +36,7 @@ def sign(text: str, corners: np.ndarray, confidence: float = 0.9, kind: str = "h
 
 def test_a_sign_is_placed_on_its_wall_within_its_covariance() -> None:
     frame, T = seen_from()
-    finds = Finds()
+    finds = Finds(Victims())
     finds.update(frame, [sign("poison", on_wall(WALL, 0.5, 0.8))], T, 0)
     (find,) = finds.confirmed
     assert (find.kind, find.text, find.time_s) == ("hazmat_sign", "poison", 1.0)
@@ -45,7 +46,7 @@ def test_a_sign_is_placed_on_its_wall_within_its_covariance() -> None:
 
 
 def test_sightings_of_one_thing_are_one_and_of_two_alike_are_two() -> None:
-    finds = Finds()
+    finds = Finds(Victims())
     for k, y in enumerate((0.0, 0.4)):
         frame, T = seen_from(1.0, y)
         pair = [sign("poison", on_wall(WALL, at, 0.8, seen_y=y)) for at in (0.4, 0.6)]
@@ -55,7 +56,7 @@ def test_sightings_of_one_thing_are_one_and_of_two_alike_are_two() -> None:
 
 
 def test_a_codes_text_tells_it_from_another_and_a_signs_class_is_voted() -> None:
-    finds = Finds()
+    finds = Finds(Victims())
     at = on_wall(WALL, 0.0, 0.8)
     for k, (code, kind, sure) in enumerate([("a", "poison", 0.9), ("b", "oxygen", 0.6), ("a", "poison", 0.7)]):
         frame, T = seen_from()
@@ -65,7 +66,7 @@ def test_a_codes_text_tells_it_from_another_and_a_signs_class_is_voted() -> None
 
 
 def test_without_depth_a_find_is_looked_for_from_nearer_and_then_reported() -> None:
-    finds = Finds()
+    finds = Finds(Victims())
     frame, T = seen_from(-1.0)
     blind = replace(frame, depth=np.where(frame.depth > 3.5, 0, frame.depth).astype(np.float32))
     finds.update(blind, [sign("poison", on_wall(WALL, 0.5, 0.8, -1.0))], T, 0)
@@ -81,7 +82,7 @@ def test_without_depth_a_find_is_looked_for_from_nearer_and_then_reported() -> N
 
 
 def test_a_code_that_was_only_located_is_not_reported_but_looked_at_again() -> None:
-    finds = Finds()
+    finds = Finds(Victims())
     frame, T = seen_from()
     finds.update(frame, [sign("", on_wall(WALL, 0.5, 0.8), 0.5, "qr_code")], T, 0)
     assert finds.confirmed == []
@@ -89,7 +90,7 @@ def test_a_code_that_was_only_located_is_not_reported_but_looked_at_again() -> N
 
 
 def test_what_later_keyframes_should_show_and_do_not_is_given_up() -> None:
-    finds = Finds()
+    finds = Finds(Victims())
     frame, T = seen_from()
     finds.update(frame, [sign("poison", on_wall(WALL, 0.5, 0.8), 0.6)], T, 0)
     assert len(finds.confirmed) == 1
@@ -102,7 +103,7 @@ def test_what_later_keyframes_should_show_and_do_not_is_given_up() -> None:
 
 
 def test_warm_parts_of_one_body_are_one() -> None:
-    finds = Finds()
+    finds = Finds(Victims())
     for k, y in enumerate((0.0, 0.3)):
         frame, T = seen_from(2.0, y)
         parts = [on_wall(WALL, 0.5 + at, 0.8, 2.0, y, half=15) for at in (0.0, 0.35)]
@@ -114,14 +115,14 @@ def test_warm_parts_of_one_body_are_one() -> None:
 def test_a_detected_thing_is_as_sure_as_its_size_makes_it() -> None:
     frame, T = seen_from()
     whole_wall = sign("", on_wall(WALL, 0.0, 0.8, half=50), 0.6, "fire_extinguisher")
-    finds = Finds()
+    finds = Finds(Victims())
     finds.update(frame, [whole_wall], T, 0)
     assert finds.all[0].confidence < 0.1
     assert finds.confirmed == []
 
 
 def test_finds_move_along_with_their_keyframes() -> None:
-    finds = Finds()
+    finds = Finds(Victims())
     frame, T = seen_from()
     finds.update(frame, [sign("poison", on_wall(WALL, 0.5, 0.8))], T, 0)
     finds.place(np.array([from_yaw(2.0, 0.0, 0.0, np.pi / 2)]))  # the keyframe was at x = 1

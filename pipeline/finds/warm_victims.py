@@ -1,0 +1,30 @@
+"""Ties what is warm to the people on the map: one find of heat for each."""
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from pipeline.finds.find import HEAT, Find
+from pipeline.finds.victims.victim_map import BETWEEN, Victim
+
+
+def one_per_victim(finds: Sequence[Find], victims: Sequence[Victim]) -> Iterator[Find]:
+    """The finds, those of heat that parts of one victim give off as a single one in the middle of the victim.
+
+    Clothes, blankets and what stands in front leave several warm regions of a person. As with parts of a person, they
+    belong together up to ``BETWEEN``. A single warm region of which no person was seen stays where it is.
+    """
+    trees = [cKDTree(victim.points) for victim in victims]
+    warm: dict[int, Find] = {}
+    for find in finds:
+        distances = [float(tree.query(find.position)[0]) for tree in trees] if find.kind == HEAT else []
+        if min(distances, default=np.inf) > BETWEEN:
+            yield find
+            continue
+        nearest = int(np.argmin(distances))
+        first = warm.get(nearest, find)
+        warm[nearest] = first if first.time_s <= find.time_s else find
+    for k, find in warm.items():
+        victim = victims[k]
+        yield Find(HEAT, "", victim.position, victim.covariance, find.time_s, find.confidence, find.photo)

@@ -1,0 +1,38 @@
+"""What is warm of a person is one find; what is warm elsewhere is a find of its own."""
+
+import numpy as np
+
+from pipeline.finds.find import Find
+from pipeline.finds.victims.victim_map import Victim
+from pipeline.finds.warm_victims import one_per_victim
+
+PHOTO = np.zeros((2, 2, 3), np.uint8)
+
+
+def find(kind: str, x: float, time: float = 1.0) -> Find:
+    return Find(kind, "", np.array([x, 0, 0.1]), np.eye(3), time, 1.0, PHOTO)
+
+
+def lying(x: float) -> Victim:
+    """A person of 1.6 m along x around ``x``."""
+    points = np.column_stack([np.linspace(x - 0.8, x + 0.8, 33), np.zeros(33), np.full(33, 0.1)]).astype(np.float32)
+    return Victim(points, np.eye(3) * 400, [np.zeros(3)], [0.9], PHOTO)
+
+
+def test_the_warm_parts_of_a_person_are_one_find_in_its_middle() -> None:
+    finds = [find("heat", 2.3, 5.0), find("heat", 3.7, 3.0), find("heat", 9.0), find("qr_code", 3.0)]
+    told = list(one_per_victim(finds, [lying(3.0)]))
+    assert [(f.kind, f.time_s) for f in told] == [("heat", 1.0), ("qr_code", 1.0), ("heat", 3.0)]
+    np.testing.assert_allclose(told[0].position, [9, 0, 0.1])
+    np.testing.assert_allclose(told[2].position, [3, 0, 0.1], atol=0.02)
+    np.testing.assert_allclose(told[2].covariance, np.eye(3) / 400)
+
+
+def test_each_person_is_warm_once() -> None:
+    told = list(one_per_victim([find("heat", 0.4), find("heat", 2.9), find("heat", 3.1)], [lying(0.0), lying(3.0)]))
+    np.testing.assert_allclose([f.position[0] for f in told], [0, 3], atol=0.02)
+
+
+def test_without_people_all_finds_stay() -> None:
+    finds = [find("heat", 0.0), find("april_tag", 1.0)]
+    assert list(one_per_victim(finds, [])) == finds

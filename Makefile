@@ -2,7 +2,7 @@
 PYTHON := .venv/bin/python
 SUBJECT ?= camera
 
-.PHONY: help setup ros episode test endurance lint benchmark results claims docs dist clean
+.PHONY: help setup ros episode test endurance lint benchmark results leaderboard claims docs dist clean
 
 help: ## show this list
 	@sed -n 's/^\([a-z]*\):.*## /  make \1\t/p' Makefile
@@ -38,6 +38,11 @@ benchmark: setup ## measure against peers: make benchmark SUBJECT=camera
 
 results: setup ## measure all pages of results and write them, or one: make results PAGE=metric-map FLAGS="--frames 8" AGAIN=1
 	$(PYTHON) scripts/results.py $(PAGE) $(if $(FLAGS),--flags="$(FLAGS)") $(if $(AGAIN),--again)
+
+leaderboard: setup ## compare all explorers on the frozen 2D maps, and write the page of the leaderboard
+	$(PYTHON) scripts/sweep.py --arenas grid:test --seeds 0 1 2 --out runs/leaderboard
+	mkdir -p docs/results/leaderboard && cp runs/leaderboard/entries/*.json docs/results/leaderboard
+	$(PYTHON) scripts/results.py --write
 
 claims: setup ## run the claims of README's section Reproduce, and tell which hold
 	$(PYTHON) scripts/claims.py

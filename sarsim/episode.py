@@ -19,14 +19,14 @@ from pipeline.ros.recorded_robot import ExplorerBag, RecordedRobot
 from pipeline.ros.topics import Joints
 from sarsim.arenas.fiducials import hang_fiducials
 from sarsim.arenas.load import load_arena
-from sarsim.perception import make_perception, make_readers
+from sarsim.methods.make import make_exploration, make_localisation, make_planner
+from sarsim.methods.perception import make_perception, make_readers
 from sarsim.recording import EpisodeRecorder
 from sarsim.robots.skid_steered import WHEELS
 from sarsim.scoring.episode import EpisodeScore
 from sarsim.scoring.missions import mission_score
 from sarsim.settings import EpisodeConfig
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
-from sarsim.vetting.methods import make_exploration, make_localisation, make_planner
 
 
 class Episode(Expedition):

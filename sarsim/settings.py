@@ -18,6 +18,18 @@ Labels = NetworkName | Literal["rules", "truth"] | str
 Exploration = Literal["next_best_view", "nearest_frontier", "random_walk"] | str
 Localisation = Literal["slam", "odometry"] | str
 Planner = Literal["topological"] | str
+METHODS = {
+    flag: tuple(name for part in get_args(kind) for name in get_args(part))
+    for flag, kind in {
+        "exploration": Exploration,
+        "labels": Labels,
+        "detector-class": str,
+        "localisation": Localisation,
+        "planner": Planner,
+        "methods": str,
+    }.items()
+}
+"""Names of the methods that sarsim ships, by the flags that take MODULE:CLASS too."""
 Robot = Literal["pioneer3at", "jackal"] | str
 """A robot that sarsim ships, or the path of an MJCF file structured like theirs."""
 Odometry = Literal["truth", "wheel"]

@@ -26,7 +26,7 @@ from pipeline.transforms import yaw_of
 from pipeline.traversability.pose_paths import PosePaths
 from sarsim.arenas.arena import RescueArena
 from sarsim.environment import CONTROL_TIMESTEP, RescueEnvironment
-from sarsim.perception import make_perception
+from sarsim.methods.perception import make_perception
 from sarsim.recording import EpisodeRecorder
 from sarsim.robots.model import ROBOTS
 from sarsim.scoring.coverage import Coverage

@@ -20,7 +20,7 @@ from pipeline.missions.brief import MissionBrief
 from pipeline.rerun.recorder import Recorder
 from pipeline.rescue_report.situation import Situation, situation_of
 from pipeline.transforms import inverse
-from sarsim.perception import make_perception, make_readers
+from sarsim.methods.perception import make_perception, make_readers
 from sarsim.robots.model import robot_model
 from sarsim.robots.pose import Pose
 from sarsim.scoring.trajectory import TrajectoryScore

@@ -9,6 +9,7 @@ import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from datetime import date
+from functools import cache
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -23,6 +24,7 @@ from sarsim.scripts.settings import run_with_settings
 
 ROOT = Path(__file__).resolve().parents[1]
 FOLDER = ROOT / "docs" / "results"
+ENTRIES = FOLDER / "leaderboard"
 README = ROOT / "README.md"
 MARKERS = ("<!-- results: written by make results -->", "<!-- end of results -->")
 UNRELATED = ":!*.md", ":!*.sh", ":!*.yaml", ":!scripts/results.py"
@@ -31,6 +33,10 @@ CODE = ("pipeline", "sarsim", "scripts", "assets", "requirements.txt", *UNRELATE
 WRITTEN = "Written by make results from pages.yaml and JSON"  # In every page
 NOT_MEASURED = "not measured on this state yet"
 DIGITS = 5  # Significant digits of a figure that is kept
+LEADERBOARD = """\
+Methods of exploration on the same frozen arenas with the same seeds: interquartile means, with 95 % intervals by a
+bootstrap that is resampled by arena, then by seed. [Sweeps](../sweeps.md) explains the columns and how to enter a
+method of your own."""
 
 Record = Mapping[str, Any]
 """Figures, by name, and for what they hold: date, commit, command, version, machine, processor_s."""
@@ -154,7 +160,8 @@ def texts() -> dict[Path, str]:
     before, _, rest = README.read_text().partition(MARKERS[0])
     parts = readme_parts(content, records)
     readme = "\n\n".join([before.rstrip(), MARKERS[0], *parts, MARKERS[1]]) + rest.partition(MARKERS[1])[2]
-    return written | {FOLDER / "index.md": index_of(pages, records), README: readme}
+    written |= {FOLDER / "index.md": index_of(pages, records), README: readme}
+    return written | {FOLDER / "leaderboard.md": leaderboard(tuple(sorted(ENTRIES.glob("*.json"))), LEADERBOARD)}
 
 
 def readme_parts(content: Mapping[str, Any], records: Mapping[str, Record | None]) -> list[str]:
@@ -178,8 +185,22 @@ def index_of(pages: Mapping[str, Any], records: Mapping[str, Record | None]) -> 
     for name, page in pages.items():
         when = f"{record['date']}, {record['commit']}" if (record := records[name]) else NOT_MEASURED
         rows.append(line([f"[{page['title']}]({name}.md)", when, duration(page, record)]))
+    board = "The [leaderboard](leaderboard.md) compares methods of exploration."
     about = "[Earlier states](earlier.md) have older figures, [what was tried](../tried.md) those of ideas left out."
-    return markdown("Results", "make results   # measure all", "\n".join(rows), about)
+    return markdown("Results", "make results   # measure all", "\n".join(rows), board, about)
+
+
+@cache
+def leaderboard(files: tuple[Path, ...], about: str) -> str:
+    """The page of the leaderboard by the files of its entries, as Markdown; each file is read once in a process."""
+    from sarsim.scripts.sweeps.leaderboard import boards, read_entry
+
+    parts = []
+    for board in boards(map(read_entry, files)):
+        rows = [line(board.heads), "|---" * len(board.heads) + "|", *(line(row) for row in board.rows)]
+        parts += [f"## {board.title}", "\n".join(rows)]
+    command = "make leaderboard   # run the frozen 2D maps again, and write this page"
+    return markdown("Results: leaderboard", command, about, *parts or [f"{NOT_MEASURED.capitalize()}."])
 
 
 def text_of(name: str, page: Mapping[str, Any], record: Record | None) -> str:

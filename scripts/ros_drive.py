@@ -24,10 +24,10 @@ from pipeline.ros.live.node import RosNode
 from pipeline.ros.live.ros_robot import RosRobot
 from pipeline.ros.messages import MAP, ODOM, transforms
 from pipeline.ros.topics import MapTopics
-from sarsim.perception import make_perception, make_readers
+from sarsim.methods.make import make_exploration
+from sarsim.methods.perception import make_perception, make_readers
 from sarsim.robots.model import robot_model
 from sarsim.settings import RosExploration
-from sarsim.vetting.methods import make_exploration
 
 STARTING_TIME = 120.0
 """s that a robot which is not there yet may take to start: a simulated one compiles first."""

@@ -17,7 +17,7 @@ from pipeline.files import read_text, whole_file
 from pipeline.missions.brief import MissionBrief, Task
 from sarsim.assets import asset
 from sarsim.scripts.cli import COMMON, common, guarded, parse
-from sarsim.settings import EXPLORE
+from sarsim.settings import EXPLORE, METHODS
 
 CONFIG_HELP = "YAML file of settings, such as the one that every run writes; flags override its values."
 RESULTS = ("out", "resume", "bag", "tum", "json")
@@ -25,8 +25,6 @@ RESULTS = ("out", "resume", "bag", "tum", "json")
 OUTPUTS = (*RESULTS, "workers")
 """Settings left out of a run's own file, so that repeating a run overwrites no results, and may use other workers."""
 
-METHODS = ("exploration", "labels", "detector-class", "localisation", "planner")
-"""Settings that may name a class of the user's own."""
 MISSIONS = ("league", "virtual")
 """Names of the missions that sarsim ships."""
 MOST_SETTINGS, DEEPEST = 100_000, 8
@@ -137,7 +135,7 @@ def wanted_mission(mission: str, minutes: float | None = None, home: bool = Fals
 def load_settings(kind: type[Settings], path: Path, args: Sequence[str] = (), flag: str = "config") -> Settings:
     """Settings from a YAML file; ``tyro.MISSING`` for fields without a value in the file and in ``kind``.
 
-    A class in one of :data:`METHODS` is accepted only if ``args`` name it: a file must not choose code to run.
+    A class for one of ``METHODS`` is accepted only if ``args`` name it: a file must not choose code to run.
 
     Raises:
         InputError: the file cannot be read, or holds an unknown key or a value of a wrong type.

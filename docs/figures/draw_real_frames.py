@@ -17,7 +17,7 @@ from pipeline.datasets.tum_folder import read_tum_folder
 from pipeline.frame import Calibration
 from pipeline.labels import COLOURS, Label
 from pipeline.mapper import Mapper
-from sarsim.perception import make_classifier
+from sarsim.methods.perception import make_classifier
 from sarsim.robots.model import robot_model
 from sarsim.settings import NETWORK
 

@@ -1,50 +1,75 @@
-"""The interface of engines, which make the scenes of a dataset independently of each other."""
+"""The interface of engines, which do many jobs, such as scenes of a dataset, independently of each other."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Protocol
 
 from sarsim.dataset.folder_lock import FolderLock
-from sarsim.dataset.manifest import SceneEntry
-from sarsim.dataset.recipe import Recipe
 
-ATTEMPTS = 3  # Largest number of attempts at a scene whose workers die
+ATTEMPTS = 3  # Largest number of attempts at a job whose workers die
+
+
+class Product(Protocol):
+    """What a job leaves: a file.
+
+    Attributes:
+        index: of the job.
+        file: its path in the folder of the results.
+    """
+
+    @property
+    def index(self) -> int: ...  # noqa: D102 - see the class
+
+    @property
+    def file(self) -> str: ...  # noqa: D102 - see the class
+
+
+Make = Callable[[int, Path, Callable[[], object]], Product]
+"""Does the job of an index: writes its file into a folder, and calls the function after every part of the job.
+
+It is sent to other processes, and raises InputError if the job cannot be done.
+"""
 
 
 @dataclass(frozen=True)
-class FrameDone:
-    """A frame of the scene ``index`` is made."""
+class PartDone:
+    """A part of the job ``index`` is done."""
 
     index: int
 
 
 @dataclass(frozen=True)
-class SceneDone:
-    """A scene's file is complete."""
+class JobDone:
+    """A job's file is complete."""
 
-    entry: SceneEntry
+    product: Product
 
 
 @dataclass(frozen=True)
-class SceneLost:
-    """A worker died over the scene ``index``, which begins again."""
+class JobLost:
+    """A worker died over the job ``index``, which begins again."""
 
     index: int
 
 
-Event = FrameDone | SceneDone | SceneLost
+@dataclass(frozen=True)
+class JobFailed:
+    """The job ``index`` cannot be done."""
+
+    index: int
+    error: Exception
+
+
+Event = PartDone | JobDone | JobLost | JobFailed
 
 
 class Engine(Protocol):
-    """Makes scenes."""
+    """Does jobs."""
 
-    def render(self, recipe: Recipe, indices: Sequence[int], folder: Path, lock: FolderLock) -> Iterator[Event]:
-        """Make scenes, in any order, and put their files into a dataset's folder; closing the iterator stops this.
+    def run(self, make: Make, indices: Sequence[int], folder: Path, lock: FolderLock) -> Iterator[Event]:
+        """Do jobs, in any order, and put their files into a folder; closing the iterator stops this.
 
         Every process that writes there must hold the ``lock``.
-
-        Raises:
-            InputError: a scene cannot be made or written.
         """
         ...

@@ -3,13 +3,15 @@
 import logging
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
+from functools import partial
 from pathlib import Path
 
 from pipeline.files import make_folder
-from sarsim.dataset.engine import Engine, FrameDone, SceneDone, SceneLost
+from sarsim.dataset.engine import Engine, JobDone, JobFailed, JobLost, PartDone
 from sarsim.dataset.folder_lock import FolderLock
-from sarsim.dataset.manifest import FILE, SCENES, Manifest, sha256_of
+from sarsim.dataset.manifest import FILE, SCENES, Manifest, SceneEntry, sha256_of
 from sarsim.dataset.recipe import Recipe
+from sarsim.dataset.render import make_scene
 from sarsim.dataset.summary import write_summary
 
 _log = logging.getLogger(__name__)
@@ -30,17 +32,22 @@ def generate(
     with _locked(folder) as lock:
         manifest = _begun(recipe, folder)
         manifest.write(folder)
-        (folder / SCENES).mkdir(exist_ok=True)
         made = dict.fromkeys(manifest.scenes, recipe.frames)
         on_frames(sum(made.values()))
-        for event in engine.render(recipe, [k for k in range(scenes) if k not in made], folder, lock):
-            if isinstance(event, FrameDone):
+        todo = [index for index in range(scenes) if index not in made]
+        for event in engine.run(partial(make_scene, recipe), todo, folder, lock):
+            if isinstance(event, PartDone):
                 made[event.index] = made.get(event.index, 0) + 1
-            elif isinstance(event, SceneLost):
+            elif isinstance(event, JobLost):
                 _log.warning("scene %d: its worker died; it begins again", event.index)
                 made[event.index] = 0
-            elif isinstance(event, SceneDone):
-                manifest.scenes[event.entry.index] = event.entry
+            elif isinstance(event, JobFailed):
+                raise type(event.error)(f"scene {event.index}: {event.error}") from event.error
+            elif isinstance(event, JobDone):
+                entry = event.product
+                assert isinstance(entry, SceneEntry)
+                made[entry.index] = recipe.frames
+                manifest.scenes[entry.index] = entry
                 manifest.write(folder)
             on_frames(sum(made.values()))
         write_summary(folder)

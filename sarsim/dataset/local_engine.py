@@ -9,38 +9,37 @@ from pathlib import Path
 
 from pipeline.errors import InputError
 from sarsim.dataset import processes
-from sarsim.dataset.engine import ATTEMPTS, Event, FrameDone, SceneDone, SceneLost
+from sarsim.dataset.engine import ATTEMPTS, Event, JobDone, JobFailed, JobLost, Make, PartDone
 from sarsim.dataset.folder_lock import FolderLock
-from sarsim.dataset.recipe import Recipe
-from sarsim.dataset.render import make_scene
 
 
 class LocalEngine:
-    """Makes scenes in worker processes; a worker that dies is replaced."""
+    """Does jobs in worker processes; a worker that dies is replaced."""
 
     def __init__(self, workers: int):
         self._count = workers
 
-    def render(self, recipe: Recipe, indices: Sequence[int], folder: Path, lock: FolderLock) -> Iterator[Event]:
+    def run(self, make: Make, indices: Sequence[int], folder: Path, lock: FolderLock) -> Iterator[Event]:
         """See :class:`sarsim.dataset.engine.Engine`."""
         todo, deaths = deque(indices), Counter[int]()
         workers: list[Worker] = []
         try:
             while todo or workers:
                 while todo and len(workers) < self._count:
-                    workers.append(Worker(recipe, folder, lock))
+                    workers.append(Worker(make, folder, lock))
                     workers[-1].begin(todo.popleft())
                 for worker in wait_for(workers):
                     event = worker.event()
-                    if isinstance(event, SceneLost):
+                    if isinstance(event, JobLost):
                         deaths[event.index] += 1
-                        if (died := deaths[event.index]) >= ATTEMPTS:
+                        if (died := deaths[event.index]) < ATTEMPTS:
+                            todo.appendleft(event.index)
+                        else:
                             last = f"the last one with exit code {worker.end()}"
-                            raise InputError(f"scene {event.index}: {died} workers died over it, {last}")
-                        todo.appendleft(event.index)
-                    if isinstance(event, SceneDone) and todo:
+                            event = JobFailed(event.index, InputError(f"{died} workers died over it, {last}"))
+                    if isinstance(event, JobDone | JobFailed) and todo and worker.process.is_alive():
                         worker.begin(todo.popleft())
-                    elif not isinstance(event, FrameDone):
+                    elif not isinstance(event, PartDone):
                         worker.end()
                         workers.remove(worker)
                     yield event
@@ -50,32 +49,30 @@ class LocalEngine:
 
 
 class Worker:
-    """A process that makes one scene after the other.
+    """A process that does one job after the other.
 
     Attributes:
-        index: of the current scene.
+        index: of the current job.
         process: of the worker.
     """
 
-    def __init__(self, recipe: Recipe, folder: Path, lock: FolderLock):
+    def __init__(self, make: Make, folder: Path, lock: FolderLock):
         self.index = -1
-        self.process, self.connection = processes.connected(_serve, lock, recipe, folder)
+        self.process, self.connection = processes.connected(_serve, lock, make, folder)
 
     def begin(self, index: int) -> None:
-        """Let it make a scene."""
+        """Let it do a job."""
         self.index = index
-        with suppress(OSError):  # if it is dead, the next event is SceneLost
+        with suppress(OSError):  # if it is dead, the next event is JobLost
             self.connection.send(index)
 
     def event(self) -> Event:
-        """The worker's next event; InputError if the scene cannot be made or written."""
+        """The worker's next event."""
         try:
-            message = self.connection.recv()
+            event: Event = self.connection.recv()
         except (EOFError, OSError):
-            return SceneLost(self.index)
-        if isinstance(message, Exception):
-            raise message
-        return message
+            return JobLost(self.index)
+        return event
 
     def end(self) -> int | None:
         """Stop the process; return its exit code, negative for a signal."""
@@ -92,14 +89,14 @@ def wait_for(workers: Sequence[Worker]) -> list[Worker]:
     return [worker for worker in workers if worker.connection in ready]
 
 
-def _serve(connection: Connection, lock: FolderLock, recipe: Recipe, folder: Path) -> None:
+def _serve(connection: Connection, lock: FolderLock, make: Make, folder: Path) -> None:
     """The loop of a worker process, which holds the ``lock`` as long as it lives."""
     while True:
         index = connection.recv()
         try:
-            entry = make_scene(recipe, index, folder, lambda: connection.send(FrameDone(index)))  # noqa: B023
-            connection.send(SceneDone(entry))
+            product = make(index, folder, lambda: connection.send(PartDone(index)))  # noqa: B023
+            connection.send(JobDone(product))
         except InputError as error:
-            connection.send(error)
+            connection.send(JobFailed(index, error))
         except Exception:
-            connection.send(RuntimeError(f"scene {index}: {traceback.format_exc()}"))
+            connection.send(JobFailed(index, RuntimeError(traceback.format_exc())))

@@ -8,16 +8,13 @@ from typing import Any
 
 from pipeline.errors import InputError
 from pipeline.files import whole_file
-from sarsim.dataset.engine import ATTEMPTS, Event, FrameDone, SceneDone
+from sarsim.dataset.engine import ATTEMPTS, Event, JobDone, JobFailed, Make, Product
 from sarsim.dataset.folder_lock import FolderLock
-from sarsim.dataset.manifest import SCENES, SceneEntry
 from sarsim.dataset.processes import ONE_THREAD
-from sarsim.dataset.recipe import Recipe
-from sarsim.dataset.render import make_scene
 
 
 class RayEngine:
-    """Makes scenes as Ray tasks and fetches their files; Ray itself restarts a task whose worker dies."""
+    """Does jobs as Ray tasks and fetches their files; Ray itself restarts a task whose worker dies."""
 
     def __init__(self, workers: int, address: str | None = None):
         """Run at most ``workers`` tasks at a time, on the cluster at ``address`` or on one that is started here.
@@ -39,39 +36,39 @@ class RayEngine:
         except ConnectionError as error:
             raise InputError(f"RAY_ADDRESS {address}: no Ray cluster there") from error
 
-    def render(self, recipe: Recipe, indices: Sequence[int], folder: Path, lock: FolderLock) -> Iterator[Event]:
+    def run(self, make: Make, indices: Sequence[int], folder: Path, lock: FolderLock) -> Iterator[Event]:
         """See :class:`sarsim.dataset.engine.Engine`; only this process writes into the folder."""
         task = self._ray.remote(num_cpus=1, max_retries=ATTEMPTS - 1)(_make)
-        todo = list(indices)
-        running: list[Any] = []
+        todo, shared = list(indices), self._ray.put(make)
+        running: dict[Any, int] = {}
         try:
             while todo or running:
                 while todo and len(running) < self._count:
-                    running.append(task.remote(recipe, todo.pop(0)))
-                (done,), running = self._ray.wait(running)
-                entry = self._store(done, folder)
-                yield from [FrameDone(entry.index)] * entry.frames
-                yield SceneDone(entry)
+                    index = todo.pop(0)
+                    running[task.remote(shared, index)] = index
+                (done,), _ = self._ray.wait(list(running))
+                yield self._event(done, running.pop(done), folder)
         finally:
             self._ray.shutdown()
 
-    def _store(self, done: Any, folder: Path) -> SceneEntry:
-        """Write the file of a finished scene."""
+    def _event(self, done: Any, index: int, folder: Path) -> Event:
+        """Write the file of a finished job; how it ended."""
         try:
-            entry, content = self._ray.get(done)
+            product, content = self._ray.get(done)
         except self._ray.exceptions.RayTaskError as error:
-            raise error.cause from None
+            return JobFailed(index, error.cause)
         except self._ray.exceptions.RayError as error:
-            raise InputError(f"a Ray worker failed: {' '.join(str(error).split())}") from error
-        with whole_file(folder / entry.file) as partial:
+            return JobFailed(index, InputError(f"a Ray worker failed: {' '.join(str(error).split())}"))
+        path = folder / product.file
+        path.parent.mkdir(exist_ok=True)
+        with whole_file(path) as partial:
             partial.write_bytes(content)
-        return entry
+        return JobDone(product)
 
 
-def _make(recipe: Recipe, index: int) -> tuple[SceneEntry, bytes]:
-    """Make a scene; returns its entry and the bytes of its file, which the task's machine does not keep."""
+def _make(make: Make, index: int) -> tuple[Product, bytes]:
+    """Do a job; returns its product and the bytes of its file, which the task's machine does not keep."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
-        (folder / SCENES).mkdir()
-        entry = make_scene(recipe, index, folder)
-        return entry, (folder / entry.file).read_bytes()
+        product = make(index, folder, lambda: None)
+        return product, (folder / product.file).read_bytes()

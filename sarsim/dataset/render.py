@@ -44,6 +44,7 @@ def make_scene(recipe: Recipe, index: int, folder: Path, on_frame: Callable[[], 
         InputError: the scene cannot be made or written.
     """
     path = folder / scene_path(index)
+    path.parent.mkdir(exist_ok=True)
     with whole_file(path) as partial:
         scene, points = render_scene(recipe, index, partial, on_frame)
         digest = sha256_of(partial)

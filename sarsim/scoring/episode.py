@@ -17,18 +17,16 @@ from sarsim.scoring.coverage import Coverage
 from sarsim.scoring.fiducials import FiducialScore
 from sarsim.scoring.finds import FindScore
 from sarsim.scoring.oracle import Oracle, true_traversability
+from sarsim.scoring.progress import MOST, progress_figures
 from sarsim.scoring.segments import SegmentScore
 from sarsim.scoring.semantics import KeyframeTruth, compared
 from sarsim.scoring.sight import Sight
 from sarsim.scoring.topology import score_topology
 from sarsim.scoring.topology_kernels import way_lengths
-from sarsim.scoring.trajectory import TrajectoryScore, driven, motion_figures
+from sarsim.scoring.trajectory import TrajectoryScore, driven, motion_figures, ways_driven
 from sarsim.scoring.victims import VictimScore
 from sarsim.scoring.voxels import VoxelScore
 from sarsim.simulated_robot import SimulatedRobot, TrueFrame
-
-MOST = {"t90_s": 0.9, "t99_s": 0.99}
-"""Shares of the drivable area for which the time until they were seen is reported."""
 
 
 class EpisodeScore(Observer):
@@ -178,17 +176,14 @@ class EpisodeScore(Observer):
 
     def _exploration(self) -> dict[str, Any]:
         """Times in ``MOST`` are missing if less was seen."""
-        seen = {name: [time for time, share in self.progress if share >= most] for name, most in MOST.items()}
-        times = {name: times[0] for name, times in seen.items() if times}
+        times, shares = np.array(self.progress).reshape(-1, 2).T
+        ways = ways_driven(self._robot.trajectory)
+        at = np.interp(times, [pose.time - self._start_time for pose in self._robot.trajectory], ways)
+        seen = progress_figures(times, at, shares, (self._robot.time - self._start_time, float(ways[-1])))
         oracle = (
-            self._oracle(self._first_frame, times.get("t99_s")) if self._wants_oracle and self._first_frame else {}
+            self._oracle(self._first_frame, seen.get("t99_s")) if self._wants_oracle and self._first_frame else {}
         )
-        return {
-            "explored_fraction": self.coverage.fraction,
-            "frontiers_left": self._frontiers_left,
-            **times,
-            **oracle,
-        }
+        return {"explored_fraction": self.coverage.fraction, "frontiers_left": self._frontiers_left, **seen, **oracle}
 
     def _oracle(self, frame: Frame, t99: float | None) -> dict[str, float]:
         """The figures of the oracle; none if no tour sees as much, and no ratios if the robot has not seen it."""

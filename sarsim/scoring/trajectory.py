@@ -56,12 +56,17 @@ def is_false(loop: Loop, T_world_first: NDArray[np.float64], T_world_second: NDA
 
 
 def driven(trajectory: Sequence[Pose]) -> float:
-    """Metres along the true trajectory.
+    """Metres along the true trajectory."""
+    return float(ways_driven(trajectory)[-1])
+
+
+def ways_driven(trajectory: Sequence[Pose]) -> NDArray[np.float64]:
+    """(N,) m along the true trajectory up to each of its poses.
 
     Left out are steps below half a millimetre, which springs cause, not wheels, and steps beyond ``LIFT``.
     """
     steps = np.linalg.norm(np.diff([p.T_world_base[:2, 3] for p in trajectory], axis=0), axis=1)
-    return float(steps[(steps > 5e-4) & (steps < LIFT)].sum())
+    return np.concatenate([[0.0], np.cumsum(np.where((steps > 5e-4) & (steps < LIFT), steps, 0))])
 
 
 def motion_figures(trajectory: Sequence[Pose]) -> dict[str, float]:

@@ -4,7 +4,6 @@ from collections.abc import Mapping
 from typing import Any
 
 import gymnasium
-import mujoco
 import numpy as np
 from dm_control.rl.control import PhysicsError
 from gymnasium import spaces
@@ -49,6 +48,11 @@ class Drive(gymnasium.Env[Any, Any]):
     robot, by the true pose; with ``depth`` an image (height, width), m along the optical axis, 0 past 3.5 m.
 
     An episode terminates at the goal or when the robot tips over, and is truncated after ``seconds``.
+
+    Attributes:
+        world: the physics; None before the first reset.
+        rays: of the camera; None without depth.
+        camera: its id in the physics.
     """
 
     metadata: dict[str, Any] = {  # noqa: RUF012 - as the base class declares it
@@ -84,7 +88,8 @@ class Drive(gymnasium.Env[Any, Any]):
         self._arena, self._robot, self._size, self._seconds = arena, robot, depth, seconds
         self._weights = weights if isinstance(weights, DriveWeights) else DriveWeights(**weights)
         self.render_mode, self._is_closed = render_mode, False
-        self._world: RescueEnvironment | None = None
+        self.world: RescueEnvironment | None = None
+        self.rays: DepthRays | None = None
         self.action_space = spaces.Box(-1.0, 1.0, (2,), np.float32)
         sizes = {"gyro": 3, "accelerometer": 3, "odometry": 4, "goal": 2}
         found: dict[str, spaces.Space[Any]] = {
@@ -102,15 +107,15 @@ class Drive(gymnasium.Env[Any, Any]):
         super().reset(seed=seed)
         if self._is_closed:
             raise InputError("the task was closed")
-        if self._world is None or self._arena == "random":
+        if self.world is None or self._arena == "random":
             self._load()
-        assert self._world is not None
-        self._world.reset()
+        assert self.world is not None
+        self.world.reset()
         for _ in range(SETTLING_PERIODS):
-            self._world.drive(Velocity())
-        self._start = self._world.physics.time()
-        self._collisions = CollisionCounter(self._world.physics.model.ptr, self._body)
-        self._odometry = WheelOdometry(self.np_random, self._world.robot.drive.wheel_radius)
+            self.world.drive(Velocity())
+        self._start = self.world.physics.time()
+        self._collisions = CollisionCounter(self.world.physics.model.ptr, self._body)
+        self._odometry = WheelOdometry(self.np_random, self.world.robot.drive.wheel_radius)
         self._goal: NDArray[np.float64] = self._goals[int(self.np_random.integers(len(self._goals)))]
         self._steps, self._way, observation = 0, 0.0, self._observe()
         self._last = self._place
@@ -118,14 +123,14 @@ class Drive(gymnasium.Env[Any, Any]):
 
     def step(self, action: NDArray[np.float32]) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
         """Follow the command for 0.1 s."""
-        if self._is_closed or self._world is None:
+        if self._is_closed or self.world is None:
             raise InputError("the task was closed, or not reset yet")
-        v, w = np.clip(np.asarray(action, np.float64), -1, 1) * self._world.robot.drive.limits
+        v, w = np.clip(np.asarray(action, np.float64), -1, 1) * self.world.robot.drive.limits
         hits, far, diverged = self._collisions.collisions, self._distance, False
         try:
             for _ in range(PERIODS):
-                self._world.drive(Velocity(float(v), float(w)))
-                self._collisions.count(self._world.physics.data.ptr)
+                self.world.drive(Velocity(float(v), float(w)))
+                self._collisions.count(self.world.physics.data.ptr)
         except PhysicsError:
             diverged = True
         observation = self._observe()
@@ -137,27 +142,27 @@ class Drive(gymnasium.Env[Any, Any]):
         reward = weights.progress * (far - self._distance) + weights.time * PERIODS * CONTROL_TIMESTEP
         reward += weights.contact * contacts + weights.tipping * tipped
         is_over = bool(tipped or self._distance < ARRIVED_WITHIN)
-        is_cut = not is_over and self._world.physics.time() - self._start >= self._seconds - CONTROL_TIMESTEP / 2
+        is_cut = not is_over and self.world.physics.time() - self._start >= self._seconds - CONTROL_TIMESTEP / 2
         return observation, float(reward), is_over, bool(is_cut), self._info() | {"navigation.tipped": int(tipped)}
 
     def close(self) -> None:
         """Free the physics."""
-        if self._world is not None:
-            self._world.close()
-        self._world, self._is_closed = None, True
+        if self.world is not None:
+            self.world.close()
+        self.world, self._is_closed = None, True
 
     def _load(self) -> None:
-        if self._world is not None:
-            self._world.close()
+        if self.world is not None:
+            self.world.close()
         name = f"random:{self.np_random.integers(MOST_SEEDS)}" if self._arena == "random" else self._arena
         arena = load_arena(name)
-        self._world = RescueEnvironment(arena, self._robot)
-        model, data = self._world.physics.model.ptr, self._world.physics.data.ptr
-        self._camera = int(model.camera(self._world.robot.camera.full_identifier).id)
-        self._body = int(model.body_rootid[model.cam_bodyid[self._camera]])
-        surface = Survey(model, data, self._body, self._world.robot.model).surface_from(arena.T_world_start[:3, 3])
+        self.world = RescueEnvironment(arena, self._robot)
+        model, data = self.world.physics.model.ptr, self.world.physics.data.ptr
+        self.camera = int(model.camera(self.world.robot.camera.full_identifier).id)
+        self._body = int(model.body_rootid[model.cam_bodyid[self.camera]])
+        surface = Survey(model, data, self._body, self.world.robot.model).surface_from(arena.T_world_start[:3, 3])
         self._goals: NDArray[np.float64] = surface.grid.centre_of(np.argwhere(surface.drivable))
-        self._rays = DepthRays(model, data, self._camera, self._size) if self._size else None
+        self.rays = DepthRays(model, data, self.camera, self._size) if self._size else None
 
     @property
     def _place(self) -> NDArray[np.float64]:
@@ -169,8 +174,8 @@ class Drive(gymnasium.Env[Any, Any]):
         return float(np.linalg.norm(self._goal - self._place))
 
     def _observe(self) -> dict[str, NDArray[np.float32]]:
-        assert self._world is not None
-        world, physics = self._world, self._world.physics
+        assert self.world is not None
+        world, physics = self.world, self.world.physics
         gyro, accelerometer = world.inertial()
         dt = PERIODS * CONTROL_TIMESTEP
         T_odom_base = self._odometry.update(world.robot.wheel_angle(physics), gyro, accelerometer, dt)
@@ -185,26 +190,18 @@ class Drive(gymnasium.Env[Any, Any]):
         found = {
             name: np.clip(value, -MEASURED_BOUNDS[name], MEASURED_BOUNDS[name]) for name, value in values.items()
         }
-        if self._rays is not None:
-            depth = self._rays.depth(optical_pose(physics.data.ptr, self._camera))
+        if self.rays is not None:
+            depth = self.rays.depth(optical_pose(physics.data.ptr, self.camera))
             found["depth"] = np.where(depth <= XTION.farthest, depth, 0)
         return {name: value.astype(np.float32) for name, value in found.items()}
 
     def _info(self) -> dict[str, Any]:
         """Keys as in report.json."""
-        assert self._world is not None
+        assert self.world is not None
         return {
             "steps": self._steps,
-            "sim_time_s": self._world.physics.time() - self._start,
+            "sim_time_s": self.world.physics.time() - self._start,
             "navigation.distance_m": self._way,
             "navigation.collisions": self._collisions.collisions,
             "navigation.reached": int(self._distance < ARRIVED_WITHIN),
         }
-
-    def steps_alone(self) -> None:
-        """What a step costs at least: MuJoCo's own steps, and a ray cast if there is a camera; for benchmarks."""
-        assert self._world is not None
-        model, data = self._world.physics.model.ptr, self._world.physics.data.ptr
-        mujoco.mj_step(model, data, nstep=PERIODS * round(CONTROL_TIMESTEP / model.opt.timestep))
-        if self._rays is not None:
-            self._rays.depth(optical_pose(data, self._camera))

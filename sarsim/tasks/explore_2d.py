@@ -26,8 +26,6 @@ VIEWPOINTS = 32
 """Number of viewpoints to choose from."""
 FARTHEST_COORDINATE = 10_000.0
 """m; poses are cut off here."""
-SPEED, TURN_RATE = 0.5, 1.0
-"""m/s and rad/s of the robot, as episodes drive by default."""
 SIZES = {"camera": ((120, 160), 10, 0.1), "papers": ((480, 640), 20, 1.0)}
 """Rows and columns, width of corridors in cells, and m of a cell, of the maps that are drawn."""
 LABEL_OF = np.array([Label.UNLABELLED, Label.TERRAIN, Label.WALL], np.uint8)
@@ -112,7 +110,7 @@ class Explore2D(gymnasium.Env[Any, Any]):
 
     def step(self, action: Action) -> tuple[Maps, float, bool, bool, dict[str, Any]]:
         """Go to a viewpoint; see the class."""
-        before, seconds = self.world.known_free, self._seconds
+        before, seconds = self.world.known_free, self.world.seconds
         node, heading = self._target(action)
         for stop in route(self._sights.before, self.world.here, node):
             self.world.move(stop)
@@ -123,7 +121,7 @@ class Explore2D(gymnasium.Env[Any, Any]):
         self._steps += 1
         self._observe()
         ground = (self.world.known_free - before) * self.world.scene.cell**2
-        reward = self._weights.ground * ground + self._weights.time * (self._seconds - seconds)
+        reward = self._weights.ground * ground + self._weights.time * (self.world.seconds - seconds)
         is_over = self.world.is_explored or not len(self._sights.frontiers)
         is_cut = not is_over and max(self.world.moves, self._steps) >= self._rules.most_moves
         return self._observation(), float(reward), is_over, is_cut, self._info()
@@ -137,10 +135,6 @@ class Explore2D(gymnasium.Env[Any, Any]):
         half = self._rules.spacing // 2
         image[max(row - half, 0) : row + half + 1, max(col - half, 0) : col + half + 1] = ROBOT_COLOUR
         return image
-
-    @property
-    def _seconds(self) -> float:
-        return self.world.way * self.world.scene.cell / SPEED + self.world.turned / TURN_RATE
 
     def _scene(self, number: int | None) -> GridScene:
         if self._files:
@@ -198,7 +192,7 @@ class Explore2D(gymnasium.Env[Any, Any]):
         """Keys as in report.json, and which numbers of viewpoints mean one."""
         world, info = self.world, dict[str, Any]()
         info["steps"] = self._steps
-        info["sim_time_s"] = self._seconds
+        info["sim_time_s"] = self.world.seconds
         info["navigation.distance_m"] = world.way * world.scene.cell
         info["exploration.explored_fraction"] = world.explored_fraction
         info["exploration.frontiers_left"] = len(self._sights.frontiers)

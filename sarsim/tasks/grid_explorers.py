@@ -41,6 +41,9 @@ class Sights(NamedTuple):
         return cls(frontiers[seen], nodes, visible[:, seen], ways[nodes], before)
 
 
+TREE = 100
+"""Edges that a random tree tries to grow."""
+
 Explorer2D = Callable[[GridWorld, Sights, np.random.Generator], int]
 """The node to go to; there is at least one frontier that a node sees."""
 
@@ -85,6 +88,28 @@ def viewpoint_tour(world: GridWorld, sights: Sights, rng: np.random.Generator) -
     return first_of_tour(world, sights.nodes[rows].tolist())
 
 
+def random_tree(world: GridWorld, sights: Sights, rng: np.random.Generator) -> int:
+    """The node of a random tree that should show most for its way (Bircher et al., ICRA 2016).
+
+    The tree grows by random known edges from the robot; unknown ground at way d counts by exp(−d / reach), and what
+    the nodes of a branch show is summed.
+    """
+    nodes, parents, ways = [world.here], [-1], [0.0]
+    for _ in range(TREE):
+        parent = int(rng.integers(len(nodes)))
+        node = int(rng.choice(world.next_nodes(nodes[parent])))
+        if node not in nodes:
+            nodes.append(node)
+            parents.append(parent)
+            ways.append(ways[parent] + float(np.linalg.norm(world.nodes[node] - world.nodes[nodes[parent]])))
+    shown = gains(world, np.array(nodes)) * np.exp(-np.array(ways) / world.rules.reach)
+    for index in range(1, len(nodes)):  # a node comes after its parent
+        shown[index] += shown[parents[index]]
+    if (best := int(shown.argmax())) and shown[best] > shown[0]:
+        return nodes[best]
+    return nearest_frontier(world, sights, rng)
+
+
 def random_walk(world: GridWorld, sights: Sights, rng: np.random.Generator) -> int:
     """Any of the nodes at the ends of the edges from here."""
     return int(rng.choice(world.next_nodes()))
@@ -95,6 +120,7 @@ EXPLORERS: dict[str, Explorer2D] = {
     "viewpoint_tour": viewpoint_tour,
     "frontier_tour": frontier_tour,
     "nearest_frontier": nearest_frontier,
+    "random_tree": random_tree,
     "random_walk": random_walk,
 }
 
@@ -121,8 +147,16 @@ def first_of_tour(world: GridWorld, places: list[int]) -> int:
     return stops[visiting_order(cost)[0]]
 
 
-def explore(world: GridWorld, explorer: Explorer2D, rng: np.random.Generator) -> str:
-    """Explore until the end, deciding at every node; ``nothing_left`` or ``steps``, as in report.json."""
+def explore(
+    world: GridWorld,
+    explorer: Explorer2D,
+    rng: np.random.Generator,
+    on_move: Callable[[GridWorld], object] = lambda world: None,
+) -> str:
+    """Explore until the end, deciding at every node; ``nothing_left`` or ``steps``, as in report.json.
+
+    ``on_move`` is called after every move.
+    """
     while world.moves < world.rules.most_moves:
         sights = Sights.of(world)
         if world.is_explored or not len(sights.frontiers):
@@ -131,4 +165,5 @@ def explore(world: GridWorld, explorer: Explorer2D, rng: np.random.Generator) ->
         if not nodes:
             return "nothing_left"
         world.move(nodes[0])
+        on_move(world)
     return "steps"

@@ -11,6 +11,8 @@ from sarsim.tasks.grid_scenes import GridScene
 
 REACHES = 2
 """Edges join nodes that are at most so many rows and columns of the lattice apart."""
+SPEED, TURN_RATE = 0.5, 1.0
+"""m/s and rad/s of the robot, as episodes drive by default."""
 
 
 @dataclass(frozen=True)
@@ -86,6 +88,11 @@ class GridWorld:
         self.here = int(np.flatnonzero((self.nodes == self.scene.start).all(axis=1))[0])
 
     @property
+    def seconds(self) -> float:
+        """Time that the robot has driven and turned."""
+        return self.way * self.scene.cell / SPEED + self.turned / TURN_RATE
+
+    @property
     def unseen(self) -> int:
         """Number of free cells that the robot has not seen."""
         return self._free - self.known_free
@@ -105,9 +112,10 @@ class GridWorld:
         ways, before = kernels.shortest_ways(self._neighbours, self._lengths, self._open, start)
         return ways, before
 
-    def next_nodes(self) -> NDArray[np.int64]:
-        """(K,) the nodes at the ends of the known edges from the robot's."""
-        nodes: NDArray[np.int64] = self._neighbours[self.here][self._open[self.here]]
+    def next_nodes(self, node: int | None = None) -> NDArray[np.int64]:
+        """(K,) the nodes at the ends of the known edges from a node, by default the robot's."""
+        node = self.here if node is None else node
+        nodes: NDArray[np.int64] = self._neighbours[node][self._open[node]]
         return nodes
 
     def frontiers(self) -> NDArray[np.int64]:

@@ -9,6 +9,7 @@ import os
 import tempfile
 import time
 from collections.abc import Sequence
+from functools import partial
 from itertools import count
 from multiprocessing.connection import Connection
 from pathlib import Path
@@ -16,13 +17,12 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from sarsim.dataset.engine import SceneDone
+from sarsim.dataset.engine import JobDone
 from sarsim.dataset.folder_lock import FolderLock
 from sarsim.dataset.local_engine import Worker, wait_for
-from sarsim.dataset.manifest import SCENES
 from sarsim.dataset.processes import connected
 from sarsim.dataset.recipe import Recipe
-from sarsim.dataset.render import render_scene
+from sarsim.dataset.render import make_scene, render_scene
 from sarsim.scripts.benchmarks.common import RENDERERS, Result, at_least
 from sarsim.scripts.benchmarks.settings import DatasetSettings
 from sarsim.scripts.cli import tracked
@@ -73,9 +73,9 @@ def _scaling(recipe: Recipe, rounds: int) -> NDArray[np.float64]:
     with tempfile.TemporaryDirectory() as name:
         folders = [Path(name, part) for part in "ab"]
         for folder in folders:
-            (folder / SCENES).mkdir(parents=True)
+            folder.mkdir()
         with FolderLock.take(folders[0]) as lock:
-            workers = [Worker(recipe, folder, lock) for folder in folders]
+            workers = [Worker(partial(make_scene, recipe), folder, lock) for folder in folders]
             _make(workers, 0)
             numbers = tracked(range(1, rounds + 1), "rounds")
             ratios = [2 * _make(workers[:1], index) / _make(workers, index) for index in numbers]
@@ -92,7 +92,7 @@ def _make(workers: Sequence[Worker], index: int) -> NDArray[np.float64]:
     took: dict[Worker, float] = {}
     while left := [worker for worker in workers if worker not in took]:
         for worker in wait_for(left):
-            if isinstance(worker.event(), SceneDone):
+            if isinstance(worker.event(), JobDone):
                 took[worker] = seconds_of(worker.process.pid) - starts[worker]
     clock = time.perf_counter() - start
     # With fewer than two processors the workers wait for each other, and this time counts.

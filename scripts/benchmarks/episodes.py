@@ -28,8 +28,8 @@ from pipeline.navigation.navigator import Outcome
 from pipeline.robot import Motion
 from sarsim.dataset import processes
 from sarsim.episode import Episode
-from sarsim.perception import make_classifier
-from sarsim.scoring.episode import MOST
+from sarsim.methods.perception import make_classifier
+from sarsim.scoring.progress import MOST
 from sarsim.scripts.benchmarks.settings import DrivesSettings
 from sarsim.scripts.benchmarks.top_view import top_view
 from sarsim.scripts.cli import progress

@@ -7,7 +7,7 @@ import numpy as np
 
 from pipeline.finds.find import FIND_KINDS, VICTIM
 from pipeline.finds.victims.detection.detector import VictimDetector
-from sarsim.perception import make_readers
+from sarsim.methods.perception import make_readers
 from sarsim.scripts.benchmarks.common import Result, at_least
 from sarsim.scripts.benchmarks.episodes import Job, configs, run_jobs
 from sarsim.scripts.benchmarks.finds_photos import photo_figures

@@ -21,7 +21,7 @@ from pipeline.robot import Motion
 from sarsim.arenas.arena import RescueArena
 from sarsim.arenas.lanes import END_ZONE, LANES, LANES_FOLDER
 from sarsim.arenas.load import load_arena
-from sarsim.perception import make_perception, make_readers
+from sarsim.methods.perception import make_perception, make_readers
 from sarsim.robots.model import robot_model
 from sarsim.scoring.lane_judge import LaneJudge, fallen_posts
 from sarsim.scripts.benchmarks.common import Result, at_least

@@ -5,13 +5,13 @@ from pathlib import Path
 
 import numpy as np
 
+from pipeline.errors import InputError
 from pipeline.frame import Frame, Intrinsics
-from sarsim.dataset.engine import Event, FrameDone, SceneDone
+from sarsim.dataset.engine import Event, JobDone, JobFailed, Make, PartDone
 from sarsim.dataset.folder_lock import FolderLock
 from sarsim.dataset.generate import generate
 from sarsim.dataset.manifest import SceneEntry, scene_path, sha256_of, split_of
 from sarsim.dataset.recipe import Recipe
-from sarsim.dataset.render import make_scene
 from sarsim.dataset.scene_file import NO_BOX, SceneContent, SceneFrame, SceneWriter
 
 RECIPE = Recipe(seed=3, frames=3, width=64, height=48, arenas=("nist_6x4",))
@@ -76,16 +76,22 @@ class InProcess:
         self.toys = toys
         self.made: list[int] = []
 
-    def render(self, recipe: Recipe, indices: Sequence[int], folder: Path, lock: FolderLock) -> Iterator[Event]:
+    def run(self, make: Make, indices: Sequence[int], folder: Path, lock: FolderLock) -> Iterator[Event]:
         for index in indices:
             self.made.append(index)
-            yield FrameDone(index)
-            yield SceneDone(toy(index, folder) if self.toys else make_scene(recipe, index, folder))
+            yield PartDone(index)
+            try:
+                product = toy(index, folder) if self.toys else make(index, folder, lambda: None)
+            except InputError as error:
+                yield JobFailed(index, error)
+            else:
+                yield JobDone(product)
 
 
 def toy(index: int, folder: Path) -> SceneEntry:
     """A scene that is made at once."""
     path = folder / scene_path(index)
+    path.parent.mkdir(exist_ok=True)
     write_scene(path)
     points = {"wall": 5, "terrain": 7 + index}
     return SceneEntry(index, scene_path(index), split_of(index), sha256_of(path), 3, "toy", "dim", points)

@@ -8,16 +8,18 @@ import subprocess
 import sys
 import time
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import pytest
 
 from pipeline.errors import InputError
-from sarsim.dataset.engine import FrameDone, SceneLost
+from sarsim.dataset.engine import JobFailed, JobLost, PartDone
 from sarsim.dataset.folder_lock import FolderLock
 from sarsim.dataset.generate import generate
 from sarsim.dataset.local_engine import LocalEngine
 from sarsim.dataset.manifest import Manifest, scene_path
+from sarsim.dataset.render import make_scene
 from tests.sarsim.dataset.small import RECIPE, InProcess, files, toys
 
 SCENES = 4
@@ -45,25 +47,27 @@ def test_a_worker_that_is_killed_costs_nothing_but_time(
 ) -> None:
     folder, lost = tmp_path / "data", []
     folder.mkdir()
-    (folder / "scenes").mkdir()
     with FolderLock.take(folder) as lock:
-        events = LocalEngine(1).render(RECIPE, [2], folder, lock)
+        events = LocalEngine(1).run(partial(make_scene, RECIPE), [2], folder, lock)
         for event in events:
-            if isinstance(event, FrameDone) and not lost:
+            if isinstance(event, PartDone) and not lost:
                 (worker,) = multiprocessing.active_children()
                 worker.kill()
-            lost += [event] if isinstance(event, SceneLost) else []
-    assert lost == [SceneLost(2)]
+            lost += [event] if isinstance(event, JobLost) else []
+    assert lost == [JobLost(2)]
     assert (folder / scene_path(2)).read_bytes() == reference[scene_path(2)]
 
 
-def test_a_scene_over_which_every_worker_dies_is_given_up(tmp_path: Path) -> None:
-    (tmp_path / "scenes").mkdir()
-    with FolderLock.take(tmp_path) as lock, pytest.raises(InputError, match="scene 0: 3 workers died over it"):
-        for event in LocalEngine(1).render(RECIPE, [0, 1], tmp_path, lock):
-            if isinstance(event, FrameDone):
+def test_a_job_over_which_every_worker_dies_is_given_up_and_the_next_one_done(tmp_path: Path) -> None:
+    failed = []
+    with FolderLock.take(tmp_path) as lock:
+        for event in LocalEngine(1).run(partial(make_scene, RECIPE), [0, 1], tmp_path, lock):
+            if isinstance(event, PartDone) and event.index == 0:
                 (worker,) = multiprocessing.active_children()
                 worker.kill()
+            failed += [str(event.error)] if isinstance(event, JobFailed) else []
+    assert failed == ["3 workers died over it, the last one with exit code -9"]
+    assert [path.name for path in tmp_path.glob("scenes/*.h5")] == [Path(scene_path(1)).name]
     assert multiprocessing.active_children() == []
 
 

@@ -8,7 +8,7 @@ import pytest
 from pipeline.errors import InputError
 from pipeline.semantic_map.classifier import TruthClassifier
 from pipeline.semantic_map.rules import RuleClassifier
-from sarsim.perception import make_classifier
+from sarsim.methods.perception import make_classifier
 from sarsim.settings import WEIGHTS
 
 OWN = (

@@ -17,17 +17,17 @@ from pipeline.localisation.slam import Slam
 from pipeline.planning.path_plan import TOPOLOGICAL
 from pipeline.robot import RobotModel
 from pipeline.topological_map.topological_map import TopologicalMap
-from sarsim.vetting import methods
-from sarsim.vetting.level_ground import level_context, level_frame
+from sarsim.methods import make
+from sarsim.methods.level_ground import level_context, level_frame
 from tests.pipeline.robot_model import PIONEER
 
 PAGE = Path(__file__).parents[3] / "docs" / "extend.md"
 MAKE = {
-    "exploration": lambda name: methods.make_exploration(name, PIONEER),
-    "planner": lambda name: methods.make_planner(name, PIONEER),
-    "localisation": lambda name: methods.make_localisation(name, PIONEER),
-    "labels": methods.own_classifier,
-    "detector-class": methods.own_detector,
+    "exploration": lambda name: make.make_exploration(name, PIONEER),
+    "planner": lambda name: make.make_planner(name, PIONEER),
+    "localisation": lambda name: make.make_localisation(name, PIONEER),
+    "labels": make.own_classifier,
+    "detector-class": make.own_detector,
 }
 
 
@@ -161,23 +161,23 @@ def test_the_examples_of_the_page_pass_the_trial(flag: str, name: str) -> None:
 
 
 def test_shipped_methods_have_names() -> None:
-    assert methods.make_exploration("next_best_view", PIONEER) is None
-    assert type(methods.make_exploration("nearest_frontier", PIONEER)) is NearestFrontier
-    assert type(methods.make_exploration("random_walk", PIONEER, 3)) is RandomWalk
-    assert methods.make_planner("topological", PIONEER) is TOPOLOGICAL
-    assert type(methods.make_localisation("slam", PIONEER)) is Slam
-    assert type(methods.make_localisation("slam", PIONEER, is_told=True)) is OdometryLocalisation
-    assert type(methods.make_localisation("odometry", PIONEER)) is OdometryLocalisation
+    assert make.make_exploration("next_best_view", PIONEER) is None
+    assert type(make.make_exploration("nearest_frontier", PIONEER)) is NearestFrontier
+    assert type(make.make_exploration("random_walk", PIONEER, 3)) is RandomWalk
+    assert make.make_planner("topological", PIONEER) is TOPOLOGICAL
+    assert type(make.make_localisation("slam", PIONEER)) is Slam
+    assert type(make.make_localisation("slam", PIONEER, is_told=True)) is OdometryLocalisation
+    assert type(make.make_localisation("odometry", PIONEER)) is OdometryLocalisation
 
 
 def test_a_subclass_of_a_shipped_one_is_a_method() -> None:
     name = "pipeline.exploration.baselines:NearestFrontier"
-    assert isinstance(methods.make_exploration(name, PIONEER), NearestFrontier)
+    assert isinstance(make.make_exploration(name, PIONEER), NearestFrontier)
 
 
 @pytest.mark.usefixtures("page")
 def test_the_trial_leaves_no_trace() -> None:
-    strategy, context, named = methods.make_exploration("page:Ahead", PIONEER), level_context(PIONEER), []
+    strategy, context, named = make.make_exploration("page:Ahead", PIONEER), level_context(PIONEER), []
     assert strategy is not None
     for _ in range(3):
         strategy.observe(context)
@@ -220,7 +220,7 @@ def test_what_is_no_method_is_refused_in_one_line(flag: str, name: str, said: st
 
 
 def test_a_method_is_watched_after_the_trial() -> None:
-    strategy = methods.make_exploration(f"{__name__}:Silent", PIONEER)
+    strategy = make.make_exploration(f"{__name__}:Silent", PIONEER)
     assert isinstance(strategy, Silent)
     strategy.answer = Viewpoint(np.array([np.inf, 0]), 0.0, True, 0.0)
     with pytest.raises(InputError, match="position: not finite"):
@@ -229,7 +229,7 @@ def test_a_method_is_watched_after_the_trial() -> None:
 
 def test_a_localisation_may_say_that_it_is_lost() -> None:
     with pytest.raises(LostError, match="no pose"):
-        methods.make_localisation(f"{__name__}:Lost", PIONEER)
+        make.make_localisation(f"{__name__}:Lost", PIONEER)
 
 
 def test_classes_come_from_installed_packages(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -238,10 +238,10 @@ def test_classes_come_from_installed_packages(monkeypatch: pytest.MonkeyPatch) -
     def installed(**wanted: str) -> EntryPoints:
         return EntryPoints([entry]).select(**wanted)
 
-    monkeypatch.setattr(methods, "entry_points", installed)
-    assert isinstance(methods.make_exploration("silent", PIONEER), Silent)
+    monkeypatch.setattr(make, "entry_points", installed)
+    assert isinstance(make.make_exploration("silent", PIONEER), Silent)
     with pytest.raises(InputError, match="random_walk, silent or MODULE:CLASS"):
-        methods.make_exploration("loud", PIONEER)
+        make.make_exploration("loud", PIONEER)
 
 
 def test_the_ground_of_the_trial_leaves_something_to_explore() -> None:
@@ -252,4 +252,4 @@ def test_the_ground_of_the_trial_leaves_something_to_explore() -> None:
     near = NearestFrontier(PIONEER)
     near.observe(context)
     assert near.next_viewpoint(context) is not None
-    assert methods.make_planner("topological", PIONEER).plan(TopologicalMap(), context.paths, (0.5, 0.0)) is not None
+    assert make.make_planner("topological", PIONEER).plan(TopologicalMap(), context.paths, (0.5, 0.0)) is not None

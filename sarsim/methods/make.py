@@ -10,7 +10,7 @@ from collections.abc import Callable
 from importlib import import_module
 from importlib.metadata import entry_points
 from pathlib import Path
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
@@ -25,17 +25,9 @@ from pipeline.planning.path_plan import TOPOLOGICAL, Planner
 from pipeline.robot import RobotModel
 from pipeline.semantic_map.classifier import PointClassifier
 from pipeline.topological_map.topological_map import TopologicalMap
-from sarsim.vetting import answers
-from sarsim.vetting.level_ground import level_context, level_frame
-
-Flag = Literal["exploration", "labels", "detector-class", "localisation", "planner"]
-GIVEN = {
-    "exploration": "next_best_view, nearest_frontier, random_walk",
-    "labels": "pointnet, pointnet2, pointcnn, dgcnn, pointnext, rules, truth",
-    "localisation": "slam, odometry",
-    "planner": "topological",
-}
-"""Names of the methods that sarsim ships, by their flags."""
+from sarsim.methods import answers
+from sarsim.methods.level_ground import level_context, level_frame
+from sarsim.settings import METHODS
 
 
 def make_exploration(name: str, robot: RobotModel, seed: int = 0) -> Strategy | None:
@@ -111,10 +103,10 @@ def own_detector(name: str) -> Detector:
     return detector
 
 
-def _own(flag: Flag, name: str, protocol: type, *args: RobotModel) -> Any:
+def _own(flag: str, name: str, protocol: type, *args: RobotModel) -> Any:
     """An instance of a class with the members of a protocol, whose answers are checked from then on."""
     where = _where(flag, name)
-    kind = _load(flag, name)
+    kind = load_class(flag, name)
     method = _guarded(kind, f"{where}: making it")(*args)
     for member, wanted in vars(protocol).items():
         if member.startswith("_"):
@@ -129,15 +121,15 @@ def _own(flag: Flag, name: str, protocol: type, *args: RobotModel) -> Any:
     return method
 
 
-def _load(flag: Flag, name: str) -> Callable[..., Any]:
-    """The class of that name."""
+def load_class(flag: str, name: str) -> Callable[..., Any]:
+    """The class of that name; InputError if there is none."""
     where, (module, colon, kind) = _where(flag, name), name.partition(":")
     sys.path.append(str(Path.cwd()))
     try:
         if not colon:
             group = f"sarsim.{flag.replace('-', '_')}"
             if not (found := entry_points(group=group, name=name)):
-                known = ", ".join(filter(None, [GIVEN.get(flag), *sorted(entry_points(group=group).names)]))
+                known = ", ".join([*METHODS[flag], *sorted(entry_points(group=group).names)])
                 raise InputError(f"{where}: none of {known}{' or ' if known else ''}MODULE:CLASS")
             return next(iter(found)).load()
         loaded = getattr(import_module(module), kind)
@@ -182,5 +174,5 @@ def _guarded(function: Callable[..., Any], told: str, check: Callable[..., None]
     return guarded
 
 
-def _where(flag: Flag, name: str) -> str:
+def _where(flag: str, name: str) -> str:
     return f"--{flag} {name}"

@@ -10,8 +10,8 @@ from pipeline.semantic_map.classifier import PointClassifier, TruthClassifier
 from pipeline.semantic_map.networks.classifier import NetworkClassifier
 from pipeline.semantic_map.rules import RuleClassifier
 from sarsim.assets import asset
+from sarsim.methods.make import own_classifier, own_detector
 from sarsim.settings import POINT_NETWORKS, Labels, PerceptionConfig
-from sarsim.vetting.methods import own_classifier, own_detector
 
 
 def make_perception(config: PerceptionConfig) -> tuple[PointClassifier, Detector | None]:

@@ -1,0 +1,1 @@
+"""Sweeps: many methods on the same arenas with the same seeds, and the leaderboard."""

@@ -1,0 +1,86 @@
+"""The arenas of a sweep: names, splits that are frozen by checksums, and 2D maps."""
+
+import hashlib
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cache
+from pathlib import Path
+
+import yaml
+
+from pipeline.errors import InputError
+from sarsim.arenas.load import load_arena
+from sarsim.assets import asset
+from sarsim.tasks.explore_2d import SIZES
+from sarsim.tasks.grid_scenes import DRAWINGS, GridScene, draw_scene, dungeon_files, read_dungeon
+
+GRID = "grid:"
+"""Begins the names of 2D maps: ``grid:test:7`` is a drawn one, ``grid:FOLDER/7.png`` a file."""
+MAPS, ARENAS = 100, 12
+"""Numbers of 2D maps and of arenas in a split."""
+SIGNIFICANT = 6
+"""Significant digits of an arena's numbers that count."""
+
+
+def arenas_of(names: Sequence[str]) -> list[str]:
+    """The arenas that ``--arenas`` names, each once: those of a split for the split's name.
+
+    Raises:
+        InputError: a folder has no maps, or 2D maps are mixed with arenas of MuJoCo.
+    """
+    found = list(dict.fromkeys(arena for name in names for arena in _expanded(name)))
+    if len({name.startswith(GRID) for name in found}) != 1:
+        raise InputError(f"--arenas {' '.join(names)}: either 2D maps ({GRID}…) or arenas, at least one")
+    return found
+
+
+def _expanded(name: str) -> Iterator[str]:
+    path = Path(name.removeprefix(GRID))
+    if name in DRAWINGS:
+        yield from frozen(name)["mujoco"]
+    elif name.startswith(GRID) and name.removeprefix(GRID) in DRAWINGS:
+        yield from frozen(name.removeprefix(GRID))["grid"]
+    elif name.startswith(GRID) and path.is_dir():
+        yield from (f"{GRID}{file}" for file in dungeon_files(path))
+    else:
+        yield name
+
+
+@cache
+def frozen(split: str) -> Mapping[str, Mapping[str, str]]:
+    """The arenas of a split, ``mujoco`` and ``grid``, each with its checksum."""
+    content: Mapping[str, Mapping[str, str]] = yaml.safe_load(asset("splits", f"{split}.yaml").read_text())
+    return content
+
+
+def grid_scene(name: str) -> GridScene:
+    """The 2D map of that name; InputError if there is none."""
+    told = name.removeprefix(GRID)
+    split, _, number = told.partition(":")
+    if split in DRAWINGS and number.isdecimal() and int(number) < DRAWINGS["val"]:
+        return draw_scene(DRAWINGS[split] + int(number), *SIZES["papers"])
+    return read_dungeon(Path(told))
+
+
+def checksum(name: str) -> str:
+    """SHA-256 of what an arena is made of, in hexadecimal digits; InputError if there is no such arena."""
+    if name.startswith(GRID):
+        scene = grid_scene(name)
+        return hashlib.sha256(f"{scene.free.shape} {scene.start}".encode() + scene.free.tobytes()).hexdigest()
+    text: str = load_arena(name).mjcf_model.to_xml_string(precision=SIGNIFICANT)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def checked(name: str) -> str:
+    """The checksum of an arena.
+
+    Raises:
+        InputError: there is no such arena, or it is one of a split and not what it was.
+    """
+    found = checksum(name)
+    for split in DRAWINGS:
+        for tier in frozen(split).values():
+            if tier.get(name, found) != found:
+                raise InputError(
+                    f"{name}: not the arena that was frozen: its results cannot be compared with others'"
+                )
+    return found

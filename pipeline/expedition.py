@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from pipeline.exploration.viewpoint import Viewpoint
 from pipeline.explorer import Explorer, Observer, Step
-from pipeline.files import each, whole_file
+from pipeline.files import each, uninterrupted, whole_file
 from pipeline.localisation.localisation import LostError
 from pipeline.localisation.trajectory import EstimatedTrajectory
 from pipeline.map_file import save_maps
@@ -67,6 +67,8 @@ class ResultFolder:
     ) -> None:
         """Write the maps, then the other results, each by itself: a late failure costs no result but its own.
 
+        Ctrl-C, which may have ended the run, ends nothing here.
+
         Args:
             settle: corrects the poses of the keyframes for the last time.
             save_trajectory: writes it into a folder.
@@ -74,16 +76,17 @@ class ResultFolder:
             close: each ends a recording.
             write_report: calls :meth:`write_report`.
         """
-        each(
-            settle,
-            lambda: save_maps(self.mapper, self.out),
-            lambda: save_trajectory(self.out),
-            lambda: self._assess(find_situation()),
-            self._hand_in,
-            *close,
-            write_report,
-            self._write_page,
-        )
+        with uninterrupted():
+            each(
+                settle,
+                lambda: save_maps(self.mapper, self.out),
+                lambda: save_trajectory(self.out),
+                lambda: self._assess(find_situation()),
+                self._hand_in,
+                *close,
+                write_report,
+                self._write_page,
+            )
 
     def _assess(self, situation: Situation) -> None:
         self._situation = situation

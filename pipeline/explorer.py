@@ -178,11 +178,25 @@ class Explorer:
         return self._failed_drives >= PATIENCE
 
     def decide(self, keyframe: Keyframe) -> tuple[Viewpoint | None, Context]:
-        """The viewpoint to go to, None if there is none, and the context of the decision."""
-        T_map_base = keyframe.T_map_base
+        """The viewpoint to go to, None if there is none, and the context of the decision.
+
+        If nothing leads to a goal, neither a way nor unseen ground, it is looked for again without the margin.
+        """
+        viewpoint, context = self._decide(keyframe)
+        goals = self.mission.goals
+        if viewpoint is None and goals is not None and goals.left and not (goals.is_tight or self.is_held):
+            goals.is_tight = True
+            return self._decide(keyframe)
+        return viewpoint, context
+
+    def _decide(self, keyframe: Keyframe) -> tuple[Viewpoint | None, Context]:
+        T_map_base, goals = keyframe.T_map_base, self.mission.goals
+        ground = self.mapper.traversability
+        if goals is not None and goals.is_tight:
+            ground = ground.without_margin
         # After failed drives clearance weighs more, so that the same way is not tried again.
         caution = 1.0 + self._failed_drives
-        paths = PosePaths(self.mapper.traversability, T_map_base[:2, 3], yaw_of(T_map_base), caution)
+        paths = PosePaths(ground, T_map_base[:2, 3], yaw_of(T_map_base), caution)
         poses = self.mapper.keyframes.poses
         context = Context(keyframe.frame, T_map_base, self.mapper.elevation_map.measured, paths, poses)
         self.mission.observe(context)

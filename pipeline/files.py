@@ -5,6 +5,7 @@ import resource
 import select
 import signal
 import stat
+import threading
 import zipfile
 from collections.abc import Callable, Collection, Iterator
 from contextlib import contextmanager, suppress
@@ -82,6 +83,19 @@ def each(*actions: Callable[[], object]) -> None:
             failures.append(error)
     if failures:
         raise failures[0]
+
+
+@contextmanager
+def uninterrupted() -> Iterator[None]:
+    """Ignore Ctrl-C in the block of the ``with`` statement; other threads than the main one never notice it."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
 
 
 @contextmanager

@@ -117,7 +117,7 @@ class Episode(Expedition):
 
     def _stages(self) -> dict[str, Any]:
         brief = self.results.brief
-        return self.score.report() | (mission_score(self.config, self.robot, brief) if brief else {})
+        return self.score.report() | (mission_score(self.config.folder, self.robot, brief) if brief else {})
 
     def _finish(self, sim_time: float, wall_time: float) -> None:
         each(lambda: super(Episode, self)._finish(sim_time, wall_time), self.robot.close)

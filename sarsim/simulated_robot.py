@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from pipeline.errors import InputError
 from pipeline.frame import Frame
 from pipeline.robot import Motion, Velocity
+from pipeline.transforms import from_yaw, yaw_of
 from sarsim.arenas.arena import RescueArena
 from sarsim.arenas.things.thing import things_of
 from sarsim.arenas.things.warmth import temperatures
@@ -76,6 +77,7 @@ class SimulatedRobot:
 
     Attributes:
         model: its size and abilities.
+        T_world_start: 4×4 pose at which it was set down.
         physics: dm_control's, for scores and drawings.
         true_frame: of the newest frame.
         trajectory: a pose every control period.
@@ -104,7 +106,10 @@ class SimulatedRobot:
         self._thermal = ThermalCamera(temperatures(model, things))
         radius, rng = self.robot.drive.wheel_radius, np.random.default_rng(odometry_seed)
         self._odometry = WheelOdometry(rng, radius, config.tyre_error)
-        self._T_world_start = arena.T_world_start
+        self.T_world_start = arena.T_world_start
+        # Upright also where the robot stands on a slope, whose tilt the odometry measures.
+        x, y, z = self.T_world_start[:3, 3]
+        self._T_world_odom = from_yaw(x, y, z, yaw_of(self.T_world_start))
         self.collisions = CollisionCounter(
             model, self._camera.base_body, [thing.geoms for thing in things if thing.is_warm]
         )
@@ -117,7 +122,7 @@ class SimulatedRobot:
             for _ in range(round(SETTLING_TIME / self.control_period)):
                 self.drive(Velocity())
         except PhysicsError as error:
-            x, y = self._T_world_start[:2, 3]
+            x, y = self.T_world_start[:2, 3]
             raise InputError(f"the arena has no free start: nothing can stand at ({x:g}, {y:g}) m") from error
 
     @property
@@ -133,7 +138,7 @@ class SimulatedRobot:
     @property
     def T_wheel_base(self) -> NDArray[np.float64]:
         """4×4 pose in the world by wheels and gyro alone, even if the pipeline receives the true pose."""
-        return self._T_world_start @ self._odometry.T_odom_base
+        return self._T_world_odom @ self._odometry.T_odom_base
 
     @property
     def wheels(self) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

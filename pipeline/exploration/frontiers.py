@@ -11,10 +11,12 @@ from pipeline.exploration.viewpoint import Context
 def unseen(context: Context) -> NDArray[np.bool_]:
     """(nx, ny) cells that were not seen and may be traversable.
 
-    Unknown ground nearer to a hazard than half of the robot cannot be driven on.
+    Unknown ground nearer to a hazard than half of the robot is only worth a look if ways may be tight: then it can be
+    under a wheel.
     """
     traversability = context.traversability
-    return np.isnan(context.measured) & (traversability.to_hazard >= traversability.robot.half_width)
+    nearest = 0.0 if traversability.is_tight else traversability.robot.half_width
+    return np.isnan(context.measured) & (traversability.to_hazard >= nearest)
 
 
 def find_frontiers(context: Context) -> NDArray[np.float64]:

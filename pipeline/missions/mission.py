@@ -150,6 +150,8 @@ class Goals:
     Attributes:
         left: (2,) each, goals still to be visited.
         visits: outcomes of the other goals, in the order in which they were visited or given up.
+        is_tight: whether ways to them need no margin, see :attr:`Traversability.without_margin`; set once no other
+            way is left.
     """
 
     def __init__(self, goals: Sequence[ArrayLike], may_be_near: bool = False):
@@ -160,6 +162,7 @@ class Goals:
         """
         self.left = [np.asarray(goal, np.float64) for goal in goals]
         self.visits: list[Visit] = []
+        self.is_tight = False
         self._may_be_near = may_be_near
         self._context: Context | None = None
         self._goal: NDArray[np.float64] | None = None

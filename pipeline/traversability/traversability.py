@@ -1,7 +1,8 @@
 """Where the robot may stand, turn and drive."""
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -51,6 +52,7 @@ class Traversability:
         tall: bool, hazards that hide what is behind them, unlike decks and ramps.
         sealed: float32 m, the elevation with small gaps in walls closed, so that no ray slips through.
         robot: for which the ground was assessed.
+        is_tight: whether ways need no margin, see :attr:`without_margin`.
     """
 
     grid: Grid
@@ -69,16 +71,29 @@ class Traversability:
     tall: NDArray[np.bool_]
     sealed: NDArray[np.float32]
     robot: RobotModel
+    is_tight: bool = False
 
     @cached_property
     def traversable(self) -> NDArray[np.bool_]:
         """(nx, ny) where the robot may stand with one heading at least."""
         return self.free[..., 0] != 0
 
+    @cached_property
+    def without_margin(self) -> "Traversability":
+        """The same ground if the footprint keeps off the middle of cells with obstacles, instead of all of each cell.
+
+        The middle is where an obstacle in a cell is expected. A passage two cells wider than the robot is then
+        passable wherever it lies on the grid.
+        """
+        least = np.minimum(self.least, 0)
+        free = pose_kernels.free_poses(self.clearance, least)
+        turnable = (self.clearance.min(axis=2) >= 0) & ~self.ramp
+        return replace(self, least=least, free=free, turnable=turnable, is_tight=True)
+
     def part(self, box: Box) -> "Traversability":
         """The part in a box of cells, with contiguous arrays."""
-        layers = {name: np.ascontiguousarray(getattr(self, name)[box]) for name in LAYERS}
-        return Traversability(self.grid.part(box), robot=self.robot, **layers)
+        layers: dict[str, Any] = {name: np.ascontiguousarray(getattr(self, name)[box]) for name in LAYERS}
+        return replace(self, grid=self.grid.part(box), **layers)
 
     @property
     def terrain(self) -> pose_kernels.Terrain:
@@ -102,7 +117,7 @@ class Traversability:
         return np.column_stack([np.asarray(xy, np.float64), self.grid.at(self.elevation, xy)])
 
 
-LAYERS = [field.name for field in fields(Traversability) if field.name not in ("grid", "robot")]
+LAYERS = [field.name for field in fields(Traversability) if field.name not in ("grid", "robot", "is_tight")]
 
 
 def reach_of(robot: RobotModel) -> float:

@@ -7,6 +7,8 @@ from pipeline.robot import RobotModel
 
 LANES_FOLDER = "lanes/"
 LANE_SLOPE = 15.0  # degrees
+END_ZONE = 1.2  # m, from the middle of a lane to where each end zone begins, which is as long
+LANE_RISE = 2 * END_ZONE * math.tan(math.radians(LANE_SLOPE))  # m, of a slope from one end zone to the other
 ROBOT_PASSAGE = 0.597  # m, the width of a Pioneer 3-AT and 10 cm
 GATE = 0.9  # m, width of doors and of the gates between holes
 
@@ -19,11 +21,13 @@ class Lane:
         step: height of the lowest step that no way avoids, m.
         slope: tilt of the ground that no way avoids, degrees.
         passage: width of the narrowest passage, m; infinite if there is none.
+        rise: how much higher than the end zone at -x that at +x lies, m.
     """
 
     step: float = 0.0
     slope: float = 0.0
     passage: float = math.inf
+    rise: float = 0.0
 
     def cannot(self, robot: RobotModel) -> str | None:
         """Why a robot's body is not made for it, with the numbers that say so; None if it is."""
@@ -38,12 +42,12 @@ class Lane:
 
 LANES = {
     "avoid_holes": Lane(passage=GATE),
-    "centre": Lane(slope=LANE_SLOPE, passage=ROBOT_PASSAGE),
+    "centre": Lane(slope=LANE_SLOPE, passage=ROBOT_PASSAGE, rise=LANE_RISE),
     "crossing_ramps": Lane(slope=LANE_SLOPE),
     "door": Lane(passage=GATE),
     "hurdles": Lane(step=0.2),
     "krails": Lane(step=0.1),
-    "krails_15": Lane(step=0.1, slope=LANE_SLOPE),
+    "krails_15": Lane(step=0.1, slope=LANE_SLOPE, rise=LANE_RISE),
     "stepfield": Lane(step=0.15),
     "traverse": Lane(slope=LANE_SLOPE, passage=ROBOT_PASSAGE),
 }

@@ -83,14 +83,21 @@ class TrueArena:
 
 
 def true_arena(
-    model: mujoco.MjModel, data: mujoco.MjData, T_world_start: NDArray[np.float64], robot: RobotModel
+    model: mujoco.MjModel,
+    data: mujoco.MjData,
+    T_world_start: NDArray[np.float64],
+    robot: RobotModel,
+    robot_body: int | None = None,
 ) -> TrueArena:
-    """Survey an arena without its robot, which starts at the 4×4 pose; InputError if it cannot stand there."""
-    surface = Survey(model, data, robot=robot).surface_from(T_world_start[:3, 3])
+    """Survey an arena for a robot that starts at the 4×4 pose; InputError if it cannot stand there.
+
+    ``robot_body``: id of its root body, which is left out; None if the model has no robot.
+    """
+    surface = Survey(model, data, robot_body, robot).surface_from(T_world_start[:3, 3])
     return TrueArena(
         surface,
         sought_things(model, data),
-        true_scene(model, data),
+        true_scene(model, data, robot_body),
         league_frame(T_world_start, robot.half_length),
         portals(surface, clearance_of(robot)),
     )

@@ -6,7 +6,7 @@ from pathlib import Path
 from tyro.conf import Fixed, FlagConversionOff
 
 from sarsim.arenas.settings import RandomArenaConfig
-from sarsim.settings import DETECTOR, WEIGHTS, EpisodeConfig, LightingName, Odometry, PerceptionConfig
+from sarsim.settings import DETECTOR, WEIGHTS, EpisodeConfig, LightingName, Odometry, PerceptionConfig, Robot
 
 SHARED = Path(__file__).resolve().parents[2].parent / "shared"  # Test data beside the checkout
 ARENAS = "nist_6x4", "esogu_52x15"
@@ -278,6 +278,23 @@ class VictimsSettings(EpisodesSettings):
     rounds: int = 15
     detector: tuple[Path, Path] | tuple[Path] = DETECTOR
     runs: Path = Path("runs/benchmark-victims")
+
+
+@dataclass(frozen=True, kw_only=True)
+class LanesSettings(PerceptionConfig, SubjectSettings):
+    """Traverses of RoboCup Rescue's lanes that the robot drives by itself, in both directions.
+
+    Attributes:
+        lanes: names of the lanes; by default all.
+        repetitions: number of traverses that each lane asks for.
+        robot: pioneer3at, jackal, or the path of an MJCF file structured like theirs.
+        seed: seed of all random numbers.
+    """
+
+    lanes: tuple[str, ...] = ()
+    repetitions: int = 10
+    robot: Robot = "pioneer3at"
+    seed: int = 0
 
 
 @dataclass(frozen=True, kw_only=True)

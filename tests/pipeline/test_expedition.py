@@ -1,6 +1,7 @@
 """A robot that stands before a wall: what its observers are told, and what is left whatever fails."""
 
 import json
+import signal
 from dataclasses import dataclass, field, replace
 from itertools import count
 from pathlib import Path
@@ -229,6 +230,20 @@ def test_it_is_handed_in_whatever_happens(ended, tmp_path, monkeypatch):
     mission.run(interrupted=lambda: ended == "interrupted" and next(calls) > 0)
     assert mission.report["exploration"]["ended"] == ended
     assert what_is_handed_in(tmp_path) == [1, 1, 1]
+
+
+def test_ctrl_c_while_results_are_written_costs_none(tmp_path, monkeypatch):
+    mission, monitored = ShortMission(tmp_path), signal.getsignal(signal.SIGINT)
+    mission.diary.close = lambda: signal.raise_signal(signal.SIGINT)
+    save = mission.explorer.mapper.topological_map.save
+    monkeypatch.setattr(
+        mission.explorer.mapper.topological_map, "save", lambda path: (signal.raise_signal(signal.SIGINT), save(path))
+    )
+    mission.run(interrupted=lambda: mission.explorer.steps > 0)
+    assert mission.report["exploration"]["ended"] == "interrupted"
+    assert what_is_handed_in(tmp_path) == [1, 1, 1]
+    assert (tmp_path / "report.html").exists()
+    assert signal.getsignal(signal.SIGINT) == monitored
 
 
 def test_without_a_mission_nothing_is_handed_in(tmp_path):

@@ -92,6 +92,17 @@ def test_a_robot_that_is_held_again_and_again_stays(explorer):
     assert steps[0].can_drive and not steps[-1].can_drive
 
 
+def test_ways_to_goals_need_no_margin_once_nothing_else_is_left(explorer):
+    explorer.step()
+    explorer.mission.goals, explorer.mission.may_explore = Goals([(1.2, 0.0)]), False
+    assert not explorer.step().traversability.is_tight
+    explorer.mission.goals = Goals([(9.0, 9.0)])
+    step = explorer.step()
+    assert step.viewpoint is None and step.traversability.is_tight and explorer.mission.goals.is_tight
+    explorer.mission.goals = None
+    assert not explorer.step().traversability.is_tight
+
+
 def test_goals_come_before_views_and_views_only_as_long_as_goals_are_out_of_reach(explorer):
     explorer.step()
     explorer.mission.goals = Goals([(9.0, 9.0), (1.2, 0.0)])

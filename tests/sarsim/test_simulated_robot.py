@@ -3,6 +3,7 @@ import pytest
 
 from pipeline.labels import Label
 from pipeline.robot import Velocity
+from pipeline.transforms import tilt_of
 from sarsim.arenas.load import load_arena
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 
@@ -43,6 +44,15 @@ def test_true_odometry_is_the_true_pose_and_wheel_odometry_is_near_it(make_robot
         assert error < 0.1
     start = wheel.trajectory[0]
     np.testing.assert_allclose(start.T_odom_base[:2, 3], start.T_world_base[:2, 3], atol=1e-3)
+
+
+def test_odometry_knows_how_a_slope_tilts_the_robot_at_the_start():
+    arena = load_arena("lanes/traverse")
+    robot = SimulatedRobot(arena, SimulationConfig(), seed=0)
+    pose = robot.trajectory[-1]
+    robot.close()
+    assert np.degrees(tilt_of(pose.T_world_base)) == pytest.approx([15, 0], abs=0.2)
+    assert np.degrees(tilt_of(pose.T_odom_base)) == pytest.approx([15, 0], abs=0.5)
 
 
 def test_vibration_in_turns_does_not_turn_the_wheel_odometry(make_robot):

@@ -73,7 +73,7 @@ def test_a_mission_that_cannot_be_played_leaves_nothing(tmp_path, capsys, flags,
     assert not out.exists()
 
 
-def test_an_episode_plays_a_mission_and_is_scored(tmp_path):
+def test_an_episode_plays_a_mission_and_is_scored(tmp_path, capsys):
     out = tmp_path / "out"
     flags = ["--mission", "league", "--minutes", "0.05", "--labels", "truth", "--detector", "None", "--home"]
     run_with_settings(run_episode, EpisodeConfig, ["--out", str(out), *flags])
@@ -84,6 +84,12 @@ def test_an_episode_plays_a_mission_and_is_scored(tmp_path):
     assert validate(out) == []
     for league in ("league", "virtual"):
         assert {"points"} <= set().union(*report[league].values())
+    capsys.readouterr()
+    score_mission(out, "nist_6x4")
+    again = json.loads(capsys.readouterr().out)
+    for league in ("league", "virtual"):
+        for rule, figures in report[league].items():
+            assert again[league][rule] == pytest.approx(figures), rule
 
 
 def test_what_is_accepted_ends_well_and_what_is_rejected_does_not(tmp_path, capsys):

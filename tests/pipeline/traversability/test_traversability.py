@@ -196,3 +196,33 @@ def test_a_wider_robot_keeps_further_away():
         traversability = assess_map(world)
         beside = traversability.clearance[tuple(traversability.grid.cell_of((0.575, 0.0)))][4]
         assert beside == pytest.approx(room, abs=1)
+
+
+def passage(width, right):
+    """Ground with a passage along x, 1 m long, between walls at y = ``right`` and ``width`` m to the left of it."""
+    left, ground = right + width, ground_points(flat, (-1, 2), (-1, 1.5))
+    beside = (ground[:, 0] > 0) & (ground[:, 0] < 1) & ((ground[:, 1] < right) | (ground[:, 1] > left))
+    walls = [wall_points((0, y), (1, y)) for y in (right, left)]
+    fronts = [wall_points((x, a), (x, b)) for x in (0, 1) for a, b in ((-1, right), (left, 1.5))]
+    return assess_map(surface_of(ground[~beside], *walls, *fronts)), right + width / 2
+
+
+@pytest.mark.parametrize("right", np.arange(0.001, 0.05, 0.008))
+def test_without_margin_a_passage_two_cells_wider_than_the_robot_is_passable_wherever_it_lies(right):
+    ground, middle = passage(PIONEER.width + 0.1, right)
+    way = PosePaths(ground.without_margin, (-0.6, middle)).cost_to((1.6, middle))
+    assert np.isfinite(way)
+    assert ground.without_margin.is_tight and not ground.is_tight
+    assert (ground.free & ~ground.without_margin.free == 0).all()
+
+
+@pytest.mark.parametrize("right", np.arange(0.001, 0.05, 0.008))
+def test_without_margin_what_is_narrower_than_the_robot_stays_impassable(right):
+    ground, middle = passage(PIONEER.width - 0.06, right)
+    assert np.isinf(PosePaths(ground.without_margin, (-0.6, middle)).cost_to((1.6, middle)))
+
+
+def test_a_passage_that_needs_no_daring_is_the_same_without_margin():
+    ground, middle = passage(1.2, 0.01)
+    ways = [PosePaths(g, (-0.6, middle)).path_to((1.6, middle)) for g in (ground, ground.without_margin)]
+    np.testing.assert_array_equal(*ways)

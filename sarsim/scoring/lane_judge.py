@@ -1,0 +1,65 @@
+"""The judge of a lane: what counts as a traverse, by the true pose of the robot and whatever its map says."""
+
+from dataclasses import dataclass
+
+import mujoco
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.robot import RobotModel
+from sarsim.arenas.lanes import END_ZONE
+from sarsim.scoring.trajectory import TIPPED
+
+POST = "post_"
+"""So begin the names of the bodies that may fall."""
+
+
+@dataclass
+class LaneJudge:
+    """Judges one try to drive from one end zone into the other.
+
+    Attributes:
+        robot: its size.
+        towards: +1 or -1, the sign of x of the end zone to drive into.
+        begin: when the try began, s.
+        limit: time that it may take, s.
+        crossed: when the whole robot was first in that end zone, s; None before.
+        has_tipped: whether it fell over.
+    """
+
+    robot: RobotModel
+    towards: int
+    begin: float
+    limit: float
+    crossed: float | None = None
+    has_tipped: bool = False
+
+    def see(self, time: float, T_world_base: NDArray[np.float64]) -> bool:
+        """Judge a true 4×4 pose at a time, s: whether the try may go on; it may not after a fall or its time."""
+        self.has_tipped |= leans(T_world_base)
+        may_go_on = not self.has_tipped and time <= self.begin + self.limit
+        if may_go_on and self.crossed is None and is_in_end_zone(T_world_base, self.towards, self.robot):
+            self.crossed = time
+        return may_go_on
+
+    @property
+    def seconds(self) -> float | None:
+        """s that the traverse took; None if there is none."""
+        return None if self.crossed is None else self.crossed - self.begin
+
+
+def is_in_end_zone(T_world_base: NDArray[np.float64], end: int, robot: RobotModel) -> bool:
+    """Whether the whole footprint of a robot at a true 4×4 pose lies in the end zone at the ``end`` ±1 of x."""
+    along, across = np.abs(T_world_base[0, :2]) * (robot.half_length, robot.half_width)
+    return bool(end * T_world_base[0, 3] - along - across >= END_ZONE)
+
+
+def leans(T: NDArray[np.float64]) -> bool:
+    """Whether something at a 4×4 pose, or with a 3×3 rotation, leans so much that it has fallen over."""
+    return bool(T[2, 2] < np.cos(TIPPED))
+
+
+def fallen_posts(model: mujoco.MjModel, data: mujoco.MjData) -> set[str]:
+    """The names of the posts that have fallen over."""
+    posts = [body for body in map(data.body, range(model.nbody)) if body.name.startswith(POST)]
+    return {post.name for post in posts if leans(post.xmat.reshape(3, 3))}

@@ -1,0 +1,216 @@
+"""Traverses of the lanes of RoboCup Rescue, driven by the robot itself and judged by its true pose.
+
+The robot gets the middle of the other end zone as its goal, again and again, in one map. A try without a traverse is
+a reset: the lane is set up anew, the robot put into the end zone where its next try begins, and its maps are empty.
+"""
+
+from collections import Counter
+from contextlib import closing
+from dataclasses import asdict, dataclass
+from statistics import median
+
+import numpy as np
+from rich.table import Table
+
+from pipeline.errors import InputError
+from pipeline.explorer import Explorer, Observer
+from pipeline.localisation.localisation import LostError
+from pipeline.mapper import Mapper
+from pipeline.missions.mission import Goals
+from pipeline.robot import Motion
+from sarsim.arenas.arena import RescueArena
+from sarsim.arenas.lanes import END_ZONE, LANES, LANES_FOLDER
+from sarsim.arenas.load import load_arena
+from sarsim.methods.perception import make_perception, make_readers
+from sarsim.robots.model import robot_model
+from sarsim.scoring.lane_judge import LaneJudge, fallen_posts
+from sarsim.scripts.benchmarks.common import Result, at_least
+from sarsim.scripts.benchmarks.settings import LanesSettings
+from sarsim.scripts.cli import progress
+from sarsim.settings import EpisodeConfig
+from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
+
+LIMIT = 300.0  # s that a try may take; assumed, the rules that are public leave it open
+ARRIVED_AT = "reached"  # The ending of a try after which the robot drives on from where it stands
+
+
+@dataclass(frozen=True)
+class LaneTry:
+    """One try to drive through a lane.
+
+    Attributes:
+        towards: +1 or -1, the sign of x of the end zone to drive into.
+        ended: ``reached`` the goal, ``given_up``, ``held``, ``lost``, ``tipped`` or ``time``.
+        seconds: of the robot's time until it was across; None without a traverse.
+        posts: number of posts that fell.
+    """
+
+    towards: int
+    ended: str
+    seconds: float | None
+    posts: int
+
+    @property
+    def needs_reset(self) -> bool:
+        """Whether the robot cannot go on from where it is."""
+        return self.seconds is None or self.ended in ("lost", "tipped", "time")
+
+
+def measure(settings: LanesSettings) -> Result:
+    """Traverses of each lane, their times, fallen posts and resets; or what of the robot's body forbids the lane."""
+    at_least(1, settings, "repetitions")
+    at_least(0, settings, "seed")
+    lanes = settings.lanes or tuple(LANES)
+    if unknown := [lane for lane in lanes if lane not in LANES]:
+        raise InputError(f"--lanes {' '.join(unknown)}: no such lane; there are {', '.join(LANES)}")
+    model = robot_model(settings.robot)
+    forbidden = {lane: reason for lane in lanes if (reason := LANES[lane].cannot(model)) is not None}
+    tries: dict[str, list[LaneTry]] = {lane: [] for lane in lanes}
+    with progress(transient=True) as bars:
+        able = [lane for lane in lanes if lane not in forbidden]
+        bar = bars.add_task("lanes", total=len(able) * settings.repetitions)
+        for lane in able:
+            with closing(LaneRepetitions(lane, settings)) as repetitions:
+                while len(tries[lane]) < settings.repetitions:
+                    tries[lane].append(repetitions.next_try())
+                    bars.update(bar, advance=1, description=f"lanes/{lane}")
+    return Result(
+        figures(tries, settings.repetitions),
+        {"cannot": forbidden, "tries": {lane: [asdict(t) for t in made] for lane, made in tries.items()}},
+        table(tries, forbidden, settings),
+    )
+
+
+class LaneRepetitions:
+    """Tries in one lane, one after the other, in directions that alternate."""
+
+    def __init__(self, lane: str, settings: LanesSettings):
+        self._lane, self._settings, self._number = lane, settings, 0
+        self._drive: LaneDrive | None = None
+
+    def next_try(self) -> LaneTry:
+        """Drive through the lane, or try to, from where the robot is or, after a reset, is set down."""
+        towards = 1 if self._number % 2 == 0 else -1
+        if self._drive is None:
+            self._drive = LaneDrive(self._lane, -towards, self._settings, self._settings.seed + self._number)
+        made = self._drive.go(towards)
+        self._number += 1
+        if made.needs_reset:
+            self.close()
+        return made
+
+    def close(self) -> None:
+        """Take the robot out of the lane."""
+        if self._drive is not None:
+            self._drive.close()
+        self._drive = None
+
+
+class _TryEndsError(Exception):
+    """A try that the judge has ended."""
+
+
+class LaneDrive(Observer):
+    """A robot with empty maps in a lane that is set up anew."""
+
+    def __init__(self, lane: str, end: int, settings: LanesSettings, seed: int):
+        """Set the robot down in the end zone at the ``end`` ±1 of x, looking into the lane."""
+        simulation = SimulationConfig(speed=EpisodeConfig().speed, robot=settings.robot)
+        classifier, detector = make_perception(settings)
+        self._robot = SimulatedRobot(lane_from(lane, end), simulation, seed)
+        mapper = Mapper(self._robot.model, classifier, detector, seed=seed, readers=make_readers(settings))
+        self._explorer = Explorer(self._robot, mapper)
+        self._explorer.observers.append(self)
+        self._judge: LaneJudge | None = None
+
+    def on_motion(self, motion: Motion) -> None:
+        """Raises an error, which ends the drive, if the judge ends the try."""
+        if self._judge and not self._judge.see(self._robot.time, self._robot.trajectory[-1].T_world_base):
+            raise _TryEndsError
+
+    def go(self, towards: int) -> LaneTry:
+        """Try to drive into the end zone at the end ±1 of x."""
+        physics = self._robot.physics
+        before = fallen_posts(physics.model.ptr, physics.data.ptr)
+        self._judge = judge = LaneJudge(self._robot.model, towards, self._robot.time, LIMIT)
+        try:
+            ended = self._drive_to(towards)
+        except _TryEndsError:
+            ended = "tipped" if judge.has_tipped else "time"
+        except LostError:
+            ended = "lost"
+        fell = fallen_posts(physics.model.ptr, physics.data.ptr) - before
+        return LaneTry(towards, ended, judge.seconds, len(fell))
+
+    def _drive_to(self, towards: int) -> str:
+        """Drive to the middle of an end zone as to a goal in the map, and explore where the map shows no way yet."""
+        explorer, waits = self._explorer, False
+        explorer.mission.goals = goals = Goals([np.array([towards * 1.5 * END_ZONE, 0.0])])
+        while True:
+            step = explorer.step()
+            if step.plan is not None:
+                explorer.drive(step)
+            elif waits or not explorer.settle():
+                break
+            waits = step.plan is None
+        is_reached = any(visit.obstacle is None for visit in goals.visits)
+        return ARRIVED_AT if is_reached else "held" if explorer.is_held else "given_up"
+
+    def close(self) -> None:
+        """Free the simulator."""
+        self._robot.close()
+
+
+def lane_from(lane: str, end: int) -> RescueArena:
+    """A lane whose start is in the end zone at the ``end`` ±1 of x; the robot looks into the lane."""
+    arena = load_arena(f"{LANES_FOLDER}{lane}")
+    if end > 0:
+        start = arena.mjcf_model.find("site", "start")
+        (x, y, z), (a, b, c, d) = start.pos, start.quat
+        start.pos = -x, -y, z + LANES[lane].rise
+        start.quat = -d, c, -b, a  # turned by half a turn about the robot's own vertical
+    return arena
+
+
+def figures(tries: dict[str, list[LaneTry]], repetitions: int) -> dict[str, float]:
+    """The figures of each lane by name."""
+    found: dict[str, float] = {}
+    for lane, made in tries.items():
+        seconds = [t.seconds for t in made if t.seconds is not None]
+        counts = {
+            "repetitions": repetitions,
+            "attempted": len(made),
+            "successful": len(seconds),
+            "posts": sum(t.posts for t in made),
+            "resets": sum(t.needs_reset for t in made),
+            "tipped": sum(t.ended == "tipped" for t in made),
+        }
+        found |= {f"{lane}.{name}": count for name, count in counts.items()}
+        if seconds:
+            found[f"{lane}.seconds.median"] = median(seconds)
+    return found
+
+
+def table(tries: dict[str, list[LaneTry]], forbidden: dict[str, str], settings: LanesSettings) -> Table:
+    """A row for each lane; the note is why it cannot be driven, or how tries without a traverse ended."""
+    result = Table(title=f"lanes, {settings.robot}")
+    result.add_column("lane", no_wrap=True)
+    for column in ("traverses", "s, median", "posts", "resets", "tipped"):
+        result.add_column(column, justify="right")
+    result.add_column("note")
+    found = figures(tries, settings.repetitions)
+    for lane, made in tries.items():
+        if lane in forbidden:
+            result.add_row(lane, "–", "–", "–", "–", "–", f"cannot: {forbidden[lane]}")
+            continue
+        seconds = found.get(f"{lane}.seconds.median")
+        counts = [f"{found[f'{lane}.{name}']}" for name in ("posts", "resets", "tipped")]
+        failed = Counter(t.ended for t in made if t.seconds is None)
+        result.add_row(
+            lane,
+            f"{found[f'{lane}.successful']}/{len(made)}",
+            f"{seconds:.0f}" if seconds is not None else "–",
+            *counts,
+            ", ".join(f"{count} {ended}" for ended, count in failed.items()),
+        )
+    return result

@@ -1,0 +1,116 @@
+"""Repetitions in lanes: who drives where, what is counted, and one true traverse."""
+
+import io
+from contextlib import closing
+
+import mujoco
+import numpy as np
+import pytest
+from rich.console import Console
+
+from pipeline.errors import InputError
+from sarsim.scripts.benchmarks import lanes
+from sarsim.scripts.benchmarks.lanes import LaneDrive, LaneRepetitions, LaneTry, figures, lane_from, measure, table
+from sarsim.scripts.benchmarks.settings import LanesSettings
+
+REACHED, FALLEN = LaneTry(1, "reached", 30.0, 0), LaneTry(-1, "tipped", None, 2)
+LEFT, LATE = LaneTry(1, "given_up", None, 1), LaneTry(-1, "time", 50.0, 0)
+TRIES = {"centre": [REACHED, FALLEN, LEFT, LATE], "krails": [], "door": [LEFT]}
+
+
+@pytest.mark.parametrize(
+    ("made", "needs"),
+    [(REACHED, False), (FALLEN, True), (LEFT, True), (LATE, True), (LaneTry(1, "held", 9.0, 0), False)],
+)
+def test_a_robot_is_touched_if_it_is_not_across_or_cannot_go_on(made, needs):
+    assert made.needs_reset is needs
+
+
+def test_figures_of_tries():
+    found = figures(TRIES, 4)
+    assert {k: v for k, v in found.items() if k.startswith("centre")} == {
+        "centre.repetitions": 4,
+        "centre.attempted": 4,
+        "centre.successful": 2,
+        "centre.posts": 3,
+        "centre.resets": 3,
+        "centre.tipped": 1,
+        "centre.seconds.median": 40.0,
+    }
+    assert found["krails.attempted"] == found["door.successful"] == 0
+    assert "door.seconds.median" not in found
+
+
+def test_the_table_says_why_there_is_no_traverse():
+    out = io.StringIO()
+    Console(file=out, width=120).print(table(TRIES, {"krails": "a step"}, LanesSettings(repetitions=4)))
+    rows = {line.split("│")[1].strip(): line for line in out.getvalue().splitlines() if "│" in line}
+    assert [cell.strip() for cell in rows["centre"].split("│")[2:8]] == [
+        "2/4", "40", "3", "3", "1", "1 tipped, 1 given_up",
+    ]  # fmt: skip
+    assert "cannot: a step" in rows["krails"] and "0/1" in rows["door"]
+
+
+def test_directions_alternate_and_a_reset_sets_up_anew(monkeypatch):
+    made, done, closed = [REACHED, LEFT, FALLEN, REACHED], [], []
+
+    class Drive:
+        def __init__(self, lane, end, settings, seed):
+            self.name = lane, end, seed
+
+        def go(self, towards):
+            done.append((*self.name, towards))
+            return made[len(done) - 1]
+
+        def close(self):
+            closed.append(self.name)
+
+    monkeypatch.setattr(lanes, "LaneDrive", Drive)
+    with closing(LaneRepetitions("door", LanesSettings(seed=7))) as repetitions:
+        assert [repetitions.next_try() for _ in made] == made
+    # One drive there and back in vain; one there in vain; one back.
+    assert done == [("door", -1, 7, 1), ("door", -1, 7, -1), ("door", -1, 9, 1), ("door", 1, 10, -1)]
+    assert closed == [("door", -1, 7), ("door", -1, 9), ("door", 1, 10)]
+
+
+def test_lanes_that_no_pioneer_can_drive_are_not_tried():
+    result = measure(LanesSettings(lanes=("krails", "hurdles")))
+    assert result.figures["krails.attempted"] == result.figures["hurdles.successful"] == 0
+    assert result.details["cannot"]["hurdles"] == "a step of 0.2 m, at most 0.04 m are driven over"
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        (LanesSettings(lanes=("moat",)), "--lanes moat: no such lane; there are avoid_holes"),
+        (LanesSettings(repetitions=0), "--repetitions 0: give at least 1"),
+        (LanesSettings(robot="none.xml", lanes=("door",)), "--robot none.xml: no such file"),
+    ],
+)
+def test_bad_settings_are_refused(settings, message):
+    with pytest.raises(InputError, match=message):
+        measure(settings)
+
+
+@pytest.mark.parametrize("lane", ["traverse", "centre", "krails_15", "door"])
+def test_the_other_end_is_a_start_too(lane):
+    near, far = (lane_from(lane, end) for end in (-1, 1))
+    a, b = near.T_world_start, far.T_world_start
+    model = mujoco.MjModel.from_xml_string(far.to_xml())
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    top = b[2, 3] + 0.3
+    below = mujoco.mj_ray(
+        model, data, np.array([1.8, 0, top]), np.array([0, 0, -1.0]), None, 1, -1, np.zeros(1, np.int32)
+    )
+    assert b[:2, 3] == pytest.approx([1.8, 0])
+    assert b[2, 3] == pytest.approx(top - below, abs=1e-5)
+    assert b[:3, 2] == pytest.approx(a[:3, 2])
+    assert b[:3, 0] == pytest.approx([-1, 0, 0]) and a[:3, 0] == pytest.approx([1, 0, 0])
+
+
+def test_a_robot_drives_through_a_door():
+    with closing(LaneDrive("door", 1, LanesSettings(labels="rules", detector=None), seed=0)) as drive:
+        made = drive.go(-1)
+    assert made.ended == "reached" and made.posts == 0
+    assert made.seconds is not None and 10 < made.seconds < 100

@@ -69,16 +69,24 @@ def test_without_depth_a_find_is_looked_for_from_nearer_and_then_reported() -> N
     finds = Finds(Victims())
     frame, T = seen_from(-1.0)
     blind = replace(frame, depth=np.where(frame.depth > 3.5, 0, frame.depth).astype(np.float32))
-    finds.update(blind, [sign("poison", on_wall(WALL, 0.5, 0.8, -1.0))], T, 0)
+    finds.update(blind, [sign("poison", on_wall(WALL, 0.5, 0.6, -1.0))], T, 0)
     assert finds.confirmed == []
     (wanted,) = finds.unconfirmed
     least, most = wanted.distances(XTION)
     assert XTION.nearest <= least < most <= XTION.farthest
-    frame, T = seen_from(1.5, 0.3)
-    finds.update(frame, [sign("poison", on_wall(WALL, 0.5, 0.8, 1.5, 0.3, half=31))], T, 1)
+    frame, T = seen_from(3.3, 0.4)
+    finds.update(frame, [sign("poison", on_wall(WALL, 0.5, 0.6, 3.3, 0.4, half=30))], T, 1)
     (find,) = finds.confirmed
-    np.testing.assert_allclose(find.position, (WALL, 0.5, 0.8), atol=0.05)
+    np.testing.assert_allclose(find.position, (WALL, 0.5, 0.6), atol=0.05)
     assert finds.unconfirmed == []
+
+
+def test_what_is_too_large_for_a_sign_is_none() -> None:
+    finds = Finds(Victims())
+    frame, T = seen_from()
+    small, large = on_wall(WALL, 0.5, 0.8), on_wall(WALL, -0.5, 0.8, half=18)  # 0.25 and 0.75 m
+    finds.update(frame, [sign("poison", small), sign("corrosive", large)], T, 0)
+    assert [find.text for find in finds.confirmed] == ["poison"]
 
 
 def test_a_code_that_was_only_located_is_not_reported_but_looked_at_again() -> None:

@@ -64,13 +64,13 @@ def sight(frame: Frame, reading: Reading, keyframe: int, T_map_base: NDArray[np.
     ray = in_camera / np.linalg.norm(in_camera)
     covariance = np.outer(ray, ray) * along**2 + np.eye(3) * ((z / k.fx) ** 2 + POSE_SIGMA**2)
     T_map_camera = T_map_base @ frame.T_base_camera
-    points = k.rays[inside] * depth[:, None]
     if depth.size:
+        points = k.rays[inside] * depth[:, None]
         reading, belongs = _weighed(reading, transform_points(T_map_camera, points), T_map_camera, T_map_base[2, 3])
-    if depth.size and reading.kind not in PRINTED:
-        own = points[belongs if belongs.any() else np.abs(depth - z) < THING_GAP].astype(np.float64)
-        in_camera = (own.min(axis=0) + own.max(axis=0)) / 2
-        covariance += np.diag(np.ptp(own, axis=0) / 2) ** 2
+        if reading.kind not in PRINTED:
+            own = points[belongs if belongs.any() else np.abs(depth - z) < THING_GAP].astype(np.float64)
+            in_camera = (own.min(axis=0) + own.max(axis=0)) / 2
+            covariance += np.diag(np.ptp(own, axis=0) / 2) ** 2
     seen = FindSighting(
         reading=reading,
         keyframe=keyframe,

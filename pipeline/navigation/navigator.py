@@ -203,6 +203,10 @@ class Navigator:
         return self.attitude.tilt_in(0.0) > LEAN
 
     @property
+    def _tips(self) -> bool:
+        return self.attitude.tilt_in(TILT_LEAD) > self.robot.model.tipping_tilt
+
+    @property
     def _on_ramp(self) -> bool:
         """Whether the robot leans, or leaned within ``RAMP_MARGIN``: on the crest of a ridge it stands level."""
         return self._leaned_at is not None and bool(
@@ -287,7 +291,7 @@ class Navigator:
             if np.linalg.norm(T[:3, 3] - before[:3, 3]) > KEYFRAME_WAY + missed * self.robot.model.speed:
                 self._drive(Velocity())
                 return Outcome.MOVED
-            leans = self.attitude.tilt_in(TILT_LEAD) > self.robot.model.tipping_tilt
+            leans = self._tips
             is_stuck = progress.is_stuck(self._T_odom_base, self._time, command, self._on_ramp)
             if leans or look is MotionCheck.SPINNING or is_stuck:
                 self.halts.append(Halt(T, command, self._back_out(start, command, leans)))
@@ -299,7 +303,7 @@ class Navigator:
     def _back_out(self, T_odom_start: NDArray[np.float64], command: Velocity, leans: bool) -> bool:
         """Undo the last motion since a 4×4 pose, for its way was free; True if more than half of it was possible.
 
-        A robot that leans goes back until it is level.
+        A robot that leans goes back until it is level; one that backs onto something, as up a wall, comes down again.
         """
         model, turns, T_odom_held = self.robot.model, isinstance(command, Turn), self._T_odom_base
         if turns:
@@ -312,6 +316,9 @@ class Navigator:
         way = np.clip(came, least, most)
         while (back := _way(self._T_odom_base, T_odom_held, undo)) < way or (leans and self._leans and back < came):
             self._drive(undo)
+            if self._tips and not leans:
+                self._back_out(T_odom_held, undo, leans=True)
+                return False
             # Until its wheels come to rest they push on, and would seem to be held.
             if progress is None and self._time > began + braking:
                 progress = Progress(model, self._T_odom_base, self._time)

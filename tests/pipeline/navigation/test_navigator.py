@@ -123,8 +123,8 @@ def test_a_robot_that_is_held_on_both_sides_is_not_freed():
 class RobotBeforeWall(KinematicRobot):
     """Its wheels follow a command no faster than it accelerates; it can get no farther along x than ``wall``, m."""
 
-    def __init__(self, wall):
-        super().__init__()
+    def __init__(self, wall, pitch=lambda x, y: 0.0):
+        super().__init__(pitch)
         self._wall, self._speed = wall, 0.0
 
     def drive(self, command):
@@ -238,6 +238,21 @@ def test_a_robot_that_leans_too_far_goes_back_until_it_is_level(below):
     assert navigator.legs[-1].outcome is Outcome.TILTED
     assert navigator.halts[-1].freed
     assert robot.T[0, 3] == pytest.approx(0.3 if below else 1.0 - KEYFRAME_WAY, abs=0.11)
+
+
+def test_a_robot_that_backs_onto_something_comes_down_again():
+    steepness, place = np.deg2rad(400), 0.58  # rad of pitch per m that it backs past this place, m
+    robot = RobotBeforeWall(0.6, lambda x, y: steepness * (place - x) if backs(robot) and x < place else 0.0)
+    navigator = Navigator(robot)
+    assert not navigator.follow(np.array([(2, 0)]))
+    assert [halt.freed for halt in navigator.halts] == [False]
+    after = np.array(navigator.track)[[c.v < 0 for c in robot.commands].index(True) :, 0]
+    assert after.min() > place - (PIONEER.tipping_tilt / steepness + 0.03)  # it brakes
+    assert after[-1] > place - 0.02
+
+
+def backs(robot):
+    return any(command.v < 0 for command in robot.commands)
 
 
 def test_on_a_ramp_it_backs_where_told():

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.errors import InputError
+from pipeline.finds.background_reader import BackgroundReader
 from pipeline.finds.find_map import Finds
 from pipeline.finds.readers import FindReaders
 from pipeline.finds.victims.detection.detection import Detection, Detector
@@ -93,6 +94,7 @@ class Mapper:
             readers: of signs, codes and heat; without them the maps hold no finds but victims.
         """
         self.classifier, self.detector, self.readers = classifier, detector, readers
+        self._in_passing = None if readers is None else BackgroundReader(readers)
         self.localisation: Localisation = localisation or Slam()
         self.metric_map = MetricMap(voxel_size)
         self.elevation_map = ElevationMap(robot)
@@ -149,7 +151,8 @@ class Mapper:
     def add(self, frame: Frame, T_map_base: NDArray[np.float64], labelled: bool = True) -> Keyframe:
         """Take a frame into every map but the topological one, which :meth:`connect` renews.
 
-        A frame that is not ``labelled`` goes into the metric map and the elevation map alone.
+        A frame that is not ``labelled`` goes into the metric map and the elevation map alone; signs and codes that it
+        shows are on the map from the next frame on.
 
         Raises:
             InputError: the pose is so far from the others that the maps would take too much memory; they stay as they
@@ -172,6 +175,7 @@ class Mapper:
         with self.stopwatch("elevation_map"):
             self._add_ground(frame, points)
         if probabilities is None:
+            self._read_in_passing(frame)
             return Keyframe(frame, T_map_base, in_map, np.zeros(0, np.uint8), [], [], index)
         with self.stopwatch("semantic_map"):
             seen.put_classes(self.semantic_map, T_map_base)
@@ -320,6 +324,18 @@ class Mapper:
     def _find_things(self, frame: Frame, detections: list[Detection], T_map_base: NDArray[np.float64]) -> None:
         """Read what is in the image besides people, and place it on the map."""
         if self.readers is not None:
+            self._take_read()
             with self.stopwatch("finds"):
                 readings = self.readers.read(frame, detections)
                 self.finds.update(frame, readings, T_map_base, len(self.keyframes) - 1)
+
+    def _read_in_passing(self, frame: Frame) -> None:
+        self._take_read()
+        if self._in_passing is not None:
+            self._in_passing.begin(frame, len(self.keyframes) - 1)
+
+    def _take_read(self) -> None:
+        """Place what was read in the last frame in passing, if any."""
+        if self._in_passing is not None and (read := self._in_passing.end()):
+            with self.stopwatch("finds"):
+                self.finds.update(read.frame, read.readings, self.keyframes.poses[read.keyframe], read.keyframe)

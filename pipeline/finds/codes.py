@@ -11,6 +11,7 @@ from pipeline.finds.find import Reading
 from pipeline.finds.pictures import READ_PIXELS, bounded
 
 FAMILY = cv2.aruco.DICT_APRILTAG_36h11
+ENLARGED = 2**2  # At 60 pixels a module of a small code has two, too few for the decoders: four times as many suffice
 SHOWN = 40  # Most characters of what a code says in maps and lists
 
 
@@ -22,16 +23,17 @@ class CodeReader:
         self._decoders = cv2.QRCodeDetector(), cv2.QRCodeDetectorAruco()
         self._tags = cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(FAMILY))
 
-    def read(self, rgb: NDArray[np.uint8]) -> list[Reading]:
+    def read(self, rgb: NDArray[np.uint8], enlarged: int = ENLARGED) -> list[Reading]:
         """The codes in an image, (H, W, 3) or grey (H, W) uint8, those that were decoded first.
+
+        Codes are sought in the image as it is, and ``enlarged`` so many times at most.
 
         Raises:
             InputError: the image is empty or of another type.
         """
         image, scale = bounded(rgb)
         grey = np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), np.uint8)
-        # At 60 pixels a module of a small code has two, too few for the decoders: four times as many suffice.
-        times = min(2**2, 2 * (READ_PIXELS / grey.size) ** 0.5)
+        times = min(enlarged, 2 * (READ_PIXELS / grey.size) ** 0.5)
         larger = cv2.resize(grey, None, fx=times, fy=times, interpolation=cv2.INTER_CUBIC)
         found = [*self._read_tags(grey, scale)]
         for picture, zoom in ((grey, scale), (larger, scale * times)):

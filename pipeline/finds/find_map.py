@@ -2,7 +2,7 @@
 
 from collections import defaultdict
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -56,6 +56,17 @@ class TrackedFind:
         self.missed = min(self.missed, other.missed)
         self.tried += other.tried
         self.tried_at += other.tried_at
+        self._keep_best_photo()
+
+    def _keep_best_photo(self) -> None:
+        best = self._best
+        for seen in (self.seen, self.sightings):
+            seen[:] = [s if k == best else replace(s, photo=s.photo[:0]) for k, s in enumerate(seen)]
+
+    @property
+    def _best(self) -> int:
+        shown = [s.reading.confidence * s.reading.side for s in self.sightings]
+        return int(np.argmax(shown))
 
     @property
     def is_placed(self) -> bool:
@@ -94,6 +105,11 @@ class TrackedFind:
         if self.kind in CODES and self.text:
             return 1.0
         return self.evidence / (len(self.sightings) + self.missed)
+
+    @property
+    def is_refuted(self) -> bool:
+        """Whether it is no code that was decoded, and was missed more than twice as often as seen."""
+        return self.missed > 2 * len(self.sightings) and not (self.kind in CODES and self.text)
 
     @property
     def is_confirmed(self) -> bool:
@@ -137,7 +153,7 @@ class TrackedFind:
 
     def find(self) -> Find:
         """What is reported of it."""
-        best = max(self.sightings, key=lambda s: s.reading.confidence * s.reading.side)
+        best = self.sightings[self._best]
         first = min(sighting.time for sighting in self.sightings)
         return Find(
             self.kind, self.text, self.position, self.covariance, first, min(1.0, self.confidence), best.photo
@@ -205,7 +221,7 @@ class Finds:
         for column, thing in enumerate(before):
             thing.missed += column not in same.values() and _should_show(thing, frame, T_camera_map)
         self._merge()
-        self.all = [thing for thing in self.all if thing.missed <= 2 * len(thing.sightings)]
+        self.all = [thing for thing in self.all if not thing.is_refuted]
 
     def _merge(self) -> None:
         """Join things that have turned out to be one; flat ones that one keyframe shows side by side are two."""

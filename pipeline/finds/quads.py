@@ -1,6 +1,6 @@
 """Squares in an image, as those that signs are printed on: outlines with four corners, found in several ways."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import cv2
 import numpy as np
@@ -43,7 +43,9 @@ def _masks(rgb: NDArray[np.uint8]) -> Iterator[NDArray[np.uint8]]:
     for channel in (value, saturation):
         for times in (1, 3, 3**2):
             window = times * (LEAST_SIDE + 1)
-            local = cv2.adaptiveThreshold(channel, most, cv2.ADAPTIVE_THRESH_MEAN_C, cv2.THRESH_BINARY, window, 3)
+            local = cv2.adaptiveThreshold(
+                channel, most, cv2.ADAPTIVE_THRESH_MEAN_C, cv2.THRESH_BINARY, window, CONTRAST / 2
+            )
             yield np.asarray(local, np.uint8)
             yield np.asarray(most - local, np.uint8)
     for first in range(0, most + 1, CONTRAST):
@@ -56,12 +58,20 @@ def _masks(rgb: NDArray[np.uint8]) -> Iterator[NDArray[np.uint8]]:
 
 def _quads_of(mask: NDArray[np.uint8]) -> Iterator[NDArray[np.float32]]:
     contours, _ = cv2.findContours(mask, cv2.RETR_LIST, cv2.CHAIN_APPROX_SIMPLE)
-    for contour in contours:
-        if min(cv2.boundingRect(contour)[2:]) < LEAST_SIDE:
-            continue
+    for contour in _large([np.asarray(contour, np.int32) for contour in contours]):
         quad = _quad(np.asarray(cv2.convexHull(contour), np.int32))
         if quad is not None:
             yield quad
+
+
+def _large(contours: Sequence[NDArray[np.int32]]) -> Iterator[NDArray[np.int32]]:
+    """Those of contours (N, 1, 2) that are ``LEAST_SIDE`` wide and high: one in 300 of a noisy image."""
+    if not contours:
+        return
+    begins = np.cumsum([0, *map(len, contours[:-1])])
+    points = np.concatenate(contours)[:, 0]
+    sides = np.maximum.reduceat(points, begins) - np.minimum.reduceat(points, begins) + 1
+    yield from (contours[k] for k in np.flatnonzero(sides.min(axis=1) >= LEAST_SIDE).tolist())
 
 
 def _quad(hull: NDArray[np.int32]) -> NDArray[np.float32] | None:

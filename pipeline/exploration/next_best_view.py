@@ -9,7 +9,7 @@ from scipy import ndimage
 
 from pipeline.exploration import visibility
 from pipeline.exploration import visibility_kernels as kernels
-from pipeline.exploration.frontiers import unseen
+from pipeline.exploration.frontiers import near_ground, unseen
 from pipeline.exploration.posterior import MOST_MISSES, Posterior
 from pipeline.exploration.viewpoint import ARRIVED, Context, Viewpoint
 from pipeline.grid_map import GridMap, Layer, best_of_blocks
@@ -100,28 +100,44 @@ class Exploration:
         self._seen = float(np.isfinite(context.measured).sum()) * CELL**2
 
     def next_viewpoint(self, context: Context) -> Viewpoint | None:
-        """The viewpoint that shows most per second; None if it is not worth the drive."""
+        """The viewpoint that shows most per second; None if it is not worth the drive, nor what it may open."""
         viewpoints = (self._best_viewpoint(context, falls) for falls in (True, False))
-        return next((v for v in viewpoints if v and v.gain >= self.needed(v.seconds)), None)
+        best = next((v for v in viewpoints if v and v.gain >= self.needed(v.seconds)), None)
+        return best or self._opening(context)
+
+    def _opening(self, context: Context) -> Viewpoint | None:
+        """The first viewpoint left that is worth its time by the ground to which the way may be free, if any."""
+        traversability, reachable = context.traversability, context.paths.reachable
+        pieces, number = ndimage.label(traversability.traversable & ~reachable, np.ones((3, 3)))
+        if not number:
+            return None
+        areas = np.append(0.0, np.bincount(pieces.ravel(), minlength=number + 1)[1:] * CELL**2)
+        for viewpoint in self.left(context):
+            near = near_ground(context, self._in_view(viewpoint, context) & self._layers["target"])
+            opens = areas[np.unique(pieces[near])].sum() if (near & reachable).any() else 0.0
+            if viewpoint.gain + opens >= self.needed(viewpoint.seconds):
+                return viewpoint
+        return None
+
+    def _in_view(self, viewpoint: Viewpoint, context: Context) -> NDArray[np.bool_]:
+        camera = visibility.camera_view(context.frame)
+        return visibility.cells_in_view(viewpoint.position, viewpoint.heading, camera, self._terrain)
 
     def left(self, context: Context) -> list[Viewpoint]:
         """The viewpoints that would show what is left, each what those before it do not, whatever they cost."""
-        found, target, camera = list[Viewpoint](), self._layers["target"], visibility.camera_view(context.frame)
+        found, target = list[Viewpoint](), self._layers["target"]
         rewards, self.rewards = self.rewards, None
         while viewpoint := self._best_viewpoint(context, falls=True):
             found.append(viewpoint)
-            in_view = visibility.cells_in_view(viewpoint.position, viewpoint.heading, camera, self._terrain)
-            self._layers.write("target", self._layers["target"] & ~in_view)
+            self._layers.write("target", self._layers["target"] & ~self._in_view(viewpoint, context))
         self._layers.write("target", target)
         self.rewards = rewards
         return found
 
     def commit(self, viewpoint: Viewpoint, context: Context) -> None:
         """Remember what a keyframe from this viewpoint should show."""
-        camera = visibility.camera_view(context.frame)
-        in_view = visibility.cells_in_view(viewpoint.position, viewpoint.heading, camera, self._terrain)
         newest = len(context.poses) - 1
-        centres = self._layers.grid.centre_of(np.argwhere(in_view))
+        centres = self._layers.grid.centre_of(np.argwhere(self._in_view(viewpoint, context)))
         self._expected = Places.anchored(centres, context.poses, newest)
         ends = np.stack([context.T_map_base[:2, 3], viewpoint.position])
         self._drive = Places.anchored(ends, context.poses, newest)

@@ -8,6 +8,7 @@ from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
 from pipeline.errors import InputError
+from pipeline.finds.find import Reading, box_corners
 from pipeline.keyframes import Moves
 from pipeline.localisation.localisation import LostError
 from pipeline.localisation.odometry import OdometryLocalisation
@@ -259,3 +260,33 @@ def test_a_drive_to_far_away_is_not_kept():
         mapper.add_drive(np.array([(0, 0, 0), (1e5, 1e5, 0)]), np.zeros((0, 3), np.float32), [])
     moves = mapper.correct(POSES @ from_yaw(0.2, 0, 0, 0))
     assert moves.are_noticeable.all()
+
+
+class ReadersOfOneSign:
+    """See a sign in the middle of every image, and note how they were asked."""
+
+    def __init__(self):
+        self.asked = []
+
+    def _sign(self, frame, how):
+        self.asked.append((how, frame))
+        u, v = frame.intrinsics.cx, frame.intrinsics.cy
+        return [Reading("hazmat_sign", "poison", box_corners((u - 9, v - 9, u + 9, v + 9)), 0.9)]
+
+    def read(self, frame, detections):
+        return self._sign(frame, "closely")
+
+    def glance(self, frame):
+        return self._sign(frame, "in passing")
+
+
+def test_what_keyframes_in_passing_show_is_on_the_map_from_the_next_one_on():
+    readers = ReadersOfOneSign()
+    mapper = Mapper(PIONEER, TruthClassifier(), localisation=OdometryLocalisation(), readers=readers)
+    mapper.assume_ground(POSES[0])
+    known = []
+    for frame, T in zip(FRAMES[:4], POSES[:4], strict=True):
+        mapper.add(frame, T, labelled=frame is FRAMES[3])
+        known.append(sorted(sighting.keyframe for thing in mapper.finds.all for sighting in thing.seen))
+    assert known == [[], [0], [0, 1], [0, 1, 2, 3]]
+    assert [how for how, _ in readers.asked] == ["in passing"] * 3 + ["closely"]

@@ -323,3 +323,20 @@ def test_also_keyframes_on_the_way_tell_where_no_ground_is():
         exploration.observe(here)
         gains.append(sum(view.gain for view in exploration.left(here) if view.position[0] > -1))
     assert gains[1] < 0.5 * gains[0]
+
+
+@pytest.mark.parametrize(("beyond", "is_looked_at"), [(3.0, True), (0.5, False)])
+def test_a_patch_that_is_not_worth_the_drive_is_looked_at_if_it_bars_the_way_to_other_ground(beyond, is_looked_at):
+    ground = ground_points(flat, (-3, beyond), (-1, 1))
+    in_door = (np.abs(ground[:, 0] - 0.2) < 0.1) & (np.abs(ground[:, 1]) < 0.1)
+    corners = [(-3, -1), (beyond, -1), (beyond, 1), (-3, 1), (-3, -1)]
+    posts = [wall_points((0, side), (0, side / 2)) for side in (-1, 1)]
+    world = surface_of(ground[~in_door], *posts, *(wall_points(a, b) for a, b in pairwise(corners)))
+    exploration, pose = Exploration(PIONEER), from_yaw(-2.5, 0, 0, np.pi)
+    here = context(world, pose)
+    assert not here.paths.reachable[tuple(here.traversability.grid.cell_of(np.array([0.5, 0.0])))]
+    viewpoint = next_viewpoint(exploration, world, pose)
+    assert (viewpoint is not None) == is_looked_at
+    if viewpoint is not None:
+        assert viewpoint.gain < exploration.needed(viewpoint.seconds)
+        assert viewpoint.position[0] < 0

@@ -149,6 +149,28 @@ def test_without_depth_only_the_direction_is_known(has_depth: bool) -> None:
     assert deviations[0] < 0.05
 
 
+def test_a_code_that_was_decoded_stays_however_often_it_is_missed() -> None:
+    kept = {}
+    for text in ("F5YK", ""):
+        finds = Finds(Victims())
+        frame, T = seen_from()
+        finds.update(frame, [sign(text, on_wall(WALL, 0.5, 0.8), 0.5, "qr_code")], T, 0)
+        for k, x in enumerate((1.1, 1.2, 1.3), start=1):
+            finds.update(*seen_from(x)[:1], [], seen_from(x)[1], k)
+        kept[text] = len(finds.all)
+    assert kept == {"F5YK": 1, "": 0}
+
+
+def test_of_several_sightings_the_best_keeps_its_photo_alone() -> None:
+    finds = Finds(Victims())
+    for k, (x, confidence) in enumerate(((1.0, 0.6), (1.2, 0.9), (1.4, 0.7))):
+        frame, T = seen_from(x)
+        finds.update(frame, [sign("poison", on_wall(WALL, 0.0, 0.8, x), confidence)], T, k)
+    (thing,) = finds.all
+    assert [seen.photo.size > 0 for seen in thing.seen] == [False, True, False]
+    assert thing.find().photo.size > 0
+
+
 def test_the_photo_shows_the_surroundings_and_stays_within_the_image() -> None:
     frame, _ = seen_from()
     rgb = (

@@ -11,7 +11,6 @@ from pipeline.finds.find import Reading
 from pipeline.finds.pictures import READ_PIXELS, bounded
 
 FAMILY = cv2.aruco.DICT_APRILTAG_36h11
-ENLARGED = 2**2  # At 60 pixels a module of a small code has two, too few for the decoders: four times as many suffice
 SHOWN = 40  # Most characters of what a code says in maps and lists
 
 
@@ -23,10 +22,11 @@ class CodeReader:
         self._decoders = cv2.QRCodeDetector(), cv2.QRCodeDetectorAruco()
         self._tags = cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(FAMILY))
 
-    def read(self, rgb: NDArray[np.uint8], enlarged: int = ENLARGED) -> list[Reading]:
+    def read(self, rgb: NDArray[np.uint8], enlarged: int = 2**2) -> list[Reading]:
         """The codes in an image, (H, W, 3) or grey (H, W) uint8, those that were decoded first.
 
-        Codes are sought in the image as it is, and ``enlarged`` so many times at most.
+        Codes are sought in the image as it is, and ``enlarged`` so many times at most: at 60 pixels a module of a
+        small code has two, too few for the decoders, and four times as many suffice.
 
         Raises:
             InputError: the image is empty or of another type.

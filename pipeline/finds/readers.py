@@ -7,7 +7,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.finds.codes import ENLARGED, CodeReader
+from pipeline.finds.codes import CodeReader
 from pipeline.finds.find import FIND_KINDS, Reading, box_corners
 from pipeline.finds.hazmat import SIGN, HazmatReader, is_same
 from pipeline.finds.heat import warm_regions
@@ -52,7 +52,7 @@ class FindReaders:
 
     def glance(self, frame: Frame) -> list[Reading]:
         """What a frame shows that is seen in passing: codes are not enlarged as much, and no detector is asked."""
-        return [*self._hazmat.read(frame.rgb), *self._codes.read(frame.rgb, ENLARGED // 2)]
+        return [*self._hazmat.read(frame.rgb), *self._codes.read(frame.rgb, enlarged=2)]
 
     def read_image(self, rgb: NDArray[np.uint8], detections: Sequence[Detected]) -> list[Reading]:
         """What an image shows, (H, W, 3) or grey (H, W) uint8; a detector's boxes of people are left alone.

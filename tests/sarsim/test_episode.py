@@ -193,29 +193,32 @@ def test_a_robot_shut_in_gives_up_and_says_why(tmp_path):
     assert [fault["kind"] for fault in diary.report["faults"]][-1] == "lost"
 
 
-def go_on(earlier: Path, folder: Path, **config) -> Episode:
-    episode = Episode(EpisodeConfig(labels="truth", detector=None, map=earlier, out=folder, steps=6, **config))
-    assert episode.run()
-    return episode
+HOUSE = room(
+    (-1.3, 4.6), (-1.3, 1.9), box((1.6, 1.7), (-1.3, 0.3)), box((-1.3, -0.7), (1.2, 1.9)), box((3.2, 3.3), (0.7, 1.9))
+)
+"""Three rooms, which differ."""
 
 
 def test_a_robot_goes_on_in_the_map_of_an_earlier_episode(tmp_path):
-    first = Episode(EpisodeConfig(labels="truth", detector=None, out=tmp_path / "first", steps=9))
-    assert first.run()
-    second = go_on(tmp_path / "first", tmp_path / "second", start=(-0.95, -1.38, 170.0))
-    mapper = second.explorer.mapper
+    folders = [tmp_path / name for name in ("first", "second", "lost")]
+    for folder in folders:
+        folder.mkdir()
+    first = Diary(HOUSE, folders[0], steps=3)
+    earlier = folders[0] / "out"
+    file = (earlier / "keyframes.npz").read_bytes()
+    second = Diary(HOUSE, folders[1], map=earlier, start=(0.6, 0.3, 10.0), steps=1)
+    mapper = second.episode.explorer.mapper
     assert second.report["localisation"]["relocalised"] == 1
     assert second.report["localisation"]["ate_rmse_m"] < 0.05
     known = mapper.keyframes
-    assert known.loaded == len(first.explorer.mapper.keyframes) < len(known)
-    earlier = first.explorer.mapper.localisation.poses
-    np.testing.assert_allclose(mapper.localisation.poses[: known.loaded], earlier, atol=1e-3)
-    explored = [episode.report["exploration"]["explored_fraction"] for episode in (first, second)]
+    assert known.loaded == len(first.episode.explorer.mapper.keyframes) < len(known)
+    poses = first.episode.explorer.mapper.localisation.poses
+    np.testing.assert_allclose(mapper.localisation.poses[: known.loaded], poses, atol=1e-3)
+    explored = [diary.report["exploration"]["explored_fraction"] for diary in (first, second)]
     assert 0.3 < explored[0] < explored[1]
     assert second.report["metric_map"]["occupied_precision"] > 0.95
     assert second.report["semantic_map"]["accuracy"] > 0.98
-    file = (tmp_path / "first" / "keyframes.npz").read_bytes()
-    lost = go_on(tmp_path / "first", tmp_path / "lost", arena="random:1")
-    assert "no place fits" in json.loads((tmp_path / "lost" / "report.json").read_text())["lost"]
-    assert len(lost.explorer.mapper.keyframes) == known.loaded
-    assert (tmp_path / "first" / "keyframes.npz").read_bytes() == file
+    lost = Diary(room((-2.0, 2.0), (-2.0, 2.0)), folders[2], map=earlier, steps=1)
+    assert "no place fits" in lost.report["lost"]
+    assert len(lost.episode.explorer.mapper.keyframes) == known.loaded
+    assert (earlier / "keyframes.npz").read_bytes() == file

@@ -4,50 +4,41 @@ import subprocess
 import sys
 from pathlib import Path
 
-import pytest
-
 from tests.pipeline.datasets.recorded_room import write_bag
 
-EXPLORE = """
+PROGRAM = """
 import sys
+from contextlib import suppress
 from pathlib import Path
+from sarsim.scripts import map_recording, ros_explore
 from sarsim.scripts.ros_drive import RosDrive
 from sarsim.settings import RosExploration
 from tests.pipeline.ros.live.loopback import End, RoomRobot, Wire
 
+explored, mapped, room = map(Path, sys.argv[1:])
+for command in map_recording, ros_explore:
+    sys.argv[1:] = ["--help"]
+    with suppress(SystemExit):
+        command.main()
+
+sys.argv[1:] = [str(room), "--out", str(mapped), "--labels", "rules", "--detector", "None"]
+map_recording.main()
+
 wire = Wire()
-room, end = RoomRobot(wire), End(wire, "explorer")
-end.work = room.period
-drive = RosDrive(RosExploration(out=Path(sys.argv[1]), steps=1, labels="rules", detector=None), end)
+robot, end = RoomRobot(wire), End(wire, "explorer")
+end.work = robot.period
+drive = RosDrive(RosExploration(out=explored, steps=1, labels="rules", detector=None), end)
 assert drive.run() and drive.report["steps"] == 1
-"""
-MAP = """
-import sys
-from sarsim.scripts.map_recording import main
 
-sys.argv[1:] = [sys.argv[2], "--out", sys.argv[1], "--labels", "rules", "--detector", "None"]
-main()
-"""
-HELP = """
-import sys
-from contextlib import suppress
-from sarsim.scripts.{0} import main
-
-sys.argv[1:] = ["--help"]
-with suppress(SystemExit):
-    main()
-"""
-SIMULATORS = """
 simulators = "mujoco", "dm_control", "dm_env", "sarsim.simulated_robot", "sarsim.task", "sarsim.sensors"
 print("imported:", [name for name in simulators if name in sys.modules])
 """
+"""Asks for help, maps a recording and explores with a robot, in one process, whose imports are the expensive part."""
 
 
-@pytest.mark.parametrize("program", [EXPLORE, MAP, HELP.format("ros_explore"), HELP.format("map_recording")])
-def test_a_real_robots_program_imports_no_simulator(program: str, tmp_path: Path) -> None:
-    words = [tmp_path / "out", write_bag(tmp_path / "room")] if program in (EXPLORE, MAP) else []
-    done = subprocess.run(
-        [sys.executable, "-c", program + SIMULATORS, *words], capture_output=True, text=True, check=True
-    )
+def test_a_real_robots_programs_import_no_simulator(tmp_path: Path) -> None:
+    folders = [tmp_path / "explored", tmp_path / "mapped"]
+    words = [*folders, write_bag(tmp_path / "room")]
+    done = subprocess.run([sys.executable, "-c", PROGRAM, *words], capture_output=True, text=True, check=True)
     assert done.stdout.splitlines()[-1] == "imported: []"
-    assert (tmp_path / "out" / "report.html").exists() == bool(words)
+    assert all((folder / "report.html").exists() for folder in folders)

@@ -18,7 +18,7 @@ from tests.pipeline.robot_model import PIONEER
 coordinates = st.floats(-3, 3)
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=12, deadline=None)
 @given(st.lists(st.tuples(coordinates, coordinates), min_size=1, max_size=4), st.floats(-np.pi, np.pi))
 def test_it_reaches_its_way_points_and_its_heading(way_points, heading):
     robot = KinematicRobot()

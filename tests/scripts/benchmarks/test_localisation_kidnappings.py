@@ -4,14 +4,18 @@ from collections import Counter
 
 from sarsim.scripts.benchmarks.localisation_kidnappings import OUTCOMES, kidnap
 from sarsim.settings import EpisodeConfig
+from tests.sarsim.rooms import HOUSE
 
 
 def test_every_time_something_comes_of_it_and_the_map_is_made_once(tmp_path):
-    config = EpisodeConfig(labels="truth", detector=None, steps=4)
-    counts = kidnap(config, 1, tmp_path)
+    arena = tmp_path / "arena.xml"
+    arena.write_text(HOUSE)
+    config = EpisodeConfig(arena=str(arena), labels="truth", detector=None, steps=3)
+    folder = tmp_path / "episode"
+    counts = kidnap(config, 1, folder)
     assert set(counts) == set(OUTCOMES)
     assert counts.total() == 1
     assert counts["wrong"] == 0
-    made = (tmp_path / "keyframes.npz").stat().st_mtime_ns
-    assert kidnap(config, 1, tmp_path) == Counter(counts)
-    assert (tmp_path / "keyframes.npz").stat().st_mtime_ns == made
+    made = (folder / "keyframes.npz").stat().st_mtime_ns
+    assert kidnap(config, 1, folder) == Counter(counts)
+    assert (folder / "keyframes.npz").stat().st_mtime_ns == made

@@ -1,5 +1,6 @@
 """What holds for every test."""
 
+import gc
 import os
 import signal
 from pathlib import Path
@@ -10,6 +11,7 @@ from hypothesis import settings
 # Tests run in as many processes as there are cores, so each process is to use one. Set before anything reads it.
 for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS"):
     os.environ.setdefault(name, "1")
+os.environ.setdefault("LP_NUM_THREADS", "0")  # Mesa's software renderer: in the thread that draws
 
 # MuJoCo reads it when it is first imported, which a test may do before sarsim.
 os.environ.setdefault("MUJOCO_GL", "egl")
@@ -20,6 +22,12 @@ signal.signal(signal.SIGINT, signal.default_int_handler)
 # Compiled functions are slow the first time, and a failure must come back when the tests are run again.
 settings.register_profile("sarsim", deadline=None, derandomize=True)
 settings.load_profile("sarsim")
+
+
+def pytest_collection_finish() -> None:
+    """Keep what was imported out of every later garbage collection, which would look through all of it in vain."""
+    gc.collect()
+    gc.freeze()
 
 
 @pytest.fixture(scope="session")

@@ -27,7 +27,7 @@ def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     build = "from setuptools import build_meta; build_meta.build_sdist('dist')"
     subprocess.run([sys.executable, "-c", build], cwd=copy, check=True, stdout=subprocess.DEVNULL)
     pip("wheel", "--no-build-isolation", "--wheel-dir", wheels, *(copy / "dist").iterdir())
-    pip("install", "--target", target, *wheels.iterdir())
+    pip("install", "--no-compile", "--target", target, *wheels.iterdir())
     return target
 
 

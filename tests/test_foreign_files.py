@@ -62,7 +62,7 @@ from tests.pipeline.semantic_map.networks.small_network import network
 from tests.sarsim.dataset.small import toys
 
 KINDS = 12  # of what is mutated: the tests that draw
-COUNT = ceil(int(os.environ.get("SARSIM_MUTATIONS", "100")) / KINDS)
+COUNT = ceil(int(os.environ.get("SARSIM_MUTATIONS", "60")) / KINDS)
 ODD = [
     0,
     -1,

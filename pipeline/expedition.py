@@ -155,6 +155,19 @@ class _Clock(Observer):
             raise TimeIsUpError
 
 
+def why_ended(explorer: Explorer, step: Step) -> str:
+    """Why exploring ends with a step; if it has a viewpoint, only an interruption can end it there."""
+    if step.viewpoint is not None:
+        return "interrupted"
+    if (deadline := explorer.mission.deadline) is not None and deadline.has_called:
+        return "time"
+    if explorer.is_held:
+        return "held"
+    if step.context.paths.start is None:
+        return "shut_in"
+    return "not_worth_it" if step.left else "nothing_left"
+
+
 class Expedition(ABC):
     """An explorer on a mission.
 
@@ -269,7 +282,7 @@ class Expedition(ABC):
             self._notice("carried", f"the robot {how} at {place_name(step.keyframe.T_map_base[:2, 3])}")
         self._log("INFO" if step.can_drive else "WARN", self._tell(step))
         if self._explores:
-            self.ended, self._left = self._why_ended(step), step.left
+            self.ended, self._left = why_ended(self.explorer, step), step.left
         was_waiting, self._waits = self._waits, step.plan is None
         if step.plan is None:
             # Closing a loop merges doubled walls, which may have cut off the area behind them.
@@ -293,18 +306,6 @@ class Expedition(ABC):
         for fault in faults[self._told_faults :]:
             self._log("WARN", fault.text)
         self._told_faults = len(faults)
-
-    def _why_ended(self, step: Step) -> str:
-        """Why exploring ends with a step; if it has a viewpoint, only an interruption can end it there."""
-        if step.viewpoint is not None:
-            return "interrupted"
-        if (deadline := self.explorer.mission.deadline) is not None and deadline.has_called:
-            return "time"
-        if self.explorer.is_held:
-            return "held"
-        if step.context.paths.start is None:
-            return "shut_in"
-        return "not_worth_it" if step.left else "nothing_left"
 
     def _log(self, level: Level, line: str) -> None:
         self.results.recorder.log_message(level, line)

@@ -1,6 +1,6 @@
 """The whole pipeline (thesis, chapter 3): sense, map, decide where to go, plan, drive."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -125,6 +125,11 @@ class Explorer:
         for observer in self.observers:
             observer.on_step(self, step)
         return step
+
+    def redirect(self, step: Step, viewpoint: Viewpoint) -> Step:
+        """The step, with a viewpoint that was chosen from outside and a plan that leads there, if a way does."""
+        self.mission.exploration.commit(viewpoint, step.context)
+        return replace(step, viewpoint=viewpoint, plan=self._plan(viewpoint, step.context))
 
     def drive(self, step: Step) -> bool:
         """Follow the plan of a step and turn to the viewpoint's heading; True if the robot got there.

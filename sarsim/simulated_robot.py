@@ -88,11 +88,9 @@ class SimulatedRobot:
 
     def __init__(self, arena: RescueArena, config: SimulationConfig, seed: int):
         """Set the robot down at the arena's start; InputError if it cannot stand there."""
-        sensor_seed, odometry_seed, thermal_seed = np.random.SeedSequence(seed).spawn(3)
         self.config = config
         lighting = Lighting[config.lighting]
         self._conditions = Conditions(SENSORS[config.sensor], lighting, Air(config.dust))
-        self._sensor_rng, self._thermal_rng = np.random.default_rng(sensor_seed), np.random.default_rng(thermal_seed)
         self._environment = RescueEnvironment(arena, config.robot)
         self.robot = self._environment.robot
         speed = min(config.speed or self.robot.model.speed, self.robot.drive.top_speed)
@@ -101,18 +99,26 @@ class SimulatedRobot:
         set_lighting(self.physics, self.robot, lighting)
         self.renderer = Renderer(self.physics.model.ptr)
         self._camera = RgbdCamera(self.renderer, self.robot.camera.full_identifier)
-        model, data = self.physics.model.ptr, self.physics.data.ptr
-        things = things_of(model, data)
-        self._thermal = ThermalCamera(temperatures(model, things))
-        radius, rng = self.robot.drive.wheel_radius, np.random.default_rng(odometry_seed)
-        self._odometry = WheelOdometry(rng, radius, config.tyre_error)
+        things = things_of(self.physics.model.ptr, self.physics.data.ptr)
+        self._thermal = ThermalCamera(temperatures(self.physics.model.ptr, things))
+        self._living = [thing.geoms for thing in things if thing.is_warm]
         self.T_world_start = arena.T_world_start
         # Upright also where the robot stands on a slope, whose tilt the odometry measures.
         x, y, z = self.T_world_start[:3, 3]
         self._T_world_odom = from_yaw(x, y, z, yaw_of(self.T_world_start))
-        self.collisions = CollisionCounter(
-            model, self._camera.base_body, [thing.geoms for thing in things if thing.is_warm]
-        )
+        self._begin(seed)
+
+    def reset(self, seed: int) -> None:
+        """Set the robot down at the start again, as a new one with this seed would be."""
+        self._environment.reset()
+        self._begin(seed)
+
+    def _begin(self, seed: int) -> None:
+        sensor_seed, odometry_seed, thermal_seed = np.random.SeedSequence(seed).spawn(3)
+        self._sensor_rng, self._thermal_rng = np.random.default_rng(sensor_seed), np.random.default_rng(thermal_seed)
+        radius, rng = self.robot.drive.wheel_radius, np.random.default_rng(odometry_seed)
+        self._odometry = WheelOdometry(rng, radius, self.config.tyre_error)
+        self.collisions = CollisionCounter(self.physics.model.ptr, self.base_body, self._living)
         self.true_frame: TrueFrame | None = None
         self.trajectory: list[Pose] = []
         self._settle()

@@ -1,6 +1,6 @@
 """Frontier exploration on the metric map: the next best view."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Protocol
 
 import numpy as np
@@ -125,11 +125,26 @@ class Exploration:
 
     def left(self, context: Context) -> list[Viewpoint]:
         """The viewpoints that would show what is left, each what those before it do not, whatever they cost."""
+        return self._in_turn(context, lambda: self._best_viewpoint(context, falls=True))
+
+    def offers(self, context: Context, first: Viewpoint, most: int) -> list[Viewpoint]:
+        """``first`` and up to ``most`` in all that are worth the drive, each for what those before it do not show."""
+        return self._in_turn(context, lambda: self.next_viewpoint(context), first, most)
+
+    def _in_turn(
+        self,
+        context: Context,
+        best: Callable[[], Viewpoint | None],
+        first: Viewpoint | None = None,
+        most: int | None = None,
+    ) -> list[Viewpoint]:
+        """``first`` and what ``best`` then names without rewards, until nothing is left that they do not show."""
         found, target = list[Viewpoint](), self._layers["target"]
         rewards, self.rewards = self.rewards, None
-        while viewpoint := self._best_viewpoint(context, falls=True):
+        while len(found) != most and (viewpoint := first or best()):
             found.append(viewpoint)
             self._layers.write("target", self._layers["target"] & ~self._in_view(viewpoint, context))
+            first = None
         self._layers.write("target", target)
         self.rewards = rewards
         return found

@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 from pipeline.explorer import Explorer, Observer, Step
 from pipeline.frame import Frame
 from pipeline.mapper import Keyframe
-from pipeline.navigation.navigator import Outcome
 from pipeline.transforms import yaw_of
 from sarsim.ground_truth.faces import true_faces
 from sarsim.ground_truth.meshes import true_scene
 from sarsim.scoring.coverage import Coverage
 from sarsim.scoring.fiducials import FiducialScore
 from sarsim.scoring.finds import FindScore
+from sarsim.scoring.navigation import navigation_figures
 from sarsim.scoring.oracle import Oracle, true_traversability
 from sarsim.scoring.progress import MOST, progress_figures
 from sarsim.scoring.segments import SegmentScore
@@ -23,7 +23,7 @@ from sarsim.scoring.semantics import KeyframeTruth, compared
 from sarsim.scoring.sight import Sight
 from sarsim.scoring.topology import score_topology
 from sarsim.scoring.topology_kernels import way_lengths
-from sarsim.scoring.trajectory import TrajectoryScore, driven, motion_figures, ways_driven
+from sarsim.scoring.trajectory import TrajectoryScore, driven, ways_driven
 from sarsim.scoring.victims import VictimScore
 from sarsim.scoring.voxels import VoxelScore
 from sarsim.simulated_robot import SimulatedRobot, TrueFrame
@@ -135,7 +135,7 @@ class EpisodeScore(Observer):
             "segments": self._segments.report(explorer.mapper.segments),
             "topological_map": score_topology(explorer.mapper.topological_map, self.surface),
             "path_plan": self._path_plan(),
-            "navigation": self._navigation(),
+            "navigation": navigation_figures(explorer.navigator, self._robot, self._kidnaps),
             "exploration": self._exploration(),
             "localisation": self.trajectory.report()
             | {"relocalised": explorer.keyframing.pose_check.relocalised}
@@ -202,15 +202,3 @@ class EpisodeScore(Observer):
         ratios = np.array([r for r in self._cost_ratios if np.isfinite(r)])
         cost = {"median": float(np.median(ratios)), "max": float(ratios.max())} if len(ratios) else {}
         return {"plans": len(self._cost_ratios), "cost_vs_grid": cost}
-
-    def _navigation(self) -> dict[str, Any]:
-        legs = self._explorer.navigator.legs
-        return {
-            "legs": len(legs),
-            "reached": sum(leg.outcome is Outcome.REACHED for leg in legs),
-            "kidnapped": self._kidnaps,
-            "stuck": sum(leg.outcome is Outcome.STUCK for leg in legs),
-            "recovered": self._explorer.navigator.recovered,
-            "collisions": self._robot.collisions.collisions,
-            **motion_figures(self._robot.trajectory),
-        }

@@ -3,4 +3,5 @@
 import gymnasium
 
 gymnasium.register("sarsim/Explore2D-v0", entry_point="sarsim.tasks.explore_2d:Explore2D")
+gymnasium.register("sarsim/Explore-v0", entry_point="sarsim.tasks.explore:Explore")
 gymnasium.register("sarsim/Drive-v0", entry_point="sarsim.tasks.drive:Drive")

@@ -5,27 +5,28 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any, Literal
 
-import gymnasium
 import numpy as np
-from gymnasium import spaces
-from gymnasium.vector import AutoresetMode
 from numpy.typing import NDArray
 
 from pipeline.errors import InputError
 from pipeline.labels import Label
 from pipeline.transforms import wrap_angle
 from sarsim.tasks import grid_kernels as kernels
+from sarsim.tasks.exploration_task import (
+    LOCAL_SIDE,
+    VIEWPOINTS,
+    Action,
+    ExplorationTask,
+    Maps,
+    action_mask,
+    observation,
+    wanted_pose,
+)
 from sarsim.tasks.grid_explorers import Sights
 from sarsim.tasks.grid_scenes import DRAWINGS, GridScene, draw_scene, dungeon_files, read_dungeon, read_ros_scene
 from sarsim.tasks.grid_world import RULES, GridWorld, route
 from sarsim.tasks.settings import RewardWeights
 
-LOCAL_SIDE = 64
-"""Rows and columns of the local maps."""
-VIEWPOINTS = 32
-"""Number of viewpoints to choose from."""
-FARTHEST_COORDINATE = 10_000.0
-"""m; poses are cut off here."""
 SIZES = {"camera": ((120, 160), 10, 0.1), "papers": ((480, 640), 20, 1.0)}
 """Rows and columns, width of corridors in cells, and m of a cell, of the maps that are drawn."""
 LABEL_OF = np.array([Label.UNLABELLED, Label.TERRAIN, Label.WALL], np.uint8)
@@ -34,31 +35,15 @@ ROBOT_COLOUR = (220, 40, 40)
 
 DEFAULT_WEIGHTS = RewardWeights()
 
-Action = int | np.integer[Any] | NDArray[np.float32]
-Maps = dict[str, NDArray[Any]]
 
+class Explore2D(ExplorationTask):
+    """Explore a 2D map; actions and observations are those of :class:`ExplorationTask`.
 
-class Explore2D(gymnasium.Env[Any, Any]):
-    """Explore a 2D map.
-
-    An action is the number of a viewpoint in the observation (``action="viewpoint"``; a number past the last counts
-    from the first again), or x, y and heading (``action="pose"``), each in [-1, 1]: a place in the local map, with x
-    along its columns, and half turns. The robot goes to the nearest place that it can reach, sees at every node on
-    the way, and turns to the heading.
-
-    An observation has the local maps ``elevation`` in m, ``label`` and ``seen`` (64, 64), the robot in the middle and
-    rows along y; ``pose``: x, y in m from the start, cosine and sine of the heading; ``viewpoints`` (32, 4): x, y and
-    length of the way in ranges of the sensor from the robot, and the share of the frontiers that it sees, nearest
-    first, zeros where there are no more; ``frontiers``: their number.
+    The robot sees at every node on the way to a viewpoint; a viewpoint's share of what is left is that of the
+    frontiers that it sees.
 
     An episode terminates when the map is explored or nothing is left to see, and is truncated after the rules' moves.
     """
-
-    metadata: dict[str, Any] = {  # noqa: RUF012 - as the base class declares it
-        "render_modes": ["rgb_array"],
-        "render_fps": 10,
-        "autoreset_mode": AutoresetMode.NEXT_STEP,
-    }
 
     def __init__(
         self,
@@ -88,14 +73,10 @@ class Explore2D(gymnasium.Env[Any, Any]):
         for name, value, known in (("rules", self._name, RULES), ("split", split, DRAWINGS)):
             if value not in known:
                 raise InputError(f"{name} {value!r}: not one of {', '.join(known)}")
-        if action not in ("viewpoint", "pose"):
-            raise InputError(f"action {action!r}: neither viewpoint nor pose")
-        self._rules, self._split, self._by_pose = RULES[self._name], split, action == "pose"
+        super().__init__(action, render_mode)
+        self._rules, self._split = RULES[self._name], split
         self._weights = weights if isinstance(weights, RewardWeights) else RewardWeights(**weights)
         self._stride = -(-2 * self._rules.reach // LOCAL_SIDE)
-        self.render_mode = render_mode
-        self.action_space = spaces.Box(-1.0, 1.0, (3,), np.float32) if self._by_pose else spaces.Discrete(VIEWPOINTS)
-        self.observation_space = observation_space()
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Maps, dict[str, Any]]:
         """Set the robot down in the next map, and look all around.
@@ -110,6 +91,7 @@ class Explore2D(gymnasium.Env[Any, Any]):
 
     def step(self, action: Action) -> tuple[Maps, float, bool, bool, dict[str, Any]]:
         """Go to a viewpoint; see the class."""
+        self.check_open()
         before, seconds = self.world.known_free, self.world.seconds
         node, heading = self._target(action)
         for stop in route(self._sights.before, self.world.here, node):
@@ -156,11 +138,11 @@ class Explore2D(gymnasium.Env[Any, Any]):
     def _target(self, action: Action) -> tuple[int, float | None]:
         """The node to go to and the heading there, rad."""
         world, sights = self.world, self._sights
-        if self._by_pose:
-            x, y, turn = np.clip(np.asarray(action, np.float64), -1, 1).tolist()
-            place = world.nodes[world.here] + np.array([y, x]) * LOCAL_SIDE * self._stride / 2
+        if self.by_pose:
+            away, heading = wanted_pose(action)
+            place = world.nodes[world.here] + away[::-1] * LOCAL_SIDE * self._stride / 2
             nodes = np.append(np.flatnonzero(sights.before >= 0), world.here)
-            return int(nodes[np.linalg.norm(world.nodes[nodes] - place, axis=1).argmin()]), turn * np.pi
+            return int(nodes[np.linalg.norm(world.nodes[nodes] - place, axis=1).argmin()]), heading
         if not len(self._rows):
             return world.here, None
         row = int(self._rows[int(action) % len(self._rows)])
@@ -172,21 +154,16 @@ class Explore2D(gymnasium.Env[Any, Any]):
     def _observation(self) -> Maps:
         world, reach = self.world, self._rules.reach
         known = kernels.local_map(world.belief, *world.nodes[world.here], LOCAL_SIDE, self._stride)
-        viewpoints = np.zeros((VIEWPOINTS, 4), np.float32)
         nodes, ways = self._sights.nodes[self._rows], self._sights.ways[self._rows]
         away = (world.nodes[nodes] - world.nodes[world.here])[:, ::-1] / reach
-        rows = np.column_stack([away, ways / reach, self._shares])
-        viewpoints[: len(rows)] = np.clip(rows, -FARTHEST_COORDINATE, FARTHEST_COORDINATE)
-        x, y = (world.nodes[world.here] - world.scene.start)[::-1] * world.scene.cell
-        pose = np.array([x, y, np.cos(world.heading), np.sin(world.heading)], np.float32)
-        return {
+        maps = {
             "elevation": np.zeros((LOCAL_SIDE, LOCAL_SIDE), np.float32),
             "label": LABEL_OF[known],
             "seen": (known != kernels.IS_UNKNOWN).astype(np.uint8),
-            "pose": np.clip(pose, -FARTHEST_COORDINATE, FARTHEST_COORDINATE),
-            "viewpoints": viewpoints,
-            "frontiers": np.array([min(len(self._sights.frontiers), FARTHEST_COORDINATE)], np.float32),
         }
+        rows = np.column_stack([away, ways / reach, self._shares])
+        place = (world.nodes[world.here] - world.scene.start)[::-1] * world.scene.cell
+        return observation(maps, place, world.heading, rows, len(self._sights.frontiers))
 
     def _info(self) -> dict[str, Any]:
         """Keys as in report.json, and which numbers of viewpoints mean one."""
@@ -196,24 +173,8 @@ class Explore2D(gymnasium.Env[Any, Any]):
         info["navigation.distance_m"] = world.way * world.scene.cell
         info["exploration.explored_fraction"] = world.explored_fraction
         info["exploration.frontiers_left"] = len(self._sights.frontiers)
-        info["action_mask"] = (np.arange(VIEWPOINTS) < max(len(self._rows), 1)).astype(np.int8)
+        info["action_mask"] = action_mask(len(self._rows))
         return info
-
-
-def observation_space() -> spaces.Dict:
-    """The space of the observations; see :class:`Explore2D`."""
-    far = FARTHEST_COORDINATE
-    low, high = np.array([-far, -far, -1, -1], np.float32), np.array([far, far, 1, 1], np.float32)
-    return spaces.Dict(
-        {
-            "elevation": spaces.Box(-far, far, (LOCAL_SIDE, LOCAL_SIDE), np.float32),
-            "label": spaces.Box(0, max(Label), (LOCAL_SIDE, LOCAL_SIDE), np.uint8),
-            "seen": spaces.Box(0, 1, (LOCAL_SIDE, LOCAL_SIDE), np.uint8),
-            "pose": spaces.Box(low, high, dtype=np.float32),
-            "viewpoints": spaces.Box(-far, far, (VIEWPOINTS, 4), np.float32),
-            "frontiers": spaces.Box(0, far, (1,), np.float32),
-        }
-    )
 
 
 def best_heading(bearings: NDArray[np.float64], field_of_view: float) -> float:

@@ -17,6 +17,21 @@ class RewardWeights:
 
 
 @dataclass(frozen=True)
+class ExploreWeights(RewardWeights):
+    """What an agent that explores in MuJoCo is rewarded for besides.
+
+    Attributes:
+        finds: per person or thing to find.
+        contact: per contact with a wall, clutter or a victim.
+        tipping: for tipping over.
+    """
+
+    finds: float = 10.0
+    contact: float = -1.0
+    tipping: float = -10.0
+
+
+@dataclass(frozen=True)
 class DriveWeights:
     """What a driving agent is rewarded for; a reward is the sum of these times what a step brought.
 

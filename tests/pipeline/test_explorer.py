@@ -116,3 +116,12 @@ def test_goals_come_before_views_and_views_only_as_long_as_goals_are_out_of_reac
     assert explorer.step().viewpoint is None
     explorer.mission.may_explore, explorer.mission.goals = True, Goals([])
     assert explorer.step().viewpoint is None
+
+
+def test_a_step_can_be_redirected_to_a_viewpoint_from_outside(explorer):
+    step = explorer.step()
+    other = Viewpoint(np.array([1.2, 0.0]), 0.0, True, 0.0)
+    redirected = explorer.redirect(step, other)
+    assert redirected.viewpoint is other and redirected.keyframe is step.keyframe
+    np.testing.assert_allclose(redirected.plan.way_points[-1, :2], other.position, atol=0.05)
+    assert explorer.redirect(step, replace(other, position=np.array([50.0, 0.0]))).plan is None

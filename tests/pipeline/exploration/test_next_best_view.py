@@ -281,6 +281,18 @@ def test_what_is_left_is_told_each_patch_once_and_stays_to_be_looked_for():
     assert exploration.next_viewpoint(here) is not None
 
 
+def test_what_is_offered_begins_with_the_best_and_is_worth_the_drive():
+    world = surface_of(ground_points(flat, (-4, 2), (-1, 1)), *(wall_points((-4, y), (2, y)) for y in (-1, 1)))
+    exploration, here = Exploration(PIONEER), context(world, from_yaw(0.5, 0, 0, np.pi / 2))
+    exploration.observe(here)
+    best = exploration.next_viewpoint(here)
+    offered = exploration.offers(here, best, 32)
+    assert offered[0] is best and exploration.offers(here, best, 2)[1].gain == offered[1].gain
+    assert {np.sign(np.cos(viewpoint.heading)) for viewpoint in offered} == {-1, 1}  # both ends
+    assert all(viewpoint.gain >= exploration.needed(viewpoint.seconds) for viewpoint in offered)
+    assert exploration.next_viewpoint(here).gain == best.gain  # nothing was changed
+
+
 def test_what_a_drive_that_failed_on_its_way_should_have_shown_is_not_missed():
     world = surface_of(ground_points(flat, (-6, 2), (-1, 1)), *(wall_points((-6, y), (2, y)) for y in (-1, 1)))
     exploration = Exploration(PIONEER)

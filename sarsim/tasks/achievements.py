@@ -1,0 +1,83 @@
+"""What an exploration has brought so far, by ground truth."""
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.explorer import Explorer, Observer, Step
+from pipeline.finds.find import HEAT
+from pipeline.mapper import Keyframe
+from sarsim.scoring.coverage import Coverage
+from sarsim.scoring.finds import FindScore
+from sarsim.scoring.navigation import navigation_figures
+from sarsim.scoring.trajectory import TIPPED
+from sarsim.scoring.victims import VictimScore
+from sarsim.simulated_robot import SimulatedRobot
+
+IN_VIEW = ("present", "visible")
+"""Figures of people and things that need no detector."""
+
+
+class Achievements(Observer):
+    """Counts what an explorer sees, finds and does."""
+
+    def __init__(self, robot: SimulatedRobot, explorer: Explorer):
+        """``explorer``: that drives ``robot``, which stands at its start."""
+        model, data = robot.physics.model.ptr, robot.physics.data.ptr
+        self._robot, self._explorer, self._coverage = robot, explorer, Coverage(robot)
+        self._victims, self._finds = VictimScore(model, data), FindScore(model, data, np.zeros((0, 3)))
+        self._start, self._kidnaps, self._frontiers, self._has_thermal = robot.time, 0, 0, False
+
+    def on_keyframe(self, keyframe: Keyframe) -> None:
+        """Count what a keyframe shows."""
+        truth = self._robot.true_frame
+        assert truth is not None
+        self._coverage.see(truth.points())
+        self._victims.add(truth.image)
+        self._finds.add(truth.image)
+        self._has_thermal |= keyframe.frame.thermal is not None
+
+    def on_step(self, explorer: Explorer, step: Step) -> None:
+        """Count what a step has noticed."""
+        self._kidnaps += step.was_kidnapped
+        self._frontiers = len(step.frontiers)
+
+    @property
+    def seconds(self) -> float:
+        """Since the start."""
+        return self._robot.time - self._start
+
+    @property
+    def totals(self) -> NDArray[np.float64]:
+        """(4,) m² of drivable ground seen, s, people and things found, contacts.
+
+        Without a detector, people and things count that came into view.
+        """
+        surface = self._coverage.surface
+        ground = (self._coverage.seen & surface.drivable).sum() * surface.grid.cell**2
+        wanted = "found" if self._explorer.mapper.detector else "visible"
+        finds = sum(stage[wanted] for name, stage in self._found().items() if not name.endswith(HEAT))
+        return np.array([ground, self.seconds, finds, self._robot.collisions.collisions], np.float64)
+
+    @property
+    def is_tipped(self) -> bool:
+        """Whether the robot lies on its side or back."""
+        return bool(self._robot.trajectory[-1].T_world_base[2, 2] < np.cos(TIPPED))
+
+    def figures(self) -> dict[str, Any]:
+        """Figures by their keys in report.json; those that there are none of are missing."""
+        navigation = navigation_figures(self._explorer.navigator, self._robot, self._kidnaps)
+        seen = {"explored_fraction": self._coverage.fraction, "frontiers_left": self._frontiers}
+        stages = {"navigation": navigation, "exploration": seen, **self._found()}
+        named = {f"{stage}.{name}": value for stage, all in stages.items() for name, value in all.items()}
+        return {name: value for name, value in named.items() if value is not None}
+
+    def _found(self) -> dict[str, dict[str, Any]]:
+        mapper = self._explorer.mapper
+        positions = np.array([victim.position for victim in mapper.victims.confirmed]).reshape(-1, 3)
+        things = self._finds.report(mapper.finds.confirmed, self._has_thermal)
+        found = {"victims": self._victims.report(positions), **{f"finds.{kind}": all for kind, all in things.items()}}
+        if mapper.detector:
+            return found
+        return {stage: {name: all[name] for name in IN_VIEW} for stage, all in found.items()}

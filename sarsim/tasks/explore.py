@@ -1,0 +1,227 @@
+"""``sarsim/Explore-v0``: explore an arena in MuJoCo, viewpoint by viewpoint, with the robot's own software."""
+
+from collections.abc import Mapping
+from typing import Any, Literal
+
+import numpy as np
+from dm_control.rl.control import PhysicsError
+from numpy.typing import NDArray
+
+from pipeline.errors import InputError
+from pipeline.expedition import why_ended
+from pipeline.exploration.next_best_view import KEYFRAME_TIME, Exploration
+from pipeline.exploration.viewpoint import Viewpoint
+from pipeline.explorer import Explorer, Step
+from pipeline.localisation.localisation import LostError
+from pipeline.mapper import Mapper
+from pipeline.robot import RobotModel
+from pipeline.transforms import yaw_of
+from sarsim.arenas.load import load_arena
+from sarsim.methods.make import make_localisation
+from sarsim.methods.perception import make_perception, make_readers
+from sarsim.settings import DETECTOR, Labels, Odometry, PerceptionConfig
+from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
+from sarsim.tasks.achievements import Achievements
+from sarsim.tasks.exploration_task import (
+    LOCAL_SIDE,
+    VIEWPOINTS,
+    Action,
+    ExplorationTask,
+    Maps,
+    action_mask,
+    observation,
+    wanted_pose,
+)
+from sarsim.tasks.settings import ExploreWeights
+from sarsim.tasks.surroundings import LOCAL_CELL, local_maps, picture
+
+MOST_SEEDS = 1_000_000
+"""Number of seeds, and of random arenas, to draw from."""
+DEFAULT_EXPLORE = ExploreWeights()
+
+
+class Explore(ExplorationTask):
+    """Explore an arena; actions and observations are those of :class:`ExplorationTask`.
+
+    The viewpoints are those that the robot's own explorer finds worth the drive, each for what others do not show;
+    their share of what is left is that of the ground that they should show. Ways are as long as the robot drives at
+    its speed in the time that they should take. In a step the robot drives to the viewpoint with its own navigator
+    and maps.
+
+    An episode terminates when no viewpoint is left that is worth the drive, as when an expedition ends, and when the
+    robot tips over or does not know where it is; it is truncated after ``steps``.
+
+    Attributes:
+        explorer: the robot's software; None before the first reset.
+    """
+
+    def __init__(
+        self,
+        arena: str = "nist_6x4",
+        *,
+        robot: str = "pioneer3at",
+        labels: Labels = "truth",
+        detects: bool = False,
+        odometry: Odometry = "wheel",
+        action: Literal["viewpoint", "pose"] = "viewpoint",
+        steps: int = 160,
+        weights: ExploreWeights | Mapping[str, float] = DEFAULT_EXPLORE,
+        render_mode: str | None = None,
+    ):
+        """Choose arena, robot and software.
+
+        Args:
+            arena: as in run_episode.py; ``random``: another random arena each episode.
+            robot: as in run_episode.py.
+            labels: as in run_episode.py; the simulator's, the default, need no network.
+            detects: whether the robot looks for people and things with its networks: then those count that it finds,
+                else those that come into view.
+            odometry: as in run_episode.py.
+            action: what an action is.
+            steps: after which an episode is cut off.
+            weights: of the reward.
+            render_mode: rgb_array, or None.
+
+        Raises:
+            InputError: a setting is wrong.
+        """
+        super().__init__(action, render_mode)
+        if steps < 1:
+            raise InputError(f"steps {steps}: at least 1")
+        self._arena, self._most_steps = arena, steps
+        self._simulation = SimulationConfig(odometry, robot=robot)
+        self._perception = PerceptionConfig(labels=labels, detector=DETECTOR if detects else None)
+        self._weights = weights if isinstance(weights, ExploreWeights) else ExploreWeights(**weights)
+        self.explorer: Explorer | None = None
+        self._robot: SimulatedRobot | None = None
+        self._begun: dict[str, Any] = {}
+
+    def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Maps, dict[str, Any]]:
+        """Set the robot down in a new episode, and take the first keyframe.
+
+        ``options["arena"]`` and ``options["seed"]`` are as in run_episode.py; by default the task's arena, and a seed
+        drawn by chance. InputError if the task was closed.
+        """
+        super().reset(seed=seed)
+        drawn: dict[str, Any] = {
+            "arena": f"random:{self.np_random.integers(MOST_SEEDS)}" if self._arena == "random" else self._arena,
+            "seed": int(self.np_random.integers(MOST_SEEDS)),
+        }
+        self._begun, earlier = drawn | (options or {}), self._begun
+        if self._robot is not None and self._begun["arena"] == earlier["arena"]:
+            self._robot.reset(self._begun["seed"])
+        else:
+            self._free()
+            self._robot = SimulatedRobot(load_arena(self._begun["arena"]), self._simulation, self._begun["seed"])
+        self._strategy = Exploration(self._robot.model)
+        self.explorer = Explorer(self._robot, self._mapper(self._robot.model), self._strategy)
+        self._achieved = Achievements(self._robot, self.explorer)
+        self.explorer.observers.append(self._achieved)
+        self._steps, self._ended = 0, ""
+        self._look()
+        return self._observation(), self._info()
+
+    def _mapper(self, model: RobotModel) -> Mapper:
+        classifier, detector = make_perception(self._perception)
+        localisation = make_localisation("slam", model, self._simulation.odometry == "truth")
+        about = {"seed": self._begun["seed"], "localisation": localisation, "readers": make_readers(self._perception)}
+        return Mapper(model, classifier, detector, **about)
+
+    def step(self, action: Action) -> tuple[Maps, float, bool, bool, dict[str, Any]]:
+        """Drive to a viewpoint and take a keyframe; see the class."""
+        self.check_open()
+        if self.explorer is None:
+            raise InputError("the task was not reset yet")
+        before = self._achieved.totals
+        self._steps += 1
+        is_tipped = self._drive(action)
+        ground, seconds, finds, contacts = self._achieved.totals - before
+        w = self._weights
+        reward = w.ground * ground + w.time * seconds + w.finds * finds + w.contact * contacts + w.tipping * is_tipped
+        is_over = is_tipped or bool(self._ended)
+        is_cut = not is_over and self._steps >= self._most_steps
+        info = self._info() | ({"navigation.tipped": 1} if is_tipped else {})
+        return self._observation(), float(reward), is_over, is_cut, info
+
+    def render(self) -> NDArray[np.uint8] | None:
+        """(480, 1120, 3) the camera's newest image, and the classes around the robot, seen from above."""
+        if self.render_mode is None or self.explorer is None:
+            return None
+        return picture(self._seen.keyframe.frame.rgb, self._maps)
+
+    def close(self) -> None:
+        """Free the physics."""
+        super().close()
+        self._free()
+
+    def _free(self) -> None:
+        if self._robot is not None:
+            self._robot.close()
+        self._robot = self.explorer = None
+
+    def _drive(self, action: Action) -> bool:
+        """Drive to a viewpoint and look there; whether the robot tipped over, or its physics failed."""
+        assert self.explorer is not None and self._robot is not None
+        viewpoint = self._chosen(action)
+        try:
+            if viewpoint is not None:
+                self.explorer.drive(self.explorer.redirect(self._seen, viewpoint))
+            if self._achieved.is_tipped:
+                return True
+            self._look()
+        except LostError:
+            self._ended = "lost"
+        except PhysicsError:
+            return True
+        return self._achieved.is_tipped
+
+    def _look(self) -> None:
+        """Make a step of the explorer, and another one if its map was corrected where it found nothing."""
+        assert self.explorer is not None
+        step = self.explorer.step()
+        if step.viewpoint is None and self.explorer.settle():
+            step = self.explorer.step()
+        self._seen: Step = step
+        offered = self._strategy.offers(step.context, step.viewpoint, VIEWPOINTS) if step.viewpoint else []
+        self._offered = sorted(offered, key=lambda viewpoint: viewpoint.seconds)
+        self._ended = "" if offered else why_ended(self.explorer, step)
+        self._maps = local_maps(self.explorer.mapper, step.keyframe.T_map_base)
+
+    def _chosen(self, action: Action) -> Viewpoint | None:
+        """Where an action sends the robot; None if it cannot drive."""
+        if not self.by_pose:
+            return self._offered[int(action) % len(self._offered)] if self._offered else None
+        context = self._seen.context
+        away, heading = wanted_pose(action)
+        ground = context.traversability
+        places = ground.grid.centre_of(np.argwhere(ground.turnable & context.paths.reachable))
+        if not len(places):
+            return None
+        wanted = context.T_map_base[:2, 3] + away * LOCAL_SIDE * LOCAL_CELL / 2
+        place = places[np.linalg.norm(places - wanted, axis=1).argmin()]
+        return Viewpoint(place, heading, turn=True, gain=0.0)
+
+    def _observation(self) -> Maps:
+        assert self.explorer is not None and self.explorer.T_map_start is not None
+        T, robot = self._seen.keyframe.T_map_base, self.explorer.robot.model
+        reach = self._seen.keyframe.frame.sensor.farthest
+        left = sum(viewpoint.gain for viewpoint in self._offered)
+        rows = [
+            (*(v.position - T[:2, 3]) / reach, (v.seconds - KEYFRAME_TIME) * robot.speed / reach, v.gain / left)
+            for v in self._offered
+        ]
+        place = T[:2, 3] - self.explorer.T_map_start[:2, 3]
+        return observation(self._maps, place, yaw_of(T), rows, len(self._seen.frontiers))
+
+    def _info(self) -> dict[str, Any]:
+        """Keys as in report.json, which numbers of viewpoints mean one, and which the robot itself would take."""
+        own = [n for n, viewpoint in enumerate(self._offered) if viewpoint is self._seen.viewpoint]
+        return {
+            **self._begun,
+            "steps": self._steps,
+            "sim_time_s": self._achieved.seconds,
+            **self._achieved.figures(),
+            **({"exploration.ended": self._ended} if self._ended else {}),
+            "action_mask": action_mask(len(self._offered)),
+            "own_choice": own[0] if own else 0,
+        }

@@ -7,6 +7,7 @@ from functools import partial
 from pathlib import Path
 
 from pipeline.files import make_folder
+from sarsim.dataset.croissant import describe_dataset
 from sarsim.dataset.engine import Engine, JobDone, JobFailed, JobLost, PartDone
 from sarsim.dataset.folder_lock import FolderLock
 from sarsim.dataset.manifest import FILE, SCENES, Manifest, SceneEntry, sha256_of
@@ -22,8 +23,8 @@ def generate(
 ) -> Manifest:
     """Make the first ``scenes`` scenes of a recipe; those that are already complete are kept.
 
-    The folder gets dataset.json, which is returned, the scenes' files and index.html. ``on_frames`` is called often,
-    with the number of frames made so far.
+    The folder gets dataset.json, which is returned, the scenes' files, index.html and croissant.json.
+    ``on_frames`` is called often, with the number of frames made so far.
 
     Raises:
         InputError: the recipe cannot be followed, the folder cannot be written, or it holds other files.
@@ -51,6 +52,7 @@ def generate(
                 manifest.write(folder)
             on_frames(sum(made.values()))
         write_summary(folder)
+        describe_dataset(folder, manifest)
         return manifest
 
 

@@ -17,6 +17,7 @@ from pipeline.errors import InputError
 from pipeline.files import check_folder
 from pipeline.frame import Frame, Intrinsics
 from pipeline.labels import COLOURS, Label
+from sarsim.dataset.croissant import describe_export
 from sarsim.dataset.folder import Dataset
 from sarsim.dataset.manifest import SceneEntry
 from sarsim.dataset.scene_file import Scene
@@ -51,6 +52,7 @@ class Export:
             layout, seed = cleandoc(str(type(self).__doc__)), dataset.recipe.get("seed")
             describe(folder, self.out.name, layout, cameras, len(dataset), dataset.generator, seed)
             self.finish(folder, dataset)
+            describe_export(folder, self.out.name, layout, dataset.generator)
 
     def add(self, folder: Path, entry: SceneEntry, scene: Scene) -> None:
         """Export one scene."""

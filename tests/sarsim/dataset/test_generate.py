@@ -41,7 +41,7 @@ def test_two_workers_make_the_same_bytes_as_this_process(tmp_path: Path, referen
     generate(RECIPE, SCENES, tmp_path / "data", LocalEngine(2), seen.append)
     assert files(tmp_path / "data") == reference
     assert seen[0] == 0 and seen[-1] == SCENES * RECIPE.frames
-    assert set(reference) == {"dataset.json", "index.html", *(scene_path(k) for k in range(SCENES))}
+    assert set(reference) == {"dataset.json", "index.html", "croissant.json", *(scene_path(k) for k in range(SCENES))}
 
 
 def test_a_worker_that_is_killed_costs_nothing_but_time(tmp_path: Path) -> None:

@@ -1,0 +1,129 @@
+"""``croissant.json``: a dataset or an export as Croissant 1.0 describes datasets, in JSON-LD.
+
+https://docs.mlcommons.org/croissant/docs/croissant-spec.html; ``url`` and ``datePublished`` are for who publishes it.
+"""
+
+import json
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from pipeline.files import whole_file
+from pipeline.labels import Label
+from sarsim.dataset.manifest import FILE, Manifest, sha256_of
+
+CROISSANT = "croissant.json"
+LICENSE_URL = "https://www.apache.org/licenses/LICENSE-2.0"
+FORMATS = {
+    ".json": "application/json",
+    ".csv": "text/csv",
+    ".txt": "text/plain",
+    ".yaml": "application/yaml",
+    ".md": "text/markdown",
+    ".h5": "application/x-hdf5",
+    ".jpg": "image/jpeg",
+    ".png": "image/png",
+}
+"""Media types by the suffixes of files; others are bytes."""
+OWN = "citeAs column conformsTo equivalentProperty extract field fileProperty fileObject fileSet format includes"
+OWN += " isLiveDataset jsonPath key md5 parentField path recordSet references regex repeated replace"
+OWN += " samplingRate separator source subField transform"
+"""Terms of Croissant itself."""
+CONTEXT: dict[str, Any] = {
+    "@language": "en",
+    "@vocab": "https://schema.org/",
+    **{term: f"cr:{term}" for term in OWN.split()},
+    "conformsTo": "dct:conformsTo",
+    "cr": "http://mlcommons.org/croissant/",
+    "rai": "http://mlcommons.org/croissant/RAI/",
+    "dct": "http://purl.org/dc/terms/",
+    "sc": "https://schema.org/",
+    "data": {"@id": "cr:data", "@type": "@json"},
+    "dataType": {"@id": "cr:dataType", "@type": "@vocab"},
+    "examples": {"@id": "cr:examples", "@type": "@json"},
+}
+
+
+def describe_dataset(folder: Path, manifest: Manifest) -> None:
+    """Write ``croissant.json`` into a dataset's folder: its files, its scenes and its labels.
+
+    Raises:
+        InputError: it cannot be written.
+    """
+    scenes = [manifest.scenes[index] for index in sorted(manifest.scenes)]
+    files = [_file(FILE, sha256_of(folder / FILE)), *(_file(scene.file, scene.sha256) for scene in scenes)]
+    columns = {"index": int, "file": str, "split": str, "frames": int, "arena": str, "lighting": str, "sha256": str}
+    scene_records = _records("scenes", columns, lambda column: _source(FILE, {"jsonPath": f"$.scenes[*].{column}"}))
+    # Inline, because readers take the paths in a JSON file for columns of one table.
+    label_records = _records("labels", {"id": int, "name": str}, lambda column: {}) | {
+        "data": [{"labels/id": int(label), "labels/name": label.name.lower()} for label in Label]
+    }
+    told = f"Labelled RGB-D scenes of simulated rescue arenas, HDF5, made by {manifest.generator}."
+    _write(folder, folder.name, told, manifest.generator, files, [scene_records, label_records])
+
+
+def describe_export(folder: Path, name: str, layout: str, generator: str) -> None:
+    """Write ``croissant.json`` into the folder of an export that is whole but for it: its files and its labels.
+
+    Raises:
+        InputError: it cannot be written.
+    """
+    top = sorted(path for path in folder.iterdir() if path.is_file())
+    below = sorted({path.suffix for path in folder.glob("*/**/*") if path.is_file()})
+    files = [_file(path.name, sha256_of(path)) for path in top]
+    sets = [_file_set(suffix) for suffix in below]
+    columns = {"id": int, "name": str, "red": int, "green": int, "blue": int}
+    told = f"{' '.join(layout.split())} Made by {generator}."
+    records = _records("labels", columns, lambda column: _source("labels.csv", {"column": column}))
+    _write(folder, name, told, generator, [*files, *sets], [records])
+
+
+def _write(
+    folder: Path,
+    name: str,
+    description: str,
+    generator: str,
+    files: Iterable[dict[str, Any]],
+    records: Iterable[dict[str, Any]],
+) -> None:
+    content = {
+        "@context": CONTEXT,
+        "@type": "sc:Dataset",
+        "conformsTo": "http://mlcommons.org/croissant/1.0",
+        "name": name,
+        "description": description,
+        "license": LICENSE_URL,
+        "creator": {"@type": "sc:Organization", "name": generator},
+        "version": "1.0.0",
+        "distribution": list(files),
+        "recordSet": list(records),
+    }
+    with whole_file(folder / CROISSANT) as path:
+        path.write_text(json.dumps(content, indent=1) + "\n")
+
+
+def _file(path: str, sha256: str) -> dict[str, Any]:
+    media = FORMATS.get(Path(path).suffix, "application/octet-stream")
+    about = {"@type": "cr:FileObject", "@id": path, "name": path, "contentUrl": path}
+    return about | {"encodingFormat": media, "sha256": sha256}
+
+
+def _file_set(suffix: str) -> dict[str, Any]:
+    """All files with a suffix in the folders below."""
+    media = FORMATS.get(suffix, "application/octet-stream")
+    name = f"files{suffix}".replace(".", "-")
+    return {"@type": "cr:FileSet", "@id": name, "name": name, "encodingFormat": media, "includes": f"**/*{suffix}"}
+
+
+def _records(name: str, columns: Mapping[str, type], source: Callable[[str], Mapping[str, Any]]) -> dict[str, Any]:
+    """Records of these columns; ``source`` adds to a column's field where its values stand."""
+    kinds = {int: "sc:Integer", str: "sc:Text"}
+    fields = [
+        {"@type": "cr:Field", "@id": f"{name}/{column}", "name": column, "dataType": kinds[kind], **source(column)}
+        for column, kind in columns.items()
+    ]
+    return {"@type": "cr:RecordSet", "@id": name, "name": name, "field": fields}
+
+
+def _source(file: str, extract: Mapping[str, str]) -> dict[str, Any]:
+    return {"source": {"fileObject": {"@id": file}, "extract": extract}}

@@ -43,9 +43,7 @@ def _masks(rgb: NDArray[np.uint8]) -> Iterator[NDArray[np.uint8]]:
     for channel in (value, saturation):
         for times in (1, 3, 3**2):
             window = times * (LEAST_SIDE + 1)
-            local = cv2.adaptiveThreshold(
-                channel, most, cv2.ADAPTIVE_THRESH_MEAN_C, cv2.THRESH_BINARY, window, CONTRAST / 2
-            )
+            local = cv2.adaptiveThreshold(channel, most, cv2.ADAPTIVE_THRESH_MEAN_C, cv2.THRESH_BINARY, window, 3)
             yield np.asarray(local, np.uint8)
             yield np.asarray(most - local, np.uint8)
     for first in range(0, most + 1, CONTRAST):

@@ -304,6 +304,7 @@ class Navigator:
         """Undo the last motion since a 4×4 pose, for its way was free; True if more than half of it was possible.
 
         A robot that leans goes back until it is level; one that backs onto something, as up a wall, comes down again.
+        Wheels that spin end it: by them alone the robot would seem to go back.
         """
         model, turns, T_odom_held = self.robot.model, isinstance(command, Turn), self._T_odom_base
         if turns:
@@ -315,6 +316,8 @@ class Navigator:
         came, began, progress = _way(T_odom_start, T_odom_held, undo), self._time, None
         way = np.clip(came, least, most)
         while (back := _way(self._T_odom_base, T_odom_held, undo)) < way or (leans and self._leans and back < came):
+            if self._look() is not MotionCheck.FINE:
+                break
             self._drive(undo)
             if self._tips and not leans:
                 self._back_out(T_odom_held, undo, leans=True)

@@ -1,6 +1,7 @@
 """Whole episodes, as the command runs them."""
 
 import json
+import os
 import pickle
 import re
 import signal
@@ -12,6 +13,7 @@ from pathlib import Path
 import numpy as np
 import open3d as o3d
 import pytest
+from filelock import FileLock
 
 from pipeline.finds.victims.detection.weights import write_weights
 from pipeline.metric_map.io.npz import load_metric_map
@@ -25,9 +27,11 @@ from tests.pipeline.finds.victims.detection.networks import SMALL, random_networ
 
 @pytest.fixture(scope="module")
 def episode(tmp_path_factory) -> Path:
-    """The folder of a whole episode in the NIST arena."""
-    out = tmp_path_factory.mktemp("episode")
-    assert Episode(EpisodeConfig(labels="truth", out=out)).run()
+    """The folder of a whole episode in the NIST arena, one for all processes that run tests."""
+    base = tmp_path_factory.getbasetemp()
+    out = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "episode"
+    with FileLock(f"{out}.lock"):
+        assert out.exists() or Episode(EpisodeConfig(labels="truth", out=out)).run()
     return out
 
 

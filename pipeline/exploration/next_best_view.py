@@ -111,7 +111,8 @@ class Exploration:
         pieces, number = ndimage.label(traversability.traversable & ~reachable, np.ones((3, 3)))
         if not number:
             return None
-        areas = np.append(0.0, np.bincount(pieces.ravel(), minlength=number + 1)[1:] * CELL**2)
+        areas = np.bincount(pieces.ravel()) * CELL**2
+        areas[0] = 0.0  # no piece
         for viewpoint in self.left(context):
             near = near_ground(context, self._in_view(viewpoint, context) & self._layers["target"])
             opens = areas[np.unique(pieces[near])].sum() if (near & reachable).any() else 0.0

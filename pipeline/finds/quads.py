@@ -56,13 +56,13 @@ def _masks(rgb: NDArray[np.uint8]) -> Iterator[NDArray[np.uint8]]:
 
 def _quads_of(mask: NDArray[np.uint8]) -> Iterator[NDArray[np.float32]]:
     contours, _ = cv2.findContours(mask, cv2.RETR_LIST, cv2.CHAIN_APPROX_SIMPLE)
-    for contour in _large([np.asarray(contour, np.int32) for contour in contours]):
+    for contour in _large(contours):
         quad = _quad(np.asarray(cv2.convexHull(contour), np.int32))
         if quad is not None:
             yield quad
 
 
-def _large(contours: Sequence[NDArray[np.int32]]) -> Iterator[NDArray[np.int32]]:
+def _large(contours: Sequence[cv2.typing.MatLike]) -> Iterator[cv2.typing.MatLike]:
     """Those of contours (N, 1, 2) that are ``LEAST_SIDE`` wide and high: one in 300 of a noisy image."""
     if not contours:
         return

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from pipeline.robot import RobotModel
 from sarsim.arenas.lanes import END_ZONE
-from sarsim.scoring.trajectory import TIPPED
+from sarsim.scoring.trajectory import is_tipped
 
 POST = "post_"
 """So begin the names of the bodies that may fall."""
@@ -36,7 +36,7 @@ class LaneJudge:
 
     def see(self, time: float, T_world_base: NDArray[np.float64]) -> bool:
         """Judge a true 4×4 pose at a time, s: whether the try may go on; it may not after a fall or its time."""
-        self.has_tipped |= leans(T_world_base)
+        self.has_tipped |= is_tipped(T_world_base)
         may_go_on = not self.has_tipped and time <= self.begin + self.limit
         if may_go_on and self.crossed is None and is_in_end_zone(T_world_base, self.towards, self.robot):
             self.crossed = time
@@ -54,12 +54,7 @@ def is_in_end_zone(T_world_base: NDArray[np.float64], end: int, robot: RobotMode
     return bool(end * T_world_base[0, 3] - along - across >= END_ZONE)
 
 
-def leans(T: NDArray[np.float64]) -> bool:
-    """Whether something at a 4×4 pose, or with a 3×3 rotation, leans so much that it has fallen over."""
-    return bool(T[2, 2] < np.cos(TIPPED))
-
-
 def fallen_posts(model: mujoco.MjModel, data: mujoco.MjData) -> set[str]:
     """The names of the posts that have fallen over."""
     posts = [body for body in map(data.body, range(model.nbody)) if body.name.startswith(POST)]
-    return {post.name for post in posts if leans(post.xmat.reshape(3, 3))}
+    return {post.name for post in posts if is_tipped(post.xmat.reshape(3, 3))}

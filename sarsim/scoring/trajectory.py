@@ -86,9 +86,14 @@ def greatest_tilt(trajectory: Sequence[Pose]) -> tuple[float, float]:
     return float(tilts[:, 0].max()), float(tilts[:, 1].max())
 
 
+def is_tipped(T: NDArray[np.float64]) -> bool:
+    """Whether something at a 4×4 pose, or with a 3×3 rotation, leans so much that it has fallen over."""
+    return bool(T[2, 2] < np.cos(TIPPED))
+
+
 def times_tipped(trajectory: Sequence[Pose]) -> int:
     """How often the robot fell over."""
-    tipped = np.array([p.T_world_base[2, 2] < np.cos(TIPPED) for p in trajectory])
+    tipped = np.array([is_tipped(p.T_world_base) for p in trajectory])
     return int(np.count_nonzero(np.diff(tipped.astype(int), prepend=0) > 0))
 
 

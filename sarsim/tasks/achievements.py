@@ -11,7 +11,7 @@ from pipeline.mapper import Keyframe
 from sarsim.scoring.coverage import Coverage
 from sarsim.scoring.finds import FindScore
 from sarsim.scoring.navigation import navigation_figures
-from sarsim.scoring.trajectory import TIPPED
+from sarsim.scoring.trajectory import is_tipped
 from sarsim.scoring.victims import VictimScore
 from sarsim.simulated_robot import SimulatedRobot
 
@@ -63,7 +63,7 @@ class Achievements(Observer):
     @property
     def is_tipped(self) -> bool:
         """Whether the robot lies on its side or back."""
-        return bool(self._robot.trajectory[-1].T_world_base[2, 2] < np.cos(TIPPED))
+        return is_tipped(self._robot.trajectory[-1].T_world_base)
 
     def figures(self) -> dict[str, Any]:
         """Figures by their keys in report.json; those that there are none of are missing."""

@@ -18,6 +18,7 @@ VIEWPOINTS = 32
 """Number of viewpoints to choose from."""
 FARTHEST_COORDINATE = 10_000.0
 """m; poses are cut off here."""
+ROBOT_COLOUR = (220, 40, 40)
 
 Action = int | np.integer[Any] | NDArray[np.float32]
 Maps = dict[str, NDArray[Any]]

@@ -14,6 +14,7 @@ from pipeline.transforms import wrap_angle
 from sarsim.tasks import grid_kernels as kernels
 from sarsim.tasks.exploration_task import (
     LOCAL_SIDE,
+    ROBOT_COLOUR,
     VIEWPOINTS,
     Action,
     ExplorationTask,
@@ -31,7 +32,6 @@ SIZES = {"camera": ((120, 160), 10, 0.1), "papers": ((480, 640), 20, 1.0)}
 """Rows and columns, width of corridors in cells, and m of a cell, of the maps that are drawn."""
 LABEL_OF = np.array([Label.UNLABELLED, Label.TERRAIN, Label.WALL], np.uint8)
 BELIEF_COLOURS = np.array([(127, 127, 127), (255, 255, 255), (0, 0, 0)], np.uint8)
-ROBOT_COLOUR = (220, 40, 40)
 
 DEFAULT_WEIGHTS = RewardWeights()
 

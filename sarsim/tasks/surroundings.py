@@ -8,11 +8,10 @@ from pipeline.labels import COLOURS, Label
 from pipeline.mapper import Mapper
 from pipeline.semantic_map.semantic_map import SemanticMap
 from pipeline.traversability.elevation_map import CELL
-from sarsim.tasks.exploration_task import LOCAL_SIDE, Maps
+from sarsim.tasks.exploration_task import LOCAL_SIDE, ROBOT_COLOUR, Maps
 
 LOCAL_CELL = 0.2
 """m, side of a cell of the local maps, as of ``Explore2D-v0`` by the rules of the camera."""
-ROBOT_COLOUR = (220, 40, 40)
 
 
 def local_maps(mapper: Mapper, T_map_base: NDArray[np.float64]) -> Maps:

@@ -156,7 +156,8 @@ def test_a_code_that_was_decoded_stays_however_often_it_is_missed() -> None:
         frame, T = seen_from()
         finds.update(frame, [sign(text, on_wall(WALL, 0.5, 0.8), 0.5, "qr_code")], T, 0)
         for k, x in enumerate((1.1, 1.2, 1.3), start=1):
-            finds.update(*seen_from(x)[:1], [], seen_from(x)[1], k)
+            frame, T = seen_from(x)
+            finds.update(frame, [], T, k)
         kept[text] = len(finds.all)
     assert kept == {"F5YK": 1, "": 0}
 

@@ -258,7 +258,10 @@ def backs(robot):
 def test_it_does_not_back_out_on_wheels_that_spin():
     robot = KinematicRobot(pitch=lambda x, y: -np.deg2rad(30) if x > 1 else -np.deg2rad(16))
     navigator = Navigator(robot)
-    look = lambda: MotionCheck.SPINNING if backs(robot) else MotionCheck.FINE  # noqa: E731
+
+    def look():
+        return MotionCheck.SPINNING if backs(robot) else MotionCheck.FINE
+
     assert not navigator.follow(np.array([(2, 0)]), look=look)
     assert [halt.freed for halt in navigator.halts] == [False]
     assert sum(command.v < 0 for command in robot.commands) == 1

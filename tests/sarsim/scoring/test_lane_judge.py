@@ -8,7 +8,8 @@ import pytest
 
 from pipeline.transforms import from_yaw
 from sarsim.robots.model import robot_model
-from sarsim.scoring.lane_judge import LaneJudge, fallen_posts, is_in_end_zone, leans
+from sarsim.scoring.lane_judge import LaneJudge, fallen_posts, is_in_end_zone
+from sarsim.scoring.trajectory import is_tipped
 
 PIONEER = robot_model()
 """0.508 × 0.497 m."""
@@ -72,7 +73,7 @@ def test_who_falls_in_the_end_zone_has_got_across_before():
 
 
 def test_leaning_by_more_than_45_degrees_is_a_fall():
-    assert [leans(rolled(degrees)) for degrees in (0, 44.9, 45.1, 90, 180, -45.1)] == [False, False, *[True] * 4]
+    assert [is_tipped(rolled(degrees)) for degrees in (0, 44.9, 45.1, 90, 180, -45.1)] == [False, False, *[True] * 4]
 
 
 def test_posts_that_lie_are_counted_and_nothing_else():

@@ -13,43 +13,38 @@ from pipeline.semantic_map.classifier import TruthClassifier
 from sarsim.arenas.load import load_arena
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 from sarsim.tasks.explore import Explore
+from tests.sarsim.rooms import room
 
 NAME = "sarsim.tasks:sarsim/Explore-v0"
-ROOM = """<mujoco><size nuser_geom="1"/><worldbody><light pos="0 0 3"/><site name="start"/>
-<geom type="plane" size="20 20 1" user="2"/>
-<geom type="box" pos="-0.65 0 0.6" size="0.05 0.8 0.6" user="1"/>
-<geom type="box" pos="1.45 0 0.6" size="0.05 0.8 0.6" user="1"/>
-<geom type="box" pos="0.4 -0.85 0.6" size="1.1 0.05 0.6" user="1"/>
-<geom type="box" pos="0.4 0.85 0.6" size="1.1 0.05 0.6" user="1"/>
-<body name="victim_a" pos="-0.45 0.4 0.2">
-<geom type="box" size="0.1 0.1 0.2" user="6"/></body></worldbody></mujoco>"""
+PERSON = '<body name="victim_a" pos="-0.45 0.4 0.2"><geom type="box" size="0.1 0.1 0.2" user="6"/></body>'
+ROOM = room((-0.6, 1.4), (-0.8, 0.8), PERSON)
 """2 × 1.6 m; the person is behind the robot, out of its view at the start."""
 ALONE = 3
 """Steps that the robot explores without the task."""
 
 
 @pytest.fixture(scope="module")
-def room(tmp_path_factory: pytest.TempPathFactory) -> str:
+def arena(tmp_path_factory: pytest.TempPathFactory) -> str:
     """Path of the room's MJCF."""
     path = tmp_path_factory.mktemp("arena") / "room.xml"
     path.write_text(ROOM)
     return str(path)
 
 
-def test_gymnasiums_checks_pass(room: str) -> None:
+def test_gymnasiums_checks_pass(arena: str) -> None:
     with warnings.catch_warnings():
         warnings.simplefilter("error")
-        check_env(gymnasium.make(NAME, arena=room).unwrapped, skip_render_check=True)
+        check_env(gymnasium.make(NAME, arena=arena).unwrapped, skip_render_check=True)
 
 
-def test_an_agent_that_takes_the_robots_own_choice_explores_as_the_robot_does(room: str) -> None:
-    robot = SimulatedRobot(load_arena(room), SimulationConfig(), seed=7)
+def test_an_agent_that_takes_the_robots_own_choice_explores_as_the_robot_does(arena: str) -> None:
+    robot = SimulatedRobot(load_arena(arena), SimulationConfig(), seed=7)
     alone = Explorer(robot, Mapper(robot.model, TruthClassifier(), seed=7))
     for _ in range(ALONE):
         alone.drive(alone.step())
     poses = np.array([pose.T_world_base for pose in robot.trajectory])
     robot.close()
-    env = Explore(room, weights={"ground": 1.0, "time": 0.0, "contact": 0.0})
+    env = Explore(arena, weights={"ground": 1.0, "time": 0.0, "contact": 0.0})
     env.reset(options={"seed": 8})
     _, begun = env.reset(options={"seed": 7})
     info, rewards = begun, 0.0
@@ -64,17 +59,17 @@ def test_an_agent_that_takes_the_robots_own_choice_explores_as_the_robot_does(ro
     env.close()
 
 
-def test_an_episode_ends_where_nothing_is_worth_the_drive(room: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_episode_ends_where_nothing_is_worth_the_drive(arena: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(Exploration, "next_viewpoint", lambda *_: None)
-    env = Explore(room)
+    env = Explore(arena)
     assert env.reset(seed=0)[1]["action_mask"].sum() == 1
     *_, is_over, is_cut, info = env.step(0)
     assert (is_over, is_cut) == (True, False) and info["exploration.ended"] == "not_worth_it"
     env.close()
 
 
-def test_a_pose_is_the_place_to_go_to_and_finds_pay_and_time_costs(room: str) -> None:
-    env = Explore(room, action="pose", steps=1, weights={"ground": 0.0, "time": -1.0}, render_mode="rgb_array")
+def test_a_pose_is_the_place_to_go_to_and_finds_pay_and_time_costs(arena: str) -> None:
+    env = Explore(arena, action="pose", steps=1, weights={"ground": 0.0, "time": -1.0}, render_mode="rgb_array")
     assert env.render() is None
     env.reset(seed=0)
     observation, reward, is_over, is_cut, info = env.step(np.array([0.8 / 6.4, 0.0, 1.0], np.float32))

@@ -63,7 +63,7 @@ def sweep(settings: SweepSettings) -> None:
     """Run the episodes that have not been run yet; write and print how the methods compare."""
     from sarsim.dataset.folder_lock import FolderLock
     from sarsim.scripts.sweeps.arenas import GRID, arenas_of
-    from sarsim.scripts.sweeps.episodes import FOLDER, Sweep, SweepJob
+    from sarsim.scripts.sweeps.episodes import FOLDER, ORACLE, Sweep, SweepJob
     from sarsim.scripts.sweeps.leaderboard import write_entry
     from sarsim.scripts.sweeps.parquet import write_parquet
     from sarsim.tasks.grid_explorers import EXPLORERS
@@ -73,7 +73,9 @@ def sweep(settings: SweepSettings) -> None:
     if settings.workers is not None and settings.workers < 1:
         raise InputError(f"--workers {settings.workers}: give at least 1")
     arenas = arenas_of(settings.arenas)
-    methods = dict.fromkeys(settings.methods) or (EXPLORERS if arenas[0].startswith(GRID) else METHODS["exploration"])
+    methods = dict.fromkeys(
+        settings.methods or ([*EXPLORERS, ORACLE] if arenas[0].startswith(GRID) else METHODS["exploration"])
+    )
     jobs = [SweepJob(m, arena, seed) for arena in arenas for seed in dict.fromkeys(settings.seeds) for m in methods]
     make_folder(settings.out, [MANIFEST])
     with FolderLock.take(settings.out) as lock:

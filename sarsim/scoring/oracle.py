@@ -14,43 +14,15 @@ from pipeline.exploration.next_best_view import KEYFRAME_TIME
 from pipeline.exploration.visibility import PLACE_STRIDE
 from pipeline.grid_map import best_of_blocks
 from pipeline.localisation.localisation import KEYFRAME_TURN, KEYFRAME_WAY
-from pipeline.planning.visiting_order import visiting_order
 from pipeline.robot import RobotModel
 from pipeline.transforms import wrap_angle
 from pipeline.traversability.pose_kernels import ANGLES
 from pipeline.traversability.pose_paths import PosePaths, bits
 from pipeline.traversability.traversability import Traversability, assess
 from sarsim.ground_truth.true_surface import TrueSurface
-from sarsim.scoring.set_cover import cells_of, cover_bound, greedy_cover
+from sarsim.scoring.set_cover import cells_of
 from sarsim.scoring.sight import Sight
-
-
-@dataclass(frozen=True, eq=False)
-class Tour:
-    """A drive that sees enough.
-
-    Attributes:
-        order: of the viewpoints, by their numbers.
-        seconds, metres: until enough was seen; inf if it never was.
-    """
-
-    order: list[int]
-    seconds: float
-    metres: float
-
-
-@dataclass(frozen=True, eq=False)
-class Leg:
-    """A drive from one viewpoint to the next.
-
-    Attributes:
-        seconds, metres: of the drive, with the keyframe at its end.
-        seen: (N,) bool, cells that its keyframes show.
-    """
-
-    seconds: float
-    metres: float
-    seen: NDArray[np.bool_]
+from sarsim.scoring.view_tours import Leg, ViewTours
 
 
 def true_traversability(surface: TrueSurface, robot: RobotModel) -> Traversability:
@@ -62,7 +34,7 @@ def true_traversability(surface: TrueSurface, robot: RobotModel) -> Traversabili
 
 
 @dataclass(eq=False)
-class Oracle:
+class Oracle(ViewTours):
     """Looks for the quickest tour; the first viewpoint is the start.
 
     Attributes:
@@ -130,49 +102,6 @@ class Oracle:
             self._legs[here, there] = Leg(float(self.seconds(here, [there])[0]), metres, shown)
         return self._legs[here, there]
 
-    def tour(self, order: Sequence[int]) -> Tour:
-        """The tour over viewpoints, up to the one where enough was seen."""
-        seen, seconds, metres, done = self.at_start, 0.0, 0.0, list[int]()
-        for here, there in pairwise([0, *order]):
-            if seen.sum() >= self.wanted:
-                break
-            leg = self.leg(here, there)
-            seen, seconds, metres = seen | leg.seen, seconds + leg.seconds, metres + leg.metres
-            done.append(there)
-        return Tour(done, *((seconds, metres) if seen.sum() >= self.wanted else (inf, inf)))
-
-    def cover(self) -> list[int]:
-        """Few viewpoints that see enough."""
-        return greedy_cover(self.views, self.wanted, self.at_start)
-
-    def bound(self) -> float:
-        """No fewer viewpoints than this cover enough, by the relaxed set cover."""
-        return cover_bound(self.views, self.wanted, self.at_start)
-
-    def by_rate(self) -> list[int]:
-        """Viewpoints that see enough, each the one that shows most new ground a second from the one before it."""
-        seen, order = self.at_start.copy(), list[int]()
-        while seen.sum() < self.wanted:
-            rate = (self.views @ (~seen).astype(np.float64)) / self.seconds(order[-1] if order else 0)
-            best = int(rate.argmax())
-            if rate[best] <= 0:
-                break
-            order.append(best)
-            seen |= self.leg(order[-2] if len(order) > 1 else 0, best).seen
-        return order
-
-    def ordered(self, views: list[int]) -> list[int]:
-        """The viewpoints in an order that makes the drive over all of them short, no longer than as given."""
-        cost = np.array([self.seconds(a, [0, *views]) for a in [0, *views]])
-        order = [views[k - 1] for k in visiting_order(cost)]
-        return min(order, views, key=lambda way: sum(self.seconds(a, [b])[0] for a, b in pairwise([0, *way])))
-
-    @cached_property
-    def quickest(self) -> Tour:
-        """The quickest of the shortened tours over the cover and over the viewpoints by their rate."""
-        orders = [order for views in (self.cover(), self.by_rate()) for order in (views, self.ordered(views))]
-        return min((self.shortened(self.tour(order)) for order in orders), key=lambda tour: tour.seconds)
-
     def figures(self) -> dict[str, float]:
         """The figures of the tour and of the cover for report.json; none if no tour sees enough, as at the start."""
         tour = self.quickest
@@ -190,15 +119,6 @@ class Oracle:
         tour = self.quickest
         path = {"path_over_oracle": metres / tour.metres} if tour.metres > 0 else {}
         return {"time_over_oracle": seconds / tour.seconds, **path}
-
-    def shortened(self, tour: Tour) -> Tour:
-        """Leave out one viewpoint after another, each time the one without which the tour is quickest."""
-        while True:
-            others = [self.tour(tour.order[:k] + tour.order[k + 1 :]) for k in range(len(tour.order))]
-            quickest = min(others, key=lambda other: other.seconds, default=tour)
-            if not quickest.seconds < tour.seconds:
-                return tour
-            tour = quickest
 
 
 def _keyframes(

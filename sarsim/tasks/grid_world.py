@@ -138,6 +138,23 @@ class GridWorld:
         self._turn(float(np.arctan2(step[0], step[1])))
         self._look(self.rules.field_of_view)
 
+    def reveal(self) -> None:
+        """Know the whole map, as the oracle does."""
+        self.belief[:] = np.where(self.scene.free, kernels.IS_FREE, kernels.IS_WALL)
+        self.known_free = self._free
+        middle, all_of_it = np.zeros(2, np.int64), max(self.belief.shape)
+        kernels.thin(self.belief, self.thinned, self.rules.thinning, middle, all_of_it)
+        kernels.open_edges(self.belief, self.nodes, self._neighbours, self._open, middle, all_of_it)
+
+    def view(self, node: int, any_heading: bool = False) -> NDArray[np.bool_]:
+        """(H, W) the cells that a sensor of 360° shows at a node; by the rays of heading 0, or of all along edges."""
+        belief, (row, col), rules = np.zeros_like(self.belief), self.nodes[node].tolist(), self.rules
+        span = np.arange(-REACHES, REACHES + 1)
+        headings = np.unique(np.arctan2(span[:, None], span)) if any_heading else np.zeros(1)
+        bearings = np.ravel(headings[:, None] + np.deg2rad(np.arange(-180, 180, rules.ray_step)))
+        kernels.sense(self.scene.free, belief, row, col, bearings, rules.reach, rules.wall)
+        return belief != kernels.IS_UNKNOWN
+
     def turn(self, heading: float) -> None:
         """Turn to a heading, rad, and look there."""
         self._turn(heading)

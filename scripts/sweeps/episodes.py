@@ -28,6 +28,7 @@ from sarsim.scoring.progress import progress_figures
 from sarsim.scripts.sweeps.arenas import GRID, checked, grid_scene
 from sarsim.settings import EpisodeConfig
 from sarsim.tasks.grid_explorers import EXPLORERS, Explorer2D, Sights, explore
+from sarsim.tasks.grid_oracle import GridOracle
 from sarsim.tasks.grid_world import PAPERS, GridWorld
 
 FOLDER = "episodes"
@@ -36,6 +37,9 @@ OF_THE_RUN = re.compile(r"config\.|timing_ms\.|(wall_time_s|real_time_factor|ver
 LONGEST_NAME = 80  # Characters of a method or an arena in a file's name
 GRACE = 1.1
 """An episode that does not end at its limit is killed with its worker after so many times the limit."""
+
+ORACLE = "oracle"
+"""Method on 2D maps that knows the map."""
 
 Row = dict[str, Any]
 """An episode: method, arena, seed, checksum, and its figures by their keys in report.json; or ``failed``."""
@@ -134,7 +138,10 @@ def explored(job: SweepJob) -> Row:
     found, world = checked(job.arena), GridWorld(grid_scene(job.arena), PAPERS)
     track = [_state(world)]
     rng = np.random.default_rng(job.seed)
-    ended = explore(world, grid_explorer(job.method), rng, lambda world: track.append(_state(world)))
+    if job.method == ORACLE:
+        ended = GridOracle(world.scene, PAPERS).follow(world, lambda world: track.append(_state(world)))
+    else:
+        ended = explore(world, grid_explorer(job.method), rng, lambda world: track.append(_state(world)))
     times, ways, shares = np.array(track).T
     end = float(times[-1]), float(ways[-1])
     seen = progress_figures(times, ways, shares, end) | {"explored_fraction": float(shares[-1]), "ended": ended}

@@ -1,0 +1,29 @@
+import numpy as np
+import pytest
+
+from pipeline.errors import InputError
+from sarsim.tasks.grid_explorers import EXPLORERS, explore
+from sarsim.tasks.grid_oracle import GridOracle
+from sarsim.tasks.grid_scenes import GridScene
+from sarsim.tasks.grid_world import CAMERA, GridRules, GridWorld
+
+RULES = GridRules(20, 360.0, 0.5, 3, 5, 1, 20, 200)
+
+
+def hall() -> GridScene:
+    free = np.zeros((21, 110), np.bool_)
+    free[5:16, 5:105] = True
+    return GridScene(free, (10, 25), 1.0)
+
+
+def test_a_tour_is_feasible_not_below_its_bound_and_no_longer_than_an_explorers_way() -> None:
+    oracle, world, other = GridOracle(hall(), RULES), GridWorld(hall(), RULES), GridWorld(hall(), RULES)
+    assert oracle.follow(world) == "nothing_left" and world.is_explored
+    explore(other, EXPLORERS["nearest_frontier"], np.random.default_rng(0))
+    assert 0 < oracle.bound() <= world.way <= other.way
+    assert world.way == pytest.approx(oracle.quickest.metres)
+
+
+def test_a_camera_has_no_oracle_on_2d_maps() -> None:
+    with pytest.raises(InputError, match="sees all around"):
+        GridOracle(hall(), CAMERA)

@@ -24,6 +24,11 @@ settings.register_profile("sarsim", deadline=None, derandomize=True)
 settings.load_profile("sarsim")
 
 
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    """Begin with whole episodes: one process runs them all, and short tests are left to share out at the end."""
+    items.sort(key=lambda item: item.path.name != "test_run_episode.py")
+
+
 def pytest_collection_finish() -> None:
     """Keep what was imported out of every later garbage collection, which would look through all of it in vain."""
     gc.collect()

@@ -23,6 +23,7 @@ from sarsim.scripts.benchmarks.semantic_confusion import confusion
 from sarsim.scripts.settings import save_settings
 from sarsim.settings import WEIGHTS, EpisodeConfig
 from tests.pipeline.finds.victims.detection.networks import SMALL, random_network
+from tests.sarsim.rooms import room
 
 
 @pytest.fixture(scope="module")
@@ -326,15 +327,16 @@ def run_command(monkeypatch, *flags: object) -> None:
 
 def test_its_config_file_repeats_an_episode_in_another_folder(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    small = ("--arena", "random:1", "--random.columns", 3, "--random.rows", 4, "--random.victims", 0)
+    (tmp_path / "small.xml").write_text(room((-0.6, 1.4), (-0.8, 0.8)))
+    small = ("--arena", "small.xml", "--random.columns", 3, "--random.rows", 4)
     quick = ("--steps", 1, "--seed", 5, "--labels", "truth", "--sensor", "ideal", "--detector", None)
     run_command(monkeypatch, *small, *quick, "--goals", 0, 0)
-    first = tmp_path / "runs" / "random:1-5"
+    first = tmp_path / "runs" / "small-5"
     run_command(monkeypatch, "--config", first / "config.yaml")
     run_command(monkeypatch, "--config", first / "config.yaml", "--seed", "6", "--out", "other")
     reports = [
         json.loads((folder / "report.json").read_text())
-        for folder in (first, tmp_path / "runs" / "random:1-5-2", tmp_path / "other")
+        for folder in (first, tmp_path / "runs" / "small-5-2", tmp_path / "other")
     ]
     assert reports[0]["config"].pop("out") != reports[1]["config"].pop("out")
     for report in reports:

@@ -10,7 +10,7 @@ from tests.sarsim.rooms import HOUSE
 def test_every_time_something_comes_of_it_and_the_map_is_made_once(tmp_path):
     arena = tmp_path / "arena.xml"
     arena.write_text(HOUSE)
-    config = EpisodeConfig(arena=str(arena), labels="truth", detector=None, steps=3)
+    config = EpisodeConfig(arena=str(arena), labels="truth", detector=None, steps=2)
     folder = tmp_path / "episode"
     counts = kidnap(config, 1, folder)
     assert set(counts) == set(OUTCOMES)

@@ -5,7 +5,7 @@ keyframe joins a pose graph, with a constraint to each of those. A loop is close
 keyframes whose relative position is too uncertain to register frames with them directly.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import cv2
 import numpy as np
@@ -64,8 +64,8 @@ GROUND_SIGMA = 0.015
 class _Match:
     """A frame and its pose.
 
-    ``prediction`` is None if the odometry cannot be trusted. ``step`` is the pose by the motion since the newest
-    keyframe alone; None without such a motion.
+    ``prediction`` is None if the odometry cannot be trusted. ``step`` is the pose relative to the reference by what
+    was known before the frame was registered; None for the first frame.
     """
 
     frame: Frame
@@ -243,6 +243,11 @@ class Slam(Localisation):
     def set_down(self, T_map_base: NDArray[np.float64]) -> None:
         """Continue from the pose (4×4) at which a carried robot was found, whatever the odometry measured."""
         self._anchor, self._match = T_map_base, None
+        if len(self.graph):
+            nearest = int(np.linalg.norm(self.poses[:, :3, 3] - T_map_base[:3, 3], axis=1).argmin())
+            T_keyframe_base = inverse(self.poses[nearest]) @ T_map_base
+            self._reference = replace(self._reference, keyframe=nearest, T_keyframe_base=T_keyframe_base)
+            self._judge()
         self.belief.restart()
 
     def points(self) -> NDArray[np.float32]:
@@ -308,7 +313,7 @@ class Slam(Localisation):
         if odometry is not None and np.linalg.norm((odometry.T_map_base - self.T_map_reference)[:3, 3]) > FAR_OFF:
             self._anchor, odometry, farthest = self.T_map_reference, None, WIDEST
         first = prior_of(odometry) if odometry else Prior(np.asarray(self._anchor), np.diag(spread(KNOWN) ** -2.0))
-        step = self._step(odometry) if odometry else None
+        step = self._step(odometry) if odometry else first
         points = cloud.points()[:, :3] if cloud else np.zeros((1, 3))
         target = self._target(points, first.T, frame, self._deviations < KNOWN, WIDEST) if cloud else None
         if target is None:
@@ -318,7 +323,7 @@ class Slam(Localisation):
         known = [Prior(stand.T, stand.information)] if stand else []
         nominal = register(target, cloud, [first, by_gravity(first.T, frame), *known], farthest)
         if odometry is None:
-            return _Match(frame, nominal.T, None, None, cloud, target, nominal)
+            return _Match(frame, nominal.T, None, step, cloud, target, nominal)
         found = {MotionState.NOMINAL: (first, nominal)}
         if not (nominal.fits and nominal.overlap >= ENOUGH_OVERLAP):
             found |= otherwise(target, cloud, first, self.T_map_reference, frame)

@@ -142,9 +142,9 @@ class GridWorld:
         """Know the whole map, as the oracle does."""
         self.belief[:] = np.where(self.scene.free, kernels.IS_FREE, kernels.IS_WALL)
         self.known_free = self._free
-        middle, all_of_it = np.zeros(2, np.int64), max(self.belief.shape)
-        kernels.thin(self.belief, self.thinned, self.rules.thinning, middle, all_of_it)
-        kernels.open_edges(self.belief, self.nodes, self._neighbours, self._open, middle, all_of_it)
+        middle, anywhere = np.zeros(2, np.int64), self.belief.size
+        kernels.thin(self.belief, self.thinned, self.rules.thinning, middle, anywhere)
+        kernels.open_edges(self.belief, self.nodes, self._neighbours, self._open, middle, anywhere)
 
     def view(self, node: int, any_heading: bool = False) -> NDArray[np.bool_]:
         """(H, W) the cells that a sensor of 360° shows at a node; by the rays of heading 0, or of all along edges."""

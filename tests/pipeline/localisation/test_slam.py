@@ -233,6 +233,19 @@ def test_a_robot_that_was_set_down_goes_on_from_there() -> None:
     assert max(errors) < 0.02
 
 
+def test_a_robot_that_was_set_down_where_it_sees_nothing_stays_there_on_the_map() -> None:
+    slam = driven(4)
+    slam.optimise()
+    there = AROUND[1] @ from_yaw(0.1, 0.1, 0.0, 1.0)
+    slam.set_down(there)
+    frame = seen(there, frames()[3].T_odom_base, 9)
+    frame = replace(frame, depth=np.zeros_like(frame.depth))
+    slam.add(frame, slam.localise(frame))
+    slam.optimise()
+    np.testing.assert_allclose(slam.poses[-1], there, atol=0.01)
+    assert 0.1 < np.sqrt(slam.covariance[3, 3]) < 0.2  # as uncertain as a place that was found
+
+
 def test_loops_are_of_keyframes_and_not_of_what_was_seen_since(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(slam_module, "KNOWN", 0.004)
     slam = Slam()

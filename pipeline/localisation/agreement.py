@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from pipeline.frame import Frame
-from pipeline.localisation.belief import CORRELATED_TILES, TILES, tiles_seen
+from pipeline.localisation.belief import CORRELATED_TILES, TILES, MotionState, tiles_seen
 from pipeline.localisation.localisation import STILL_TURN, STILL_WAY
 from pipeline.localisation.registration import FINE
 from pipeline.localisation.relocalisation_kernels import cast
@@ -55,6 +55,12 @@ class Agreement(NamedTuple):
     def log_likelihoods(self) -> NDArray[np.float64]:
         """(5,) of each :class:`pipeline.localisation.belief.MotionState`."""
         return tiles_seen(self.explained, self.short + self.through, max(0, self.expected - self.known))
+
+    @property
+    def shows_another_place(self) -> bool:
+        """Whether the frame is likelier if the robot was carried."""
+        told = self.log_likelihoods
+        return bool(told[MotionState.CARRIED] > told[MotionState.NOMINAL])
 
     @property
     def tells(self) -> bool:

@@ -46,15 +46,20 @@ class PoseCheck:
         frame = self._confirm(frame, last)
         return frame if self._localisation.belief.knows_place and not self._is_lost else self._find_place(frame)
 
-    def compare(self, frame: Frame, is_driving: bool = False) -> None:
-        """Believe what a frame tells of the robot's place.
+    def compare(self, frame: Frame, last: Frame | None = None, is_driving: bool = False) -> None:
+        """Believe what a frame tells of the robot's place, also beside the one before it if the wheels stood since.
 
-        On a drive the camera passes what is too near for it, so tiles without a return tell nothing.
+        A view that changed is no chance because another place looks as the map has this one, so both are one
+        observation; one that did not change only tells that the robot was not carried since. On a drive the camera
+        passes what is too near for it, so tiles without a return tell nothing.
         """
-        if self._localisation.may_err:
-            found = self._agreement(frame)
-            found = found._replace(expected=found.known) if is_driving else found
-            self._localisation.belief.observe(found.log_likelihoods)
+        if not self._localisation.may_err:
+            return
+        found, changed = self._agreement(frame), None if last is None else change(frame, last)
+        found = found._replace(expected=found.known) if is_driving else found
+        if changed is not None and changed.shows_another_place:
+            found = Agreement.of([found, changed])
+        self._localisation.belief.observe(found.log_likelihoods)
 
     def doubt(self, halt: Halt, traversability: Traversability) -> None:
         """Doubt the pose, or the map, after a halt of a robot that leaned too far where no ramp is mapped nearby."""
@@ -87,9 +92,7 @@ class PoseCheck:
         belief = self._localisation.belief
         if self._is_lost or not self._localisation.may_err:
             return frame
-        self.compare(frame)
-        if last is not None and (changed := change(frame, last)) is not None:
-            belief.observe(changed.log_likelihoods)
+        self.compare(frame, last)
         for _ in range(LOOKS):
             if belief.knows_place or belief.is_sure_of(MotionState.CARRIED) or not self._turn():
                 break

@@ -17,9 +17,9 @@ THROWS = "class Throws:\n    def __call__(self, world, sights, rng):\n        ra
 
 @pytest.fixture
 def settings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> SweepSettings:
-    (tmp_path / "mine_swept.py").write_text(THROWS)
+    (tmp_path / "mine_too.py").write_text(THROWS)
     monkeypatch.chdir(tmp_path)
-    methods = ("random_walk", "mine_swept:Throws")
+    methods = ("random_walk", "mine_too:Throws")
     arenas = ("grid:test:2", "grid:val:0")
     return SweepSettings(methods=methods, arenas=arenas, seeds=(0, 1), out=tmp_path / "out", workers=1)
 
@@ -29,7 +29,7 @@ def test_a_method_that_fails_costs_its_own_episodes_alone(
 ) -> None:
     sweep(settings)
     lines = [line for line in capsys.readouterr().err.splitlines() if "Throws" in line]
-    assert lines == ["mine_swept:Throws: 4 of its episodes failed: --methods mine_swept:Throws failed: ValueError: no"]
+    assert lines == ["mine_too:Throws: 4 of its episodes failed: --methods mine_too:Throws failed: ValueError: no"]
     rows = pq.read_table(settings.out / "episodes.parquet").to_pylist()
     assert len(rows) == 8 and sum(row["failed"] is None for row in rows) == 4
     walks = [row["exploration.auc_way"] for row in rows if row["method"] == "random_walk"]

@@ -243,7 +243,7 @@ class Slam(Localisation):
     def set_down(self, T_map_base: NDArray[np.float64]) -> None:
         """Continue from the pose (4×4) at which a carried robot was found, whatever the odometry measured."""
         self._anchor, self._match = T_map_base, None
-        if len(self.graph):
+        if len(self.graph):  # what is seen from there belongs to the keyframes near it
             nearest = int(np.linalg.norm(self.poses[:, :3, 3] - T_map_base[:3, 3], axis=1).argmin())
             T_keyframe_base = inverse(self.poses[nearest]) @ T_map_base
             self._reference = replace(self._reference, keyframe=nearest, T_keyframe_base=T_keyframe_base)

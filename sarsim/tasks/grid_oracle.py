@@ -76,7 +76,7 @@ class GridOracle(ViewTours):
             self._legs[here, there] = Leg(metres / SPEED, metres, self._seen([self._view_of[n] for n in stops]))
         return self._legs[here, there]
 
-    def bound(self) -> float:
+    def least_way(self) -> float:
         """m, no way by the rules that sees enough is shorter: the longer of two bounds.
 
         Each viewpoint of the relaxed cover costs an edge; and of the cells whose nearest viewpoints are the

@@ -142,9 +142,7 @@ class GridWorld:
         """Know the whole map, as the oracle does."""
         self.belief[:] = np.where(self.scene.free, kernels.IS_FREE, kernels.IS_WALL)
         self.known_free = self._free
-        middle, anywhere = np.zeros(2, np.int64), self.belief.size
-        kernels.thin(self.belief, self.thinned, self.rules.thinning, middle, anywhere)
-        kernels.open_edges(self.belief, self.nodes, self._neighbours, self._open, middle, anywhere)
+        self._take_over(np.zeros(2, np.int64), self.belief.size)
 
     def view(self, node: int, any_heading: bool = False) -> NDArray[np.bool_]:
         """(H, W) the cells that a sensor of 360° shows at a node; by the rays of heading 0, or of all along edges."""
@@ -171,9 +169,12 @@ class GridWorld:
         bearings = self.heading + np.deg2rad(np.arange(-half, half, rules.ray_step))
         self.known_free += kernels.sense(self.scene.free, self.belief, row, col, bearings, rules.reach, rules.wall)
         self.visited[self.here] = True
-        middle, radius = np.array([row, col]), rules.reach + 1
-        kernels.thin(self.belief, self.thinned, rules.thinning, middle, radius)
-        far = radius + REACHES * rules.spacing
+        self._take_over(np.array([row, col]), rules.reach + 1)
+
+    def _take_over(self, middle: NDArray[np.int64], radius: int) -> None:
+        """Thin the belief, and open edges by it, where it changed: within ``radius`` cells of a cell (2,)."""
+        kernels.thin(self.belief, self.thinned, self.rules.thinning, middle, radius)
+        far = radius + REACHES * self.rules.spacing
         kernels.open_edges(self.belief, self.nodes, self._neighbours, self._open, middle, far)
 
 

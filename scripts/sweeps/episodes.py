@@ -137,11 +137,14 @@ def explored(job: SweepJob) -> Row:
     """Explore a 2D map by the papers' protocol."""
     found, world = checked(job.arena), GridWorld(grid_scene(job.arena), PAPERS)
     track = [_state(world)]
-    rng = np.random.default_rng(job.seed)
+
+    def on_move(world: GridWorld) -> None:
+        track.append(_state(world))
+
     if job.method == ORACLE:
-        ended = GridOracle(world.scene, PAPERS).follow(world, lambda world: track.append(_state(world)))
+        ended = GridOracle(world.scene, PAPERS).follow(world, on_move)
     else:
-        ended = explore(world, grid_explorer(job.method), rng, lambda world: track.append(_state(world)))
+        ended = explore(world, grid_explorer(job.method), np.random.default_rng(job.seed), on_move)
     times, ways, shares = np.array(track).T
     end = float(times[-1]), float(ways[-1])
     seen = progress_figures(times, ways, shares, end) | {"explored_fraction": float(shares[-1]), "ended": ended}

@@ -20,7 +20,7 @@ def test_a_tour_is_feasible_not_below_its_bound_and_no_longer_than_an_explorers_
     oracle, world, other = GridOracle(hall(), RULES), GridWorld(hall(), RULES), GridWorld(hall(), RULES)
     assert oracle.follow(world) == "nothing_left" and world.is_explored
     explore(other, EXPLORERS["nearest_frontier"], np.random.default_rng(0))
-    assert 0 < oracle.bound() <= world.way <= other.way
+    assert 0 < oracle.least_way() <= world.way <= other.way
     assert world.way == pytest.approx(oracle.quickest.metres)
 
 

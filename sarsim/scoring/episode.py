@@ -21,6 +21,7 @@ from sarsim.scoring.progress import MOST, progress_figures
 from sarsim.scoring.segments import SegmentScore
 from sarsim.scoring.semantics import KeyframeTruth, compared
 from sarsim.scoring.sight import Sight
+from sarsim.scoring.surfaces import SurfaceScore
 from sarsim.scoring.topology import score_topology
 from sarsim.scoring.topology_kernels import way_lengths
 from sarsim.scoring.trajectory import TrajectoryScore, driven, ways_driven
@@ -56,6 +57,7 @@ class EpisodeScore(Observer):
         self._segments = SegmentScore(true_faces(model, data), are_whole=explorer.mapper.keyframes.loaded > 0)
         self._voxels = VoxelScore(explorer.mapper.metric_map)
         self._semantics = KeyframeTruth(explorer.mapper.keyframes)
+        self._surfaces = SurfaceScore()
         self._victims = VictimScore(model, data)
         self._finds, self._has_thermal = FindScore(model, data, T_world_tag[:, :3, 3]), False
         self._fiducials = FiducialScore(T_world_tag)
@@ -85,6 +87,7 @@ class EpisodeScore(Observer):
         """Compare a keyframe with the noise-free frame of the same moment."""
         points = truth.points()
         self._voxels.add(points, truth.image.T_world_camera[:3, 3])
+        self._surfaces.add(points)
         self._coverage.see(points)
         self._progress.append((keyframe.frame.time - self._start_time, self._coverage.fraction))
         self._segments.add(points, truth.image.instance[truth.image.depth > 0])
@@ -131,7 +134,8 @@ class EpisodeScore(Observer):
         has_readers = explorer.mapper.readers is not None
         stages = {
             "metric_map": self._voxels.report(),
-            "semantic_map": compared(self._semantics.map(), explorer.mapper.semantic_map),
+            "semantic_map": compared(self._semantics.map(), explorer.mapper.semantic_map)
+            | ({} if known.loaded else self._surfaces.report(explorer.mapper.semantic_map.points())),
             "segments": self._segments.report(explorer.mapper.segments),
             "topological_map": score_topology(explorer.mapper.topological_map, self.surface),
             "path_plan": self._path_plan(),

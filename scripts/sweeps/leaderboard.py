@@ -22,7 +22,8 @@ REFERENCE = "nearest_frontier"
 KEPT = (
     "checksum", "sim_time_s", "navigation.distance_m", "exploration.explored_fraction", "exploration.t90_s",
     "exploration.t99_s", "exploration.auc_time", "exploration.auc_way", "exploration.path_over_oracle",
-    "exploration.time_over_oracle", "metric_map.occupied_recall", "metric_map.occupied_precision", "failed",
+    "exploration.time_over_oracle", "semantic_map.f1_5cm", "semantic_map.f1_10cm", "victims.present",
+    "victims.found", "failed",
 )  # fmt: skip
 """Keys of a row that an entry keeps."""
 ENTRY_DIGITS = 6
@@ -156,12 +157,12 @@ def _reached(key: str) -> Callable[[Sequence[Entry]], list[Values]]:
     return lambda group: [entry.values(key, np.inf) for entry in group]
 
 
-def _shown(key: str) -> Callable[[Sequence[Entry]], list[Values]]:
-    """As :func:`_reached`, if any episode has the figure."""
+def _shown(key: str, missing: float = np.inf) -> Callable[[Sequence[Entry]], list[Values]]:
+    """A figure, ``missing`` where an episode has none, if any episode has it."""
 
     def shown(group: Sequence[Entry]) -> list[Values]:
-        found = _reached(key)(group)
-        return found if np.isfinite(found).any() else []
+        found = [entry.values(key, missing) for entry in group]
+        return found if np.not_equal(found, missing).any() else []
 
     return shown
 
@@ -204,12 +205,11 @@ def _mean(axis: str) -> Callable[[Sequence[Entry]], list[Values]]:
     return means
 
 
-def _map_f1(group: Sequence[Entry]) -> list[Values]:
-    """Harmonic mean of recall and precision of the occupied voxels of 0.1 m."""
-    pairs = [[e.values(f"metric_map.occupied_{key}", 0.0) for key in ("recall", "precision")] for e in group]
-    if not any(np.any(recall) for recall, _ in pairs):
-        return []
-    return [2 * r * p / np.maximum(r + p, 1e-9) for r, p in pairs]
+def _people_found(group: Sequence[Entry]) -> list[Values]:
+    """Shares of the people that were found, in the arenas that have any."""
+    present = np.max([entry.values("victims.present", 0.0) for entry in group], axis=0)
+    has_any = present.any(axis=1)
+    return [e.values("victims.found", 0.0)[has_any] / present[has_any] for e in group] if has_any.any() else []
 
 
 FIRST = "T_99, s"
@@ -221,6 +221,8 @@ TABLE_COLUMNS: dict[str, Callable[[Sequence[Entry]], list[Values]]] = {
     "explored, mean over way": _mean("way"),
     "path over oracle": _over_oracle("way", "exploration.path_over_oracle"),
     "time over oracle": _over_oracle("time", "exploration.time_over_oracle"),
-    "map F1, 10 cm": _map_f1,
+    "map F1, 5 cm": _shown("semantic_map.f1_5cm", 0.0),
+    "map F1, 10 cm": _shown("semantic_map.f1_10cm", 0.0),
+    "people found": _people_found,
 }
 """Columns of a table: what to estimate of every entry; nothing for a column that is left out."""

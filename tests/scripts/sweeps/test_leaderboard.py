@@ -60,6 +60,29 @@ def test_a_failed_episode_saw_nothing() -> None:
     assert TABLE_COLUMNS[FIRST]([lost])[0].tolist() == [[np.inf, np.inf]]
 
 
+def test_people_are_a_share_of_those_in_the_arena_and_arenas_without_do_not_count() -> None:
+    rows = [row("a", 0, 1.0), row("a", 1, 1.0)]
+    rows += [row("b", seed, 1.0) | {"victims.present": 2, "victims.found": seed} for seed in (0, 1)]
+    some, lost = entry_of(rows, **(ABOUT | {"method": "some"})), entry("nearest_frontier", [1.0] * 4)
+    column = TABLE_COLUMNS["people found"]
+    assert [found.tolist() for found in column([some, lost])] == [[[0.0, 0.5]], [[0.0, 0.0]]]
+    assert column([lost]) == []
+
+
+def test_a_map_that_no_episode_has_is_no_column() -> None:
+    column = TABLE_COLUMNS["map F1, 5 cm"]
+    assert column([FAST]) == []
+    with_map = entry("mapped", [1.0] * 4, **{"semantic_map.f1_5cm": 0.9})
+    assert [found.tolist() for found in column([with_map, FAST])] == [[[0.9, 0.9]] * 2, [[0.0, 0.0]] * 2]
+
+
+def test_ways_over_the_oracle_s_where_it_is_an_entry() -> None:
+    oracle = entry("oracle", [10.0] * 4, end=50.0)
+    ratios = TABLE_COLUMNS["path over oracle"]([SLOW, oracle])
+    assert ratios[0].tolist() == [[4.0, 4.0], [4.0, np.inf]]
+    assert ratios[1].tolist() == [[1.0, 1.0]] * 2
+
+
 def test_the_fastest_comes_first_and_other_arenas_have_a_table_of_their_own() -> None:
     other = replace(FAST, rows=tuple(r | {"checksum": "changed"} for r in FAST.rows))
     tables = list(boards([SLOW, FAST, other]))

@@ -20,10 +20,10 @@ from sarsim.scripts.sweeps.statistics import estimate
 
 AXES = {"time_s": ("time, s", ENDS["time"]), "way_m": ("way, m", ENDS["way"])}
 """Of the plots: by the field of a curve, the label and the key of an episode's end."""
-PLACES = 101
+SAMPLES = 101
 """Number of places along an axis at which shares are drawn: a step is a hundredth of the axis."""
-COLOURS = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000", "#F0E442")
-"""Those of Okabe and Ito (2008), which the colour-blind tell apart; the faintest comes last."""
+OKABE_ITO = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000", "#F0E442")
+"""Colours that the colour-blind tell apart (Okabe and Ito, 2008); the faintest comes last."""
 DASHES = ("", "6 2", "2 2")
 """Lengths in points of dashes and gaps, by which lines of the same colour differ."""
 
@@ -50,7 +50,7 @@ def write_page(entries: Sequence[Entry], curves: Curves, path: Path) -> None:
 
 def _strokes() -> Iterator[Stroke]:
     """Strokes without end, at first of different colours."""
-    return cycle(Stroke(colour, dashes) for dashes, colour in product(DASHES, COLOURS))
+    return cycle(Stroke(colour, dashes) for dashes, colour in product(DASHES, OKABE_ITO))
 
 
 def drawing(entries: Sequence[Entry], curves: Curves, strokes: Mapping[str, Stroke]) -> str:
@@ -67,7 +67,7 @@ def _draw(plot: Axes, axis: str, entries: Sequence[Entry], curves: Curves, strok
     """Draw the methods' bands, up to the end of the longest of all episodes."""
     label, end = AXES[axis]
     longest = max(entry.values(end, 0.0).max() for entry in entries)
-    places = np.linspace(0, longest, PLACES)
+    places = np.linspace(0, longest, SAMPLES)
     for entry in entries:
         mean, low, high = band(curves[entry.method], axis, places, len(entry.seeds))
         colour, dashes = strokes[entry.method]

@@ -12,7 +12,7 @@ import pytest
 from sarsim.scoring.progress import ExploredCurve
 from sarsim.scripts.sweeps.episodes import EpisodeResult
 from sarsim.scripts.sweeps.leaderboard import Entry, boards, entry_of
-from sarsim.scripts.sweeps.page import COLOURS, band, write_page
+from sarsim.scripts.sweeps.page import OKABE_ITO, band, write_page
 
 ABOUT = {
     "arenas": ("grid:toys",),
@@ -64,7 +64,7 @@ def page(folder: Path, methods: list[str]) -> str:
 
 
 def test_a_page_is_the_same_again_and_small_and_asks_for_nothing_from_elsewhere(tmp_path: Path) -> None:
-    methods = [f"m{n}" for n in range(len(COLOURS))]
+    methods = [f"m{n}" for n in range(len(OKABE_ITO))]
     first = page(tmp_path, methods)
     assert page(tmp_path, methods) == first and len(first) < 300_000
     assert not re.search(r"<(script|link|img|iframe|image)\b|@import|url\((?!#)|(src|href)=\"(?!#)", first)
@@ -96,6 +96,6 @@ def test_the_table_is_the_leaderboard_s(tmp_path: Path) -> None:
 
 
 def test_lines_of_many_methods_differ(tmp_path: Path) -> None:
-    text = page(tmp_path, [f"m{n}" for n in range(2 * len(COLOURS))])
+    text = page(tmp_path, [f"m{n}" for n in range(2 * len(OKABE_ITO))])
     strokes = re.findall(r'stroke="(#\w+)" stroke-width="2" stroke-dasharray="([^"]*)"', text)
-    assert len(set(strokes)) == 2 * len(COLOURS)
+    assert len(set(strokes)) == 2 * len(OKABE_ITO)

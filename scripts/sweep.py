@@ -25,12 +25,12 @@ from sarsim.settings import METHODS
 if TYPE_CHECKING:
     from sarsim.dataset.engine import Engine
     from sarsim.dataset.folder_lock import FolderLock
-    from sarsim.scripts.sweeps.episodes import Row, Sweep, SweepJob
+    from sarsim.scripts.sweeps.episodes import EpisodeResult, Sweep, SweepJob
     from sarsim.scripts.sweeps.leaderboard import Entry
 
 MANIFEST = "sweep.json"
 """Says what the episodes in a folder were run with."""
-ENTRIES = "entries"
+ENTRIES, PAGE = "entries", "sweep.html"
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -44,7 +44,7 @@ class SweepSettings:
         seeds: of the episodes in each arena.
         engine: processes on this machine (local), or tasks on the Ray cluster that RAY_ADDRESS names (ray).
         workers: number of episodes at a time; by default one per core.
-        out: folder for the episodes, which are not run again, a table of them (Parquet), and the entries.
+        out: folder for the episodes, which are not run again, a table of them (Parquet), the entries, and a page.
         steps: most steps of an episode in an arena of MuJoCo.
         limit: s by the clock after which an episode is given up.
     """
@@ -65,6 +65,7 @@ def sweep(settings: SweepSettings) -> None:
     from sarsim.scripts.sweeps.arenas import GRID, arenas_of
     from sarsim.scripts.sweeps.episodes import FOLDER, ORACLE, Sweep, SweepJob
     from sarsim.scripts.sweeps.leaderboard import write_entry
+    from sarsim.scripts.sweeps.page import write_page
     from sarsim.scripts.sweeps.parquet import write_parquet
     from sarsim.tasks.grid_explorers import EXPLORERS
 
@@ -83,12 +84,14 @@ def sweep(settings: SweepSettings) -> None:
         (settings.out / FOLDER).mkdir(exist_ok=True)
         work = Sweep(tuple(jobs), settings.steps, settings.limit)
         failed = run_missing(work, settings.out, make_engine(settings.engine, settings.workers), lock)
-        rows, seconds = results_of(jobs, settings.out, failed)
-        write_parquet(rows, settings.out / "episodes.parquet")
+        results = results_of(jobs, settings.out, failed)
+        write_parquet([result.row for result in results], settings.out / "episodes.parquet")
         save_settings(settings, settings.out / "config.yaml")
-    entries = [entry(settings, method, rows, seconds[method], commit) for method in methods]
+    of_methods = {method: [found for found in results if found.row["method"] == method] for method in methods}
+    entries = [entry(settings, method, found, commit) for method, found in of_methods.items()]
     for one in entries:
         write_entry(one, settings.out / ENTRIES)
+    write_page(entries, {m: [one.curve for one in found] for m, found in of_methods.items()}, settings.out / PAGE)
     show(settings, entries, failed)
 
 
@@ -140,37 +143,31 @@ def run_missing(work: "Sweep", folder: Path, engine: "Engine", lock: "FolderLock
     return failed
 
 
-def results_of(
-    jobs: Sequence["SweepJob"], folder: Path, failed: dict["SweepJob", str]
-) -> tuple[list["Row"], dict[str, float]]:
-    """The rows of all episodes, and the s of processor time of each method.
+def results_of(jobs: Sequence["SweepJob"], folder: Path, failed: dict["SweepJob", str]) -> list["EpisodeResult"]:
+    """The results of all episodes; those that failed get the arena's checksum from the other methods' rows."""
+    from sarsim.scripts.sweeps.episodes import EpisodeResult, result_of
 
-    Those that failed get the arena's checksum from the other methods' rows.
-    """
-    from sarsim.scripts.sweeps.episodes import Row, result_of
-
-    rows, seconds = list[Row](), dict.fromkeys((job.method for job in jobs), 0.0)
-    for job in jobs:
-        found = result_of(job, folder) or (job.row | {"failed": failed.get(job, "not run")}, 0.0)
-        rows.append(found[0])
-        seconds[job.method] += found[1]
-    known = {row["arena"]: row["checksum"] for row in rows if "checksum" in row}
-    return [{"checksum": known[row["arena"]]} | row if row["arena"] in known else row for row in rows], seconds
+    found = [
+        result_of(job, folder) or EpisodeResult.of_nothing(job.row | {"failed": failed.get(job, "not run")})
+        for job in jobs
+    ]
+    known = {one.row["arena"]: {"checksum": one.row["checksum"]} for one in found if "checksum" in one.row}
+    return [one._replace(row=known.get(one.row["arena"], {}) | one.row) for one in found]
 
 
-def entry(settings: SweepSettings, method: str, rows: Sequence["Row"], seconds: float, commit: str) -> "Entry":
+def entry(settings: SweepSettings, method: str, results: Sequence["EpisodeResult"], commit: str) -> "Entry":
     """A method's entry of the leaderboard."""
     from sarsim.scripts.sweeps.leaderboard import entry_of
 
     return entry_of(
-        [row for row in rows if row["method"] == method],
+        [one.row for one in results],
         method=method,
         arenas=settings.arenas,
         seeds=tuple(dict.fromkeys(settings.seeds)),
         commit=commit,
         version=importlib.metadata.version("sarsim"),
         processor=processor(),
-        processor_s=round(seconds, 1),
+        processor_s=round(sum(one.processor_s for one in results), 1),
     )
 
 
@@ -186,8 +183,8 @@ def show(settings: SweepSettings, entries: Sequence["Entry"], failed: dict["Swee
         for row in board.rows:
             table.add_row(*row[:-1])
         Console().print(table)
-    places = settings.out / "episodes.parquet", settings.out / ENTRIES
-    Console().print("Episodes in {}, entries of the leaderboard in {}".format(*places), soft_wrap=True)
+    places = [settings.out / name for name in (PAGE, "episodes.parquet", ENTRIES)]
+    Console().print("Page: {}; episodes: {}; entries of the leaderboard: {}".format(*places), soft_wrap=True)
 
 
 def main() -> None:

@@ -67,7 +67,7 @@ def test_wheel_holds_every_module(installed: Path, folder: str, inside: str) -> 
     assert modules == {p.relative_to(installed / inside) for p in (installed / inside).rglob("*.py")}
 
 
-@pytest.mark.parametrize("package", ["pipeline/rescue_report", "sarsim/dataset"])
+@pytest.mark.parametrize("package", ["pipeline/rescue_report", "sarsim/dataset", "sarsim/scripts/sweeps"])
 def test_wheel_holds_every_template(installed: Path, package: str) -> None:
     templates = files(ROOT / package / "templates")
     assert templates

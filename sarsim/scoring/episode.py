@@ -17,7 +17,7 @@ from sarsim.scoring.fiducials import FiducialScore
 from sarsim.scoring.finds import FindScore
 from sarsim.scoring.navigation import navigation_figures
 from sarsim.scoring.oracle import Oracle, true_traversability
-from sarsim.scoring.progress import MOST, progress_figures
+from sarsim.scoring.progress import MOST, ExploredCurve, progress_figures
 from sarsim.scoring.segments import SegmentScore
 from sarsim.scoring.semantics import KeyframeTruth, compared
 from sarsim.scoring.sight import Sight
@@ -111,10 +111,13 @@ class EpisodeScore(Observer):
         return self._coverage
 
     @property
-    def progress(self) -> list[tuple[float, float]]:
-        """At each keyframe, s since the start and the share of the drivable area that was seen."""
+    def progress(self) -> ExploredCurve:
+        """Of the drivable area, at each keyframe."""
         self._wait()
-        return self._progress
+        times, shares = np.array(self._progress).reshape(-1, 2).T
+        poses = self._robot.trajectory
+        ways = np.interp(times, [pose.time - self._start_time for pose in poses], ways_driven(poses))
+        return ExploredCurve(times, ways, shares)
 
     def on_step(self, explorer: Explorer, step: Step) -> None:
         """Add the newest step to the scores."""
@@ -180,10 +183,8 @@ class EpisodeScore(Observer):
 
     def _exploration(self) -> dict[str, Any]:
         """Times in ``MOST`` are missing if less was seen."""
-        times, shares = np.array(self.progress).reshape(-1, 2).T
-        ways = ways_driven(self._robot.trajectory)
-        at = np.interp(times, [pose.time - self._start_time for pose in self._robot.trajectory], ways)
-        seen = progress_figures(times, at, shares, (self._robot.time - self._start_time, float(ways[-1])))
+        end = self._robot.time - self._start_time, driven(self._robot.trajectory)
+        seen = progress_figures(self.progress, end)
         oracle = (
             self._oracle(self._first_frame, seen.get("t99_s")) if self._wants_oracle and self._first_frame else {}
         )

@@ -173,7 +173,7 @@ class BenchmarkEpisode(Episode):
         """(H, W, 3) uint8 RGB, the run from above."""
         track = np.array([pose.T_world_base[:2, 3] for pose in self.robot.trajectory])
         failed = [leg.target for leg in self.explorer.navigator.legs if leg.outcome is not Outcome.REACHED]
-        end = self.score.progress[-1][0]
+        end = self.score.progress.time_s[-1]
         text = (
             f"{Path(self.config.arena).name}, seed {self.config.seed}:"
             f" {self.score.coverage.fraction:.1%} seen in {end:.0f} s,"

@@ -14,7 +14,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -24,7 +24,7 @@ from pipeline.files import read_text, whole_file
 from pipeline.rescue_report.figures import figures as flat
 from sarsim.methods.answers import one_line
 from sarsim.methods.make import load_class
-from sarsim.scoring.progress import progress_figures
+from sarsim.scoring.progress import ExploredCurve, progress_figures
 from sarsim.scripts.sweeps.arenas import GRID, checked, grid_scene
 from sarsim.settings import EpisodeConfig
 from sarsim.tasks.grid_explorers import EXPLORERS, Explorer2D, Sights, explore
@@ -41,8 +41,24 @@ GRACE = 1.1
 ORACLE = "oracle"
 """Method on 2D maps that knows the map."""
 
+CURVE_DIGITS = {"time_s": 2, "way_m": 3, "explored": 4}
+"""Digits after the point that are kept of a curve."""
+
 Row = dict[str, Any]
 """An episode: method, arena, seed, checksum, and its figures by their keys in report.json; or ``failed``."""
+
+
+class EpisodeResult(NamedTuple):
+    """What is kept of an episode: its row, how much was seen when, and the s of processor time that it took."""
+
+    row: Row
+    curve: ExploredCurve
+    processor_s: float
+
+    @classmethod
+    def of_nothing(cls, row: Row) -> "EpisodeResult":
+        """The result of an episode that failed: it saw nothing."""
+        return cls(row, ExploredCurve(*np.zeros((3, 1))), 0.0)
 
 
 @dataclass(frozen=True)
@@ -99,18 +115,18 @@ class Sweep:
         job, start = self.jobs[index], time.process_time()
         try:
             with limited(self.limit):
-                figures = explored(job) if job.arena.startswith(GRID) else driven(job, self.steps)
+                figures, curve = explored(job) if job.arena.startswith(GRID) else driven(job, self.steps)
         except InputError:
             raise
         except Exception as error:
             raise InputError(one_line(error)) from error
         finally:
             gc.collect()  # an episode's maps are in circles of references, and a worker runs many episodes
-        content = {"row": job.row | figures, "processor_s": time.process_time() - start}
+        kept = {"row": job.row | figures, "curve": written(curve), "processor_s": time.process_time() - start}
         path = folder / job.file
         path.parent.mkdir(exist_ok=True)
         with whole_file(path) as part:
-            part.write_text(json.dumps(content) + "\n")
+            part.write_text(json.dumps(kept) + "\n")
         return EpisodeFile(index, job.file)
 
 
@@ -133,8 +149,15 @@ def limited(seconds: float) -> Iterator[None]:
             signal.signal(signal.SIGALRM, before)
 
 
-def explored(job: SweepJob) -> Row:
-    """Explore a 2D map by the papers' protocol."""
+def written(curve: ExploredCurve) -> dict[str, list[float]]:
+    """A curve as a file has it: rounded, without places where nothing new was seen."""
+    rounded = {name: np.round(getattr(curve, name), digits) for name, digits in CURVE_DIGITS.items()}
+    is_new = np.diff(rounded["explored"], prepend=-1.0) > 0
+    return {name: values[is_new].tolist() for name, values in rounded.items()}
+
+
+def explored(job: SweepJob) -> tuple[Row, ExploredCurve]:
+    """Explore a 2D map by the papers' protocol; its figures, and how much was seen when."""
     found, world = checked(job.arena), GridWorld(grid_scene(job.arena), PAPERS)
     track = [_state(world)]
 
@@ -145,11 +168,10 @@ def explored(job: SweepJob) -> Row:
         ended = GridOracle(world.scene, PAPERS).follow(world, on_move)
     else:
         ended = explore(world, grid_explorer(job.method), np.random.default_rng(job.seed), on_move)
-    times, ways, shares = np.array(track).T
-    end = float(times[-1]), float(ways[-1])
-    seen = progress_figures(times, ways, shares, end) | {"explored_fraction": float(shares[-1]), "ended": ended}
-    row = {"checksum": found, "steps": world.moves, "sim_time_s": end[0], "navigation.distance_m": end[1]}
-    return row | {f"exploration.{key}": value for key, value in seen.items()}
+    curve, (seconds, way, share) = ExploredCurve(*np.array(track).T), track[-1]
+    seen = progress_figures(curve, (seconds, way)) | {"explored_fraction": share, "ended": ended}
+    row = {"checksum": found, "steps": world.moves, "sim_time_s": seconds, "navigation.distance_m": way}
+    return row | {f"exploration.{key}": value for key, value in seen.items()}, curve
 
 
 def _state(world: GridWorld) -> tuple[float, float, float]:
@@ -183,8 +205,8 @@ def _is_reachable(node: int, world: GridWorld, before: NDArray[np.int64]) -> boo
     return 0 <= node < len(before) and (before[node] >= 0 or node == world.here)
 
 
-def driven(job: SweepJob, steps: int) -> Row:
-    """Run an episode in MuJoCo; the method is its ``--exploration``."""
+def driven(job: SweepJob, steps: int) -> tuple[Row, ExploredCurve]:
+    """Run an episode in MuJoCo, the method is its ``--exploration``; its figures, and how much was seen when."""
     from sarsim.episode import Episode  # imported here, because 2D maps do not need it
 
     found = checked(job.arena)
@@ -196,17 +218,18 @@ def driven(job: SweepJob, steps: int) -> Row:
         episode.run()
         told = {name.lstrip("."): value for name, value in flat("", episode.report)}
     kept = {key: value for key, value in told.items() if isinstance(value, bool | int | float | str)}
-    return {"checksum": found} | {key: value for key, value in kept.items() if not OF_THE_RUN.match(key)}
+    row = {"checksum": found} | {key: value for key, value in kept.items() if not OF_THE_RUN.match(key)}
+    return row, episode.score.progress
 
 
-def result_of(job: SweepJob, folder: Path) -> tuple[Row, float] | None:
-    """The row of an episode and the s of processor time that it took, if it was run; InputError for a broken file."""
+def result_of(job: SweepJob, folder: Path) -> EpisodeResult | None:
+    """What an episode left, if it was run; InputError for a broken file."""
     file = folder / job.file
     if not file.exists():
         return None
     try:
         content = json.loads(read_text(file))
-        row, seconds = dict(content["row"]), float(content["processor_s"])
+        curve = ExploredCurve(*np.array([content["curve"][name] for name in CURVE_DIGITS], np.float64))
+        return EpisodeResult(dict(content["row"]), curve, float(content["processor_s"]))
     except (ValueError, KeyError, TypeError) as error:
         raise InputError(f"{file}: not an episode's result: {one_line(error)}") from error
-    return row, seconds

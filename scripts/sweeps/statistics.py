@@ -3,6 +3,7 @@
 After Agarwal et al., "Deep reinforcement learning at the edge of the statistical precipice" (NeurIPS 2021).
 """
 
+from functools import cache
 from typing import NamedTuple
 
 import numpy as np
@@ -35,9 +36,15 @@ def estimate(values: NDArray[np.float64]) -> Estimate:
     The seeds of an arena differ only where the method or the robot draws random numbers; else resampling them
     changes nothing.
     """
-    rng, (arenas, seeds) = np.random.default_rng(0), values.shape
-    arena = rng.integers(arenas, size=(RESAMPLED, arenas, 1))
-    drawn = values[arena, rng.integers(seeds, size=(RESAMPLED, arenas, seeds))]
-    means = np.sort(interquartile_mean(drawn.reshape(RESAMPLED, -1)))
+    means = np.sort(interquartile_mean(values.ravel()[_drawn(*values.shape)]))
     out = round(RESAMPLED * (1 - SHARE) / 2)
     return Estimate(float(interquartile_mean(values.ravel())), float(means[out]), float(means[-1 - out]))
+
+
+@cache
+def _drawn(arenas: int, seeds: int) -> NDArray[np.int64]:
+    """(RESAMPLED, arenas × seeds) places in flat values: arenas drawn with replacement and, in each, seeds."""
+    rng = np.random.default_rng(0)
+    arena = rng.integers(arenas, size=(RESAMPLED, arenas, 1))
+    seed = rng.integers(seeds, size=(RESAMPLED, arenas, seeds))
+    return (arena * seeds + seed).reshape(RESAMPLED, -1)

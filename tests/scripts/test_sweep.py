@@ -39,7 +39,9 @@ def test_a_method_that_fails_costs_its_own_episodes_alone(
     again = replace(settings, out=settings.out.with_name("again"))
     monkeypatch.setattr("sarsim.scripts.sweep.make_engine", lambda name, workers: InProcess())
     sweep(again)
-    assert (again.out / "episodes.parquet").read_bytes() == (settings.out / "episodes.parquet").read_bytes()
+    for name in ("episodes.parquet", "sweep.html"):
+        assert (again.out / name).read_bytes() == (settings.out / name).read_bytes()
+    assert f"Page: {again.out / 'sweep.html'}" in capsys.readouterr().out
 
 
 def test_what_was_run_is_kept_and_another_version_refused(

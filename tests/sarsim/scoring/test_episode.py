@@ -11,6 +11,7 @@ from pipeline.mapper import Mapper
 from pipeline.semantic_map.classifier import TruthClassifier
 from sarsim.arenas.load import load_arena
 from sarsim.scoring.episode import EpisodeScore
+from sarsim.scoring.progress import ExploredCurve
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 
 
@@ -28,10 +29,11 @@ def score():
 
 
 def test_progress_has_an_entry_for_each_keyframe_also_of_those_on_the_way(score):
-    times, shares = zip(*score.progress, strict=True)
+    times, ways, shares = score.progress
     assert len(times) == score.report()["localisation"]["keyframes"] > 3 * 2
     assert times[0] == 0  # before anything was driven
     assert all(a < b for a, b in itertools.pairwise(times))
+    assert ways[0] == 0 and (np.diff(ways) >= 0).all() and 0 < ways[-1] <= score.report()["navigation"]["distance_m"]
     assert all(a <= b for a, b in itertools.pairwise(shares))
     assert shares[-1] == score.coverage.fraction
     assert 0 < shares[0] < 0.9
@@ -46,10 +48,10 @@ def test_what_was_seen_is_counted_on_drivable_ground_alone(score):
 
 def test_times_to_see_most_are_those_of_the_first_keyframes_with_so_much(score, monkeypatch):
     assert not {"t90_s", "t99_s"} & set(score.report()["exploration"])
-    monkeypatch.setattr(EpisodeScore, "progress", [(0.0, 0.3), (7.0, 0.9), (9.0, 0.95)])
+    monkeypatch.setattr(EpisodeScore, "progress", ExploredCurve(*np.array([[0, 7, 9], [0, 2, 3], [0.3, 0.9, 0.95]])))
     assert score.report()["exploration"]["t90_s"] == 7.0
     assert "t99_s" not in score.report()["exploration"]
-    monkeypatch.setattr(EpisodeScore, "progress", [(0.0, 0.3), (7.0, 0.995)])
+    monkeypatch.setattr(EpisodeScore, "progress", ExploredCurve(*np.array([[0, 7], [0, 2], [0.3, 0.995]])))
     assert {score.report()["exploration"][key] for key in ("t90_s", "t99_s")} == {7.0}
 
 

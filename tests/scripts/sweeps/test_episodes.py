@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 
 from pipeline.errors import InputError
-from sarsim.scripts.sweeps.episodes import Sweep, SweepJob, grid_explorer, limited, result_of
+from sarsim.scoring.progress import area_under
+from sarsim.scripts.sweeps.episodes import EpisodeResult, Sweep, SweepJob, grid_explorer, limited, result_of
 from sarsim.tasks.grid_explorers import Sights
 from sarsim.tasks.grid_scenes import draw_scene
 from sarsim.tasks.grid_world import PAPERS, GridWorld
@@ -42,13 +43,17 @@ class First:
 """
 
 
+WHOLE = {"row": {}, "curve": {"time_s": [0, 1], "way_m": [0, 1], "explored": [0.1, 0.2]}, "processor_s": 1}
+BROKEN = [WHOLE | {"row": 3}, WHOLE | {"curve": {}}, WHOLE | {"curve": WHOLE["curve"] | {"way_m": [0]}}]
+
+
 @pytest.fixture
 def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
     """Runs a method of a module in the working folder on a map."""
     (tmp_path / "mine_2d.py").write_text(MINE)
     monkeypatch.chdir(tmp_path)
 
-    def run(method: str, limit: float = 60.0) -> tuple[dict, float]:
+    def run(method: str, limit: float = 60.0) -> EpisodeResult:
         job = SweepJob(method, "grid:test:2", 0)
         Sweep((job,), 10, limit)(0, tmp_path, lambda: None)
         found = result_of(job, tmp_path)
@@ -59,17 +64,30 @@ def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
 
 
 def test_a_row_has_the_figures_of_a_report_and_is_the_same_again(run) -> None:
-    row, seconds = run("nearest_frontier")
+    row, _, seconds = run("nearest_frontier")
     assert (row["method"], row["arena"], row["seed"], row["exploration.ended"]) == (
         "nearest_frontier", "grid:test:2", 0, "nothing_left",
     )  # fmt: skip
     assert 0 < row["exploration.t90_s"] < row["exploration.t99_s"] <= row["sim_time_s"]
     assert 0 < row["exploration.auc_way"] < row["navigation.distance_m"]
-    assert seconds > 0 and run("nearest_frontier")[0] == row
+    assert seconds > 0 and run("nearest_frontier").row == row
+
+
+def test_a_curve_is_that_of_the_row_s_figures_and_has_no_place_where_nothing_new_was_seen(run) -> None:
+    row, curve, _ = run("nearest_frontier")
+    assert area_under(curve.time_s, curve.explored, row["sim_time_s"]) == approx(row["exploration.auc_time"])
+    assert area_under(curve.way_m, curve.explored, row["navigation.distance_m"]) == approx(row["exploration.auc_way"])
+    assert curve.explored[-1] == pytest.approx(row["exploration.explored_fraction"], abs=5e-5)
+    assert (np.diff(curve.explored) > 0).all() and len(curve.explored) < row["steps"]
+
+
+def approx(area: float):
+    """To the digits that a curve keeps."""
+    return pytest.approx(area, rel=1e-4)
 
 
 def test_a_class_of_ones_own_explores(run) -> None:
-    assert run("mine_2d:First")[0]["exploration.explored_fraction"] > 0.9
+    assert run("mine_2d:First").row["exploration.explored_fraction"] > 0.9
 
 
 @pytest.mark.parametrize(
@@ -105,10 +123,12 @@ def test_files_of_different_episodes_have_different_names() -> None:
     assert len({job.file for job in jobs}) == len(jobs)
 
 
-@pytest.mark.parametrize("text", ["{", "[]", json.dumps({"row": 3, "processor_s": 1})])
+@pytest.mark.parametrize("text", ["{", "[]", *map(json.dumps, BROKEN)])
 def test_a_broken_result_is_told(tmp_path: Path, text: str) -> None:
     job = SweepJob("m", "a", 0)
     (tmp_path / "episodes").mkdir()
     (tmp_path / job.file).write_text(text)
     with pytest.raises(InputError, match="not an episode's result"):
         result_of(job, tmp_path)
+    (tmp_path / job.file).write_text(json.dumps(WHOLE))
+    assert result_of(job, tmp_path).processor_s == 1

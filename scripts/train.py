@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from rich.console import Console
 
 from pipeline.errors import InputError
+from pipeline.files import whole_file
 from pipeline.finds.victims.detection.training_config import YoloTrainingConfig
 from pipeline.semantic_map.networks.training_config import TrainingConfig
 from sarsim.assets import asset
@@ -19,6 +20,7 @@ from sarsim.dataset.settings import HazmatTrainingConfig
 from sarsim.scripts.cli import Interruptible, check_folder_of, progress, tracked
 from sarsim.scripts.settings import run_one_of, save_settings
 from sarsim.settings import POINT_NETWORKS
+from sarsim.tasks.settings import ExplorerTrainingConfig
 
 if TYPE_CHECKING:
     from collections.abc import Callable
@@ -87,6 +89,17 @@ class TrainHazmat(HazmatTrainingConfig):
     init: Path | None = None
 
 
+@dataclass(frozen=True, kw_only=True)
+class TrainExplorer(ExplorerTrainingConfig):
+    """Train an explorer of 2D maps by PPO; Stable-Baselines3 must be installed.
+
+    Attributes:
+        out: file for the weights, .safetensors.
+    """
+
+    out: Path
+
+
 def train_points(settings: TrainPoints, network: str) -> None:
     """Train a network of the semantic map, and print the path of its weights."""
     _check(settings, ".safetensors")
@@ -144,6 +157,26 @@ def train_hazmat(settings: TrainHazmat) -> None:
         training.step()
     save_hazmat(training.network, settings.out)
     Console().print(f"Validated: accuracy {training.accuracy():.4f}. Weights in {settings.out}", soft_wrap=True)
+
+
+def train_explorer(settings: TrainExplorer) -> None:
+    """Train an explorer of 2D maps, and print the path of its weights."""
+    if settings.out.suffix != ".safetensors":
+        raise InputError(f"--out {settings.out}: a name that ends with .safetensors")
+    check_folder_of("out", settings.out)
+    try:
+        from sarsim.tasks import ppo
+    except ModuleNotFoundError as error:
+        raise InputError("Stable-Baselines3 is missing: pip install stable-baselines3") from error
+    from safetensors.torch import save_file
+
+    config = ExplorerTrainingConfig(**{f.name: getattr(settings, f.name) for f in fields(ExplorerTrainingConfig)})
+    with progress() as bars:
+        bar = bars.add_task("steps", total=config.steps // config.worlds)
+        network = ppo.train_explorer(config, lambda: bars.advance(bar))
+    with whole_file(settings.out) as part:
+        save_file(network.state_dict(), part)
+    Console().print(f"Weights in {settings.out}", soft_wrap=True)
 
 
 def _check(settings: TrainPoints | TrainYolo, ending: str) -> None:
@@ -238,6 +271,7 @@ def main() -> None:
     networks: dict[str, Any] = {name: (partial(train_points, network=name), TrainPoints) for name in POINT_NETWORKS}
     networks["yolo"] = (train_yolo, TrainYolo)
     networks["hazmat"] = (train_hazmat, TrainHazmat)
+    networks["explorer"] = (train_explorer, TrainExplorer)
     run_one_of(networks, str(__doc__))
 
 

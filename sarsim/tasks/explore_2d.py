@@ -15,7 +15,6 @@ from sarsim.tasks import grid_kernels as kernels
 from sarsim.tasks.exploration_task import (
     LOCAL_SIDE,
     ROBOT_COLOUR,
-    VIEWPOINTS,
     Action,
     ExplorationTask,
     Maps,
@@ -23,7 +22,7 @@ from sarsim.tasks.exploration_task import (
     observation,
     wanted_pose,
 )
-from sarsim.tasks.grid_explorers import Sights
+from sarsim.tasks.grid_explorers import Sights, viewpoint_rows
 from sarsim.tasks.grid_scenes import DRAWINGS, GridScene, draw_scene, dungeon_files, read_dungeon, read_ros_scene
 from sarsim.tasks.grid_world import RULES, GridWorld, route
 from sarsim.tasks.settings import RewardWeights
@@ -129,11 +128,8 @@ class Explore2D(ExplorationTask):
 
     def _observe(self) -> None:
         """Find out what is left to see, and from where."""
-        self._sights = sights = Sights.of(self.world)
-        counts = sights.visible.sum(axis=1)
-        rows = np.flatnonzero(counts)
-        rows = rows[np.argsort(sights.ways[rows], kind="stable")][:VIEWPOINTS]
-        self._rows, self._shares = rows, counts[rows] / max(len(sights.frontiers), 1)
+        self._sights = Sights.of(self.world)
+        self._rows, self._viewpoints = viewpoint_rows(self.world, self._sights)
 
     def _target(self, action: Action) -> tuple[int, float | None]:
         """The node to go to and the heading there, rad."""
@@ -152,18 +148,15 @@ class Explore2D(ExplorationTask):
         return node, best_heading(bearings, np.deg2rad(self._rules.field_of_view))
 
     def _observation(self) -> Maps:
-        world, reach = self.world, self._rules.reach
+        world = self.world
         known = kernels.local_map(world.belief, *world.nodes[world.here], LOCAL_SIDE, self._stride)
-        nodes, ways = self._sights.nodes[self._rows], self._sights.ways[self._rows]
-        away = (world.nodes[nodes] - world.nodes[world.here])[:, ::-1] / reach
         maps = {
             "elevation": np.zeros((LOCAL_SIDE, LOCAL_SIDE), np.float32),
             "label": LABEL_OF[known],
             "seen": (known != kernels.IS_UNKNOWN).astype(np.uint8),
         }
-        rows = np.column_stack([away, ways / reach, self._shares])
         place = (world.nodes[world.here] - world.scene.start)[::-1] * world.scene.cell
-        return observation(maps, place, world.heading, rows, len(self._sights.frontiers))
+        return observation(maps, place, world.heading, self._viewpoints, len(self._sights.frontiers))
 
     def _info(self) -> dict[str, Any]:
         """Keys as in report.json, and which numbers of viewpoints mean one."""

@@ -1,15 +1,21 @@
 """Ways to explore a 2D map: each decides, at every node, to which node the robot goes next."""
 
 from collections.abc import Callable
-from typing import NamedTuple
+from functools import cache
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
 from pipeline.planning.visiting_order import visiting_order
+from sarsim.assets import asset
 from sarsim.tasks import grid_kernels as kernels
+from sarsim.tasks.exploration_task import VIEWPOINTS
 from sarsim.tasks.grid_world import GridWorld, route
+
+if TYPE_CHECKING:
+    from sarsim.tasks.viewpoint_network import ViewpointNetwork
 
 
 class Sights(NamedTuple):
@@ -115,6 +121,19 @@ def random_walk(world: GridWorld, sights: Sights, rng: np.random.Generator) -> i
     return int(rng.choice(world.next_nodes()))
 
 
+def learned(world: GridWorld, sights: Sights, rng: np.random.Generator) -> int:
+    """The viewpoint that a network chooses, which has learned by PPO; see assets/weights/explorer.md."""
+    rows, viewpoints = viewpoint_rows(world, sights)
+    return int(sights.nodes[rows[_shipped_network().choice(viewpoints)]])
+
+
+@cache
+def _shipped_network() -> "ViewpointNetwork":
+    from sarsim.tasks.viewpoint_network import ViewpointNetwork  # imported here, because the others need no torch
+
+    return ViewpointNetwork.load(asset("weights", "explorer.safetensors"))
+
+
 EXPLORERS: dict[str, Explorer2D] = {
     "next_best_view": next_best_view,
     "viewpoint_tour": viewpoint_tour,
@@ -145,6 +164,21 @@ def first_of_tour(world: GridWorld, places: list[int]) -> int:
     stops = [world.here, *places]
     cost = np.array([world.ways(stop)[0][stops] for stop in stops])
     return stops[visiting_order(cost)[0]]
+
+
+def viewpoint_rows(world: GridWorld, sights: Sights) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
+    """The nearest nodes that see a frontier: their rows in ``sights``, and what is told of them.
+
+    Returns:
+        (N,) rows, and (N, 4) x, y and length of the way in ranges of the sensor, and the share of the frontiers that
+        the node sees.
+    """
+    counts = sights.visible.sum(axis=1)
+    rows = np.flatnonzero(counts)
+    rows = rows[np.argsort(sights.ways[rows], kind="stable")][:VIEWPOINTS]
+    away = (world.nodes[sights.nodes[rows]] - world.nodes[world.here])[:, ::-1]
+    in_reaches = np.column_stack([away, sights.ways[rows]]) / world.rules.reach
+    return rows, np.column_stack([in_reaches, counts[rows] / max(len(sights.frontiers), 1)])
 
 
 def explore(

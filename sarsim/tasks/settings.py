@@ -2,6 +2,8 @@
 
 from dataclasses import dataclass
 
+from tyro.conf import Fixed
+
 
 @dataclass(frozen=True)
 class RewardWeights:
@@ -46,3 +48,26 @@ class DriveWeights:
     time: float = -0.1
     contact: float = -1.0
     tipping: float = -10.0
+
+
+@dataclass(frozen=True)
+class ExplorerTrainingConfig:
+    """How to train an explorer of 2D maps by PPO; what is not told is as Stable-Baselines3 has it.
+
+    Attributes:
+        steps: of all worlds together.
+        seed: of all random numbers.
+        worlds: that are explored at once.
+        horizon: steps of each between two updates; as many are in a batch.
+        epochs: passes over these steps.
+        rate: learning rate at the start; it falls to 0 in a line.
+        entropy: weight of the entropy of the choice.
+    """
+
+    steps: int = 500_000
+    seed: int = 0
+    worlds: Fixed[int] = 8
+    horizon: Fixed[int] = 256
+    epochs: Fixed[int] = 4
+    rate: Fixed[float] = 1e-3
+    entropy: Fixed[float] = 0.003

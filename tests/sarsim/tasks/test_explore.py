@@ -1,4 +1,5 @@
 import warnings
+from pathlib import Path
 
 import gymnasium
 import numpy as np
@@ -91,3 +92,13 @@ def test_wrong_settings_and_steps_before_the_start_are_said_in_one_line() -> Non
             Explore(**options)
     with pytest.raises(InputError, match="reset"):
         Explore().step(0)
+
+
+def test_with_the_networks_counts_what_is_found_and_not_what_is_in_view(tmp_path: Path) -> None:
+    (path := tmp_path / "room.xml").write_text(ROOM.replace("-0.45 0.4 0.2", "1.2 0.3 0.2"))
+    env = Explore(str(path), detects=True, weights={"ground": 0.0, "time": 0.0, "contact": 0.0})
+    _, info = env.reset(options={"seed": 7})
+    assert info["victims.visible"] == 1  # a box that stands for a person, which no network takes for one
+    _, reward, _, _, info = env.step(info["own_choice"])
+    assert info["victims.found"] == reward == 0
+    env.close()

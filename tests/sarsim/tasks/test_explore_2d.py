@@ -8,7 +8,8 @@ from gymnasium.utils.env_checker import check_env
 from PIL import Image
 
 from pipeline.errors import InputError
-from sarsim.tasks.explore_2d import VIEWPOINTS, Explore2D, best_heading
+from sarsim.tasks.exploration_task import VIEWPOINTS
+from sarsim.tasks.explore_2d import Explore2D, best_heading
 
 NAME = "sarsim.tasks:sarsim/Explore2D-v0"
 

@@ -1,0 +1,56 @@
+"""A network that chooses among viewpoints by where they are and what they should show."""
+
+from pathlib import Path
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from safetensors import SafetensorError
+from safetensors.torch import load_file
+from torch import Tensor, nn
+
+from pipeline.errors import InputError
+
+WIDTH = 64
+"""Features of a viewpoint: as many as layers of Stable-Baselines3's perceptrons have."""
+
+
+class ViewpointNetwork(nn.Module):
+    """Scores viewpoints one by one, each beside the mean and the maximum of all, so that their order says nothing."""
+
+    def __init__(self) -> None:
+        """Begin with random weights."""
+        super().__init__()
+        self.each = nn.Sequential(nn.Linear(4, WIDTH), nn.Tanh(), nn.Linear(WIDTH, WIDTH), nn.Tanh())
+        self.beside = nn.Sequential(nn.Linear(3 * WIDTH, WIDTH), nn.Tanh(), nn.Linear(WIDTH, 1))
+
+    @classmethod
+    def load(cls, path: Path) -> "ViewpointNetwork":
+        """The network of a safetensors file.
+
+        Raises:
+            InputError: the file is missing, damaged or of another network.
+        """
+        network = cls()
+        try:
+            network.load_state_dict(load_file(path))
+        except (OSError, SafetensorError, RuntimeError) as error:
+            raise InputError(f"{path}: no weights of an explorer: {str(error).splitlines()[0]}") from error
+        return network
+
+    def forward(self, viewpoints: Tensor) -> tuple[Tensor, Tensor]:
+        """(B, N) logits of the choice and (B, 2 · WIDTH) features of all, of (B, N, 4) rows as in an observation."""
+        is_one = viewpoints[..., 3:] > 0
+        of_each = self.each(viewpoints)
+        mean = (of_each * is_one).sum(dim=1) / is_one.sum(dim=1).clamp(min=1)
+        most = of_each.masked_fill(~is_one, -1).amax(dim=1)  # the least that a tanh gives
+        of_all = torch.cat([mean, most], dim=1)
+        both = torch.cat([of_each, of_all[:, None].expand(-1, viewpoints.shape[1], -1)], dim=2)
+        logits = self.beside(both).masked_fill(~is_one, torch.finfo(torch.float32).min)
+        return logits.squeeze(2), of_all
+
+    def choice(self, viewpoints: NDArray[np.float64]) -> int:
+        """The row of (N, 4) viewpoints that it prefers."""
+        with torch.inference_mode():
+            logits, _ = self(torch.from_numpy(viewpoints.astype(np.float32))[None])
+        return int(logits.argmax())

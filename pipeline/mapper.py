@@ -212,9 +212,13 @@ class Mapper:
                 self._put(first + k, Driven(here, (track[is_own, 2] - yaw_of(T)).astype(np.float32), *met))
 
     def settle(self) -> Moves | None:
-        """Let the localisation correct its keyframes, and every map with them; None if none moved noticeably."""
+        """Let the localisation correct its keyframes, and every map with them; None if none moved noticeably.
+
+        What the last keyframe in passing shows is on the map then.
+        """
         if not len(self.keyframes):
             return None
+        self._take_read()
         with self.stopwatch("pose_graph"):
             self.localisation.optimise()
         moves = self.correct(self.localisation.poses)

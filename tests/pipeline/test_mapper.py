@@ -290,3 +290,6 @@ def test_what_keyframes_in_passing_show_is_on_the_map_from_the_next_one_on():
         known.append(sorted(sighting.keyframe for thing in mapper.finds.all for sighting in thing.seen))
     assert known == [[], [0], [0, 1], [0, 1, 2, 3]]
     assert [how for how, _ in readers.asked] == ["in passing"] * 3 + ["closely"]
+    mapper.add(FRAMES[4], POSES[4], labelled=False)
+    mapper.settle()  # the last keyframe of a run that is cut off counts too
+    assert sorted(sighting.keyframe for thing in mapper.finds.all for sighting in thing.seen) == [0, 1, 2, 3, 4]

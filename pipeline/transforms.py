@@ -30,17 +30,13 @@ def transform_points(T: NDArray[np.float64], points: NDArray) -> NDArray[np.floa
 
 def inverse(T: NDArray[np.float64]) -> NDArray[np.float64]:
     """The inverse of a rigid 4×4 transform."""
-    result = np.eye(4)
-    result[:3, :3] = T[:3, :3].T
-    result[:3, 3] = -T[:3, :3].T @ T[:3, 3]
-    return result
+    return from_rotation(T[:3, :3].T, -T[:3, :3].T @ T[:3, 3])
 
 
 def from_rotation(R: ArrayLike, t: ArrayLike) -> NDArray[np.float64]:
     """The 4×4 transform with the 3×3 rotation ``R`` and the translation ``t`` (3,), m."""
-    result = np.eye(4)
-    result[:3, :3] = R
-    result[:3, 3] = t
+    result = np.zeros((4, 4))
+    result[:3, :3], result[:3, 3], result[3, 3] = R, t, 1
     return result
 
 

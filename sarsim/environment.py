@@ -6,6 +6,7 @@ import dm_env
 import mujoco
 import numpy as np
 from dm_control import mjcf
+from dm_control.rl.control import PhysicsError
 from dm_env import specs
 from numpy.typing import NDArray
 
@@ -14,7 +15,7 @@ from pipeline.robot import Velocity
 from sarsim.arenas.arena import RescueArena
 from sarsim.robots.model import ROBOTS
 from sarsim.robots.skid_steer import SkidSteer
-from sarsim.robots.skid_steered import SkidSteered
+from sarsim.robots.skid_steered import SkidSteered, per_side
 
 CONTROL_TIMESTEP = 0.02
 """s, the period of the drive's firmware."""
@@ -49,7 +50,10 @@ class RescueEnvironment(dm_env.Environment):
                 f"the arena and the robot do not fit together: {' '.join(str(error).split())}"
             ) from error
         self._substeps = substeps(self.physics.timestep())
+        self._sensed = np.zeros(self.physics.model.nsensordata)
         self._inertial_data = self.robot.inertial_data(self.physics)
+        self._wheels = np.array(self.physics.bind(self.robot.wheels).dofadr)
+        self._servos = self.physics.bind(self.robot.actuators).element_id
         self.reset()
 
     def reset(self) -> dm_env.TimeStep:
@@ -59,7 +63,7 @@ class RescueEnvironment(dm_env.Environment):
         with self.physics.reset_context():
             self.robot.set_pose(self.physics, T[:3, 3], quat)
         self.firmware = SkidSteer(self.robot.drive)
-        self._inertial, self._measured = np.zeros(6), 0
+        self._sensed[:], self._measured = 0, 0
         return dm_env.restart(self._observation())
 
     def step(self, action: NDArray[np.float64]) -> dm_env.TimeStep:
@@ -69,19 +73,25 @@ class RescueEnvironment(dm_env.Environment):
 
     def drive(self, command: Velocity) -> None:
         """What :meth:`step` does, without an observation."""
-        robot, physics = self.robot, self.physics
-        gyro_z = float(robot.gyro(physics)[2])
-        wheels = self.firmware.command(command, robot.wheel_speed(physics), gyro_z, CONTROL_TIMESTEP)
-        robot.set_wheel_speed(physics, *wheels)
-        physics.step()
-        physics.forward()  # dm_control does so where it reads for the first time after a write
-        model, data, inertial = physics.model.ptr, physics.data.ptr, self._inertial_data
-        self._inertial += data.sensordata[inertial]
-        with physics.check_invalid_state():
-            for _ in range(self._substeps - 1):
-                mujoco.mj_step2(model, data)
-                mujoco.mj_step1(model, data)  # of the new state: its contacts, and what the gyro measures
-                self._inertial += data.sensordata[inertial]
+        physics = self.physics
+        if physics.is_dirty:  # after a write by way of dm_control
+            physics.forward()
+        model, data = physics.model.ptr, physics.data.ptr
+        speed, gyro_z = per_side(data.qvel[self._wheels]), float(data.sensordata[self._inertial_data[2]])
+        data.ctrl[self._servos] = self.firmware.command(command, speed, gyro_z, CONTROL_TIMESTEP)
+        warned = data.warning.number.tolist()
+        self._advance(model, data)
+        if data.warning.number.tolist() != warned:
+            names = [mujoco.mjtWarning(int(n)).name for n in np.flatnonzero(data.warning.number != warned)]
+            raise PhysicsError(f"the physics diverged: {', '.join(names)}")
+
+    def _advance(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
+        for substep in range(self._substeps):
+            mujoco.mj_step2(model, data)
+            mujoco.mj_step1(model, data)  # of the new state: its contacts, and what the gyro measures
+            if substep == 0:  # dm_control measures accelerations where it reads for the first time after a write
+                mujoco.mj_forwardSkip(model, data, mujoco.mjtStage.mjSTAGE_VEL, skipsensor=False)
+            self._sensed += data.sensordata
         self._measured += self._substeps
 
     def inertial(self) -> NDArray[np.float64]:
@@ -89,8 +99,8 @@ class RescueEnvironment(dm_env.Environment):
 
         Inertial sensors sample much faster than they report (Xsens MTi: at 2 kHz), so that vibration averages out.
         """
-        mean = (self._inertial / self._measured).reshape(2, 3)
-        self._inertial, self._measured = np.zeros(6), 0
+        mean = (self._sensed[self._inertial_data] / self._measured).reshape(2, 3)
+        self._sensed[:], self._measured = 0, 0
         return mean
 
     def action_spec(self) -> specs.BoundedArray:

@@ -25,8 +25,10 @@ class CollisionCounter:
 
     def __init__(self, model: mujoco.MjModel, base_body: int, living: Sequence[NDArray[np.integer]] = ()):
         """``base_body``: id of the robot's root body; ``living``: (N,) ids of the geoms of each living victim."""
-        self._is_robot = model.body_rootid[model.geom_bodyid] == base_body
-        self._is_obstacle = np.isin(geom_labels(model), OBSTACLES) & ~self._is_robot
+        is_robot = model.body_rootid[model.geom_bodyid] == base_body
+        is_obstacle = np.isin(geom_labels(model), OBSTACLES) & ~is_robot
+        # 1 for a geom of the robot, 2 for an obstacle: only a pair of both adds up to 3. A list, as contacts are few.
+        self._kind: list[int] = (is_robot + 2 * is_obstacle).tolist()
         self._victim_of = {int(geom): number for number, geoms in enumerate(living) for geom in geoms}
         # Time of the last contact of each pair of geoms, and with each living victim, s.
         self._touched: dict[Hashable, float] = {}
@@ -34,11 +36,7 @@ class CollisionCounter:
 
     def count(self, data: mujoco.MjData) -> None:
         """Add the contacts of the current time step."""
-        first, second = data.contact.geom1, data.contact.geom2
-        hit = (self._is_robot[first] & self._is_obstacle[second]) | (
-            self._is_robot[second] & self._is_obstacle[first]
-        )
-        pairs = {(int(a), int(b)) for a, b in zip(first[hit], second[hit], strict=True)}
+        pairs = {(a, b) for a, b in data.contact.geom.tolist() if self._kind[a] + self._kind[b] == 3}
         self.collisions += self._begun(pairs, data.time)
         if pairs and self._victim_of:
             victims = {self._victim_of[geom] for pair in pairs for geom in pair if geom in self._victim_of}

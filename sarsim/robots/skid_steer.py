@@ -62,8 +62,7 @@ class SkidSteer:
         self._v = 0.0
         self._omega = 0.0
         self.heading_error = 0.0
-        self._wheel_target = np.zeros(2)
-        self._wheel_lag = np.zeros(2)
+        self._wheel_target = self._wheel_lag = [0.0, 0.0]
 
     def command(
         self, velocity: Velocity, wheel_speed: NDArray[np.float64], gyro_z: float, dt: float
@@ -78,10 +77,10 @@ class SkidSteer:
         """
         self._hold_heading(gyro_z, dt)
         self._follow(velocity, dt)
-        lag = self._wheel_lag + (self._wheel_target - wheel_speed) * dt
-        self._wheel_lag = np.clip(lag, -MAX_WHEEL_LAG, MAX_WHEEL_LAG)
+        sides = zip(self._wheel_lag, self._wheel_target, wheel_speed.tolist(), strict=True)
+        self._wheel_lag = [_clip(lag + (target - speed) * dt, MAX_WHEEL_LAG) for lag, target, speed in sides]
         self._wheel_target = self._wheels()
-        return self._wheel_target + WHEEL_GAIN * self._wheel_lag
+        return np.array([w + WHEEL_GAIN * lag for w, lag in zip(self._wheel_target, self._wheel_lag, strict=True)])
 
     def _follow(self, velocity: Velocity, dt: float) -> None:
         """Move the reference towards the command, no faster than the acceleration limits."""
@@ -96,16 +95,17 @@ class SkidSteer:
         if stopped and abs(self.heading_error) < SETTLED:
             self.heading_error = 0.0
 
-    def _wheels(self) -> NDArray[np.float64]:
-        """(2,) rad/s; if one side is too fast, both are scaled down alike, which keeps the curvature."""
+    def _wheels(self) -> list[float]:
+        """[left, right] rad/s; if one is too fast, both are scaled down alike, which keeps the curvature."""
         turn = self._omega + HEADING_GAIN * self.heading_error
         side = turn * self._drive.effective_track / 2
-        sides = np.array([self._v - side, self._v + side])
-        return sides / self._drive.wheel_radius / max(1.0, np.abs(sides).max() / (SURPLUS * self._drive.top_speed))
+        sides = self._v - side, self._v + side
+        excess = max(1.0, max(map(abs, sides)) / (SURPLUS * self._drive.top_speed))
+        return [v / self._drive.wheel_radius / excess for v in sides]
 
 
 def _clip(value: float, limit: float) -> float:
-    return min(max(value, -limit), limit)
+    return -limit if value < -limit else limit if value > limit else value
 
 
 def _approach(value: float, target: float, limit: float, step: float) -> float:

@@ -82,11 +82,11 @@ class SkidSteered(composer.Robot):
 
     def wheel_speed(self, physics: mjcf.Physics) -> NDArray[np.float64]:
         """(2,) rad/s of the left and right wheels."""
-        return _per_side(np.asarray(physics.bind(self.wheels).qvel))
+        return per_side(np.asarray(physics.bind(self.wheels).qvel))
 
     def wheel_angle(self, physics: mjcf.Physics) -> NDArray[np.float64]:
         """(2,) rad, unwrapped, of the left and right wheels."""
-        return _per_side(self.encoders(physics))
+        return per_side(self.encoders(physics))
 
     def gyro(self, physics: mjcf.Physics) -> NDArray[np.float64]:
         """(3,) rad/s in ``base_link``."""
@@ -116,6 +116,6 @@ class SkidSteered(composer.Robot):
         return from_rotation(base.xmat.reshape(3, 3), base.xpos)
 
 
-def _per_side(wheels: NDArray[np.float64]) -> NDArray[np.float64]:
+def per_side(wheels: NDArray[np.float64]) -> NDArray[np.float64]:
     """(2,) means of the left and right pairs of a (4,) array in the order of ``WHEELS``."""
-    return wheels.reshape(2, 2).mean(axis=0)
+    return (wheels[:2] + wheels[2:]) / 2

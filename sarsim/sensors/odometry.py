@@ -1,8 +1,9 @@
 """The robot's pose by dead reckoning with its wheel encoders and inertial sensors."""
 
+import math
+
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from pipeline.errors import InputError
 from pipeline.transforms import from_rotation, level
@@ -88,21 +89,38 @@ class WheelOdometry:
 
     def _advance(self, R: NDArray[np.float64], distance: float, rotation: NDArray[np.float64]) -> None:
         """Move along the mean direction of the period, by the midpoint rule."""
-        half = Rotation.from_rotvec(rotation / 2).as_matrix()
+        half = _rotation(rotation / 2)
         self._position = self._position + R @ half[:, 0] * distance
         self._R = R @ half @ half
 
     def _distance(self, ticks: NDArray[np.float64]) -> float:
         """Distance forward in m, the mean of both sides, from (2,) encoder ticks."""
         way = ticks * (2 * np.pi / TICKS) * self._radius
-        return float(np.mean(way + SLIP * np.sqrt(np.abs(way)) * self._rng.standard_normal(2)))
+        left, right = (way + SLIP * np.sqrt(np.abs(way)) * self._rng.standard_normal(2)).tolist()
+        return (left + right) / 2
 
     def _levelling(self, R: NDArray[np.float64], accelerometer: NDArray[np.float64]) -> NDArray[np.float64]:
         """(3,) rad/s that turn the estimated vertical towards the measured one; 0 while the robot is shaken.
 
         The proportional part of a complementary filter (Mahony, Hamel and Pflimlin 2008).
         """
-        norm = np.linalg.norm(accelerometer)
+        norm = math.sqrt(accelerometer @ accelerometer)
         if abs(norm - GRAVITY) > 0.1 * GRAVITY:
             return np.zeros(3)
-        return np.cross(accelerometer / norm, R[2]) / LEVELLING_TIME
+        (x, y, z), (a, b, c) = (accelerometer / norm).tolist(), R[2].tolist()
+        return np.array([y * c - z * b, z * a - x * c, x * b - y * a]) / LEVELLING_TIME
+
+
+def _rotation(rotvec: NDArray[np.float64]) -> NDArray[np.float64]:
+    """3×3 matrix of a rotation vector (3,), rad: scipy's formulas without its checks, nine tenths of the time."""
+    x, y, z = rotvec.tolist()
+    angle = math.sqrt(x * x + y * y + z * z)
+    scale = math.sin(angle / 2) / angle if angle > 1e-3 else 0.5 - angle**2 / 48 + angle**4 / 3840
+    x, y, z, w = x * scale, y * scale, z * scale, math.cos(angle / 2)
+    return np.array(
+        [
+            [x * x - y * y - z * z + w * w, 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), -x * x + y * y - z * z + w * w, 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), -x * x - y * y + z * z + w * w],
+        ]
+    )

@@ -1,5 +1,6 @@
 """``sarsim/Drive-v0``: drive the robot in MuJoCo by velocities, 0.1 s a step."""
 
+import math
 from collections.abc import Mapping
 from typing import Any
 
@@ -33,7 +34,9 @@ TIPPED = np.cos(np.deg2rad(60))
 """Least height of the robot's vertical axis."""
 MOST_SEEDS = 1_000_000
 """Number of random arenas to draw from."""
-MEASURED_BOUNDS = {"gyro": 100.0, "accelerometer": 1000.0, "odometry": 10_000.0, "goal": 10_000.0}
+MEASURED_PARTS = {"gyro": slice(3), "accelerometer": slice(3, 6), "odometry": slice(6, 10), "goal": slice(10, 12)}
+"""Where the measurements are in an array of all."""
+MEASURED_BOUNDS = np.repeat(np.array([100, 1000, 10_000, 10_000], np.float32), [3, 3, 4, 2])
 """rad/s, m/s² and m; measurements are cut off here."""
 DEFAULT_DRIVE = DriveWeights()
 
@@ -91,10 +94,9 @@ class Drive(gymnasium.Env[Any, Any]):
         self.world: RescueEnvironment | None = None
         self.rays: DepthRays | None = None
         self.action_space = spaces.Box(-1.0, 1.0, (2,), np.float32)
-        sizes = {"gyro": 3, "accelerometer": 3, "odometry": 4, "goal": 2}
         found: dict[str, spaces.Space[Any]] = {
-            name: spaces.Box(-MEASURED_BOUNDS[name], MEASURED_BOUNDS[name], (n,), np.float32)
-            for name, n in sizes.items()
+            name: spaces.Box(-MEASURED_BOUNDS[part], MEASURED_BOUNDS[part], dtype=np.float32)
+            for name, part in MEASURED_PARTS.items()
         }
         if depth is not None:
             found["depth"] = spaces.Box(0.0, XTION.farthest, depth[::-1], np.float32)
@@ -122,22 +124,22 @@ class Drive(gymnasium.Env[Any, Any]):
         return observation, self._info()
 
     def step(self, action: NDArray[np.float32]) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
-        """Follow the command for 0.1 s."""
+        """Follow the command, which the firmware clips to the limits, for 0.1 s."""
         if self._is_closed or self.world is None:
             raise InputError("the task was closed, or not reset yet")
-        v, w = np.clip(np.asarray(action, np.float64), -1, 1) * self.world.robot.drive.limits
+        command = Velocity(*(np.asarray(action, np.float64) * self.world.robot.drive.limits).tolist())
         hits, far, diverged = self._collisions.collisions, self._distance, False
         try:
             for _ in range(PERIODS):
-                self.world.drive(Velocity(float(v), float(w)))
+                self.world.drive(command)
                 self._collisions.count(self.world.physics.data.ptr)
         except PhysicsError:
             diverged = True
         observation = self._observe()
         self._steps += 1
-        self._way += float(np.linalg.norm(self._place - self._last))
-        self._last = self._place
-        tipped = diverged or self._pose[2, 2] < TIPPED
+        moved, self._last = self._place - self._last, self._place
+        self._way += math.sqrt(moved @ moved)
+        tipped = diverged or bool(self._pose[2, 2] < TIPPED)
         weights, contacts = self._weights, self._collisions.collisions - hits
         reward = weights.progress * (far - self._distance) + weights.time * PERIODS * CONTROL_TIMESTEP
         reward += weights.contact * contacts + weights.tipping * tipped
@@ -164,15 +166,6 @@ class Drive(gymnasium.Env[Any, Any]):
         self._goals: NDArray[np.float64] = surface.grid.centre_of(np.argwhere(surface.drivable))
         self.rays = DepthRays(model, data, self.camera, self._size) if self._size else None
 
-    @property
-    def _place(self) -> NDArray[np.float64]:
-        return self._pose[:2, 3]
-
-    @property
-    def _distance(self) -> float:
-        """m to the goal."""
-        return float(np.linalg.norm(self._goal - self._place))
-
     def _observe(self) -> dict[str, NDArray[np.float32]]:
         assert self.world is not None
         world, physics = self.world, self.world.physics
@@ -180,20 +173,17 @@ class Drive(gymnasium.Env[Any, Any]):
         dt = PERIODS * CONTROL_TIMESTEP
         T_odom_base = self._odometry.update(world.robot.wheel_angle(physics), gyro, accelerometer, dt)
         self._pose = pose = world.robot.T_world_base(physics)
+        self._place, to_goal = pose[:2, 3], self._goal - pose[:2, 3]
+        self._distance = math.sqrt(to_goal @ to_goal)
         yaw = yaw_of(T_odom_base)
-        values = {
-            "gyro": gyro,
-            "accelerometer": accelerometer,
-            "odometry": np.array([*T_odom_base[:2, 3], np.cos(yaw), np.sin(yaw)]),
-            "goal": pose[:2, :2].T @ (self._goal - pose[:2, 3]),
-        }
-        found = {
-            name: np.clip(value, -MEASURED_BOUNDS[name], MEASURED_BOUNDS[name]) for name, value in values.items()
-        }
+        odometry = *T_odom_base[:2, 3], np.cos(yaw), np.sin(yaw)
+        values = np.concatenate([gyro, accelerometer, odometry, pose[:2, :2].T @ to_goal], dtype=np.float32)
+        values = np.minimum(np.maximum(values, -MEASURED_BOUNDS), MEASURED_BOUNDS)
+        found = {name: values[part] for name, part in MEASURED_PARTS.items()}
         if self.rays is not None:
             depth = self.rays.depth(optical_pose(physics.data.ptr, self.camera))
             found["depth"] = np.where(depth <= XTION.farthest, depth, 0)
-        return {name: value.astype(np.float32) for name, value in found.items()}
+        return found
 
     def _info(self) -> dict[str, Any]:
         """Keys as in report.json."""

@@ -49,6 +49,16 @@ def test_an_episode_is_cut_off_in_time() -> None:
     env.close()
 
 
+def test_physics_that_diverge_end_the_episode() -> None:
+    env = Drive()
+    env.reset(seed=0)
+    assert env.world is not None
+    env.world.physics.data.qvel[0] = 1e12
+    observation, _, is_over, _, info = env.step(np.zeros(2, np.float32))
+    assert is_over and info["navigation.tipped"] and env.observation_space.contains(observation)
+    env.close()
+
+
 def test_ray_cast_depth_is_the_rendered_depth() -> None:
     world = RescueEnvironment(load_arena("nist_6x4"))
     model, data = world.physics.model.ptr, world.physics.data.ptr

@@ -23,6 +23,7 @@ from pipeline.mapper import Mapper
 from pipeline.missions.brief import MissionBrief
 from pipeline.missions.deadline import Deadline
 from pipeline.missions.hand_in import hand_in
+from pipeline.missions.inspection import Inspection
 from pipeline.navigation.navigator import Outcome
 from pipeline.planning.path_plan import place_name
 from pipeline.rerun.recorder import Level, Recorder
@@ -258,6 +259,9 @@ class Expedition(ABC):
             finds = self.explorer.mapper.finds
             deadline = self.explorer.mission.deadline = Deadline(brief, begin, lambda: finds.confirmed)
             self.explorer.observers.append(_Clock(deadline.end))
+            if "find" in brief.tasks and self.explorer.mapper.readers is not None:
+                mapper = self.explorer.mapper
+                self.explorer.mission.inspection = Inspection(mapper.keyframes, mapper.metric_map)
 
     @property
     def _explores(self) -> bool:

@@ -42,6 +42,7 @@ class Mission:
         goals: the goals of the present task; None while the task is to explore.
         may_explore: whether exploring is allowed, also on the way to goals.
         deadline: the clock that runs; None if none does.
+        inspection: what is done when nothing is left to explore; None for nothing.
     """
 
     def __init__(self, exploration: Strategy):
@@ -50,20 +51,26 @@ class Mission:
         self.goals: Goals | None = None
         self.may_explore = True
         self.deadline: Deadline | None = None
+        self.inspection: Strategy | None = None
         self._visited: dict[str, Goals] = {}
         self._told: dict[str, int] = {}
 
     @property
     def strategies(self) -> list[Strategy]:
-        """The strategies in the order in which they are asked: goals, then exploring as long as goals are left."""
+        """The strategies in the order in which they are asked: goals, then exploring as long as goals are left.
+
+        Without goals, exploring, then inspecting.
+        """
         explore: list[Strategy] = [self.exploration] if self.may_explore else []
         if self.goals is None:
-            return explore
+            return explore + ([self.inspection] if self.inspection and self.may_explore else [])
         return [self.goals, *(explore if self.goals.left else [])]
 
     def observe(self, context: Context) -> None:
         """Let every strategy take the newest keyframe into account."""
         self.exploration.observe(context)
+        if self.inspection is not None:
+            self.inspection.observe(context)
         if self.goals is not None:
             self.goals.observe(context)
         if self.deadline is not None:

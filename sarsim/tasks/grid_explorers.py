@@ -3,6 +3,7 @@
 from collections.abc import Callable
 from functools import cache
 from typing import TYPE_CHECKING, NamedTuple
+from weakref import WeakKeyDictionary
 
 import numpy as np
 from numpy.typing import NDArray
@@ -121,10 +122,23 @@ def random_walk(world: GridWorld, sights: Sights, rng: np.random.Generator) -> i
     return int(rng.choice(world.next_nodes()))
 
 
-def learned(world: GridWorld, sights: Sights, rng: np.random.Generator) -> int:
-    """The viewpoint that a network chooses, which has learned by PPO; see assets/weights/explorer.md."""
-    rows, viewpoints = viewpoint_rows(world, sights)
-    return int(sights.nodes[rows[_shipped_network().choice(viewpoints)]])
+class Learned:
+    """Goes to the viewpoint that a network chooses, and chooses again there, as it has learned by PPO.
+
+    See assets/weights/explorer.md.
+    """
+
+    def __init__(self) -> None:
+        """No world is explored yet."""
+        self._goals = WeakKeyDictionary[GridWorld, int]()
+
+    def __call__(self, world: GridWorld, sights: Sights, rng: np.random.Generator) -> int:
+        """The node to go to."""
+        goal = self._goals.get(world, world.here)
+        if goal == world.here or sights.before[goal] < 0:
+            rows, viewpoints = viewpoint_rows(world, sights)
+            goal = self._goals[world] = int(sights.nodes[rows[_shipped_network().choice(viewpoints)]])
+        return goal
 
 
 @cache
@@ -140,6 +154,7 @@ EXPLORERS: dict[str, Explorer2D] = {
     "frontier_tour": frontier_tour,
     "nearest_frontier": nearest_frontier,
     "random_tree": random_tree,
+    "learned": Learned(),
     "random_walk": random_walk,
 }
 

@@ -52,9 +52,12 @@ def sight(frame: Frame, reading: Reading, keyframe: int, T_map_base: NDArray[np.
     """A reading of a frame's image as a sighting in ``map``, with the robot at a 4×4 pose.
 
     A flat thing's depth is the median within its outline. Of another thing the middle of its own returns
-    is taken, and parts of it may be hidden. Without depth, it may be anywhere in its direction.
+    is taken, and parts of it may be hidden. Without depth, it may be anywhere in its direction; so may what gives no
+    return from most of its outline, for the rest is the rim of something nearer.
     """
-    inside = _inside(frame, reading) & frame.returns
+    outline = _inside(frame, reading)
+    inside = outline & frame.returns
+    inside &= inside.sum() > outline.sum() / 2
     depth = frame.depth[inside]
     z = float(np.median(depth)) if depth.size else frame.sensor.farthest
     k, (u, v) = frame.intrinsics, reading.corners.mean(axis=0)

@@ -47,8 +47,7 @@ class Inspection:
             wall, place = np.unravel_index(index, cost.shape)
             if np.isinf(cost[wall, place]):
                 break
-            target = left.points[wall]
-            if self._map.is_free_along(cameras[place], target, cKDTree(target[None]), THING_GAP, BESIDE_CAMERA):
+            if self._is_free(cameras[place], left.points[wall]):
                 heading = wrap_angle(float(ANGLES[ahead[wall, place]]))
                 return Viewpoint(places[place, :2], heading, True, 0.0, KEYFRAME_TIME + float(cost[wall, place]))
         return None
@@ -58,8 +57,14 @@ class Inspection:
         left, place = self._left(context), context.traversability.on_ground(viewpoint.position[None])
         off = np.abs(wrap_angle(_bearings(left, place)[:, 0] - viewpoint.heading))
         is_aimed = self._shows(left, place, context.frame)[:, 0] & (off < _half_view(context.frame))
+        camera = place[0] + _height(context.frame)
+        is_aimed[is_aimed] = [self._is_free(camera, point) for point in left.points[is_aimed]]
         before = left.where(is_aimed).before
         self._aimed.append(Places.anchored(before, context.poses, len(context.poses) - 1))
+
+    def _is_free(self, camera: NDArray[np.float64], point: NDArray[np.float64]) -> bool:
+        """Whether nothing is between a camera (3,) and a point (3,) of a wall."""
+        return self._map.is_free_along(camera, point, cKDTree(point[None]), THING_GAP, BESIDE_CAMERA)
 
     def _left(self, context: Context) -> WallPieces:
         """Walls that were neither shown well enough nor aimed at, a piece every ``THING_GAP``."""

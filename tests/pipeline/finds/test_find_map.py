@@ -179,3 +179,16 @@ def test_the_photo_shows_the_surroundings_and_stays_within_the_image() -> None:
     )
     corner = sight(replace(frame, rgb=rgb), sign("poison", box_corners((0, 0, 10, 10))), 0, START)
     np.testing.assert_array_equal(corner.photo, rgb[:15, :15])
+
+
+def test_what_is_beyond_the_range_is_not_placed_on_a_rim_before_it() -> None:
+    frame, _ = seen_from()
+    corners = on_wall(WALL, 0.0, HEIGHT)
+    (x0, y0), (x1, y1) = corners.min(axis=0).astype(int), corners.max(axis=0).astype(int)
+    depth = frame.depth.copy()
+    depth[y0:y1, x0:x1] = 0
+    depth[y0:y1, x0 : x0 + 3] = 0.9  # a quarter of the outline is a post
+    far = sight(replace(frame, depth=depth), sign("", corners, kind="heat"), 0, START)
+    assert not far.has_depth
+    depth[y0:y1, x0 : x1 - 3] = 0.9
+    assert sight(replace(frame, depth=depth), sign("", corners, kind="heat"), 0, START).has_depth

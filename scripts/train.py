@@ -9,13 +9,14 @@ from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from rich.console import Console
 
 from pipeline.errors import InputError
 from pipeline.finds.victims.detection.training_config import YoloTrainingConfig
 from pipeline.semantic_map.networks.training_config import TrainingConfig
 from sarsim.assets import asset
-from sarsim.dataset.settings import HazmatTrainingConfig
+from sarsim.dataset.settings import HazmatTrainingConfig, PatchTrainingConfig
 from sarsim.scripts.cli import Interruptible, check_folder_of, progress, tracked
 from sarsim.scripts.settings import run_one_of, save_settings
 from sarsim.settings import POINT_NETWORKS
@@ -87,6 +88,23 @@ class TrainHazmat(HazmatTrainingConfig):
     init: Path | None = None
 
 
+@dataclass(frozen=True, kw_only=True)
+class TrainShapes(PatchTrainingConfig):
+    """Train the classifier of fire extinguishers and door levers on what stands out in datasets.
+
+    Attributes:
+        data: folders of datasets to learn from.
+        usual: folders of datasets where such things are as frequent as the robot meets them, to validate with.
+        out: file for the weights, .safetensors.
+        init: file of initial weights; by default they are random.
+    """
+
+    data: tuple[Path, ...]
+    usual: tuple[Path, ...]
+    out: Path
+    init: Path | None = None
+
+
 def train_points(settings: TrainPoints, network: str) -> None:
     """Train a network of the semantic map, and print the path of its weights."""
     _check(settings, ".safetensors")
@@ -131,27 +149,52 @@ def train_yolo(settings: TrainYolo) -> None:
 
 def train_hazmat(settings: TrainHazmat) -> None:
     """Train the classifier of hazmat signs, and print its accuracy and the path of its weights."""
-    if settings.out.suffix != ".safetensors":
-        raise InputError(f"--out {settings.out}: a name that ends with .safetensors")
-    check_folder_of("out", settings.out)
-    from pipeline.finds.hazmat_network import HazmatNetwork
-    from sarsim.dataset.hazmat_training import HazmatTraining, pictures, save_hazmat
+    _check_out(settings.out, ".safetensors")
+    from pipeline.finds.hazmat_classes import HAZMAT_CLASSES
+    from pipeline.finds.patch_network import PatchNetwork
+    from sarsim.dataset.hazmat_training import HazmatTraining, pictures
+    from sarsim.dataset.patch_training import save_patch_network
 
-    config = HazmatTrainingConfig(**{f.name: getattr(settings, f.name) for f in fields(HazmatTrainingConfig)})
-    network = HazmatNetwork.load(settings.init) if settings.init else None
-    training = HazmatTraining(list(pictures(settings.data)), config, network)
-    for _ in tracked(range(config.steps), "steps"):
+    network = PatchNetwork.load(settings.init, len(HAZMAT_CLASSES)) if settings.init else None
+    training = HazmatTraining(list(pictures(settings.data)), settings, network)
+    for _ in tracked(range(settings.steps), "steps"):
         training.step()
-    save_hazmat(training.network, settings.out)
+    save_patch_network(training.network, settings.out)
     Console().print(f"Validated: accuracy {training.accuracy():.4f}. Weights in {settings.out}", soft_wrap=True)
 
 
+def train_shapes(settings: TrainShapes) -> None:
+    """Train the classifier of extinguishers and levers, and print how many it tells and the path of its weights."""
+    _check_out(settings.out, ".safetensors")
+    from pipeline.finds.patch_network import PatchNetwork
+    from pipeline.finds.protrusions import SHAPED
+    from pipeline.finds.shapes import CHANNELS
+    from sarsim.dataset.patch_training import save_patch_network
+    from sarsim.dataset.shape_training import COPIES, ShapePatches, ShapeTraining, confusion
+
+    rng = np.random.default_rng(settings.seed)
+    known, usual = ShapePatches(settings.data, rng, COPIES), ShapePatches(settings.usual, rng)
+    network = PatchNetwork.load(settings.init, len(SHAPED), CHANNELS) if settings.init else None
+    training = ShapeTraining(known, settings, network)
+    for _ in tracked(range(settings.steps), "steps"):
+        training.step()
+    training.end(usual)
+    save_patch_network(training.network, settings.out)
+    for kind, counts in zip((*SHAPED, "neither"), confusion(training.network, usual), strict=True):
+        Console().print(f"{kind}: told as {', as '.join(SHAPED)} or as neither: {counts}", soft_wrap=True)
+    Console().print(f"Weights in {settings.out}", soft_wrap=True)
+
+
 def _check(settings: TrainPoints | TrainYolo, ending: str) -> None:
-    if settings.out.suffix != ending:
-        raise InputError(f"--out {settings.out}: a name that ends with {ending}")
     if settings.stride < 1:
         raise InputError("--stride: at least 1")
-    check_folder_of("out", settings.out)
+    _check_out(settings.out, ending)
+
+
+def _check_out(out: Path, ending: str) -> None:
+    if out.suffix != ending:
+        raise InputError(f"--out {out}: a name that ends with {ending}")
+    check_folder_of("out", out)
 
 
 def _scenes(data: Path) -> int:
@@ -238,6 +281,7 @@ def main() -> None:
     networks: dict[str, Any] = {name: (partial(train_points, network=name), TrainPoints) for name in POINT_NETWORKS}
     networks["yolo"] = (train_yolo, TrainYolo)
     networks["hazmat"] = (train_hazmat, TrainHazmat)
+    networks["shapes"] = (train_shapes, TrainShapes)
     run_one_of(networks, str(__doc__))
 
 

@@ -168,13 +168,12 @@ def train_shapes(settings: TrainShapes) -> None:
     _check_out(settings.out, ".safetensors")
     from pipeline.finds.patch_network import PatchNetwork
     from pipeline.finds.protrusions import SHAPED
-    from pipeline.finds.shapes import CHANNELS
     from sarsim.dataset.patch_training import save_patch_network
     from sarsim.dataset.shape_training import COPIES, ShapePatches, ShapeTraining, confusion
 
     rng = np.random.default_rng(settings.seed)
     known, usual = ShapePatches(settings.data, rng, COPIES), ShapePatches(settings.usual, rng)
-    network = PatchNetwork.load(settings.init, len(SHAPED), CHANNELS) if settings.init else None
+    network = PatchNetwork.load(settings.init, len(SHAPED), has_relief=True) if settings.init else None
     training = ShapeTraining(known, settings, network)
     for _ in tracked(range(settings.steps), "steps"):
         training.step()

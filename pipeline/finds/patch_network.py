@@ -19,9 +19,9 @@ WIDTHS = 24, 48, 64, 96, 96  # Channels after each convolution
 class PatchNetwork(nn.Sequential):
     """Four halvings of a patch, and the scores of each class, "none of them" last."""
 
-    def __init__(self, classes: int, channels: int = 3) -> None:
-        """Random weights for so many classes, and patches of so many channels, colours first."""
-        layers, before = list[nn.Module](), channels
+    def __init__(self, classes: int, has_relief: bool = False) -> None:
+        """Random weights for so many classes, and patches of colours or of colours and a relief."""
+        layers, before = list[nn.Module](), 3 + has_relief
         for width in WIDTHS:
             stride = 2 if width != before else 1
             layers += [nn.Conv2d(before, width, 3, stride, 1, bias=False), nn.BatchNorm2d(width), nn.ReLU()]
@@ -30,13 +30,13 @@ class PatchNetwork(nn.Sequential):
         super().__init__(*layers, nn.Linear((PATCH // 2 ** len(set(WIDTHS))) ** 2 * before, classes + 1))
 
     @classmethod
-    def load(cls, path: Path, classes: int, channels: int = 3) -> "PatchNetwork":
+    def load(cls, path: Path, classes: int, has_relief: bool = False) -> "PatchNetwork":
         """The network of a safetensors file, in evaluation mode.
 
         Raises:
             InputError: the file is missing, damaged or of another network.
         """
-        network = cls(classes, channels)
+        network = cls(classes, has_relief)
         try:
             network.load_state_dict({name: value.float() for name, value in load_file(path).items()})
         except (OSError, SafetensorError, RuntimeError) as error:
@@ -55,10 +55,10 @@ class PatchNetwork(nn.Sequential):
 def to_input(patches: NDArray[np.uint8]) -> Tensor:
     """(N, channels, H, W) float32 of (N, H, W, channels) uint8 patches.
 
-    The colours are less their mean and over their standard deviation; further channels are shares of their range.
+    The colours are less their mean and over their standard deviation; a relief is a share of its range.
     """
     images = torch.from_numpy(patches.astype(np.float32).transpose(0, 3, 1, 2))
-    colours, others = images[:, :3], images[:, 3:]
+    colours, relief = images[:, :3], images[:, 3:]
     middle = colours.mean((1, 2, 3), keepdim=True)
     evened = (colours - middle) / (colours.std((1, 2, 3), keepdim=True) + 1)
-    return torch.cat([evened, others / np.iinfo(np.uint8).max], 1)
+    return torch.cat([evened, relief / np.iinfo(np.uint8).max], 1)

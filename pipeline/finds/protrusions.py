@@ -18,10 +18,8 @@ from pipeline.sensor import SensorModel
 
 SHAPED = ("fire_extinguisher", "door_lever")
 """The kinds that are told by their shapes."""
-LARGER = exp(2 * SPREAD)
-"""A thing is at most so many times as large as its kind's median, or as small."""
-BOTTLE, LEVER = (EXTENTS[kind][0] for kind in SHAPED)
-STRIDE = 2  # Pixels from a depth that is looked at to the next
+(BOTTLE, *_), (LEVER, *_) = (EXTENTS[kind] for kind in SHAPED)
+"""(3,) m, medians of a bottle's and a lever's extents, the longest first."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -37,14 +35,14 @@ class Protrusions:
     regions: list[NDArray[np.int64]]
 
     @classmethod
-    def of(cls, frame: Frame) -> "Protrusions":
-        """Search a frame."""
-        depth, lens = frame.every_nth(STRIDE)
+    def of(cls, frame: Frame, stride: int = 2) -> "Protrusions":
+        """Search every so many pixels of a frame's rows and columns."""
+        depth, lens = frame.every_nth(stride)
         depth = np.where(np.isfinite(depth), depth, 0)
         height = relief(depth, lens, frame.sensor)
-        colours = np.ascontiguousarray(frame.rgb[STRIDE // 2 :: STRIDE, STRIDE // 2 :: STRIDE])
+        colours = np.ascontiguousarray(frame.rgb[stride // 2 :: stride, stride // 2 :: stride])
         masks = height > 3 * frame.sensor.sigma(depth), _is_red(colours) & (depth > 0)
-        regions = [region for mask in masks for region in _regions(mask, depth, lens)]
+        regions = [region * stride + stride // 2 for mask in masks for region in _regions(mask, depth, lens)]
         most = np.iinfo(np.uint8).max
         share = np.clip(most * height / BOTTLE[1], 0, most).astype(np.uint8)
         whole = cv2.resize(share, frame.rgb.shape[1::-1], interpolation=cv2.INTER_NEAREST)
@@ -69,10 +67,10 @@ def relief(depth: NDArray[np.float32], lens: Intrinsics, sensor: SensorModel) ->
     far, out = np.float32(1 / sensor.farthest), np.zeros_like(depth)
     z = sensor.nearest
     while z < sensor.farthest:  # the nearest of each band are as large in the image as its window
-        behind = np.maximum(_opened(nearness, ceil(LARGER * BOTTLE[0] * lens.fy / z)), far)
-        band = (depth >= z) & (depth < LARGER * z)
+        behind = np.maximum(_opened(nearness, ceil(_largest(BOTTLE[0]) * lens.fy / z)), far)
+        band = (depth >= z) & (depth < _largest(z))
         out[band] = 1 / behind[band] - 1 / np.maximum(nearness[band], far)
-        z *= LARGER
+        z = _largest(z)
     return out
 
 
@@ -101,19 +99,28 @@ def _is_red(rgb: NDArray[np.uint8]) -> NDArray[np.bool_]:
 
 
 def _regions(mask: NDArray[np.bool_], depth: NDArray[np.float32], lens: Intrinsics) -> list[NDArray[np.int64]]:
-    """(N, 2) rows and columns in the whole image of the connected regions of (H, W) as large as things may be."""
+    """(N, 2) rows and columns of the connected regions of (H, W) as large as things may be."""
     clean = cv2.morphologyEx(mask.astype(np.uint8), cv2.MORPH_OPEN, np.ones((2, 2), np.uint8))
     count, number, boxes, _ = cv2.connectedComponentsWithStats(clean)
     away = np.bincount(number.ravel(), depth.ravel(), count) / boxes[:, cv2.CC_STAT_AREA]
     pixel = away / lens.fx  # m
     width, height = (boxes[:, side] * pixel for side in (cv2.CC_STAT_WIDTH, cv2.CC_STAT_HEIGHT))
-    fits = (height < LARGER * BOTTLE[0]) & (width < LARGER * LARGER * BOTTLE[1])
-    fits &= np.maximum(width, height) > LEVER[0] / LARGER
-    fits &= boxes[:, cv2.CC_STAT_AREA] * pixel**2 > THIN * LEVER[0] / LARGER
+    fits = (height < _largest(BOTTLE[0])) & (width < _largest(_largest(BOTTLE[1])))  # it may hang askew
+    fits &= np.maximum(width, height) > _smallest(LEVER[1])
+    fits &= boxes[:, cv2.CC_STAT_AREA] * pixel**2 > THIN * _smallest(LEVER[1])
     fits[0] = False  # what is not in the mask
     found = []
     for part in np.flatnonzero(fits):
         x, y, w, h = boxes[part, : cv2.CC_STAT_AREA]
         inside = np.argwhere(number[y : y + h, x : x + w] == part)
-        found.append((inside + np.array([y, x])) * STRIDE + STRIDE // 2)
+        found.append(inside + np.array([y, x]))
     return found
+
+
+def _largest(extent: float) -> float:
+    """The length below which 97 % of the things remain of whose kind ``extent`` is the median, m."""
+    return extent * exp(2 * SPREAD)
+
+
+def _smallest(extent: float) -> float:
+    return extent * exp(-2 * SPREAD)

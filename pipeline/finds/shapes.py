@@ -10,8 +10,6 @@ from pipeline.finds.patch_network import PatchNetwork
 from pipeline.finds.protrusions import SHAPED, Protrusions, outline, square_around
 from pipeline.frame import Frame
 
-CHANNELS = 3 + 1  # Colours and relief
-
 
 class ShapeReader:
     """Finds the kinds that are told by their shapes."""
@@ -23,7 +21,7 @@ class ShapeReader:
     @classmethod
     def load(cls, weights: Path) -> "ShapeReader":
         """A reader with the weights of a safetensors file; InputError as :meth:`PatchNetwork.load`."""
-        return cls(PatchNetwork.load(weights, len(SHAPED), CHANNELS))
+        return cls(PatchNetwork.load(weights, len(SHAPED), has_relief=True))
 
     def read(self, frame: Frame) -> list[Reading]:
         """The things in a frame that are likelier there than not, the surest first, each once."""

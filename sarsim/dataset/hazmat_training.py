@@ -48,7 +48,7 @@ class HazmatTraining(PatchTraining):
             config: how to train.
             network: to begin with; by default one of random weights.
         """
-        super().__init__(config, len(HAZMAT_CLASSES), network)
+        super().__init__(config, lambda: network or PatchNetwork(len(HAZMAT_CLASSES)))
         self._labels, self._pictures = config.labels, pictures
         source = PatchSource.make(config.labels, pictures, self.rng)
         self._images, self._kinds = patches(source, config.bank, self.rng)

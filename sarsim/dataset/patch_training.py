@@ -1,6 +1,7 @@
 """Trains a classifier of small square pictures."""
 
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
@@ -22,12 +23,11 @@ class PatchTraining(ABC):
         rng: of all that is drawn.
     """
 
-    def __init__(self, config: PatchTrainingConfig, classes: int, network: PatchNetwork | None, channels: int = 3):
-        """Begin with a network, by default one of random weights for so many classes and channels."""
+    def __init__(self, config: PatchTrainingConfig, begin: Callable[[], PatchNetwork]):
+        """``begin`` makes the network to begin with, once its random numbers have their seed."""
         self.rng, self._size = np.random.default_rng(config.seed), config.batch
         torch.manual_seed(config.seed)
-        network = network or PatchNetwork(classes, channels)
-        self.network = network.train().to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+        self.network = begin().train().to(memory_format=torch.channels_last)  # type: ignore[call-overload]
         self._optimiser = torch.optim.AdamW(self.network.parameters(), config.rate, weight_decay=0.01)
         self._schedule = torch.optim.lr_scheduler.OneCycleLR(self._optimiser, config.rate, config.steps)
 

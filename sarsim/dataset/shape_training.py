@@ -11,7 +11,6 @@ from pipeline.errors import InputError
 from pipeline.finds.hazmat import rectified
 from pipeline.finds.patch_network import PatchNetwork
 from pipeline.finds.protrusions import SHAPED, Protrusions, square_around
-from pipeline.finds.shapes import CHANNELS
 from sarsim.dataset.folder import Dataset
 from sarsim.dataset.hazmat_patches import photographed
 from sarsim.dataset.patch_training import PatchTraining
@@ -55,7 +54,7 @@ class ShapeTraining(PatchTraining):
 
     def __init__(self, known: ShapePatches, config: PatchTrainingConfig, network: PatchNetwork | None = None):
         """With patches to learn from, and a network to begin with; by default one of random weights."""
-        super().__init__(config, len(SHAPED), network, CHANNELS)
+        super().__init__(config, lambda: network or PatchNetwork(len(SHAPED), has_relief=True))
         self._known = known
         self._of_kind = [np.flatnonzero(known.kinds == kind) for kind in range(len(SHAPED) + 1)]
 

@@ -166,8 +166,8 @@ def train_hazmat(settings: TrainHazmat) -> None:
 def train_shapes(settings: TrainShapes) -> None:
     """Train the classifier of extinguishers and levers, and print how many it tells and the path of its weights."""
     _check_out(settings.out, ".safetensors")
+    from pipeline.finds.find import SHAPED
     from pipeline.finds.patch_network import PatchNetwork
-    from pipeline.finds.protrusions import SHAPED
     from sarsim.dataset.patch_training import save_patch_network
     from sarsim.dataset.shape_training import COPIES, ShapePatches, ShapeTraining, confusion
 

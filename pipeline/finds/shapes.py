@@ -4,10 +4,10 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.finds.find import Reading
+from pipeline.finds.find import SHAPED, Reading
 from pipeline.finds.hazmat import is_same, rectified
 from pipeline.finds.patch_network import PatchNetwork
-from pipeline.finds.protrusions import SHAPED, Protrusions, outline, square_around
+from pipeline.finds.protrusions import Protrusions, outline, square_around
 from pipeline.frame import Frame
 
 

@@ -8,9 +8,10 @@ import torch
 from numpy.typing import NDArray
 
 from pipeline.errors import InputError
+from pipeline.finds.find import SHAPED
 from pipeline.finds.hazmat import rectified
 from pipeline.finds.patch_network import PatchNetwork
-from pipeline.finds.protrusions import SHAPED, Protrusions, square_around
+from pipeline.finds.protrusions import Protrusions, square_around
 from sarsim.dataset.folder import Dataset
 from sarsim.dataset.hazmat_patches import photographed
 from sarsim.dataset.patch_training import PatchTraining
@@ -18,7 +19,7 @@ from sarsim.dataset.scene_file import Scene
 from sarsim.dataset.settings import PatchTrainingConfig
 
 COPIES = 8  # Patches of each thing, every one of another square
-OFF = 0.1  # Standard deviation of a square's middle and of the logarithm of its size, over its side
+OFF, LARGER = 0.1, 0.3  # Standard deviations of a square's middle over its side, and of the logarithm of its size
 
 
 class ShapePatches:
@@ -99,6 +100,6 @@ def _labelled(scene: Scene) -> list[tuple[Protrusions, NDArray[np.int64], int]]:
 def _moved(square: NDArray[np.float32], rng: np.random.Generator) -> NDArray[np.float32]:
     """A square (4, 2) as it may lie about a thing that is seen in part."""
     middle, side = square.mean(axis=0), np.ptp(square[:, 0])
-    return ((square - middle) * np.exp(OFF * rng.normal()) + middle + OFF * side * rng.normal(size=2)).astype(
+    return ((square - middle) * np.exp(LARGER * rng.normal()) + middle + OFF * side * rng.normal(size=2)).astype(
         np.float32
     )

@@ -1,4 +1,4 @@
-"""A wall with things, rendered as the robot's camera sees it from 1.4 m."""
+"""A wall with things, rendered as the robot's camera sees it from 2.1 m."""
 
 from collections.abc import Callable
 from xml.etree.ElementTree import SubElement
@@ -33,7 +33,7 @@ def wall_of(*names: str) -> tuple[Frame, list[str]]:
     world = builder.root.find("worldbody")
     assert world is not None
     SubElement(world, "geom", name="block", type="box", size="0.1 0.05 0.1", pos="0 0.5 0.9", user="7")
-    body = SubElement(world, "body", name="eye", pos="0 -0.81 0.6")
+    body = SubElement(world, "body", name="eye", pos="0 -1.51 0.6")
     SubElement(body, "camera", name="camera", xyaxes="1 0 0 0 0 1", fovy="45")
     model = mujoco.MjModel.from_xml_string(builder.to_xml(), builder.files)
     data = mujoco.MjData(model)

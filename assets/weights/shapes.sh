@@ -1,6 +1,6 @@
 #!/bin/sh
 # How shapes.safetensors was made: four datasets, the generation of the first three stopped at so many scenes, and two
-# trainings, the first of commit 667b9c47, when squares were moved less. "usual" are arenas as the robot is measured in:
+# trainings, the first of commit 667b9c47, when squares were moved less, whose weights' mean it is. "usual" are arenas as the robot is measured in:
 # they say how frequent things are among what stands out, and are what the trainings are validated on.
 set -e
 
@@ -14,4 +14,4 @@ python scripts/generate_dataset.py --out data/usual --scenes 15 --frames 40 --se
   --random.things 14 14 --random.victims 3 3
 python scripts/train.py shapes --data data/rooms data/things --usual data/usual --steps 700 --out first.safetensors
 python scripts/train.py shapes --data data/things data/people --usual data/usual --init first.safetensors --seed 1 \
-  --steps 400 --out shapes.safetensors
+  --steps 400 --out second.safetensors

@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from rich.console import Console
+from tyro.conf import Fixed
 
 from pipeline.errors import InputError
 from pipeline.finds.victims.detection.training_config import YoloTrainingConfig
@@ -94,15 +95,16 @@ class TrainShapes(PatchTrainingConfig):
 
     Attributes:
         data: folders of datasets to learn from.
-        usual: folders of datasets where such things are as frequent as the robot meets them, to validate with.
         out: file for the weights, .safetensors.
         init: file of initial weights; by default they are random.
+        usual: folders of datasets where things are as frequent as the robot meets them, to validate with; by default
+            the data.
     """
 
     data: tuple[Path, ...]
-    usual: tuple[Path, ...]
     out: Path
     init: Path | None = None
+    usual: Fixed[tuple[Path, ...]] = ()
 
 
 def train_points(settings: TrainPoints, network: str) -> None:
@@ -172,7 +174,7 @@ def train_shapes(settings: TrainShapes) -> None:
     from sarsim.dataset.shape_training import COPIES, ShapePatches, ShapeTraining, confusion
 
     rng = np.random.default_rng(settings.seed)
-    known, usual = ShapePatches(settings.data, rng, COPIES), ShapePatches(settings.usual, rng)
+    known, usual = ShapePatches(settings.data, rng, COPIES), ShapePatches(settings.usual or settings.data, rng)
     network = PatchNetwork.load(settings.init, len(SHAPED), has_relief=True) if settings.init else None
     training = ShapeTraining(known, settings, network)
     for _ in tracked(range(settings.steps), "steps"):

@@ -44,7 +44,7 @@ class ArenaRange:
     bulky: Fixed[tuple[float, float]] = (0.0, 0.0)
     furnished: tuple[float, float] = (0.0, 0.0)
     painted: float = 0.0
-    things: tuple[int, int] = (0, 0)
+    things: Fixed[tuple[int, int]] = (0, 0)
 
     def __post_init__(self) -> None:
         for name in ("tiles", *SHARES, "victims", "difficulty", "things"):

@@ -36,7 +36,7 @@ def test_the_command_leaves_weights_that_the_robot_can_use(
 ) -> None:
     data, out = tmp_path / "data", tmp_path / "shapes.safetensors"
     write_dataset(data, *THINGS)
-    train.train_shapes(train.TrainShapes(data=(data,), usual=(data,), out=out, steps=2, batch=4))
+    train.train_shapes(train.TrainShapes(data=(data,), out=out, steps=2, batch=4))
     told = capsys.readouterr().out.replace("\n", "")
     assert str(out) in told and "door_lever: told as" in told
     assert ShapeReader.load(out)
@@ -44,6 +44,6 @@ def test_the_command_leaves_weights_that_the_robot_can_use(
 
 def test_data_that_lack_a_kind_are_refused(tmp_path: Path) -> None:
     write_dataset(tmp_path / "data", "bottle")
-    settings = train.TrainShapes(data=(tmp_path / "data",), usual=(), out=tmp_path / "shapes.safetensors")
+    settings = train.TrainShapes(data=(tmp_path / "data",), out=tmp_path / "shapes.safetensors")
     with pytest.raises(InputError, match="data: shows no door_lever"):
         train.train_shapes(settings)

@@ -171,7 +171,7 @@ def train_shapes(settings: TrainShapes) -> None:
     from pipeline.finds.find import SHAPED
     from pipeline.finds.patch_network import PatchNetwork
     from sarsim.dataset.patch_training import save_patch_network
-    from sarsim.dataset.shape_training import COPIES, ShapePatches, ShapeTraining, confusion
+    from sarsim.dataset.shape_training import COPIES, ShapePatches, ShapeTraining, calibrate, confusion
 
     rng = np.random.default_rng(settings.seed)
     known, usual = ShapePatches(settings.data, rng, COPIES), ShapePatches(settings.usual or settings.data, rng)
@@ -179,7 +179,7 @@ def train_shapes(settings: TrainShapes) -> None:
     training = ShapeTraining(known, settings, network)
     for _ in tracked(range(settings.steps), "steps"):
         training.step()
-    training.end(usual)
+    calibrate(training.network, usual)
     save_patch_network(training.network, settings.out)
     for kind, counts in zip((*SHAPED, "neither"), confusion(training.network, usual), strict=True):
         Console().print(f"{kind}: told as {', as '.join(SHAPED)} or as neither: {counts}", soft_wrap=True)

@@ -1,6 +1,6 @@
 #!/bin/sh
 # How shapes.safetensors was made: four datasets, the generation of the first three stopped at so many scenes, and two
-# trainings, the first of commit 667b9c47, when squares were moved less, whose weights' mean it is. "usual" are arenas as the robot is measured in:
+# trainings, the first of commit 667b9c47, when squares were moved less, whose weights' mean it is, calibrated as the trainings are. "usual" are arenas as the robot is measured in:
 # they say how frequent things are among what stands out, and are what the trainings are validated on.
 set -e
 

@@ -6,11 +6,12 @@ from pathlib import Path
 import numpy as np
 import torch
 from numpy.typing import NDArray
+from torch import Tensor, nn
 
 from pipeline.errors import InputError
 from pipeline.finds.find import SHAPED
 from pipeline.finds.hazmat import rectified
-from pipeline.finds.patch_network import PatchNetwork
+from pipeline.finds.patch_network import PatchNetwork, to_input
 from pipeline.finds.protrusions import Protrusions, square_around
 from sarsim.dataset.folder import Dataset
 from sarsim.dataset.hazmat_patches import photographed
@@ -44,11 +45,6 @@ class ShapePatches:
             raise InputError(f"{folders[0]}: shows no {(*SHAPED, 'other protrusion')[missing.pop()]}")
         self.images = np.stack([image for image, _ in made])
 
-    @property
-    def shares(self) -> NDArray[np.float64]:
-        """(classes,) of the patches, as shares."""
-        return np.bincount(self.kinds) / len(self.kinds)
-
 
 class ShapeTraining(PatchTraining):
     """A training under way: of each class it shows equally many."""
@@ -67,10 +63,29 @@ class ShapeTraining(PatchTraining):
         images[::2] = images[::2, :, ::-1]
         return images, kinds
 
-    def end(self, usual: ShapePatches) -> None:
-        """Make the probabilities those where each class is as frequent as among usual patches."""
-        with torch.no_grad():
-            self.network.eval()[-1].bias += torch.from_numpy(np.log(usual.shares * len(usual.shares)))
+
+def calibrate(network: PatchNetwork, usual: ShapePatches) -> None:
+    """Scale and shift the scores to the greatest likelihood of usual patches (Guo et al., ICML 2017, and a shift).
+
+    The classes were equally frequent in the training, and are not where the robot drives.
+    """
+    last, kinds = network.eval()[-1], torch.from_numpy(usual.kinds)
+    assert isinstance(last, nn.Linear)
+    with torch.no_grad():
+        scores = network(to_input(usual.images))
+    scale, shift = torch.ones(1, requires_grad=True), torch.zeros(scores.shape[1], requires_grad=True)
+    optimiser = torch.optim.LBFGS([scale, shift], max_iter=100)
+
+    def loss() -> Tensor:
+        optimiser.zero_grad()
+        value = nn.functional.cross_entropy(scale * scores + shift, kinds)
+        value.backward()
+        return value
+
+    optimiser.step(loss)
+    with torch.no_grad():
+        last.weight *= scale
+        last.bias.mul_(scale).add_(shift)
 
 
 def confusion(network: PatchNetwork, patches: ShapePatches) -> NDArray[np.int64]:

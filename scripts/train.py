@@ -9,14 +9,16 @@ from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
 from rich.console import Console
+from tyro.conf import Fixed
 
 from pipeline.errors import InputError
 from pipeline.files import whole_file
 from pipeline.finds.victims.detection.training_config import YoloTrainingConfig
 from pipeline.semantic_map.networks.training_config import TrainingConfig
 from sarsim.assets import asset
-from sarsim.dataset.settings import HazmatTrainingConfig
+from sarsim.dataset.settings import HazmatTrainingConfig, PatchTrainingConfig
 from sarsim.scripts.cli import Interruptible, check_folder_of, progress, tracked
 from sarsim.scripts.settings import run_one_of, save_settings
 from sarsim.settings import POINT_NETWORKS
@@ -100,6 +102,24 @@ class TrainExplorer(ExplorerTrainingConfig):
     out: Path
 
 
+@dataclass(frozen=True, kw_only=True)
+class TrainShapes(PatchTrainingConfig):
+    """Train the classifier of fire extinguishers and door levers on what stands out in datasets.
+
+    Attributes:
+        data: folders of datasets to learn from.
+        out: file for the weights, .safetensors.
+        init: file of initial weights; by default they are random.
+        usual: folders of datasets where things are as frequent as the robot meets them, to validate with; by default
+            the data.
+    """
+
+    data: tuple[Path, ...]
+    out: Path
+    init: Path | None = None
+    usual: Fixed[tuple[Path, ...]] = ()
+
+
 def train_points(settings: TrainPoints, network: str) -> None:
     """Train a network of the semantic map, and print the path of its weights."""
     _check(settings, ".safetensors")
@@ -144,26 +164,23 @@ def train_yolo(settings: TrainYolo) -> None:
 
 def train_hazmat(settings: TrainHazmat) -> None:
     """Train the classifier of hazmat signs, and print its accuracy and the path of its weights."""
-    if settings.out.suffix != ".safetensors":
-        raise InputError(f"--out {settings.out}: a name that ends with .safetensors")
-    check_folder_of("out", settings.out)
-    from pipeline.finds.hazmat_network import HazmatNetwork
-    from sarsim.dataset.hazmat_training import HazmatTraining, pictures, save_hazmat
+    _check_out(settings.out, ".safetensors")
+    from pipeline.finds.hazmat_classes import HAZMAT_CLASSES
+    from pipeline.finds.patch_network import PatchNetwork
+    from sarsim.dataset.hazmat_training import HazmatTraining, pictures
+    from sarsim.dataset.patch_training import save_patch_network
 
-    config = HazmatTrainingConfig(**{f.name: getattr(settings, f.name) for f in fields(HazmatTrainingConfig)})
-    network = HazmatNetwork.load(settings.init) if settings.init else None
-    training = HazmatTraining(list(pictures(settings.data)), config, network)
-    for _ in tracked(range(config.steps), "steps"):
+    network = PatchNetwork.load(settings.init, len(HAZMAT_CLASSES)) if settings.init else None
+    training = HazmatTraining(list(pictures(settings.data)), settings, network)
+    for _ in tracked(range(settings.steps), "steps"):
         training.step()
-    save_hazmat(training.network, settings.out)
+    save_patch_network(training.network, settings.out)
     Console().print(f"Validated: accuracy {training.accuracy():.4f}. Weights in {settings.out}", soft_wrap=True)
 
 
 def train_explorer(settings: TrainExplorer) -> None:
     """Train an explorer of 2D maps, and print the path of its weights."""
-    if settings.out.suffix != ".safetensors":
-        raise InputError(f"--out {settings.out}: a name that ends with .safetensors")
-    check_folder_of("out", settings.out)
+    _check_out(settings.out, ".safetensors")
     try:
         from sarsim.tasks import ppo
     except ModuleNotFoundError as error:
@@ -179,12 +196,37 @@ def train_explorer(settings: TrainExplorer) -> None:
     Console().print(f"Weights in {settings.out}", soft_wrap=True)
 
 
+def train_shapes(settings: TrainShapes) -> None:
+    """Train the classifier of extinguishers and levers, and print how many it tells and the path of its weights."""
+    _check_out(settings.out, ".safetensors")
+    from pipeline.finds.find import SHAPED
+    from pipeline.finds.patch_network import PatchNetwork
+    from sarsim.dataset.patch_training import save_patch_network
+    from sarsim.dataset.shape_training import COPIES, ShapePatches, ShapeTraining, calibrate, confusion
+
+    rng = np.random.default_rng(settings.seed)
+    known, usual = ShapePatches(settings.data, rng, COPIES), ShapePatches(settings.usual or settings.data, rng)
+    network = PatchNetwork.load(settings.init, len(SHAPED), has_relief=True) if settings.init else None
+    training = ShapeTraining(known, settings, network)
+    for _ in tracked(range(settings.steps), "steps"):
+        training.step()
+    calibrate(training.network, usual)
+    save_patch_network(training.network, settings.out)
+    for kind, counts in zip((*SHAPED, "neither"), confusion(training.network, usual), strict=True):
+        Console().print(f"{kind}: told as {', as '.join(SHAPED)} or as neither: {counts}", soft_wrap=True)
+    Console().print(f"Weights in {settings.out}", soft_wrap=True)
+
+
 def _check(settings: TrainPoints | TrainYolo, ending: str) -> None:
-    if settings.out.suffix != ending:
-        raise InputError(f"--out {settings.out}: a name that ends with {ending}")
     if settings.stride < 1:
         raise InputError("--stride: at least 1")
-    check_folder_of("out", settings.out)
+    _check_out(settings.out, ending)
+
+
+def _check_out(out: Path, ending: str) -> None:
+    if out.suffix != ending:
+        raise InputError(f"--out {out}: a name that ends with {ending}")
+    check_folder_of("out", out)
 
 
 def _scenes(data: Path) -> int:
@@ -272,6 +314,7 @@ def main() -> None:
     networks["yolo"] = (train_yolo, TrainYolo)
     networks["hazmat"] = (train_hazmat, TrainHazmat)
     networks["explorer"] = (train_explorer, TrainExplorer)
+    networks["shapes"] = (train_shapes, TrainShapes)
     run_one_of(networks, str(__doc__))
 
 

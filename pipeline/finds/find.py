@@ -14,6 +14,8 @@ CODES = ("qr_code", "april_tag")
 """Kinds that are read rightly or not at all, for they carry check sums."""
 PRINTED = ("hazmat_sign", *CODES)
 """Kinds of which the middle is where their outline's is; others have a shape."""
+SHAPED = ("fire_extinguisher", "door_lever")
+"""Kinds that are told by their shapes."""
 
 
 @dataclass(frozen=True, eq=False)

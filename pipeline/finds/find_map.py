@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from pipeline.finds.find import CODES, HEAT, PRINTED, Find, Reading
+from pipeline.finds.find import CODES, HEAT, PRINTED, SHAPED, Find, Reading
 from pipeline.finds.observation import FindSighting, sight
 from pipeline.finds.reobservation import NEW_SIDE
 from pipeline.finds.sought import THING_GAP
@@ -176,9 +176,9 @@ class Finds:
 
     @property
     def confirmed(self) -> list[Find]:
-        """What is reported; what is warm of a person as one find."""
+        """What is reported; what is warm of a person as one find, and no shape that a person has."""
         found = [thing.find() for thing in self.all if thing.is_confirmed]
-        if not any(find.kind == HEAT for find in found):
+        if not any(find.kind in (HEAT, *SHAPED) for find in found):
             return found  # whether victims are confirmed takes long, and this is asked at every step
         return list(one_per_victim(found, self._victims.confirmed))
 

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 
 from pipeline.finds.find import Reading
 from pipeline.finds.hazmat_classes import HAZMAT_CLASSES
-from pipeline.finds.hazmat_network import PATCH, SURROUNDINGS, HazmatNetwork
+from pipeline.finds.patch_network import PATCH, SURROUNDINGS, PatchNetwork
 from pipeline.finds.pictures import bounded
 from pipeline.finds.quads import find_quads
 
@@ -19,14 +19,14 @@ SIGN = "hazmat_sign"
 class HazmatReader:
     """Finds hazmat signs and tells their classes, whichever way up they hang."""
 
-    def __init__(self, network: HazmatNetwork):
+    def __init__(self, network: PatchNetwork):
         """Read by a trained network."""
         self._network = network
 
     @classmethod
     def load(cls, weights: Path) -> "HazmatReader":
-        """A reader with the weights of a safetensors file; InputError as :meth:`HazmatNetwork.load`."""
-        return cls(HazmatNetwork.load(weights))
+        """A reader with the weights of a safetensors file; InputError as :meth:`PatchNetwork.load`."""
+        return cls(PatchNetwork.load(weights, len(HAZMAT_CLASSES)))
 
     def read(self, rgb: NDArray[np.uint8]) -> list[Reading]:
         """The signs in an image, (H, W, 3) or grey (H, W) uint8, the surest first.

@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 
 from pipeline.finds.codes import CodeReader
 from pipeline.finds.find import FIND_KINDS, Reading, box_corners
-from pipeline.finds.hazmat import SIGN, HazmatReader, is_same
+from pipeline.finds.hazmat import HazmatReader, is_same
 from pipeline.finds.heat import warm_regions
+from pipeline.finds.shapes import ShapeReader
 from pipeline.frame import Frame
 
 
@@ -34,25 +35,27 @@ class Detected(Protocol):
 
 
 class FindReaders:
-    """Reads signs, codes and heat, and takes over what a detector has found."""
+    """Reads signs, codes, shapes and heat, and takes over what a detector has found."""
 
-    def __init__(self, hazmat: HazmatReader):
-        """With a reader of hazmat signs."""
-        self._hazmat, self._codes = hazmat, CodeReader()
+    def __init__(self, hazmat: HazmatReader, shapes: ShapeReader):
+        """With readers of hazmat signs, and of extinguishers and levers."""
+        self._hazmat, self._shapes, self._codes = hazmat, shapes, CodeReader()
 
     @classmethod
-    def load(cls, hazmat: Path) -> "FindReaders":
-        """With the weights of the classifier of hazmat signs; InputError as :meth:`HazmatReader.load`."""
-        return cls(HazmatReader.load(hazmat))
+    def load(cls, hazmat: Path, shapes: Path) -> "FindReaders":
+        """With the weights of both classifiers; InputError as :meth:`HazmatReader.load`."""
+        return cls(HazmatReader.load(hazmat), ShapeReader.load(shapes))
 
     def read(self, frame: Frame, detections: Sequence[Detected]) -> list[Reading]:
         """What a frame shows, given a detector's boxes in its image."""
         heat = [] if frame.thermal is None else list(warm_regions(frame.thermal, len(frame.rgb)))
-        return [*self.read_image(frame.rgb, detections), *heat]
+        shapes = self._shapes.read(frame)
+        return [*shapes, *_others(self.read_image(frame.rgb, detections), shapes), *heat]
 
     def glance(self, frame: Frame) -> list[Reading]:
         """What a frame shows that is seen in passing: codes are not enlarged as much, and no detector is asked."""
-        return [*self._hazmat.read(frame.rgb), *self._codes.read(frame.rgb, enlarged=2)]
+        codes = self._codes.read(frame.rgb, enlarged=2)
+        return [*self._hazmat.read(frame.rgb), *codes, *self._shapes.read(frame)]
 
     def read_image(self, rgb: NDArray[np.uint8], detections: Sequence[Detected]) -> list[Reading]:
         """What an image shows, (H, W, 3) or grey (H, W) uint8; a detector's boxes of people are left alone.
@@ -63,5 +66,9 @@ class FindReaders:
         others = [d for d in detections if d.kind in FIND_KINDS]
         signs = self._hazmat.read(rgb)
         boxes = [Reading(d.kind, "", box_corners(d.box), d.confidence) for d in others]
-        unread = [b for b in boxes if b.kind != SIGN or not any(is_same(b.corners, s.corners) for s in signs)]
-        return [*signs, *self._codes.read(rgb), *unread]
+        return [*signs, *self._codes.read(rgb), *_others(boxes, signs)]
+
+
+def _others(readings: Sequence[Reading], known: Sequence[Reading]) -> list[Reading]:
+    """The readings that are of other things than those known."""
+    return [r for r in readings if not any(r.kind == k.kind and is_same(r.corners, k.corners) for k in known)]

@@ -1,30 +1,32 @@
-"""Ties what is warm to the people on the map: one find of heat for each."""
+"""Ties what is found on people to them: one find of heat for each, and no bottles and levers."""
 
 from collections.abc import Iterator, Sequence
 
 import numpy as np
 from scipy.spatial import cKDTree
 
-from pipeline.finds.find import HEAT, Find
-from pipeline.finds.victims.victim_map import BETWEEN, Victim
+from pipeline.finds.find import HEAT, SHAPED, Find
+from pipeline.finds.victims.victim_map import BETWEEN, TOUCH, Victim
 
 
 def one_per_victim(finds: Sequence[Find], victims: Sequence[Victim]) -> Iterator[Find]:
     """The finds, those of heat that parts of one victim give off as a single one in the middle of the victim.
 
     Clothes, blankets and what stands in front leave several warm regions of a person. As with parts of a person, they
-    belong together up to ``BETWEEN``. A single warm region of which no person was seen stays where it is.
+    belong together up to ``BETWEEN``. A single warm region of which no person was seen stays where it is. What looks
+    like a bottle or a lever on a victim, within ``TOUCH``, is the victim's own.
     """
     trees = [cKDTree(victim.points) for victim in victims]
+    reach = {HEAT: BETWEEN} | dict.fromkeys(SHAPED, TOUCH)
     warm: dict[int, Find] = {}
     for find in finds:
-        distances = [float(tree.query(find.position)[0]) for tree in trees] if find.kind == HEAT else []
-        if min(distances, default=np.inf) > BETWEEN:
+        distances = [float(tree.query(find.position)[0]) for tree in trees] if find.kind in reach else []
+        if min(distances, default=np.inf) > reach.get(find.kind, 0):
             yield find
-            continue
-        nearest = int(np.argmin(distances))
-        first = warm.get(nearest, find)
-        warm[nearest] = first if first.time_s <= find.time_s else find
+        elif find.kind == HEAT:
+            nearest = int(np.argmin(distances))
+            first = warm.get(nearest, find)
+            warm[nearest] = first if first.time_s <= find.time_s else find
     for k, find in warm.items():
         victim = victims[k]
         yield Find(HEAT, "", victim.position, victim.covariance, find.time_s, find.confidence, find.photo)

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.finds.hazmat_classes import HAZMAT_CLASSES
-from pipeline.finds.hazmat_network import PATCH, SURROUNDINGS
+from pipeline.finds.patch_network import PATCH, SURROUNDINGS
 from pipeline.finds.quads import find_quads
 from sarsim.arenas.things.codes import qr_picture, tag_picture
 from sarsim.arenas.things.hazmat import SignStyle, sign_face
@@ -91,7 +91,7 @@ def _patch(source: PatchSource, rng: np.random.Generator) -> tuple[Picture, int]
         quad = _no_sign(scene, source, rng)
     side = np.linalg.norm(quad[1] - quad[0])
     quad = quad + rng.normal(0, UNCERTAIN * side, (4, 2)).astype(np.float32)
-    return _photographed(_rectified(scene, quad, rng), rng), kind
+    return photographed(_rectified(scene, quad, rng), rng), kind
 
 
 def _no_sign(scene: Picture, source: PatchSource, rng: np.random.Generator) -> NDArray[np.float32]:
@@ -232,8 +232,8 @@ def _rectified(scene: Picture, quad: NDArray[np.float32], rng: np.random.Generat
     return np.asarray(cv2.resize(patch, (PATCH, PATCH), interpolation=cv2.INTER_LINEAR), np.uint8)
 
 
-def _photographed(patch: Picture, rng: np.random.Generator) -> Picture:
-    """A patch as a camera takes it: blurred, lit from aside, of another colour, with glare and noise."""
+def photographed(patch: Picture, rng: np.random.Generator) -> Picture:
+    """A patch (PATCH, PATCH, 3) as a camera takes it: blurred, with other light, glare and noise."""
     image = patch.astype(np.float32)
     for change in _changes():
         if rng.random() < 0.5:

@@ -5,16 +5,15 @@ from pathlib import Path
 
 import cv2
 import numpy as np
-import torch
 from numpy.typing import NDArray
-from safetensors.torch import save_file
-from torch import Tensor, nn
 
-from pipeline.files import read_bytes, whole_file
-from pipeline.finds.hazmat_network import HazmatNetwork, to_input
+from pipeline.files import read_bytes
+from pipeline.finds.hazmat_classes import HAZMAT_CLASSES
+from pipeline.finds.patch_network import PatchNetwork
 from pipeline.frame import decoded
 from sarsim.dataset.folder import Dataset
 from sarsim.dataset.hazmat_patches import PatchSource, patches
+from sarsim.dataset.patch_training import PatchTraining
 from sarsim.dataset.settings import HazmatTrainingConfig
 
 VALIDATED = 2000  # Patches on which the accuracy is measured
@@ -36,18 +35,11 @@ def pictures(data: Sequence[Path]) -> Iterator[NDArray[np.uint8]]:
         yield np.asarray(cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA), np.uint8)
 
 
-class HazmatTraining:
-    """A training under way.
-
-    Attributes:
-        network: that learns.
-    """
+class HazmatTraining(PatchTraining):
+    """A training under way."""
 
     def __init__(
-        self,
-        pictures: Sequence[NDArray[np.uint8]],
-        config: HazmatTrainingConfig,
-        network: HazmatNetwork | None = None,
+        self, pictures: Sequence[NDArray[np.uint8]], config: HazmatTrainingConfig, network: PatchNetwork | None = None
     ):
         """Make the patches.
 
@@ -56,36 +48,19 @@ class HazmatTraining:
             config: how to train.
             network: to begin with; by default one of random weights.
         """
-        self._config, self._pictures = config, pictures
-        self._rng = np.random.default_rng(config.seed)
-        torch.manual_seed(config.seed)
-        source = PatchSource.make(config.labels, pictures, self._rng)
-        self._images, self._kinds = patches(source, config.bank, self._rng)
-        self.network = (network or HazmatNetwork()).train().to(memory_format=torch.channels_last)  # type: ignore[call-overload]
-        self._optimiser = torch.optim.AdamW(self.network.parameters(), config.rate, weight_decay=0.01)
-        self._schedule = torch.optim.lr_scheduler.OneCycleLR(self._optimiser, config.rate, config.steps)
+        super().__init__(config, lambda: network or PatchNetwork(len(HAZMAT_CLASSES)))
+        self._labels, self._pictures = config.labels, pictures
+        source = PatchSource.make(config.labels, pictures, self.rng)
+        self._images, self._kinds = patches(source, config.bank, self.rng)
 
-    def step(self) -> None:
-        """Learn from a batch of patches, turned by a random quarter."""
-        chosen = self._rng.integers(len(self._images), size=self._config.batch)
-        batch = torch.rot90(to_input(self._images[chosen]), int(self._rng.integers(4)), (2, 3))
-        scores, kinds = self.network(batch), torch.from_numpy(self._kinds[chosen])
-        loss = nn.functional.cross_entropy(scores, kinds, label_smoothing=0.02)
-        self._optimiser.zero_grad()
-        loss.backward()
-        self._optimiser.step()
-        self._schedule.step()
+    def batch(self, size: int) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
+        """Some (size, PATCH, PATCH, 3) of the patches, turned by a random quarter, and their classes (size,)."""
+        chosen = self.rng.integers(len(self._images), size=size)
+        return np.rot90(self._images[chosen], int(self.rng.integers(4)), (1, 2)), self._kinds[chosen]
 
     def accuracy(self) -> float:
         """The share of patches of newly drawn labels that are classified rightly."""
         self.network.eval()
-        source = PatchSource.make(self._config.labels // 5 + 1, self._pictures, self._rng)
-        unseen, right = patches(source, VALIDATED, self._rng)
+        source = PatchSource.make(self._labels // 5 + 1, self._pictures, self.rng)
+        unseen, right = patches(source, VALIDATED, self.rng)
         return float((self.network.probabilities(unseen).argmax(axis=1) == right).mean())
-
-
-def save_hazmat(network: HazmatNetwork, path: Path) -> None:
-    """Write the weights in half precision; InputError if they cannot be written."""
-    halves: dict[str, Tensor] = {name: value.half().contiguous() for name, value in network.state_dict().items()}
-    with whole_file(path) as part:
-        save_file(halves, part)

@@ -30,6 +30,7 @@ class ArenaRange:
         difficulty: 0 flat, 1 decks and ridges, 2 crossing ramps and half-hidden victims, 3 ramp and step fields.
         ceilings: share of the arenas with a ceiling.
         painted: share of the arenas with random colours and patterns, so that a network relies less on colour.
+        things: number of things to find besides people, such as extinguishers and levers.
     """
 
     tiles: tuple[int, int] = (4, 8)
@@ -43,9 +44,10 @@ class ArenaRange:
     bulky: Fixed[tuple[float, float]] = (0.0, 0.0)
     furnished: tuple[float, float] = (0.0, 0.0)
     painted: float = 0.0
+    things: Fixed[tuple[int, int]] = (0, 0)
 
     def __post_init__(self) -> None:
-        for name in ("tiles", *SHARES, "victims", "difficulty"):
+        for name in ("tiles", *SHARES, "victims", "difficulty", "things"):
             check_order(f"random.{name}", getattr(self, name))
         check("random.ceilings", self.ceilings, 0, 1)
         check("random.painted", self.painted, 0, 1)
@@ -61,11 +63,12 @@ class ArenaRange:
             victims=int(rng.integers(*self.victims, endpoint=True)),
             difficulty=int(rng.integers(*self.difficulty, endpoint=True)),
             ceiling=bool(rng.random() < self.ceilings),
-            # Numbers are drawn only if they are used: datasets without furniture or paint stay unchanged.
+            # Numbers are drawn only if they are used: datasets without furniture, paint or things stay the same.
             furniture=round(rng.uniform(*self.furniture), 3) if self.furniture[1] else 0.0,
             bulky=round(rng.uniform(*self.bulky), 3) if self.bulky[1] else 0.0,
             furnished=round(rng.uniform(*self.furnished), 3) if self.furnished[1] else 0.0,
             painted=bool(self.painted and rng.random() < self.painted),
+            things=int(rng.integers(*self.things, endpoint=True)) if self.things[1] else 0,
         )
 
 
@@ -125,21 +128,30 @@ def check(flag: str, value: float, low: float, high: float = math.inf) -> None:
 
 
 @dataclass(frozen=True, kw_only=True)
-class HazmatTrainingConfig:
-    """How to train the classifier of hazmat signs.
+class PatchTrainingConfig:
+    """How to train a classifier of small square pictures.
 
     Attributes:
         steps: number of steps.
         batch: patches of a step.
         rate: highest learning rate of the one-cycle schedule.
-        labels: labels drawn of each class.
-        bank: patches, of which each step takes some, each time another way up.
         seed: of all random numbers.
     """
 
     steps: int = 3000
     batch: int = 96
     rate: Fixed[float] = 3e-3
+    seed: int = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class HazmatTrainingConfig(PatchTrainingConfig):
+    """How to train the classifier of hazmat signs.
+
+    Attributes:
+        labels: labels drawn of each class.
+        bank: patches, of which each step takes some, each time another way up.
+    """
+
     labels: Fixed[int] = 60
     bank: Fixed[int] = 20_000
-    seed: int = 0

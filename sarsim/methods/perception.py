@@ -23,10 +23,10 @@ def make_perception(config: PerceptionConfig) -> tuple[PointClassifier, Detector
 
 
 def make_readers(config: PerceptionConfig) -> FindReaders | None:
-    """The readers of signs, codes and heat, if there is a detector; InputError if their weights are damaged."""
-    return (
-        FindReaders.load(asset("weights", "hazmat.safetensors")) if config.detector or config.detector_class else None
-    )
+    """The readers of all finds but people, if there is a detector; InputError if their weights are damaged."""
+    if not (config.detector or config.detector_class):
+        return None
+    return FindReaders.load(*(asset("weights", f"{name}.safetensors") for name in ("hazmat", "shapes")))
 
 
 def make_classifier(labels: Labels, weights: Path | None) -> PointClassifier:

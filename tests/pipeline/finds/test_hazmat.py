@@ -8,7 +8,7 @@ import pytest
 
 from pipeline.errors import InputError
 from pipeline.finds.hazmat import HazmatReader, rectified
-from pipeline.finds.hazmat_network import PATCH, SURROUNDINGS, HazmatNetwork
+from pipeline.finds.patch_network import PATCH, SURROUNDINGS, PatchNetwork
 from pipeline.finds.quads import find_quads
 from sarsim.arenas.things.hazmat import sign_face
 from sarsim.assets import asset
@@ -80,7 +80,7 @@ def test_weights_of_something_else_are_refused(tmp_path: Path) -> None:
         file = tmp_path / "other.safetensors"
         if content is not None:
             file.write_bytes(content)
-        with pytest.raises(InputError, match="no weights of the hazmat classifier"):
-            HazmatNetwork.load(file)
-    with pytest.raises(InputError, match="no weights of the hazmat classifier"):
-        HazmatNetwork.load(asset("weights", "pointnet.safetensors"))
+        with pytest.raises(InputError, match="no weights of a classifier of 16 classes"):
+            PatchNetwork.load(file, 16)
+    with pytest.raises(InputError, match="no weights of a classifier of 16 classes"):
+        PatchNetwork.load(asset("weights", "pointnet.safetensors"), 16)

@@ -36,3 +36,9 @@ def test_each_person_is_warm_once() -> None:
 def test_without_people_all_finds_stay() -> None:
     finds = [find("heat", 0.0), find("april_tag", 1.0)]
     assert list(one_per_victim(finds, [])) == finds
+
+
+def test_what_looks_like_a_bottle_on_a_person_is_none() -> None:
+    beside = find("fire_extinguisher", 4.1)
+    told = one_per_victim([find("fire_extinguisher", 3.5), find("door_lever", 2.5), beside], [lying(3.0)])
+    assert list(told) == [beside]

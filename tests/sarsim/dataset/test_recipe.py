@@ -41,12 +41,14 @@ def test_a_share_of_the_arenas_is_painted() -> None:
 def test_furniture_is_drawn_last_and_only_where_it_is_wanted() -> None:
     bare, furnished = np.random.default_rng(0), np.random.default_rng(0)
     without = ArenaRange().draw(bare)
-    with_some = ArenaRange(furniture=(0.1, 0.2), bulky=(0.3, 0.4)).draw(furnished)
-    assert without.furniture == without.bulky == 0
+    with_some = ArenaRange(furniture=(0.1, 0.2), bulky=(0.3, 0.4), things=(5, 9)).draw(furnished)
+    assert without.furniture == without.bulky == without.things == 0
+    assert 5 <= with_some.things <= 9
     assert 0.1 <= with_some.furniture <= 0.2
     assert 0.3 <= with_some.bulky <= 0.4
-    assert replace(with_some, furniture=0.0, bulky=0.0) == without
+    assert replace(with_some, furniture=0.0, bulky=0.0, things=0) == without
     bare.random(2)
+    bare.integers(5, 9, endpoint=True)
     assert bare.random() == furnished.random()
 
 

@@ -1,0 +1,38 @@
+"""Reads fire extinguishers and door levers: what stands out is classified by its colours and its relief."""
+
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.finds.find import SHAPED, Reading
+from pipeline.finds.hazmat import is_same, rectified
+from pipeline.finds.patch_network import PatchNetwork
+from pipeline.finds.protrusions import Protrusions, outline, square_around
+from pipeline.frame import Frame
+
+
+class ShapeReader:
+    """Finds the kinds that are told by their shapes."""
+
+    def __init__(self, network: PatchNetwork):
+        """Read by a trained network."""
+        self._network = network
+
+    @classmethod
+    def load(cls, weights: Path) -> "ShapeReader":
+        """A reader with the weights of a safetensors file; InputError as :meth:`PatchNetwork.load`."""
+        return cls(PatchNetwork.load(weights, len(SHAPED), has_relief=True))
+
+    def read(self, frame: Frame) -> list[Reading]:
+        """The things in a frame that are likelier there than not, the surest first, each once."""
+        seen = Protrusions.of(frame)
+        if not seen.regions:
+            return []
+        patches = np.stack([rectified(seen.picture, square_around(region)) for region in seen.regions])
+        chances = self._network.probabilities(patches, turns=1)
+        found: list[Reading] = []
+        for best in chances[:, -1].argsort(kind="stable"):
+            kind, corners = int(chances[best, :-1].argmax()), outline(seen.regions[best])
+            if chances[best, kind] > 1 / 2 and not any(is_same(corners, other.corners) for other in found):
+                found.append(Reading(SHAPED[kind], "", corners, float(chances[best, kind])))
+        return found

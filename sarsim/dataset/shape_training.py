@@ -1,0 +1,120 @@
+"""Trains the classifier of extinguishers and levers on what stands out in rendered arenas."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch import Tensor, nn
+
+from pipeline.errors import InputError
+from pipeline.finds.find import SHAPED
+from pipeline.finds.hazmat import rectified
+from pipeline.finds.patch_network import PatchNetwork, to_input
+from pipeline.finds.protrusions import Protrusions, square_around
+from sarsim.dataset.folder import Dataset
+from sarsim.dataset.hazmat_patches import photographed
+from sarsim.dataset.patch_training import PatchTraining
+from sarsim.dataset.scene_file import Scene
+from sarsim.dataset.settings import PatchTrainingConfig
+
+COPIES = 8  # Patches of each thing, every one of another square
+OFF, LARGER = 0.1, 0.3  # Standard deviations of a square's middle over its side, and of the logarithm of its size
+
+
+class ShapePatches:
+    """What stands out in datasets, as patches.
+
+    Attributes:
+        images: (N, PATCH, PATCH, 4) uint8.
+        kinds: (N,) int64 classes; len(SHAPED) is none of them.
+    """
+
+    def __init__(self, folders: Sequence[Path], rng: np.random.Generator, copies: int = 1):
+        """So many ``copies`` of each thing, and one of what is none; InputError if a dataset is missing or broken."""
+        made = [
+            (rectified(seen.picture, square if copies == 1 else _moved(square, rng)), kind)
+            for folder in folders
+            for _, scene in Dataset(folder)
+            for seen, region, kind in _labelled(scene)
+            for square in [square_around(region)] * (copies if kind < len(SHAPED) else 1)
+        ]
+        self.kinds = np.array([kind for _, kind in made], np.int64)
+        if missing := set(range(len(SHAPED) + 1)) - set(self.kinds.tolist()):
+            raise InputError(f"{folders[0]}: shows no {(*SHAPED, 'other protrusion')[missing.pop()]}")
+        self.images = np.stack([image for image, _ in made])
+
+
+class ShapeTraining(PatchTraining):
+    """A training under way: of each class it shows equally many."""
+
+    def __init__(self, known: ShapePatches, config: PatchTrainingConfig, network: PatchNetwork | None = None):
+        """With patches to learn from, and a network to begin with; by default one of random weights."""
+        super().__init__(config, lambda: network or PatchNetwork(len(SHAPED), has_relief=True))
+        self._known = known
+        self._of_kind = [np.flatnonzero(known.kinds == kind) for kind in range(len(SHAPED) + 1)]
+
+    def batch(self, size: int) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
+        """Some (size, PATCH, PATCH, 4) patches in another light, every other one mirrored; their classes (size,)."""
+        kinds = self.rng.integers(len(self._of_kind), size=size)
+        images = np.stack([self._known.images[self.rng.choice(self._of_kind[kind])] for kind in kinds])
+        images[..., :3] = [photographed(image, self.rng) for image in images[..., :3]]
+        images[::2] = images[::2, :, ::-1]
+        return images, kinds
+
+
+def calibrate(network: PatchNetwork, usual: ShapePatches) -> None:
+    """Scale and shift the scores to the greatest likelihood of usual patches (Guo et al., ICML 2017, and a shift).
+
+    The classes were equally frequent in the training, and are not where the robot drives.
+    """
+    last, kinds = network.eval()[-1], torch.from_numpy(usual.kinds)
+    assert isinstance(last, nn.Linear)
+    with torch.no_grad():
+        scores = network(to_input(usual.images))
+    scale, shift = torch.ones(1, requires_grad=True), torch.zeros(scores.shape[1], requires_grad=True)
+    optimiser = torch.optim.LBFGS([scale, shift], max_iter=100)
+
+    def loss() -> Tensor:
+        optimiser.zero_grad()
+        value = nn.functional.cross_entropy(scale * scores + shift, kinds)
+        value.backward()
+        return value
+
+    optimiser.step(loss)
+    with torch.no_grad():
+        last.weight *= scale
+        last.bias.mul_(scale).add_(shift)
+
+
+def confusion(network: PatchNetwork, patches: ShapePatches) -> NDArray[np.int64]:
+    """(classes, classes) numbers of patches by their class, and by the likeliest one."""
+    told = network.probabilities(patches.images, turns=1).argmax(axis=1)
+    counts = np.zeros((len(SHAPED) + 1,) * 2, np.int64)
+    np.add.at(counts, (patches.kinds, told), 1)
+    return counts
+
+
+def _labelled(scene: Scene) -> list[tuple[Protrusions, NDArray[np.int64], int]]:
+    """What stands out in all frames of a scene, its region (N, 2), and its class: that of most of its pixels."""
+    kinds = [
+        next((k for k, kind in enumerate(SHAPED) if name.startswith(kind)), len(SHAPED))
+        for name in scene.content.geom_name
+    ]
+    of_geom, found = np.array([*kinds, len(SHAPED)]), []  # the last one is of no geom, -1
+    for frame in scene:
+        assert frame.instance is not None
+        seen = Protrusions.of(frame)
+        for region in seen.regions:
+            shown = of_geom[frame.instance[tuple(region.T)]]
+            found.append((seen, region, int(np.bincount(shown).argmax())))
+    return found
+
+
+def _moved(square: NDArray[np.float32], rng: np.random.Generator) -> NDArray[np.float32]:
+    """A square (4, 2) as it may lie about a thing that is seen in part."""
+    middle, side = square.mean(axis=0), np.ptp(square[:, 0])
+    return ((square - middle) * np.exp(LARGER * rng.normal()) + middle + OFF * side * rng.normal(size=2)).astype(
+        np.float32
+    )

@@ -256,12 +256,12 @@ class Expedition(ABC):
     def _start_clock(self, begin: float) -> None:
         """Start the clock of the mission, if there is one, at the robot's time ``begin``, s."""
         if (brief := self.results.brief) is not None:
-            finds = self.explorer.mapper.finds
-            deadline = self.explorer.mission.deadline = Deadline(brief, begin, lambda: finds.confirmed)
+            mapper, mission = self.explorer.mapper, self.explorer.mission
+            finds = mapper.finds
+            deadline = mission.deadline = Deadline(brief, begin, lambda: finds.confirmed)
             self.explorer.observers.append(_Clock(deadline.end))
-            if "find" in brief.tasks and self.explorer.mapper.readers is not None:
-                mapper = self.explorer.mapper
-                self.explorer.mission.inspection = Inspection(mapper.keyframes, mapper.metric_map)
+            if "find" in brief.tasks and mapper.readers is not None:
+                mission.inspection = Inspection(mapper.keyframes, mapper.metric_map)
 
     @property
     def _explores(self) -> bool:

@@ -187,10 +187,9 @@ def train_explorer(settings: TrainExplorer) -> None:
         raise InputError("Stable-Baselines3 is missing: pip install stable-baselines3") from error
     from safetensors.torch import save_file
 
-    config = ExplorerTrainingConfig(**{f.name: getattr(settings, f.name) for f in fields(ExplorerTrainingConfig)})
     with progress() as bars:
-        bar = bars.add_task("steps", total=config.steps // config.worlds)
-        network = ppo.train_explorer(config, lambda: bars.advance(bar))
+        bar = bars.add_task("steps", total=settings.steps // settings.worlds)
+        network = ppo.train_explorer(settings, lambda: bars.advance(bar))
     with whole_file(settings.out) as part:
         save_file(network.state_dict(), part)
     Console().print(f"Weights in {settings.out}", soft_wrap=True)

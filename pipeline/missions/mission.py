@@ -63,7 +63,7 @@ class Mission:
         """
         explore: list[Strategy] = [self.exploration] if self.may_explore else []
         if self.goals is None:
-            return explore + ([self.inspection] if self.inspection and self.may_explore else [])
+            return [*explore, self.inspection] if explore and self.inspection else explore
         return [self.goals, *(explore if self.goals.left else [])]
 
     def observe(self, context: Context) -> None:

@@ -40,6 +40,11 @@ class Intrinsics:
         """3×3 camera matrix of OpenCV, Open3D and ROS, whose pixel centres are at integers."""
         return np.array([[self.fx, 0, self.cx - 0.5], [0, self.fy, self.cy - 0.5], [0, 0, 1]])
 
+    @property
+    def half_view(self) -> float:
+        """rad from the optical axis to the nearer side of the image."""
+        return float(min(np.arctan2(self.cx, self.fx), np.arctan2(self.width - self.cx, self.fx)))
+
     def points(self, depth: NDArray[np.float32], T_target_camera: NDArray[np.float64]) -> NDArray[np.float32]:
         """(N, 3) float32 points of all returns of a depth image, (H, W) m, row-major, in the target frame, m."""
         T = T_target_camera.astype(np.float32)

@@ -86,10 +86,8 @@ class Reobservation:
 
 def half_view(frame: Frame, thing: Sought) -> float:
     """rad from the middle of the image within which a thing, as far away as it would be looked at, is whole."""
-    lens = frame.intrinsics
-    half = min(np.arctan2(lens.cx, lens.fx), np.arctan2(lens.width - lens.cx, lens.fx))
     _, most = thing.distances(frame.sensor)
-    return float(half - np.arctan2(thing.across / 2, most))
+    return float(frame.intrinsics.half_view - np.arctan2(thing.across / 2, most))
 
 
 def _newness(thing: Sought, places: NDArray[np.float64], target: NDArray[np.float64]) -> NDArray[np.float64]:

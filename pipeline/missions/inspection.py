@@ -56,7 +56,7 @@ class Inspection:
         """Remember at which walls the robot looks next."""
         left, place = self._left(context), context.traversability.on_ground(viewpoint.position[None])
         off = np.abs(wrap_angle(_bearings(left, place)[:, 0] - viewpoint.heading))
-        is_aimed = self._shows(left, place, context.frame)[:, 0] & (off < _half_view(context.frame))
+        is_aimed = self._shows(left, place, context.frame)[:, 0] & (off < context.frame.intrinsics.half_view)
         camera = place[0] + _height(context.frame)
         is_aimed[is_aimed] = [self._is_free(camera, point) for point in left.points[is_aimed]]
         before = left.where(is_aimed).before
@@ -104,8 +104,3 @@ def _bearings(walls: WallPieces, places: NDArray[np.float64]) -> NDArray[np.floa
     """(N, M) rad, of walls as seen from places (M, 3)."""
     ways = walls.points[:, None] - places
     return np.arctan2(ways[..., 1], ways[..., 0])
-
-
-def _half_view(frame: Frame) -> float:
-    """rad, half the width of the image."""
-    return float(np.arctan2(frame.intrinsics.width / 2, frame.intrinsics.fx))

@@ -1,6 +1,6 @@
 """The detector of people, and of other things if its network knows them, in a camera's image."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from math import ceil
 from pathlib import Path
 
@@ -11,7 +11,6 @@ from pipeline.errors import InputError
 from pipeline.files import read_text
 from pipeline.finds.find import KINDS, VICTIM
 from pipeline.finds.victims.detection.boxes import areas, decode, overlaps, suppress
-from pipeline.finds.victims.detection.darknet_cfg import YoloHead
 from pipeline.finds.victims.detection.detection import Detection
 from pipeline.finds.victims.detection.inference import FusedNetwork
 from pipeline.finds.victims.detection.input_image import Letterbox, evenly_exposed
@@ -60,7 +59,10 @@ class VictimDetector:
         if not 0 < confidence < 1:
             raise InputError(f"detector: confidence {confidence}: between 0 and 1")
         self._confidence, self._classes = confidence, _classes(network, names)
-        self._networks = [make_fast(n) for n in of_both_sizes(network)]
+        *_, smallest = networks = of_both_sizes(network)
+        self._networks = [make_fast(n) for n in networks]
+        witnesses, upended = network.witnesses(), (smallest.cfg.height, smallest.cfg.width)
+        self._upended = make_fast(witnesses.resized(*upended)) if witnesses else None
 
     @classmethod
     def load(cls, *files: Path, confidence: float = CONFIDENCE) -> "VictimDetector":
@@ -82,23 +84,43 @@ class VictimDetector:
         """
         check_image(rgb)
         image, least = evenly_exposed(rgb), LARGE_BOX * max(rgb.shape)
-        boxes, scores = self._find(self._networks[0], image)
+        lying = self._find_lying(image)
+        parts = [self._find(self._networks[0], image, lying)]
         for network in self._networks[1:]:
-            more, their_scores = self._find(network, image)
-            is_near = np.max(more[:, 2:] - more[:, :2], axis=1, initial=0) >= least
-            boxes, scores = np.concatenate([boxes, more[is_near]]), np.concatenate([scores, their_scores[is_near]])
+            boxes, scores = self._find(network, image, lying)
+            is_near = np.max(boxes[:, 2:] - boxes[:, :2], axis=1, initial=0) >= least
+            parts.append((boxes[is_near], scores[is_near]))
+        boxes, scores = _joined(parts)
         found = [self._best(kind, boxes, scores[:, numbers].max(axis=1)) for kind, numbers in self._classes.items()]
         return sorted((thing for one in found for thing in one), key=lambda thing: -thing.confidence)
 
-    def _find(self, network: FusedNetwork, image: NDArray[np.uint8]) -> Boxes:
-        """(N, 4) boxes in the image, several of each thing, and their (N, classes) confidences."""
-        cfg = network.cfg
+    def _find(self, network: FusedNetwork, image: NDArray[np.uint8], lying: Sequence[Boxes]) -> Boxes:
+        """(N, 4) boxes in the image, several of each thing, and their (N, classes) confidences.
+
+        ``lying`` are boxes that bear witness besides those of the network itself.
+        """
+        parts = self._heads(network, image)
+        for place, yolo in zip(network.cfg.places, network.cfg.heads, strict=True):
+            if yolo.witnesses:
+                parts[place] = _witnessed(parts[place], _joined([*lying, *(parts[k] for k in yolo.witnesses)]))
+        return _joined(parts.values())
+
+    def _find_lying(self, image: NDArray[np.uint8]) -> list[Boxes]:
+        """Boxes of the witnesses in the image turned to either side: photos teach them few people who lie."""
+        if self._upended is None:
+            return []
+        parts = [(turns, self._heads(self._upended, np.rot90(image, turns))) for turns in (1, -1)]
+        return [(turned_back(b, turns, image.shape), scores) for turns, part in parts for b, scores in part.values()]
+
+    def _heads(self, network: FusedNetwork, image: NDArray[np.uint8]) -> dict[int, Boxes]:
+        """The boxes in the image of each [yolo], by its number, and their confidences."""
+        cfg, least = network.cfg, min(self._confidence, WITNESS)
         letterbox, canvas = Letterbox.fit(image, cfg.width, cfg.height)
-        least, parts = min(self._confidence, WITNESS), dict[int, Boxes]()
+        parts = dict[int, Boxes]()
         for head, yolo, place in zip(network(canvas), cfg.heads, cfg.places, strict=True):
-            parts[place] = _witnessed(decode(head, yolo, cfg.width, cfg.height, least), yolo, parts)
-        boxes = letterbox.to_image(np.concatenate([boxes for boxes, _ in parts.values()]))
-        return boxes, np.concatenate([scores for _, scores in parts.values()])
+            boxes, scores = decode(head, yolo, cfg.width, cfg.height, least)
+            parts[place] = letterbox.to_image(boxes), scores
+        return parts
 
     def _best(self, kind: str, boxes: NDArray[np.float32], scores: NDArray[np.float32]) -> list[Detection]:
         good = (scores >= self._confidence) & (areas(boxes) > 0)
@@ -107,19 +129,26 @@ class VictimDetector:
         return [Detection(tuple(boxes[i].tolist()), float(scores[i]), kind) for i in kept]
 
 
-def _witnessed(found: Boxes, yolo: YoloHead, parts: dict[int, Boxes]) -> Boxes:
-    """The boxes of a [yolo] where one of its witnesses sees something too; all if it has none.
+def _joined(parts: Iterable[Boxes]) -> Boxes:
+    boxes, scores = zip(*parts, strict=True)
+    return np.concatenate(boxes), np.concatenate(scores)
 
-    ``parts`` are the boxes of earlier [yolo] layers by their numbers.
-    """
-    if not yolo.witnesses:
-        return found
-    boxes, scores = (np.concatenate(part) for part in zip(*(parts[place] for place in yolo.witnesses), strict=True))
+
+def _witnessed(found: Boxes, witnesses: Boxes) -> Boxes:
+    """The boxes of a [yolo] where one of its witnesses sees something too."""
+    boxes, scores = witnesses
     best = scores.max(axis=1, initial=0)
     sure = best >= WITNESS
     seen = boxes[sure][suppress(boxes[sure], best[sure], SUPPRESSING_IOU)]
     known = overlaps(found[0], seen).max(axis=1, initial=0) > WITNESS_IOU
     return found[0][known], found[1][known]
+
+
+def turned_back(boxes: NDArray[np.float32], turns: int, shape: Sequence[int]) -> NDArray[np.float32]:
+    """(N, 4) boxes in an image of a ``shape`` (H, W, 3), of those in it turned by a quarter, 1 to the left or −1."""
+    height, width, _ = shape
+    x0, y0, x1, y1 = boxes.T
+    return np.stack([width - y1, x0, width - y0, x1] if turns > 0 else [y0, height - x1, y1, height - x0], axis=1)
 
 
 def of_both_sizes(network: DarknetNetwork) -> list[DarknetNetwork]:

@@ -95,8 +95,18 @@ class DarknetNetwork(nn.Module):
         Raises:
             InputError: layers that do not fit together at that size.
         """
-        network = DarknetNetwork(replace(self.cfg, width=width, height=height)).eval()
-        network.load_state_dict(self.state_dict())
+        return self._with(replace(self.cfg, width=width, height=height))
+
+    def witnesses(self) -> "DarknetNetwork | None":
+        """A network in evaluation mode of the layers up to the last that is a witness; None if none is."""
+        places = {place for head in self.cfg.heads for place in head.witnesses}
+        return self._with(replace(self.cfg, layers=self.cfg.layers[: max(places) + 1])) if places else None
+
+    def _with(self, cfg: DarknetCfg) -> "DarknetNetwork":
+        network = DarknetNetwork(cfg).eval()
+        network.load_state_dict(
+            {name: value for name, value in self.state_dict().items() if name in network.state_dict()}
+        )
         return network
 
     @property

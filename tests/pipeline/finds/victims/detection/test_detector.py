@@ -9,7 +9,7 @@ from scipy.special import logit
 
 from pipeline.errors import InputError
 from pipeline.finds.victims.detection import detector
-from pipeline.finds.victims.detection.detector import VictimDetector, of_both_sizes
+from pipeline.finds.victims.detection.detector import VictimDetector, of_both_sizes, turned_back
 from pipeline.finds.victims.detection.network import DarknetNetwork
 from pipeline.finds.victims.detection.weights import write_weights
 from tests.pipeline.finds.victims.constants import constants
@@ -52,10 +52,8 @@ def test_a_smaller_input_finds_those_who_are_larger(near: float, widths: set[int
     assert {round(d.box[2] - d.box[0]) for d in found} == widths
 
 
-@pytest.mark.parametrize(("seen", "count"), [(0.04, 0), (0.06, 1)])
-@pytest.mark.parametrize(("size", "known"), [("4,6", 1), ("4,21", 0)])
-def test_a_box_needs_a_witness(seen: float, count: int, size: str, known: int) -> None:
-    """A second [yolo] sees the same spots, surely; the first one, its witness, sees them as ``seen`` with any box."""
+def network_with_witness(seen: float, size: str = "4,6") -> DarknetNetwork:
+    """A second [yolo] sees the bright spots, surely; the first one, its witness, as ``seen`` with boxes of a size."""
     text = SMALL.replace("anchors=4,6", f"anchors={size}") + SMALL[SMALL.rindex("[convolutional]") :]
     text = (
         text.replace("[convolutional]\nfilters=6", "[route]\nlayers=0\n[convolutional]\nfilters=6") + "witnesses=3\n"
@@ -69,10 +67,26 @@ def test_a_box_needs_a_witness(seen: float, count: int, size: str, known: int) -
     with torch.no_grad():
         assert witness.conv.bias is not None
         witness.conv.bias[4] += float(logit(seen)) - 10
+    return network
+
+
+@pytest.mark.parametrize(("seen", "count"), [(0.04, 0), (0.06, 1)])
+@pytest.mark.parametrize(("size", "known"), [("4,6", 1), ("1,1", 0), ("20,20", 0), ("20,6", 1)])
+def test_a_box_needs_a_witness(seen: float, count: int, size: str, known: int) -> None:
+    """A witness with too wide boxes, 20 × 6, is one in the turned image, where they are high."""
     image = np.zeros((8, 16, 3), np.uint8)
     image[2:4, 8:10] = 255
     with constants(detector, SMALLER=1):
-        assert len(VictimDetector(network).detect(image)) == count * known
+        assert len(VictimDetector(network_with_witness(seen, size)).detect(image)) == count * known
+
+
+@pytest.mark.parametrize("turns", [1, -1])
+def test_boxes_are_turned_back(turns: int) -> None:
+    image = np.zeros((20, 30, 3), np.uint8)
+    image[4:9, 2:14] = 255
+    rows, columns = np.nonzero(np.rot90(image, turns)[..., 0])
+    box = np.array([[columns.min(), rows.min(), columns.max() + 1, rows.max() + 1]], np.float32)
+    assert turned_back(box, turns, image.shape).tolist() == [[2, 4, 14, 9]]
 
 
 def test_nothing_is_found_in_the_dark() -> None:

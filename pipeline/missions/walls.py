@@ -1,4 +1,4 @@
-"""Pieces of walls as keyframes show them, and how large a thing that hangs there would be in the image."""
+"""Pieces of walls as keyframes show them, and how wide a thing that hangs there would be in the image."""
 
 from typing import NamedTuple
 
@@ -17,7 +17,7 @@ class WallPieces(NamedTuple):
     Attributes:
         points: (N, 3) m.
         normals: (N, 3) unit vectors, away from the wall.
-        sides: (N,) pixels along the median sign there, as the pieces were seen.
+        sides: (N,) pixels across the median sign there, as narrow as the pieces were seen.
     """
 
     points: NDArray[np.float64]
@@ -47,12 +47,12 @@ class WallPieces(NamedTuple):
         return WallPieces(*(part[index] for part in self))
 
     def sides_from(self, cameras: ArrayLike, frame: Frame) -> NDArray[np.float64]:
-        """(N, M) pixels along the median sign on each piece as cameras (M, 3) see it; 0 from behind."""
+        """(N, M) pixels across the median sign on each piece, as narrow as cameras (M, 3) see it; 0 from behind."""
         ways = np.asarray(cameras, np.float64) - self.points[:, None]
         distances = np.maximum(np.linalg.norm(ways, axis=2), frame.sensor.nearest / 2)
         cosines = np.einsum("nmi,ni->nm", ways, self.normals) / distances
         side, _, _ = EXTENTS["hazmat_sign"][0]
-        return frame.intrinsics.fx * side * np.sqrt(np.maximum(cosines, 0)) / distances
+        return frame.intrinsics.fx * side * np.maximum(cosines, 0) / distances
 
     @property
     def before(self) -> NDArray[np.float64]:

@@ -24,7 +24,7 @@ from sarsim.arenas.things.models import (
     qr_code,
 )
 from sarsim.arenas.things.thing import ALIVE, DEAD, data_of
-from sarsim.arenas.walls import Walls, facing
+from sarsim.arenas.walls import STAND, Walls, facing
 from sarsim.victims.mjcf import about_z
 
 WALL_ROOM = 0.25  # m of flat wall to all sides: half a doll's box, and more than half of the largest sign's diagonal
@@ -50,11 +50,13 @@ def hang_things(builder: ArenaBuilder, number: int, rng: np.random.Generator) ->
     model = mujoco.MjModel.from_xml_string(builder.to_xml(), builder.files)
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
-    walls, rises = Walls(model, data.site("start").xpos), rng.uniform(LOWEST, HIGHEST, number)
+    start = data.site("start").xpos
+    walls, rises = Walls(model, start), rng.uniform(LOWEST, HIGHEST, number)
     hung = 0
 
     def fits(point: NDArray[np.float64], normal: NDArray[np.float64]) -> bool:
-        return walls.has_room(point, normal, WALL_ROOM, rises[hung])
+        is_beside_start = np.linalg.norm((point - start)[:2]) < STAND  # where a box would stand in the robot's way
+        return not is_beside_start and walls.has_room(point, normal, WALL_ROOM, rises[hung])
 
     for point, normal in islice(walls.spread(rng, THING_SPACING, fits), number):
         _hang(builder, draws, hung, point + np.array([0.0, 0.0, rises[hung]]), normal)

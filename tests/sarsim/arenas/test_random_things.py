@@ -61,6 +61,14 @@ def test_the_robot_still_gets_everywhere_and_sees_everyone(builder):
     assert list(failed_checks(builder.to_xml(), builder.files)) == []
 
 
+def test_nothing_stands_where_the_robot_starts():
+    """Here a doll's box hung beside the start."""
+    shares = {"wall_density": 0.288, "ramps": 0.219, "clutter": 0.167, "furniture": 0.051, "bulky": 0.166}
+    config = RandomArenaConfig(columns=5, rows=7, victims=4, difficulty=1, things=14, **shares)
+    built = build_random(289828893, config)
+    assert "the start is not free" not in failed_checks(built.to_xml(), built.files)
+
+
 def test_the_seed_says_what_hangs_where(builder):
     again = build_random(3, RandomArenaConfig(things=7, **SMALL))
     assert again.to_xml() == builder.to_xml() and again.files == builder.files

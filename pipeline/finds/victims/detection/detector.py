@@ -1,6 +1,7 @@
 """The detector of people, and of other things if its network knows them, in a camera's image."""
 
 from collections.abc import Callable, Iterable, Sequence
+from functools import cache
 from math import ceil
 from pathlib import Path
 
@@ -84,7 +85,7 @@ class VictimDetector:
         """
         check_image(rgb)
         image, least = evenly_exposed(rgb), LARGE_BOX * max(rgb.shape)
-        lying = self._find_lying(image)
+        lying = cache(lambda: self._find_lying(image))
         parts = [self._find(self._networks[0], image, lying)]
         for network in self._networks[1:]:
             boxes, scores = self._find(network, image, lying)
@@ -94,23 +95,28 @@ class VictimDetector:
         found = [self._best(kind, boxes, scores[:, numbers].max(axis=1)) for kind, numbers in self._classes.items()]
         return sorted((thing for one in found for thing in one), key=lambda thing: -thing.confidence)
 
-    def _find(self, network: FusedNetwork, image: NDArray[np.uint8], lying: Sequence[Boxes]) -> Boxes:
+    def _find(self, network: FusedNetwork, image: NDArray[np.uint8], lying: Callable[[], Boxes]) -> Boxes:
         """(N, 4) boxes in the image, several of each thing, and their (N, classes) confidences.
 
-        ``lying`` are boxes that bear witness besides those of the network itself.
+        ``lying`` finds boxes that bear witness besides those of the network itself; asked only if something has none.
         """
         parts = self._heads(network, image)
         for place, yolo in zip(network.cfg.places, network.cfg.heads, strict=True):
             if yolo.witnesses:
-                parts[place] = _witnessed(parts[place], _joined([*lying, *(parts[k] for k in yolo.witnesses)]))
+                boxes, scores = parts[place]
+                known = _are_witnessed(boxes, _joined(parts[k] for k in yolo.witnesses))
+                if (scores[~known] >= self._confidence).any():
+                    known |= _are_witnessed(boxes, lying())
+                parts[place] = boxes[known], scores[known]
         return _joined(parts.values())
 
-    def _find_lying(self, image: NDArray[np.uint8]) -> list[Boxes]:
+    def _find_lying(self, image: NDArray[np.uint8]) -> Boxes:
         """Boxes of the witnesses in the image turned to either side: photos teach them few people who lie."""
-        if self._upended is None:
-            return []
+        assert self._upended is not None
         parts = [(turns, self._heads(self._upended, np.rot90(image, turns))) for turns in (1, -1)]
-        return [(turned_back(b, turns, image.shape), scores) for turns, part in parts for b, scores in part.values()]
+        return _joined(
+            (turned_back(b, turns, image.shape), scores) for turns, part in parts for b, scores in part.values()
+        )
 
     def _heads(self, network: FusedNetwork, image: NDArray[np.uint8]) -> dict[int, Boxes]:
         """The boxes in the image of each [yolo], by its number, and their confidences."""
@@ -134,14 +140,13 @@ def _joined(parts: Iterable[Boxes]) -> Boxes:
     return np.concatenate(boxes), np.concatenate(scores)
 
 
-def _witnessed(found: Boxes, witnesses: Boxes) -> Boxes:
-    """The boxes of a [yolo] where one of its witnesses sees something too."""
+def _are_witnessed(found: NDArray[np.float32], witnesses: Boxes) -> NDArray[np.bool_]:
+    """(N,) bool, the boxes (N, 4) of a [yolo] where one of its witnesses sees something too."""
     boxes, scores = witnesses
     best = scores.max(axis=1, initial=0)
     sure = best >= WITNESS
     seen = boxes[sure][suppress(boxes[sure], best[sure], SUPPRESSING_IOU)]
-    known = overlaps(found[0], seen).max(axis=1, initial=0) > WITNESS_IOU
-    return found[0][known], found[1][known]
+    return np.asarray(overlaps(found, seen).max(axis=1, initial=0) > WITNESS_IOU)
 
 
 def turned_back(boxes: NDArray[np.float32], turns: int, shape: Sequence[int]) -> NDArray[np.float32]:

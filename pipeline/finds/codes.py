@@ -1,6 +1,7 @@
 """Reads QR codes and AprilTags in an image by OpenCV; what a code says is data, and nothing is done with it."""
 
 from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 
 import cv2
@@ -8,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.finds.find import Reading
-from pipeline.finds.pictures import READ_PIXELS, bounded
+from pipeline.finds.squares import PATCH, Squares, corners_in, is_same, rectified
 
 FAMILY = cv2.aruco.DICT_APRILTAG_36h11
 SHOWN = 40  # Most characters of what a code says in maps and lists
@@ -22,34 +23,39 @@ class CodeReader:
         self._decoders = cv2.QRCodeDetector(), cv2.QRCodeDetectorAruco()
         self._tags = cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(FAMILY))
 
-    def read(self, rgb: NDArray[np.uint8], enlarged: int = 2**2) -> list[Reading]:
-        """The codes in an image, (H, W, 3) or grey (H, W) uint8, those that were decoded first.
+    def read(self, squares: Squares) -> list[Reading]:
+        """The codes in an image, those that were decoded first.
 
-        Codes are sought in the image as it is, and ``enlarged`` so many times at most: at 60 pixels a module of a
-        small code has two, too few for the decoders, and four times as many suffice.
-
-        Raises:
-            InputError: the image is empty or of another type.
+        QR codes are sought in the image as it is, and in squares that are as black and white as a code, rectified:
+        the decoders read no code that is seen aslant, or whose modules have less than about three pixels.
         """
-        image, scale = bounded(rgb)
-        grey = np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), np.uint8)
-        times = min(enlarged, 2 * (READ_PIXELS / grey.size) ** 0.5)
-        larger = cv2.resize(grey, None, fx=times, fy=times, interpolation=cv2.INTER_CUBIC)
-        found = [*self._read_tags(grey, scale)]
-        for picture, zoom in ((grey, scale), (larger, scale * times)):
-            found += self._read_codes(np.asarray(picture, np.uint8), zoom)
+        grey = np.asarray(cv2.cvtColor(squares.image, cv2.COLOR_RGB2GRAY), np.uint8)
+        found = [*self._read_tags(grey), *self._read_codes(grey)]
+        for quad in squares.quads:
+            is_read = any(reading.text and is_same(reading.corners, quad) for reading in found)
+            if not is_read and _may_be_code(rectified(grey, quad)):
+                found += self._read_rectified(grey, quad)
+        found = [replace(reading, corners=reading.corners / np.float32(squares.scale)) for reading in found]
         return _distinct(sorted(found, key=lambda reading: -reading.confidence))
 
-    def _read_tags(self, grey: NDArray[np.uint8], scale: float) -> Iterator[Reading]:
+    def _read_tags(self, grey: NDArray[np.uint8]) -> Iterator[Reading]:
         corners, ids, _ = self._tags.detectMarkers(grey)
         for quad, number in zip(corners, () if ids is None else ids.ravel().tolist(), strict=True):
-            yield Reading("april_tag", str(number), (quad.reshape(4, 2) / scale).astype(np.float32), 1.0)
+            yield Reading("april_tag", str(number), quad.reshape(4, 2).astype(np.float32), 1.0)
 
-    def _read_codes(self, grey: NDArray[np.uint8], scale: float) -> Iterator[Reading]:
+    def _read_codes(self, grey: NDArray[np.uint8]) -> Iterator[Reading]:
         """Codes, those that were located but not decoded too: they are to be looked at from nearer."""
         for decoder in self._decoders:
             for text, quad in _decoded(decoder, grey):
-                yield Reading("qr_code", text, (quad / scale).astype(np.float32), 1.0 if text else 0.5)
+                yield Reading("qr_code", text, quad.astype(np.float32), 1.0 if text else 0.5)
+
+    def _read_rectified(self, grey: NDArray[np.uint8], quad: NDArray[np.float32]) -> Iterator[Reading]:
+        """The codes in a rectified quadrilateral, (4, 2) pixels."""
+        side = 2**2 * PATCH  # three pixels and more a module up to version 10
+        patch = rectified(grey, quad, side, cv2.INTER_CUBIC)
+        T = cv2.getPerspectiveTransform(corners_in(side), quad)
+        for code in self._read_codes(patch):
+            yield replace(code, corners=np.asarray(cv2.perspectiveTransform(code.corners[None], T)[0], np.float32))
 
 
 def _decoded(decoder: Any, grey: NDArray[np.uint8]) -> Iterator[tuple[str, NDArray[np.float32]]]:
@@ -61,6 +67,15 @@ def _decoded(decoder: Any, grey: NDArray[np.uint8]) -> Iterator[tuple[str, NDArr
     for text, quad in zip(texts, () if quads is None else quads, strict=True):
         if np.isfinite(quad).all() and cv2.contourArea(quad.astype(np.float32)) > 1:
             yield text, quad
+
+
+def _may_be_code(patch: NDArray[np.uint8]) -> bool:
+    """Whether the pixels of a row or column of a grey patch change as much as those of a code.
+
+    Of the 21 modules of the smallest code, half differ from the one before: 10 changes by 30 % of the range of grey.
+    """
+    grey = patch.astype(np.float32) / np.iinfo(np.uint8).max
+    return bool(np.mean([np.abs(np.diff(grey, axis=k)).sum(axis=k).mean() for k in (0, 1)]) > 3)
 
 
 def _distinct(readings: Sequence[Reading]) -> list[Reading]:

@@ -10,9 +10,8 @@ from safetensors.torch import load_file
 from torch import Tensor, nn
 
 from pipeline.errors import InputError
+from pipeline.finds.squares import PATCH
 
-PATCH, SURROUNDINGS = 64, 0.1
-"""Pixels along a patch, and the share of it that surrounds what it shows on each side."""
 WIDTHS = 24, 48, 64, 96, 96  # Channels after each convolution
 
 

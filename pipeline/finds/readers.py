@@ -9,9 +9,10 @@ from numpy.typing import NDArray
 
 from pipeline.finds.codes import CodeReader
 from pipeline.finds.find import FIND_KINDS, Reading, box_corners
-from pipeline.finds.hazmat import HazmatReader, is_same
+from pipeline.finds.hazmat import HazmatReader
 from pipeline.finds.heat import warm_regions
 from pipeline.finds.shapes import ShapeReader
+from pipeline.finds.squares import Squares, is_same
 from pipeline.frame import Frame
 
 
@@ -53,9 +54,9 @@ class FindReaders:
         return [*shapes, *_others(self.read_image(frame.rgb, detections), shapes), *heat]
 
     def glance(self, frame: Frame) -> list[Reading]:
-        """What a frame shows that is seen in passing: codes are not enlarged as much, and no detector is asked."""
-        codes = self._codes.read(frame.rgb, enlarged=2)
-        return [*self._hazmat.read(frame.rgb), *codes, *self._shapes.read(frame)]
+        """What a frame shows that is seen in passing, without a detector."""
+        squares = Squares.of(frame.rgb)
+        return [*self._hazmat.read(squares), *self._codes.read(squares), *self._shapes.read(frame)]
 
     def read_image(self, rgb: NDArray[np.uint8], detections: Sequence[Detected]) -> list[Reading]:
         """What an image shows, (H, W, 3) or grey (H, W) uint8; a detector's boxes of people are left alone.
@@ -64,9 +65,10 @@ class FindReaders:
             InputError: the image is empty or of another type.
         """
         others = [d for d in detections if d.kind in FIND_KINDS]
-        signs = self._hazmat.read(rgb)
+        squares = Squares.of(rgb)
+        signs = self._hazmat.read(squares)
         boxes = [Reading(d.kind, "", box_corners(d.box), d.confidence) for d in others]
-        return [*signs, *self._codes.read(rgb), *_others(boxes, signs)]
+        return [*signs, *self._codes.read(squares), *_others(boxes, signs)]
 
 
 def _others(readings: Sequence[Reading], known: Sequence[Reading]) -> list[Reading]:

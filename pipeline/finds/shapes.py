@@ -5,9 +5,9 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.finds.find import SHAPED, Reading
-from pipeline.finds.hazmat import is_same, rectified
 from pipeline.finds.patch_network import PatchNetwork
 from pipeline.finds.protrusions import Protrusions, outline, square_around
+from pipeline.finds.squares import is_same, rectified
 from pipeline.frame import Frame
 
 

@@ -8,8 +8,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.finds.hazmat_classes import HAZMAT_CLASSES
-from pipeline.finds.patch_network import PATCH, SURROUNDINGS
 from pipeline.finds.quads import find_quads
+from pipeline.finds.squares import PATCH, SURROUNDINGS
 from sarsim.arenas.things.codes import qr_picture, tag_picture
 from sarsim.arenas.things.hazmat import SignStyle, sign_face
 from sarsim.dataset.hazmat_labels import draw_varied

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from pipeline.errors import InputError
-from pipeline.finds.hazmat import HazmatReader, rectified
-from pipeline.finds.patch_network import PATCH, SURROUNDINGS, PatchNetwork
-from pipeline.finds.quads import find_quads
+from pipeline.finds.hazmat import HazmatReader
+from pipeline.finds.patch_network import PatchNetwork
+from pipeline.finds.squares import PATCH, SURROUNDINGS, Squares, rectified
 from sarsim.arenas.things.hazmat import sign_face
 from sarsim.assets import asset
 
@@ -39,13 +39,14 @@ def wall_with(*signs: tuple[str, tuple[float, float], float, float]) -> np.ndarr
 
 @pytest.mark.parametrize("turn", [45, 10, 225])
 def test_a_sign_is_read_any_way_up(reader: HazmatReader, turn: float) -> None:
-    (sign,) = reader.read(wall_with(("radioactive", (160, 120), 90, turn)))
+    (sign,) = reader.read(Squares.of(wall_with(("radioactive", (160, 120), 90, turn))))
     assert (sign.kind, sign.text) == ("hazmat_sign", "radioactive")
     np.testing.assert_allclose(sign.corners.mean(axis=0), (160, 120), atol=3)
 
 
 def test_two_alike_side_by_side_are_two(reader: HazmatReader) -> None:
-    signs = reader.read(wall_with(("corrosive", (110, 120), 80, 0), ("corrosive", (190, 120), 80, 0)))
+    wall = wall_with(("corrosive", (110, 120), 80, 0), ("corrosive", (190, 120), 80, 0))
+    signs = reader.read(Squares.of(wall))
     assert [sign.text for sign in signs] == ["corrosive"] * 2
 
 
@@ -53,20 +54,20 @@ def test_a_wall_and_coloured_squares_are_no_signs(reader: HazmatReader) -> None:
     image = wall_with()
     cv2.rectangle(image, (60, 60), (130, 130), (200, 30, 30), -1)
     cv2.rectangle(image, (180, 60), (260, 140), (250, 250, 250), -1)
-    assert reader.read(image) == []
+    assert reader.read(Squares.of(image)) == []
 
 
 def test_a_grey_image_is_searched_and_an_empty_one_refused(reader: HazmatReader) -> None:
-    assert isinstance(reader.read(wall_with()[..., 0]), list)
+    assert isinstance(reader.read(Squares.of(wall_with()[..., 0])), list)
     with pytest.raises(InputError, match="image: "):
-        reader.read(np.zeros((0, 10, 3), np.uint8))
+        reader.read(Squares.of(np.zeros((0, 10, 3), np.uint8)))
 
 
 def test_squares_are_found_once_and_rectified() -> None:
     image = wall_with()
     square = np.array([[100, 60], [190, 80], [180, 170], [90, 150]], np.int32)
     cv2.fillConvexPoly(image, square, (30, 60, 220))
-    large = [q for q in find_quads(image) if 5000 < cv2.contourArea(q) < 20000]
+    large = [q for q in Squares.of(image).quads if 5000 < cv2.contourArea(q) < 20000]
     (quad,) = (q for q in large if np.abs(q.mean(axis=0) - square.mean(axis=0)).max() < 5)
     assert max(np.abs(quad - corner).sum(axis=1).min() for corner in square) < 6
     patch = rectified(image, quad)

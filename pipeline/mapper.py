@@ -94,7 +94,7 @@ class Mapper:
             readers: of signs, codes and heat; without them the maps hold no finds but victims.
         """
         self.classifier, self.detector, self.readers = classifier, detector, readers
-        self._in_passing = None if readers is None else BackgroundReader(readers)
+        self._in_passing = BackgroundReader(detector, readers)
         self.localisation: Localisation = localisation or Slam()
         self.metric_map = MetricMap(voxel_size)
         self.elevation_map = ElevationMap(robot)
@@ -151,8 +151,8 @@ class Mapper:
     def add(self, frame: Frame, T_map_base: NDArray[np.float64], labelled: bool = True) -> Keyframe:
         """Take a frame into every map but the topological one, which :meth:`connect` renews.
 
-        A frame that is not ``labelled`` goes into the metric map and the elevation map alone; signs and codes that it
-        shows are on the map from the next frame on.
+        A frame that is not ``labelled`` goes into the metric map and the elevation map alone; the people and things
+        that it shows are on the map from the next frame on, people as to be looked at again.
 
         Raises:
             InputError: the pose is so far from the others that the maps would take too much memory; they stay as they
@@ -174,8 +174,9 @@ class Mapper:
             seen.put_depth(self.metric_map, T_map_base)
         with self.stopwatch("elevation_map"):
             self._add_ground(frame, points)
+        self._take_read()
         if probabilities is None:
-            self._read_in_passing(frame)
+            self._in_passing.begin(frame, index)
             return Keyframe(frame, T_map_base, in_map, np.zeros(0, np.uint8), [], [], index)
         with self.stopwatch("semantic_map"):
             seen.put_classes(self.semantic_map, T_map_base)
@@ -328,18 +329,14 @@ class Mapper:
     def _find_things(self, frame: Frame, detections: list[Detection], T_map_base: NDArray[np.float64]) -> None:
         """Read what is in the image besides people, and place it on the map."""
         if self.readers is not None:
-            self._take_read()
             with self.stopwatch("finds"):
                 readings = self.readers.read(frame, detections)
                 self.finds.update(frame, readings, T_map_base, len(self.keyframes) - 1)
 
-    def _read_in_passing(self, frame: Frame) -> None:
-        self._take_read()
-        if self._in_passing is not None:
-            self._in_passing.begin(frame, len(self.keyframes) - 1)
-
     def _take_read(self) -> None:
         """Place what was read in the last frame in passing, if any."""
-        if self._in_passing is not None and (read := self._in_passing.end()):
+        if read := self._in_passing.end():
+            frame, T_map_base = read.frame, self.keyframes.poses[read.keyframe]
             with self.stopwatch("finds"):
-                self.finds.update(read.frame, read.readings, self.keyframes.poses[read.keyframe], read.keyframe)
+                self.victims.suspect(frame, read.detections, T_map_base @ frame.T_base_camera, read.keyframe)
+                self.finds.update(frame, read.readings, T_map_base, read.keyframe)

@@ -1,10 +1,11 @@
-"""Reads frames in a thread of its own, while the robot drives on."""
+"""Looks at frames in a thread of its own, while the robot drives on."""
 
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 
 from pipeline.finds.find import Reading
 from pipeline.finds.readers import FindReaders
+from pipeline.finds.victims.detection.detection import Detection, Detector
 from pipeline.frame import Frame
 
 
@@ -15,30 +16,35 @@ class ReadFrame:
     Attributes:
         frame: of a keyframe.
         keyframe: its number.
+        detections: in its image.
         readings: in its image.
     """
 
     frame: Frame
     keyframe: int
+    detections: list[Detection]
     readings: list[Reading]
 
 
 class BackgroundReader:
     """Reads one frame at a time; its caller decides when it takes the result, so that episodes repeat exactly."""
 
-    def __init__(self, readers: FindReaders):
-        """With the readers of signs and codes."""
-        self._readers, self._thread = readers, ThreadPoolExecutor(1)
-        self._begun: tuple[Frame, int, Future[list[Reading]]] | None = None
+    def __init__(self, detector: Detector | None, readers: FindReaders | None):
+        """With a detector of people, and readers of finds; without either, it finds none."""
+        self._detector, self._readers, self._thread = detector, readers, ThreadPoolExecutor(1)
+        self._begun: Future[ReadFrame] | None = None
 
     def begin(self, frame: Frame, keyframe: int) -> None:
         """Begin to read the frame of a keyframe; one that was begun before must have been taken by :meth:`end`."""
         assert self._begun is None
-        self._begun = frame, keyframe, self._thread.submit(self._readers.glance, frame)
+        self._begun = self._thread.submit(self._read, frame, keyframe)
 
     def end(self) -> ReadFrame | None:
         """Wait until the frame that was begun is read, and give what it shows; None if none was begun."""
-        if self._begun is None:
-            return None
-        (frame, keyframe, future), self._begun = self._begun, None
-        return ReadFrame(frame, keyframe, future.result())
+        begun, self._begun = self._begun, None
+        return None if begun is None else begun.result()
+
+    def _read(self, frame: Frame, keyframe: int) -> ReadFrame:
+        detections = [] if self._detector is None else self._detector.detect(frame.rgb)
+        readings = [] if self._readers is None else self._readers.read(frame, detections)
+        return ReadFrame(frame, keyframe, detections, readings)

@@ -53,11 +53,6 @@ class FindReaders:
         shapes = self._shapes.read(frame)
         return [*shapes, *_others(self.read_image(frame.rgb, detections), shapes), *heat]
 
-    def glance(self, frame: Frame) -> list[Reading]:
-        """What a frame shows that is seen in passing, without a detector."""
-        squares = Squares.of(frame.rgb)
-        return [*self._hazmat.read(squares), *self._codes.read(squares), *self._shapes.read(frame)]
-
     def read_image(self, rgb: NDArray[np.uint8], detections: Sequence[Detected]) -> list[Reading]:
         """What an image shows, (H, W, 3) or grey (H, W) uint8; a detector's boxes of people are left alone.
 

@@ -217,28 +217,34 @@ class Victims:
         T_map_base = T_map_camera @ inverse(frame.T_base_camera)
         before, found = list(self.all), set[int]()
         for observation in (item for item in seen if isinstance(item, PersonObservation)):
-            found.add(id(self._add(observation, frame, keyframe, T_map_base)))
+            found.add(id(self._add(_victim_of(observation, frame, keyframe, T_map_base))))
         for victim in before:
             if id(victim) not in found and _in_view(victim, frame, T_map_camera):
                 victim.missed += 1
         self._merge()
         self.all = [victim for victim in self.all if victim.missed <= 2 * len(victim.cameras)]
 
-    def _add(
-        self, observation: PersonObservation, frame: Frame, keyframe: int, T_map_base: NDArray[np.float64]
-    ) -> Victim:
-        """Add an observation to the nearest victim that may be the same person, or as a new one."""
-        points, confidence = _thinned(observation.points), observation.detection.confidence
-        seen = Sighting(keyframe, points, _inverse(observation.covariance), observation.camera, frame.time)
-        seen = seen.moved(inverse(T_map_base))
-        photo = photo_of(frame.rgb, observation.detection.box, PHOTO_MARGIN)
-        # Of what is kept, so that a map made anew is the same.
-        now = seen.moved(T_map_base)
-        new = Victim(
-            now.points, now.information, [now.camera], [confidence], photo, len(points) * confidence, sightings=[seen]
-        )
-        new.ground = float(T_map_base[2, 3])
-        same = [other for other in self.all if _distance(other, new) <= chi2_gate(3) or _is_one(other, new)]
+    def suspect(
+        self, frame: Frame, detections: Sequence[Detection], T_map_camera: NDArray[np.float64], keyframe: int
+    ) -> None:
+        """Add the people that a frame in passing shows, are not known and are worth a re-observation.
+
+        Frames in passing are many and alike, so they neither confirm anybody nor count as misses.
+        """
+        for detection in detections:
+            if detection.kind == VICTIM and detection.confidence >= REOBSERVED:
+                seen = observe(frame, detection, T_map_camera)
+                if isinstance(seen, PersonObservation):
+                    new = _victim_of(seen, frame, keyframe, T_map_camera @ inverse(frame.T_base_camera))
+                    self.all += [] if self._same(new) else [new]
+
+    def _same(self, new: Victim) -> list[Victim]:
+        """The victims that may be the same person."""
+        return [other for other in self.all if _distance(other, new) <= chi2_gate(3) or _is_one(other, new)]
+
+    def _add(self, new: Victim) -> Victim:
+        """Add to the nearest victim that may be the same person, or as a new one; that which it is."""
+        same = self._same(new)
         if not same:
             self.all.append(new)
             return new
@@ -269,6 +275,23 @@ class Victims:
             else:
                 kept.append(victim)
         self.all = kept
+
+
+def _victim_of(
+    observation: PersonObservation, frame: Frame, keyframe: int, T_map_base: NDArray[np.float64]
+) -> Victim:
+    """A person of whom this is all that is known."""
+    points, confidence = _thinned(observation.points), observation.detection.confidence
+    seen = Sighting(keyframe, points, _inverse(observation.covariance), observation.camera, frame.time)
+    seen = seen.moved(inverse(T_map_base))
+    photo = photo_of(frame.rgb, observation.detection.box, PHOTO_MARGIN)
+    # Of what is kept, so that a map made anew is the same.
+    now = seen.moved(T_map_base)
+    new = Victim(
+        now.points, now.information, [now.camera], [confidence], photo, len(points) * confidence, sightings=[seen]
+    )
+    new.ground = float(T_map_base[2, 3])
+    return new
 
 
 def _distance(one: Victim, other: Victim) -> float:

@@ -126,6 +126,33 @@ def test_little_evidence_is_worth_observing_again_and_less_is_not() -> None:
             assert len(victims.unconfirmed) == worth
 
 
+def pass_by(victims: Victims, places: list[tuple[float, float]], found: list[Ball], confidence: float = 0.9) -> None:
+    for place in places:
+        T = camera_at(*place)
+        victims.suspect(step(T, [PERSON]), [detection_of(T, ball, confidence) for ball in found], T, 0)
+
+
+def test_who_is_seen_in_passing_is_to_be_looked_at_again_and_not_confirmed() -> None:
+    victims = Victims()
+    pass_by(victims, [(0, 0), (0, 0.5), (0, 1)], [PERSON])
+    (person,) = victims.unconfirmed
+    assert (len(person.cameras), person.missed) == (1, 0)
+    assert not victims.confirmed
+    walk(victims, [(0, 0.5)], [PERSON], [PERSON])
+    assert victims.confirmed == [person]
+    pass_by(victims, [(0, 1)], [])
+    assert person.missed == 0
+
+
+def test_who_is_seen_in_passing_alone_is_dropped() -> None:
+    victims = Victims()
+    pass_by(victims, [(0, 0)], [PERSON], confidence=0.4)
+    assert victims.all == []
+    pass_by(victims, [(0, 0)], [PERSON])
+    walk(victims, [(0, 0), (0, 0.2), (0, 0.4)], [PERSON], [])
+    assert victims.all == []
+
+
 def test_what_is_small_takes_more_evidence() -> None:
     for confidences, is_enough in (((0.6, 0.5), False), ((0.6, 0.7), True), ((0.4, 0.4, 0.5), True)):
         victims = victims_of(confidences)

@@ -74,16 +74,21 @@ class TrackedFind:
         return any(sighting.has_depth for sighting in self.sightings)
 
     @property
+    def _placing(self) -> list[FindSighting]:
+        """The sightings with depth, if any has it: those without guess how far away it is."""
+        return [s for s in self.sightings if s.has_depth] or self.sightings
+
+    @property
     def covariance(self) -> NDArray[np.float64]:
         """(3, 3) float64 of the position, m²: sightings from one place err alike, so none is counted on."""
-        best = max(self.sightings, key=lambda s: np.linalg.det(s.information))
+        best = max(self._placing, key=lambda s: np.linalg.det(s.information))
         return np.asarray(np.linalg.inv(best.information), np.float64)
 
     @property
     def position(self) -> NDArray[np.float64]:
         """(3,) float64 mean of the sightings by their information, m in ``map``."""
-        total = sum(s.information for s in self.sightings)
-        weighted = sum(s.information @ s.position for s in self.sightings)
+        total = sum(s.information for s in self._placing)
+        weighted = sum(s.information @ s.position for s in self._placing)
         return np.asarray(np.linalg.solve(total, weighted), np.float64)
 
     @property
@@ -180,7 +185,7 @@ class Finds:
         found = [thing.find() for thing in self.all if thing.is_confirmed]
         if not any(find.kind in (HEAT, *SHAPED) for find in found):
             return found  # whether victims are confirmed takes long, and this is asked at every step
-        return list(one_per_victim(found, self._victims.confirmed))
+        return list(one_per_victim(found, self._victims.confirmed, self._victims.unconfirmed))
 
     @property
     def unconfirmed(self) -> list[TrackedFind]:

@@ -81,6 +81,21 @@ def test_without_depth_a_find_is_looked_for_from_nearer_and_then_reported() -> N
     assert finds.unconfirmed == []
 
 
+def test_sightings_without_depth_do_not_move_what_has_a_place() -> None:
+    finds = Finds(Victims())
+    frame, T = seen_from(1.0)
+    warm = Reading("heat", "", on_wall(WALL, 0.0, 0.6, half=20), 1.0)
+    finds.update(frame, [warm], T, 0)
+    (before,) = finds.confirmed
+    blind = replace(frame, depth=np.zeros_like(frame.depth))
+    for k in range(1, 6):
+        finds.update(blind, [warm], T, k)
+    (thing,) = finds.all
+    assert len(thing.sightings) == 6
+    np.testing.assert_array_equal(thing.position, before.position)
+    np.testing.assert_array_equal(thing.covariance, before.covariance)
+
+
 def test_what_is_too_large_for_a_sign_is_none() -> None:
     finds = Finds(Victims())
     frame, T = seen_from()

@@ -33,6 +33,13 @@ def test_each_person_is_warm_once() -> None:
     np.testing.assert_allclose([f.position[0] for f in told], [0, 3], atol=0.02)
 
 
+def test_what_is_warm_of_a_suspected_person_is_one_find_and_what_looks_like_a_bottle_on_it_stays():
+    bottle = find("fire_extinguisher", 2.5)
+    told = list(one_per_victim([find("heat", 2.3), find("heat", 3.7), bottle], [], [lying(3.0)]))
+    assert [f.kind for f in told] == ["fire_extinguisher", "heat"]
+    np.testing.assert_allclose(told[1].position, [3, 0, 0.1], atol=0.02)
+
+
 def test_without_people_all_finds_stay() -> None:
     finds = [find("heat", 0.0), find("april_tag", 1.0)]
     assert list(one_per_victim(finds, [])) == finds

@@ -11,12 +11,13 @@ from scipy.optimize import linear_sum_assignment
 from pipeline.finds.find import CODES, HEAT, PRINTED, SHAPED, Find, Reading
 from pipeline.finds.observation import FindSighting, sight
 from pipeline.finds.reobservation import NEW_SIDE
-from pipeline.finds.sought import THING_GAP
+from pipeline.finds.sought import THING_GAP, apart
 from pipeline.finds.victims.victim_map import Victims
 from pipeline.finds.warm_victims import one_per_victim
 from pipeline.frame import Frame
 from pipeline.keyframes import Places
 from pipeline.localisation.gates import chi2_gate
+from pipeline.localisation.localisation import KEYFRAME_WAY
 from pipeline.sensor import SensorModel
 from pipeline.transforms import inverse, transform_points
 
@@ -118,16 +119,22 @@ class TrackedFind:
 
     @property
     def is_confirmed(self) -> bool:
-        """Whether it is placed, read if it is a code, and likelier there than not."""
+        """Whether it is placed, read if a code, seen from two places if told by its shape, and likelier than not."""
         can_be_read = self.kind not in CODES or bool(self.text)
-        return self.is_placed and can_be_read and self.confidence > 1 / 2
+        return self.is_placed and can_be_read and self._is_borne_out and self.confidence > 1 / 2
 
     @property
     def is_wanted(self) -> bool:
-        """Whether a nearer look would tell more: it has no place, or could not be read, or was always small."""
+        """Whether another look would tell more: it has no place, or could not be read, or was always small."""
         largest = max(sighting.reading.side for sighting in self.sightings)
         is_unread = not self.text if self.kind in CODES else self.is_flat and largest < READABLE
-        return (is_unread or not self.is_placed) and self.missed < len(self.sightings)
+        is_unsure = is_unread or not self.is_placed or not self._is_borne_out
+        return is_unsure and self.missed < len(self.sightings)
+
+    @property
+    def _is_borne_out(self) -> bool:
+        """False if it is told by its shape and was seen from one place: the edge of a thing may look like another."""
+        return self.kind not in SHAPED or apart(self.cameras) >= KEYFRAME_WAY
 
     @property
     def across(self) -> float:

@@ -12,6 +12,12 @@ from pipeline.sensor import SensorModel
 THING_GAP = 0.3  # m of depth between a thing and objects in front of or behind it
 
 
+def apart(places: Sequence[NDArray[np.float64]]) -> float:
+    """Distance, m, between the farthest two of places (3,), m."""
+    each = np.array(places)
+    return float(np.linalg.norm(each[:, None] - each[None], axis=2).max())
+
+
 class Sought(Protocol):
     """A thing that is to be looked at again.
 

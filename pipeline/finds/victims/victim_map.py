@@ -10,7 +10,7 @@ from scipy.spatial import cKDTree
 from pipeline.finds.find import VICTIM
 from pipeline.finds.likelihood import weigh
 from pipeline.finds.observation import photo_of
-from pipeline.finds.sought import THING_GAP
+from pipeline.finds.sought import THING_GAP, apart
 from pipeline.finds.victims.detection.detection import Detection
 from pipeline.finds.victims.observation import SKIN_TO_MIDDLE, PersonObservation, Refusal, middle, observe, size_of
 from pipeline.frame import Frame
@@ -152,12 +152,6 @@ class Victim:
         """Size of the points, m, by :func:`size_of`."""
         return size_of(self.points)
 
-    @property
-    def apart(self) -> float:
-        """m between the farthest two places from which the person was found."""
-        cameras = np.array(self.cameras)
-        return float(np.linalg.norm(cameras[:, None] - cameras[None], axis=2).max())
-
 
 class Victims:
     """All victims, confirmed or not.
@@ -191,7 +185,7 @@ class Victims:
         if found <= victim.missed or victim.evidence < ENOUGH:
             return False
         # Distances and sizes come last: they take longest, and this is called several times a step.
-        if victim.apart < KEYFRAME_WAY or (victim.evidence < ENOUGH_OF_PART and victim.size < WHOLE):
+        if apart(victim.cameras) < KEYFRAME_WAY or (victim.evidence < ENOUGH_OF_PART and victim.size < WHOLE):
             return False
         return _is_person(victim.points, victim.ground)
 

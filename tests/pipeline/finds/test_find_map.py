@@ -112,6 +112,16 @@ def test_a_code_that_was_only_located_is_not_reported_but_looked_at_again() -> N
     assert len(finds.unconfirmed) == 1
 
 
+@pytest.mark.parametrize(("kind", "from_one"), [("door_lever", 0), ("heat", 1), ("hazmat_sign", 1)])
+def test_what_its_shape_tells_is_reported_when_it_was_seen_from_two_places(kind: str, from_one: int) -> None:
+    finds = Finds(Victims())
+    for k, y in enumerate((0.0, 0.1, 0.5)):
+        frame, T = seen_from(1.0, y)
+        finds.update(frame, [sign("", on_wall(WALL, 0.5, 0.8, seen_y=y, half=3), 0.9, kind)], T, k)
+        assert len(finds.confirmed) == (1 if y == 0.5 else from_one)
+        assert len(finds.unconfirmed) == (kind == "hazmat_sign" or (kind == "door_lever" and y < 0.5))
+
+
 def test_what_later_keyframes_should_show_and_do_not_is_given_up() -> None:
     finds = Finds(Victims())
     frame, T = seen_from()

@@ -152,6 +152,11 @@ class Victim:
         """Size of the points, m, by :func:`size_of`."""
         return size_of(self.points)
 
+    @property
+    def apart(self) -> float:
+        """m between the farthest two places from which the person was found."""
+        return apart(self.cameras)
+
 
 class Victims:
     """All victims, confirmed or not.
@@ -185,7 +190,7 @@ class Victims:
         if found <= victim.missed or victim.evidence < ENOUGH:
             return False
         # Distances and sizes come last: they take longest, and this is called several times a step.
-        if apart(victim.cameras) < KEYFRAME_WAY or (victim.evidence < ENOUGH_OF_PART and victim.size < WHOLE):
+        if victim.apart < KEYFRAME_WAY or (victim.evidence < ENOUGH_OF_PART and victim.size < WHOLE):
             return False
         return _is_person(victim.points, victim.ground)
 

@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.finds.sought import apart
 from pipeline.finds.victims import victim_map
 from pipeline.finds.victims.detection.detection import Detection
 from pipeline.finds.victims.observation import PersonObservation, Refusal, observe
@@ -98,7 +97,7 @@ def test_two_frames_from_different_places_confirm() -> None:
     walk(victims, [(0.1, 0.4)], [PERSON, OTHER], [PERSON])
     (victim,) = victims.confirmed
     assert victim.position == pytest.approx(PERSON[:3], abs=0.15)
-    assert apart(victim.cameras) == pytest.approx(np.hypot(0.1, 0.4))
+    assert victim.apart == pytest.approx(np.hypot(0.1, 0.4))
     assert victim.confidence == pytest.approx(0.9)
     assert np.sqrt(np.diag(victim.covariance)).max() < 0.2
 

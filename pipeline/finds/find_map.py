@@ -125,15 +125,17 @@ class TrackedFind:
 
     @property
     def is_wanted(self) -> bool:
-        """Whether another look would tell more: it has no place, or could not be read, or was always small."""
+        """Whether a nearer look would tell more: it has no place, or could not be read, or was always small."""
         largest = max(sighting.reading.side for sighting in self.sightings)
         is_unread = not self.text if self.kind in CODES else self.is_flat and largest < READABLE
-        is_unsure = is_unread or not self.is_placed or not self._is_borne_out
-        return is_unsure and self.missed < len(self.sightings)
+        return (is_unread or not self.is_placed) and self.missed < len(self.sightings)
 
     @property
     def _is_borne_out(self) -> bool:
-        """False if it is told by its shape and was seen from one place: the edge of a thing may look like another."""
+        """False if it is told by its shape and was seen from one place: the edge of a thing may look like another.
+
+        The robot goes nowhere for it: with nothing to find, that took a quarter more time than exploring alone.
+        """
         return self.kind not in SHAPED or apart(self.cameras) >= KEYFRAME_WAY
 
     @property

@@ -119,7 +119,7 @@ def test_what_its_shape_tells_is_reported_when_it_was_seen_from_two_places(kind:
         frame, T = seen_from(1.0, y)
         finds.update(frame, [sign("", on_wall(WALL, 0.5, 0.8, seen_y=y, half=3), 0.9, kind)], T, k)
         assert len(finds.confirmed) == (1 if y == 0.5 else from_one)
-        assert len(finds.unconfirmed) == (kind == "hazmat_sign" or (kind == "door_lever" and y < 0.5))
+        assert len(finds.unconfirmed) == (kind == "hazmat_sign")
 
 
 def test_what_later_keyframes_should_show_and_do_not_is_given_up() -> None:

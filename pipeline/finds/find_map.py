@@ -194,7 +194,8 @@ class Finds:
         found = [thing.find() for thing in self.all if thing.is_confirmed]
         if not any(find.kind in (HEAT, *SHAPED) for find in found):
             return found  # whether victims are confirmed takes long, and this is asked at every step
-        return list(one_per_victim(found, self._victims.confirmed, self._victims.unconfirmed))
+        victims = self._victims.confirmed
+        return list(one_per_victim(found, victims, [v for v in self._victims.suspected if v not in victims]))
 
     @property
     def unconfirmed(self) -> list[TrackedFind]:

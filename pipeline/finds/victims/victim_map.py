@@ -178,7 +178,12 @@ class Victims:
     @property
     def unconfirmed(self) -> list[Victim]:
         """The victims that are worth a re-observation from elsewhere."""
-        return [v for v in self.all if v.evidence >= REOBSERVED and not self.is_confirmed(v)]
+        return [victim for victim in self.suspected if not self.is_confirmed(victim)]
+
+    @property
+    def suspected(self) -> list[Victim]:
+        """The victims that are worth a re-observation if they are not confirmed."""
+        return [victim for victim in self.all if victim.evidence >= REOBSERVED]
 
     @staticmethod
     def is_confirmed(victim: Victim) -> bool:
@@ -286,11 +291,16 @@ def _victim_of(
     photo = photo_of(frame.rgb, observation.detection.box, PHOTO_MARGIN)
     # Of what is kept, so that a map made anew is the same.
     now = seen.moved(T_map_base)
-    new = Victim(
-        now.points, now.information, [now.camera], [confidence], photo, len(points) * confidence, sightings=[seen]
+    return Victim(
+        points=now.points,
+        information=now.information,
+        cameras=[now.camera],
+        confidences=[confidence],
+        photo=photo,
+        photo_shows=len(points) * confidence,
+        sightings=[seen],
+        ground=float(T_map_base[2, 3]),
     )
-    new.ground = float(T_map_base[2, 3])
-    return new
 
 
 def _distance(one: Victim, other: Victim) -> float:

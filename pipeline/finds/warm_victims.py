@@ -6,7 +6,10 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from pipeline.finds.find import HEAT, SHAPED, Find
-from pipeline.finds.victims.victim_map import BETWEEN, TOUCH, Victim
+from pipeline.finds.victims.victim_map import TOUCH, Victim
+
+BETWEEN = 0.4
+"""m; a warm region no farther from what was seen of a person is of the same person."""
 
 
 def one_per_victim(
@@ -14,8 +17,8 @@ def one_per_victim(
 ) -> Iterator[Find]:
     """The finds, those of heat that parts of one victim give off as a single one in the middle of the victim.
 
-    Clothes, blankets and what stands in front leave several warm regions of a person. As with parts of a person, they
-    belong together up to ``BETWEEN``. A single warm region of which no person was seen stays where it is. What looks
+    Clothes, blankets and what stands in front leave several warm regions of a person. They belong to a
+    person up to ``BETWEEN``. A single warm region of which no person was seen stays where it is. What looks
     like a bottle or a lever on a victim, within ``TOUCH``, is the victim's own. What is warm of a person who is only
     ``suspected`` is one find too, for its warmth bears it out.
     """

@@ -21,14 +21,8 @@ from pipeline.segments.cells_kernels import moved
 from pipeline.sensor import SensorModel
 from pipeline.transforms import inverse, transform_points
 
-TOGETHER = 1.85
-"""m across; 24 of 25 people measure no more; two who lie side by side almost always measure more together."""
-BETWEEN = 0.4
-"""m; two parts no farther apart are one person if together they measure no more than TOGETHER: an object may hide a
-person's middle, or one frame may show the legs and another one the head."""
 TOUCH = 0.15
-"""m; two parts are one person, even if they measure more, if half of the smaller one's points lie this near to the
-other's."""
+"""m; two parts are of one person if no farther apart: three times the error of a keyframe's pose."""
 REOBSERVED = 0.5
 """Least sum of the confidences of a victim's detections for which a re-observation is worth the drive."""
 ENOUGH, ENOUGH_OF_PART = 0.75, 1.2
@@ -126,6 +120,10 @@ class Victim:
             self.take(seen)
         self.ground = min(float(poses[seen.keyframe][2, 3]) for seen in self.sightings)
         self.cameras = [seen.camera for seen in (first, *others)]
+
+    def in_frame(self, keyframe: int) -> NDArray[np.float32]:
+        """(N, 3) float32 points that a keyframe shows, m in its ``base_link``; it must show some."""
+        return np.concatenate([seen.points for seen in self.sightings if seen.keyframe == keyframe])
 
     @property
     def position(self) -> NDArray[np.float64]:
@@ -244,7 +242,8 @@ class Victims:
 
     def _same(self, new: Victim) -> list[Victim]:
         """The victims that may be the same person."""
-        return [other for other in self.all if _distance(other, new) <= chi2_gate(3) or _is_one(other, new)]
+        near = [other for other in self.all if _distance(other, new) <= chi2_gate(3) or _is_one(other, new)]
+        return [other for other in near if not _are_seen_apart(other, new)]
 
     def _add(self, new: Victim) -> Victim:
         """Add to the nearest victim that may be the same person, or as a new one; that which it is."""
@@ -310,13 +309,22 @@ def _distance(one: Victim, other: Victim) -> float:
 
 
 def _is_one(one: Victim, other: Victim) -> bool:
-    """Whether two victims are one person: near each other and together small enough, or with much overlap."""
-    small, large = sorted((one.points, other.points), key=len)
-    apart, _ = cKDTree(large).query(small)
-    both = np.concatenate([small, large])
-    if size_of(both) <= TOGETHER:
-        return bool(apart.min() <= BETWEEN)
-    return bool((apart <= TOUCH).mean() >= 1 / 2) and _is_person(both, min(one.ground, other.ground))
+    """Whether two victims are one person: they touch, no frame shows them apart, and together they look like one."""
+    if not _touch(one.points, other.points) or _are_seen_apart(one, other):
+        return False
+    return _is_person(np.concatenate([one.points, other.points]), min(one.ground, other.ground))
+
+
+def _touch(one: NDArray[np.float32], other: NDArray[np.float32]) -> bool:
+    """Whether the nearest of (N, 3) and (M, 3) points are at most TOUCH apart."""
+    small, large = sorted((one, other), key=len)
+    return bool(cKDTree(small).query(large, distance_upper_bound=TOUCH)[0].min() <= TOUCH)
+
+
+def _are_seen_apart(one: Victim, other: Victim) -> bool:
+    """Whether a frame shows both, and there they do not touch: two people, however near."""
+    frames = {seen.keyframe for seen in one.sightings} & {seen.keyframe for seen in other.sightings}
+    return any(not _touch(one.in_frame(keyframe), other.in_frame(keyframe)) for keyframe in frames)
 
 
 def _is_person(points: NDArray[np.float32], ground: float) -> bool:

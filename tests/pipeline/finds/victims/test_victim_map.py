@@ -26,8 +26,14 @@ def refusal(balls: list[Ball], detection: Detection) -> str:
 
 def walk(victims: Victims, places: list[tuple[float, float]], balls: list[Ball], found: list[Ball]) -> None:
     for place in places:
-        T = camera_at(*place)
-        victims.update(step(T, balls), [detection_of(T, ball) for ball in found], T)
+        look(victims, place, balls, [detection_of(camera_at(*place), ball) for ball in found])
+
+
+def look(victims: Victims, place: tuple[float, float], balls: list[Ball], found: list[Detection]) -> None:
+    """Look from a place, in a keyframe of its own."""
+    known = {seen.keyframe for victim in victims.all for seen in victim.sightings}
+    T = camera_at(*place)
+    victims.update(step(T, balls), found, T, max(known, default=-1) + 1)
 
 
 def test_a_person_is_where_it_is() -> None:
@@ -223,34 +229,55 @@ LEGS: Ball = (2.0, -0.8, 0.2, 0.25)
 
 def test_a_person_seen_in_parts_is_one_person() -> None:
     victims = Victims()
-    with constants(victim_map, chi2_gate=lambda dimensions: 1e-6, BETWEEN=0.2):  # only overlap can join the parts
+    with constants(victim_map, chi2_gate=lambda dimensions: 1e-6):  # only contact can join the parts
         walk(victims, [(0, 0)], [PERSON, LEGS], [PERSON])
         walk(victims, [(0, 0.1)], [PERSON, LEGS], [LEGS])
         assert len(victims.all) == 2
         x, y, z, r = PERSON
-        T = camera_at(0.1, 0.4)
-        both = detection_of(T, (x, y - 0.4, z, r + 0.4))
-        victims.update(step(T, [PERSON, LEGS]), [both], T)
+        both = detection_of(camera_at(0.1, 0.4), (x, y - 0.4, z, r + 0.4))
+        look(victims, (0.1, 0.4), [PERSON, LEGS], [both])
     (victim,) = victims.all
     assert len(victim.cameras) == 3
     assert victim.position == pytest.approx((x, y - 0.4, z), abs=0.16)
 
 
-def test_two_ends_of_a_person_whose_middle_is_hidden_are_one_person() -> None:
-    for settings, people in (({}, 1), ({"BETWEEN": 0.1}, 2), ({"TOGETHER": 0.8}, 2)):
+NEXT: Ball = (2.0, -0.6, 0.2, 0.25)
+
+
+def test_two_whom_different_frames_show_are_one_if_they_touch() -> None:
+    for touch, people in ((0.15, 1), (0.05, 2)):
         victims = Victims()
-        with constants(victim_map, chi2_gate=lambda dimensions: 1e-6, **settings):
-            walk(victims, [(0, 0), (0, 0.4)], [PERSON, LEGS], [PERSON, LEGS])
+        with constants(victim_map, chi2_gate=lambda dimensions: 1e-6, TOUCH=touch):
+            walk(victims, [(0, 0)], [PERSON], [PERSON])
+            walk(victims, [(0, 0.4)], [NEXT], [NEXT])
         assert len(victims.all) == people
 
 
-def test_two_who_touch_but_are_too_large_for_one_stay_two() -> None:
-    both = [(2.0, 0.3, 0.2, 0.25), (2.0, -0.3, 0.2, 0.25)]
-    for settings, people in (({}, 1), ({"TOGETHER": 0.6}, 2), ({"TOGETHER": 0.6, "TOUCH": 0.45}, 1)):
-        victims = Victims()
-        with constants(victim_map, chi2_gate=lambda dimensions: 1e-6, **settings):
-            walk(victims, [(0, 0), (0, 0.4)], both, both)
-        assert len(victims.all) == people
+def test_two_whom_one_frame_shows_apart_are_two_though_they_touch_later() -> None:
+    victims, near = Victims(), (2.0, -0.4, 0.2, 0.25)
+    with constants(victim_map, chi2_gate=lambda dimensions: 1e6):
+        walk(victims, [(0, 0)], [PERSON, LEGS], [PERSON, LEGS])
+        assert len(victims.all) == 2
+        walk(victims, [(0, 0.4)], [PERSON, near], [near])
+    assert len(victims.all) == 2
+
+
+def test_two_boxes_of_one_person_in_one_frame_are_one_person() -> None:
+    victims = Victims()
+    x0, y0, x1, y1 = detection_of(camera_at(0, 0), PERSON).box
+    boxes = [(x0, y0, x1, y1), (x0, y0, x1, y0 + 0.6 * (y1 - y0)), (x0, y0 + 0.4 * (y1 - y0), x1, y1)]
+    look(victims, (0, 0), [PERSON], [Detection(box, 0.9) for box in boxes])
+    (victim,) = victims.all
+    assert len(victim.cameras) == 3
+
+
+def test_what_touches_and_together_has_no_shape_of_a_person_stays_two() -> None:
+    row = [(2.2, y, 0.4, 0.4) for y in (-1.2, -0.6, 0.0, 0.6, 1.2)]
+    victims = Victims()
+    with constants(victim_map, chi2_gate=lambda dimensions: 1e-6):
+        for ball in row:
+            walk(victims, [(0, ball[1])], [ball], [ball])
+    assert len(victims.all) > 1
 
 
 def test_the_wall_behind_a_person_that_fills_the_image_is_not_the_person() -> None:

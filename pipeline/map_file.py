@@ -15,6 +15,7 @@ from pipeline.files import each, load_arrays, whole_file
 from pipeline.finds.find import FIND_KINDS, Reading
 from pipeline.finds.find_map import TrackedFind
 from pipeline.finds.observation import FindSighting
+from pipeline.finds.victims.person_voxels import PersonVoxels
 from pipeline.finds.victims.victim_map import Sighting, Victim
 from pipeline.frame import Intrinsics
 from pipeline.keyframes import Keyframes, Places, Seen
@@ -384,7 +385,8 @@ def _victim_of(row: Row, rows: list[Row]) -> Victim:
     """A victim with its sightings; points and the rest follow from these when the mapper makes its maps."""
     seen = [Sighting(s["keyframe"], s["points"], s["information"], s["camera"]) for s in rows]
     confidences, photo = [s["confidence"] for s in rows], row["photo"].reshape(row["photo_shape"])
-    victim = Victim(seen[0].points, seen[0].information, [], confidences, photo, row["photo_shows"], row["missed"])
+    at, information = PersonVoxels.of(seen[0].points), seen[0].information
+    victim = Victim(at, information, [], confidences, photo, row["photo_shows"], row["missed"])
     victim.sightings = seen
     victim.tried = [Places(k[None], at[None]) for k, at in zip(row["tried_from"], row["tried"], strict=True)]
     return victim

@@ -322,9 +322,14 @@ class Mapper:
             return []
         with self.stopwatch("victims"):
             detections = self.detector.detect(frame.rgb)
-            self.victims.update(frame, detections, T_map_camera, len(self.keyframes) - 1)
-            self.semantic_map.show_people([victim.points for victim in self.victims.confirmed])
+            self._place_people(frame, detections, T_map_camera, len(self.keyframes) - 1)
         return detections
+
+    def _place_people(
+        self, frame: Frame, detections: list[Detection], T_map_camera: NDArray[np.float64], keyframe: int
+    ) -> None:
+        self.victims.update(frame, detections, T_map_camera, keyframe)
+        self.semantic_map.show_people([victim.points for victim in self.victims.confirmed])
 
     def _find_things(self, frame: Frame, detections: list[Detection], T_map_base: NDArray[np.float64]) -> None:
         """Read what is in the image besides people, and place it on the map."""
@@ -338,5 +343,5 @@ class Mapper:
         if read := self._in_passing.end():
             frame, T_map_base = read.frame, self.keyframes.poses[read.keyframe]
             with self.stopwatch("finds"):
-                self.victims.suspect(frame, read.detections, T_map_base @ frame.T_base_camera, read.keyframe)
+                self._place_people(frame, read.detections, T_map_base @ frame.T_base_camera, read.keyframe)
                 self.finds.update(frame, read.readings, T_map_base, read.keyframe)

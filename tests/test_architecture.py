@@ -21,7 +21,7 @@ LONGEST_FUNCTION = 40
 LONGEST_EXPLORER = 120
 LEAST_DOCUMENTED = 0.98
 # These go down, but for a new capability: each number is a debt until it is derived or deleted.
-MOST_CONSTANTS, MOST_LITERALS = 365, 605
+MOST_CONSTANTS, MOST_LITERALS = 366, 605
 MOST_SHARED_CLASS_NAMES, MOST_SHARED_CONSTANT_NAMES = 0, 0
 
 

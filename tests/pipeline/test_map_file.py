@@ -10,6 +10,7 @@ from pipeline.errors import InputError
 from pipeline.finds.find import Reading, box_corners
 from pipeline.finds.find_map import TrackedFind
 from pipeline.finds.observation import FindSighting
+from pipeline.finds.victims.person_voxels import PersonVoxels
 from pipeline.finds.victims.victim_map import Sighting, Victim
 from pipeline.keyframes import Places
 from pipeline.labels import Label
@@ -45,7 +46,9 @@ def mapper() -> Mapper:
     seen = [Sighting(k, points + np.float32(0.01 * k), 100 * np.eye(3), np.full(3, 0.5 * k)) for k in (0, 2)]
     photo = np.arange(60, dtype=np.uint8).reshape(4, 5, 3)
     tried = [Places.anchored(np.ones((1, 3)), poses)]
-    victim = Victim(points, np.eye(3), [], [0.8, 0.7], photo, 9.5, missed=1, tried=tried, sightings=seen)
+    victim = Victim(
+        PersonVoxels.of(points), np.eye(3), [], [0.8, 0.7], photo, 9.5, missed=1, tried=tried, sightings=seen
+    )
     mapper.victims.all = [victim]
     reading = Reading("qr_code", "Ausgang \N{RIGHTWARDS ARROW}", box_corners((1, 2, 3, 4)), 0.9)
     sighting = FindSighting(reading, 2, np.ones(3), 9 * np.eye(3), np.zeros(3), True, 1.0, photo)

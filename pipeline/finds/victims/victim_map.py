@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
+from functools import reduce
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,9 +11,10 @@ from scipy.spatial import cKDTree
 from pipeline.finds.find import VICTIM
 from pipeline.finds.likelihood import weigh
 from pipeline.finds.observation import photo_of
-from pipeline.finds.sought import THING_GAP, apart
+from pipeline.finds.sought import apart
 from pipeline.finds.victims.detection.detection import Detection
 from pipeline.finds.victims.observation import SKIN_TO_MIDDLE, PersonObservation, Refusal, middle, observe, size_of
+from pipeline.finds.victims.person_voxels import PersonVoxels
 from pipeline.frame import Frame
 from pipeline.keyframes import Places
 from pipeline.localisation.gates import chi2_gate
@@ -30,7 +32,6 @@ ENOUGH, ENOUGH_OF_PART = 0.75, 1.2
 WHOLE = 0.85  # m across; of most people at least this much is seen, and less may be a part of any object
 OPEN_SHARE = 0.7
 """A victim is in view if for this share of its points the return is no nearer than of a thing in front of it."""
-VICTIM_VOXEL = 0.03  # m; one of a victim's points is kept in each voxel
 PHOTO_MARGIN = 0.2
 """Margin of a photo around its box, as a share of the longer side: surroundings help to recognise a person."""
 
@@ -65,7 +66,7 @@ class Victim:
     """A person on the map, confirmed or not.
 
     Attributes:
-        points: (N, 3) float32 all points seen of the person, m in ``map``.
+        voxels: where it is, by all of its sightings.
         information: (3, 3) float64 inverse of the position's covariance, 1/m².
         cameras: (3,) float64 each, positions of the camera in the frames that show the person.
         confidences: of the detections in these frames.
@@ -74,11 +75,11 @@ class Victim:
         missed: number of frames with the person in view but without a detection of it.
         tried: the places on the ground from which the person was to be re-observed, one each.
         tried_at: (3,) float64 each, these places, m in ``map``.
-        sightings: the observations of which points and information are made, relative to their keyframes.
+        sightings: the observations of which voxels and information are made, relative to their keyframes.
         ground: height of the lowest ground from which the person was seen, m in ``map``.
     """
 
-    points: NDArray[np.float32]
+    voxels: PersonVoxels
     information: NDArray[np.float64]
     cameras: list[NDArray[np.float64]]
     confidences: list[float]
@@ -104,22 +105,24 @@ class Victim:
         """Least and greatest distance, m, from which a person is whole in the image."""
         return sensor.nearest + WHOLE / 2, farthest_whole(sensor)
 
-    def take(self, seen: "Sighting | Victim") -> None:
-        """Add the points and information of another observation, or of another victim that is the same person."""
-        self.points = _thinned(np.concatenate([self.points, seen.points]))
-        # Errors of observations from one place are correlated, so the covariance has a floor.
-        floor = np.eye(3) * (SKIN_TO_MIDDLE / 2) ** 2
-        self.information = _inverse(_inverse(self.information + seen.information) + floor)
+    def take(self, other: "Victim") -> None:
+        """Add where another victim is that is the same person."""
+        self.voxels = PersonVoxels.joined([self.voxels, other.voxels])
+        self.information = _joined(self.information, other.information)
 
     def place(self, poses: NDArray[np.float64]) -> None:
         """Make it anew of its sightings, with the keyframes at (K, 4, 4) poses in ``map``."""
         self.tried_at = list(Places.joined(self.tried).at(poses))
-        first, *others = (seen.moved(poses[seen.keyframe]) for seen in self.sightings)
-        self.points, self.information = first.points, first.information
-        for seen in others:
-            self.take(seen)
+        placed = [seen.moved(poses[seen.keyframe]) for seen in self.sightings]
+        self.voxels = PersonVoxels.joined([PersonVoxels.of(seen.points) for seen in placed])
+        self.information = reduce(_joined, [seen.information for seen in placed])
         self.ground = min(float(poses[seen.keyframe][2, 3]) for seen in self.sightings)
-        self.cameras = [seen.camera for seen in (first, *others)]
+        self.cameras = [seen.camera for seen in placed]
+
+    @property
+    def points(self) -> NDArray[np.float32]:
+        """(N, 3) float32 points of the person, m in ``map``."""
+        return self.voxels.agreed(len({seen.keyframe for seen in self.sightings}))
 
     def in_frame(self, keyframe: int) -> NDArray[np.float32]:
         """(N, 3) float32 points that a keyframe shows, m in its ``base_link``; it must show some."""
@@ -226,20 +229,6 @@ class Victims:
         self._merge()
         self.all = [victim for victim in self.all if victim.missed <= 2 * len(victim.cameras)]
 
-    def suspect(
-        self, frame: Frame, detections: Sequence[Detection], T_map_camera: NDArray[np.float64], keyframe: int
-    ) -> None:
-        """Add the people that a frame in passing shows, are not known and are worth a re-observation.
-
-        Frames in passing are many and alike, so they neither confirm anybody nor count as misses.
-        """
-        for detection in detections:
-            if detection.kind == VICTIM and detection.confidence >= REOBSERVED:
-                seen = observe(frame, detection, T_map_camera)
-                if isinstance(seen, PersonObservation):
-                    new = _victim_of(seen, frame, keyframe, T_map_camera @ inverse(frame.T_base_camera))
-                    self.all += [] if self._same(new) else [new]
-
     def _same(self, new: Victim) -> list[Victim]:
         """The victims that may be the same person."""
         near = [other for other in self.all if _distance(other, new) <= chi2_gate(3) or _is_one(other, new)]
@@ -284,14 +273,14 @@ def _victim_of(
     observation: PersonObservation, frame: Frame, keyframe: int, T_map_base: NDArray[np.float64]
 ) -> Victim:
     """A person of whom this is all that is known."""
-    points, confidence = _thinned(observation.points), observation.detection.confidence
+    points, confidence = PersonVoxels.of(observation.points).seen, observation.detection.confidence
     seen = Sighting(keyframe, points, _inverse(observation.covariance), observation.camera, frame.time)
     seen = seen.moved(inverse(T_map_base))
     photo = photo_of(frame.rgb, observation.detection.box, PHOTO_MARGIN)
     # Of what is kept, so that a map made anew is the same.
     now = seen.moved(T_map_base)
     return Victim(
-        points=now.points,
+        voxels=PersonVoxels.of(now.points),
         information=now.information,
         cameras=[now.camera],
         confidences=[confidence],
@@ -309,10 +298,8 @@ def _distance(one: Victim, other: Victim) -> float:
 
 
 def _is_one(one: Victim, other: Victim) -> bool:
-    """Whether two victims are one person: they touch, no frame shows them apart, and together they look like one."""
-    if not _touch(one.points, other.points) or _are_seen_apart(one, other):
-        return False
-    return _is_person(np.concatenate([one.points, other.points]), min(one.ground, other.ground))
+    """Whether two victims are one person: they touch, and no frame shows them apart."""
+    return _touch(one.points, other.points) and not _are_seen_apart(one, other)
 
 
 def _touch(one: NDArray[np.float32], other: NDArray[np.float32]) -> bool:
@@ -346,14 +333,13 @@ def _in_view(victim: Victim, frame: Frame, T_map_camera: NDArray[np.float64]) ->
     pixels, inside = frame.intrinsics.project(points)
     depth, (row, column) = depth[inside], pixels[inside].T
     measured = frame.depth[row, column]
-    is_open = (measured > 0) & (measured > depth - THING_GAP)
+    is_open = (measured > 0) & (measured > depth - TOUCH)
     return bool(is_open.sum() > OPEN_SHARE * len(points))
 
 
-def _thinned(points: NDArray[np.float32]) -> NDArray[np.float32]:
-    """One of the points (N, 3) in each voxel."""
-    _, first = np.unique(np.floor(points / VICTIM_VOXEL).astype(np.int64), axis=0, return_index=True)
-    return points[np.sort(first)]
+def _joined(one: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(3, 3) information of both; errors of what one place shows are correlated, so the covariance has a floor."""
+    return _inverse(_inverse(one + other) + np.eye(3) * (SKIN_TO_MIDDLE / 2) ** 2)
 
 
 def _inverse(matrix: NDArray[np.float64]) -> NDArray[np.float64]:

@@ -7,6 +7,7 @@ import pytest
 
 from pipeline.finds import reobservation as module
 from pipeline.finds.reobservation import REWARD, Reobservation, half_view
+from pipeline.finds.victims.person_voxels import PersonVoxels
 from pipeline.finds.victims.victim_map import Victims
 from pipeline.keyframes import Keyframes
 from pipeline.metric_map.metric_map import MetricMap
@@ -105,7 +106,7 @@ def test_a_victims_own_feet_do_not_hide_it():
     feet = np.array(PERSON[:3]) + 0.4 * towards  # further before its middle than the margin
     add_ball(metric_map, (*map(float, feet), 0.15))
     assert reobservation.gains(place(x, y), bearing_to_person(x, y)) == 0  # they may belong to another object
-    victim.points = np.vstack([victim.points, feet]).astype(np.float32)
+    victim.voxels = PersonVoxels.joined([victim.voxels, PersonVoxels.of(feet[None].astype(np.float32))])
     assert reobservation.gains(place(x, y), bearing_to_person(x, y)) > 0
 
 

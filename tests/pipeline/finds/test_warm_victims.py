@@ -3,6 +3,7 @@
 import numpy as np
 
 from pipeline.finds.find import Find
+from pipeline.finds.victims.person_voxels import PersonVoxels
 from pipeline.finds.victims.victim_map import Victim
 from pipeline.finds.warm_victims import one_per_victim
 
@@ -16,7 +17,7 @@ def find(kind: str, x: float, time: float = 1.0) -> Find:
 def lying(x: float) -> Victim:
     """A person of 1.6 m along x around ``x``."""
     points = np.column_stack([np.linspace(x - 0.8, x + 0.8, 33), np.zeros(33), np.full(33, 0.1)]).astype(np.float32)
-    return Victim(points, np.eye(3) * 400, [np.zeros(3)], [0.9], PHOTO)
+    return Victim(PersonVoxels.of(points), np.eye(3) * 400, [np.zeros(3)], [0.9], PHOTO)
 
 
 def test_the_warm_parts_of_a_person_are_one_find_in_its_middle() -> None:

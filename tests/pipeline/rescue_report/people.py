@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 
 from pipeline.explorer import Explorer
 from pipeline.finds.victims.detection.detection import Detection
+from pipeline.finds.victims.person_voxels import PersonVoxels
 from pipeline.finds.victims.victim_map import Victim, Victims
 from pipeline.mapper import Mapper
 from pipeline.rescue_report.situation import Situation, situation_of
@@ -35,7 +36,7 @@ def victim(points: NDArray[np.float32], cameras: int = 2) -> Victim:
     """A person seen from ``cameras`` places, one metre apart, with a standard deviation of 0.1 m."""
     photo = np.full((40, 30, 3), (200, 30, 30), np.uint8)
     places = [np.array([0.0, float(k), 0.6]) for k in range(cameras)]
-    return Victim(points, np.eye(3) * 100, places, [0.9] * cameras, photo)
+    return Victim(PersonVoxels.of(points), np.eye(3) * 100, places, [0.9] * cameras, photo)
 
 
 def victims(*everyone: Victim) -> Victims:

@@ -132,33 +132,6 @@ def test_little_evidence_is_worth_observing_again_and_less_is_not() -> None:
             assert len(victims.unconfirmed) == worth
 
 
-def pass_by(victims: Victims, places: list[tuple[float, float]], found: list[Ball], confidence: float = 0.9) -> None:
-    for place in places:
-        T = camera_at(*place)
-        victims.suspect(step(T, [PERSON]), [detection_of(T, ball, confidence) for ball in found], T, 0)
-
-
-def test_who_is_seen_in_passing_is_to_be_looked_at_again_and_not_confirmed() -> None:
-    victims = Victims()
-    pass_by(victims, [(0, 0), (0, 0.5), (0, 1)], [PERSON])
-    (person,) = victims.unconfirmed
-    assert (len(person.cameras), person.missed) == (1, 0)
-    assert not victims.confirmed
-    walk(victims, [(0, 0.5)], [PERSON], [PERSON])
-    assert victims.confirmed == [person]
-    pass_by(victims, [(0, 1)], [])
-    assert person.missed == 0
-
-
-def test_who_is_seen_in_passing_alone_is_dropped() -> None:
-    victims = Victims()
-    pass_by(victims, [(0, 0)], [PERSON], confidence=0.4)
-    assert victims.all == []
-    pass_by(victims, [(0, 0)], [PERSON])
-    walk(victims, [(0, 0), (0, 0.2), (0, 0.4)], [PERSON], [])
-    assert victims.all == []
-
-
 def test_what_is_small_takes_more_evidence() -> None:
     for confidences, is_enough in (((0.6, 0.5), False), ((0.6, 0.7), True), ((0.4, 0.4, 0.5), True)):
         victims = victims_of(confidences)
@@ -269,15 +242,6 @@ def test_two_boxes_of_one_person_in_one_frame_are_one_person() -> None:
     look(victims, (0, 0), [PERSON], [Detection(box, 0.9) for box in boxes])
     (victim,) = victims.all
     assert len(victim.cameras) == 3
-
-
-def test_what_touches_and_together_has_no_shape_of_a_person_stays_two() -> None:
-    row = [(2.2, y, 0.4, 0.4) for y in (-1.2, -0.6, 0.0, 0.6, 1.2)]
-    victims = Victims()
-    with constants(victim_map, chi2_gate=lambda dimensions: 1e-6):
-        for ball in row:
-            walk(victims, [(0, ball[1])], [ball], [ball])
-    assert len(victims.all) > 1
 
 
 def test_the_wall_behind_a_person_that_fills_the_image_is_not_the_person() -> None:

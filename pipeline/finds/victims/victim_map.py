@@ -24,14 +24,14 @@ from pipeline.sensor import SensorModel
 from pipeline.transforms import inverse, transform_points
 
 TOUCH = 0.15
-"""m; two parts are of one person if no farther apart: three times the error of a keyframe's pose."""
+"""m; what is no farther apart touches: three times the error of a keyframe's pose."""
 REOBSERVED = 0.5
 """Least sum of the confidences of a victim's detections for which a re-observation is worth the drive."""
 ENOUGH, ENOUGH_OF_PART = 0.75, 1.2
 """Least sum of confidences of a confirmed victim, and of a confirmed victim of which less than WHOLE is seen."""
 WHOLE = 0.85  # m across; of most people at least this much is seen, and less may be a part of any object
 OPEN_SHARE = 0.7
-"""A victim is in view if for this share of its points the return is no nearer than of a thing in front of it."""
+"""A victim is in view if for this share of its points the return is nearer by no more than TOUCH."""
 PHOTO_MARGIN = 0.2
 """Margin of a photo around its box, as a share of the longer side: surroundings help to recognise a person."""
 

@@ -161,6 +161,7 @@ def test_a_victim_hidden_or_out_of_sight_is_not_missed() -> None:
     victims = Victims()
     walk(victims, [(0, 0)], [PERSON], [PERSON])
     walk(victims, [(0, 0)], [PERSON, (1.2, 0, 0.4, 0.35)], [])  # something stands before it
+    walk(victims, [(0, 0)], [PERSON, (1.85, 0, 0.2, 0.3)], [])  # a box around it
     walk(victims, [(0, 3), (3, 0)], [PERSON], [])  # beside it and past it
     assert victims.all[0].missed == 0
 

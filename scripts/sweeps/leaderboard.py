@@ -139,7 +139,8 @@ def boards(entries: Iterable[Entry]) -> Iterator[Board]:
             (e.method, *(text(estimates[h][n]) for h in estimates), str(_failed(e)), f"{e.commit}, {e.processor}")
             for n, e in ((n, group[n]) for n in order)
         ]
-        title = f"{' '.join(arenas)}: {count} arenas, seeds {' '.join(map(str, seeds))}"
+        named = arenas if len(arenas) <= 3 else (arenas[0], "…", arenas[-1])
+        title = f"{' '.join(named)}: {count} arenas, seeds {' '.join(map(str, seeds))}"
         yield Board(title, ("method", *estimates, "failed", "commit, processor"), tuple(rows))
 
 

@@ -11,17 +11,18 @@ import torch
 from torch import Tensor
 
 from pipeline.finds.victims.detection.darknet_cfg import OBJECTNESS, DarknetCfg, YoloHead
-from pipeline.finds.victims.detection.detector import PERSON
 from pipeline.finds.victims.detection.network import DarknetNetwork
 from pipeline.finds.victims.detection.weights import load_network, write_weights
 from sarsim.assets import asset
 
 ADDED = 1  # Layers before each of the two networks: the copy, the route
+KEPT = {1: (0,), 80: (0, 77)}
+"""Numbers of the classes that are kept, by that of all: victims; person and teddy bear of COCO, which lacks dolls."""
 
 
 @torch.no_grad()
 def join(network: DarknetNetwork, parts: list[DarknetNetwork]) -> None:
-    """Fill a network of one class, people, with what the parts know of people; RuntimeError if it is another."""
+    """Fill a network of one class, people, with what the parts know of them; RuntimeError if it is another."""
     copy = network.convolutions[0].conv
     copy.weight.copy_(torch.eye(len(copy.weight))[..., None, None])
     assert copy.bias is not None
@@ -34,15 +35,16 @@ def join(network: DarknetNetwork, parts: list[DarknetNetwork]) -> None:
             if index in ends:
                 yolo = part.cfg.layers[index + 1]
                 assert isinstance(yolo, YoloHead)
-                state = {name: people_alone(tensor, yolo) for name, tensor in state.items()}
+                state = {name: kept_alone(tensor, yolo) for name, tensor in state.items()}
             network.layers[place + index].load_state_dict(state)
         place += len(part.layers) + ADDED
 
 
-def people_alone(tensor: Tensor, yolo: YoloHead) -> Tensor:
-    """Of the kernel or bias before a [yolo], the rows that tell boxes, objectness and people."""
-    rows = [*range(OBJECTNESS + 1), OBJECTNESS + 1 + PERSON[yolo.classes]]
-    return tensor.unflatten(0, (len(yolo.mask), -1))[:, rows].flatten(0, 1)
+def kept_alone(tensor: Tensor, yolo: YoloHead) -> Tensor:
+    """Of the kernel or bias before a [yolo], the rows of each class that is kept: boxes, objectness and it."""
+    anchors = tensor.unflatten(0, (len(yolo.mask), -1))
+    rows = [[*range(OBJECTNESS + 1), OBJECTNESS + 1 + number] for number in KEPT[yolo.classes]]
+    return torch.cat([anchors[:, some].flatten(0, 1) for some in rows])
 
 
 def main() -> None:

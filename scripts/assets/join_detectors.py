@@ -16,7 +16,7 @@ from pipeline.finds.victims.detection.weights import load_network, write_weights
 from sarsim.assets import asset
 
 ADDED = 1  # Layers before each of the two networks: the copy, the route
-KEPT = {1: (0,), 80: (0, 77)}
+NUMBERS = {1: (0,), 80: (0, 77)}
 """Numbers of the classes that are kept, by that of all: victims; person and teddy bear of COCO, which lacks dolls."""
 
 
@@ -43,7 +43,7 @@ def join(network: DarknetNetwork, parts: list[DarknetNetwork]) -> None:
 def kept_alone(tensor: Tensor, yolo: YoloHead) -> Tensor:
     """Of the kernel or bias before a [yolo], the rows of each class that is kept: boxes, objectness and it."""
     anchors = tensor.unflatten(0, (len(yolo.mask), -1))
-    rows = [[*range(OBJECTNESS + 1), OBJECTNESS + 1 + number] for number in KEPT[yolo.classes]]
+    rows = [[*range(OBJECTNESS + 1), OBJECTNESS + 1 + number] for number in NUMBERS[yolo.classes]]
     return torch.cat([anchors[:, some].flatten(0, 1) for some in rows])
 
 

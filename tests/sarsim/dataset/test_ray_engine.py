@@ -1,16 +1,15 @@
-"""Scenes made by Ray's tasks: the same bytes as in this process. Skipped where Ray is not installed."""
+"""Scenes made by Ray's tasks: the same bytes as in this process."""
 
 from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from ray.cluster_utils import Cluster
 
 from pipeline.errors import InputError
 from sarsim.dataset.generate import generate
 from sarsim.dataset.ray_engine import RayEngine
 from tests.sarsim.dataset.small import RECIPE, InProcess, files
-
-pytest.importorskip("ray")
 
 
 def test_ray_makes_the_same_bytes_and_completes_a_dataset(tmp_path: Path) -> None:
@@ -26,3 +25,21 @@ def test_what_goes_wrong_in_a_task_is_told(tmp_path: Path) -> None:
     recipe = replace(RECIPE, arenas=(str(tmp_path / "missing.xml"),))
     with pytest.raises(InputError, match=r"missing.xml: No such file"):
         generate(recipe, 1, tmp_path / "data", RayEngine(1))
+
+
+def test_a_cluster_that_loses_one_of_two_nodes_makes_all_scenes_once(tmp_path: Path) -> None:
+    cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 1})
+    nodes, seen = [cluster.add_node(num_cpus=1)], list[int]()
+
+    def lose_a_node(frames: int) -> None:
+        seen.append(frames)
+        while nodes:
+            cluster.remove_node(nodes.pop(), allow_graceful=False)
+
+    try:
+        generate(RECIPE, 4, tmp_path / "ray" / "data", RayEngine(2, cluster.address), lose_a_node)
+    finally:
+        cluster.shutdown()
+    generate(RECIPE, 4, tmp_path / "here" / "data", InProcess())
+    assert not nodes and seen[-1] == 4 * RECIPE.frames
+    assert files(tmp_path / "ray") == files(tmp_path / "here")

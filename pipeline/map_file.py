@@ -385,8 +385,8 @@ def _victim_of(row: Row, rows: list[Row]) -> Victim:
     """A victim with its sightings; points and the rest follow from these when the mapper makes its maps."""
     seen = [Sighting(s["keyframe"], s["points"], s["information"], s["camera"]) for s in rows]
     confidences, photo = [s["confidence"] for s in rows], row["photo"].reshape(row["photo_shape"])
-    at, information = PersonVoxels.of(seen[0].points), seen[0].information
-    victim = Victim(at, information, [], confidences, photo, row["photo_shows"], row["missed"])
+    voxels, information = PersonVoxels.of(seen[0].points), seen[0].information
+    victim = Victim(voxels, information, [], confidences, photo, row["photo_shows"], row["missed"])
     victim.sightings = seen
     victim.tried = [Places(k[None], at[None]) for k, at in zip(row["tried_from"], row["tried"], strict=True)]
     return victim

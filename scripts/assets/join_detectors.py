@@ -11,13 +11,14 @@ import torch
 from torch import Tensor
 
 from pipeline.finds.victims.detection.darknet_cfg import OBJECTNESS, DarknetCfg, YoloHead
+from pipeline.finds.victims.detection.detector import PERSON
 from pipeline.finds.victims.detection.network import DarknetNetwork
 from pipeline.finds.victims.detection.weights import load_network, write_weights
 from sarsim.assets import asset
 
 ADDED = 1  # Layers before each of the two networks: the copy, the route
-NUMBERS = {1: (0,), 80: (0, 77)}
-"""Numbers of the classes that are kept, by that of all: victims; person and teddy bear of COCO, which lacks dolls."""
+TEDDY_BEAR = {80: 77}
+"""Number of the class ``teddy bear`` by the number of classes: dolls look like one to COCO, which has none."""
 
 
 @torch.no_grad()
@@ -43,7 +44,8 @@ def join(network: DarknetNetwork, parts: list[DarknetNetwork]) -> None:
 def kept_alone(tensor: Tensor, yolo: YoloHead) -> Tensor:
     """Of the kernel or bias before a [yolo], the rows of each class that is kept: boxes, objectness and it."""
     anchors = tensor.unflatten(0, (len(yolo.mask), -1))
-    rows = [[*range(OBJECTNESS + 1), OBJECTNESS + 1 + number] for number in NUMBERS[yolo.classes]]
+    numbers = [number_of[yolo.classes] for number_of in (PERSON, TEDDY_BEAR) if yolo.classes in number_of]
+    rows = [[*range(OBJECTNESS + 1), OBJECTNESS + 1 + number] for number in numbers]
     return torch.cat([anchors[:, some].flatten(0, 1) for some in rows])
 
 

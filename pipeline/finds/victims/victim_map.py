@@ -231,7 +231,7 @@ class Victims:
 
     def _same(self, new: Victim) -> list[Victim]:
         """The victims that may be the same person."""
-        near = [other for other in self.all if _distance(other, new) <= chi2_gate(3) or _is_one(other, new)]
+        near = [o for o in self.all if _distance(o, new) <= chi2_gate(3) or _touch(o.points, new.points)]
         return [other for other in near if not _are_seen_apart(other, new)]
 
     def _add(self, new: Victim) -> Victim:

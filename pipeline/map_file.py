@@ -32,7 +32,7 @@ from pipeline.traversability.elevation_map import ElevationMap
 from pipeline.traversability.ground_evidence import Assumed, Driven, GroundEvidence
 
 KEYFRAMES = "keyframes.npz"  # The file that ``--map`` reads in a folder of results
-FORMAT, VERSION = "sarsim keyframes", 5
+FORMAT, VERSION = "sarsim keyframes", 6
 
 Row = dict[str, Any]
 Arrays = dict[str, NDArray[Any]]
@@ -122,6 +122,7 @@ LAYOUT: dict[str, dict[str, Field]] = {
         "information": Field("f8", (3, 3)),
         "camera": Field("f8", (3,)),
         "has_depth": Field("?"),
+        "points": _points(),
         "photo": Field("u1", (MANY,)),
         "photo_shape": Field("i8", (3,)),
     },
@@ -428,6 +429,6 @@ def _find_of(row: Row, rows: list[Row]) -> TrackedFind:
         reading = Reading(kind, _text_of(s["text"]), s["corners"], s["confidence"])
         photo = s["photo"].reshape(s["photo_shape"])
         where = s["position"], s["information"], s["camera"], s["has_depth"]
-        seen.append(FindSighting(reading, s["keyframe"], *where, np.nan, photo))
+        seen.append(FindSighting(reading, s["keyframe"], *where, np.nan, photo, s["points"]))
     tried = [Places(k[None], at[None]) for k, at in zip(row["tried_from"], row["tried"], strict=True)]
     return TrackedFind(kind, seen, [], row["missed"], tried)

@@ -17,6 +17,7 @@ from pipeline.finds.victims.detection.detection import Detection, Detector
 from pipeline.finds.victims.victim_map import Victims
 from pipeline.frame import Frame
 from pipeline.keyframes import Keyframes, Moves, Seen, nearest
+from pipeline.labels import Label
 from pipeline.localisation.localisation import Localisation
 from pipeline.localisation.slam import Slam
 from pipeline.metric_map.metric_map import MetricMap
@@ -101,7 +102,8 @@ class Mapper:
         self._traversability_layer = TraversabilityLayer()
         revise = partial(with_whole_uprights, robot=robot, voxel=VOXEL, cell=CELL)
         is_told = isinstance(classifier, TruthClassifier)  # True labels need no other evidence
-        self.semantic_map = SemanticMap() if is_told else SemanticMap(self._is_inaccessible, revise)
+        told_by_maps = self._is_inaccessible, revise, self._found
+        self.semantic_map = SemanticMap() if is_told else SemanticMap(*told_by_maps)
         self.segments = Segments(self.metric_map.is_surface)
         self.topological_map = TopologicalMap(graph)
         self.victims = Victims()
@@ -258,7 +260,6 @@ class Mapper:
         with self.stopwatch("correction_victims"):
             self.victims.place(poses)
             self.finds.place(poses)
-            self.semantic_map.show_people([victim.points for victim in self.victims.confirmed])
         with self.stopwatch("correction_topological_map"):
             self.topological_map.place(poses)
 
@@ -322,14 +323,13 @@ class Mapper:
             return []
         with self.stopwatch("victims"):
             detections = self.detector.detect(frame.rgb)
-            self._place_people(frame, detections, T_map_camera, len(self.keyframes) - 1)
+            self.victims.update(frame, detections, T_map_camera, len(self.keyframes) - 1)
         return detections
 
-    def _place_people(
-        self, frame: Frame, detections: list[Detection], T_map_camera: NDArray[np.float64], keyframe: int
-    ) -> None:
-        self.victims.update(frame, detections, T_map_camera, keyframe)
-        self.semantic_map.show_people([victim.points for victim in self.victims.confirmed])
+    def _found(self) -> list[tuple[Label, NDArray[np.float32]]]:
+        """What was found: things, which are clutter, and people, whose points win where both are."""
+        things = [(Label.CLUTTER, points) for points in self.finds.shown]
+        return things + [(Label.VICTIM, victim.points) for victim in self.victims.confirmed]
 
     def _find_things(self, frame: Frame, detections: list[Detection], T_map_base: NDArray[np.float64]) -> None:
         """Read what is in the image besides people, and place it on the map."""
@@ -343,5 +343,5 @@ class Mapper:
         if read := self._in_passing.end():
             frame, T_map_base = read.frame, self.keyframes.poses[read.keyframe]
             with self.stopwatch("finds"):
-                self._place_people(frame, read.detections, T_map_base @ frame.T_base_camera, read.keyframe)
+                self.victims.update(frame, read.detections, T_map_base @ frame.T_base_camera, read.keyframe)
                 self.finds.update(frame, read.readings, T_map_base, read.keyframe)

@@ -66,8 +66,7 @@ class TrackedFind:
 
     @property
     def _best(self) -> int:
-        shown = [s.reading.confidence * s.reading.side for s in self.sightings]
-        return int(np.argmax(shown))
+        return int(np.argmax([_shows(s) for s in self.sightings]))
 
     @property
     def is_placed(self) -> bool:
@@ -154,6 +153,11 @@ class TrackedFind:
         return self.position[None].astype(np.float32)
 
     @property
+    def points_shown(self) -> NDArray[np.float32]:
+        """(N, 3) float32 its returns in the best of the photos with depth, m in ``map``."""
+        return max(self._placing, key=_shows).points
+
+    @property
     def cameras(self) -> list[NDArray[np.float64]]:
         """(3,) float64 each, positions of the camera in the frames that show it, m in ``map``."""
         return [sighting.camera for sighting in self.sightings]
@@ -196,6 +200,11 @@ class Finds:
             return found  # whether victims are confirmed takes long, and this is asked at every step
         victims = self._victims.confirmed
         return list(one_per_victim(found, victims, [v for v in self._victims.suspected if v not in victims]))
+
+    @property
+    def shown(self) -> list[NDArray[np.float32]]:
+        """(N, 3) float32 points of every thing that is reported, m in ``map``; heat, which is of people, has none."""
+        return [thing.points_shown for thing in self.all if thing.kind != HEAT and thing.is_confirmed]
 
     @property
     def unconfirmed(self) -> list[TrackedFind]:
@@ -249,6 +258,11 @@ class Finds:
             else:
                 kept.append(thing)
         self.all = kept
+
+
+def _shows(seen: FindSighting) -> float:
+    """How much a sighting's photo shows: pixels along a side, times the confidence."""
+    return seen.reading.confidence * seen.reading.side
 
 
 def _distance(one: TrackedFind, other: TrackedFind) -> float:

@@ -11,6 +11,8 @@ from pipeline.finds.find import PRINTED, Reading
 from pipeline.finds.likelihood import EXTENTS, weigh
 from pipeline.finds.sought import THING_GAP
 from pipeline.frame import Frame
+from pipeline.segments.cells import thinned
+from pipeline.segments.cells_kernels import moved
 from pipeline.transforms import transform_points
 
 POSE_SIGMA = 0.03
@@ -30,6 +32,7 @@ class FindSighting:
         has_depth: whether the depth tells how far away it is.
         time: of the frame, s.
         photo: (h, w, 3) uint8 that shows it.
+        points: (N, 3) float32 its own returns, thinned, m.
     """
 
     reading: Reading
@@ -40,12 +43,14 @@ class FindSighting:
     has_depth: bool
     time: float
     photo: NDArray[np.uint8]
+    points: NDArray[np.float32]
 
     def moved(self, T: NDArray[np.float64]) -> "FindSighting":
         """The same sighting moved by the 4×4 transform ``T``."""
         R, t = T[:3, :3], T[:3, 3]
         information = R @ self.information @ R.T
-        return replace(self, position=R @ self.position + t, camera=R @ self.camera + t, information=information)
+        position, camera, points = R @ self.position + t, R @ self.camera + t, moved(T, self.points)
+        return replace(self, position=position, camera=camera, information=information, points=points)
 
 
 def sight(frame: Frame, reading: Reading, keyframe: int, T_map_base: NDArray[np.float64]) -> FindSighting:
@@ -67,11 +72,12 @@ def sight(frame: Frame, reading: Reading, keyframe: int, T_map_base: NDArray[np.
     ray = in_camera / np.linalg.norm(in_camera)
     covariance = np.outer(ray, ray) * along**2 + np.eye(3) * ((z / k.fx) ** 2 + POSE_SIGMA**2)
     T_map_camera = T_map_base @ frame.T_base_camera
+    points = k.rays[inside] * depth[:, None]
     if depth.size:
-        points = k.rays[inside] * depth[:, None]
         reading, belongs = _weighed(reading, transform_points(T_map_camera, points), T_map_camera, T_map_base[2, 3])
         if reading.kind not in PRINTED:
-            own = points[belongs if belongs.any() else np.abs(depth - z) < THING_GAP].astype(np.float64)
+            points = points[belongs if belongs.any() else np.abs(depth - z) < THING_GAP]
+            own = points.astype(np.float64)
             in_camera = (own.min(axis=0) + own.max(axis=0)) / 2
             covariance += np.diag(np.ptp(own, axis=0) / 2) ** 2
     seen = FindSighting(
@@ -83,6 +89,7 @@ def sight(frame: Frame, reading: Reading, keyframe: int, T_map_base: NDArray[np.
         has_depth=depth.size > 0,
         time=frame.time,
         photo=photo_of(frame.rgb, reading.box),
+        points=thinned(points.astype(np.float32)),
     )
     return seen.moved(T_map_camera)
 

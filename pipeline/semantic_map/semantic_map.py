@@ -15,9 +15,11 @@ from pipeline.semantic_map.semantic_map_kernels import accumulate
 from pipeline.semantic_map.uprights import RAMPS
 
 VOXEL = 0.02  # m, the edge of the voxels; each keeps one point whatever the number of frames
-SKIN = 0.03  # m; a point this near to a person's points belongs to that person
+SKIN = 0.03  # m; a point this near to the points of what was found belongs to it
 IsInaccessible = Callable[[NDArray[np.float32], NDArray[np.bool_]], NDArray[np.bool_]]
 """Takes (N, 3) points in ``map`` labelled as ramps, and which are straight ones; (N,) where no robot can drive."""
+Found = Callable[[], Sequence[tuple[Label, NDArray[np.float32]]]]
+"""What was found on the map: the label of each find and its (N, 3) points in ``map``, of which later ones win."""
 Revise = Callable[[NDArray[np.float32], NDArray[np.uint8]], NDArray[np.uint8]]
 """Takes all (N, 3) points in ``map`` and their (N,) labels; (N,) labels that fit together."""
 
@@ -31,14 +33,19 @@ class SemanticMap:
     first hit: the same frames in the same order give the same map.
     """
 
-    def __init__(self, is_inaccessible: IsInaccessible | None = None, revise: Revise | None = None) -> None:
-        """An empty map. Without ``is_inaccessible``, ramps keep their labels; without ``revise``, all points do."""
-        self._is_inaccessible, self._revise = is_inaccessible, revise
+    def __init__(
+        self, is_inaccessible: IsInaccessible | None = None, revise: Revise | None = None, found: Found | None = None
+    ) -> None:
+        """An empty map.
+
+        Without ``is_inaccessible``, ramps keep their labels; without ``revise``, all points do; without ``found``,
+        only the classifier labels points as victim.
+        """
+        self._is_inaccessible, self._revise, self._found = is_inaccessible, revise, found
         self._blocks, self._size = 0, 0
         self._block_keys = np.empty(0, np.int64)
         self._voxels = np.empty((0, 64), np.int32)
         self._rows = np.empty((0, 4 + len(Label)), np.float32)
-        self._people: list[NDArray[np.float32]] = []
         self._reserve(1)
 
     def __len__(self) -> int:
@@ -77,16 +84,9 @@ class SemanticMap:
         )  # fmt: skip
 
     def clear(self) -> None:
-        """Forget all points; the people shown stay."""
+        """Forget all points."""
         self._blocks, self._size = 0, 0
         self._slots.fill(EMPTY)
-
-    def show_people(self, people: Sequence[NDArray[np.float32]]) -> None:
-        """Label as victim the map's points at the (N, 3) points, m, of each of these people, replacing earlier ones.
-
-        If the classifier itself labels points as victim, only its labels count.
-        """
-        self._people = list(people)
 
     def _reserve(self, more: int) -> None:
         """Make room for ``more`` blocks and voxels; doubling keeps the mean cost of growth constant."""
@@ -106,7 +106,10 @@ class SemanticMap:
         return self._rows[: self._size, 1:4].copy()
 
     def labels(self) -> NDArray[np.uint8]:
-        """(M,) uint8 most probable class (the lower id wins a tie), or victim where people are shown."""
+        """(M,) uint8 most probable class (the lower id wins a tie), or that of what was found there.
+
+        If the classifier itself labels points as victim, its labels count.
+        """
         labels = self._rows[: self._size, 4:].argmax(axis=1).astype(np.uint8)
         if self._is_inaccessible is not None:
             ramps = np.flatnonzero(np.isin(labels, RAMPS))
@@ -114,17 +117,19 @@ class SemanticMap:
             labels[ramps[self._is_inaccessible(self._rows[ramps, 1:4], is_deck)]] = Label.CLUTTER
         if self._revise is not None:
             labels = self._revise(self.points(), labels)
-        if self._people and not (labels == Label.VICTIM).any():
-            for person in self._people:
-                labels[self._points_of(person)] = Label.VICTIM
+        if self._found is not None and not (labels == Label.VICTIM).any():
+            for label, points in self._found():
+                labels[self._near(points)] = label
         return labels
 
-    def _points_of(self, person: NDArray[np.float32]) -> NDArray[np.intp]:
-        """Indices of the map's points within SKIN of a person's (N, 3) points."""
+    def _near(self, thing: NDArray[np.float32]) -> NDArray[np.intp]:
+        """Indices of the map's points within SKIN of a find's (N, 3) points."""
+        if not len(thing):
+            return np.zeros(0, np.intp)
         points = self._rows[: self._size, 1:4]
-        low, high = person.min(axis=0) - SKIN, person.max(axis=0) + SKIN
+        low, high = thing.min(axis=0) - SKIN, thing.max(axis=0) + SKIN
         around = np.flatnonzero(((points >= low) & (points <= high)).all(axis=1))
-        distance, _ = KDTree(person).query(points[around], distance_upper_bound=SKIN)
+        distance, _ = KDTree(thing).query(points[around], distance_upper_bound=SKIN)
         return around[np.isfinite(distance)]
 
     def probabilities(self) -> NDArray[np.float32]:

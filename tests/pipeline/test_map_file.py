@@ -51,7 +51,7 @@ def mapper() -> Mapper:
     )
     mapper.victims.all = [victim]
     reading = Reading("qr_code", "Ausgang \N{RIGHTWARDS ARROW}", box_corners((1, 2, 3, 4)), 0.9)
-    sighting = FindSighting(reading, 2, np.ones(3), 9 * np.eye(3), np.zeros(3), True, 1.0, photo)
+    sighting = FindSighting(reading, 2, np.ones(3), 9 * np.eye(3), np.zeros(3), True, 1.0, photo, points[:7])
     mapper.finds.all = [TrackedFind("qr_code", [sighting], [], missed=1, tried=tried)]
     mapper.correct(poses @ from_yaw(0.02, 0, 0, 0.01))
     mapper.localisation.graph.poses = mapper.keyframes.poses
@@ -92,6 +92,7 @@ def test_a_loaded_map_is_the_one_that_was_saved(mapper, file):
     np.testing.assert_allclose(find.position, thing.position, atol=1e-3)
     np.testing.assert_allclose(find.covariance, np.eye(3) / 9, atol=1e-9)
     np.testing.assert_array_equal(find.find().photo, thing.find().photo)
+    np.testing.assert_allclose(find.points_shown, thing.points_shown, atol=1e-3)
     np.testing.assert_allclose(victim.tried_at, before.tried_at)
     np.testing.assert_allclose(victim.cameras[1], before.cameras[1])
 
@@ -145,7 +146,7 @@ def test_an_entry_of_wrong_type_length_or_value_is_refused_in_one_line(file, tmp
     ("name", "value", "reason"),
     [
         ("format", "sarsim metric map", "not the map of an episode"),
-        ("version", 3, "not of version 5"),
+        ("version", 3, "not of version 6"),
         ("member.keyframe", -1, "a keyframe that is not there"),
         ("driven.keyframe", 4, "a keyframe that is not there"),
         ("victim.tried_from", 4, "a keyframe that is not there"),

@@ -45,6 +45,18 @@ def test_a_sign_is_placed_on_its_wall_within_its_covariance() -> None:
     assert np.sqrt(np.linalg.eigvalsh(find.covariance)).max() < 0.05
 
 
+def test_the_map_shows_the_returns_of_what_is_reported_but_not_of_heat() -> None:
+    frame, T = seen_from()
+    finds = Finds(Victims())
+    kinds = ("hazmat_sign", 0.9), ("hazmat_sign", 0.02), ("heat", 0.9)
+    at = [on_wall(WALL, y, 0.8) for y in (0.5, -0.5, 0.0)]
+    finds.update(frame, [sign("", box, sure, kind) for box, (kind, sure) in zip(at, kinds, strict=True)], T, 0)
+    (shown,) = finds.shown
+    half = 6 * (WALL - 1) / 144
+    np.testing.assert_allclose(shown.min(axis=0), (WALL, 0.5 - half, 0.8 - half), atol=0.03)
+    np.testing.assert_allclose(shown.max(axis=0), (WALL, 0.5 + half, 0.8 + half), atol=0.03)
+
+
 def test_sightings_of_one_thing_are_one_and_of_two_alike_are_two() -> None:
     finds = Finds(Victims())
     for k, y in enumerate((0.0, 0.4)):

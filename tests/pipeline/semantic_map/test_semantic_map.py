@@ -40,12 +40,17 @@ def test_frames_are_fused() -> None:
     assert semantic_map.labels().tolist() == [Label.TERRAIN]
 
 
-def test_what_lies_at_the_points_of_people_is_victim() -> None:
-    semantic_map = SemanticMap()
+def test_what_lies_at_the_points_of_a_find_is_of_its_label() -> None:
+    found = [
+        (Label.CLUTTER, cloud((0.01, 0.02, 0.01), (0.0, 0.0, 0.3))),
+        (Label.CLUTTER, cloud((2, 0, 0))),
+        (Label.VICTIM, cloud((2, 0, 0.02))),
+        (Label.CLUTTER, cloud()),
+    ]
+    semantic_map = SemanticMap(found=lambda: found)
     semantic_map.update(cloud((0.01, 0.01, 0.01), (0.07, 0.01, 0.01), (2, 0, 0)), one_hot(1, 2, 3))
-    semantic_map.show_people([cloud((0.01, 0.02, 0.01), (0.0, 0.0, 0.3)), cloud((2, 0, 0.02))])
-    assert semantic_map.labels().tolist() == [Label.VICTIM, 2, Label.VICTIM]
-    semantic_map.show_people([cloud((5, 5, 5))])  # the others turned out to be none
+    assert semantic_map.labels().tolist() == [Label.CLUTTER, 2, Label.VICTIM]
+    found[:] = [(Label.VICTIM, cloud((5, 5, 5)))]  # the others turned out to be none
     assert semantic_map.labels().tolist() == [1, 2, 3]
 
 
@@ -57,9 +62,8 @@ def test_a_ramp_that_is_no_way_is_clutter() -> None:
 
 
 def test_a_classifier_that_knows_victims_has_the_say() -> None:
-    semantic_map = SemanticMap()
+    semantic_map = SemanticMap(found=lambda: [(Label.VICTIM, cloud((0, 0, 0)))])
     semantic_map.update(cloud((0, 0, 0), (2, 0, 0)), one_hot(1, Label.VICTIM))
-    semantic_map.show_people([cloud((0, 0, 0))])
     assert semantic_map.labels().tolist() == [1, Label.VICTIM]
 
 

@@ -203,8 +203,11 @@ class Finds:
 
     @property
     def shown(self) -> list[NDArray[np.float32]]:
-        """(N, 3) float32 points of every thing that is reported, m in ``map``; heat, which is of people, has none."""
-        return [thing.points_shown for thing in self.all if thing.kind != HEAT and thing.is_confirmed]
+        """(N, 3) float32 points of every flat thing that is reported, m in ``map``.
+
+        What hangs flat on a wall looks like the wall; other things stand out of it.
+        """
+        return [thing.points_shown for thing in self.all if thing.is_flat and thing.is_confirmed]
 
     @property
     def unconfirmed(self) -> list[TrackedFind]:

@@ -12,6 +12,7 @@ from pipeline.finds.patch_network import PatchNetwork
 from pipeline.finds.squares import Squares, is_same, overlap, rectified
 
 SIGN = "hazmat_sign"
+SIGN_SIDE = 96  # Pixels along a patch, of which eight in ten are the sign: ten for each of a word's letters
 
 
 class HazmatReader:
@@ -24,15 +25,17 @@ class HazmatReader:
     @classmethod
     def load(cls, weights: Path) -> "HazmatReader":
         """A reader with the weights of a safetensors file; InputError as :meth:`PatchNetwork.load`."""
-        return cls(PatchNetwork.load(weights, len(HAZMAT_CLASSES)))
+        return cls(PatchNetwork.load(weights, len(HAZMAT_CLASSES), side=SIGN_SIDE))
 
     def read(self, squares: Squares) -> list[Reading]:
         """The signs among the squares of an image, the surest first."""
         quads = squares.quads
         if not len(quads):
             return []
-        patches = np.stack([rectified(squares.image, quad) for quad in quads])
-        likely = np.flatnonzero(self._network.probabilities(patches, turns=1)[:, -1] < 1 - HOPEFUL)
+        patches = np.stack([rectified(squares.image, quad, SIGN_SIDE) for quad in quads])
+        # Of the mean over all four ways up, this one is a quarter.
+        one_way_up = self._network.probabilities(patches, turns=1)[:, -1]
+        likely = np.flatnonzero(_sureness(one_way_up / 2**2) > 1 / 2)
         if not len(likely):
             return []
         quads, chances = quads[likely], self._network.probabilities(patches[likely])
@@ -45,9 +48,7 @@ class HazmatReader:
 
 RARER = 9
 """Odds of a sign among the patches that were learned, over those among the squares of a camera's image: chosen by the
-photos of boards and rooms on which its figures are given, so these flatter it."""
-HOPEFUL = 0.1
-"""Probability of a sign, the square one way up, from which it is looked at all four ways."""
+photos of boards and rooms on which its figures are given, for earlier weights."""
 
 
 def _signs(
@@ -55,7 +56,7 @@ def _signs(
 ) -> Iterator[tuple[NDArray[np.float32], float, NDArray[np.float32]]]:
     """The surest square of each sign, how sure it is, and the shares of the classes in it and in those alike."""
     left = list(chances[:, -1].argsort(kind="stable"))
-    while left and (sure := _sureness(chances[left[0], -1])) > 1 / 2:
+    while left and (sure := float(_sureness(chances[left[0], -1]))) > 1 / 2:
         best, *others = left
         alike = [best, *(k for k in others if overlap(quads[best], quads[k])[0] > 1 / 2)]
         votes = chances[alike, :-1].sum(axis=0)
@@ -63,6 +64,6 @@ def _signs(
         left = [k for k in others if not is_same(quads[best], quads[k])]
 
 
-def _sureness(no_sign: float) -> float:
+def _sureness(no_sign: NDArray[np.float32]) -> NDArray[np.float32]:
     """Probability of a sign by Bayes, given the network's of none."""
-    return float((1 - no_sign) / (1 - no_sign + RARER * no_sign))
+    return np.asarray((1 - no_sign) / (1 - no_sign + RARER * no_sign), np.float32)

@@ -18,24 +18,24 @@ WIDTHS = 24, 48, 64, 96, 96  # Channels after each convolution
 class PatchNetwork(nn.Sequential):
     """Four halvings of a patch, and the scores of each class, "none of them" last."""
 
-    def __init__(self, classes: int, has_relief: bool = False) -> None:
-        """Random weights for so many classes, and patches of colours or of colours and a relief."""
+    def __init__(self, classes: int, has_relief: bool = False, side: int = PATCH) -> None:
+        """Random weights for so many classes, and patches of ``side`` pixels with colours, or colours and relief."""
         layers, before = list[nn.Module](), 3 + has_relief
         for width in WIDTHS:
             stride = 2 if width != before else 1
             layers += [nn.Conv2d(before, width, 3, stride, 1, bias=False), nn.BatchNorm2d(width), nn.ReLU()]
             before = width
         layers += [nn.Flatten(), nn.Dropout(0.3)]
-        super().__init__(*layers, nn.Linear((PATCH // 2 ** len(set(WIDTHS))) ** 2 * before, classes + 1))
+        super().__init__(*layers, nn.Linear((side // 2 ** len(set(WIDTHS))) ** 2 * before, classes + 1))
 
     @classmethod
-    def load(cls, path: Path, classes: int, has_relief: bool = False) -> "PatchNetwork":
+    def load(cls, path: Path, classes: int, has_relief: bool = False, side: int = PATCH) -> "PatchNetwork":
         """The network of a safetensors file, in evaluation mode.
 
         Raises:
             InputError: the file is missing, damaged or of another network.
         """
-        network = cls(classes, has_relief)
+        network = cls(classes, has_relief, side)
         try:
             network.load_state_dict({name: value.float() for name, value in load_file(path).items()})
         except (OSError, SafetensorError, RuntimeError) as error:
@@ -44,19 +44,19 @@ class PatchNetwork(nn.Sequential):
         return network.eval()
 
     def probabilities(self, patches: NDArray[np.uint8], turns: int = 4) -> NDArray[np.float32]:
-        """(N, classes + 1) of (N, PATCH, PATCH, channels) patches, the mean over so many turns of a square."""
+        """(N, classes + 1) of (N, side, side, channels) patches, the mean over so many turns of a square."""
         with torch.inference_mode():
             images = to_input(patches)
             turned = [self(torch.rot90(images, k, (2, 3))).softmax(1) for k in range(turns)]
             return np.asarray(torch.stack(turned).mean(0).numpy())
 
 
-def to_input(patches: NDArray[np.uint8]) -> Tensor:
-    """(N, channels, H, W) float32 of (N, H, W, channels) uint8 patches.
+def to_input(patches: NDArray[np.uint8], device: torch.device | None = None) -> Tensor:
+    """(N, channels, H, W) float32 of (N, H, W, channels) uint8 patches, on a device; by default on the processor.
 
     The colours are less their mean and over their standard deviation; a relief is a share of its range.
     """
-    images = torch.from_numpy(patches.astype(np.float32).transpose(0, 3, 1, 2))
+    images = torch.from_numpy(np.ascontiguousarray(patches)).to(device).permute(0, 3, 1, 2).float()
     colours, relief = images[:, :3], images[:, 3:]
     middle = colours.mean((1, 2, 3), keepdim=True)
     evened = (colours - middle) / (colours.std((1, 2, 3), keepdim=True) + 1)

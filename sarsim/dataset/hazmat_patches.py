@@ -7,14 +7,15 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.finds.hazmat import SIGN_SIDE
 from pipeline.finds.hazmat_classes import HAZMAT_CLASSES
 from pipeline.finds.quads import find_quads
-from pipeline.finds.squares import PATCH, SURROUNDINGS
+from pipeline.finds.squares import SURROUNDINGS
 from sarsim.arenas.things.codes import qr_picture, tag_picture
 from sarsim.arenas.things.hazmat import SignStyle, sign_face
 from sarsim.dataset.hazmat_labels import draw_varied
 
-SPAN = 96  # Pixels along a label in a scene of 3 × 3 cells, of which the label to learn has the middle one
+SPAN = 3 * SIGN_SIDE // 2  # Pixels along a label in a scene of 3 × 3 cells; the label to learn is in the middle
 NO_SIGN, FOUND = 0.4, 0.4  # Share of patches without a sign, and of these, that are squares found in pictures
 MOST_MARGIN = 0.08  # Widest white margin of a printed label, as a share of its side
 UNCERTAIN = 0.04  # Standard deviation of a corner's place, as a share of the side
@@ -73,7 +74,7 @@ def patches(source: PatchSource, count: int, rng: np.random.Generator) -> tuple[
     """``count`` random patches and their classes.
 
     Returns:
-        (count, PATCH, PATCH, 3) uint8 and (count,) int64 classes; len(HAZMAT_CLASSES) is no sign.
+        (count, SIGN_SIDE, SIGN_SIDE, 3) uint8 and (count,) int64 classes; len(HAZMAT_CLASSES) is no sign.
     """
     made = [_patch(source, rng) for _ in range(count)]
     return np.stack([image for image, _ in made]), np.array([kind for _, kind in made], np.int64)
@@ -219,9 +220,9 @@ def _worn(label: Picture, rng: np.random.Generator) -> Picture:
 
 
 def _rectified(scene: Picture, quad: NDArray[np.float32], rng: np.random.Generator) -> Picture:
-    """(PATCH, PATCH, 3) the quadrilateral and its margin, any corner first, as sharp as it is far away."""
+    """(SIGN_SIDE, SIGN_SIDE, 3) the quadrilateral and its margin, any corner first, as sharp as it is far away."""
     quad = np.roll(quad, int(rng.integers(4)), axis=0)
-    side = int(np.exp(rng.uniform(np.log(24), np.log(1.5 * PATCH))))
+    side = int(np.exp(rng.uniform(np.log(24), np.log(SPAN))))
     low, high = SURROUNDINGS * side, (1 - SURROUNDINGS) * side
     target = np.array([[low, low], [high, low], [high, high], [low, high]], np.float32)
     T = cv2.getPerspectiveTransform(quad.astype(np.float32), target)
@@ -229,11 +230,11 @@ def _rectified(scene: Picture, quad: NDArray[np.float32], rng: np.random.Generat
     blur = float(np.linalg.norm(quad[1] - quad[0])) / side / 2
     soft = cv2.GaussianBlur(scene, (0, 0), max(0.3, blur)) if blur > 0.5 else scene
     patch = cv2.warpPerspective(soft, T, (side, side), flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
-    return np.asarray(cv2.resize(patch, (PATCH, PATCH), interpolation=cv2.INTER_LINEAR), np.uint8)
+    return np.asarray(cv2.resize(patch, (SIGN_SIDE, SIGN_SIDE), interpolation=cv2.INTER_LINEAR), np.uint8)
 
 
 def photographed(patch: Picture, rng: np.random.Generator) -> Picture:
-    """A patch (PATCH, PATCH, 3) as a camera takes it: blurred, with other light, glare and noise."""
+    """A square patch (side, side, 3) as a camera takes it: blurred, with other light, glare and noise."""
     image = patch.astype(np.float32)
     for change in _changes():
         if rng.random() < 0.5:
@@ -276,15 +277,16 @@ def _moved(image: NDArray[np.float32], rng: np.random.Generator) -> NDArray[np.f
 
 def _lit(image: NDArray[np.float32], rng: np.random.Generator) -> NDArray[np.float32]:
     """Brighter at one side."""
-    light = cv2.resize(rng.uniform(0.4, 1.2, (2, 2)), (PATCH, PATCH))[..., None]
+    light = cv2.resize(rng.uniform(0.4, 1.2, (2, 2)), image.shape[:2])[..., None]
     return np.asarray(image * light, np.float32)
 
 
 def _glaring(image: NDArray[np.float32], rng: np.random.Generator) -> NDArray[np.float32]:
     """With the mirror image of a lamp, as behind glass."""
-    glare = np.zeros((PATCH, PATCH), np.float32)
-    axes = rng.integers(3, 20, 2).tolist()
-    cv2.ellipse(glare, rng.integers(0, PATCH, 2).tolist(), axes, float(rng.uniform(0, 180)), 0, 360, 1.0, -1)
+    side = len(image)
+    glare = np.zeros((side, side), np.float32)
+    axes = rng.integers(side // 20, side // 3, 2).tolist()
+    cv2.ellipse(glare, rng.integers(0, side, 2).tolist(), axes, float(rng.uniform(0, 180)), 0, 360, 1.0, -1)
     soft = cv2.GaussianBlur(glare, (0, 0), rng.uniform(1, 6))[..., None]
     return np.asarray(image + (255 - image) * soft * rng.uniform(0.1, 0.8), np.float32)
 

@@ -1,6 +1,9 @@
 """Trains the classifier of hazmat signs on drawn labels; see :mod:`sarsim.dataset.hazmat_patches`."""
 
 from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from itertools import cycle
+from multiprocessing.connection import Connection
 from pathlib import Path
 
 import cv2
@@ -8,15 +11,18 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.files import read_bytes
+from pipeline.finds.hazmat import SIGN_SIDE
 from pipeline.finds.hazmat_classes import HAZMAT_CLASSES
 from pipeline.finds.patch_network import PatchNetwork
 from pipeline.frame import decoded
 from sarsim.dataset.folder import Dataset
 from sarsim.dataset.hazmat_patches import PatchSource, patches
 from sarsim.dataset.patch_training import PatchTraining
+from sarsim.dataset.processes import connected
 from sarsim.dataset.settings import HazmatTrainingConfig
 
 VALIDATED = 2000  # Patches on which the accuracy is measured
+PROCESSES, CHUNK = 16, 64  # That draw patches, and how many patches they draw at once
 PHOTO_SIDE = 900  # Pixels along the longer side of a photo: squares of which are as large as signs
 
 
@@ -36,31 +42,57 @@ def pictures(data: Sequence[Path]) -> Iterator[NDArray[np.uint8]]:
 
 
 class HazmatTraining(PatchTraining):
-    """A training under way."""
+    """A training under way, with processes that draw patches for it."""
 
     def __init__(
         self, pictures: Sequence[NDArray[np.uint8]], config: HazmatTrainingConfig, network: PatchNetwork | None = None
     ):
-        """Make the patches.
+        """Draw the first patches.
 
         Args:
             pictures: (H, W, 3) uint8 each, without signs.
             config: how to train.
             network: to begin with; by default one of random weights.
         """
-        super().__init__(config, lambda: network or PatchNetwork(len(HAZMAT_CLASSES)))
-        self._labels, self._pictures = config.labels, pictures
-        source = PatchSource.make(config.labels, pictures, self.rng)
-        self._images, self._kinds = patches(source, config.bank, self.rng)
+        super().__init__(config, lambda: network or PatchNetwork(len(HAZMAT_CLASSES), side=SIGN_SIDE))
+        self._uses = config.uses
+        self._drawn = _drawn(pictures, config)
+        first = [next(self._drawn) for _ in range(-(-config.bank // CHUNK))]
+        self._images, self._kinds = (np.concatenate(part) for part in zip(*first, strict=True))
+        self._unseen = PatchSource.make(config.labels // 5 + 1, pictures, self.rng)
+        self._taken = self._oldest = 0
 
     def batch(self, size: int) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
-        """Some (size, PATCH, PATCH, 3) of the patches, turned by a random quarter, and their classes (size,)."""
+        """Some (size, SIGN_SIDE, SIGN_SIDE, 3) of the patches, turned by a random quarter; their classes (size,)."""
+        self._taken += size
+        while self._taken >= self._uses * CHUNK:
+            self._taken -= self._uses * CHUNK
+            rows = (self._oldest + np.arange(CHUNK)) % len(self._images)
+            self._images[rows], self._kinds[rows] = next(self._drawn)
+            self._oldest = (self._oldest + CHUNK) % len(self._images)
         chosen = self.rng.integers(len(self._images), size=size)
         return np.rot90(self._images[chosen], int(self.rng.integers(4)), (1, 2)), self._kinds[chosen]
 
     def accuracy(self) -> float:
         """The share of patches of newly drawn labels that are classified rightly."""
-        self.network.eval()
-        source = PatchSource.make(self._labels // 5 + 1, self._pictures, self.rng)
-        unseen, right = patches(source, VALIDATED, self.rng)
-        return float((self.network.probabilities(unseen).argmax(axis=1) == right).mean())
+        unseen, right = patches(self._unseen, VALIDATED, self.rng)
+        return float((self.network.cpu().eval().probabilities(unseen).argmax(axis=1) == right).mean())
+
+
+def _drawn(
+    pictures: Sequence[NDArray[np.uint8]], config: HazmatTrainingConfig
+) -> Iterator[tuple[NDArray[np.uint8], NDArray[np.int64]]]:
+    """Chunks of patches without end, of one process after the other, so that their order is always the same."""
+    pipes = [connected(_draw, pictures, config.labels, (config.seed, k))[1] for k in range(PROCESSES)]
+    for pipe in cycle(pipes):
+        yield pipe.recv()
+
+
+def _draw(pipe: Connection, pictures: Sequence[NDArray[np.uint8]], labels: int, seed: Sequence[int]) -> None:
+    """Draw labels, and send patches of them until the other end of the pipe is closed."""
+    cv2.setNumThreads(1)
+    rng = np.random.default_rng(seed)
+    source = PatchSource.make(labels, pictures, rng)
+    with suppress(BrokenPipeError):
+        while True:
+            pipe.send(patches(source, CHUNK, rng))

@@ -19,7 +19,7 @@ class PatchTraining(ABC):
     """A training under way.
 
     Attributes:
-        network: that learns.
+        network: that learns, on a GPU if there is one.
         rng: of all that is drawn.
     """
 
@@ -27,7 +27,8 @@ class PatchTraining(ABC):
         """``begin`` makes the network to begin with, once its random numbers have their seed."""
         self.rng, self._size = np.random.default_rng(config.seed), config.batch
         torch.manual_seed(config.seed)
-        self.network = begin().train().to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+        self._device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
+        self.network = begin().train().to(self._device, memory_format=torch.channels_last)  # type: ignore[call-overload]
         self._optimiser = torch.optim.AdamW(self.network.parameters(), config.rate, weight_decay=0.01)
         self._schedule = torch.optim.lr_scheduler.OneCycleLR(self._optimiser, config.rate, config.steps)
 
@@ -38,9 +39,8 @@ class PatchTraining(ABC):
     def step(self) -> None:
         """Learn from a batch."""
         patches, kinds = self.batch(self._size)
-        loss = nn.functional.cross_entropy(
-            self.network(to_input(patches)), torch.from_numpy(kinds), label_smoothing=0.02
-        )
+        scores, right = self.network(to_input(patches, self._device)), torch.from_numpy(kinds).to(self._device)
+        loss = nn.functional.cross_entropy(scores, right, label_smoothing=0.02)
         self._optimiser.zero_grad()
         loss.backward()
         self._optimiser.step()

@@ -149,9 +149,13 @@ class HazmatTrainingConfig(PatchTrainingConfig):
     """How to train the classifier of hazmat signs.
 
     Attributes:
-        labels: labels drawn of each class.
+        labels: labels drawn of each class by each of 16 processes.
         bank: patches, of which each step takes some, each time another way up.
+        uses: how often a patch is taken on average before a new one takes its place.
     """
 
+    steps: int = 8000
+    batch: int = 512
     labels: Fixed[int] = 60
     bank: Fixed[int] = 20_000
+    uses: Fixed[int] = 8

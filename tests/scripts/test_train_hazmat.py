@@ -18,6 +18,7 @@ def test_the_command_leaves_weights_that_the_robot_can_use(
     data.mkdir()
     write_people_dataset(data)
     monkeypatch.setattr(hazmat_training, "VALIDATED", 5)
+    monkeypatch.setattr(hazmat_training, "PROCESSES", 2)
     train.train_hazmat(train.TrainHazmat(data=(data,), out=out, steps=2, bank=8, labels=1, batch=4))
     assert str(out) in capsys.readouterr().out.replace("\n", "")
     assert HazmatReader.load(out)

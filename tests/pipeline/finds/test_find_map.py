@@ -45,7 +45,7 @@ def test_a_sign_is_placed_on_its_wall_within_its_covariance() -> None:
     assert np.sqrt(np.linalg.eigvalsh(find.covariance)).max() < 0.05
 
 
-def test_the_map_shows_the_returns_of_what_is_reported_but_not_of_heat() -> None:
+def test_the_map_shows_the_returns_of_what_is_reported_and_flat() -> None:
     frame, T = seen_from()
     finds = Finds(Victims())
     kinds = ("hazmat_sign", 0.9), ("hazmat_sign", 0.02), ("heat", 0.9)

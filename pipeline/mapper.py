@@ -3,7 +3,6 @@
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -17,7 +16,6 @@ from pipeline.finds.victims.detection.detection import Detection, Detector
 from pipeline.finds.victims.victim_map import Victims
 from pipeline.frame import Frame
 from pipeline.keyframes import Keyframes, Moves, Seen, nearest
-from pipeline.labels import Label
 from pipeline.localisation.localisation import Localisation
 from pipeline.localisation.slam import Slam
 from pipeline.metric_map.metric_map import MetricMap
@@ -26,6 +24,7 @@ from pipeline.segments.cells_kernels import moved
 from pipeline.segments.planes import PlanePatch, find_planes
 from pipeline.segments.segments import Segments
 from pipeline.semantic_map.classifier import PointClassifier, TruthClassifier
+from pipeline.semantic_map.finds import with_finds
 from pipeline.semantic_map.semantic_map import VOXEL, SemanticMap
 from pipeline.semantic_map.uprights import with_whole_uprights
 from pipeline.stopwatch import Stopwatch
@@ -100,10 +99,8 @@ class Mapper:
         self.metric_map = MetricMap(voxel_size)
         self.elevation_map = ElevationMap(robot)
         self._traversability_layer = TraversabilityLayer()
-        revise = partial(with_whole_uprights, robot=robot, voxel=VOXEL, cell=CELL)
         is_told = isinstance(classifier, TruthClassifier)  # True labels need no other evidence
-        told_by_maps = self._is_inaccessible, revise, self._found
-        self.semantic_map = SemanticMap() if is_told else SemanticMap(*told_by_maps)
+        self.semantic_map = SemanticMap() if is_told else SemanticMap(self._is_inaccessible, self._revised)
         self.segments = Segments(self.metric_map.is_surface)
         self.topological_map = TopologicalMap(graph)
         self.victims = Victims()
@@ -326,10 +323,11 @@ class Mapper:
             self.victims.update(frame, detections, T_map_camera, len(self.keyframes) - 1)
         return detections
 
-    def _found(self) -> list[tuple[Label, NDArray[np.float32]]]:
-        """What was found: things, which are clutter, and people, whose points win where both are."""
-        things = [(Label.CLUTTER, points) for points in self.finds.shown]
-        return things + [(Label.VICTIM, victim.points) for victim in self.victims.confirmed]
+    def _revised(self, points: NDArray[np.float32], labels: NDArray[np.uint8]) -> NDArray[np.uint8]:
+        """(N,) labels of the semantic map's points (N, 3), m, that fit together and to what was found."""
+        robot, people = self.elevation_map.robot, [victim.points for victim in self.victims.confirmed]
+        whole = with_whole_uprights(points, labels, robot, VOXEL, CELL)
+        return with_finds(points, whole, self.finds.shown, people, robot.max_step)
 
     def _find_things(self, frame: Frame, detections: list[Detection], T_map_base: NDArray[np.float64]) -> None:
         """Read what is in the image besides people, and place it on the map."""

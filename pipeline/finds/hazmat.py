@@ -64,6 +64,6 @@ def _signs(
         left = [k for k in others if not is_same(quads[best], quads[k])]
 
 
-def _sureness(no_sign: NDArray[np.float32]) -> NDArray[np.float32]:
+def _sureness(no_sign: NDArray[np.floating]) -> NDArray[np.float32]:
     """Probability of a sign by Bayes, given the network's of none."""
     return np.asarray((1 - no_sign) / (1 - no_sign + RARER * no_sign), np.float32)

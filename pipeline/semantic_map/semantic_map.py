@@ -1,11 +1,10 @@
 """The semantic map: a labelled point for every 2 cm voxel with returns (thesis 3.2, figure 3)."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial import KDTree
 
 from pipeline.errors import InputError
 from pipeline.labels import COLOURS, Label
@@ -15,11 +14,8 @@ from pipeline.semantic_map.semantic_map_kernels import accumulate
 from pipeline.semantic_map.uprights import RAMPS
 
 VOXEL = 0.02  # m, the edge of the voxels; each keeps one point whatever the number of frames
-SKIN = 0.03  # m; a point this near to the points of what was found belongs to it
 IsInaccessible = Callable[[NDArray[np.float32], NDArray[np.bool_]], NDArray[np.bool_]]
 """Takes (N, 3) points in ``map`` labelled as ramps, and which are straight ones; (N,) where no robot can drive."""
-Found = Callable[[], Sequence[tuple[Label, NDArray[np.float32]]]]
-"""What was found on the map: the label of each find and its (N, 3) points in ``map``, of which later ones win."""
 Revise = Callable[[NDArray[np.float32], NDArray[np.uint8]], NDArray[np.uint8]]
 """Takes all (N, 3) points in ``map`` and their (N,) labels; (N,) labels that fit together."""
 
@@ -33,15 +29,9 @@ class SemanticMap:
     first hit: the same frames in the same order give the same map.
     """
 
-    def __init__(
-        self, is_inaccessible: IsInaccessible | None = None, revise: Revise | None = None, found: Found | None = None
-    ) -> None:
-        """An empty map.
-
-        Without ``is_inaccessible``, ramps keep their labels; without ``revise``, all points do; without ``found``,
-        only the classifier labels points as victim.
-        """
-        self._is_inaccessible, self._revise, self._found = is_inaccessible, revise, found
+    def __init__(self, is_inaccessible: IsInaccessible | None = None, revise: Revise | None = None) -> None:
+        """An empty map. Without ``is_inaccessible``, ramps keep their labels; without ``revise``, all points do."""
+        self._is_inaccessible, self._revise = is_inaccessible, revise
         self._blocks, self._size = 0, 0
         self._block_keys = np.empty(0, np.int64)
         self._voxels = np.empty((0, 64), np.int32)
@@ -106,10 +96,7 @@ class SemanticMap:
         return self._rows[: self._size, 1:4].copy()
 
     def labels(self) -> NDArray[np.uint8]:
-        """(M,) uint8 most probable class (the lower id wins a tie), or that of what was found there.
-
-        If the classifier itself labels points as victim, its labels count.
-        """
+        """(M,) uint8 most probable class (the lower id wins a tie), as the other maps revise it."""
         labels = self._rows[: self._size, 4:].argmax(axis=1).astype(np.uint8)
         if self._is_inaccessible is not None:
             ramps = np.flatnonzero(np.isin(labels, RAMPS))
@@ -117,20 +104,7 @@ class SemanticMap:
             labels[ramps[self._is_inaccessible(self._rows[ramps, 1:4], is_deck)]] = Label.CLUTTER
         if self._revise is not None:
             labels = self._revise(self.points(), labels)
-        if self._found is not None and not (labels == Label.VICTIM).any():
-            for label, points in self._found():
-                labels[self._near(points)] = label
         return labels
-
-    def _near(self, thing: NDArray[np.float32]) -> NDArray[np.intp]:
-        """Indices of the map's points within SKIN of a find's (N, 3) points."""
-        if not len(thing):
-            return np.zeros(0, np.intp)
-        points = self._rows[: self._size, 1:4]
-        low, high = thing.min(axis=0) - SKIN, thing.max(axis=0) + SKIN
-        around = np.flatnonzero(((points >= low) & (points <= high)).all(axis=1))
-        distance, _ = KDTree(thing).query(points[around], distance_upper_bound=SKIN)
-        return around[np.isfinite(distance)]
 
     def probabilities(self) -> NDArray[np.float32]:
         """(M, 8) float32 class probabilities: the mean over all returns in the voxel."""

@@ -40,31 +40,11 @@ def test_frames_are_fused() -> None:
     assert semantic_map.labels().tolist() == [Label.TERRAIN]
 
 
-def test_what_lies_at_the_points_of_a_find_is_of_its_label() -> None:
-    found = [
-        (Label.CLUTTER, cloud((0.01, 0.02, 0.01), (0.0, 0.0, 0.3))),
-        (Label.CLUTTER, cloud((2, 0, 0))),
-        (Label.VICTIM, cloud((2, 0, 0.02))),
-        (Label.CLUTTER, cloud()),
-    ]
-    semantic_map = SemanticMap(found=lambda: found)
-    semantic_map.update(cloud((0.01, 0.01, 0.01), (0.07, 0.01, 0.01), (2, 0, 0)), one_hot(1, 2, 3))
-    assert semantic_map.labels().tolist() == [Label.CLUTTER, 2, Label.VICTIM]
-    found[:] = [(Label.VICTIM, cloud((5, 5, 5)))]  # the others turned out to be none
-    assert semantic_map.labels().tolist() == [1, 2, 3]
-
-
 def test_a_ramp_that_is_no_way_is_clutter() -> None:
     semantic_map = SemanticMap(lambda points, is_deck: points[:, 2] - (is_deck & (points[:, 0] > 1)) > 0.5)
     points = cloud((0, 0, 0.4), (0, 0, 0.6), (0, 0.1, 0.6), (0, 0.2, 0.6), (2, 0, 0.6), (3, 0, 0.6))
     semantic_map.update(points, one_hot(4, 4, 3, 1, 4, 3))
     assert semantic_map.labels().tolist() == [4, Label.CLUTTER, Label.CLUTTER, 1, 4, Label.CLUTTER]
-
-
-def test_a_classifier_that_knows_victims_has_the_say() -> None:
-    semantic_map = SemanticMap(found=lambda: [(Label.VICTIM, cloud((0, 0, 0)))])
-    semantic_map.update(cloud((0, 0, 0), (2, 0, 0)), one_hot(1, Label.VICTIM))
-    assert semantic_map.labels().tolist() == [1, Label.VICTIM]
 
 
 def test_sides_of_zero_are_different_voxels() -> None:

@@ -4,7 +4,7 @@ Signs lie flat on walls, and so do the backs of the boxes in which the dolls of 
 them from the wall.
 """
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -37,11 +37,13 @@ def with_finds(
     if (labels == Label.VICTIM).any():
         return labels
     result = labels.copy()
-    for found, label in ((things, Label.CLUTTER), (people, Label.VICTIM)):
-        for of_it in found:
-            result[_near(points, of_it)] = label
-    for back in list(_hanging_boxes(points, result, step)):
-        result[back] = Label.CLUTTER
+    for thing in things:
+        result[_near(points, thing)] = Label.CLUTTER
+    found = [_near(points, person) for person in people]
+    for person in found:
+        result[person] = Label.VICTIM
+    for person in found:
+        result[_back_of_box(points, result, person, step)] = Label.CLUTTER
     return result
 
 
@@ -56,26 +58,36 @@ def _near(points: NDArray[np.float32], found: NDArray[np.float32]) -> NDArray[np
 
 def _within(points: NDArray[np.float32], found: NDArray[np.float32]) -> NDArray[np.intp]:
     """Indices of the points (N, 3) in the bounding box of others (M, 3), at least one, or within SKIN of it."""
-    low, high = found.min(axis=0) - SKIN, found.max(axis=0) + SKIN
-    return np.flatnonzero(((points >= low) & (points <= high)).all(axis=1))
+    return _in_box(points, found.min(axis=0) - SKIN, found.max(axis=0) + SKIN)
 
 
-def _hanging_boxes(points: NDArray[np.float32], labels: NDArray[np.uint8], step: float) -> Iterator[NDArray[np.intp]]:
-    """Indices of what is taken for wall in the hull of each person who hangs and of the clutter around it.
+def _in_box(points: NDArray[np.float32], low: NDArray[np.float32], high: NDArray[np.float32]) -> NDArray[np.intp]:
+    """Indices of the points (N, D) between corners (D,), of which only as many coordinates count."""
+    own = points[:, : len(low)]
+    return np.flatnonzero(((own >= low) & (own <= high)).all(axis=1))
 
-    A box is larger than what is seen of the person in it.
+
+def _back_of_box(
+    points: NDArray[np.float32], labels: NDArray[np.uint8], person: NDArray[np.intp], step: float
+) -> NDArray[np.intp]:
+    """Indices of what is taken for wall in the hull of a person and of the clutter around it, if both hang.
+
+    A box is larger than what is seen of the person in it, by no more than the person's length to each side.
     """
-    is_person, is_clutter = labels == Label.VICTIM, labels == Label.CLUTTER
-    if not is_person.any():
-        return
-    things = np.flatnonzero(is_person | is_clutter)
+    nothing = np.zeros(0, np.intp)
+    if not len(person):
+        return nothing
+    low, high = points[person].min(axis=0), points[person].max(axis=0)
+    length = (high - low).max()
+    around = _in_box(points, low - length, high + length)
+    things = around[np.isin(labels[around], (Label.VICTIM, Label.CLUTTER))]
     part_of = _parts(points[things])
-    for part in np.unique(part_of[is_person[things]]):
-        own = things[part_of == part]
-        if 2 * np.count_nonzero(is_clutter[own]) > len(own) and not _stands(points, points[own], step):
-            walls = _within(points, points[own])
-            walls = walls[labels[walls] == Label.WALL]
-            yield walls[_in_hull(points[walls], points[own])]
+    own = things[np.isin(part_of, part_of[np.isin(things, person)])]
+    if 2 * np.count_nonzero(labels[own] == Label.CLUTTER) <= len(own) or _stands(points, points[own], step):
+        return nothing
+    walls = _within(points, points[own])
+    walls = walls[labels[walls] == Label.WALL]
+    return walls[_in_hull(points[walls], points[own])]
 
 
 def _in_hull(points: NDArray[np.float32], own: NDArray[np.float32]) -> NDArray[np.bool_]:
@@ -89,9 +101,10 @@ def _in_hull(points: NDArray[np.float32], own: NDArray[np.float32]) -> NDArray[n
 
 def _stands(points: NDArray[np.float32], own: NDArray[np.float32], step: float) -> bool:
     """Whether most of the points (N, 3) below a thing's (M, 3) reach up to it, to within ``step`` m."""
-    (*low, bottom), (*high, _) = own.min(axis=0), own.max(axis=0)
-    is_below = ((points[:, :2] >= low) & (points[:, :2] <= high)).all(axis=1) & (points[:, 2] < bottom)
-    return not is_below.any() or bool(np.median(points[is_below, 2]) > bottom - step)
+    bottom = own[:, 2].min()
+    heights = points[_in_box(points, own[:, :2].min(axis=0), own[:, :2].max(axis=0)), 2]
+    below = heights[heights < bottom]
+    return not len(below) or bool(np.median(below) > bottom - step)
 
 
 def _parts(points: NDArray[np.float32]) -> NDArray[np.intp]:

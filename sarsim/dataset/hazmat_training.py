@@ -55,11 +55,10 @@ class HazmatTraining(PatchTraining):
             network: to begin with; by default one of random weights.
         """
         super().__init__(config, lambda: network or PatchNetwork(len(HAZMAT_CLASSES), side=SIGN_SIDE))
-        self._uses = config.uses
+        self._uses, self._labels, self._pictures = config.uses, config.labels // 5 + 1, pictures
         self._drawn = _drawn(pictures, config)
         first = [next(self._drawn) for _ in range(-(-config.bank // CHUNK))]
         self._images, self._kinds = (np.concatenate(part) for part in zip(*first, strict=True))
-        self._unseen = PatchSource.make(config.labels // 5 + 1, pictures, self.rng)
         self._taken = self._oldest = 0
 
     def batch(self, size: int) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
@@ -75,7 +74,8 @@ class HazmatTraining(PatchTraining):
 
     def accuracy(self) -> float:
         """The share of patches of newly drawn labels that are classified rightly."""
-        unseen, right = patches(self._unseen, VALIDATED, self.rng)
+        source = PatchSource.make(self._labels, self._pictures, self.rng)
+        unseen, right = patches(source, VALIDATED, self.rng)
         return float((self.network.cpu().eval().probabilities(unseen).argmax(axis=1) == right).mean())
 
 

@@ -10,8 +10,9 @@ from math import inf, log
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 from scipy.special import log_ndtr
+
+from pipeline.segments.cells import parts
 
 THIN = 0.02
 """m, noise of a depth camera at its usual range; nothing seems thinner."""
@@ -110,12 +111,7 @@ def _parts(points: NDArray[np.floating], free: NDArray[np.bool_], gap: float) ->
     """(N,) bool for each part of the ``free`` points (N, 3), which are apart by about ``gap``, m."""
     if not free.any():
         return
-    cells = np.floor(points / gap).astype(np.int64)
-    cells -= cells[free].min(axis=0)
-    grid = np.zeros(cells[free].max(axis=0) + 1, np.bool_)
-    grid[tuple(cells[free].T)] = True
-    parts, count = ndimage.label(grid, np.ones((3, 3, 3)))
     part_of = np.zeros(len(points), np.int64)
-    part_of[free] = parts[tuple(cells[free].T)]
-    for number in range(1, count + 1):
+    part_of[free] = parts(points[free], gap)
+    for number in range(1, part_of.max() + 1):
         yield part_of == number

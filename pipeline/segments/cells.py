@@ -6,6 +6,7 @@ different frames unite exactly and in any order.
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy import ndimage
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import KDTree
@@ -52,6 +53,19 @@ def thinned(points: NDArray[np.float32]) -> NDArray[np.float32]:
     first = np.empty(len(cubes), np.intp)
     first[cube_of[::-1]] = np.arange(len(cube_of))[::-1]
     return points[first]
+
+
+def parts(points: NDArray[np.floating], edge: float) -> NDArray[np.intp]:
+    """(N,) number from 1 on of the part of each point (N, 3), m, at least one.
+
+    Points in one cube with an ``edge`` in m, or in neighbouring ones, are of one part.
+    """
+    cubes = np.floor(points / edge).astype(np.int64)
+    cubes -= cubes.min(axis=0)
+    grid = np.zeros(cubes.max(axis=0) + 1, np.bool_)
+    grid[tuple(cubes.T)] = True
+    labels, _ = ndimage.label(grid, np.ones((3, 3, 3)))
+    return np.asarray(labels[tuple(cubes.T)], np.intp)
 
 
 def in_contact(a: Cells, b: Cells) -> bool:

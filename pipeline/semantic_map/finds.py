@@ -8,10 +8,10 @@ from collections.abc import Sequence
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy import ndimage
 from scipy.spatial import ConvexHull, KDTree, QhullError
 
 from pipeline.labels import Label
+from pipeline.segments.cells import parts
 
 SKIN = 0.03  # m; a point this near to the points of what was found belongs to it
 
@@ -81,7 +81,7 @@ def _back_of_box(
     length = (high - low).max()
     around = _in_box(points, low - length, high + length)
     things = around[np.isin(labels[around], (Label.VICTIM, Label.CLUTTER))]
-    part_of = _parts(points[things])
+    part_of = parts(points[things] - points[things].min(axis=0), SKIN)
     own = things[np.isin(part_of, part_of[np.isin(things, person)])]
     if 2 * np.count_nonzero(labels[own] == Label.CLUTTER) <= len(own) or _stands(points, points[own], step):
         return nothing
@@ -105,12 +105,3 @@ def _stands(points: NDArray[np.float32], own: NDArray[np.float32], step: float) 
     heights = points[_in_box(points, own[:, :2].min(axis=0), own[:, :2].max(axis=0)), 2]
     below = heights[heights < bottom]
     return not len(below) or bool(np.median(below) > bottom - step)
-
-
-def _parts(points: NDArray[np.float32]) -> NDArray[np.intp]:
-    """(N,) number of the part of each point (N, 3); parts are apart by SKIN to twice as much."""
-    cells = np.floor((points - points.min(axis=0)) / SKIN).astype(np.intp)
-    grid = np.zeros(cells.max(axis=0) + 1, np.bool_)
-    grid[tuple(cells.T)] = True
-    parts, _ = ndimage.label(grid, np.ones((3, 3, 3)))
-    return np.asarray(parts[tuple(cells.T)], np.intp)

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.segments.cells import NONE, SURFACE_CELL, cells_of, centres, connected_pieces, in_contact, unite
+from pipeline.segments.cells import NONE, SURFACE_CELL, cells_of, centres, connected_pieces, in_contact, parts, unite
 from pipeline.segments.cells_kernels import moved, placed_cells
 from pipeline.transforms import from_yaw
 
@@ -100,3 +100,10 @@ def test_stray_points_at_an_edge_are_no_part_of_the_surface() -> None:
 
 def test_far_sets_are_not_in_contact() -> None:
     assert not in_contact(cells_of(sheet(0, 1, 0, 1))[0], cells_of(sheet(8, 9, 0, 1))[0])
+
+
+def test_points_in_neighbouring_cubes_are_of_one_part() -> None:
+    points = np.array([(0.01, 0, 0), (0.11, -0.01, 0.01), (0.31, 0, 0), (0.41, 0.11, 0.11), (-0.01, 0, 0)])
+    one, other = parts(points, 0.1)[[0, 2]]
+    assert one != other
+    assert parts(points, 0.1).tolist() == [one, one, other, other, one]

@@ -5,25 +5,25 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.elevation_map.traversability import Traversability
 from pipeline.exploration.frontiers import find_frontiers
+from pipeline.exploration.mission import PATIENCE, Mission
 from pipeline.exploration.next_best_view import Exploration
 from pipeline.exploration.viewpoint import Context, Strategy, Viewpoint
 from pipeline.finds.reobservation import Reobservation
+from pipeline.geometry.cells import centres
 from pipeline.keyframes import Moves
 from pipeline.labels import Label
 from pipeline.localisation.localisation import KEYFRAME_WAY
 from pipeline.mapper import Keyframe, Mapper
-from pipeline.missions.mission import PATIENCE, Mission
 from pipeline.navigation.keyframing import Keyframing
 from pipeline.navigation.navigator import Navigator, Outcome
 from pipeline.navigation.obstacle_check import ObstacleCheck
 from pipeline.navigation.speed_limit import SpeedLimit
 from pipeline.planning.path_plan import TOPOLOGICAL, PathPlan, Planner
+from pipeline.planning.pose_paths import PosePaths
 from pipeline.robot import Motion, Robot
-from pipeline.segments.cells import centres
 from pipeline.transforms import yaw_of
-from pipeline.traversability.pose_paths import PosePaths
-from pipeline.traversability.traversability import Traversability
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,19 +13,19 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
+from pipeline.elevation_map.depth_dropouts import find_depth_dropouts
+from pipeline.elevation_map.elevation_kernels import Z_BIN, lowest_rays
+from pipeline.elevation_map.elevation_map import CELL, ElevationMap
+from pipeline.elevation_map.ground_evidence import GroundEvidence, box_of
 from pipeline.errors import InputError
 from pipeline.frame import Frame, Intrinsics
+from pipeline.geometry.cells_kernels import moved
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.robot import RobotModel
-from pipeline.segments.cells_kernels import moved
 from pipeline.semantic_map.class_shares import ClassShares
 from pipeline.semantic_map.semantic_map import VOXEL, SemanticMap
 from pipeline.semantic_map.voxels import VoxelCloud
 from pipeline.transforms import POSE, are_poses, yaw_of
-from pipeline.traversability.depth_dropouts import find_depth_dropouts
-from pipeline.traversability.elevation_kernels import Z_BIN, lowest_rays
-from pipeline.traversability.elevation_map import CELL, ElevationMap
-from pipeline.traversability.ground_evidence import GroundEvidence, box_of
 
 UNIT = 2.5e-4
 """m, to which kept points and depths are rounded: a fifth of the noise of the best depth camera."""

@@ -10,13 +10,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.elevation_map.elevation_map import ElevationMap
+from pipeline.elevation_map.ground_evidence import Assumed, Driven, GroundEvidence
 from pipeline.errors import InputError
 from pipeline.files import each, load_arrays, whole_file
-from pipeline.finds.find import FIND_KINDS, Reading
 from pipeline.finds.find_map import TrackedFind
-from pipeline.finds.observation import FindSighting
-from pipeline.finds.victims.person_voxels import PersonVoxels
-from pipeline.finds.victims.victim_map import Sighting, Victim
 from pipeline.frame import Intrinsics
 from pipeline.keyframes import Keyframes, Places, Seen
 from pipeline.labels import Label
@@ -27,9 +25,11 @@ from pipeline.robot import RobotModel
 from pipeline.segments.members import Member
 from pipeline.segments.plane import Moments
 from pipeline.semantic_map.class_shares import ClassShares
+from pipeline.tracks.find import FIND_KINDS, Reading
+from pipeline.tracks.observation import FindSighting
 from pipeline.transforms import POSE, are_poses
-from pipeline.traversability.elevation_map import ElevationMap
-from pipeline.traversability.ground_evidence import Assumed, Driven, GroundEvidence
+from pipeline.victims.person_voxels import PersonVoxels
+from pipeline.victims.victim_map import Sighting, Victim
 
 KEYFRAMES = "keyframes.npz"  # The file that ``--map`` reads in a folder of results
 FORMAT, VERSION = "sarsim keyframes", 6

@@ -8,19 +8,24 @@ from typing import Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.elevation_map.accessibility import is_inaccessible
+from pipeline.elevation_map.elevation_map import CELL, HEIGHTS, ElevationMap
+from pipeline.elevation_map.ground_evidence import Assumed, Driven, GroundEvidence
+from pipeline.elevation_map.pose_kernels import MOST_ROOM
+from pipeline.elevation_map.traversability import Traversability
+from pipeline.elevation_map.traversability_layer import TraversabilityLayer
 from pipeline.errors import InputError
 from pipeline.finds.background_reader import BackgroundReader
 from pipeline.finds.find_map import Finds
 from pipeline.finds.readers import FindReaders
-from pipeline.finds.victims.detection.detection import Detection, Detector
-from pipeline.finds.victims.victim_map import Victims
 from pipeline.frame import Frame
+from pipeline.geometry.cells_kernels import moved
 from pipeline.keyframes import Keyframes, Moves, Seen, nearest
 from pipeline.localisation.localisation import Localisation
 from pipeline.localisation.slam import Slam
 from pipeline.metric_map.metric_map import MetricMap
+from pipeline.planning.pose_paths import PosePaths
 from pipeline.robot import RobotModel
-from pipeline.segments.cells_kernels import moved
 from pipeline.segments.planes import PlanePatch, find_planes
 from pipeline.segments.segments import Segments
 from pipeline.semantic_map.classifier import PointClassifier, TruthClassifier
@@ -30,13 +35,8 @@ from pipeline.semantic_map.uprights import with_whole_uprights
 from pipeline.stopwatch import Stopwatch
 from pipeline.topological_map.topological_map import TopologicalMap
 from pipeline.transforms import inverse, transform_points, yaw_of
-from pipeline.traversability.accessibility import is_inaccessible
-from pipeline.traversability.elevation_map import CELL, HEIGHTS, ElevationMap
-from pipeline.traversability.ground_evidence import Assumed, Driven, GroundEvidence
-from pipeline.traversability.pose_kernels import MOST_ROOM
-from pipeline.traversability.pose_paths import PosePaths
-from pipeline.traversability.traversability import Traversability
-from pipeline.traversability.traversability_layer import TraversabilityLayer
+from pipeline.victims.detection.detection import Detection, Detector
+from pipeline.victims.victim_map import Victims
 
 
 @dataclass(frozen=True, eq=False)

@@ -7,16 +7,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.errors import InputError
-from pipeline.expedition import Expedition, ResultFolder
 from pipeline.explorer import Explorer, Observer
 from pipeline.files import check_folder, each, make_folder
+from pipeline.league.brief import MissionBrief
 from pipeline.map_file import KEYFRAMES, load_keyframes
 from pipeline.mapper import Mapper
-from pipeline.missions.brief import MissionBrief
 from pipeline.rerun.viewer import Viewer
 from pipeline.robot import Robot
 from pipeline.ros.recorded_robot import ExplorerBag, RecordedRobot
 from pipeline.ros.topics import Joints
+from pipeline.run import Expedition, ResultFolder
 from sarsim.arenas.fiducials import hang_fiducials
 from sarsim.arenas.load import load_arena
 from sarsim.methods.make import make_exploration, make_localisation, make_planner

@@ -14,16 +14,16 @@ import mujoco.viewer
 import numpy as np
 
 from pipeline.errors import InputError
-from pipeline.expedition import ResultFolder
 from pipeline.files import each, make_folder
 from pipeline.localisation.localisation import is_keyframe
 from pipeline.mapper import Mapper
 from pipeline.metric_map.isolated_returns import without_isolated_returns
+from pipeline.planning.pose_paths import PosePaths
 from pipeline.rerun.viewer import Viewer
 from pipeline.rescue_report.situation import Situation, situation_of
 from pipeline.robot import Velocity
+from pipeline.run import ResultFolder
 from pipeline.transforms import yaw_of
-from pipeline.traversability.pose_paths import PosePaths
 from sarsim.arenas.arena import RescueArena
 from sarsim.environment import CONTROL_TIMESTEP, RescueEnvironment
 from sarsim.methods.perception import make_perception

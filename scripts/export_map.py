@@ -69,10 +69,10 @@ def _export_voxels(path: Path, out: Path, heights: tuple[float, float] | None) -
 
 def _export_ground(path: Path, out: Path, robot: Robot) -> list[Path]:
     """Write a 2D map of the ground by its traversability for the robot; returns the files."""
+    from pipeline.elevation_map.traversability import assess_map
     from pipeline.map_file import load_elevation_map
     from pipeline.metric_map.io.plans import SAVED
-    from pipeline.traversability.ros_map import known_costs, save_ros_map, trinary
-    from pipeline.traversability.traversability import assess_map
+    from pipeline.ros.ros_map import known_costs, save_ros_map, trinary
     from sarsim.robots.model import robot_model
 
     keyframes = path.with_name("keyframes.npz")

@@ -11,12 +11,12 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from pipeline.errors import InputError
 from pipeline.files import whole_file
-from pipeline.finds.find import KINDS
-from pipeline.finds.victims.detection.boxes import MOST_BOXES
-from pipeline.finds.victims.detection.detection import Detection, Detector
 from pipeline.frame import Frame
 from pipeline.labels import Label
 from pipeline.semantic_map.classifier import PointClassifier
+from pipeline.tracks.find import KINDS
+from pipeline.victims.detection.boxes import MOST_BOXES
+from pipeline.victims.detection.detection import Detection, Detector
 
 
 class OutputCache:

@@ -11,14 +11,14 @@ import numpy as np
 from pipeline.datasets.recording import CameraPose, Recording
 from pipeline.datasets.replay import Replay, Replayed, default_poses, localisation_of
 from pipeline.errors import InputError
-from pipeline.expedition import ResultFolder
 from pipeline.files import make_folder
+from pipeline.league.brief import MissionBrief
 from pipeline.localisation.localisation import LostError
 from pipeline.localisation.trajectory import EstimatedTrajectory
 from pipeline.mapper import Mapper
-from pipeline.missions.brief import MissionBrief
 from pipeline.rerun.recorder import Recorder
 from pipeline.rescue_report.situation import Situation, situation_of
+from pipeline.run import ResultFolder
 from pipeline.transforms import inverse
 from sarsim.methods.perception import make_perception, make_readers
 from sarsim.robots.model import robot_model

@@ -9,13 +9,12 @@ from numpy.typing import NDArray
 
 from pipeline.datasets.recording import CameraPose
 from pipeline.errors import InputError
-from pipeline.expedition import Expedition, ResultFolder
 from pipeline.explorer import Explorer, Observer, Step
 from pipeline.files import check_folder, make_folder
+from pipeline.league.brief import MissionBrief
 from pipeline.localisation.trajectory import EstimatedTrajectory
 from pipeline.map_file import KEYFRAMES, load_keyframes
 from pipeline.mapper import Keyframe, Mapper
-from pipeline.missions.brief import MissionBrief
 from pipeline.navigation.navigator import Outcome
 from pipeline.rerun.recorder import Recorder
 from pipeline.rerun.viewer import Viewer
@@ -24,6 +23,7 @@ from pipeline.ros.live.node import RosNode
 from pipeline.ros.live.ros_robot import RosRobot
 from pipeline.ros.messages import MAP, ODOM, transforms
 from pipeline.ros.topics import MapTopics
+from pipeline.run import Expedition, ResultFolder
 from sarsim.methods.make import make_exploration
 from sarsim.methods.perception import make_perception, make_readers
 from sarsim.robots.model import robot_model

@@ -58,7 +58,7 @@ def run_episode(config: EpisodeConfig) -> None:
 
 def cache_outputs(episode: "Episode") -> "OutputCache":
     """Cache the outputs of an episode's networks in its folder, so that a resumed episode need not run them again."""
-    from pipeline.finds.victims.detection.weights import network_files
+    from pipeline.victims.detection.weights import network_files
     from sarsim.scripts.network_cache import CachedClassifier, CachedDetector, OutputCache
 
     config, mapper = episode.config, episode.explorer.mapper

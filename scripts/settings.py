@@ -14,7 +14,7 @@ import yaml
 
 from pipeline.errors import InputError
 from pipeline.files import read_text, whole_file
-from pipeline.missions.brief import MissionBrief, Task
+from pipeline.league.brief import MissionBrief, Task
 from sarsim.assets import asset
 from sarsim.scripts.cli import COMMON, common, guarded, parse
 from sarsim.settings import EXPLORE, METHODS

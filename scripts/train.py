@@ -15,8 +15,8 @@ from tyro.conf import Fixed
 
 from pipeline.errors import InputError
 from pipeline.files import whole_file
-from pipeline.finds.victims.detection.training_config import YoloTrainingConfig
 from pipeline.semantic_map.networks.training_config import TrainingConfig
+from pipeline.victims.detection.training_config import YoloTrainingConfig
 from sarsim.assets import asset
 from sarsim.dataset.settings import HazmatTrainingConfig, PatchTrainingConfig
 from sarsim.scripts.cli import Interruptible, check_folder_of, progress, tracked
@@ -149,7 +149,7 @@ def train_points(settings: TrainPoints, network: str) -> None:
 def train_yolo(settings: TrainYolo) -> None:
     """Train the victim detector, and print the path of its weights."""
     _check(settings, ".weights")
-    from pipeline.finds.victims.detection.training import YoloTrainer
+    from pipeline.victims.detection.training import YoloTrainer
     from sarsim.dataset.victim_images import VictimImages
 
     config = YoloTrainingConfig(**{f.name: getattr(settings, f.name) for f in fields(YoloTrainingConfig)})
@@ -198,8 +198,8 @@ def train_explorer(settings: TrainExplorer) -> None:
 def train_shapes(settings: TrainShapes) -> None:
     """Train the classifier of extinguishers and levers, and print how many it tells and the path of its weights."""
     _check_out(settings.out, ".safetensors")
-    from pipeline.finds.find import SHAPED
     from pipeline.finds.patch_network import PatchNetwork
+    from pipeline.tracks.find import SHAPED
     from sarsim.dataset.patch_training import save_patch_network
     from sarsim.dataset.shape_training import COPIES, ShapePatches, ShapeTraining, calibrate, confusion
 

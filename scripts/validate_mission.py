@@ -17,7 +17,7 @@ def validate_mission(path: Annotated[Path, tyro.conf.Positional]) -> None:
     Args:
         path: folder of the files, or an episode's that contains handed_in/.
     """
-    from pipeline.missions.validation import validate
+    from pipeline.league.validation import validate
 
     faults = validate(path)
     print("\n".join(faults) or f"{path}: a judge would reject nothing")

@@ -28,8 +28,6 @@ from pipeline.datasets.tum_folder import read_tum_folder
 from pipeline.errors import InputError
 from pipeline.explorer import Explorer
 from pipeline.files import each, load_arrays
-from pipeline.finds.victims.detection.detector import VictimDetector
-from pipeline.finds.victims.detection.weights import write_weights
 from pipeline.frame import Frame
 from pipeline.localisation.localisation import LostError
 from pipeline.localisation.slam import Slam
@@ -41,6 +39,8 @@ from pipeline.semantic_map.networks.blocks import BlockConfig
 from pipeline.semantic_map.networks.classifier import load_classifier, save_classifier
 from pipeline.semantic_map.rules import RuleClassifier
 from pipeline.transforms import from_yaw
+from pipeline.victims.detection.detector import VictimDetector
+from pipeline.victims.detection.weights import write_weights
 from sarsim.arenas.load import load_arena
 from sarsim.dataset.exports.export import Export
 from sarsim.dataset.exports.s3dis import S3dis

@@ -7,14 +7,14 @@ import networkx as nx
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.elevation_map.traversability import Traversability
 from pipeline.explorer import Explorer, Step
 from pipeline.labels import COLOURS
 from pipeline.mapper import Mapper
 from pipeline.planning.path_plan import plan_path
+from pipeline.planning.pose_paths import PosePaths
 from pipeline.semantic_map.classifier import TruthClassifier
 from pipeline.topological_map.topological_map import TopologicalMap
-from pipeline.traversability.pose_paths import PosePaths
-from pipeline.traversability.traversability import Traversability
 from sarsim.arenas.load import load_arena
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 

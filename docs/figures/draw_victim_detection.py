@@ -9,10 +9,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.finds.victims.detection.detector import VictimDetector
-from pipeline.finds.victims.observation import Observation, observe
 from pipeline.frame import Frame
 from pipeline.transforms import inverse, transform_points
+from pipeline.victims.detection.detector import VictimDetector
+from pipeline.victims.observation import Observation, observe
 from sarsim.dataset.render import World, find_scene
 from sarsim.scripts.benchmarks.victims_frames import recipe, with_lighting
 from sarsim.sensors.lighting import Lighting

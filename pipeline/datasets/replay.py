@@ -21,8 +21,8 @@ from pipeline.localisation.trajectory import Trajectory
 from pipeline.mapper import Keyframe, Mapper
 from pipeline.metric_map.isolated_returns import without_isolated_returns
 from pipeline.navigation.keyframing import LABELLED
+from pipeline.planning.pose_paths import PosePaths
 from pipeline.transforms import from_rotation, inverse, level
-from pipeline.traversability.pose_paths import PosePaths
 
 PoseSource = Literal["slam", "registration", "odometry", "truth"]
 """Odometry corrected by registration; registration alone; recorded odometry or true poses without correction."""

@@ -1,1 +1,1 @@
-"""Exploration: the next best view, its baselines, and what a viewpoint should show."""
+"""Exploration: the next best view and its baselines, goals, and the clock: what to do next."""

@@ -7,6 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from pipeline.elevation_map.elevation_map import CELL
+from pipeline.elevation_map.pose_kernels import ANGLES, STOP
 from pipeline.exploration import visibility
 from pipeline.exploration import visibility_kernels as kernels
 from pipeline.exploration.frontiers import near_ground, unseen
@@ -14,11 +16,9 @@ from pipeline.exploration.posterior import MOST_MISSES, Posterior
 from pipeline.exploration.viewpoint import ARRIVED, Context, Viewpoint
 from pipeline.grid_map import GridMap, Layer, best_of_blocks
 from pipeline.keyframes import Places
+from pipeline.planning.pose_paths import bits
 from pipeline.robot import RobotModel
 from pipeline.transforms import wrap_angle
-from pipeline.traversability.elevation_map import CELL
-from pipeline.traversability.pose_kernels import ANGLES, STOP
-from pipeline.traversability.pose_paths import bits
 
 WORTHWHILE = np.log(1.002) / np.log(1.15)
 """Least growth of the ground seen, over that of the mission's time, both as logarithms: 0.2 % of ground for 15 % of

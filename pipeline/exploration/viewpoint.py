@@ -6,9 +6,9 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.elevation_map.traversability import Traversability
 from pipeline.frame import Frame
-from pipeline.traversability.pose_paths import PosePaths
-from pipeline.traversability.traversability import Traversability
+from pipeline.planning.pose_paths import PosePaths
 
 ARRIVED = 0.15
 """m; a robot this close to a viewpoint or goal has reached it."""

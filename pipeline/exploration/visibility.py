@@ -6,13 +6,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from pipeline.elevation_map.pose_kernels import ANGLES
 from pipeline.exploration import visibility_kernels as kernels
 from pipeline.exploration.visibility_kernels import RAY_STEP, RAYS
 from pipeline.frame import Frame
 from pipeline.grid_map import blocks
 from pipeline.localisation.localisation import KEYFRAME_WAY
 from pipeline.transforms import yaw_of
-from pipeline.traversability.pose_kernels import ANGLES
 
 PLACE_STRIDE = 5
 """Cells along each side of the blocks, each of which has one place for viewpoints."""

@@ -6,10 +6,10 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from pipeline.elevation_map.elevation_kernels import cell_at
 from pipeline.labels import RAMP_TILT
 from pipeline.localisation.localisation import KEYFRAME_WAY
 from pipeline.sensor import XTION
-from pipeline.traversability.elevation_kernels import cell_at
 
 RAYS = 180
 """Number of directions around a viewpoint."""

@@ -3,10 +3,10 @@
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 
-from pipeline.finds.find import Reading
 from pipeline.finds.readers import FindReaders
-from pipeline.finds.victims.detection.detection import Detection, Detector
 from pipeline.frame import Frame
+from pipeline.tracks.find import Reading
+from pipeline.victims.detection.detection import Detection, Detector
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.finds.find import Reading
 from pipeline.finds.squares import PATCH, Squares, corners_in, is_same, rectified
+from pipeline.tracks.find import Reading
 
 FAMILY = cv2.aruco.DICT_APRILTAG_36h11
 SHOWN = 40  # Most characters of what a code says in maps and lists

@@ -8,18 +8,18 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
-from pipeline.finds.find import CODES, HEAT, PRINTED, SHAPED, Find, Reading
-from pipeline.finds.observation import FindSighting, sight
 from pipeline.finds.reobservation import NEW_SIDE
-from pipeline.finds.sought import THING_GAP, apart
-from pipeline.finds.victims.victim_map import Victims
 from pipeline.finds.warm_victims import one_per_victim
 from pipeline.frame import Frame
 from pipeline.keyframes import Places
 from pipeline.localisation.gates import chi2_gate
 from pipeline.localisation.localisation import KEYFRAME_WAY
 from pipeline.sensor import SensorModel
+from pipeline.tracks.find import CODES, HEAT, PRINTED, SHAPED, Find, Reading
+from pipeline.tracks.observation import FindSighting, sight
+from pipeline.tracks.sought import THING_GAP, apart
 from pipeline.transforms import inverse, transform_points
+from pipeline.victims.victim_map import Victims
 
 READABLE = 60
 """Pixels along a side from which signs and codes are surely read: two for a module of a small QR code."""

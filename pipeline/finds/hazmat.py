@@ -6,10 +6,10 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.finds.find import Reading
 from pipeline.finds.hazmat_classes import HAZMAT_CLASSES
 from pipeline.finds.patch_network import PatchNetwork
 from pipeline.finds.squares import Squares, is_same, overlap, rectified
+from pipeline.tracks.find import Reading
 
 SIGN = "hazmat_sign"
 SIGN_SIDE = 96  # Pixels along a patch, of which eight in ten are the sign: ten for each of a word's letters

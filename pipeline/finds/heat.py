@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.finds.find import Reading
+from pipeline.tracks.find import Reading
 
 WARM = 5.0
 """°C above the median of the image from which something is warm: clothes on a living person are 6 to 8 °C above the

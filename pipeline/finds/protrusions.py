@@ -11,11 +11,11 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.finds.find import SHAPED
-from pipeline.finds.likelihood import EXTENTS, SPREAD, THIN
 from pipeline.finds.quads import CONTRAST
 from pipeline.frame import Frame, Intrinsics
 from pipeline.sensor import SensorModel
+from pipeline.tracks.find import SHAPED
+from pipeline.tracks.likelihood import EXTENTS, SPREAD, THIN
 
 (BOTTLE, *_), (LEVER, *_) = (EXTENTS[kind] for kind in SHAPED)
 """(3,) m, medians of a bottle's and a lever's extents, the longest first."""

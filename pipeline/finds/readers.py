@@ -8,16 +8,16 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.finds.codes import CodeReader
-from pipeline.finds.find import FIND_KINDS, Reading, box_corners
 from pipeline.finds.hazmat import HazmatReader
 from pipeline.finds.heat import warm_regions
 from pipeline.finds.shapes import ShapeReader
 from pipeline.finds.squares import Squares, is_same
 from pipeline.frame import Frame
+from pipeline.tracks.find import FIND_KINDS, Reading, box_corners
 
 
 class Detected(Protocol):
-    """A box of a detector; see :class:`pipeline.finds.victims.detection.detection.Detection`."""
+    """A box of a detector; see :class:`pipeline.victims.detection.detection.Detection`."""
 
     @property
     def box(self) -> tuple[float, float, float, float]:

@@ -6,11 +6,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from pipeline.finds.sought import THING_GAP, Seeker, Sought
 from pipeline.frame import Frame
 from pipeline.keyframes import Keyframes, Places
 from pipeline.localisation.localisation import KEYFRAME_WAY
 from pipeline.metric_map.metric_map import MetricMap
+from pipeline.tracks.sought import THING_GAP, Seeker, Sought
 from pipeline.transforms import wrap_angle
 
 REWARD = 1.0  # m² of unseen ground to which a viewpoint towards such a thing is equivalent

@@ -4,11 +4,11 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.finds.find import SHAPED, Reading
 from pipeline.finds.patch_network import PatchNetwork
 from pipeline.finds.protrusions import Protrusions, outline, square_around
 from pipeline.finds.squares import is_same, rectified
 from pipeline.frame import Frame
+from pipeline.tracks.find import SHAPED, Reading
 
 
 class ShapeReader:

@@ -5,8 +5,8 @@ from collections.abc import Iterator, Sequence
 import numpy as np
 from scipy.spatial import cKDTree
 
-from pipeline.finds.find import HEAT, SHAPED, Find
-from pipeline.finds.victims.victim_map import TOUCH, Victim
+from pipeline.tracks.find import HEAT, SHAPED, Find
+from pipeline.victims.victim_map import TOUCH, Victim
 
 BETWEEN = 0.4
 """m; a warm region no farther from what was seen of a person is of the same person."""

@@ -11,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from pipeline.elevation_map.elevation_map import ElevationMap
 from pipeline.localisation.localisation import KEYFRAME_TURN, KEYFRAME_WAY
 from pipeline.localisation.relocalisation_kernels import count_values, score
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.robot import RobotModel
 from pipeline.transforms import from_yaw, inverse, wrap_angle, yaw_of
-from pipeline.traversability.elevation_map import ElevationMap
 
 YAWS = np.linspace(0, 2 * np.pi, 72, endpoint=False)
 """rad, the headings that are tried: at 3 m, half a step moves a point by 0.13 m, which SURFACE allows for."""

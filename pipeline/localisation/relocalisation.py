@@ -7,6 +7,7 @@ import small_gicp
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from pipeline.elevation_map.elevation_map import ElevationMap
 from pipeline.frame import Frame
 from pipeline.localisation.agreement import Agreement, agreement
 from pipeline.localisation.belief import disproves
@@ -17,7 +18,6 @@ from pipeline.localisation.registration import CLOUD_VOXEL, COARSE, FINE, NORMAL
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.robot import RobotModel
 from pipeline.transforms import from_rotation, from_yaw, inverse, transform_points, yaw_of
-from pipeline.traversability.elevation_map import ElevationMap
 
 LEAST_FRAMES = 3
 """Least number of frames: one corner of a room looks like another, above all in an incomplete map."""

@@ -7,6 +7,8 @@ from enum import Enum
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.elevation_map.elevation_map import CELL
+from pipeline.elevation_map.traversability import RAMP_MARGIN
 from pipeline.labels import RAMP_TILT
 from pipeline.localisation.localisation import (
     KEYFRAME_TURN,
@@ -20,8 +22,6 @@ from pipeline.navigation.attitude import Attitude
 from pipeline.navigation.progress import Progress, Turn
 from pipeline.robot import Motion, Robot, RobotModel, Velocity
 from pipeline.transforms import transform_points, wrap_angle, yaw_of
-from pipeline.traversability.elevation_map import CELL
-from pipeline.traversability.traversability import RAMP_MARGIN
 
 LEAN = RAMP_TILT - STILL_TURN
 """rad; a robot that leans more is on a ramp, even if only its first wheels are."""

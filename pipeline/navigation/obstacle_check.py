@@ -9,8 +9,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.elevation_map.traversability import Traversability
 from pipeline.sensor import SensorModel
-from pipeline.traversability.traversability import Traversability
 
 CHECK_WAY = 0.4
 """m of straight driving between two checks."""

@@ -5,6 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.elevation_map.traversability import Traversability
 from pipeline.frame import Frame
 from pipeline.localisation.agreement import Agreement, agreement, change
 from pipeline.localisation.belief import LEANED, MotionState
@@ -13,7 +14,6 @@ from pipeline.localisation.relocalisation import Relocalisation
 from pipeline.mapper import Mapper
 from pipeline.navigation.navigator import Halt, Navigator
 from pipeline.transforms import inverse, yaw_of
-from pipeline.traversability.traversability import Traversability
 
 LOOKS = 8
 """Number of frames that a robot takes around itself when its pose is in doubt."""

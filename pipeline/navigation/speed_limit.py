@@ -6,10 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from pipeline.traversability.elevation_map import CELL
-from pipeline.traversability.pose_kernels import NARROW_SPEED, STANDING, level_speed
-from pipeline.traversability.pose_paths import nearest_heading
-from pipeline.traversability.traversability import RAMP_MARGIN, Traversability
+from pipeline.elevation_map.elevation_map import CELL
+from pipeline.elevation_map.pose_kernels import NARROW_SPEED, STANDING, level_speed
+from pipeline.elevation_map.traversability import RAMP_MARGIN, Traversability
+from pipeline.planning.pose_paths import nearest_heading
 
 BESIDE_PEOPLE = 1.0
 """m from a person within which the robot drives no faster than where it has no room."""

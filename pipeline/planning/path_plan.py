@@ -1,17 +1,16 @@
 """Path plan (thesis 3.4): Dijkstra's algorithm on the topological map."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Literal, Protocol
 
 import networkx as nx
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pipeline.elevation_map.traversability import Traversability
+from pipeline.planning.pose_paths import PosePaths, Way
 from pipeline.planning.visiting_order import visiting_order
-from pipeline.topological_map.topological_map import TopologicalMap
-from pipeline.traversability.pose_paths import PosePaths, Way
-from pipeline.traversability.traversability import Traversability
 
 UNREACHABLE = 1e5
 """s, cost between goals that no way connects."""
@@ -34,11 +33,41 @@ class PathPlan:
     length: float
 
 
+class PlaceOnGround(Protocol):
+    """A node of the graph."""
+
+    @property
+    def position(self) -> NDArray[np.float64]:
+        """(3,) m in ``map``, on the ground."""
+        ...
+
+
+class PlanningGraph(Protocol):
+    """What is planned on: a topological map.
+
+    Attributes:
+        kind: ``mst``, whose nodes the way leads over, or ``roadmap``, past whose nodes it leads.
+        graph: of the nodes' ids, with the seconds of each drive as weight.
+    """
+
+    kind: Literal["mst", "roadmap"]
+    graph: nx.Graph
+
+    @property
+    def nodes(self) -> Mapping[int, PlaceOnGround]:
+        """The nodes by their ids."""
+        ...
+
+    def links_from(self, xy: NDArray[np.float64], traversability: Traversability) -> dict[int, float]:
+        """Seconds of the straight drives from a place ``xy`` (2,), m, to nodes, by the nodes' ids."""
+        ...
+
+
 class Planner(Protocol):
     """Plans the way to a viewpoint or goal."""
 
     def plan(
-        self, topology: TopologicalMap, paths: PosePaths, goal: ArrayLike, heading: float | None = None
+        self, topology: PlanningGraph, paths: PosePaths, goal: ArrayLike, heading: float | None = None
     ) -> PathPlan | None:
         """The plan from the start of ``paths`` to a goal; None if no way leads there.
 
@@ -55,7 +84,7 @@ class TopologicalPlanner:
     """The planner of the thesis, :func:`plan_path`."""
 
     def plan(
-        self, topology: TopologicalMap, paths: PosePaths, goal: ArrayLike, heading: float | None = None
+        self, topology: PlanningGraph, paths: PosePaths, goal: ArrayLike, heading: float | None = None
     ) -> PathPlan | None:
         """As :class:`Planner` says."""
         return plan_path(topology, paths, goal, heading)
@@ -65,7 +94,7 @@ TOPOLOGICAL = TopologicalPlanner()
 
 
 def plan_path(
-    topology: TopologicalMap, paths: PosePaths, goal: ArrayLike, heading: float | None = None
+    topology: PlanningGraph, paths: PosePaths, goal: ArrayLike, heading: float | None = None
 ) -> PathPlan | None:
     """The plan from the start of ``paths`` to a goal (2 or 3,), m, with a given final heading, rad, or any.
 
@@ -155,7 +184,7 @@ def order_goals(paths: PosePaths, goals: Sequence[ArrayLike]) -> list[int]:
 
 
 def _nodes_between(
-    topology: TopologicalMap, traversability: Traversability, start: NDArray[np.float64], goal: NDArray[np.float64]
+    topology: PlanningGraph, traversability: Traversability, start: NDArray[np.float64], goal: NDArray[np.float64]
 ) -> list[int]:
     """Ids of the nodes on the quickest way, by Dijkstra's algorithm; none if no way leads over nodes."""
     graph = topology.graph.copy()

@@ -13,10 +13,10 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.explorer import Step
 from pipeline.frame import Frame, jpeg
+from pipeline.geometry.cells_kernels import cells_of
 from pipeline.labels import COLOURS, Label
 from pipeline.localisation.localisation import Loop
 from pipeline.metric_map.metric_map import MetricMap
-from pipeline.segments.cells_kernels import cells_of
 from pipeline.segments.segments import Segments
 from pipeline.semantic_map.semantic_map import SemanticMap
 from pipeline.topological_map.topological_map import TopologicalMap

@@ -7,9 +7,9 @@ import rerun as rr
 from PIL import ImageColor
 
 from pipeline.finds.codes import plain_text
-from pipeline.finds.find import Find, Reading
 from pipeline.rerun.drawings import GRAIN
 from pipeline.rerun.photo_sheet import sheet
+from pipeline.tracks.find import Find, Reading
 
 FIND_COLOUR = ImageColor.getrgb("darkorange")
 

@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 from pipeline.errors import InputError
 from pipeline.explorer import Explorer, Observer, Step
 from pipeline.finds.find_map import Finds
-from pipeline.finds.victims.victim_map import Victims
 from pipeline.keyframes import Moves
 from pipeline.localisation.localisation import Localisation
 from pipeline.mapper import Keyframe, Mapper
@@ -23,6 +22,7 @@ from pipeline.rerun.track import EstimatedTrack
 from pipeline.rerun.viewer import VIEWER_TIME, Viewer, start_rerun
 from pipeline.robot import Motion
 from pipeline.transforms import tilt_of
+from pipeline.victims.victim_map import Victims
 
 Level = Literal["INFO", "WARN", "ERROR"]
 

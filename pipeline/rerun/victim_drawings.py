@@ -8,13 +8,13 @@ from numpy.typing import NDArray
 from PIL import ImageColor
 from scipy.spatial.transform import Rotation
 
-from pipeline.finds.victims.certainty import ellipsoids
-from pipeline.finds.victims.detection.detection import Detection
-from pipeline.finds.victims.display_ids import confirmed_ids, unconfirmed_ids
-from pipeline.finds.victims.observation import Refusal
-from pipeline.finds.victims.victim_map import Victim, Victims
 from pipeline.rerun.drawings import ABOVE_GROUND, Colour
 from pipeline.rerun.photo_sheet import sheet
+from pipeline.victims.certainty import ellipsoids
+from pipeline.victims.detection.detection import Detection
+from pipeline.victims.display_ids import confirmed_ids, unconfirmed_ids
+from pipeline.victims.observation import Refusal
+from pipeline.victims.victim_map import Victim, Victims
 
 CONFIRMED, UNCONFIRMED, REFUSED = map(ImageColor.getrgb, ("limegreen", "orange", "darkgray"))
 

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.files import whole_file
-from pipeline.finds.find import Find
 from pipeline.frame import jpeg
 from pipeline.rescue_report.people import Row, photo_name, plain
 from pipeline.rescue_report.situation import Person, Situation
+from pipeline.tracks.find import Find
 
 
 def finds_data(situation: Situation) -> list[Row]:

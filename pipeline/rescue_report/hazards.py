@@ -7,11 +7,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from pipeline.elevation_map.traversability import Traversability
 from pipeline.grid_map import Grid
 from pipeline.labels import RAMP_TILT
 from pipeline.rescue_report.places import ReportedPlace, places
 from pipeline.robot import RobotModel
-from pipeline.traversability.traversability import Traversability
 
 DROP = 0.1
 """m, least height of a drop: a robot that takes stairs climbs lower steps back up. The edge of a drop differs by less

@@ -9,17 +9,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
+from pipeline.elevation_map.traversability import Traversability
 from pipeline.labels import RAMP_TILT
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.planning.path_plan import plan_path
+from pipeline.planning.pose_paths import PosePaths
 from pipeline.rescue_report.hazards import Hazards
 from pipeline.rescue_report.places import ReportedPlace, places
 from pipeline.rescue_report.words import STRAIGHT
 from pipeline.robot import RobotModel
 from pipeline.topological_map.topological_map import TopologicalMap
 from pipeline.transforms import wrap_angle
-from pipeline.traversability.pose_paths import PosePaths
-from pipeline.traversability.traversability import Traversability
 
 ARRIVAL = 1.0
 """m, greatest distance from the robot's middle to a person's points at which the robot is beside the person."""

@@ -6,21 +6,21 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.elevation_map.traversability import Traversability
 from pipeline.exploration.viewpoint import Viewpoint
-from pipeline.finds.find import Find
-from pipeline.finds.victims.certainty import ellipsoids
-from pipeline.finds.victims.display_ids import confirmed_ids, unconfirmed_ids
-from pipeline.finds.victims.victim_map import Victim
 from pipeline.mapper import Mapper
+from pipeline.planning.pose_paths import PosePaths
 from pipeline.rescue_report.hazards import Hazards, find_hazards
 from pipeline.rescue_report.posture import Posture, posture_of
 from pipeline.rescue_report.routes import Route, Router
 from pipeline.rescue_report.trust import Trust, trust_in
 from pipeline.rescue_report.unseen import Unseen, find_unseen
 from pipeline.robot import RobotModel
+from pipeline.tracks.find import Find
 from pipeline.transforms import wrap_angle, yaw_of
-from pipeline.traversability.pose_paths import PosePaths
-from pipeline.traversability.traversability import Traversability
+from pipeline.victims.certainty import ellipsoids
+from pipeline.victims.display_ids import confirmed_ids, unconfirmed_ids
+from pipeline.victims.victim_map import Victim
 
 
 @dataclass(frozen=True, eq=False)

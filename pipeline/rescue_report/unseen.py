@@ -6,9 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from pipeline.elevation_map.traversability import Traversability
 from pipeline.rescue_report.places import ReportedPlace, places
 from pipeline.robot import RobotModel
-from pipeline.traversability.traversability import Traversability
 
 FROM_WALL = 0.15
 """m from a wall or a step; nearer to it no ground is expected."""

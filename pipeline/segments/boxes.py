@@ -6,7 +6,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.segments.cells import SURFACE_CELL
+from pipeline.geometry.cells import SURFACE_CELL
 from pipeline.segments.plane import Plane
 from pipeline.transforms import from_rotation
 

@@ -5,8 +5,8 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.geometry.cells import SURFACE_CELL
 from pipeline.segments.boxes import Box
-from pipeline.segments.cells import SURFACE_CELL
 from pipeline.segments.segment import Segment
 
 Floats = NDArray[np.float64]

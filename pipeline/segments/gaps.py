@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.cluster.hierarchy import DisjointSet
 
-from pipeline.segments.cells import FRONT, JOINED, SURFACE_CELL
+from pipeline.geometry.cells import FRONT, JOINED, SURFACE_CELL
 from pipeline.segments.segment import Segment
 
 IsSurface = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.bool_]]

@@ -7,8 +7,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.geometry.cells import thinned
 from pipeline.labels import Label
-from pipeline.segments.cells import thinned
 from pipeline.segments.plane import Moments
 from pipeline.segments.planes import PlanePatch
 from pipeline.transforms import inverse, transform_points

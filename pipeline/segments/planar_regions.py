@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frame import Frame
-from pipeline.segments.cells import JOINED, SURFACE_CELL
+from pipeline.geometry.cells import JOINED, SURFACE_CELL
 from pipeline.segments.plane import Moments
 from pipeline.segments.regions_kernels import claim_nearest, grow_regions, normals
 from pipeline.segments.surfels_kernels import NONE, make_surfels, neighbours

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 
 from pipeline.errors import InputError
 from pipeline.frame import Frame
+from pipeline.geometry.cells import FRONT, Cells, cells_of, connected_pieces
 from pipeline.labels import PLANAR, Label
-from pipeline.segments.cells import FRONT, Cells, cells_of, connected_pieces
 from pipeline.segments.planar_regions import MIN_SURFELS, groups, planar_regions
 from pipeline.segments.plane import Moments, Plane
 from pipeline.segments.surfels_kernels import project_pixels

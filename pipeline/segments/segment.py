@@ -8,10 +8,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
+from pipeline.geometry.cells import SURFACE_CELL, Cells, centres, in_contact, unite
+from pipeline.geometry.cells_kernels import bounds, moved, placed_cells
 from pipeline.labels import Label
 from pipeline.segments.boxes import Box, Hull, bounding_box, corners
-from pipeline.segments.cells import SURFACE_CELL, Cells, centres, in_contact, unite
-from pipeline.segments.cells_kernels import bounds, moved, placed_cells
 from pipeline.segments.members import Member
 from pipeline.segments.plane import Moments, Plane
 
@@ -24,7 +24,7 @@ class Segment:
         label: its class.
         plane: in ``map``; the normal of a traversable surface points upwards.
         box: around all its points.
-        cells: (K, 3) int32, the 5 cm cells of the map in which it was seen: see :mod:`pipeline.segments.cells`.
+        cells: (K, 3) int32, the 5 cm cells of the map in which it was seen: see :mod:`pipeline.geometry.cells`.
         moments: of its surfels.
         hull: of its points.
         members: indices of its patches in :attr:`Segments.members`, in order.

@@ -6,8 +6,8 @@ from collections.abc import Iterable, Iterator
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.geometry.cells import JOINED
 from pipeline.labels import Label
-from pipeline.segments.cells import JOINED
 from pipeline.segments.gaps import Gaps, IsSurface
 from pipeline.segments.members import Member
 from pipeline.segments.planes import PlanePatch

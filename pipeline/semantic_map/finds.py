@@ -10,8 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, KDTree, QhullError
 
+from pipeline.geometry.cells import parts
 from pipeline.labels import Label
-from pipeline.segments.cells import parts
 
 SKIN = 0.03  # m; a point this near to the points of what was found belongs to it
 

@@ -7,8 +7,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.errors import InputError
+from pipeline.geometry.cells_kernels import EMPTY, insert_all
 from pipeline.labels import COLOURS, Label
-from pipeline.segments.cells_kernels import EMPTY, insert_all
 from pipeline.semantic_map.ply import write_ply
 from pipeline.semantic_map.semantic_map_kernels import accumulate
 from pipeline.semantic_map.uprights import RAMPS

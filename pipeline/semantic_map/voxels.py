@@ -6,7 +6,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.segments.cells_kernels import cells_of
+from pipeline.geometry.cells_kernels import cells_of
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,12 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from pipeline.elevation_map.elevation_map import CELL
+from pipeline.elevation_map.traversability import Traversability
+from pipeline.geometry.cells import centres
 from pipeline.grid_map import Box, Grid, GridMap, Layer, best_of_blocks, box_around
-from pipeline.segments.cells import centres
 from pipeline.segments.segment import Segment
 from pipeline.topological_map import sight_kernels as kernels
-from pipeline.traversability.elevation_map import CELL
-from pipeline.traversability.traversability import Traversability
 
 SIGHT = 2.0
 """m, greatest distance at which a node sees ground."""

@@ -5,10 +5,10 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.elevation_map.pose_kernels import STOP
+from pipeline.elevation_map.traversability import Traversability
 from pipeline.segments.crossings import crossings
 from pipeline.segments.segment import Segment
-from pipeline.traversability.pose_kernels import STOP
-from pipeline.traversability.traversability import Traversability
 
 BODY_MARGIN = 0.15
 """m; a line this close to a wall of the semantic map meets it. The traversability keeps the whole footprint off

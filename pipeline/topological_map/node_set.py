@@ -7,11 +7,11 @@ import networkx as nx
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.elevation_map.traversability import Traversability
 from pipeline.labels import Label
 from pipeline.segments.segment import Segment
 from pipeline.topological_map.cover import NodeCover
 from pipeline.topological_map.links import StraightDrives, drive_seconds
-from pipeline.traversability.traversability import Traversability
 
 NODE_SNAP = 0.3
 """m, greatest distance by which a node is moved to where the robot can stand and turn."""

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.elevation_map.traversability import RAMP_MARGIN
 from pipeline.labels import Label
 from pipeline.robot import RobotModel
 from pipeline.segments.planes import PlanePatch
@@ -13,7 +14,6 @@ from pipeline.segments.segment import Segment
 from pipeline.segments.segments import Segments
 from pipeline.topological_map.cover import NodeCover
 from pipeline.topological_map.node_set import NODE_SNAP
-from pipeline.traversability.traversability import RAMP_MARGIN
 
 SAME_LEVEL = 0.12
 """m; ground that differs more in height from a segment does not belong to it."""

@@ -8,12 +8,12 @@ import networkx as nx
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.elevation_map.traversability import Traversability
 from pipeline.grid_map import box_around
+from pipeline.planning.pose_paths import PosePaths, simplify
 from pipeline.topological_map.cover import SIGHT
 from pipeline.topological_map.links import StraightDrives, drive_seconds
 from pipeline.topological_map.node_set import Node
-from pipeline.traversability.pose_paths import PosePaths, simplify
-from pipeline.traversability.traversability import Traversability
 
 
 class Passages:

@@ -11,13 +11,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
+from pipeline.elevation_map.elevation_map import CELL
 from pipeline.labels import Label
+from pipeline.planning.pose_paths import PosePaths, simplify
 from pipeline.segments.segments import Segments
 from pipeline.topological_map.cover import SIGHT
 from pipeline.topological_map.node_set import NODE_SNAP, NodeSet
 from pipeline.topological_map.nodes import NodePlace, label_at
-from pipeline.traversability.elevation_map import CELL
-from pipeline.traversability.pose_paths import PosePaths, simplify
 
 SPARE = 4
 """Greatest number of cells, 1 dm², that are not worth a node."""

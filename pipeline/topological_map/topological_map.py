@@ -9,9 +9,11 @@ import networkx as nx
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.elevation_map.traversability import Traversability
 from pipeline.files import whole_file
 from pipeline.keyframes import Places
 from pipeline.labels import Label
+from pipeline.planning.pose_paths import PosePaths
 from pipeline.segments.planes import PlanePatch
 from pipeline.segments.segments import Segments
 from pipeline.topological_map.links import drive_seconds
@@ -20,8 +22,6 @@ from pipeline.topological_map.nodes import thesis_places
 from pipeline.topological_map.passages import Passages
 from pipeline.topological_map.placement import Placement
 from pipeline.topological_map.roadmap import collision_free_tree, roadmap
-from pipeline.traversability.pose_paths import PosePaths
-from pipeline.traversability.traversability import Traversability
 
 GraphKind = Literal["mst", "roadmap"]
 """The graph for plans: the thesis's minimum spanning tree, or the tree and the loops that shorten detours."""

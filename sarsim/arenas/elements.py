@@ -16,7 +16,7 @@ import numpy as np
 from defusedxml import ElementTree
 from numpy.typing import ArrayLike, NDArray
 
-from pipeline.finds.find import VICTIM
+from pipeline.tracks.find import VICTIM
 from sarsim.arenas.panels import covered_panels, numbers_of
 from sarsim.arenas.things.models import ThingModel
 from sarsim.arenas.things.thing import DEAD, declare

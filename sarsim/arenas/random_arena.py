@@ -8,7 +8,7 @@ well; an arena that fails is drawn again from the next random numbers.
 import numpy as np
 
 from pipeline.errors import InputError
-from pipeline.finds.find import VICTIM
+from pipeline.tracks.find import VICTIM
 from sarsim.arenas.checks import failed_checks
 from sarsim.arenas.element_things import add_things
 from sarsim.arenas.elements import TILE_SIZE, ArenaBuilder

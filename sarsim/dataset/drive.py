@@ -7,10 +7,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from pipeline.elevation_map.traversability import Traversability, assess
 from pipeline.errors import InputError
+from pipeline.planning.pose_paths import PosePaths, simplify
 from pipeline.transforms import from_rotation, from_yaw, inverse, wrap_angle, yaw_of
-from pipeline.traversability.pose_paths import PosePaths, simplify
-from pipeline.traversability.traversability import Traversability, assess
 from sarsim.dataset.settings import KEYFRAME_WAY
 from sarsim.dataset.wheel_contact import WheelContact
 from sarsim.ground_truth.true_surface import TrueSurface

@@ -9,10 +9,10 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from pipeline.errors import InputError
-from pipeline.finds.find import SHAPED
 from pipeline.finds.patch_network import PatchNetwork, to_input
 from pipeline.finds.protrusions import Protrusions, square_around
 from pipeline.finds.squares import rectified
+from pipeline.tracks.find import SHAPED
 from sarsim.dataset.folder import Dataset
 from sarsim.dataset.hazmat_patches import photographed
 from sarsim.dataset.patch_training import PatchTraining

@@ -7,8 +7,8 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.finds.victims.detection.labelled_image import TrainingImage
 from pipeline.labels import Label
+from pipeline.victims.detection.labelled_image import TrainingImage
 from sarsim.dataset.folder import Dataset
 from sarsim.dataset.scene_file import Scene
 

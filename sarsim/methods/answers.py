@@ -7,11 +7,11 @@ import numpy as np
 
 from pipeline.errors import InputError
 from pipeline.exploration.viewpoint import Context, Viewpoint
-from pipeline.finds.find import KINDS
-from pipeline.finds.victims.detection.detection import Detection
 from pipeline.labels import Label
 from pipeline.planning.path_plan import PathPlan, obstacle_to
+from pipeline.tracks.find import KINDS
 from pipeline.transforms import are_poses
+from pipeline.victims.detection.detection import Detection
 
 
 def one_line(error: BaseException) -> str:

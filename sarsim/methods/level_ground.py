@@ -2,14 +2,14 @@
 
 import numpy as np
 
+from pipeline.elevation_map.elevation_map import CELL, ElevationMap
+from pipeline.elevation_map.traversability import assess_map
 from pipeline.exploration.viewpoint import Context
 from pipeline.frame import Frame, Intrinsics
+from pipeline.planning.pose_paths import PosePaths
 from pipeline.robot import RobotModel
 from pipeline.sensor import XTION
 from pipeline.transforms import from_rotation, yaw_of
-from pipeline.traversability.elevation_map import CELL, ElevationMap
-from pipeline.traversability.pose_paths import PosePaths
-from pipeline.traversability.traversability import assess_map
 
 INTRINSICS = Intrinsics(640, 480, 577.0, 577.0, 320.0, 240.0)
 """Of an Xtion, 58° × 45°."""

@@ -17,7 +17,6 @@ import numpy as np
 from pipeline.errors import InputError
 from pipeline.exploration.baselines import NearestFrontier, RandomWalk
 from pipeline.exploration.viewpoint import Strategy
-from pipeline.finds.victims.detection.detection import Detector
 from pipeline.localisation.localisation import Localisation, LostError
 from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.localisation.slam import Slam
@@ -25,6 +24,7 @@ from pipeline.planning.path_plan import TOPOLOGICAL, Planner
 from pipeline.robot import RobotModel
 from pipeline.semantic_map.classifier import PointClassifier
 from pipeline.topological_map.topological_map import TopologicalMap
+from pipeline.victims.detection.detection import Detector
 from sarsim.methods import answers
 from sarsim.methods.level_ground import level_context, level_frame
 from sarsim.settings import METHODS

@@ -4,11 +4,11 @@ from pathlib import Path
 
 from pipeline.errors import InputError
 from pipeline.finds.readers import FindReaders
-from pipeline.finds.victims.detection.detection import Detector
-from pipeline.finds.victims.detection.detector import VictimDetector
 from pipeline.semantic_map.classifier import PointClassifier, TruthClassifier
 from pipeline.semantic_map.networks.classifier import NetworkClassifier
 from pipeline.semantic_map.rules import RuleClassifier
+from pipeline.victims.detection.detection import Detector
+from pipeline.victims.detection.detector import VictimDetector
 from sarsim.assets import asset
 from sarsim.methods.make import own_classifier, own_detector
 from sarsim.settings import POINT_NETWORKS, Labels, PerceptionConfig

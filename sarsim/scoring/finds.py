@@ -11,7 +11,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.finds.find import FIND_KINDS, HEAT, Find
+from pipeline.tracks.find import FIND_KINDS, HEAT, Find
 from sarsim.arenas.things.thing import Thing, of_kind, things_of
 from sarsim.scoring.victims import NEAR, pairs_of_least
 from sarsim.scoring.visibility import Visibility

@@ -11,12 +11,12 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from pipeline.errors import InputError
-from pipeline.missions.brief import MissionBrief
-from pipeline.missions.cloud import NORMAL, RGB, CloudFile, read_cloud
-from pipeline.missions.hand_in import league_frame
-from pipeline.missions.pois import TYPE_OF, PointOfInterest, name_of, read_pois
-from pipeline.missions.rules import LIMITS
-from pipeline.missions.validation import handed_in_files
+from pipeline.league.brief import MissionBrief
+from pipeline.league.cloud import NORMAL, RGB, CloudFile, read_cloud
+from pipeline.league.hand_in import league_frame
+from pipeline.league.pois import TYPE_OF, PointOfInterest, name_of, read_pois
+from pipeline.league.rules import LIMITS
+from pipeline.league.validation import handed_in_files
 from pipeline.robot import RobotModel
 from pipeline.transforms import transform_points
 from sarsim.arenas.things.thing import of_kind, things_of

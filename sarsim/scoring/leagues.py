@@ -6,7 +6,7 @@ of 18 January 2022. What these leave open is an assumption, named in the docstri
 
 from dataclasses import dataclass
 
-from pipeline.missions.brief import Penalties, Rewards
+from pipeline.league.brief import Penalties, Rewards
 
 Rule = dict[str, float]
 

@@ -4,8 +4,8 @@ from pathlib import Path
 
 import mujoco
 
-from pipeline.missions.brief import MissionBrief
-from pipeline.missions.validation import handed_in_files
+from pipeline.league.brief import MissionBrief
+from pipeline.league.validation import handed_in_files
 from sarsim.scoring.handed_in import score_handed_in, true_arena
 from sarsim.scoring.leagues import Rule
 from sarsim.simulated_robot import SimulatedRobot

@@ -10,15 +10,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
+from pipeline.elevation_map.pose_kernels import ANGLES
+from pipeline.elevation_map.traversability import Traversability, assess
 from pipeline.exploration.next_best_view import KEYFRAME_TIME
 from pipeline.exploration.visibility import PLACE_STRIDE
 from pipeline.grid_map import best_of_blocks
 from pipeline.localisation.localisation import KEYFRAME_TURN, KEYFRAME_WAY
+from pipeline.planning.pose_paths import PosePaths, bits
 from pipeline.robot import RobotModel
 from pipeline.transforms import wrap_angle
-from pipeline.traversability.pose_kernels import ANGLES
-from pipeline.traversability.pose_paths import PosePaths, bits
-from pipeline.traversability.traversability import Traversability, assess
 from sarsim.ground_truth.true_surface import TrueSurface
 from sarsim.scoring.set_cover import cells_of
 from sarsim.scoring.sight import Sight

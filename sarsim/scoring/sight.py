@@ -7,8 +7,8 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.spatial import cKDTree
 
+from pipeline.elevation_map.traversability import Traversability
 from pipeline.frame import Frame
-from pipeline.traversability.traversability import Traversability
 from sarsim.ground_truth.true_surface import TrueSurface
 from sarsim.scoring.coverage import SEEN_HEIGHT
 

@@ -5,7 +5,7 @@ import heapq
 import numpy as np
 from numba import njit
 
-from pipeline.traversability.elevation_kernels import cell_at
+from pipeline.elevation_map.elevation_kernels import cell_at
 
 
 @njit(cache=True)

@@ -6,8 +6,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.explorer import Explorer, Observer, Step
-from pipeline.finds.find import HEAT
 from pipeline.mapper import Keyframe
+from pipeline.tracks.find import HEAT
 from sarsim.scoring.coverage import Coverage
 from sarsim.scoring.finds import FindScore
 from sarsim.scoring.navigation import navigation_figures

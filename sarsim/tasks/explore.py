@@ -8,13 +8,13 @@ from dm_control.rl.control import PhysicsError
 from numpy.typing import NDArray
 
 from pipeline.errors import InputError
-from pipeline.expedition import why_ended
 from pipeline.exploration.next_best_view import KEYFRAME_TIME, Exploration
 from pipeline.exploration.viewpoint import Viewpoint
 from pipeline.explorer import Explorer, Step
 from pipeline.localisation.localisation import LostError
 from pipeline.mapper import Mapper
 from pipeline.robot import RobotModel
+from pipeline.run import why_ended
 from pipeline.transforms import yaw_of
 from sarsim.arenas.load import load_arena
 from sarsim.methods.make import make_localisation

@@ -4,10 +4,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.elevation_map.elevation_map import CELL
 from pipeline.labels import COLOURS, Label
 from pipeline.mapper import Mapper
 from pipeline.semantic_map.semantic_map import SemanticMap
-from pipeline.traversability.elevation_map import CELL
 from sarsim.tasks.exploration_task import LOCAL_SIDE, ROBOT_COLOUR, Maps
 
 LOCAL_CELL = 0.2

@@ -10,10 +10,10 @@ from pathlib import Path
 import torch
 from torch import Tensor
 
-from pipeline.finds.victims.detection.darknet_cfg import OBJECTNESS, DarknetCfg, YoloHead
-from pipeline.finds.victims.detection.detector import PERSON
-from pipeline.finds.victims.detection.network import DarknetNetwork
-from pipeline.finds.victims.detection.weights import load_network, write_weights
+from pipeline.victims.detection.darknet_cfg import OBJECTNESS, DarknetCfg, YoloHead
+from pipeline.victims.detection.detector import PERSON
+from pipeline.victims.detection.network import DarknetNetwork
+from pipeline.victims.detection.weights import load_network, write_weights
 from sarsim.assets import asset
 
 ADDED = 1  # Layers before each of the two networks: the copy, the route

@@ -5,8 +5,8 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.finds.find import FIND_KINDS, VICTIM
-from pipeline.finds.victims.detection.detector import VictimDetector
+from pipeline.tracks.find import FIND_KINDS, VICTIM
+from pipeline.victims.detection.detector import VictimDetector
 from sarsim.methods.perception import make_readers
 from sarsim.scripts.benchmarks.common import Result, at_least
 from sarsim.scripts.benchmarks.episodes import Job, configs, run_jobs

@@ -17,11 +17,11 @@ from numpy.typing import NDArray
 
 from pipeline.errors import InputError
 from pipeline.files import read_text
-from pipeline.finds.find import VICTIM, Reading
 from pipeline.finds.readers import FindReaders
-from pipeline.finds.victims.detection.boxes import overlaps
-from pipeline.finds.victims.detection.detection import Detection, Detector
 from pipeline.frame import decoded
+from pipeline.tracks.find import VICTIM, Reading
+from pipeline.victims.detection.boxes import overlaps
+from pipeline.victims.detection.detection import Detection, Detector
 from sarsim.scripts.cli import tracked
 
 SURE, LIKELY = 0.5, 0.25  # Confidences from which a box counts

@@ -13,10 +13,10 @@ import numpy as np
 from rich.table import Table
 
 from pipeline.errors import InputError
+from pipeline.exploration.mission import Goals
 from pipeline.explorer import Explorer, Observer
 from pipeline.localisation.localisation import LostError
 from pipeline.mapper import Mapper
-from pipeline.missions.mission import Goals
 from pipeline.robot import Motion
 from sarsim.arenas.arena import RescueArena
 from sarsim.arenas.lanes import END_ZONE, LANES, LANES_FOLDER

@@ -12,17 +12,17 @@ from contextlib import contextmanager
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.elevation_map.elevation_map import ElevationMap
+from pipeline.elevation_map.traversability_layer import TraversabilityLayer
 from pipeline.exploration.frontiers import find_frontiers
 from pipeline.exploration.next_best_view import Exploration
 from pipeline.exploration.viewpoint import Context
 from pipeline.planning.path_plan import plan_path
+from pipeline.planning.pose_paths import PosePaths
 from pipeline.segments.segments import Segments
 from pipeline.sensor import XTION
 from pipeline.topological_map.topological_map import TopologicalMap
 from pipeline.transforms import from_yaw, yaw_of
-from pipeline.traversability.elevation_map import ElevationMap
-from pipeline.traversability.pose_paths import PosePaths
-from pipeline.traversability.traversability_layer import TraversabilityLayer
 from sarsim.arenas.load import load_arena
 from sarsim.ground_truth.true_surface import Survey
 from sarsim.scripts.benchmarks.common import Result, at_least

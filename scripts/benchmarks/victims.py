@@ -9,12 +9,12 @@ import torch
 from numpy.typing import NDArray
 from rich.table import Table
 
-from pipeline.finds.victims.detection.darknet_cfg import DarknetCfg, adapted
-from pipeline.finds.victims.detection.detector import VictimDetector
-from pipeline.finds.victims.detection.inference import FusedNetwork, to_tensor
-from pipeline.finds.victims.detection.network import DarknetNetwork
-from pipeline.finds.victims.detection.weights import load_network
 from pipeline.semantic_map.networks.threads import torch_threads
+from pipeline.victims.detection.darknet_cfg import DarknetCfg, adapted
+from pipeline.victims.detection.detector import VictimDetector
+from pipeline.victims.detection.inference import FusedNetwork, to_tensor
+from pipeline.victims.detection.network import DarknetNetwork
+from pipeline.victims.detection.weights import load_network
 from sarsim.assets import asset
 from sarsim.scripts.benchmarks.common import Result, at_least, seconds
 from sarsim.scripts.benchmarks.episodes import GROUPS, Job, Results, configs, run_jobs
@@ -141,7 +141,7 @@ def _table(figures: Mapping[str, float]) -> Table | None:
 
 
 class PlainNetwork(FusedNetwork):
-    """A network in plain PyTorch, in place of :class:`pipeline.finds.victims.detection.inference.FusedNetwork`."""
+    """A network in plain PyTorch, in place of :class:`pipeline.victims.detection.inference.FusedNetwork`."""
 
     def __init__(self, network: DarknetNetwork):
         self.cfg, self._network = network.cfg, network

@@ -7,8 +7,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.finds.victims.detection.average_precision import AveragePrecision
-from pipeline.finds.victims.detection.detection import Detector
+from pipeline.victims.detection.average_precision import AveragePrecision
+from pipeline.victims.detection.detection import Detector
 from sarsim.dataset.recipe import Recipe
 from sarsim.dataset.render import World, find_scene
 from sarsim.dataset.settings import ArenaRange

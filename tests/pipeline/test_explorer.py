@@ -3,12 +3,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pipeline.exploration.mission import PATIENCE, Goals
 from pipeline.exploration.viewpoint import Viewpoint
 from pipeline.explorer import Explorer
 from pipeline.frame import Frame
 from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.mapper import Mapper
-from pipeline.missions.mission import PATIENCE, Goals
 from pipeline.navigation.navigator import DrivenLeg, Halt, Outcome
 from pipeline.planning.path_plan import PathPlan
 from pipeline.robot import Velocity

@@ -6,12 +6,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
+from pipeline.elevation_map.ground_evidence import Driven
 from pipeline.errors import InputError
 from pipeline.frame import Frame, Intrinsics
 from pipeline.keyframes import FARTHEST_KEPT, NOTICEABLE, UNIT, Keyframes, Moves, Places, Seen, nearest
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.transforms import from_yaw
-from pipeline.traversability.ground_evidence import Driven
 from tests.pipeline.polygon_scene import pose
 from tests.pipeline.robot_model import PIONEER
 

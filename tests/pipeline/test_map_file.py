@@ -7,11 +7,7 @@ import numpy as np
 import pytest
 
 from pipeline.errors import InputError
-from pipeline.finds.find import Reading, box_corners
 from pipeline.finds.find_map import TrackedFind
-from pipeline.finds.observation import FindSighting
-from pipeline.finds.victims.person_voxels import PersonVoxels
-from pipeline.finds.victims.victim_map import Sighting, Victim
 from pipeline.keyframes import Places
 from pipeline.labels import Label
 from pipeline.localisation.odometry import OdometryLocalisation
@@ -19,7 +15,11 @@ from pipeline.localisation.slam import Slam
 from pipeline.map_file import LAYOUT, MANY, load_elevation_map, load_keyframes, save_keyframes
 from pipeline.mapper import Mapper
 from pipeline.semantic_map.classifier import TruthClassifier
+from pipeline.tracks.find import Reading, box_corners
+from pipeline.tracks.observation import FindSighting
 from pipeline.transforms import from_yaw
+from pipeline.victims.person_voxels import PersonVoxels
+from pipeline.victims.victim_map import Sighting, Victim
 from tests.pipeline.polygon_scene import floor, look, pose, wall, wedge
 from tests.pipeline.robot_model import PIONEER
 

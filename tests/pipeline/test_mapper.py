@@ -8,13 +8,13 @@ from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
 from pipeline.errors import InputError
-from pipeline.finds.find import Reading, box_corners
 from pipeline.keyframes import Moves
 from pipeline.localisation.localisation import LostError
 from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.localisation.slam import Slam
 from pipeline.mapper import Mapper
 from pipeline.semantic_map.classifier import TruthClassifier
+from pipeline.tracks.find import Reading, box_corners
 from pipeline.transforms import from_yaw, yaw_of
 from tests.pipeline.polygon_scene import RANGE, floor, look, pose, wall, wedge
 from tests.pipeline.robot_model import PIONEER

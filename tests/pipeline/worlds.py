@@ -5,8 +5,8 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.traversability.elevation_kernels import lowest_rays
-from pipeline.traversability.elevation_map import CELL, ElevationMap
+from pipeline.elevation_map.elevation_kernels import lowest_rays
+from pipeline.elevation_map.elevation_map import CELL, ElevationMap
 from tests.pipeline.robot_model import PIONEER
 
 Height = Callable[[NDArray, NDArray], NDArray]

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from pipeline.errors import InputError
+from pipeline.exploration.mission import PATIENCE
 from pipeline.explorer import Step
-from pipeline.missions.mission import PATIENCE
 from pipeline.transforms import from_yaw
 from sarsim.episode import Episode
 from sarsim.settings import EpisodeConfig

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from pipeline.league.brief import HANDED_IN
+from pipeline.league.validation import validate
 from pipeline.metric_map.io.npz import load_metric_map
-from pipeline.missions.brief import HANDED_IN
-from pipeline.missions.validation import validate
 from sarsim.dataset.exports.tum import Tum
 from sarsim.dataset.generate import generate
 from sarsim.dataset.recipe import Recipe

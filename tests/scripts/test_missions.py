@@ -4,17 +4,17 @@ import json
 from datetime import datetime
 
 import pytest
+from tests.pipeline.missions.handed_in_room import hand_in_room
 
 from pipeline.errors import InputError
-from pipeline.missions.brief import MissionBrief
-from pipeline.missions.validation import validate
+from pipeline.league.brief import MissionBrief
+from pipeline.league.validation import validate
 from sarsim.scripts.cli import guarded
 from sarsim.scripts.run_episode import run_episode
 from sarsim.scripts.score_mission import score_mission
 from sarsim.scripts.settings import load_mission, run_with_settings, wanted_mission
 from sarsim.scripts.validate_mission import validate_mission
 from sarsim.settings import EpisodeConfig
-from tests.pipeline.missions.handed_in_room import hand_in_room
 from tests.scripts.refusal import refusal
 
 

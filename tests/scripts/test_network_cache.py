@@ -6,7 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.finds.victims.detection.detection import Detection
+from pipeline.victims.detection.detection import Detection
 from sarsim.scripts.network_cache import CachedDetector, OutputCache
 
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 from pipeline.errors import InputError
+from pipeline.league.brief import HANDED_IN, MissionBrief
+from pipeline.league.validation import validate
 from pipeline.metric_map.io.npz import load_metric_map
-from pipeline.missions.brief import HANDED_IN, MissionBrief
-from pipeline.missions.validation import validate
 from pipeline.robot import Velocity
 from pipeline.ros import messages
 from pipeline.transforms import yaw_of

@@ -14,15 +14,15 @@ import numpy as np
 import open3d as o3d
 import pytest
 from filelock import FileLock
+from tests.pipeline.finds.victims.detection.networks import SMALL, random_network
 
-from pipeline.finds.victims.detection.weights import write_weights
 from pipeline.metric_map.io.npz import load_metric_map
+from pipeline.victims.detection.weights import write_weights
 from sarsim.episode import Episode
 from sarsim.scripts import run_episode
 from sarsim.scripts.benchmarks.semantic_confusion import confusion
 from sarsim.scripts.settings import save_settings
 from sarsim.settings import WEIGHTS, EpisodeConfig
-from tests.pipeline.finds.victims.detection.networks import SMALL, random_network
 from tests.sarsim.rooms import room
 
 

@@ -6,8 +6,8 @@ from pathlib import Path
 import pytest
 import torch
 
-from pipeline.finds.victims.detection.detector import VictimDetector
-from pipeline.finds.victims.detection.weights import load_network
+from pipeline.victims.detection.detector import VictimDetector
+from pipeline.victims.detection.weights import load_network
 from sarsim.assets import asset
 from sarsim.scripts import train
 from tests.sarsim.dataset.people_dataset import write_people_dataset

@@ -13,7 +13,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.finds.find import HEAT, KINDS, VICTIM
+from pipeline.tracks.find import HEAT, KINDS, VICTIM
 from pipeline.transforms import from_rotation
 from sarsim.victims.victims import PREFIX, box_of_geoms, victims_of
 

@@ -4,15 +4,15 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from pipeline.elevation_map.elevation_map import ElevationMap
+from pipeline.elevation_map.traversability import assess_map
 from pipeline.exploration.frontiers import find_frontiers
 from pipeline.exploration.next_best_view import Exploration
 from pipeline.exploration.viewpoint import Context, Viewpoint
 from pipeline.exploration.visibility_kernels import CameraView
 from pipeline.frame import Frame, Intrinsics
+from pipeline.planning.pose_paths import PosePaths
 from pipeline.transforms import from_rotation, yaw_of
-from pipeline.traversability.elevation_map import ElevationMap
-from pipeline.traversability.pose_paths import PosePaths
-from pipeline.traversability.traversability import assess_map
 
 CAMERA = CameraView(
     height=0.6,

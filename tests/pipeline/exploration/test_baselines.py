@@ -5,10 +5,10 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from pipeline.elevation_map.traversability import assess_map
 from pipeline.exploration.baselines import NearestFrontier, RandomWalk
 from pipeline.exploration.next_best_view import Exploration
 from pipeline.transforms import from_yaw
-from pipeline.traversability.traversability import assess_map
 from tests.pipeline.exploration.asking import CAMERA, frontiers, next_viewpoint
 from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.worlds import flat, ground_points, surface_of, wall_points

@@ -2,11 +2,11 @@
 
 import numpy as np
 
+from pipeline.elevation_map.traversability import assess_map
 from pipeline.exploration.frontiers import unseen
 from pipeline.exploration.viewpoint import Context
+from pipeline.planning.pose_paths import PosePaths
 from pipeline.transforms import from_yaw
-from pipeline.traversability.pose_paths import PosePaths
-from pipeline.traversability.traversability import assess_map
 from tests.pipeline.still_robot import StillRobot
 from tests.pipeline.worlds import flat, ground_points, surface_of, wall_points
 

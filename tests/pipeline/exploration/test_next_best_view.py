@@ -3,12 +3,12 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
+from pipeline.elevation_map.elevation_map import ElevationMap
+from pipeline.elevation_map.pose_kernels import ANGLES
 from pipeline.exploration import visibility
 from pipeline.exploration import visibility_kernels as kernels
 from pipeline.exploration.next_best_view import KEYFRAME_TIME, Exploration
 from pipeline.transforms import from_yaw, wrap_angle
-from pipeline.traversability.elevation_map import ElevationMap
-from pipeline.traversability.pose_kernels import ANGLES
 from tests.pipeline.exploration.asking import CAMERA, context, correct, frontiers, next_viewpoint
 from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.worlds import RUN, flat, ground_points, ridge, surface_of, wall_points

@@ -4,12 +4,12 @@ from threading import Event, get_ident
 
 import numpy as np
 from numpy.typing import NDArray
+from tests.pipeline.finds.victims.rooms import camera_at, step
 
 from pipeline.finds.background_reader import BackgroundReader
-from pipeline.finds.find import Reading, box_corners
-from pipeline.finds.victims.detection.detection import Detection
 from pipeline.frame import Frame
-from tests.pipeline.finds.victims.rooms import camera_at, step
+from pipeline.tracks.find import Reading, box_corners
+from pipeline.victims.detection.detection import Detection
 
 PERSON = Detection((0, 0, 20, 20), 0.8)
 SIGN = Reading("hazmat_sign", "poison", box_corners((0, 0, 20, 20)), 0.9)

@@ -6,8 +6,8 @@ import pytest
 
 from pipeline.errors import InputError
 from pipeline.finds.codes import CodeReader, plain_text
-from pipeline.finds.find import Reading
 from pipeline.finds.squares import Squares
+from pipeline.tracks.find import Reading
 from sarsim.arenas.things.codes import qr_picture, tag_picture
 
 READER = CodeReader()

@@ -4,15 +4,15 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.pipeline.finds.victims.rooms import HEIGHT, INTRINSICS, WALL, camera_at, step
 
-from pipeline.finds.find import Reading, box_corners
 from pipeline.finds.find_map import Finds
-from pipeline.finds.observation import sight
-from pipeline.finds.victims.victim_map import Victims
 from pipeline.frame import Frame
 from pipeline.sensor import XTION
+from pipeline.tracks.find import Reading, box_corners
+from pipeline.tracks.observation import sight
 from pipeline.transforms import from_yaw
-from tests.pipeline.finds.victims.rooms import HEIGHT, INTRINSICS, WALL, camera_at, step
+from pipeline.victims.victim_map import Victims
 
 START = np.eye(4)
 

@@ -4,16 +4,16 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from tests.pipeline.finds.victims.rooms import INTRINSICS, Ball, camera_at, detection_of, step
 
 from pipeline.finds import reobservation as module
 from pipeline.finds.reobservation import REWARD, Reobservation, half_view
-from pipeline.finds.victims.person_voxels import PersonVoxels
-from pipeline.finds.victims.victim_map import Victims
 from pipeline.keyframes import Keyframes
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.sensor import XTION
 from pipeline.transforms import from_yaw
-from tests.pipeline.finds.victims.rooms import INTRINSICS, Ball, camera_at, detection_of, step
+from pipeline.victims.person_voxels import PersonVoxels
+from pipeline.victims.victim_map import Victims
 from tests.pipeline.robot_model import PIONEER
 
 PERSON: Ball = (2.0, 0.0, 0.2, 0.25)

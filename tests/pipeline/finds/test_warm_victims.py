@@ -2,10 +2,10 @@
 
 import numpy as np
 
-from pipeline.finds.find import Find
-from pipeline.finds.victims.person_voxels import PersonVoxels
-from pipeline.finds.victims.victim_map import Victim
 from pipeline.finds.warm_victims import one_per_victim
+from pipeline.tracks.find import Find
+from pipeline.victims.person_voxels import PersonVoxels
+from pipeline.victims.victim_map import Victim
 
 PHOTO = np.zeros((2, 2, 3), np.uint8)
 

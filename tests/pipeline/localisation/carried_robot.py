@@ -6,11 +6,11 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.elevation_map.elevation_map import ElevationMap
 from pipeline.frame import Frame
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.sensor import XTION
 from pipeline.transforms import from_rotation, from_yaw, inverse
-from pipeline.traversability.elevation_map import ElevationMap
 from tests.pipeline.polygon_scene import Face, floor, look, pose, wall, wedge
 from tests.pipeline.robot_model import PIONEER
 

@@ -6,12 +6,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pipeline.elevation_map.elevation_map import CELL
 from pipeline.localisation.localisation import KEYFRAME_WAY, LostError
 from pipeline.navigation.navigator import Halt, MotionCheck, Navigator, Outcome
 from pipeline.navigation.progress import OVERDUE
 from pipeline.robot import Motion, Velocity
 from pipeline.transforms import from_yaw, wrap_angle, yaw_of
-from pipeline.traversability.elevation_map import CELL
 from tests.pipeline.kinematic_robot import KinematicRobot
 from tests.pipeline.robot_model import PIONEER
 

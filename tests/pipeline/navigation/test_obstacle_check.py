@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from pipeline.elevation_map.traversability import assess_map
 from pipeline.navigation.obstacle_check import ObstacleCheck
 from pipeline.sensor import XTION
-from pipeline.traversability.traversability import assess_map
 from tests.pipeline.worlds import flat, ground_points, ridge, surface_of, wall_points
 
 START, TARGET = np.array([0.0, 0.0]), np.array([2.0, 0.0])

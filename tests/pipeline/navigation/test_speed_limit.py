@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pipeline.elevation_map.pose_kernels import NARROW_SPEED
+from pipeline.elevation_map.traversability import assess_map
 from pipeline.navigation.speed_limit import SpeedLimit
-from pipeline.traversability.pose_kernels import NARROW_SPEED
-from pipeline.traversability.traversability import assess_map
 from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.worlds import RUN, flat, ground_points, ridge, surface_of, wall_points
 

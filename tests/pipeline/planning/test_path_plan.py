@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from pipeline.planning.path_plan import obstacle_to, order_goals, plan_path
-from pipeline.traversability.pose_paths import PosePaths
+from pipeline.planning.pose_paths import PosePaths
 from tests.pipeline.topological_map.grounds import U_TURN, room, topology_of
 
 BOX = [((1.0, 1.0), (2.6, 1.0)), ((2.6, 1.0), (2.6, 2.6)), ((2.6, 2.6), (1.0, 2.6)), ((1.0, 2.6), (1.0, 1.0))]

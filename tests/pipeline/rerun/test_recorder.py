@@ -12,7 +12,6 @@ from rerun.chunk import RrdReader
 
 from pipeline.errors import InputError
 from pipeline.explorer import Explorer
-from pipeline.finds.victims.victim_map import Sighting
 from pipeline.labels import COLOURS, Label
 from pipeline.localisation.localisation import Loop
 from pipeline.localisation.odometry import OdometryLocalisation
@@ -20,6 +19,7 @@ from pipeline.mapper import Mapper
 from pipeline.rerun.recorder import Recorder
 from pipeline.semantic_map.classifier import TruthClassifier
 from pipeline.transforms import from_yaw, wrap_angle
+from pipeline.victims.victim_map import Sighting
 from tests.pipeline.rescue_report.people import block, victim
 from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.still_robot import WALL, StillRobot

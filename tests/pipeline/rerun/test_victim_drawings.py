@@ -6,10 +6,10 @@ import pytest
 import rerun as rr
 
 from pipeline.explorer import Explorer
-from pipeline.finds.victims.detection.detection import Detection
 from pipeline.mapper import Mapper
 from pipeline.rerun.recorder import Recorder, victim_drawings
 from pipeline.semantic_map.classifier import TruthClassifier
+from pipeline.victims.detection.detection import Detection
 from tests.pipeline.rescue_report.people import block, victim, victims
 from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.still_robot import StillRobot

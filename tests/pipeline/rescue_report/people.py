@@ -4,12 +4,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.explorer import Explorer
-from pipeline.finds.victims.detection.detection import Detection
-from pipeline.finds.victims.person_voxels import PersonVoxels
-from pipeline.finds.victims.victim_map import Victim, Victims
 from pipeline.mapper import Mapper
 from pipeline.rescue_report.situation import Situation, situation_of
 from pipeline.semantic_map.classifier import TruthClassifier
+from pipeline.victims.detection.detection import Detection
+from pipeline.victims.person_voxels import PersonVoxels
+from pipeline.victims.victim_map import Victim, Victims
 from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.still_robot import HEIGHT, StillRobot
 

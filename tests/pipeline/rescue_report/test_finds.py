@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.finds.find import Find
 from pipeline.rescue_report.finds import finds_data, write_finds
 from pipeline.rescue_report.page import page
 from pipeline.rescue_report.situation import Situation
+from pipeline.tracks.find import Find
 from tests.pipeline.rescue_report.html_page import read
 from tests.pipeline.rescue_report.people import before_a_wall, block, victim, victims
 

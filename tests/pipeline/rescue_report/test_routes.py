@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from pipeline.elevation_map.traversability import assess_map
 from pipeline.metric_map.metric_map import MetricMap
+from pipeline.planning.pose_paths import PosePaths
 from pipeline.rescue_report.hazards import find_hazards
 from pipeline.rescue_report.routes import Route, Router, straight_parts
 from pipeline.topological_map.topological_map import TopologicalMap
-from pipeline.traversability.pose_paths import PosePaths
-from pipeline.traversability.traversability import assess_map
 from tests.pipeline.rescue_report.people import block
 from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.still_robot import HEIGHT

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from pipeline.elevation_map.traversability import assess_map
+from pipeline.planning.pose_paths import PosePaths
 from pipeline.rescue_report.unseen import EXPECTED_AHEAD, Unseen, find_unseen
-from pipeline.traversability.pose_paths import PosePaths
-from pipeline.traversability.traversability import assess_map
 from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.worlds import flat, ground_points, surface_of, wall_points
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from pipeline.finds.victims.display_ids import letters
 from pipeline.rescue_report import words
+from pipeline.victims.display_ids import letters
 
 
 def test_numbers_have_a_true_minus_and_no_negative_zero() -> None:

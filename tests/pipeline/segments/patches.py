@@ -2,8 +2,8 @@
 
 import numpy as np
 
+from pipeline.geometry.cells import cells_of
 from pipeline.labels import Label
-from pipeline.segments.cells import cells_of
 from pipeline.segments.plane import Moments
 from pipeline.segments.planes import PlanePatch
 from pipeline.segments.segments import Segments

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from tests.pipeline.finds.victims.constants import constants
 
 from pipeline.labels import Label
 from pipeline.segments import segments as module
@@ -13,7 +14,6 @@ from pipeline.segments.boxes import corners
 from pipeline.segments.planes import find_planes
 from pipeline.segments.segments import Segments
 from pipeline.transforms import from_yaw
-from tests.pipeline.finds.victims.constants import constants
 from tests.pipeline.polygon_scene import floor, look, pose, wall, wedge
 from tests.pipeline.segments.patches import deck, patch, segments_of, wall_patch
 

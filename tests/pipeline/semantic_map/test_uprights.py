@@ -5,12 +5,12 @@ from functools import partial
 import numpy as np
 import pytest
 
+from pipeline.elevation_map.elevation_map import CELL
 from pipeline.labels import Label
 from pipeline.robot import RobotModel
 from pipeline.semantic_map.semantic_map import VOXEL, SemanticMap
 from pipeline.semantic_map.uprights import SeenFromAbove, with_sides_of_ramps, with_whole_uprights, with_whole_walls
 from pipeline.semantic_map.uprights_kernels import directions, on_long_runs
-from pipeline.traversability.elevation_map import CELL
 from sarsim.robots.skid_steered import robot_model
 
 WALL, CLUTTER, DECK, RAMP = Label.WALL, Label.CLUTTER, Label.STRAIGHT_RAMP, Label.INCLINED_RAMP

@@ -3,14 +3,14 @@
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.elevation_map.traversability import Traversability, assess_map
+from pipeline.geometry.cells import cells_of
 from pipeline.labels import Label
-from pipeline.segments.cells import cells_of
+from pipeline.planning.pose_paths import PosePaths
 from pipeline.segments.plane import Moments
 from pipeline.segments.planes import PlanePatch
 from pipeline.segments.segments import Segments
 from pipeline.topological_map.topological_map import GraphKind, TopologicalMap
-from pipeline.traversability.pose_paths import PosePaths
-from pipeline.traversability.traversability import Traversability, assess_map
 from tests.pipeline.worlds import flat, ground_points, surface_of, wall_points
 
 Wall = tuple[tuple[float, float], tuple[float, float]]

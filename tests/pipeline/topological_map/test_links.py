@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
+from pipeline.elevation_map.pose_kernels import STOP
+from pipeline.elevation_map.traversability import EXPECTED, assess_map
 from pipeline.topological_map.links import StraightDrives, drive_seconds
-from pipeline.traversability.pose_kernels import STOP
-from pipeline.traversability.traversability import EXPECTED, assess_map
 from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.topological_map.grounds import room
 from tests.pipeline.worlds import RISE, RUN, flat, ground_points, ramp_and_deck, surface_of, wall_points

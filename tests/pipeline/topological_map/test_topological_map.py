@@ -4,15 +4,15 @@ import networkx as nx
 import numpy as np
 import pytest
 
+from pipeline.elevation_map.traversability import assess_map
 from pipeline.labels import Label
 from pipeline.planning.path_plan import plan_path
+from pipeline.planning.pose_paths import PosePaths
 from pipeline.segments.planes import PlanePatch
 from pipeline.segments.segments import Segments
 from pipeline.topological_map.nodes import segment_nodes
 from pipeline.topological_map.topological_map import TopologicalMap
 from pipeline.transforms import from_yaw
-from pipeline.traversability.pose_paths import PosePaths
-from pipeline.traversability.traversability import assess_map
 from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.topological_map.grounds import patch, room, topology_of
 from tests.pipeline.worlds import RISE, RUN, flat, ground_points, ramp_and_deck, surface_of, wall_points

@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from pipeline.finds.find import Find
+from pipeline.tracks.find import Find
 from sarsim.scoring.finds import FindScore
 
 ROOM = """<mujoco><size nuser_geom="1"/><custom>

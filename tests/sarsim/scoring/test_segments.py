@@ -4,8 +4,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shapely import MultiPoint
 
+from pipeline.geometry.cells import cells_of
 from pipeline.labels import Label
-from pipeline.segments.cells import cells_of
 from pipeline.segments.plane import Moments
 from pipeline.segments.planes import PlanePatch
 from pipeline.segments.segments import Segments

@@ -8,8 +8,8 @@ import numpy as np
 import pytest
 
 from pipeline.errors import InputError
-from pipeline.finds.find import Reading, box_corners
-from pipeline.finds.victims.detection.detection import Detection
+from pipeline.tracks.find import Reading, box_corners
+from pipeline.victims.detection.detection import Detection
 from sarsim.scripts.benchmarks.finds import figures_of
 from sarsim.scripts.benchmarks.finds_photos import PhotoScore, photo_figures
 

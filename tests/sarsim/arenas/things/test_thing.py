@@ -7,7 +7,7 @@ import numpy as np
 from dm_control import mjcf
 from numpy.testing import assert_allclose
 
-from pipeline.finds.find import KINDS
+from pipeline.tracks.find import KINDS
 from sarsim.arenas.things.thing import data_of, declare, of_kind, things_of
 
 ARENA = """<mujoco><size nuser_geom="1"/><worldbody>

@@ -1,0 +1,1 @@
+"""Elevation map: how high the ground is, and where the robot may drive on it."""

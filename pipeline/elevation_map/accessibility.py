@@ -1,0 +1,75 @@
+"""Whether ground leads up to a surface: this alone distinguishes a deck to drive onto from a table."""
+
+from math import ceil
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy import ndimage
+
+from pipeline.elevation_map.traversability import Traversability
+
+
+def is_inaccessible(
+    ground: Traversability,
+    places: NDArray[np.float64],
+    points: NDArray[np.floating],
+    from_below: NDArray[np.bool_] | np.bool_ = np.False_,
+) -> NDArray[np.bool_]:
+    """Which of the points (N, 3) that look like ramps and decks cannot carry the robot.
+
+    Such a point is farther than half of the robot's width from any square of that side on the points' surface, as the
+    feet of a chair are, or it is higher than the robot's headroom above the nearest ground that the robot can get to
+    and belongs to no surface that comes down to this ground, as every ramp does, however steep.
+
+    Args:
+        ground: its traversability.
+        places: (K, 3) where the robot stood, m.
+        points: (N, 3), m.
+        from_below: (N,) which are of decks seen from below; what leads up to them may not have been in view.
+    """
+    cells = np.clip(ground.grid.cell_of(points), 0, np.subtract(ground.grid.shape, 1))
+    surface = np.zeros(ground.grid.shape, bool)
+    surface[tuple(cells.T)] = True
+    side = ceil(ground.robot.width / 2 / ground.grid.cell)
+    broad = ndimage.binary_opening(surface, np.ones((side, side)))
+    near = ndimage.binary_dilation(broad, np.ones((2 * side - 1, 2 * side - 1)))
+    narrow, height = ~near[tuple(cells.T)], height_above_accessible(ground, places, points)
+    high = (height > ground.robot.headroom) & ~from_below
+    return narrow | high & ~_comes_down(points, ~narrow, height, 2 * ground.grid.cell) if high.any() else narrow
+
+
+def _comes_down(
+    points: NDArray[np.floating], counts: NDArray[np.bool_], height: NDArray[np.float64], joint: float
+) -> NDArray[np.bool_]:
+    """(N,) whether points (N, 3) belong to a surface of those that count whose foot has almost no height (N,), m.
+
+    ``joint``: m, side of the voxels that join a surface if they are neighbours, and greatest height of its foot.
+    """
+    voxels = tuple(((points - points.min(axis=0)) / joint).astype(np.int64).T)
+    filled = np.zeros([side.max() + 1 for side in voxels], np.bool_)
+    filled[tuple(side[counts] for side in voxels)] = True
+    surface = ndimage.label(filled, np.ones((3, 3, 3)))[0][voxels]
+    return counts & np.isin(surface, surface[counts & (height < joint)])
+
+
+def height_above_accessible(
+    ground: Traversability, places: NDArray[np.float64], points: NDArray[np.floating]
+) -> NDArray[np.float64]:
+    """(N,) m, height of points (N, 3) above the nearest ground that no hazard separates from where the robot stood.
+
+    The camera does not see the ground under the robot, so ground as high as that counts wherever it is.
+
+    Args:
+        ground: its traversability.
+        places: (K, 3) where the robot stood, m.
+        points: (N, 3), m.
+    """
+    pieces, _ = ndimage.label(~ground.hazard & ~np.isnan(ground.elevation), np.ones((3, 3)))
+    level, stood = (np.round(z / ground.robot.max_step) for z in (ground.elevation, places[:, 2]))
+    stood_on = np.unique(pieces[np.isin(level, stood[:, None] + (-1, 0, 1))])
+    reached = np.isin(pieces, stood_on[stood_on > 0])
+    if not reached.any():
+        return np.zeros(len(points))
+    nearest = ndimage.distance_transform_edt(~reached, return_distances=False, return_indices=True)
+    cells = np.clip(ground.grid.cell_of(points), 0, np.subtract(ground.grid.shape, 1))
+    return points[:, 2] - ground.elevation[tuple(nearest)][tuple(cells.T)]

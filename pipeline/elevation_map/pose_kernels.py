@@ -1,0 +1,320 @@
+"""Compiled geometry of a footprint with a heading: how much room it has, and what moves cost."""
+
+import math
+from functools import cache
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from pipeline.elevation_map.elevation_kernels import cell_at
+
+_HALF = np.array([(1, 0), (2, 1), (1, 1), (1, 2), (0, 1), (-1, 2), (-1, 1), (-2, 1)])
+VECTORS = np.concatenate([_HALF, -_HALF])
+"""(16, 2) displacement in cells by a move along each heading: headings are those of a lattice, 18 to 27° apart."""
+HEADINGS, STANDING = len(VECTORS), len(_HALF)
+"""Number of headings, and of those with different footprints: the opposite of a heading has the same."""
+ANGLES = np.arctan2(*VECTORS.T[::-1]) % math.tau
+"""(16,) rad, the headings."""
+UNKNOWN, HAZARD = 1, 2
+"""Kinds of obstacles; 0 is none."""
+MOST_ROOM = 0.2
+"""m; more room than this makes no difference."""
+LENIENCY = 0.03
+"""m by which the robot may come nearer to unknown ground than to a hazard."""
+SWEEP = 1
+"""cm that a turn to the next heading may come nearer to an obstacle."""
+TICK = 0.01
+"""s, the unit of costs."""
+NARROW_SPEED = 0.2
+"""m/s, greatest speed where obstacles leave no room around the footprint."""
+BACKING = 2.0
+"""Cost of a drive backwards, relative to one forwards: the camera looks the other way."""
+RISK = 20.0
+"""Seconds added to each second in which the robot is certain to meet an obstacle."""
+STOP = 1.5
+"""s that a bend of the way takes: slow down, set off again."""
+BUCKETS = 8192
+"""Number of buckets of the search's queue; a move costs fewer ticks."""
+
+
+class Terrain(NamedTuple):
+    """The ground on which the costs of moves depend; layers are (nx, ny) on one grid.
+
+    Attributes:
+        origin: (2,) corner of cell [0, 0], m.
+        cell: side of a cell, m.
+        obstacle: uint8, 0, ``UNKNOWN`` or ``HAZARD``.
+        to_obstacle: float64 m to the nearest obstacle.
+        clearance: (nx, ny, 16) int8 cm to the nearest obstacle, negative inside: from the footprint at each of eight
+            headings, and from the area that it sweeps in a turn from each of these headings to the next.
+        least: int8 cm, least clearance that is allowed.
+        ramp: bool, the wheels are on a ramp or right before it.
+        uphill: (nx, ny, 2) float32, gradient of that ramp; 0 where there is none.
+    """
+
+    origin: NDArray[np.float64]
+    cell: float
+    obstacle: NDArray[np.uint8]
+    to_obstacle: NDArray[np.float64]
+    clearance: NDArray[np.int8]
+    least: NDArray[np.int8]
+    ramp: NDArray[np.bool_]
+    uphill: NDArray[np.float32]
+
+
+class Costs(NamedTuple):
+    """What moves cost a robot.
+
+    Attributes:
+        half_length, half_width: of the footprint, m.
+        speed, ramp_speed: m/s, on level ground with much room, and on ramps, as expected.
+        turn_rate, ramp_turn_rate: rad/s, as expected.
+        stray: greatest deviation of the robot from its way, m.
+        slide: additional deviation in a turn, m per unit of slope.
+        lean: how far the top of the body leans downhill, m per unit of slope: its height.
+        across: relative increase of the time by driving across a slope, per unit of slope.
+    """
+
+    half_length: float
+    half_width: float
+    speed: float
+    ramp_speed: float
+    turn_rate: float
+    ramp_turn_rate: float
+    stray: float
+    slide: float
+    lean: float
+    across: float
+
+
+@njit(cache=True)
+def distance_to_footprint(x, y, cos, sin, half_length, half_width):
+    """Signed distance from points (x, y) to the rectangle around (0, 0) that heads along (cos, sin)."""
+    a, b = np.abs(x * cos + y * sin) - half_length, np.abs(y * cos - x * sin) - half_width
+    return np.sqrt(np.maximum(a, 0.0) ** 2 + np.maximum(b, 0.0) ** 2) + np.minimum(np.maximum(a, b), 0.0)
+
+
+@cache
+def footprint_distances(half_length, half_width, cell):
+    """Cells around the robot, nearest first, and the distance of the middle of each from the footprint.
+
+    Returns:
+        (N, 2) int64 offsets, (N, 16) int8 cm by heading and turn as in :class:`Terrain`, and (N,) cm, their least.
+    """
+    reach = int((np.hypot(half_length, half_width) + MOST_ROOM) / cell) + 1
+    offsets = np.argwhere(np.ones((2 * reach + 1,) * 2)) - reach
+    x, y = cell * offsets.T[:, :, None, None]
+    stands, turns = np.tile(ANGLES[:STANDING], (6, 1)), np.linspace(ANGLES[:STANDING], ANGLES[1 : STANDING + 1], 6)
+    angles = np.hstack([stands, turns])
+    room = distance_to_footprint(x, y, np.cos(angles), np.sin(angles), half_length, half_width).min(axis=1)
+    distances = np.floor(100 * np.minimum(room, MOST_ROOM)).astype(np.int8)
+    least = distances.min(axis=1)
+    order = np.argsort(least)[: np.count_nonzero(least < int(100 * MOST_ROOM))]
+    return offsets[order], distances[order], least[order]
+
+
+@njit(cache=True)
+def clearances(obstacle, to_obstacle, footprint, near, rows, columns):
+    """(nx, ny, 16) int8, see :class:`Terrain`, for (nx, ny) obstacles; beyond the grid all is unknown.
+
+    ``footprint`` is what :func:`footprint_distances` returns. Only cells with an obstacle within ``near`` m, from the
+    first up to but not including the last of ``rows`` and of ``columns``, are computed.
+    """
+    nx, ny = obstacle.shape
+    offsets, distances, nearest = footprint
+    result = np.full((nx, ny, HEADINGS), int(100 * MOST_ROOM), np.int8)
+    for i in range(rows[0], rows[1]):
+        for j in range(columns[0], columns[1]):
+            if to_obstacle[i, j] > near:
+                continue
+            room = result[i, j]
+            most = room[0]
+            for n in range(len(offsets)):
+                if nearest[n] >= most:
+                    break
+                a, b = i + offsets[n, 0], j + offsets[n, 1]
+                kind = obstacle[a, b] if 0 <= a < nx and 0 <= b < ny else UNKNOWN
+                if kind == 0:
+                    continue
+                lenience = int(100 * LENIENCY) if kind == UNKNOWN else 0
+                for h in range(HEADINGS):
+                    room[h] = min(room[h], distances[n, h] + lenience)
+                most = room.max()
+    return result
+
+
+@njit(cache=True, nogil=True)
+def bits_of(cells, yaws):
+    """(K,) uint16 bits, as entries of a clearance, of the headings nearest to successive ``yaws`` (K,), rad.
+
+    Poses in one of the ``cells`` (K, 2) after the other that turn from a heading to the next one set that turn's bit.
+    """
+    bits, last = np.zeros(len(cells), np.uint16), -1
+    for k in range(len(cells)):
+        heading, least = 0, np.inf
+        for h in range(STANDING):
+            off = abs((yaws[k] - ANGLES[h] + np.pi / 2) % np.pi - np.pi / 2)
+            if off < least:
+                heading, least = h, off
+        bits[k] = np.uint16(1) << np.uint16(heading)
+        is_there = k > 0 and cells[k, 0] == cells[k - 1, 0] and cells[k, 1] == cells[k - 1, 1]
+        if is_there and (heading - last) % STANDING == 1:
+            bits[k] |= np.uint16(1) << np.uint16(STANDING + last)
+        elif is_there and (last - heading) % STANDING == 1:
+            bits[k] |= np.uint16(1) << np.uint16(STANDING + heading)
+        last = heading
+    return bits
+
+
+@njit(cache=True)
+def allow_driven(clearance, driven, least, deepest):
+    """Raise ``clearance`` (nx, ny, 16), cm, to ``least`` (nx, ny) at the poses of ``driven`` (nx, ny) bits.
+
+    Not where it is below ``deepest``: so far into the footprint no drift of the map moves an obstacle.
+    """
+    nx, ny, poses = clearance.shape
+    for i in range(nx):
+        for j in range(ny):
+            for h in range(poses if driven[i, j] else 0):
+                if driven[i, j] >> h & 1 and clearance[i, j, h] >= deepest:
+                    clearance[i, j, h] = max(clearance[i, j, h], least[i, j])
+
+
+@njit(cache=True)
+def free_poses(clearance, least):
+    """(nx, ny, 2) uint8 bits of the eight headings with which the robot can stand, and of the turns that it can make.
+
+    See :class:`Terrain` for ``clearance`` (nx, ny, 16) and ``least`` (nx, ny).
+    """
+    nx, ny = least.shape
+    result = np.zeros((nx, ny, 2), np.uint8)
+    for i in range(nx):
+        for j in range(ny):
+            for h in range(STANDING):
+                if clearance[i, j, h] >= least[i, j]:
+                    result[i, j, 0] |= 1 << h
+                if clearance[i, j, STANDING + h] + SWEEP >= least[i, j]:
+                    result[i, j, 1] |= 1 << h
+    return result
+
+
+@njit(cache=True)
+def danger(clearance, spread):
+    """Probability that the robot meets an obstacle ``clearance`` m away if it may be off its way by ``spread`` m."""
+    return max(0.0, 1.0 - max(clearance, 0.0) / spread) if spread > 0 else 0.0
+
+
+@njit(cache=True)
+def level_speed(room, speed):
+    """m/s on level ground with ``room`` m around the footprint, a number or an array: the less, the slower."""
+    narrow_speed = min(speed, NARROW_SPEED)
+    return narrow_speed + (speed - narrow_speed) * np.minimum(np.maximum(room, 0.0) / MOST_ROOM, 1.0)
+
+
+@njit(cache=True)
+def drive_seconds_per_metre(clearance, cos, sin, uphill, backward, costs):
+    """Cost of a metre along (cos, sin), s, with ``clearance`` m around the footprint on a slope (2,)."""
+    across = abs(uphill[1] * cos - uphill[0] * sin)
+    on_ramp = uphill[0] != 0 or uphill[1] != 0
+    speed = costs.ramp_speed if on_ramp else level_speed(clearance, costs.speed)
+    seconds = (1.0 + costs.across * across) / speed
+    room = clearance - costs.lean * np.hypot(uphill[0], uphill[1])
+    return seconds * (BACKING if backward else 1.0) * (1.0 + RISK * danger(room, costs.stray))
+
+
+@njit(cache=True)
+def turn_seconds_per_radian(clearance, uphill, costs):
+    """Cost of a radian of a turn in place, s, with ``clearance`` m around the footprint on a slope (2,)."""
+    slope = np.hypot(uphill[0], uphill[1])
+    seconds = 1.0 / (costs.ramp_turn_rate if slope > 0 else costs.turn_rate)
+    room = clearance - costs.lean * slope
+    return seconds * (1.0 + RISK * danger(room, 0.5 * costs.stray + costs.slide * slope))
+
+
+@njit(cache=True)
+def ticks(seconds):
+    """The seconds in whole ticks, at least one and fewer than there are buckets."""
+    return max(1, min(int(seconds / TICK + 0.5), BUCKETS - 1))
+
+
+@njit(cache=True)
+def room_at(x, y, cos, sin, terrain, costs):
+    """m from the footprint of a robot at (x, y) m that heads along (cos, sin) to the nearest obstacle."""
+    nx, ny = terrain.least.shape
+    i, j = cell_at(x, y, terrain.origin, terrain.cell)
+    if not (0 <= i < nx and 0 <= j < ny):
+        return -1.0
+    radius = np.hypot(costs.half_length, costs.half_width) + MOST_ROOM
+    if terrain.to_obstacle[i, j] > radius + terrain.cell:
+        return MOST_ROOM
+    least, reach = MOST_ROOM, int(radius / terrain.cell) + 1
+    for a in range(i - reach, i + reach + 1):
+        for b in range(j - reach, j + reach + 1):
+            kind = terrain.obstacle[a, b] if 0 <= a < nx and 0 <= b < ny else UNKNOWN
+            if kind == 0:
+                continue
+            dx = terrain.origin[0] + (a + 0.5) * terrain.cell - x
+            dy = terrain.origin[1] + (b + 0.5) * terrain.cell - y
+            d = distance_to_footprint(dx, dy, cos, sin, costs.half_length, costs.half_width)
+            least = min(least, d + (LENIENCY if kind == UNKNOWN else 0.0))
+    return least
+
+
+@njit(cache=True)
+def line_seconds(ax, ay, bx, by, backward, terrain, costs):
+    """Cost of a straight drive between points, m, in s; inf if the footprint meets an obstacle.
+
+    ``backward`` changes the cost alone.
+    """
+    nx, ny = terrain.least.shape
+    dx, dy = bx - ax, by - ay
+    length = np.sqrt(dx * dx + dy * dy)
+    cos, sin = (dx / length, dy / length) if length > 0 else (1.0, 0.0)
+    steps = int(np.ceil(length / terrain.cell)) + 1
+    # An obstacle so near to the middle lies in the footprint, along whatever heading: most lines are blocked so.
+    inside = min(costs.half_length, costs.half_width) - LENIENCY - terrain.cell
+    for s in range(steps + 1):
+        i, j = cell_at(ax + dx * s / steps, ay + dy * s / steps, terrain.origin, terrain.cell)
+        if not (0 <= i < nx and 0 <= j < ny) or terrain.to_obstacle[i, j] < inside + 0.01 * terrain.least[i, j]:
+            return np.inf
+    total = 0.0
+    for s in range(steps + 1):
+        x, y = ax + dx * s / steps, ay + dy * s / steps
+        i, j = cell_at(x, y, terrain.origin, terrain.cell)
+        room = room_at(x, y, cos, sin, terrain, costs)
+        if 100 * room < terrain.least[i, j] - 0.5:
+            return np.inf
+        total += drive_seconds_per_metre(room, cos, sin, terrain.uphill[i, j], backward, costs)
+    return total * length / (steps + 1)
+
+
+@njit(cache=True)
+def lines_seconds(starts, ends, terrain, costs):
+    """(N,) :func:`line_seconds` forwards between points (N, 2), m."""
+    result = np.empty(len(starts))
+    for n in range(len(starts)):
+        result[n] = line_seconds(starts[n, 0], starts[n, 1], ends[n, 0], ends[n, 1], False, terrain, costs)
+    return result
+
+
+@njit(cache=True)
+def turn_seconds(x, y, start, end, terrain, costs):
+    """Cost of the shorter turn in place between two headings, rad, at (x, y) m, in s; inf if it meets an obstacle.
+
+    Only the headings in between are checked; :func:`line_seconds` checks those at both ends.
+    """
+    nx, ny = terrain.least.shape
+    i, j = cell_at(x, y, terrain.origin, terrain.cell)
+    if not (0 <= i < nx and 0 <= j < ny):
+        return np.inf
+    angle = (end - start + np.pi) % (2 * np.pi) - np.pi
+    room = MOST_ROOM
+    steps = int(np.ceil(abs(angle) / 0.2))
+    for s in range(1, steps):
+        heading = start + angle * s / steps
+        room = min(room, room_at(x, y, np.cos(heading), np.sin(heading), terrain, costs))
+    if 100 * room < terrain.least[i, j] - 0.5:
+        return np.inf
+    return abs(angle) * turn_seconds_per_radian(room, terrain.uphill[i, j], costs)

@@ -1,0 +1,44 @@
+"""The traversability of an elevation map, updated from keyframe to keyframe."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.elevation_map.elevation_map import CELL, ElevationMap
+from pipeline.elevation_map.traversability import LAYERS, MAX_DROP_GAP, Traversability, assess, assess_map, reach_of
+from pipeline.grid_map import box_around, inside
+
+
+class TraversabilityLayer:
+    """Assesses one elevation map again, but only around cells that changed."""
+
+    def __init__(self) -> None:
+        self._last: Traversability | None = None
+        self._revision = 0
+
+    def update(self, elevation_map: ElevationMap) -> Traversability:
+        """Return the same as ``assess_map`` of the map; results that were returned before stay as they were."""
+        source, last = elevation_map.layers, self._last
+        changed = source.changed_since(self._revision, "elevation", "dropout", "driven")
+        self._revision = source.revision
+        if last is None or not last.grid.is_same(source.grid):
+            # A hazard at the old border reaches into the cells that the grid has gained.
+            last = assess_map(elevation_map)
+        elif changed.any():
+            last = _assessed_around(changed, elevation_map, last)
+        self._last = last
+        return last
+
+
+def _assessed_around(changed: NDArray[np.bool_], elevation_map: ElevationMap, last: Traversability) -> Traversability:
+    # A cell affects hazards across a gap, a hazard affects the cells within reach, and slopes span four cells.
+    reach = round((reach_of(last.robot) + MAX_DROP_GAP) / CELL) + 5
+    here, around = box_around(changed, reach), box_around(changed, 2 * reach)
+    # Contiguous, as the kernels are compiled for.
+    elevation = np.ascontiguousarray(elevation_map.elevation[around])
+    dropout, driven = elevation_map.dropout[around], elevation_map.driven[around]
+    within = inside(here, around)
+    part = assess(last.grid.part(around), elevation, dropout, driven, last.robot, within)
+    layers = {name: getattr(last, name).copy() for name in LAYERS}
+    for name, layer in layers.items():
+        layer[here] = getattr(part, name)[within]
+    return Traversability(last.grid, robot=last.robot, **layers)

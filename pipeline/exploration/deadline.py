@@ -1,0 +1,134 @@
+"""The clock of a mission: when a robot must turn back, and where it ends."""
+
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Literal, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.exploration.viewpoint import ARRIVED, Context
+from pipeline.planning.pose_paths import PosePaths
+
+
+class PlacedFind(Protocol):
+    """What a mission must know of a thing that was found."""
+
+    @property
+    def kind(self) -> str:
+        """Kind of the thing."""
+        ...
+
+    @property
+    def position(self) -> NDArray[np.float64]:
+        """(3,) m in ``map``."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Retreat:
+    """Where a mission ends.
+
+    Attributes:
+        task: home, or beside living victims.
+        position: (2,) m in ``map``.
+    """
+
+    task: Literal["home", "park"]
+    position: NDArray[np.float64]
+
+
+class Deadline:
+    """Weighs the time that is left against the way to the place where the mission ends.
+
+    Attributes:
+        end: the robot's time at which the clock stops, s.
+        retreat: where the robot is to be by then; None if that does not matter.
+        has_called: whether the way back forbade to explore on.
+    """
+
+    def __init__(
+        self,
+        begin: float,
+        end: float,
+        finds: Callable[[], Iterable[PlacedFind]],
+        home: bool = False,
+        beside: float | None = None,
+    ):
+        """Start the clock.
+
+        Args:
+            begin, end: times of the robot at which the clock starts and stops, s.
+            finds: returns what was found so far.
+            home: whether the robot is to be back at its start by then.
+            beside: m; by then the robot is to be this close to living victims, if it has found any; None if not.
+        """
+        self.end = end
+        self.retreat: Retreat | None = None
+        self.has_called = False
+        self._begin, self._finds, self._wants_home, self._beside = begin, finds, home, beside
+        self._home: NDArray[np.float64] | None = None
+        self._planned, self._last, self._late = 0.0, (begin, 0.0), 0.0
+
+    def observe(self, context: Context) -> None:
+        """Renew the place of the retreat, and learn how much longer than planned the last drive took."""
+        if self._home is None:
+            self._home = context.T_map_base[:2, 3].copy()
+        begin, seconds = self._last
+        self._late = max(self._late, context.frame.time - begin - seconds)
+        self._last = context.frame.time, 0.0
+        place = None
+        if self._beside is not None:
+            victims = [find.position[:2] for find in self._finds() if find.kind == "heat"]
+            place = parking_place(np.array(victims).reshape(-1, 2), context.paths, self._beside)
+        if place is not None:
+            self.retreat = Retreat("park", place)
+        elif self._wants_home:
+            self.retreat = Retreat("home", self._home)
+
+    def allows(self, position: NDArray[np.float64], context: Context) -> bool:
+        """Whether a drive to a place (2,), m in ``map``, leaves time for the way from there to the retreat.
+
+        The ways are multiplied by how much longer than planned the drives took so far, and one more drive may be as
+        late as the latest so far. Where the map shows no way back, it takes as long as the robot has been under way.
+        """
+        now = context.frame.time
+        if self.retreat is None:
+            return True
+        under_way = now - self._begin
+        there = _finite(context.paths.without_risk.cost_to(position), 0.0)
+        ways = PosePaths(context.traversability, self.retreat.position, caution=0.0)
+        back = under_way + there if ways.start is None else _finite(ways.cost_to(position), under_way + there)
+        slowness = max(1.0, under_way / self._planned) if self._planned else 1.0
+        can_do = now + slowness * (there + back) + self._late <= self.end
+        self.has_called = not can_do
+        return can_do
+
+    def set_out(self, position: NDArray[np.float64], context: Context) -> None:
+        """Remember the planned time of a drive to a place (2,), m in ``map``."""
+        seconds = _finite(context.paths.without_risk.cost_to(position), 0.0)
+        self._planned += seconds
+        self._last = context.frame.time, seconds
+
+
+def _finite(seconds: float, otherwise: float) -> float:
+    return seconds if np.isfinite(seconds) else otherwise
+
+
+def parking_place(victims: NDArray[np.float64], paths: PosePaths, beside: float) -> NDArray[np.float64] | None:
+    """(2,) m, the place near most victims (N, 2), m in ``map``, and of these the soonest reached; None if none is.
+
+    Near is within ``beside`` m, less the distance at which a place counts as reached.
+    """
+    if not len(victims) or paths.start is None:
+        return None
+    grid = paths.traversability.grid
+    cells = np.argwhere(paths.reachable)
+    places = grid.centre_of(cells)
+    near = np.linalg.norm(places[:, None] - victims, axis=2) <= beside - ARRIVED
+    count = near.sum(axis=1)
+    if not count.any():
+        return None
+    best = np.flatnonzero(count == count.max())
+    cost = paths.cost[tuple(cells[best].T)]
+    return np.asarray(places[best[cost.argmin()]], np.float64)

@@ -1,0 +1,106 @@
+"""Looks at walls that no keyframe has shown near and straight enough to read what may hang on them."""
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from pipeline.elevation_map.pose_kernels import ANGLES
+from pipeline.exploration.next_best_view import KEYFRAME_TIME
+from pipeline.exploration.viewpoint import Context, Viewpoint
+from pipeline.exploration.visibility import PLACE_STRIDE
+from pipeline.exploration.walls import WallPieces
+from pipeline.finds.find_map import READABLE
+from pipeline.finds.reobservation import BESIDE_CAMERA
+from pipeline.frame import Frame
+from pipeline.grid_map import best_of_blocks
+from pipeline.keyframes import Keyframes, Places
+from pipeline.metric_map.metric_map import MetricMap
+from pipeline.planning.pose_paths import bits
+from pipeline.tracks.sought import THING_GAP
+from pipeline.transforms import wrap_angle
+
+
+class Inspection:
+    """A strategy that goes to where the next such wall can be looked at soonest; each wall is aimed at once."""
+
+    def __init__(self, keyframes: Keyframes, metric_map: MetricMap):
+        """Inspect the walls that the keyframes show, along lines of sight that are free in the map."""
+        self._keyframes, self._map = keyframes, metric_map
+        self._shown: list[WallPieces] = []
+        self._aimed: list[Places] = []
+
+    def observe(self, context: Context) -> None:
+        """Nothing is to be noted: the keyframes tell what they have shown."""
+
+    def next_viewpoint(self, context: Context) -> Viewpoint | None:
+        """The soonest pose from which a wall that is left is readable; None if there is none."""
+        left, paths = self._left(context), context.paths
+        cells = best_of_blocks(np.bitwise_count(paths.headings), PLACE_STRIDE)
+        if not len(left.points) or not len(cells):
+            return None
+        places = context.traversability.on_ground(context.traversability.grid.centre_of(cells))
+        cameras = places + _height(context.frame)
+        ahead = np.abs(wrap_angle(_bearings(left, places)[..., None] - ANGLES)).argmin(axis=2)
+        seconds = np.where(bits(paths.headings[tuple(cells.T)]), paths.seconds_to(cells), np.inf)
+        cost = np.where(self._shows(left, places, context.frame), seconds[np.arange(len(cells)), ahead], np.inf)
+        for index in np.argsort(cost, axis=None, kind="stable"):
+            wall, place = np.unravel_index(index, cost.shape)
+            if np.isinf(cost[wall, place]):
+                break
+            if self._is_free(cameras[place], left.points[wall]):
+                heading = wrap_angle(float(ANGLES[ahead[wall, place]]))
+                return Viewpoint(places[place, :2], heading, True, 0.0, KEYFRAME_TIME + float(cost[wall, place]))
+        return None
+
+    def commit(self, viewpoint: Viewpoint, context: Context) -> None:
+        """Remember at which walls the robot looks next."""
+        left, place = self._left(context), context.traversability.on_ground(viewpoint.position[None])
+        off = np.abs(wrap_angle(_bearings(left, place)[:, 0] - viewpoint.heading))
+        is_aimed = self._shows(left, place, context.frame)[:, 0] & (off < context.frame.intrinsics.half_view)
+        camera = place[0] + _height(context.frame)
+        is_aimed[is_aimed] = [self._is_free(camera, point) for point in left.points[is_aimed]]
+        before = left.where(is_aimed).before
+        self._aimed.append(Places.anchored(before, context.poses, len(context.poses) - 1))
+
+    def _is_free(self, camera: NDArray[np.float64], point: NDArray[np.float64]) -> bool:
+        """Whether nothing is between a camera (3,) and a point (3,) of a wall."""
+        return self._map.is_free_along(camera, point, cKDTree(point[None]), THING_GAP, BESIDE_CAMERA)
+
+    def _left(self, context: Context) -> WallPieces:
+        """Walls that were neither shown well enough nor aimed at, a piece every ``THING_GAP``."""
+        for seen in self._keyframes.seen[len(self._shown) :]:
+            self._shown.append(WallPieces.of(seen, context.frame))
+        walls = _at(self._shown, context.poses)
+        is_read = walls.sides >= READABLE
+        done = np.concatenate([walls.before[is_read], Places.joined(self._aimed).at(context.poses)])[:, :2]
+        left = walls.where(~is_read)
+        if len(done) and len(left.points):
+            left = left.where(cKDTree(done).query(left.before[:, :2])[0] > THING_GAP)
+        _, first = np.unique(np.floor(left.before[:, :2] / THING_GAP), axis=0, return_index=True)
+        return left.where(first)
+
+    @staticmethod
+    def _shows(walls: WallPieces, places: NDArray[np.float64], frame: Frame) -> NDArray[np.bool_]:
+        """(N, M) whether walls are readable and in range from places (M, 3) on the ground."""
+        cameras = places + _height(frame)
+        far = np.linalg.norm(cameras - walls.points[:, None], axis=2) >= frame.sensor.nearest + frame.sensor.margin
+        return far & (walls.sides_from(cameras, frame) >= READABLE)
+
+
+def _at(shown: list[WallPieces], poses: NDArray[np.float64]) -> WallPieces:
+    """Walls of keyframes, each in ``base_link``, in ``map`` with the keyframes at (K, 4, 4) poses."""
+    T = np.repeat(poses, [len(walls.points) for walls in shown], axis=0)
+    points, normals, sides = (np.concatenate(parts) for parts in zip(*shown, strict=True))
+    R, t = T[:, :3, :3], T[:, :3, 3]
+    return WallPieces(np.einsum("nij,nj->ni", R, points) + t, np.einsum("nij,nj->ni", R, normals), sides)
+
+
+def _height(frame: Frame) -> NDArray[np.float64]:
+    """(3,) m from the ground to a camera."""
+    return np.array([0.0, 0.0, frame.T_base_camera[2, 3]])
+
+
+def _bearings(walls: WallPieces, places: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(N, M) rad, of walls as seen from places (M, 3)."""
+    ways = walls.points[:, None] - places
+    return np.arctan2(ways[..., 1], ways[..., 0])

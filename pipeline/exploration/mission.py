@@ -1,0 +1,227 @@
+"""What to do next: an ordered list of strategies over one context (explore, drive to goals, drive home)."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pipeline.elevation_map.pose_kernels import STOP
+from pipeline.exploration.deadline import Deadline
+from pipeline.exploration.next_best_view import Exploration
+from pipeline.exploration.viewpoint import ARRIVED, Context, Strategy, Viewpoint
+from pipeline.planning.path_plan import goal_name, obstacle_to, order_goals
+from pipeline.planning.pose_paths import PosePaths
+
+PATIENCE = 5
+"""Drives in vain after which a goal is given up, and failed drives from one place after which the robot stays."""
+
+
+class RobotState(Protocol):
+    """What a mission must know of the robot that it sends."""
+
+    @property
+    def T_map_start(self) -> NDArray[np.float64] | None:
+        """4×4 pose at which the robot began; None if it has not."""
+        ...
+
+    @property
+    def is_held(self) -> bool:
+        """Whether the robot cannot get away from where it stands."""
+        ...
+
+
+class Mission:
+    """Chooses the next viewpoint: the first that a strategy names, in the order of :attr:`strategies`.
+
+    It begins with exploring; :meth:`tasks` sends the robot to goals and home afterwards.
+
+    Attributes:
+        exploration: the strategy that explores unseen ground.
+        goals: the goals of the present task; None while the task is to explore.
+        may_explore: whether exploring is allowed, also on the way to goals.
+        deadline: the clock that runs; None if none does.
+        inspection: what is done when nothing is left to explore; None for nothing.
+    """
+
+    def __init__(self, exploration: Strategy):
+        """``exploration``: the strategy to begin with."""
+        self.exploration = exploration
+        self.goals: Goals | None = None
+        self.may_explore = True
+        self.deadline: Deadline | None = None
+        self.inspection: Strategy | None = None
+        self._visited: dict[str, Goals] = {}
+        self._told: dict[str, int] = {}
+
+    @property
+    def strategies(self) -> list[Strategy]:
+        """The strategies in the order in which they are asked: goals, then exploring as long as goals are left.
+
+        Without goals, exploring, then inspecting.
+        """
+        explore: list[Strategy] = [self.exploration] if self.may_explore else []
+        if self.goals is None:
+            return [*explore, self.inspection] if explore and self.inspection else explore
+        return [self.goals, *(explore if self.goals.left else [])]
+
+    def observe(self, context: Context) -> None:
+        """Let every strategy take the newest keyframe into account."""
+        self.exploration.observe(context)
+        if self.inspection is not None:
+            self.inspection.observe(context)
+        if self.goals is not None:
+            self.goals.observe(context)
+        if self.deadline is not None:
+            self.deadline.observe(context)
+
+    def next_viewpoint(self, context: Context) -> tuple[Strategy, Viewpoint] | None:
+        """The first viewpoint that any strategy names, and that strategy; None if the task is done."""
+        for strategy in self.strategies:
+            if (viewpoint := strategy.next_viewpoint(context)) is not None:
+                return (strategy, viewpoint) if self._has_time(viewpoint, context) else None
+        return None
+
+    def _has_time(self, viewpoint: Viewpoint, context: Context) -> bool:
+        """Whether the clock allows the drive; the robot then sets out. Once it turns back, it is not asked again."""
+        if self.deadline is None:
+            return True
+        if self.goals is None and not self.deadline.allows(viewpoint.position, context):
+            return False
+        self.deadline.set_out(viewpoint.position, context)
+        return True
+
+    def left(self, context: Context) -> list[Viewpoint]:
+        """What :class:`Exploration` does not find worth the drive; nothing by a strategy that does not tell."""
+        return self.exploration.left(context) if isinstance(self.exploration, Exploration) else []
+
+    def tasks(self, goals: Sequence[ArrayLike], home: bool, robot: RobotState) -> Iterator[str]:
+        """Begin one task after the other: explore, drive to goals (2,) m in ``map``, drive home.
+
+        With a clock, the retreat of :attr:`deadline` is the end.
+
+        Yields:
+            The name of each task as it begins; the robot makes steps until one has no plan.
+        """
+        yield "exploring"
+        if goals:
+            yield from self._visit("goals", Goals(goals), robot)
+        if self.deadline is not None and self.deadline.retreat is not None:
+            retreat = self.deadline.retreat
+            yield from self._visit(retreat.task, Goals([retreat.position], may_be_near=True), robot)
+        elif home and robot.T_map_start is not None:
+            yield from self._visit("home", Goals([robot.T_map_start[:2, 3]], may_be_near=True), robot)
+
+    def _visit(self, name: str, goals: "Goals", robot: RobotState) -> Iterator[str]:
+        self.goals = self._visited[name] = goals
+        yield name
+        goals.refuse("the robot is held where it stands" if robot.is_held else None)
+
+    def new_outcomes(self) -> Iterator[tuple[str, bool]]:
+        """A line for each goal visited or given up since the last call, and whether it was reached."""
+        for name, goals in self._visited.items():
+            for visit in goals.visits[self._told.get(name, 0) :]:
+                place = "home" if name == "home" else goal_name(visit.goal)
+                yield visit.obstacle or f"{place} is reached", visit.obstacle is None
+            self._told[name] = len(goals.visits)
+
+    def report(self) -> dict[str, Any]:
+        """Figures of each task after exploring, and why goals were not reached."""
+        return {
+            name: {
+                "given": len(goals.visits) + len(goals.left),
+                "reached": sum(visit.obstacle is None for visit in goals.visits),
+                "refused": [visit.obstacle for visit in goals.visits if visit.obstacle],
+            }
+            for name, goals in self._visited.items()
+        }
+
+
+@dataclass(frozen=True, eq=False)
+class Visit:
+    """The outcome of a goal.
+
+    Attributes:
+        goal: (2,) m in ``map``.
+        obstacle: why the robot did not reach it, in a line for the log; None if it did.
+    """
+
+    goal: NDArray[np.float64]
+    obstacle: str | None
+
+
+class Goals:
+    """Drives to goals in an order that keeps the drive short, computed anew at every step.
+
+    Attributes:
+        left: (2,) each, goals still to be visited.
+        visits: outcomes of the other goals, in the order in which they were visited or given up.
+        is_tight: whether ways to them need no margin, see :attr:`Traversability.without_margin`; set once no other
+            way is left.
+    """
+
+    def __init__(self, goals: Sequence[ArrayLike], may_be_near: bool = False):
+        """Goals (2,), m in ``map``.
+
+        ``may_be_near``: the nearest reachable ground within the robot's length stands for one, as where it was set
+        down, which may not be reachable itself.
+        """
+        self.left = [np.asarray(goal, np.float64) for goal in goals]
+        self.visits: list[Visit] = []
+        self.is_tight = False
+        self._may_be_near = may_be_near
+        self._context: Context | None = None
+        self._goal: NDArray[np.float64] | None = None
+        # By a goal's id: s of the shortest way to it so far, and how many drives since did not shorten it.
+        self._tries: dict[int, tuple[float, int]] = {}
+
+    def observe(self, context: Context) -> None:
+        """Count goals that are near as visited, and give up a goal if drives bring the robot no nearer to it."""
+        self._context = context
+        for goal in list(self.left):
+            place = self._place(goal, context.paths)
+            if np.linalg.norm(place - context.T_map_base[:2, 3]) <= ARRIVED:
+                self._end(goal, None)
+            elif goal is self._goal and self._was_in_vain(goal, context.paths.cost_to(place)):
+                self._end(goal, f"{goal_name(goal)} is given up: {PATIENCE} drives brought the robot no nearer")
+        self._goal = None
+
+    def next_viewpoint(self, context: Context) -> Viewpoint | None:
+        """The next goal; None if none is left that is reachable on the map so far."""
+        places = [self._place(goal, context.paths) for goal in self.left]
+        order = order_goals(context.paths, places)
+        if not order:
+            return None
+        way = places[order[0]] - context.T_map_base[:2, 3]
+        return Viewpoint(places[order[0]], float(np.arctan2(way[1], way[0])), turn=False, gain=0.0)
+
+    def commit(self, viewpoint: Viewpoint, context: Context) -> None:
+        """Remember the goal to which the robot sets out."""
+        self._goal = next(g for g in self.left if (self._place(g, context.paths) == viewpoint.position).all())
+        self._tries.setdefault(id(self._goal), (context.paths.cost_to(viewpoint.position), 0))
+
+    def refuse(self, why: str | None = None) -> None:
+        """Give up the goals that are left; the reason is ``why``, or else the obstacle that the last step showed."""
+        for goal in list(self.left):
+            obstacle = obstacle_to(self._context.paths, goal) if why is None and self._context else None
+            self._end(goal, obstacle or f"{goal_name(goal)} was not reached: {why or 'the episode ended'}")
+
+    def _place(self, goal: NDArray[np.float64], paths: PosePaths) -> NDArray[np.float64]:
+        """(2,) m, the place to drive to for a goal: the nearest reachable one near it, or else the goal."""
+        if not np.isfinite(goal).all():
+            return goal
+        t = paths.traversability
+        place = t.grid.nearest(paths.reachable, goal, t.robot.length if self._may_be_near else 0.0)
+        return goal if place is None else place
+
+    def _was_in_vain(self, goal: NDArray[np.float64], way_left: float) -> bool:
+        """Whether ``PATIENCE`` drives to a goal, this one included, shortened the way by less than a bend costs."""
+        shortest, in_vain = self._tries[id(goal)]
+        is_shorter = way_left < shortest - STOP
+        self._tries[id(goal)] = (way_left, 0) if is_shorter else (shortest, in_vain + 1)
+        return self._tries[id(goal)][1] >= PATIENCE
+
+    def _end(self, goal: NDArray[np.float64], obstacle: str | None) -> None:
+        self.left = [other for other in self.left if other is not goal]
+        self.visits.append(Visit(goal, obstacle))

@@ -1,0 +1,165 @@
+"""The 3D map as the league wants it: an ASCII PLY in metres, with colours, normals and confidence."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+import small_gicp
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+from scipy.special import expit
+
+from pipeline.files import MOST_MEMORY, read_bytes, whole_file
+from pipeline.league.brief import MissionBrief
+from pipeline.localisation.registration import NORMAL_NEIGHBOURS
+from pipeline.metric_map.metric_map import LOG_ODDS, MetricMap
+from pipeline.transforms import inverse, transform_points
+
+PLACE, NORMAL, RGB = ("x", "y", "z"), ("nx", "ny", "nz"), ("red", "green", "blue")
+PROPERTIES = dict.fromkeys((*PLACE, *NORMAL, "confidence", "temp"), "float") | dict.fromkeys(RGB, "uchar")
+"""Type of each property; ``confidence`` from 0 to 1, an assumption."""
+WRITTEN = (*PLACE, *RGB, *NORMAL, "confidence")
+ALIASES = {"float32": "float", "uint8": "uchar"}
+COMMENTS = ("team", "start time", "mission")
+
+
+@dataclass
+class CloudFile:
+    """What a PLY says, and what is wrong with it.
+
+    Attributes:
+        comments: of the header.
+        columns: (N,) float64 by property; x, y and z in m.
+        faults: a line each.
+    """
+
+    comments: list[str] = field(default_factory=list)
+    columns: dict[str, NDArray[np.float64]] = field(default_factory=dict)
+    faults: list[str] = field(default_factory=list)
+
+    def points(self, names: tuple[str, ...] = PLACE) -> NDArray[np.float64]:
+        """(N, 3) m, or other columns of such names; (0, 3) if one is missing."""
+        if not all(name in self.columns for name in names):
+            return np.zeros((0, len(names)))
+        return np.stack([self.columns[name] for name in names], axis=1)
+
+
+def write_cloud(
+    path: Path,
+    brief: MissionBrief,
+    points: NDArray[np.floating],
+    colours: NDArray[np.uint8],
+    cameras: NDArray[np.float64],
+    metric_map: MetricMap,
+    T_map_league: NDArray[np.float64],
+) -> None:
+    """Write a cloud, whole or not at all.
+
+    Args:
+        path: of the file.
+        brief: names for the comments.
+        points: (N, 3) m in ``map``.
+        colours: (N, 3) RGB.
+        cameras: (K, 3) m in ``map``, where the robot was; a normal points to the nearest.
+        metric_map: whose probability that a point's voxel is occupied is its confidence.
+        T_map_league: 4×4 pose of the league's frame.
+
+    Raises:
+        InputError: it cannot be written.
+    """
+    confidence = expit(LOG_ODDS * metric_map.log_odds_at(metric_map.voxel_index(points)))
+    T = inverse(T_map_league)
+    moved, normals = transform_points(T, points), _normals(points, cameras) @ T[:3, :3].T
+    comments = (brief.team, f"{brief.start:%Y-%m-%d %H:%M:%S}", brief.name)
+    lines = ["ply", "format ascii 1.0"]
+    lines += [f"comment {name}: {value}" for name, value in zip(COMMENTS, comments, strict=True)]
+    lines += [
+        f"element vertex {len(points)}",
+        *(f"property {PROPERTIES[name]} {name}" for name in WRITTEN),
+        "end_header",
+    ]
+    table = np.column_stack([moved, colours, normals, confidence])
+    form = " ".join(["%.3f"] * len(PLACE) + ["%d"] * len(RGB) + ["%.2f"] * (len(NORMAL) + 1))
+    with whole_file(path) as partial:
+        np.savetxt(partial, table, form, header="\n".join(lines), comments="", encoding="utf-8")
+
+
+def _normals(points: NDArray[np.floating], cameras: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(N, 3) unit normals in ``map``, each towards the nearest place where the robot was, (K, 3) m."""
+    if not len(points):
+        return np.zeros((0, 3))
+    cloud = small_gicp.PointCloud(np.asarray(points, np.float64))
+    small_gicp.estimate_normals(cloud, num_neighbors=NORMAL_NEIGHBOURS)
+    normals: NDArray[np.float64] = cloud.normals()[:, :3]
+    length = np.linalg.norm(normals, axis=1, keepdims=True)
+    # A point with too few neighbours has no normal: up is as good as any.
+    normals = np.where(length > 0, normals / np.maximum(length, np.finfo(float).tiny), [0.0, 0.0, 1.0])
+    _, nearest = cKDTree(cameras).query(points)
+    away = ((cameras[nearest] - points) * normals).sum(axis=1, keepdims=True) < 0
+    return np.where(away, -normals, normals)
+
+
+def read_cloud(path: Path) -> CloudFile:
+    """Read a cloud, of this or of another program, and note what a judge would reject in its form.
+
+    Raises:
+        InputError: no regular file, or too large.
+    """
+    read = CloudFile()
+    head, end, body = read_bytes(path, MOST_MEMORY).partition(b"end_header")
+    lines = [line.strip() for line in head.decode(errors="replace").splitlines()]
+    if not end or lines[:1] != ["ply"]:
+        read.faults.append("no PLY: it must begin with ply and have an end_header")
+        return read
+    if "format ascii 1.0" not in lines:
+        read.faults.append("not an ASCII PLY: format ascii 1.0 is wanted")
+        return read
+    read.comments = [line.removeprefix("comment").strip() for line in lines if line.startswith("comment")]
+    count, names = _vertices(read, lines)
+    _read_body(read, body.split(b"\n")[1:], count, names)
+    return read
+
+
+def _vertices(read: CloudFile, lines: list[str]) -> tuple[int, list[str]]:
+    """Number and properties of the vertices, which must be the first element."""
+    words = [line.split() for line in lines]
+    elements = [(at, w) for at, w in enumerate(words) if w[:1] == ["element"]]
+    if not elements or elements[0][1][1:2] != ["vertex"] or not elements[0][1][-1].isdecimal():
+        read.faults.append("element vertex with a number must come first")
+        return 0, []
+    first, following = elements[0][0], elements[1][0] if len(elements) > 1 else len(words)
+    properties = [(w[-1], " ".join(w[1:-1])) for w in words[first:following] if w[:1] == ["property"]]
+    read.faults += list(_wrong_properties(dict(properties)))
+    return int(elements[0][1][2]), [name for name, _ in properties]
+
+
+def _wrong_properties(kinds: dict[str, str]) -> Iterator[str]:
+    """What is wrong with the properties of a vertex and their types."""
+    for name, kind in kinds.items():
+        if name in PROPERTIES and ALIASES.get(kind, kind) != PROPERTIES[name]:
+            yield f"property {name} is {kind}; {PROPERTIES[name]} is wanted"
+    for name in PLACE:
+        if name not in kinds:
+            yield f"property float {name} is missing"
+    for group in (RGB, NORMAL):
+        if 0 < len(set(group) & kinds.keys()) < len(group):
+            yield f"of {' '.join(group)} some are missing"
+
+
+def _read_body(read: CloudFile, lines: list[bytes], count: int, names: list[str]) -> None:
+    """Take the vertices."""
+    rows = lines[:count]
+    try:
+        table = np.loadtxt(rows, ndmin=2, comments=None) if any(map(bytes.strip, rows)) else np.zeros((0, len(names)))
+    except ValueError as error:
+        read.faults.append(f"the vertices are not all numbers: {error}")
+        return
+    if table.shape != (count, len(names)):
+        rows_of = f"{len(table)} vertices of {table.shape[1]} numbers"
+        read.faults.append(f"{rows_of}; the header says {count} of {len(names)}")
+        return
+    if not np.isfinite(table).all():
+        read.faults.append("vertices have numbers that are not finite")
+        return
+    read.columns = dict(zip(names, table.T, strict=True))

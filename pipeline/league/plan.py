@@ -1,0 +1,187 @@
+"""The 2D map as the league wants it, drawn with every element of its table."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import expit
+
+from pipeline.elevation_map.traversability import Traversability
+from pipeline.grid_map import Grid, check_memory
+from pipeline.league.pois import PointOfInterest
+from pipeline.league.rules import LENGTHS, MAP_COLOURS, pixels
+from pipeline.metric_map.metric_map import LOG_ODDS, MetricMap
+from pipeline.ros.ros_map import LETHAL, costs
+from pipeline.transforms import inverse, transform_points
+
+FONT = cv2.FONT_HERSHEY_SIMPLEX
+
+
+@dataclass(frozen=True, eq=False)
+class SearchedGround:
+    """What was searched; layers are (nx, ny).
+
+    Attributes:
+        grid: of the layers, in ``map``.
+        walls: bool, walls and obstacles.
+        confidence: float64 from ½, the probability that the map is right about the ground; 0 where nothing is known.
+    """
+
+    grid: Grid
+    walls: NDArray[np.bool_]
+    confidence: NDArray[np.float64]
+
+
+def searched_ground(ground: Traversability, metric_map: MetricMap, places: NDArray[np.float64]) -> SearchedGround:
+    """The ground that is connected to places (N, 2) m in ``map`` where the robot was, and what stands on it."""
+    cost, grid = costs(ground, places), ground.grid
+    i, j = np.nonzero(cost >= 0)
+    points = np.column_stack([grid.centre_of(np.stack([i, j], axis=1)), np.nan_to_num(ground.elevation[i, j])])
+    confidence = np.zeros(grid.shape)
+    confidence[i, j] = expit(LOG_ODDS * np.abs(metric_map.log_odds_at(metric_map.voxel_index(points))))
+    return SearchedGround(grid, cost == LETHAL, confidence)
+
+
+@dataclass(frozen=True, eq=False)
+class Plan:
+    """A 2D map in the league's frame: x to the right, y up.
+
+    Attributes:
+        image: (H, W, 3) uint8 RGB, a pixel being ``LENGTHS["pixel"]`` m wide.
+        corner: (2,) float64 m, its upper left corner.
+    """
+
+    image: NDArray[np.uint8]
+    corner: NDArray[np.float64]
+
+    def pixel_of(self, points: NDArray[np.floating]) -> NDArray[np.int64]:
+        """(..., 2) column and row of points (..., 2 or 3), m in the league's frame."""
+        return np.floor((points[..., :2] - self.corner) * [1, -1] / LENGTHS["pixel"]).astype(np.int64)
+
+
+def draw_plan(
+    title: str,
+    ground: SearchedGround,
+    T_map_league: NDArray[np.float64],
+    path: NDArray[np.floating],
+    pois: Sequence[PointOfInterest],
+) -> Plan:
+    """Draw the 2D map.
+
+    Args:
+        title: the file's name.
+        ground: what was searched.
+        T_map_league: 4×4 pose of the league's frame, level: the robot's front at the start, y forward.
+        path: (N, 3) m in ``map``; the first is the start.
+        pois: what was found.
+
+    Raises:
+        InputError: the map is so large that the picture takes too much memory.
+    """
+    way = transform_points(inverse(T_map_league), path)
+    known = ground.grid.centre_of(np.argwhere(ground.confidence > 0))
+    corners = transform_points(inverse(T_map_league), np.column_stack([known, np.zeros(len(known))]))
+    plan = _empty_plan(np.concatenate([corners, way, *(poi.position[None] for poi in pois)])[:, :2], len(title))
+    _draw_ground(plan, ground, T_map_league)
+    _draw_start(plan, way[0])
+    # On top of the start, for of a robot that could not leave it the path is a dot there.
+    cv2.polylines(
+        plan.image, [plan.pixel_of(way)[:, None].astype(np.int32)], False, MAP_COLOURS["path"], pixels("path")
+    )
+    for poi in pois:
+        if poi.type in MAP_COLOURS:
+            _draw_find(plan, poi)
+    _draw_scale(plan, title)
+    return plan
+
+
+def _empty_plan(points: NDArray[np.floating], letters: int) -> Plan:
+    """A checkerboard around points (N, 2) m, wide enough for a title of so many letters beside the scale."""
+    pixel, margin = LENGTHS["pixel"], LENGTHS["margin"]
+    low, high = points.min(axis=0) - margin, points.max(axis=0) + margin
+    high += [max(0.0, letters * LENGTHS["title"] + 2 * LENGTHS["scale"] - (high - low)[0]), margin]
+    corner = np.rint([low[0] / pixel, high[1] / pixel]) * pixel
+    width, height = np.ceil((high - low) / pixel).astype(int).tolist()
+    check_memory(f"a picture of {width} × {height} pixels", 2 * 3 * width * height)
+    x = np.floor((corner[0] + (np.arange(width) + 0.5) * pixel) / LENGTHS["checker"])
+    y = np.floor((corner[1] - (np.arange(height) + 0.5) * pixel) / LENGTHS["checker"])
+    is_dark = ((x[None] + y[:, None]) % 2).astype(np.uint8)
+    return Plan(np.array([MAP_COLOURS["light"], MAP_COLOURS["dark"]], np.uint8)[is_dark], corner)
+
+
+def _draw_ground(plan: Plan, ground: SearchedGround, T_map_league: NDArray[np.float64]) -> None:
+    """Draw the searched area by confidence, the grid on it, and walls."""
+    confidence, is_wall = (_as_seen(plan, layer, ground.grid, T_map_league) for layer in _layers(ground))
+    is_known = confidence > 0
+    plan.image[is_known] = confidence[is_known, None]
+    step, first = pixels("grid"), plan.pixel_of(np.zeros(2))
+    for lines in (np.s_[first[1] % step :: step], np.s_[:, first[0] % step :: step]):
+        plan.image[lines][is_known[lines]] = MAP_COLOURS["grid"]
+    plan.image[is_wall > 0] = MAP_COLOURS["walls"]
+
+
+def _layers(ground: SearchedGround) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+    """(nx, ny) greys, from ``searched`` to ``text``, 0 where nothing is known; and walls."""
+    (least, *_), (most, *_) = MAP_COLOURS["searched"], MAP_COLOURS["text"]
+    greys = np.rint(least + (2 * ground.confidence - 1) * (most - least))
+    return np.where(ground.confidence > 0, greys, 0).astype(np.uint8), ground.walls.astype(np.uint8)
+
+
+def _as_seen(
+    plan: Plan, layer: NDArray[np.uint8], grid: Grid, T_map_league: NDArray[np.float64]
+) -> NDArray[np.uint8]:
+    """(H, W) a layer (nx, ny) of a grid in ``map`` at the pixels of a plan; 0 beyond it."""
+    pixel, flat = LENGTHS["pixel"], np.delete(np.delete(T_map_league, 2, 0), 2, 1)
+    x, y = plan.corner + np.array([pixel, -pixel]) / 2
+    of_pixels = np.array([[pixel, 0, x], [0, -pixel, y], [0, 0, 1]])
+    to_cells = np.array([[1, 0, -grid.origin[0]], [0, 1, -grid.origin[1]], [0, 0, grid.cell]]) / grid.cell
+    M = (to_cells @ flat @ of_pixels)[:2]
+    M[:, 2] -= 0.5  # OpenCV's pixel centres are whole numbers
+    flags: Any = cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP
+    return cv2.warpAffine(np.ascontiguousarray(layer.T), M, plan.image.shape[1::-1], flags=flags).astype(np.uint8)
+
+
+def _draw_start(plan: Plan, start: NDArray[np.floating]) -> None:
+    """Draw an arrow up the map, in the middle of the robot at its start (3,) m."""
+    x, y = plan.pixel_of(start).tolist()
+    half = pixels("arrow", 0.5)
+    side = half // 2
+    tips = np.array([(0, -half), (-side, half), (0, side), (side, half)], np.int32)
+    cv2.fillPoly(plan.image, [tips + np.array([x, y], np.int32)], MAP_COLOURS["start"])
+
+
+def _draw_find(plan: Plan, poi: PointOfInterest) -> None:
+    """Draw a disc with a tag's number, or a diamond with the first two letters."""
+    x, y = plan.pixel_of(poi.position).tolist()
+    if poi.type == "ar_code":
+        radius, text = pixels("disc", 0.5), poi.name
+        cv2.circle(plan.image, (x, y), radius, MAP_COLOURS[poi.type], cv2.FILLED)
+    else:
+        radius, text = pixels("diamond", 0.5), poi.name[:2]
+        tips = np.array([(x, y - radius), (x + radius, y), (x, y + radius), (x - radius, y)], np.int32)
+        cv2.fillPoly(plan.image, [tips], MAP_COLOURS[poi.type])
+    (wide, high), _ = cv2.getTextSize(text, FONT, 1, 1)
+    scale = radius / max(wide, high)
+    at = (round(x - scale * wide / 2), round(y + scale * high / 2))
+    cv2.putText(plan.image, text, at, FONT, scale, MAP_COLOURS["text"])
+
+
+def _draw_scale(plan: Plan, title: str) -> None:
+    """Draw the file's name at the top left; the scale and the axes, x up and y left, at the top right."""
+    letter, right, axis = pixels("title"), plan.image.shape[1] - pixels("margin", 0.5), pixels("axis")
+    cv2.putText(plan.image, title, (letter, 2 * letter), FONT, _scale(letter), MAP_COLOURS["file_name"], 2)
+    first = right - pixels("scale")
+    plan.image[2 * letter : 2 * letter + 2, first:right] = MAP_COLOURS["scale"]
+    cv2.putText(plan.image, "1 m", (first, 2 * letter - 3), FONT, _scale(letter) / 2, MAP_COLOURS["scale"])
+    foot = (right, 3 * letter + axis)
+    for name, tip in (("x", (right, foot[1] - axis)), ("y", (right - axis, foot[1]))):
+        cv2.arrowedLine(plan.image, foot, tip, MAP_COLOURS["scale"], 2)
+        cv2.putText(plan.image, name, (tip[0] + 3, tip[1] - 3), FONT, _scale(letter) / 2, MAP_COLOURS["scale"])
+
+
+def _scale(height: int) -> float:
+    """Scale of the font at which letters are so many pixels high."""
+    return float(cv2.getFontScaleFromHeight(FONT, height))

@@ -1,0 +1,215 @@
+"""Points of interest: what was found, as the league wants it listed (``pois.csv``, version 1.3)."""
+
+import csv
+import json
+import re
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from datetime import datetime, timedelta
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.errors import InputError
+from pipeline.files import MOST_TEXT, read_text, whole_file
+from pipeline.league.brief import DEFAULT_START, MissionBrief
+from pipeline.league.rules import LENGTHS
+from pipeline.transforms import inverse, transform_points
+
+POI_TYPES = ("ar_code", "hazmat_sign", "real_object", "heat_sig")
+TYPE_OF = {
+    "april_tag": "ar_code",
+    "hazmat_sign": "hazmat_sign",
+    "heat": "heat_sig",
+    **dict.fromkeys(("victim", "fire_extinguisher", "door_lever"), "real_object"),
+}
+"""The league's type of each kind of find; QR codes have none. That victims are objects is an assumption."""
+POI_COLUMNS = "detection,time,type,name,x,y,z,robot,mode"
+USED = ("kind", "text", "position", "time_s", "confidence")
+"""What counts of a find."""
+MODES = {"A": "autonomous", "T": "teleoperated"}
+HEADER = ("pois", "1.3", "team", "country", "date", "time", "mission")
+"""The quoted lines before the columns: two fixed words and five of the mission's own."""
+
+FORMS = {"date": "%Y-%m-%d", "time": "%H:%M:%S"}
+
+_TEXT, _NUMBER = r'"((?:[^"]|"")*)"', r"(-?\d+(?:\.\d+)?)"
+_ROW = re.compile(rf"(\d+),(\d\d:\d\d:\d\d),{_TEXT},{_TEXT},{_NUMBER},{_NUMBER},{_NUMBER},{_TEXT},(\w*)")
+
+
+@dataclass(frozen=True, eq=False)
+class PointOfInterest:
+    """A thing that was found.
+
+    Attributes:
+        time: of the detection, ``HH:MM:SS``.
+        type: one of ``POI_TYPES``.
+        name: of a tag, a class or an object.
+        position: (3,) float64 m, in the frame of the 3D map.
+        robot: that found it.
+        mode: a key of ``MODES``.
+    """
+
+    time: str
+    type: str
+    name: str
+    position: NDArray[np.float64]
+    robot: str = "robot1"
+    mode: str = "A"
+
+
+@dataclass
+class PoiFile:
+    """What a file of points of interest says, and what is wrong with it.
+
+    Attributes:
+        header: the mission's own header lines, by the names in ``HEADER``.
+        pois: the rows that can be read.
+        faults: a line each.
+    """
+
+    header: dict[str, str] = field(default_factory=dict)
+    pois: list[PointOfInterest] = field(default_factory=list)
+    faults: list[str] = field(default_factory=list)
+
+
+def found_in(folder: Path) -> list[dict[str, Any]]:
+    """The finds of an episode (finds.json), and the confirmed people (victims.json) if no victim is among them.
+
+    Raises:
+        InputError: one of the files is damaged.
+    """
+    finds = _rows(folder / "finds.json", lambda content: [{key: find[key] for key in USED} for find in content])
+    people = _rows(folder / "victims.json", lambda content: [_victim(p) for p in content["people"] if p["confirmed"]])
+    return finds if any(find["kind"] == "victim" for find in finds) else finds + people
+
+
+def _victim(person: dict[str, Any]) -> dict[str, Any]:
+    """A person as a find."""
+    own = {key: person[key] for key in ("position", "confidence")}
+    return own | {"kind": "victim", "text": "", "time_s": min(person["times"], default=0.0)}
+
+
+def _rows(path: Path, rows_of: Callable[[Any], list[dict[str, Any]]]) -> list[dict[str, Any]]:
+    """What is taken from a JSON file; nothing if there is none."""
+    try:
+        return rows_of(json.loads(read_text(path))) if path.exists() else []
+    except InputError:
+        raise
+    except (ValueError, KeyError, TypeError) as error:
+        raise InputError(f"{path}: not as a run writes it: {' '.join(repr(error).split())}") from error
+
+
+def points_of_interest(
+    finds: Iterable[dict[str, Any]], T_map_league: NDArray[np.float64], start: datetime
+) -> list[PointOfInterest]:
+    """What the league counts of an episode's finds, each thing once and the surest first kept, in order of time.
+
+    Args:
+        finds: as finds.json has them, position m in ``map``.
+        T_map_league: 4×4 pose of the frame of the 3D map.
+        start: of the mission, to which time_s is added.
+    """
+    kept: list[PointOfInterest] = []
+    for find in sorted(finds, key=lambda find: -find["confidence"]):
+        if find["kind"] in TYPE_OF:
+            place = transform_points(inverse(T_map_league), np.array([find["position"]], np.float64))[0].astype(float)
+            time = f"{start + timedelta(seconds=find['time_s']):%H:%M:%S}"
+            name = name_of(find["kind"], find["text"])
+            poi = PointOfInterest(time, TYPE_OF[find["kind"]], name, place.round(2))  # as it is written
+            kept += [] if any(is_same_thing(poi, other) for other in kept) else [poi]
+    return sorted(kept, key=lambda poi: (poi.time, poi.type, poi.name))
+
+
+def name_of(kind: str, text: str) -> str:
+    """The name of a thing in the list: its class or number in one line, or else its kind."""
+    return " ".join(text.split()) or kind
+
+
+def is_same_thing(a: PointOfInterest, b: PointOfInterest) -> bool:
+    """Whether two finds are of one thing: of one name, and nearer than two of them can hang side by side."""
+    return (a.type, a.name) == (b.type, b.name) and bool(np.linalg.norm(a.position - b.position) < LENGTHS["diamond"])
+
+
+def write_pois(path: Path, brief: MissionBrief, pois: Sequence[PointOfInterest]) -> None:
+    """Write the list; InputError if it cannot be written."""
+    start = brief.start
+    own = (brief.team, brief.country, f"{start:%Y-%m-%d}", f"{start:%H:%M:%S}", brief.name)
+    rows = [
+        f"{number},{poi.time},{_quoted(poi.type)},{_quoted(poi.name)},"
+        f"{','.join(f'{x:.2f}' for x in poi.position)},{_quoted(poi.robot)},{poi.mode}"
+        for number, poi in enumerate(pois, 1)
+    ]
+    with whole_file(path) as partial:
+        partial.write_text("\n".join([*map(_quoted, (*HEADER[:2], *own)), POI_COLUMNS, *rows, ""]), encoding="utf-8")
+
+
+def _quoted(text: str) -> str:
+    return '"' + text.replace('"', '""') + '"'
+
+
+def read_pois(path: Path) -> PoiFile:
+    """Read a list, of this or of another program, and note what a judge would reject in it.
+
+    Raises:
+        InputError: no regular file, or no text.
+    """
+    read, lines = PoiFile(), read_text(path, MOST_TEXT).splitlines()
+    for number, (name, line) in enumerate(zip(HEADER, lines, strict=False), 1):
+        _read_header(read, number, name, line)
+    if len(lines) <= len(HEADER):
+        read.faults.append(f"ends after {len(lines)} lines; {len(HEADER)} of a header and the columns are wanted")
+        return read
+    if lines[len(HEADER)] != POI_COLUMNS:
+        read.faults.append(f"line {len(HEADER) + 1}: must be {POI_COLUMNS}")
+    for number, line in enumerate(lines[len(HEADER) + 1 :], 1):
+        _read_row(read, number, len(HEADER) + 1 + number, line)
+    return read
+
+
+def _read_header(read: PoiFile, number: int, name: str, line: str) -> None:
+    """Take one line of the header."""
+    if not re.fullmatch(_TEXT, line):
+        read.faults.append(f"line {number}: must be the {name} in double quotes")
+        return
+    (value,) = next(csv.reader([line]))
+    read.header[name] = value
+    if number <= 2 and value != name:
+        read.faults.append(f'line {number}: must be "{name}"')
+    elif not value.strip():
+        read.faults.append(f"line {number}: the {name} is empty")
+    elif name in FORMS and not _is_of(value, FORMS[name]):
+        read.faults.append(f"line {number}: {value} is no {name} as in {DEFAULT_START:{FORMS[name]}}")
+
+
+def _is_of(text: str, form: str) -> bool:
+    """Whether a text is a date or time of a form, with all its zeros."""
+    try:
+        return f"{datetime.strptime(text, form):{form}}" == text
+    except ValueError:
+        return False
+
+
+def _read_row(read: PoiFile, number: int, at: int, line: str) -> None:
+    """Take one detection, the ``number``th, from line ``at``."""
+    row = _ROW.fullmatch(line)
+    if row is None:
+        read.faults.append(f"line {at}: must be {POI_COLUMNS}; type, name and robot in double quotes, x y z in m")
+        return
+    label, time, kind, name, x, y, z, robot, mode = (text.replace('""', '"') for text in row.groups())
+    poi = PointOfInterest(time, kind, name, np.array([float(x), float(y), float(z)]), robot, mode)
+    wrong = {
+        f"detection {label}: must be {number}, they are counted": int(label) != number,
+        f"time {time}: there is no such": not _is_of(time, FORMS["time"]),
+        f"type {kind}: must be one of {', '.join(POI_TYPES)}": kind not in POI_TYPES,
+        "name: is empty": not name.strip(),
+        f"mode {mode}: must be one of {', '.join(MODES)}": mode not in MODES,
+    }
+    same = next((k for k, other in enumerate(read.pois, 1) if is_same_thing(poi, other)), None)
+    if same is not None:
+        wrong[f"{kind} {name}: the same thing as a row before it; each counts once"] = True
+    read.faults += [f"line {at}: {text}" for text, is_wrong in wrong.items() if is_wrong]
+    if not any(wrong.values()):
+        read.pois.append(poi)

@@ -1,0 +1,190 @@
+"""What a judge would reject in handed-in files, of this or of another program."""
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from pipeline.errors import InputError
+from pipeline.league.brief import HANDED_IN
+from pipeline.league.cloud import COMMENTS, NORMAL, RGB, CloudFile, read_cloud
+from pipeline.league.pois import PoiFile, read_pois
+from pipeline.league.rules import LENGTHS, LIMITS, MAP_COLOURS
+from pipeline.metric_map.io.plans import GeoTag
+
+HANDED_FILES = {".tiff": "2D map", ".ply": "3D map", ".csv": "list of finds"}
+NAME = re.compile(r"RoboCup\d{4}-[^-]+-.+")
+ALWAYS = ("file_name", "scale", "grid", "start", "walls", "path")
+"""Elements of every 2D map that have one colour."""
+
+
+def handed_in_files(folder: Path) -> dict[str, list[Path]]:
+    """The files in a folder, or in the ``handed_in/`` that it contains, by their endings in ``HANDED_FILES``.
+
+    Raises:
+        InputError: no such folder, or nothing is handed in there.
+    """
+    place = folder / HANDED_IN if (folder / HANDED_IN).is_dir() else folder
+    try:
+        names = sorted(place.iterdir())
+    except OSError as error:
+        raise InputError(f"{place}: {error.strerror or error}") from error
+    found = {ending: [path for path in names if path.suffix.lower() == ending] for ending in HANDED_FILES}
+    if not any(found.values()):
+        raise InputError(f"{place}: nothing is handed in: no file ends in {', '.join(HANDED_FILES)}")
+    return found
+
+
+def validate(folder: Path) -> list[str]:
+    """Everything that a judge would reject, a line each that begins with the file's name.
+
+    Raises:
+        InputError: no such folder, nothing is handed in, or a file cannot be read at all.
+    """
+    files = handed_in_files(folder)
+    faults = [f"no {what} (*{ending})" for ending, what in HANDED_FILES.items() if not files[ending]]
+    lists = {path: read_pois(path) for path in files[".csv"]}
+    headers = [read.header for read in lists.values()]
+    for path, read in lists.items():
+        faults += _of(path, [*_wrong_list_name(path, read), *read.faults])
+    for path in files[".ply"]:
+        faults += _of(path, [*_wrong_name(path, headers), *wrong_cloud(read_cloud(path), headers)])
+    types = {poi.type for read in lists.values() for poi in read.pois}
+    for path in files[".tiff"]:
+        faults += _of(path, [*_wrong_name(path, headers), *wrong_plan(path, types)])
+    return faults
+
+
+def _of(path: Path, faults: list[str]) -> list[str]:
+    return [f"{path.name}: {fault}" for fault in faults]
+
+
+def _letters(*texts: str) -> str:
+    """Letters and digits alone: how a program replaces others in names of files is its own choice."""
+    return re.sub(r"[\W_]", "", "".join(texts)).casefold()
+
+
+def _stem(header: dict[str, str]) -> str:
+    return _letters(
+        "RoboCup", header.get("date", "").partition("-")[0], header.get("team", ""), header.get("mission", "")
+    )
+
+
+def _wrong_list_name(path: Path, read: PoiFile) -> Iterator[str]:
+    """Whether a list's name is of its header's team, mission and times."""
+    if not NAME.fullmatch(path.stem) or not path.stem.endswith("-pois"):
+        yield "must be named RoboCup[Year]-[Team]-[Mission]-[StartTime]-pois.csv"
+    elif _letters(path.stem) != _stem(read.header) + _letters(read.header.get("time", ""), "pois"):
+        yield "its name is of another year, team, mission or start time than its header"
+
+
+def _wrong_name(path: Path, headers: list[dict[str, str]]) -> Iterator[str]:
+    """Whether a map's name is of the team and mission of one of the lists."""
+    if not NAME.fullmatch(path.stem):
+        yield f"must be named RoboCup[Year]-[Team]-[Mission]{path.suffix}"
+    elif headers and _letters(path.stem) not in map(_stem, headers):
+        yield "its name is of another year, team or mission than the list of finds"
+
+
+def wrong_cloud(read: CloudFile, headers: list[dict[str, str]]) -> list[str]:
+    """What is wrong with a 3D map; ``headers`` of the lists beside it tell what its comments must name."""
+    faults = list(read.faults)
+    told = " ".join(read.comments)
+    for name, key in zip(COMMENTS, ("team", "time", "mission"), strict=True):
+        values = [header[key] for header in headers if header.get(key)]
+        if len(read.comments) < len(COMMENTS) or (values and not any(value in told for value in values)):
+            faults.append(f"no comment names the {name}")
+    points = read.points()
+    if len(points):
+        faults += [*_wrong_place(points), *_wrong_extras(read)]
+    elif not faults:
+        faults.append("no points")
+    return faults
+
+
+def _wrong_place(points: NDArray[np.float64]) -> Iterator[str]:
+    """Whether (N, 3) points, m, are in metres, and the origin is on the floor among them."""
+    extent = float(np.ptp(points, axis=0).max())
+    if not LIMITS["smallest"] <= extent <= LIMITS["largest"]:
+        unit = ", as in millimetres" if extent > LIMITS["largest"] else ""
+        yield f"its points extend over {extent:.4g} m{unit}: metres are wanted"
+        return
+    near = points[np.linalg.norm(points[:, :2], axis=1) < LIMITS["around"], 2]
+    if not len(near):
+        yield f"no point within {LIMITS['around']:g} m of the origin: it must be at the front of the robot's start"
+    elif abs(floor := float(np.quantile(near, LIMITS["lowest_share"]))) > LIMITS["floor"]:
+        yield f"the floor around the origin is at z = {floor:.2f} m: the origin must be on it, and z must point up"
+
+
+def _wrong_extras(read: CloudFile) -> Iterator[str]:
+    """Whether colours, normals and confidences are in their ranges."""
+    rgb, normals = read.points(RGB), read.points(NORMAL)
+    confidence = read.columns.get("confidence", np.zeros(0))
+    if ((rgb < 0) | (rgb > np.iinfo(np.uint8).max) | (rgb % 1 > 0)).any():
+        yield "colours are not whole numbers from 0 to 255"
+    if (abs(np.linalg.norm(normals, axis=1) - 1) > LIMITS["unit"]).any():
+        yield "normals are not of length 1"
+    if ((confidence < 0) | (confidence > 1)).any():
+        yield "confidences are not from 0 to 1"
+
+
+def wrong_plan(path: Path, types: set[str]) -> list[str]:
+    """What is wrong with a 2D map; ``types`` of the finds that must be on it."""
+    try:
+        with Image.open(path, formats=["TIFF"]) as picture:
+            tags, image = dict(picture.tag_v2), np.asarray(picture)  # type: ignore[attr-defined]
+    except Exception as error:  # of many kinds: of the file, of its compression, and of its size
+        return [f"not a readable TIFF ({' '.join(str(error).split())})"]
+    if image.ndim != 3 or image.shape[2] < 3 or image.dtype != np.uint8:
+        return ["not a picture of red, green and blue of 8 bits each"]
+    image = image[..., :3]
+    scale = np.atleast_1d(tags.get(GeoTag.PIXEL_SCALE, ()))
+    return [*_wrong_scale(image, scale), *_missing_elements(image, types)]
+
+
+def _wrong_scale(image: NDArray[np.uint8], scale: NDArray[np.float64]) -> Iterator[str]:
+    """Whether the size of a pixel is given, and agrees with the scale at the top right."""
+    if len(scale) < 2 or not (np.isfinite(scale[:2]) & (scale[:2] > 0)).all():
+        yield "no size of a pixel: tag ModelPixelScale of a GeoTIFF is missing or wrong"
+        return
+    height, width = image.shape[:2]
+    line = _longest_run(_is_of(image[: height // 2, width // 2 :], "scale"))
+    if scale[0] != scale[1]:
+        yield f"pixels of {scale[0]:g} × {scale[1]:g} m: squares are wanted"
+    elif not line:
+        yield f"no scale at the top right: a line of exactly {LENGTHS['scale']:g} m in {MAP_COLOURS['scale']}"
+    elif abs(line * scale[0] - LENGTHS["scale"]) > scale[0]:
+        yield f"its scale is {line} pixels of {scale[0]:g} m, which is {line * scale[0]:.3f} m and not 1 m"
+
+
+def _is_of(image: NDArray[np.uint8], element: str) -> NDArray[np.bool_]:
+    """(H, W) the pixels of an image (H, W, 3) that have the colour of an element."""
+    return np.asarray((image == np.array(MAP_COLOURS[element], np.uint8)).all(axis=-1))
+
+
+def _longest_run(mask: NDArray[np.bool_]) -> int:
+    """Pixels of the longest row of neighbours in a mask (H, W)."""
+    ends = np.diff(np.pad(mask, ((0, 0), (1, 1))).astype(np.int8), axis=1).ravel()
+    runs = np.flatnonzero(ends < 0) - np.flatnonzero(ends > 0)
+    return int(runs.max(initial=0))
+
+
+def _missing_elements(image: NDArray[np.uint8], types: set[str]) -> Iterator[str]:
+    """The elements that an image (H, W, 3) lacks by their colours."""
+    for element in (*ALWAYS, *sorted(types & MAP_COLOURS.keys())):
+        if not _is_of(image, element).any():
+            yield f"no {element.replace('_', ' ')}: nothing is of the colour {MAP_COLOURS[element]}"
+    title = _is_of(image, "file_name")
+    if title.any() and not title[: image.shape[0] // 2, : image.shape[1] // 2].any():
+        yield "the file name is not at the top left"
+    is_grey = image.max(axis=-1) == image.min(axis=-1)
+    if not (is_grey & (image[..., 0] >= MAP_COLOURS["searched"][0])).any():
+        yield f"no searched area: nothing is from {MAP_COLOURS['searched']} to {MAP_COLOURS['text']}"
+    frame = np.concatenate([image[0], image[-1], image[:, 0], image[:, -1]])
+    colours, counts = np.unique(frame, axis=0, return_counts=True)
+    greys = np.ptp(colours[counts >= LIMITS["rarest"] * len(frame)].astype(int), axis=1) <= 2
+    if greys.sum() < 2:
+        yield "no checkerboard of two greys along the picture's edges, where nothing is explored"

@@ -1,0 +1,251 @@
+"""Cheapest ways over poses: which poses are reachable, at what cost, and by which way."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from types import EllipsisType
+
+import cv2
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from pipeline.elevation_map.pose_kernels import ANGLES, BUCKETS, HEADINGS, STANDING, STOP, TICK, VECTORS
+from pipeline.elevation_map.traversability import Traversability, costs_of, least_clearance
+from pipeline.planning import pose_paths_kernels as kernels
+
+
+@dataclass(frozen=True, eq=False)
+class Way:
+    """Straight drives and turns in place.
+
+    Attributes:
+        places: (N, 2) m in ``map``, ends of the drives; a way that is only a turn has one place.
+        backwards: (N,) which of the drives lead backwards.
+        heading: rad, to turn to at the end.
+    """
+
+    places: NDArray[np.float64]
+    backwards: NDArray[np.bool_]
+    heading: float
+
+
+class PosePaths:
+    """Cheapest ways over poses from one, or from the nearest of several places.
+
+    The search goes only as far as needed: its time depends on the distance of the places asked for, not on the map.
+
+    Attributes:
+        traversability: of the ground.
+        start: (2,) m, the (first) start; None if the robot can stand nowhere near.
+        caution: factor of the measured deviations that the costs allow for; with 0 they are times.
+    """
+
+    def __init__(
+        self, traversability: Traversability, start: ArrayLike, heading: float | None = None, caution: float = 1.0
+    ):
+        """Start at (2,) or (K, 2) places, m, more columns are ignored, with any heading or with one in rad.
+
+        Without a heading, a start where the robot cannot stand is moved to the nearest place within its length where
+        it can. With one, it may drive as far as across the circle in which it turns despite too little clearance.
+        The costs allow for ``caution`` times the measured deviations of the robot from its way.
+        """
+        self._costs, self.caution = costs_of(traversability.robot, caution), caution
+        self.traversability, self._grid = traversability, traversability.grid
+        self._heading = heading
+        wanted = np.atleast_2d(np.asarray(start, np.float64)[..., :2])
+        if heading is None:
+            snapped = [
+                self._grid.nearest(traversability.traversable, xy, traversability.robot.length) for xy in wanted
+            ]
+        else:
+            snapped = [xy if self._grid.holds(self._grid.cell_of(xy)) else None for xy in wanted]
+        places = [xy for xy in snapped if xy is not None]
+        self.start = snapped[0]
+        self._search = self._begin(self._states(places))
+        # A robot with enough clearance reaches at least its start.
+        if not places or (self._search.escape > 0 and not self.reachable.any()):
+            self.start = None
+
+    def _states(self, places: list[NDArray[np.float64]]) -> NDArray[np.int64]:
+        """(K, 3) the cells and headings to start with."""
+        cells = self._grid.cell_of(np.array(places).reshape(-1, 2))
+        if self._heading is not None:
+            return np.column_stack([cells, np.full(len(cells), nearest_heading(self._heading))])
+        row, heading = np.nonzero(bits(self.traversability.free[tuple(cells.T)][:, 0].astype(np.uint16) * 257))
+        return np.column_stack([cells[row], heading])
+
+    def _begin(self, starts: NDArray[np.int64]) -> kernels.Search:
+        t, size = self.traversability, self.traversability.clearance.size
+        i, j, h = starts.T
+        # Not by the smaller clearance that is enough where the robot has been.
+        can_escape = (t.clearance[i, j, h % STANDING] < least_clearance(t.grid.cell)).any()
+        count, first = len(starts), np.full(BUCKETS, -1, np.int32)
+        # Zeros or nothing, so that pages of memory that the search does not reach are never touched.
+        state, after = np.empty((2, 4 * size + count), np.int32)
+        search = kernels.Search(
+            starts,
+            np.zeros(size, np.int32),
+            np.zeros(size, np.uint8),
+            np.zeros(size, np.int16),
+            kernels.level_ticks(self._grid.cell, self._costs),
+            2 * t.robot.corner_radius if can_escape else -1.0,
+            first,
+            state,
+            after,
+            np.array([1, count, count]),
+        )
+        poses = np.ravel_multi_index(tuple(starts.T), (*self._grid.shape, HEADINGS))
+        search.cost[poses], search.source[poses] = 1, np.arange(count)
+        state[:count], after[:count], first[1] = poses, np.arange(-1, count - 1), count - 1
+        return search
+
+    def _extend(self, seconds: float) -> None:
+        """Extend the search to all poses that cost at most ``seconds``."""
+        until = 1 + int(min(seconds, np.iinfo(np.int32).max * TICK / 2) / TICK)
+        kernels.extend(self._search, self.traversability.terrain, self._costs, until)
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether the search has reached all reachable poses."""
+        return bool(self._search.now[1] == 0)
+
+    @cached_property
+    def without_risk(self) -> "PosePaths":
+        """The quickest ways from the (first) start, however near to obstacles: their costs are times."""
+        assert self.start is not None
+        return PosePaths(self.traversability, self.start, self._heading, caution=0.0)
+
+    def _known(self, where: tuple[NDArray, ...] | EllipsisType) -> NDArray[np.float32]:
+        """(..., 16) s to be at cells with each heading; inf where the search has not got yet."""
+        cost = self._search.cost.reshape(*self._grid.shape, HEADINGS)[where]
+        is_known = (cost > 0) & ((cost <= self._search.now[0]) | self.is_complete)
+        return np.where(is_known, (cost - 1) * np.float32(TICK), np.float32(np.inf))
+
+    def seconds_to(self, cells: NDArray[np.int64], until: float = np.inf) -> NDArray[np.float32]:
+        """(N, 16) s to be at cells (N, 2) with each heading; inf if no way of up to ``until`` s leads there."""
+        self._extend(until)
+        return self._known(tuple(cells.T))
+
+    def least_seconds_to(self, cells: NDArray[np.int64]) -> NDArray[np.float64]:
+        """(N,) s, lower bound of the cost of a way from the only start to cells (N, 2)."""
+        # Nothing is quicker than to drive forward with much room.
+        per_cell = (self._search.level[kernels.Move.FORWARD, :, -1] / np.linalg.norm(VECTORS, axis=1)).min() * TICK
+        return per_cell * np.linalg.norm(cells - self._search.starts[0, :2], axis=1)
+
+    @cached_property
+    def seconds(self) -> NDArray[np.float32]:
+        """(nx, ny, 16) s to be at each cell with each heading; inf where no way leads."""
+        self._extend(np.inf)
+        return self._known(...)
+
+    @cached_property
+    def cost(self) -> NDArray[np.float32]:
+        """(nx, ny) s to be at each cell; inf where no way leads."""
+        return self.seconds.min(axis=2)
+
+    @cached_property
+    def headings(self) -> NDArray[np.uint16]:
+        """(nx, ny) bits of the 16 headings with which the robot can stand and to which a way leads."""
+        seeds = np.zeros(self._grid.shape, np.uint16)
+        if self._search.escape > 0:
+            self._extend(np.inf)
+            reached = self._search.cost.reshape(*self._grid.shape, HEADINGS) > 0
+            seeds = np.packbits(reached, axis=2, bitorder="little").view(np.uint16)[..., 0]
+        else:
+            i, j, h = self._search.starts.T
+            np.bitwise_or.at(seeds, (i, j), np.uint16(1) << h.astype(np.uint16))
+        free = self.traversability.free
+        anyhow = free.view(np.uint16)[..., 0] == kernels.ALL
+        is_open = cv2.erode(anyhow.view(np.uint8), np.ones((5, 5))).view(np.bool_)
+        return kernels.flood(seeds, free, is_open) & (free[..., 0].astype(np.uint16) * np.uint16(257))
+
+    @cached_property
+    def reachable(self) -> NDArray[np.bool_]:
+        """(nx, ny) cells to which a way leads, and where the robot may stand."""
+        return self.headings != 0
+
+    def cost_to(self, xy: ArrayLike) -> float:
+        """Cost to a point, s; inf where no way leads."""
+        return float(self._settle(xy).min())
+
+    def nearest(self, places: NDArray[np.float64]) -> int | None:
+        """Index of the place (N, 2 or 3) on the grid, m, that costs least to reach; None if no way leads to any."""
+        cost = self._settle(places).min(axis=1)
+        return int(cost.argmin()) if np.isfinite(cost).any() else None
+
+    def _settle(self, xy: ArrayLike, heading: int | None = None) -> NDArray[np.float32]:
+        """(..., 16) s to points (...), m, with each heading; the least of all, or that of ``heading``, is known."""
+        cells, horizon = self._grid.cell_of(xy), STOP
+        if not self._grid.holds(cells).all():
+            return np.full((*cells.shape[:-1], HEADINGS), np.inf, np.float32)
+        where = tuple(np.moveaxis(cells, -1, 0))
+        while True:
+            seconds = self._known(where)
+            wanted = seconds if heading is None else seconds[..., heading]
+            if np.isfinite(wanted).any() or self.is_complete or not self.reachable[where].any():
+                return seconds
+            self._extend(horizon)
+            horizon *= 2
+
+    def sources(self) -> NDArray[np.int64]:
+        """(nx, ny) flat index of the cell where the cheapest way to each cell starts; -1 if no way leads there."""
+        starts = self._search.starts
+        flat, seconds = np.append(np.ravel_multi_index(tuple(starts[:, :2].T), self._grid.shape), -1), self.seconds
+        source = self._search.source.reshape(seconds.shape)
+        best = np.take_along_axis(source, seconds.argmin(axis=2)[..., None], axis=2)[..., 0]
+        return flat[np.where(np.isfinite(self.cost), best, -1)]
+
+    def path_to(self, xy: ArrayLike) -> NDArray[np.float64]:
+        """(N, 2) cell centres from the (nearest) start to a reachable point, m."""
+        states = self._states_to(self._grid.cell_of(xy), int(self._settle(xy).argmin()))
+        moved = np.append(True, (np.diff(states[:, :2], axis=0) != 0).any(axis=1))
+        return self._grid.centre_of(states[moved, :2])
+
+    def way_to(self, xy: ArrayLike, heading: float | None = None) -> Way:
+        """The way to a reachable point, found by the search and straightened by :func:`kernels.straighten`."""
+        goal, cell = np.asarray(xy, np.float64)[:2], self._grid.cell_of(xy)
+        wanted = None if heading is None else nearest_heading(heading)
+        there = self._settle(xy, wanted)
+        last = wanted if wanted is not None and np.isfinite(there[wanted]) else int(there.argmin())
+        states = self._states_to(cell, last)
+        places = self._grid.centre_of(states[:, :2])
+        places[(states[:, :2] == states[-1, :2]).all(axis=1)] = goal
+        if self.start is not None and len(np.unique(self._search.starts[:, :2], axis=0)) == 1:
+            places[(states[:, :2] == states[0, :2]).all(axis=1)] = self.start
+        first = ANGLES[states[0, 2]] if self._heading is None else self._heading
+        flat = np.ravel_multi_index(tuple(states.T), (*self._grid.shape, HEADINGS))
+        moves, seconds = self._search.came_by[flat], (self._search.cost[flat] - 1) * TICK
+        bends, backwards = kernels.straighten(
+            places, ANGLES[states[:, 2]], moves, seconds, first, self.traversability.terrain, self._costs
+        )
+        ends = slice(min(1, len(bends) - 1), None)
+        end = float(ANGLES[last]) if heading is None else heading
+        return Way(places[bends[ends]], backwards[ends], end)
+
+    def _states_to(self, cell: NDArray[np.int64], heading: int) -> NDArray[np.int64]:
+        """(N, 3) cells and headings from the start to a reachable pose."""
+        came_by = self._search.came_by.reshape(*self._grid.shape, HEADINGS)
+        states = kernels.trace(came_by, int(cell[0]), int(cell[1]), heading)
+        return states[::-1]
+
+
+def bits(headings: NDArray[np.uint16]) -> NDArray[np.bool_]:
+    """(..., 16) which of the 16 bits of (...) are set."""
+    return (headings[..., None] >> np.arange(HEADINGS, dtype=np.uint16)) & 1 == 1
+
+
+def nearest_heading(heading: float) -> int:
+    """Index of the nearest of the 16 headings to one in rad."""
+    return int(np.cos(ANGLES - heading).argmax())
+
+
+def simplify(path: NDArray[np.float64], traversability: Traversability) -> NDArray[np.float64]:
+    """(M, 2) few points of a path (N, 2), m; a straight drive costs at most ``STOP`` s more than what it replaces."""
+    seconds = traversability.line_seconds(path[:-1], path[1:])
+    reached = np.append(0.0, np.cumsum(np.where(np.isfinite(seconds), seconds, 1e3)))
+    bends = [0]
+    while bends[-1] < len(path) - 1:
+        rest = np.arange(bends[-1] + 1, len(path))
+        straight = traversability.line_seconds(path[bends[-1]][None], path[rest])
+        good = rest[straight <= reached[rest] - reached[bends[-1]] + STOP]
+        bends.append(int(good[-1]) if len(good) else int(rest[0]))
+    return path[bends]

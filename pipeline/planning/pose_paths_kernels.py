@@ -1,0 +1,274 @@
+"""Compiled search over poses: cells of the grid times headings."""
+
+from enum import IntEnum, auto
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+from numpy.typing import NDArray
+
+from pipeline.elevation_map.pose_kernels import (
+    ANGLES,
+    BUCKETS,
+    HEADINGS,
+    MOST_ROOM,
+    STANDING,
+    STOP,
+    SWEEP,
+    VECTORS,
+    drive_seconds_per_metre,
+    line_seconds,
+    ticks,
+    turn_seconds,
+    turn_seconds_per_radian,
+)
+
+ALL = np.iinfo(np.uint16).max
+"""Bits of all headings."""
+
+
+class Move(IntEnum):
+    """By a vector, or to the next heading; 0 stands for none."""
+
+    FORWARD = auto()
+    BACKWARD = auto()
+    LEFT = auto()
+    RIGHT = auto()
+
+
+_UNDO = np.array([Move.BACKWARD, Move.FORWARD, Move.RIGHT, Move.LEFT])
+
+
+@njit(cache=True, inline="always")
+def move_from(i, j, h, move):
+    """The state that a move leads to from (i, j, h)."""
+    if move == Move.FORWARD:
+        return i + VECTORS[h, 0], j + VECTORS[h, 1], h
+    if move == Move.BACKWARD:
+        return i - VECTORS[h, 0], j - VECTORS[h, 1], h
+    return i, j, (h + (1 if move == Move.LEFT else -1)) % HEADINGS
+
+
+@njit(cache=True)
+def move_ticks(h, move, room, uphill, cell, costs):
+    """Cost in ticks of a move from a heading, with ``room`` cm around the footprint on a slope ``uphill`` (2,)."""
+    if move <= Move.BACKWARD:
+        length = cell * np.hypot(VECTORS[h, 0], VECTORS[h, 1])
+        cos, sin = np.cos(ANGLES[h]), np.sin(ANGLES[h])
+        return ticks(length * drive_seconds_per_metre(0.01 * room, cos, sin, uphill, move == Move.BACKWARD, costs))
+    angle = abs((ANGLES[h] - ANGLES[move_from(0, 0, h, move)[2]] + np.pi) % (2 * np.pi) - np.pi)
+    return ticks(angle * turn_seconds_per_radian(0.01 * room, uphill, costs))
+
+
+@njit(cache=True)
+def level_ticks(cell, costs):
+    """(5, 16, R) int32 cost in ticks of each move from each heading on level ground, by the cm of room."""
+    level = np.zeros(2, np.float32)
+    result = np.zeros((Move.RIGHT + 1, HEADINGS, int(100 * MOST_ROOM) + 1), np.int32)
+    for move in range(Move.FORWARD, Move.RIGHT + 1):
+        for h in range(HEADINGS):
+            for room in range(result.shape[2]):
+                result[move, h, room] = move_ticks(h, move, room, level, cell, costs)
+    return result
+
+
+@njit(cache=True)
+def was_near(i, j, least):
+    """Whether the robot's middle has been in a cell or next to it: there ``least`` (nx, ny), cm, is negative."""
+    for a in range(max(i - 1, 0), min(i + 2, least.shape[0])):
+        for b in range(max(j - 1, 0), min(j + 2, least.shape[1])):
+            if least[a, b] < 0:
+                return True
+    return False
+
+
+@njit(cache=True, inline="always")
+def entry_ticks(i, j, h, a, b, k, move, start, terrain, level, costs, escape):
+    """Cost in ticks of a move from (i, j, h) to (a, b, k) on a way from a start (2,); -1 if it is not allowed."""
+    before, entered = terrain.clearance[i, j, h % STANDING], terrain.clearance[a, b, k % STANDING]
+    if move <= Move.BACKWARD:
+        room = min(before, entered)
+    else:
+        room = terrain.clearance[i, j, STANDING + (h if move == Move.LEFT else k) % STANDING]
+        # What the turn sweeps must have room as well.
+        entered = min(entered, room + SWEEP)
+    is_free = entered >= terrain.least[a, b]
+    if not is_free and max(abs(a - start[0]), abs(b - start[1])) > escape:
+        return -1
+    if not is_free and entered < before and not was_near(a, b, terrain.least):
+        return -1
+    if terrain.ramp[a, b]:
+        return move_ticks(h, move, room, terrain.uphill[a, b], terrain.cell, costs)
+    return level[move, h, max(room, 0)]
+
+
+class Search(NamedTuple):
+    """The state of a search; poses are numbered (i · ny + j) · 16 + h.
+
+    Its queue keeps, in buckets by cost, an entry for each time that a pose became cheaper: by each move once at most.
+
+    Attributes:
+        starts: (K, 3) int64 cells and headings.
+        cost: (N,) int32 1 + ticks; 0 where no way has been found yet.
+        came_by: (N,) uint8 the move that led to each pose.
+        source: (N,) int16 index of the start from which the way comes.
+        level: (5, 16, R) ticks of moves on level ground, see :func:`level_ticks`.
+        escape: m from its start within which a robot may drive through poses without room, as long as the clearance
+            does not shrink, or where the robot has been.
+        first: (B,) int32 the first entry of each bucket; -1 where there is none.
+        state, after: (4 N + K,) int32 the pose of each entry, and the next entry of the same bucket.
+        now: (3,) int64 the cost up to which all poses are settled, numbers of waiting entries and of all so far.
+    """
+
+    starts: NDArray[np.int64]
+    cost: NDArray[np.int32]
+    came_by: NDArray[np.uint8]
+    source: NDArray[np.int16]
+    level: NDArray[np.int32]
+    escape: float
+    first: NDArray[np.int32]
+    state: NDArray[np.int32]
+    after: NDArray[np.int32]
+    now: NDArray[np.int64]
+
+
+@njit(cache=True)
+def extend(search, terrain, costs, until):
+    """Continue Dijkstra's algorithm over all poses up to the cost ``until``, with a bucket queue.
+
+    A pose may be entered if its clearance is large enough. A robot that starts with less may escape, see
+    :class:`Search`.
+    """
+    nx, ny = terrain.least.shape
+    cost, source, level, first = search.cost, search.source, search.level, search.first
+    escape, (now, waiting, used) = int(search.escape / terrain.cell), search.now
+    while waiting > 0 and now <= until:
+        entry = first[now % BUCKETS]
+        if entry < 0:
+            now += 1
+            continue
+        first[now % BUCKETS] = search.after[entry]
+        waiting -= 1
+        state = search.state[entry]
+        if cost[state] != now:
+            continue
+        i, j, h = state // HEADINGS // ny, state // HEADINGS % ny, state % HEADINGS
+        start = (search.starts[source[state], 0], search.starts[source[state], 1])
+        for move in range(Move.FORWARD, Move.RIGHT + 1):
+            a, b, k = move_from(i, j, h, move)
+            then = (a * ny + b) * HEADINGS + k
+            # What is settled already, such as where this way comes from, becomes no cheaper.
+            if not (0 <= a < nx and 0 <= b < ny) or 0 < cost[then] <= now:
+                continue
+            step = entry_ticks(i, j, h, a, b, k, move, start, terrain, level, costs, escape)
+            new = now + step
+            if step > 0 and (cost[then] == 0 or cost[then] > new):
+                cost[then], search.came_by[then], source[then] = new, move, source[state]
+                search.state[used], search.after[used] = then, first[new % BUCKETS]
+                first[new % BUCKETS] = used
+                waiting, used = waiting + 1, used + 1
+    search.now[:] = now, waiting, used
+
+
+@njit(cache=True)
+def flood(seeds, free, is_open):
+    """Which poses are connected to the seeds by moves through poses with enough room.
+
+    Args:
+        seeds: (nx, ny) uint16 bits of the 16 headings to start with.
+        free: (nx, ny, 2) uint8, see ``free_poses``.
+        is_open: (nx, ny) cells around which, up to two cells away, the robot can stand and turn with any heading.
+
+    Returns:
+        (nx, ny) uint16 bits of the headings that are reached, seeds included.
+    """
+    nx, ny = seeds.shape
+    reached, new = np.zeros((nx, ny), np.uint16), seeds.copy()
+    # A cell is at most once among the waiting ones.
+    rows, columns = np.nonzero(seeds)
+    waiting, count = np.empty((nx * ny, 2), np.int32), len(rows)
+    waiting[:count, 0], waiting[:count, 1] = rows, columns
+    while count > 0:
+        count -= 1
+        i, j = np.int64(waiting[count, 0]), np.int64(waiting[count, 1])
+        # Opposite headings have the same footprint.
+        stands, turns = 257 * np.int64(free[i, j, 0]), 257 * np.int64(free[i, j, 1])
+        known = np.int64(reached[i, j])
+        here, before = np.int64(ALL) if is_open[i, j] else known | np.int64(new[i, j]), np.int64(0)
+        new[i, j] = 0
+        while here != before and not is_open[i, j]:
+            before = here
+            left = here & turns
+            here |= ((left << 1) | (left >> 15)) & stands
+            here |= ((here >> 1) | (here << 15)) & turns & stands
+        fresh = here & ~known
+        reached[i, j] = here
+        # On open ground the moves along the axes lead to all that the others lead to.
+        for h in range(0, STANDING, HEADINGS // 4 if is_open[i, j] else 1):
+            # A robot with the opposite heading drives backwards to the same cell.
+            both = fresh & (257 << h)
+            if both == 0:
+                continue
+            for sign in (1, -1):
+                a, b = i + sign * VECTORS[h, 0], j + sign * VECTORS[h, 1]
+                if not (0 <= a < nx and 0 <= b < ny) or not (free[a, b, 0] >> h) & 1:
+                    continue
+                more = both & ~np.int64(reached[a, b] | new[a, b])
+                if more != 0:
+                    if new[a, b] == 0:
+                        waiting[count, 0], waiting[count, 1] = a, b
+                        count += 1
+                    new[a, b] |= np.uint16(more)
+    return reached
+
+
+@njit(cache=True)
+def trace(came_by, i, j, h):
+    """(N, 3) int64 poses (i, j, h) from the last one back to the start."""
+    poses = [(i, j, h)]
+    while came_by[i, j, h] > 0:
+        i, j, h = move_from(i, j, h, _UNDO[came_by[i, j, h] - 1])
+        poses.append((i, j, h))
+    return np.array(poses)
+
+
+@njit(cache=True)
+def straighten(places, headings, moves, seconds, heading, terrain, costs):
+    """Indices of the bends of a way, first and last pose included, between which straight drives lead.
+
+    Also which of these drives lead backwards; the first value, for the start, says nothing. A straight drive replaces
+    a stretch of the way if it costs at most ``STOP`` s more, turns at both ends included.
+
+    Args:
+        places: (N, 2) m.
+        headings: (N,) rad.
+        moves: (N,) uint8, the move that led to each pose.
+        seconds: (N,) float64, cost of the way to each pose.
+        heading: rad at the first pose.
+    """
+    bends, backwards, p = [0], [False], 0
+    while (moves[p + 1 :] <= Move.BACKWARD.value).any():
+        drives = p + 1 + np.flatnonzero(moves[p + 1 :] <= Move.BACKWARD.value)
+        back = moves[drives[0]] == Move.BACKWARD
+        # Only drives in the same direction; up to the first turn after them the way is straight already.
+        others = np.flatnonzero(moves[drives] != moves[drives[0]])
+        drives = drives[: others[0]] if len(others) else drives
+        turns = np.flatnonzero(np.diff(drives) > 1)
+        q = drives[turns[0]] if len(turns) else drives[-1]
+        ahead, (x, y) = headings[q], places[p]
+        for r in range(drives[-1], q, -1):
+            u, v = places[r]
+            bearing = np.arctan2(v - y, u - x) + (np.pi if back else 0.0)
+            due = seconds[r] - seconds[p] + STOP
+            cost = turn_seconds(x, y, heading, bearing, terrain, costs)
+            if cost <= due:
+                cost += turn_seconds(u, v, bearing, headings[r], terrain, costs)
+            if cost <= due:
+                cost += line_seconds(x, y, u, v, back, terrain, costs)
+            if cost <= due:
+                q, ahead = r, bearing
+                break
+        bends.append(q)
+        backwards.append(back)
+        p, heading = q, ahead
+    return np.array(bends), np.array(backwards)

@@ -1,0 +1,64 @@
+"""Writes the traversability as 2D maps that ROS map_server (Nav2) loads."""
+
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+from scipy import ndimage
+
+from pipeline.elevation_map.traversability import Traversability
+from pipeline.metric_map.io.exports import PGM_FREE, PGM_OCCUPIED, PGM_UNKNOWN, write_map_server
+
+LETHAL, STEEPEST = 100, 98
+"""Costs of map_server: of ground that cannot be driven on, and of the steepest slope that the robot drives on."""
+SCALED = (0.005, 0.995)
+"""Thresholds of darkness, so that each shade between white and black is a different cost."""
+
+
+def save_ros_map(path: Path, traversability: Traversability, places: ArrayLike) -> list[Path]:
+    """Write ``path`` (.pgm): free, lethal or unknown, and ..._cost.png: slopes as costs; a .yaml lies beside each.
+
+    Lethal cells are those that the robot cannot drive on: walls, steps, slopes too steep. They are not inflated: Nav2
+    does that by the footprint in its settings.
+
+    Args:
+        path: of the image.
+        traversability: the ground.
+        places: (N, 2 or 3) m where the robot has been; ground not connected to them by known ground is left unknown.
+
+    Returns:
+        The files that were written.
+
+    Raises:
+        InputError: if a file cannot be written.
+    """
+    cost, origin = known_costs(traversability, places)
+    cell = traversability.grid.cell
+    files = write_map_server(path, trinary(cost), cell, origin)
+    white = np.iinfo(np.uint8).max
+    shade = np.rint(white * (1 - np.maximum(cost, 0) / LETHAL))
+    scaled = np.stack([shade, white * (cost >= 0)], axis=-1).astype(np.uint8)
+    return files + write_map_server(path.with_name(f"{path.stem}_cost.png"), scaled, cell, origin, "scale", SCALED)
+
+
+def known_costs(traversability: Traversability, places: ArrayLike) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+    """The part of :func:`costs` (nx, ny) that is known, and the corner (2,) of its first cell, m."""
+    cost, grid = costs(traversability, places), traversability.grid
+    found = ndimage.find_objects((cost >= 0).astype(np.int8))
+    i, j = found[0] if found else (slice(0, 1), slice(0, 1))
+    return cost[i, j], grid.origin + np.array([i.start, j.start]) * grid.cell
+
+
+def trinary(cost: NDArray[np.int64]) -> NDArray[np.uint8]:
+    """(nx, ny) the greys of map_saver for costs (nx, ny): free, occupied or unknown."""
+    return np.select([cost < 0, cost == LETHAL], [PGM_UNKNOWN, PGM_OCCUPIED], PGM_FREE).astype(np.uint8)
+
+
+def costs(traversability: Traversability, places: ArrayLike) -> NDArray[np.int64]:
+    """(nx, ny) 0 on level ground up to :data:`STEEPEST` on slopes, :data:`LETHAL`, -1 where unknown."""
+    t = traversability
+    lethal, known = t.hazard, np.isfinite(t.elevation)
+    parts, _ = ndimage.label(known & ~lethal)
+    joined = np.isin(parts, np.setdiff1d(parts[t.grid.mask_of(places)], [0]))
+    tilt = np.arctan(np.linalg.norm(t.gradient, axis=-1)) / t.robot.max_tilt
+    return np.select([lethal, joined], [LETHAL, np.rint(STEEPEST * tilt.clip(0, 1))], -1).astype(np.int64)

@@ -1,1 +1,0 @@
-"""Traversability: how high the ground is, and where the robot may drive on it."""

@@ -1,0 +1,72 @@
+"""Average precision of one class as COCO computes it (Lin et al., arXiv:1405.0312, and its published evaluation).
+
+Unlike in COCO, precision is taken at every recall, not at 101 of them.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.victims.detection.boxes import overlaps
+
+MATCHING_IOU = 0.5  # Least intersection over union of a detection with its true box
+
+
+class AveragePrecision:
+    """Average precision, at an overlap of MATCHING_IOU, of detections that are added image by image."""
+
+    def __init__(self) -> None:
+        self._scores: list[float] = []
+        self._right: list[bool] = []
+        self._present = 0
+
+    def add(
+        self,
+        boxes: NDArray[np.floating],
+        scores: NDArray[np.floating],
+        truths: NDArray[np.floating],
+        ignored: NDArray[np.bool_],
+    ) -> None:
+        """Add an image: (N, 4) detections with their (N,) scores and (M, 4) true boxes, some of them ignored."""
+        order = np.argsort(-scores, kind="stable")
+        found = match(overlaps(boxes[order], truths), ignored, MATCHING_IOU)
+        counts = (found < 0) | ~np.append(ignored, False)[found]
+        self._scores += scores[order][counts].tolist()
+        self._right += (found >= 0)[counts].tolist()
+        self._present += int((~ignored).sum())
+
+    @property
+    def value(self) -> float:
+        """Area under the monotonically falling hull of precision over recall; NaN if there was nothing to find."""
+        if self._present == 0:
+            return float("nan")
+        right = np.array(self._right, bool)[np.argsort(-np.array(self._scores), kind="stable")]
+        found = np.cumsum(right)
+        precision = found / np.arange(1, len(right) + 1)
+        highest = np.maximum.accumulate(precision[::-1])[::-1]
+        return float(highest[right].sum() / self._present)
+
+
+def match(overlap: NDArray[np.floating], ignored: NDArray[np.bool_], least: float) -> NDArray[np.intp]:
+    """The true box that each detection has found.
+
+    Each detection is matched with the true box of greatest overlap that no better detection has; only if there is
+    none, with an ignored one, which may be matched several times.
+
+    Args:
+        overlap: (N, M) of the detections, the best first, with the true boxes.
+        ignored: (M,) bool, the true boxes to ignore.
+        least: least overlap of a match.
+
+    Returns:
+        (N,) index of a true box, −1 = none.
+    """
+    free = np.ones(len(ignored), bool)
+    found = np.full(len(overlap), -1, np.intp)
+    for detection, row in enumerate(overlap):
+        for candidates in (free & ~ignored, ignored):
+            near = np.where(candidates & (row >= least), row, -1)
+            if found[detection] < 0 and near.max(initial=-1) >= 0:
+                found[detection] = near.argmax()
+        if found[detection] >= 0:
+            free[found[detection]] = False
+    return found

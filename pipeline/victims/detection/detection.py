@@ -1,0 +1,32 @@
+"""Detections of what a rescue robot looks for, and the interface of detectors."""
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.tracks.find import VICTIM
+
+
+@dataclass(frozen=True)
+class Detection:
+    """A thing in an image.
+
+    Attributes:
+        box: x0, y0, x1, y1 in pixels, from the image's upper left corner.
+        confidence: 0 to 1.
+        kind: one of :data:`pipeline.tracks.find.KINDS`.
+    """
+
+    box: tuple[float, float, float, float]
+    confidence: float
+    kind: str = VICTIM
+
+
+class Detector(Protocol):
+    """Finds things in images."""
+
+    def detect(self, rgb: NDArray[np.uint8]) -> list[Detection]:
+        """Things of the kinds that it knows in an (H, W, 3) image, the most confident first."""
+        ...

@@ -1,0 +1,19 @@
+"""Display ids of victims, the same in the report, the drawings and the log."""
+
+from pipeline.victims.victim_map import Victim, Victims
+
+
+def confirmed_ids(victims: Victims) -> list[tuple[str, Victim]]:
+    """The confirmed victims with their ids: "1", "2", …"""
+    return [(str(k), victim) for k, victim in enumerate(victims.confirmed, start=1)]
+
+
+def unconfirmed_ids(victims: Victims) -> list[tuple[str, Victim]]:
+    """The victims that are to be observed again, with their ids: "A", "B", …"""
+    return [(letters(k), victim) for k, victim in enumerate(victims.unconfirmed)]
+
+
+def letters(k: int) -> str:
+    """A, B, … Z, AA, AB, … for k = 0, 1, …"""
+    head, last = divmod(k, 26)
+    return (letters(head - 1) if head else "") + chr(ord("A") + last)

@@ -1,0 +1,94 @@
+"""Turns a detection and its depth into the person's position in ``map``, or into the reason why it is no person."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.frame import Frame
+from pipeline.tracks.find import VICTIM
+from pipeline.tracks.likelihood import extents_of, weigh
+from pipeline.transforms import inverse, transform_points
+from pipeline.victims.detection.background import background_planes, near_plane
+from pipeline.victims.detection.detection import Detection
+
+SKIN_TO_MIDDLE = 0.08  # m, standard deviation due to the distance from the visible skin to the middle of the body
+
+
+@dataclass(frozen=True, eq=False)
+class PersonObservation:
+    """A person, seen in one frame.
+
+    Attributes:
+        detection: in the image.
+        points: (N, 3) float32 the person's visible points, m in ``map``.
+        position: (3,) float64 middle of the points.
+        covariance: (3, 3) float64 of the position, m².
+        camera: (3,) float64 position of the camera.
+    """
+
+    detection: Detection
+    points: NDArray[np.float32]
+    position: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+    camera: NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Refusal:
+    """A detection that is no person, and the reason."""
+
+    detection: Detection
+    reason: str
+
+
+def observe(frame: Frame, detection: Detection, T_map_camera: NDArray[np.float64]) -> PersonObservation | Refusal:
+    """Observe the person of a detection by the frame's depth, or refuse the detection.
+
+    Args:
+        frame: with its depth.
+        detection: in its image.
+        T_map_camera: 4×4 pose of ``camera_optical`` in ``map``.
+    """
+    returns = frame.returns & _window(frame, detection)
+    if not returns.any():
+        return Refusal(detection, "no depth where it is")
+    in_camera = frame.intrinsics.rays[returns] * frame.depth[returns, None]
+    is_background = ~_stands_out(frame, detection, in_camera)
+    if is_background.all():
+        return Refusal(detection, "flat: nothing stands out of the plane around it, as of a picture")
+    points, camera = transform_points(T_map_camera, in_camera), T_map_camera[:3, 3]
+    ground = float((T_map_camera @ inverse(frame.T_base_camera))[2, 3])
+    weighed = weigh(VICTIM, points, ground, is_background, camera)
+    person = points[weighed.belongs]
+    if weighed.log_ratio <= 0:
+        extents = " × ".join(f"{extent:.2f}" for extent in extents_of(person))
+        return Refusal(detection, f"{extents} m: less like a person than like background")
+    # The middle's standard deviation is half that of the points, because parts of the person may be hidden.
+    spread = np.cov(person.T.astype(np.float64)) / 2**2 + np.eye(3) * SKIN_TO_MIDDLE**2
+    return PersonObservation(detection, person, middle(person), spread, camera)
+
+
+def middle(points: NDArray[np.floating]) -> NDArray[np.float64]:
+    """(3,) middle, m, of a box around (N, 3) points without the outermost 2 % at each end of each axis."""
+    return np.percentile(points, [2, 98], axis=0).mean(axis=0)
+
+
+def size_of(points: NDArray[np.floating]) -> float:
+    """Diagonal, m, of the box of their extents, of (N, 3) points."""
+    return float(np.linalg.norm(extents_of(points)))
+
+
+def _window(frame: Frame, detection: Detection) -> NDArray[np.bool_]:
+    """(H, W) bool: the pixels of the box."""
+    x0, y0, x1, y1 = detection.box
+    u, v = np.arange(frame.intrinsics.width) + 0.5, np.arange(frame.intrinsics.height) + 0.5
+    return ((v >= y0) & (v <= y1))[:, None] & (u >= x0) & (u <= x1)
+
+
+def _stands_out(frame: Frame, detection: Detection, points: NDArray[np.float32]) -> NDArray[np.bool_]:
+    """(N,) bool: the points in the box that lie on no plane of the background."""
+    result = np.ones(len(points), np.bool_)
+    for plane in background_planes(frame, detection.box, np.random.default_rng(0)):
+        result &= ~near_plane(points, plane, frame.sensor)
+    return result

@@ -1,0 +1,228 @@
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pipeline.elevation_map import pose_kernels
+from pipeline.elevation_map.elevation_map import ElevationMap
+from pipeline.elevation_map.traversability import RAMP_MARGIN, assess_map
+from pipeline.errors import InputError
+from pipeline.planning.pose_paths import PosePaths
+from tests.pipeline.robot_model import PIONEER
+from tests.pipeline.worlds import RUN, flat, ground_points, ramp_and_deck, ridge, show, surface_of, wall_points
+
+
+def test_the_unknown_may_be_a_wall_that_sends_nothing_back():
+    at = (traversability := assess_map(surface_of(ground_points(flat, (0, 2), (0, 2))))).grid.at
+    assert at(traversability.traversable, [1.0, 1.0])
+    assert at(traversability.traversable, [0.28, 1.0])
+    assert not at(traversability.traversable, [0.24, 1.0])
+    assert not at(traversability.traversable, [-5.0, 1.0])
+
+
+def test_it_keeps_away_from_walls_and_further_for_turning():
+    world = surface_of(ground_points(flat, (-1, 2), (-2, 2)), wall_points((1.0, -2), (1.0, 2)))
+    traversability = assess_map(world)
+    assert not traversability.grid.at(traversability.traversable, [0.76, 0.0])
+    assert traversability.grid.at(traversability.traversable, [0.66, 0.0])
+    assert not traversability.grid.at(traversability.turnable, [0.66, 0.0])
+    assert traversability.grid.at(traversability.turnable, [0.55, 0.0])
+
+
+@pytest.mark.parametrize(("height", "is_hazard"), [(0.05, True), (0.02, False)])
+def test_it_keeps_away_from_the_lowest_step_of_a_step_field(height, is_hazard):
+    block = ground_points(lambda x, y: 0 * x + height, (0, 0.5), (0, 0.5))
+    around = ground_points(flat, (-1, 1.5), (-1, 1.5))
+    outside = (np.abs(around[:, :2] - 0.25) > 0.25).any(axis=1)
+    traversability = assess_map(surface_of(block, around[outside]))
+    assert traversability.grid.at(traversability.hazard, [0.025, 0.275]) == is_hazard
+    assert traversability.grid.at(traversability.traversable, [-0.1, 0.275]) != is_hazard
+
+
+@pytest.mark.parametrize("height", [0.05, 0.06, 0.08, 0.1, 0.12])
+def test_a_block_that_ends_within_a_cell_is_a_hazard_up_to_its_edge(height):
+    ground = ground_points(flat, (-1, 1), (-1, 1))
+    block = ground_points(lambda x, y: 0 * x + height, (0.02, 0.5), (-0.5, 0.5))
+    face = wall_points((0.02, -0.5), (0.02, 0.5), height)
+    outside = (ground[:, 0] < 0.02) | (np.abs(ground[:, 1]) > 0.5)
+    traversability = assess_map(surface_of(ground[outside], block, face))
+    assert traversability.grid.at(traversability.hazard, [(0.025, y) for y in np.arange(-0.475, 0.5, 0.05)]).all()
+
+
+def test_corners_clear_a_post_when_the_robot_turns_a_little_beside_its_way_point():
+    post = np.repeat(np.array([(0.025, 0.025, z) for z in (0.1, 0.2, 0.3)], np.float32), 5, axis=0)
+    traversability = assess_map(surface_of(ground_points(flat, (-1, 1), (-1, 1)), post))
+    assert not traversability.grid.at(traversability.turnable, [0.225, 0.325])  # 0.36 m away
+    assert traversability.grid.at(traversability.turnable, [0.325, 0.325])
+
+
+def drives(traversability, start, end):
+    """Whether a straight drive between two points (2,) meets no obstacle."""
+    return bool(np.isfinite(traversability.line_seconds([start], [end])[0]))
+
+
+def test_room_is_measured_from_the_footprint_by_its_heading():
+    traversability = assess_map(
+        surface_of(ground_points(flat, (-2, 2), (-2, 2)), wall_points((1.025, -2), (1.025, 2)))
+    )
+    at = traversability.clearance[tuple(traversability.grid.cell_of((0.625, 0.0)))]
+    assert at[0] == pytest.approx(100 * (0.4 - PIONEER.half_length), abs=1)
+    assert at[4] == pytest.approx(100 * (0.4 - PIONEER.half_width), abs=1)
+    assert at[2] == pytest.approx(100 * (0.4 - PIONEER.corner_radius), abs=1)
+    inside = traversability.clearance[tuple(traversability.grid.cell_of((1.025, 0.0)))]
+    assert (inside < -20).all()
+
+
+def test_uphill_is_the_gradient_of_the_ramp():
+    traversability = assess_map(surface_of(ground_points(ridge, (-2, 2), (-1, 1))))
+    for x, slope in ((-0.3, 0.287), (0.3, -0.287), (-1.5, 0.0)):
+        np.testing.assert_allclose(traversability.grid.at(traversability.uphill, (x, 0)), (slope, 0), atol=0.02)
+    before = traversability.grid.at(traversability.uphill, (-RUN - 0.1, 0))
+    assert before[0] > 0.1
+    assert abs(before[1]) < 0.01
+
+
+def test_a_ramp_is_near_within_the_margin():
+    traversability = assess_map(surface_of(ground_points(ridge, (-2, 2), (-1, 1))))
+    assert traversability.has_ramp((0.3, 0.0))
+    assert traversability.has_ramp((-RUN - RAMP_MARGIN / 2, 0.0))
+    assert not traversability.has_ramp((-RUN - RAMP_MARGIN - 0.2, 0.0))
+
+
+def test_where_the_robot_has_driven_it_may_drive_again():
+    corridor = surface_of(
+        ground_points(flat, (-1, 1), (-0.5, 0.5)), *(wall_points((-1, y), (1, y)) for y in (-0.33, 0.33))
+    )
+    assert drives(assess_map(corridor), (-0.6, 0.02), (0.6, 0.02))
+    corridor.update(wall_points((0, -0.22), (0.05, -0.22)))  # a chair leg, or noise
+    assert not drives(assess_map(corridor), (-0.6, 0.02), (0.6, 0.02))
+    corridor.add_track(np.column_stack([np.linspace(-0.6, 0.6, 50), np.full(50, 0.02), np.zeros(50)]))
+    assert drives(assess_map(corridor), (-0.6, 0.02), (0.6, 0.02))
+    corridor.update(wall_points((0, -0.17), (0.05, -0.17)))  # in the robot's way
+    assert not drives(assess_map(corridor), (-0.6, 0.02), (0.6, 0.02))
+
+
+def test_a_gap_that_the_robot_has_passed_and_that_drift_makes_narrower_lets_it_back():
+    walls = [wall_points((-0.2, y), (0.2, y)) for y in (-0.18, 0.18)]  # 7 cm inside the footprint on each side
+    gap, there, back = surface_of(ground_points(flat, (-1.5, 1.5), (-0.5, 0.5)), *walls), (-1.0, 0.0), (1.0, 0.0)
+    track = np.column_stack([np.linspace(-1, 1, 80), np.zeros(80), np.zeros(80)])
+    assert np.isinf(PosePaths(assess_map(gap), there, 0.0).cost_to(back))
+    gap.add_track(track)
+    assert np.isfinite(PosePaths(assess_map(gap), there, 0.0).cost_to(back))
+    across = pose_kernels.HEADINGS // 4
+    middle = gap.grid.cell_of((0.0, 0.0))
+    assert not assess_map(gap).free[(*middle, 0)] >> across & 1  # it never stood there across
+    gap.forget_track(np.array([(0.0, 0.1, 0.2)]))  # something stood in its way since
+    assert np.isinf(PosePaths(assess_map(gap), there, 0.0).cost_to(back))
+    gap.add_track(track)
+    assert np.isfinite(PosePaths(assess_map(gap), there, 0.0).cost_to(back))
+    gap.update(wall_points((-0.05, 0.05), (0.05, 0.05)))  # no drift moves a wall that far
+    assert np.isinf(PosePaths(assess_map(gap), there, 0.0).cost_to(back))
+
+
+def test_successive_headings_in_one_cell_are_a_turn():
+    same, angles = np.zeros((3, 2), np.int64), pose_kernels.ANGLES
+    bits = pose_kernels.bits_of(same, np.array([angles[0], angles[1] + 0.05, angles[1] + np.pi]))
+    assert bits.tolist() == [1, 1 << 1 | 1 << 8, 1 << 1]
+    apart = np.array([[0, 0], [0, 1], [1, 1]])
+    assert pose_kernels.bits_of(apart, angles[:3]).tolist() == [1, 2, 4]
+
+
+def test_ground_that_lies_lower_behind_a_gap_is_a_drop():
+    deck = np.vstack(
+        [ground_points(lambda x, y: 0 * x + 0.34, (0, 1), (-1, 1)), ground_points(flat, (1.4, 2.4), (-1, 1))]
+    )
+    traversability = assess_map(surface_of(deck))
+    at = traversability.grid.at
+    assert at(traversability.hazard, [0.975, 0.0])
+    assert not at(traversability.hazard, [1.425, 0.0])
+    assert not at(traversability.traversable, [0.72, 0.0])
+    assert at(traversability.traversable, [0.62, 0.0])
+
+
+def test_the_far_foot_of_an_unseen_slope_is_none():
+    ground = ground_points(ridge, (-2, 2), (-1, 1))
+    traversability = assess_map(surface_of(ground[(ground[:, 0] < 0) | (ground[:, 0] > RUN)]))
+    assert not traversability.hazard.any()
+
+
+def test_the_robot_turns_neither_on_a_ramp_nor_right_before_it():
+    traversability = assess_map(surface_of(ground_points(ridge, (-2, 2), (-1, 1))))
+    assert not traversability.grid.at(traversability.turnable, [-0.3, 0])
+    assert not traversability.grid.at(traversability.turnable, [-RUN - 0.1, 0])
+    assert traversability.grid.at(traversability.turnable, [-RUN - 0.4, 0])
+
+
+@pytest.mark.parametrize("start", [(1.2, 0.0), (1.2, 1.2)])
+def test_the_side_of_a_deck_is_no_way_up_or_down(start):
+    traversability = assess_map(surface_of(ground_points(ramp_and_deck, (-2, 2), (-2, 2))))
+    other_side = (start[0], 1.2 - start[1])
+    assert not drives(traversability, start, other_side)
+    assert traversability.grid.at(traversability.traversable, [1.2, 0.25])
+    assert not traversability.grid.at(traversability.traversable, [1.2, 0.4])
+    assert not traversability.grid.at(traversability.traversable, [1.2, 0.8])
+
+
+def test_a_slope_beyond_twenty_degrees_is_a_hazard():
+    gentle = surface_of(ground_points(lambda x, y: x * np.tan(np.deg2rad(18)), (0, 2), (0, 2)))
+    steep = surface_of(ground_points(lambda x, y: x * np.tan(np.deg2rad(22)), (0, 2), (0, 2)))
+    gentle, steep = assess_map(gentle), assess_map(steep)
+    assert not gentle.grid.at(gentle.hazard, [1.0, 1.0])
+    assert steep.grid.at(steep.hazard, [1.0, 1.0])
+
+
+def test_it_keeps_away_from_where_a_panel_may_stand():
+    world, ground = ElevationMap(PIONEER), ground_points(flat, (-1, 1), (-1, 1))
+    show(world, ground, ground_points(flat, (-1, 1), (0.01, 0.03)), camera=np.array([-2.0, 0.0]))
+    traversability = assess_map(world)
+    assert not traversability.grid.at(traversability.traversable, [0.0, 0.28])
+    assert traversability.grid.at(traversability.traversable, [0.0, 0.38])
+    assert not drives(traversability, (0.0, -0.5), (0.0, 0.5))
+
+
+@pytest.mark.parametrize("far", [{"width": 2.0}, {"length": 1.7}, {"width": np.nan}])
+def test_clearances_beyond_what_is_told_apart_are_refused(far):
+    world = ElevationMap(replace(PIONEER, **far))
+    world.update(ground_points(flat, (-1, 1), (-1, 1)))
+    with pytest.raises(InputError, match="at most 1 m"):
+        assess_map(world)
+
+
+def test_a_wider_robot_keeps_further_away():
+    cloud = [ground_points(flat, (-1, 2), (-2, 2)), wall_points((0.98, -2), (0.98, 2))]
+    narrow, wide = ElevationMap(PIONEER), ElevationMap(replace(PIONEER, width=0.8))
+    for world, room in ((narrow, 40 - 25), (wide, 40 - 40)):
+        world.update(np.vstack(cloud))
+        traversability = assess_map(world)
+        beside = traversability.clearance[tuple(traversability.grid.cell_of((0.575, 0.0)))][4]
+        assert beside == pytest.approx(room, abs=1)
+
+
+def passage(width, right):
+    """Ground with a passage along x, 1 m long, between walls at y = ``right`` and ``width`` m to the left of it."""
+    left, ground = right + width, ground_points(flat, (-1, 2), (-1, 1.5))
+    beside = (ground[:, 0] > 0) & (ground[:, 0] < 1) & ((ground[:, 1] < right) | (ground[:, 1] > left))
+    walls = [wall_points((0, y), (1, y)) for y in (right, left)]
+    fronts = [wall_points((x, a), (x, b)) for x in (0, 1) for a, b in ((-1, right), (left, 1.5))]
+    return assess_map(surface_of(ground[~beside], *walls, *fronts)), right + width / 2
+
+
+@pytest.mark.parametrize("right", np.arange(0.001, 0.05, 0.008))
+def test_without_margin_a_passage_two_cells_wider_than_the_robot_is_passable_wherever_it_lies(right):
+    ground, middle = passage(PIONEER.width + 0.1, right)
+    way = PosePaths(ground.without_margin, (-0.6, middle)).cost_to((1.6, middle))
+    assert np.isfinite(way)
+    assert ground.without_margin.is_tight and not ground.is_tight
+    assert (ground.free & ~ground.without_margin.free == 0).all()
+
+
+@pytest.mark.parametrize("right", np.arange(0.001, 0.05, 0.008))
+def test_without_margin_what_is_narrower_than_the_robot_stays_impassable(right):
+    ground, middle = passage(PIONEER.width - 0.06, right)
+    assert np.isinf(PosePaths(ground.without_margin, (-0.6, middle)).cost_to((1.6, middle)))
+
+
+def test_a_passage_that_needs_no_daring_is_the_same_without_margin():
+    ground, middle = passage(1.2, 0.01)
+    ways = [PosePaths(g, (-0.6, middle)).path_to((1.6, middle)) for g in (ground, ground.without_margin)]
+    np.testing.assert_array_equal(*ways)

@@ -1,0 +1,113 @@
+"""Driving to goals on known ground, by a robot that gets wherever it is sent unless it is held."""
+
+from itertools import count
+
+import numpy as np
+import pytest
+
+from pipeline.exploration import mission
+from pipeline.exploration.mission import PATIENCE, Goals
+from pipeline.exploration.viewpoint import ARRIVED, Context
+from pipeline.planning.pose_paths import PosePaths
+from pipeline.transforms import from_yaw
+from tests.pipeline.still_robot import StillRobot
+from tests.pipeline.topological_map.grounds import U_TURN, room
+
+START = (-2.4, -1.5)
+
+
+@pytest.fixture(scope="module")
+def world():
+    traversability, _ = room((-3, 3), (-2, 2), U_TURN)
+    return traversability
+
+
+def context_at(world, here):
+    """What the robot knows at a place (2,)."""
+    T_map_base, paths = from_yaw(*here, 0, 0), PosePaths(world, here)
+    return Context(StillRobot().sense(), T_map_base, world.elevation, paths, T_map_base[None])
+
+
+def drive(world, goals, share=1.0, here=START, most=100):
+    """Drive to each viewpoint by a ``share`` of the way; returns the places that the robot was sent to."""
+    sent, here = [], np.array(here)
+    while len(sent) < most:
+        context = context_at(world, here)
+        goals.observe(context)
+        if (viewpoint := goals.next_viewpoint(context)) is None:
+            break
+        goals.commit(viewpoint, context)
+        sent.append(tuple(viewpoint.position.round(3)))
+        here = here + share * (viewpoint.position - here)
+    assert len(sent) < most
+    goals.refuse()
+    return sent
+
+
+def test_goals_are_visited_in_a_short_order(world):
+    goals = Goals([(1.5, -1.5), (-1.0, 0.0), (1.0, 1.0), (-1.0, -1.4)])
+    assert drive(world, goals) == [(-1.0, -1.4), (-1.0, 0.0), (1.0, 1.0), (1.5, -1.5)]
+    assert not goals.left
+    assert all(visit.obstacle is None for visit in goals.visits)
+
+
+def test_what_cannot_be_reached_is_refused_with_a_reason_and_the_rest_visited(world):
+    goals = Goals([(9.0, 9.0), (-1.0, -1.4), (0.02, -1.0), (np.nan, 0.0)])
+    assert drive(world, goals) == [(-1.0, -1.4)]
+    told = {tuple(visit.goal): visit.obstacle for visit in goals.visits}
+    assert told[-1.0, -1.4] is None
+    assert "off the map" in told[9.0, 9.0]
+    assert "in a wall" in told[0.02, -1.0]
+    assert sum("not a place" in str(obstacle) for obstacle in told.values()) == 1
+
+
+def test_a_robot_that_is_held_gives_a_goal_up(world):
+    goals = Goals([(-1.0, -1.4)])
+    assert len(drive(world, goals, share=0.0)) == PATIENCE
+    assert "given up" in str(goals.visits[0].obstacle)
+
+
+def test_a_robot_that_comes_nearer_is_patient(world):
+    goals = Goals([(-1.0, -1.4)])
+    assert len(drive(world, goals, share=0.15)) > PATIENCE
+    assert goals.visits[0].obstacle is None
+
+
+def test_goals_that_take_turns_are_given_up_too(world, monkeypatch):
+    turns = count()
+    monkeypatch.setattr(mission, "order_goals", lambda *given: [next(turns) % len(given[1])] if given[1] else [])
+    goals = Goals([(-1.0, -1.4), (1.5, -1.5)])
+    assert len(drive(world, goals, share=0.0)) <= 2 * PATIENCE
+    assert all("given up" in str(visit.obstacle) for visit in goals.visits)
+
+
+def test_home_may_be_beside_where_the_robot_can_drive(world):
+    corner = (-2.9, -1.9)
+    refused, snapped = Goals([corner]), Goals([corner], may_be_near=True)
+    assert drive(world, refused) == []
+    assert "too near" in str(refused.visits[0].obstacle)
+    (place,) = drive(world, snapped)
+    assert np.linalg.norm(np.array(place) - corner) <= 0.5
+    assert snapped.visits[0].obstacle is None
+
+
+def test_a_goal_where_the_robot_stands_is_reached_without_a_drive(world):
+    goals = Goals([(START[0] + ARRIVED / 2, START[1])])
+    assert drive(world, goals) == []
+    assert goals.visits[0].obstacle is None
+
+
+def test_what_cannot_be_reached_yet_is_not_refused_before_all_is_over(world):
+    goals = Goals([(9.0, 9.0)])
+    context = context_at(world, START)
+    goals.observe(context)
+    assert goals.next_viewpoint(context) is None
+    assert len(goals.left) == 1
+    goals.refuse()
+    assert "off the map" in str(goals.visits[0].obstacle)
+
+
+def test_a_goal_is_refused_when_the_episode_ends_before_any_step():
+    goals = Goals([(1.0, 2.0)])
+    goals.refuse()
+    assert goals.visits[0].obstacle == "the goal (1.00, 2.00) m was not reached: the episode ended"

@@ -1,0 +1,69 @@
+"""Files handed in for a room of 4 × 4 m around the origin, with walls of 1 m; the robot started in its middle."""
+
+from datetime import datetime
+
+import numpy as np
+
+from pipeline.grid_map import Grid
+from pipeline.league.brief import MissionBrief
+from pipeline.league.cloud import write_cloud
+from pipeline.league.hand_in import league_frame
+from pipeline.league.plan import SearchedGround, draw_plan
+from pipeline.league.pois import points_of_interest, write_pois
+from pipeline.league.rules import LENGTHS
+from pipeline.metric_map.io.plans import write_geotiff
+from pipeline.metric_map.metric_map import MetricMap
+
+BRIEF = MissionBrief(team="Team, 'B'", country='Côte "d\'Or"', name="lab", start=datetime(2026, 1, 26, 14, 30))
+FRONT = 0.25
+T_MAP_LEAGUE = league_frame(np.eye(4), FRONT)
+PATH = np.array([(0.0, 0, 0), (1.0, 0, 0)])
+FINDS = [
+    {"kind": "april_tag", "text": "12", "position": [1.0, 1.0, 0.3], "time_s": 10.0, "confidence": 1.0},
+    {"kind": "hazmat_sign", "text": "poison", "position": [-1.0, 1.0, 0.3], "time_s": 8.4, "confidence": 0.8},
+    {"kind": "hazmat_sign", "text": "poison", "position": [-1.1, 1.0, 0.3], "time_s": 7.0, "confidence": 0.6},
+    {"kind": "victim", "text": "", "position": [1.0, -1.0, 0.2], "time_s": 20.0, "confidence": 0.9},
+    {"kind": "heat", "text": "", "position": [1.0, -1.0, 0.2], "time_s": 20.0, "confidence": 0.9},
+    {"kind": "qr_code", "text": 'a,"b"', "position": [0.0, 1.9, 0.5], "time_s": 5.0, "confidence": 1.0},
+]
+
+
+def room_points():
+    """(N, 3) m in ``map``: the floor and the walls, a point every 5 cm."""
+    across = np.arange(-1.975, 2, 0.05)
+    x, y = (a.ravel() for a in np.meshgrid(across, across))
+    floor = np.stack([x, y, 0 * x], axis=1)
+    u, z = (a.ravel() for a in np.meshgrid(across, np.arange(0.025, 1, 0.05)))
+    walls = [np.stack(p, axis=1) for s in (-2.0, 2.0) for p in ((s + 0 * u, u, z), (u, s + 0 * u, z))]
+    return np.concatenate([floor, *walls])
+
+
+def room_map():
+    """A metric map in which the floor is occupied."""
+    metric_map = MetricMap()
+    floor = metric_map.voxel_index([(-2, -2, 0), (2, 2, 0)])
+    metric_map.set_log_odds(floor[0], np.full((*(floor[1] - floor[0])[:2] + 1, 1), 40, np.int8))
+    return metric_map
+
+
+def room_ground():
+    """The floor, searched with a confidence of ¾, walls around it, and unknown ground beyond."""
+    grid = Grid(np.array([-50, -50]), 0.05, (100, 100))
+    middle = np.abs(grid.centre_of(np.indices(grid.shape).transpose(1, 2, 0))).max(axis=-1)
+    return SearchedGround(grid, (middle > 2) & (middle < 2.05), np.where(middle < 2.05, 0.75, 0.0))
+
+
+def room_pois():
+    return points_of_interest(FINDS, T_MAP_LEAGUE, BRIEF.start)
+
+
+def hand_in_room(folder, points=None, brief=BRIEF):
+    """Write the three files into a folder; returns their paths."""
+    points = room_points() if points is None else points
+    plan, cloud, pois = (folder / name for name in (brief.plan_name, brief.cloud_name, brief.pois_name))
+    drawn = draw_plan(plan.name, room_ground(), T_MAP_LEAGUE, PATH, room_pois())
+    write_geotiff(plan, drawn.image, LENGTHS["pixel"], drawn.corner)
+    colours = np.full(points.shape, 200, np.uint8)
+    write_cloud(cloud, brief, points, colours, np.array([[0, 0, 0.6]]), room_map(), T_MAP_LEAGUE)
+    write_pois(pois, brief, room_pois())
+    return plan, cloud, pois

@@ -1,0 +1,94 @@
+import json
+
+import numpy as np
+import pytest
+from tests.pipeline.missions.handed_in_room import BRIEF, FINDS, T_MAP_LEAGUE, room_pois
+
+from pipeline.errors import InputError
+from pipeline.league.pois import found_in, points_of_interest, read_pois, write_pois
+
+TEXT = """\
+"pois"
+"1.3"
+"Team, 'B'"
+"Côte ""d'Or\"""
+"2026-01-26"
+"14:30:00"
+"lab"
+detection,time,type,name,x,y,z,robot,mode
+1,14:30:08,"hazmat_sign","poison",-1.00,-1.25,0.30,"robot1",A
+2,14:30:10,"ar_code","12",-1.00,0.75,0.30,"robot1",A
+3,14:30:20,"heat_sig","heat",1.00,0.75,0.20,"robot1",A
+4,14:30:20,"real_object","victim",1.00,0.75,0.20,"robot1",A
+"""
+
+
+@pytest.fixture
+def path(tmp_path):
+    write_pois(tmp_path / "pois.csv", BRIEF, room_pois())
+    return tmp_path / "pois.csv"
+
+
+def test_a_list_is_as_the_league_has_it_with_each_thing_once(path):
+    assert path.read_text() == TEXT
+
+
+def test_what_is_written_is_read(path):
+    read = read_pois(path)
+    assert read.faults == []
+    assert (read.header["team"], read.header["country"]) == (BRIEF.team, BRIEF.country)
+    for a, b in zip(read.pois, room_pois(), strict=True):
+        assert (a.time, a.type, a.name, a.robot, a.mode) == (b.time, b.type, b.name, b.robot, b.mode)
+        np.testing.assert_allclose(a.position, b.position, atol=0.0051)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "fault"),
+    [
+        ('"pois"', "pois", "line 1"),
+        ('"1.3"', '"1.2"', 'line 2: must be "1.3"'),
+        ("2026-01-26", "26.1.2026", "line 5: 26.1.2026 is no date as in 2026-01-26"),
+        ('"14:30:00"', '"14:30"', "line 6"),
+        ('"lab"', '""', "line 7: the mission is empty"),
+        ("detection,time", "id,time", "line 8"),
+        ("1,14:30:08", "7,14:30:08", "line 9: detection 7: must be 1"),
+        ("14:30:08", "14:61:08", "line 9: time 14:61:08"),
+        ('"ar_code"', '"tag"', "line 10: type tag"),
+        ('"12"', "12", "line 10: must be detection,time"),
+        ('"12",-1.00', '"a"b",-1.00', "line 10: must be detection,time"),
+        ("0.75,0.30", "nan,0.30", "line 10: must be detection,time"),
+        ('0.20,"robot1",A', '0.20,"robot1",X', "line 11: mode X"),
+        ('"ar_code","12",-1.00,0.75', '"hazmat_sign","poison",-1.00,-1.05', "line 10: hazmat_sign poison: the same"),
+    ],
+)
+def test_faults_are_told_line_by_line(path, old, new, fault):
+    path.write_text(TEXT.replace(old, new, 1))
+    (told,) = read_pois(path).faults
+    assert told.startswith(fault)
+
+
+def test_a_list_that_ends_in_its_header_is_refused(path):
+    path.write_text('"pois"\n')
+    assert read_pois(path).faults == ["ends after 1 lines; 7 of a header and the columns are wanted"]
+
+
+def test_confirmed_people_are_finds(tmp_path):
+    person = {"position": [1, 2, 0], "covariance": [], "confidence": 0.9, "times": [7.0, 5.0]}
+    people = [person | {"confirmed": True}, person | {"confirmed": False}]
+    (tmp_path / "victims.json").write_text(json.dumps({"people": people}))
+    (find,) = found_in(tmp_path)
+    assert (find["kind"], find["time_s"], find["position"]) == ("victim", 5.0, [1, 2, 0])
+
+
+@pytest.mark.parametrize("text", ["[", '[{"kind": "heat"}]', "3"])
+def test_damaged_finds_are_refused(tmp_path, text):
+    (tmp_path / "finds.json").write_text(text)
+    with pytest.raises(InputError, match=r"finds\.json"):
+        found_in(tmp_path)
+
+
+@pytest.mark.parametrize("apart", [0.2951, 0.2999, 0.3001, 0.3049])
+def test_no_list_of_ones_own_has_a_thing_twice_once_it_is_rounded(tmp_path, apart):
+    finds = [FINDS[1] | {"position": [x, 1.0, 0.3]} for x in (-1.0021, -1.0021 - apart)]
+    write_pois(tmp_path / "pois.csv", BRIEF, points_of_interest(finds, T_MAP_LEAGUE, BRIEF.start))
+    assert read_pois(tmp_path / "pois.csv").faults == []

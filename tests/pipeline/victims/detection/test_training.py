@@ -1,0 +1,142 @@
+"""Training: the loss, and that a small network learns to find white boxes."""
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import torch
+from scipy.special import logit
+from tests.pipeline.finds.victims.constants import constants
+from tests.pipeline.finds.victims.detection.networks import SHIPPED, SMALL
+from tests.pipeline.finds.victims.detection.people import WhiteBoxes
+
+from pipeline.errors import InputError
+from pipeline.semantic_map.networks.training_loop import schedule
+from pipeline.victims.detection import augmentation, loss, training
+from pipeline.victims.detection.boxes import overlaps
+from pipeline.victims.detection.darknet_cfg import DarknetCfg
+from pipeline.victims.detection.detector import VictimDetector
+from pipeline.victims.detection.labelled_image import TrainingImage
+from pipeline.victims.detection.loss import YoloLoss, ciou, iou
+from pipeline.victims.detection.training import YoloTrainer, new_network, validate
+from pipeline.victims.detection.training_config import YoloTrainingConfig
+
+OWN = SHIPPED / "yolov3-small.cfg"
+CONFIG = YoloTrainingConfig(width=64, height=64, steps=6, validate_every=3, batch=2)
+
+
+def labelled(*boxes: Sequence[float], ignored: bool = False) -> TrainingImage:
+    rows = np.array(boxes, np.float32).reshape(-1, 4)
+    return TrainingImage(np.zeros((8, 16, 3), np.uint8), rows, np.full(len(rows), ignored))
+
+
+def head(objectness: float) -> torch.Tensor:
+    """What goes into SMALL's [yolo], of 4 × 8 cells, with that logit everywhere."""
+    result = torch.zeros(1, 6, 4, 8)
+    result[:, 4] = objectness
+    return result
+
+
+def test_the_loss_of_an_empty_image_is_the_cross_entropy_of_every_cell() -> None:
+    loss_of = YoloLoss(DarknetCfg.parse(SMALL))
+    assert float(loss_of([head(logit(0.25))], [labelled()])) == pytest.approx(-32 * np.log(0.75), rel=1e-5)
+
+
+def test_a_perfect_answer_costs_nothing() -> None:
+    answer = head(-30)
+    answer[0, 4, 1, 2] = answer[0, 5, 1, 2] = 30
+    loss_of = YoloLoss(DarknetCfg.parse(SMALL))
+    box = [5 - 2, 3 - 3, 5 + 2, 3 + 3]  # the anchor of 4 × 6 in the middle of cell 1, 2 of 2 × 2 pixels
+    assert float(loss_of([answer], [labelled(box)])) == pytest.approx(0, abs=1e-5)
+    assert float(loss_of([answer], [labelled()])) == pytest.approx(30, rel=1e-3)
+    assert float(loss_of([answer], [labelled(box, ignored=True)])) == pytest.approx(0, abs=1e-5)
+
+
+def test_a_box_that_is_near_is_let_alone() -> None:
+    """The cell beside the right one predicts nearly the same box: neither right nor wrong."""
+    answer = head(-30)
+    answer[0, 4:6, 1, 2:4] = 30
+    answer[0, 0, 1, 3] = -30  # its middle is where cell 3 begins: 1 pixel to the right, overlap 3/5
+    box = [3, 0, 7, 6]
+    cfg = DarknetCfg.parse(SMALL)
+    for near, cost in ((0.55, pytest.approx(0, abs=1e-4)), (0.65, pytest.approx(30, abs=0.1))):
+        with constants(loss, IGNORED_IOU=near):
+            assert float(YoloLoss(cfg)([answer], [labelled(box)])) == cost
+
+
+def test_overlap_is_that_of_the_detector() -> None:
+    rng = np.random.default_rng(0)
+    low = rng.uniform(0, 5, (2, 20, 2))
+    a, b = np.concatenate([low, low + rng.uniform(1, 6, (2, 20, 2))], axis=2)
+    expected = np.diag(overlaps(a, b))
+    ours = iou(torch.from_numpy(a), torch.from_numpy(b))
+    np.testing.assert_allclose(ours, expected, atol=1e-12)
+    assert (ciou(torch.from_numpy(a), torch.from_numpy(b)) <= ours).all()
+
+
+def test_complete_iou_by_hand() -> None:
+    a, b = torch.tensor([[0.0, 0.0, 2.0, 2.0]]), torch.tensor([[2.0, 0.0, 4.0, 2.0]])
+    assert float(ciou(a, a)) == pytest.approx(1)
+    assert float(ciou(a, b)) == pytest.approx(-4 / 20)  # apart by 2 in a hull of 4 × 2
+
+
+def test_a_new_network_expects_no_people() -> None:
+    network = new_network(SMALL).eval()
+    with torch.inference_mode():
+        (answer,) = network(torch.rand(1, 3, 8, 16))
+    assert answer[0, 4].sigmoid().max() < 0.03
+
+
+def test_a_training_that_was_left_ends_with_the_same_weights(tmp_path: Path) -> None:
+    whole, parts = tmp_path / "whole.weights", tmp_path / "parts.weights"
+    YoloTrainer(WhiteBoxes(30), WhiteBoxes(6, 1), CONFIG, whole, {}, OWN).run()
+
+    def leave(trainer: YoloTrainer) -> None:
+        if trainer.step == 4:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        YoloTrainer(WhiteBoxes(30), WhiteBoxes(6, 1), CONFIG, parts, {}, OWN).run(leave)
+    resumed = YoloTrainer(WhiteBoxes(30), WhiteBoxes(6, 1), CONFIG, parts, {}, OWN)
+    assert resumed.step == 4
+    resumed.run()
+    assert whole.read_bytes() == parts.read_bytes()
+    assert whole.with_suffix(".csv").read_text() == parts.with_suffix(".csv").read_text()
+    assert VictimDetector.load(whole.with_suffix(".cfg"), whole)
+
+
+def test_another_training_does_not_take_it_up(tmp_path: Path) -> None:
+    out = tmp_path / "w.weights"
+    YoloTrainer(WhiteBoxes(30), WhiteBoxes(6, 1), CONFIG, out, {}, OWN).run()
+    with pytest.raises(InputError, match="other settings or data"):
+        YoloTrainer(WhiteBoxes(40), WhiteBoxes(6, 1), CONFIG, out, {}, OWN)
+    out.with_suffix(".checkpoint").write_bytes(b"nothing")
+    with pytest.raises(InputError, match="not a checkpoint"):
+        YoloTrainer(WhiteBoxes(30), WhiteBoxes(6, 1), CONFIG, out, {}, OWN)
+
+
+def test_it_learns(tmp_path: Path) -> None:
+    config = YoloTrainingConfig(width=64, height=64, steps=60, validate_every=60, batch=8)
+    trainer = YoloTrainer(WhiteBoxes(60), WhiteBoxes(30, 1), config, tmp_path / "w.weights", {}, OWN)
+    before = validate(trainer.average, WhiteBoxes(30, 1))
+    with constants(augmentation, ODDS=0), constants(training, AVERAGE=0.9):
+        trainer.run()
+    assert before < 0.1
+    assert trainer.score > 0.35
+
+
+def test_what_cannot_be_done_is_refused(tmp_path: Path) -> None:
+    for wrong in ({"steps": 0}, {"batch": 0}):
+        with pytest.raises(InputError):
+            YoloTrainingConfig(**wrong)
+    for wrong in ({"width": 100}, {"height": 0}):
+        with pytest.raises(InputError, match="multiples of 32"):
+            YoloTrainer(WhiteBoxes(30), WhiteBoxes(6), replace(CONFIG, **wrong), tmp_path / "w.weights", {}, OWN)
+    with pytest.raises(InputError, match="images to validate with show no people"):
+        YoloTrainer(WhiteBoxes(30), WhiteBoxes(0), CONFIG, tmp_path / "w.weights", {}, OWN)
+
+
+def test_the_learning_rate_rises_and_falls() -> None:
+    assert [schedule(p, 0.5) for p in (0.0, 0.25, 0.5, 1.0)] == pytest.approx([0, 0.5, 1, 0])

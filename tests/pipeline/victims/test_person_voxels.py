@@ -1,0 +1,48 @@
+"""The voxels that observations of one person agree on."""
+
+import numpy as np
+from hypothesis import given
+from hypothesis import strategies as st
+
+from pipeline.victims.person_voxels import AGREED, VOXEL, PersonVoxels
+
+
+def at(*voxels: tuple[int, int, int]) -> PersonVoxels:
+    """An observation of points in the middle of these voxels."""
+    return PersonVoxels.of(((np.array(voxels) + 0.5) * VOXEL).astype(np.float32))
+
+
+def cells(points: np.ndarray) -> set[tuple[int, ...]]:
+    return {tuple(map(int, voxel)) for voxel in np.floor(points / VOXEL)}
+
+
+def test_one_point_is_kept_of_a_voxel() -> None:
+    points = np.array([(0.001, 0, 0), (0.002, 0, 0), (VOXEL + 0.001, 0, 0)], np.float32)
+    voxels = PersonVoxels.of(points)
+    np.testing.assert_array_equal(voxels.seen, points[[0, 2]])
+    assert voxels.shown.tolist() == [1, 1]
+
+
+def test_what_few_frames_show_is_not_of_the_person() -> None:
+    body, wall = (0, 0, 0), (9, 0, 0)
+    voxels = PersonVoxels.joined([at(body), at(body, wall)])
+    assert cells(voxels.agreed(round(1 / AGREED))) == {body, wall}
+    assert cells(voxels.agreed(round(1 / AGREED) + 1)) == {body}
+
+
+def test_what_never_agrees_is_kept_whole() -> None:
+    assert len(PersonVoxels.joined([at((k, 0, 0)) for k in range(40)]).agreed(40)) == 40
+
+
+SOME = st.lists(st.tuples(*[st.integers(-3, 3)] * 3), min_size=1, max_size=6, unique=True)
+
+
+@given(st.lists(SOME, min_size=2, max_size=5))
+def test_the_order_of_joining_does_not_matter(shown: list[list[tuple[int, int, int]]]) -> None:
+    observations = [at(*voxels) for voxels in shown]
+    at_once, one_by_one = PersonVoxels.joined(observations), observations[0]
+    for voxels in observations[1:]:
+        one_by_one = PersonVoxels.joined([one_by_one, voxels])
+    assert dict(zip(map(tuple, at_once.seen), at_once.shown, strict=True)) == dict(
+        zip(map(tuple, one_by_one.seen), one_by_one.shown, strict=True)
+    )

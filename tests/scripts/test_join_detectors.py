@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 import torch
-from tests.pipeline.finds.victims.detection.networks import SMALL, random_network
+from tests.pipeline.victims.detection.networks import SMALL, random_network
 
 from pipeline.victims.detection.darknet_cfg import DarknetCfg
 from pipeline.victims.detection.inference import to_tensor

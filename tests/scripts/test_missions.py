@@ -4,7 +4,7 @@ import json
 from datetime import datetime
 
 import pytest
-from tests.pipeline.missions.handed_in_room import hand_in_room
+from tests.pipeline.league.handed_in_room import hand_in_room
 
 from pipeline.errors import InputError
 from pipeline.league.brief import MissionBrief

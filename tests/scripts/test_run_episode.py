@@ -14,7 +14,7 @@ import numpy as np
 import open3d as o3d
 import pytest
 from filelock import FileLock
-from tests.pipeline.finds.victims.detection.networks import SMALL, random_network
+from tests.pipeline.victims.detection.networks import SMALL, random_network
 
 from pipeline.metric_map.io.npz import load_metric_map
 from pipeline.victims.detection.weights import write_weights

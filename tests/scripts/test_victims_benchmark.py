@@ -5,7 +5,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.pipeline.finds.victims.detection.networks import OWN, random_network
+from tests.pipeline.victims.detection.networks import OWN, random_network
 
 from pipeline.errors import InputError
 from pipeline.victims.detection.weights import load_network, write_weights

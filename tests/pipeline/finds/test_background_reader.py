@@ -4,7 +4,7 @@ from threading import Event, get_ident
 
 import numpy as np
 from numpy.typing import NDArray
-from tests.pipeline.finds.victims.rooms import camera_at, step
+from tests.pipeline.victims.rooms import camera_at, step
 
 from pipeline.finds.background_reader import BackgroundReader
 from pipeline.frame import Frame

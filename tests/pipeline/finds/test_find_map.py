@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.pipeline.finds.victims.rooms import HEIGHT, INTRINSICS, WALL, camera_at, step
+from tests.pipeline.victims.rooms import HEIGHT, INTRINSICS, WALL, camera_at, step
 
 from pipeline.finds.find_map import Finds
 from pipeline.frame import Frame

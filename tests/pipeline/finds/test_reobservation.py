@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.pipeline.finds.victims.rooms import INTRINSICS, Ball, camera_at, detection_of, step
+from tests.pipeline.victims.rooms import INTRINSICS, Ball, camera_at, detection_of, step
 
 from pipeline.finds import reobservation as module
 from pipeline.finds.reobservation import REWARD, Reobservation, half_view

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.pipeline.missions.handed_in_room import BRIEF
+from tests.pipeline.league.handed_in_room import BRIEF
 
 from pipeline.errors import InputError
 from pipeline.files import whole_file

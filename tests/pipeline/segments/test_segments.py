@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tests.pipeline.finds.victims.constants import constants
+from tests.pipeline.victims.constants import constants
 
 from pipeline.labels import Label
 from pipeline.segments import segments as module

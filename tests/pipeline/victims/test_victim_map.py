@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.pipeline.finds.victims.constants import constants
-from tests.pipeline.finds.victims.rooms import Ball, camera_at, detection_of, step
+from tests.pipeline.victims.constants import constants
+from tests.pipeline.victims.rooms import Ball, camera_at, detection_of, step
 
 from pipeline.keyframes import Places
 from pipeline.transforms import from_rotation

@@ -5,7 +5,7 @@ from dataclasses import replace
 import mujoco
 import numpy as np
 import pytest
-from tests.pipeline.missions.handed_in_room import BRIEF, hand_in_room, room_points
+from tests.pipeline.league.handed_in_room import BRIEF, hand_in_room, room_points
 
 from pipeline.errors import InputError
 from sarsim.ground_truth.meshes import true_scene

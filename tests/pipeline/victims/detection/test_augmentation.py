@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from tests.pipeline.finds.victims.constants import constants
-from tests.pipeline.finds.victims.detection.people import WhiteBoxes
+from tests.pipeline.victims.constants import constants
+from tests.pipeline.victims.detection.people import WhiteBoxes
 
 from pipeline.errors import InputError
 from pipeline.victims.detection import augmentation

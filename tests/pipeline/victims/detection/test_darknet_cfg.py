@@ -4,7 +4,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from tests.pipeline.finds.victims.detection.networks import FULL, OWN, SMALL, TINY
+from tests.pipeline.victims.detection.networks import FULL, OWN, SMALL, TINY
 
 from pipeline.errors import InputError
 from pipeline.victims.detection.darknet_cfg import (

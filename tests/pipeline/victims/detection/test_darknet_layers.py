@@ -7,7 +7,7 @@ import cv2
 import numpy as np
 import pytest
 import torch
-from tests.pipeline.finds.victims.detection.networks import random_network
+from tests.pipeline.victims.detection.networks import random_network
 
 from pipeline.victims.detection.boxes import decode, overlaps, suppress
 from pipeline.victims.detection.darknet_cfg import DarknetCfg

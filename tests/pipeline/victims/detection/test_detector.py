@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 import torch
 from scipy.special import logit
-from tests.pipeline.finds.victims.constants import constants
-from tests.pipeline.finds.victims.detection.networks import SMALL, random_network
+from tests.pipeline.victims.constants import constants
+from tests.pipeline.victims.detection.networks import SMALL, random_network
 
 from pipeline.errors import InputError
 from pipeline.victims.detection import detector

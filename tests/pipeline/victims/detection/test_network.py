@@ -9,7 +9,7 @@ import pytest
 import torch
 from hypothesis import given
 from hypothesis import strategies as st
-from tests.pipeline.finds.victims.detection.networks import FULL, OWN, SMALL, TINY, random_network
+from tests.pipeline.victims.detection.networks import FULL, OWN, SMALL, TINY, random_network
 
 from pipeline.errors import InputError
 from pipeline.victims.detection.darknet_cfg import DarknetCfg, Maxpool, YoloHead

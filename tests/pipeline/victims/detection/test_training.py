@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 import torch
 from scipy.special import logit
-from tests.pipeline.finds.victims.constants import constants
-from tests.pipeline.finds.victims.detection.networks import SHIPPED, SMALL
-from tests.pipeline.finds.victims.detection.people import WhiteBoxes
+from tests.pipeline.victims.constants import constants
+from tests.pipeline.victims.detection.networks import SHIPPED, SMALL
+from tests.pipeline.victims.detection.people import WhiteBoxes
 
 from pipeline.errors import InputError
 from pipeline.semantic_map.networks.training_loop import schedule

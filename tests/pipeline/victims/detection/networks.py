@@ -7,7 +7,7 @@ import torch
 from pipeline.victims.detection.darknet_cfg import DarknetCfg
 from pipeline.victims.detection.network import DarknetNetwork
 
-SHIPPED = Path(__file__).parents[5] / "assets" / "weights"
+SHIPPED = Path(__file__).parents[4] / "assets" / "weights"
 TINY = (SHIPPED / "yolov3-tiny.cfg").read_text()
 FULL = (SHIPPED / "yolov3.cfg").read_text().replace("width=416", "width=160").replace("height=416", "height=128")
 OWN = (SHIPPED / "yolov3-small.cfg").read_text().replace("width=512", "width=128").replace("height=384", "height=96")

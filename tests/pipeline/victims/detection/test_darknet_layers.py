@@ -15,7 +15,7 @@ from pipeline.victims.detection.inference import FusedNetwork, to_tensor
 from pipeline.victims.detection.network import DarknetNetwork
 from pipeline.victims.detection.weights import load_network, write_weights
 
-SHARED = Path(__file__).parents[6] / "shared"
+SHARED = Path(__file__).parents[5] / "shared"
 PHOTOS = SHARED / "real_photos"
 PUBLISHED = {"yolo-fastest-1.1-xl": "coco_person", "yolo-fastest-1.1_body": "body"}
 """Networks by their names, and what their boxes are called in the photos' truth."""

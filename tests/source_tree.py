@@ -2,6 +2,7 @@
 
 import ast
 import io
+import re
 import tokenize
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -73,6 +74,10 @@ def dotted(path: Path) -> str:
     return ".".join(path.relative_to(ROOT).with_suffix("").parts).removesuffix(".__init__")
 
 
+ALIASES = frozenset(re.findall(r"^(\w+): TypeAlias", (ROOT / "pipeline" / "arrays.py").read_text(), re.MULTILINE))
+"""Names of arrays whose shape and unit stand in :mod:`pipeline.arrays`."""
+
+
 @dataclass(frozen=True)
 class PublicFunction:
     """A function or method without an underscore in its name or its class's.
@@ -112,7 +117,10 @@ class PublicFunction:
         """Whether arrays go in or out; those of a compiled function, which has no types, are what it indexes."""
         names = {parameter.arg for parameter in self.parameters if not parameter.annotation}
         indexed = (node.value for node in ast.walk(self.node) if isinstance(node, ast.Subscript))
-        return "NDArray" in self.types or any(isinstance(n, ast.Name) and n.id in names for n in indexed)
+        words = set(re.findall(r"\w+", self.types))
+        return bool(words & (ALIASES | {"NDArray"})) or any(
+            isinstance(n, ast.Name) and n.id in names for n in indexed
+        )
 
 
 def public_functions(module: Module) -> Iterator[PublicFunction]:

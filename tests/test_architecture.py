@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator
 import networkx as nx
 import pytest
 
-from tests.source_tree import Module, PublicFunction, is_text, modules, public_functions
+from tests.source_tree import ALIASES, Module, PublicFunction, is_text, modules, public_functions
 
 PACKAGES = ("pipeline", "sarsim", "scripts")
 FORBIDDEN = {
@@ -125,15 +125,20 @@ def passes_pose(function: PublicFunction) -> bool:
     return bool(POSE.search(function.doc + ast.unparse(function.node.args)))
 
 
+def is_named(function: PublicFunction) -> bool:
+    """Whether every array that passes has a name of :mod:`pipeline.arrays`, where its shape and unit stand."""
+    return "NDArray" not in function.types and bool(ALIASES & set(re.findall(r"\w+", function.types)))
+
+
 def names_its_shapes(function: PublicFunction) -> bool:
-    """Whether the docstring gives a shape, or a pose passes, whose name does."""
-    return bool(SHAPE.search(function.doc) or passes_pose(function))
+    """Whether the docstring gives a shape, or an alias or a pose passes, whose name does."""
+    return bool(SHAPE.search(function.doc) or passes_pose(function)) or is_named(function)
 
 
 def names_its_units(function: PublicFunction) -> bool:
-    """Whether the docstring gives a unit if it speaks of a length or an angle; a pose's name does."""
+    """Whether the docstring gives a unit if it speaks of a length or an angle; an alias or a pose's name does."""
     is_measured = "float" in function.types and MEASURE.search(function.doc)
-    return not is_measured or bool(UNIT.search(function.doc) or passes_pose(function))
+    return not is_measured or bool(UNIT.search(function.doc) or passes_pose(function)) or is_named(function)
 
 
 def test_public_functions_name_the_shapes_and_units_of_their_arrays() -> None:
@@ -161,6 +166,8 @@ def test_public_functions_name_the_shapes_and_units_of_their_arrays() -> None:
         ("def f(R: NDArray[np.float64]) -> float", "Yaw of a 3×3 rotation.", False),
         ("def f(a: NDArray[np.float32]) -> None", "Show heights (..., 2 or 3), m.", True),
         ("def f(a: NDArray[np.float32]) -> None", "Show it (or not, as one likes).", False),
+        ("def f(a: Points) -> Place", "Their middle.", True),
+        ("def f(a: Points, b: NDArray[np.float64]) -> Place", "Their middle.", False),
     ],
 )
 def test_what_a_docstring_says_of_arrays_is_seen(head: str, doc: str, is_clear: bool) -> None:

@@ -54,11 +54,11 @@ from sarsim.scripts.settings import load_settings, settings_from
 from sarsim.settings import EpisodeConfig
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 from tests.pipeline.datasets.recorded_room import ODOMETRY, WAY, camera_poses, write_tum_folder
-from tests.pipeline.victims.detection.networks import SMALL, random_network
 from tests.pipeline.kinematic_robot import KinematicRobot
 from tests.pipeline.polygon_scene import floor, look, pose, wall
 from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.semantic_map.networks.small_network import network
+from tests.pipeline.victims.detection.networks import SMALL, random_network
 from tests.sarsim.dataset.small import toys
 
 KINDS = 12  # of what is mutated: the tests that draw

@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 import torch
-from tests.pipeline.victims.detection.networks import SMALL, random_network
 
 from pipeline.victims.detection.darknet_cfg import DarknetCfg
 from pipeline.victims.detection.inference import to_tensor
 from pipeline.victims.detection.network import DarknetNetwork
 from sarsim.scripts.assets.join_detectors import join
+from tests.pipeline.victims.detection.networks import SMALL, random_network
 
 COPY = "[convolutional]\nfilters=3\nsize=1\nactivation=linear\n"
 VOC = SMALL.replace("classes=1", "classes=20").replace("filters=6", "filters=25")

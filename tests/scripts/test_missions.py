@@ -4,7 +4,6 @@ import json
 from datetime import datetime
 
 import pytest
-from tests.pipeline.league.handed_in_room import hand_in_room
 
 from pipeline.errors import InputError
 from pipeline.league.brief import MissionBrief
@@ -15,6 +14,7 @@ from sarsim.scripts.score_mission import score_mission
 from sarsim.scripts.settings import load_mission, run_with_settings, wanted_mission
 from sarsim.scripts.validate_mission import validate_mission
 from sarsim.settings import EpisodeConfig
+from tests.pipeline.league.handed_in_room import hand_in_room
 from tests.scripts.refusal import refusal
 
 

@@ -14,7 +14,6 @@ import numpy as np
 import open3d as o3d
 import pytest
 from filelock import FileLock
-from tests.pipeline.victims.detection.networks import SMALL, random_network
 
 from pipeline.metric_map.io.npz import load_metric_map
 from pipeline.victims.detection.weights import write_weights
@@ -23,6 +22,7 @@ from sarsim.scripts import run_episode
 from sarsim.scripts.benchmarks.semantic_confusion import confusion
 from sarsim.scripts.settings import save_settings
 from sarsim.settings import WEIGHTS, EpisodeConfig
+from tests.pipeline.victims.detection.networks import SMALL, random_network
 from tests.sarsim.rooms import room
 
 

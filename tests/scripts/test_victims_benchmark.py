@@ -5,7 +5,6 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from tests.pipeline.victims.detection.networks import OWN, random_network
 
 from pipeline.errors import InputError
 from pipeline.victims.detection.weights import load_network, write_weights
@@ -14,6 +13,7 @@ from sarsim.scripts.benchmarks.settings import VictimsSettings
 from sarsim.scripts.benchmarks.victims import speed, tiny
 from sarsim.scripts.benchmarks.victims_frames import PeopleInFrame, ap50, ap50_by, recipe, scene_frames
 from sarsim.sensors.lighting import Lighting
+from tests.pipeline.victims.detection.networks import OWN, random_network
 
 BOXES = np.array([(0, 0, 20, 20), (100, 0, 140, 20), (200, 0, 240, 40)], np.float64)
 

@@ -4,12 +4,12 @@ from threading import Event, get_ident
 
 import numpy as np
 from numpy.typing import NDArray
-from tests.pipeline.victims.rooms import camera_at, step
 
 from pipeline.finds.background_reader import BackgroundReader
 from pipeline.frame import Frame
 from pipeline.tracks.find import Reading, box_corners
 from pipeline.victims.detection.detection import Detection
+from tests.pipeline.victims.rooms import camera_at, step
 
 PERSON = Detection((0, 0, 20, 20), 0.8)
 SIGN = Reading("hazmat_sign", "poison", box_corners((0, 0, 20, 20)), 0.9)

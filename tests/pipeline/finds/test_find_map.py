@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.pipeline.victims.rooms import HEIGHT, INTRINSICS, WALL, camera_at, step
 
 from pipeline.finds.find_map import Finds
 from pipeline.frame import Frame
@@ -13,6 +12,7 @@ from pipeline.tracks.find import Reading, box_corners
 from pipeline.tracks.observation import sight
 from pipeline.transforms import from_yaw
 from pipeline.victims.victim_map import Victims
+from tests.pipeline.victims.rooms import HEIGHT, INTRINSICS, WALL, camera_at, step
 
 START = np.eye(4)
 

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.pipeline.victims.rooms import INTRINSICS, Ball, camera_at, detection_of, step
 
 from pipeline.finds import reobservation as module
 from pipeline.finds.reobservation import REWARD, Reobservation, half_view
@@ -15,6 +14,7 @@ from pipeline.transforms import from_yaw
 from pipeline.victims.person_voxels import PersonVoxels
 from pipeline.victims.victim_map import Victims
 from tests.pipeline.robot_model import PIONEER
+from tests.pipeline.victims.rooms import INTRINSICS, Ball, camera_at, detection_of, step
 
 PERSON: Ball = (2.0, 0.0, 0.2, 0.25)
 BEARINGS = np.arange(36) * np.deg2rad(10)

@@ -1,10 +1,10 @@
 import numpy as np
 import open3d
 import pytest
-from tests.pipeline.league.handed_in_room import T_MAP_LEAGUE, hand_in_room, room_points
 
 from pipeline.league.cloud import NORMAL, read_cloud
 from pipeline.transforms import inverse, transform_points
+from tests.pipeline.league.handed_in_room import T_MAP_LEAGUE, hand_in_room, room_points
 
 HEADER = """\
 ply

@@ -4,7 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.pipeline.league.handed_in_room import BRIEF
 
 from pipeline.errors import InputError
 from pipeline.files import whole_file
@@ -16,6 +15,7 @@ from pipeline.map_file import save_maps
 from pipeline.mapper import Mapper
 from pipeline.semantic_map.classifier import TruthClassifier
 from pipeline.transforms import from_yaw, transform_points
+from tests.pipeline.league.handed_in_room import BRIEF
 from tests.pipeline.polygon_scene import floor, look, pose, wall
 from tests.pipeline.robot_model import PIONEER
 

@@ -1,10 +1,10 @@
 import numpy as np
 import pytest
 import rasterio
-from tests.pipeline.league.handed_in_room import PATH, T_MAP_LEAGUE, hand_in_room, room_ground, room_pois
 
 from pipeline.league.plan import draw_plan
 from pipeline.league.rules import MAP_COLOURS
+from tests.pipeline.league.handed_in_room import PATH, T_MAP_LEAGUE, hand_in_room, room_ground, room_pois
 
 
 @pytest.fixture(scope="module")

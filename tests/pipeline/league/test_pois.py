@@ -2,10 +2,10 @@ import json
 
 import numpy as np
 import pytest
-from tests.pipeline.league.handed_in_room import BRIEF, FINDS, T_MAP_LEAGUE, room_pois
 
 from pipeline.errors import InputError
 from pipeline.league.pois import found_in, points_of_interest, read_pois, write_pois
+from tests.pipeline.league.handed_in_room import BRIEF, FINDS, T_MAP_LEAGUE, room_pois
 
 TEXT = """\
 "pois"

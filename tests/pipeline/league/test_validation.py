@@ -3,10 +3,10 @@ import shutil
 import numpy as np
 import pytest
 from PIL import Image, TiffImagePlugin, TiffTags
-from tests.pipeline.league.handed_in_room import BRIEF, hand_in_room, room_points
 
 from pipeline.errors import InputError
 from pipeline.league.validation import validate, wrong_plan
+from tests.pipeline.league.handed_in_room import BRIEF, hand_in_room, room_points
 
 
 @pytest.fixture(scope="module")

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from tests.pipeline.victims.constants import constants
 
 from pipeline.labels import Label
 from pipeline.segments import segments as module
@@ -16,6 +15,7 @@ from pipeline.segments.segments import Segments
 from pipeline.transforms import from_yaw
 from tests.pipeline.polygon_scene import floor, look, pose, wall, wedge
 from tests.pipeline.segments.patches import deck, patch, segments_of, wall_patch
+from tests.pipeline.victims.constants import constants
 
 
 def test_wall_seen_piece_by_piece_is_one_segment() -> None:

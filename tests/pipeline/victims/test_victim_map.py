@@ -4,8 +4,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from tests.pipeline.victims.constants import constants
-from tests.pipeline.victims.rooms import Ball, camera_at, detection_of, step
 
 from pipeline.keyframes import Places
 from pipeline.transforms import from_rotation
@@ -13,6 +11,8 @@ from pipeline.victims import victim_map
 from pipeline.victims.detection.detection import Detection
 from pipeline.victims.observation import PersonObservation, Refusal, observe
 from pipeline.victims.victim_map import Victims
+from tests.pipeline.victims.constants import constants
+from tests.pipeline.victims.rooms import Ball, camera_at, detection_of, step
 
 PERSON: Ball = (2.0, 0.0, 0.2, 0.25)
 OTHER: Ball = (2.4, 1.5, 0.3, 0.25)

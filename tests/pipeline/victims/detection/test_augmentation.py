@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
-from tests.pipeline.victims.constants import constants
-from tests.pipeline.victims.detection.people import WhiteBoxes
 
 from pipeline.errors import InputError
 from pipeline.victims.detection import augmentation
 from pipeline.victims.detection.augmentation import CanvasSampler, augmented, cut, mirrored, pasted, recoloured
 from pipeline.victims.detection.labelled_image import TrainingImage
+from tests.pipeline.victims.constants import constants
+from tests.pipeline.victims.detection.people import WhiteBoxes
 
 PLAIN = {"HUE": 0, "VARIATION": 1}
 

@@ -4,7 +4,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
-from tests.pipeline.victims.detection.networks import FULL, OWN, SMALL, TINY
 
 from pipeline.errors import InputError
 from pipeline.victims.detection.darknet_cfg import (
@@ -16,6 +15,7 @@ from pipeline.victims.detection.darknet_cfg import (
     YoloHead,
     adapted,
 )
+from tests.pipeline.victims.detection.networks import FULL, OWN, SMALL, TINY
 
 
 def test_a_text_is_read() -> None:

@@ -7,13 +7,13 @@ import cv2
 import numpy as np
 import pytest
 import torch
-from tests.pipeline.victims.detection.networks import random_network
 
 from pipeline.victims.detection.boxes import decode, overlaps, suppress
 from pipeline.victims.detection.darknet_cfg import DarknetCfg
 from pipeline.victims.detection.inference import FusedNetwork, to_tensor
 from pipeline.victims.detection.network import DarknetNetwork
 from pipeline.victims.detection.weights import load_network, write_weights
+from tests.pipeline.victims.detection.networks import random_network
 
 SHARED = Path(__file__).parents[5] / "shared"
 PHOTOS = SHARED / "real_photos"

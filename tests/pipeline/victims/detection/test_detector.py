@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 import torch
 from scipy.special import logit
-from tests.pipeline.victims.constants import constants
-from tests.pipeline.victims.detection.networks import SMALL, random_network
 
 from pipeline.errors import InputError
 from pipeline.victims.detection import detector
 from pipeline.victims.detection.detector import VictimDetector, of_both_sizes, turned_back
 from pipeline.victims.detection.network import DarknetNetwork
 from pipeline.victims.detection.weights import write_weights
+from tests.pipeline.victims.constants import constants
+from tests.pipeline.victims.detection.networks import SMALL, random_network
 
 
 def bright_spot_network() -> DarknetNetwork:

@@ -9,13 +9,13 @@ import pytest
 import torch
 from hypothesis import given
 from hypothesis import strategies as st
-from tests.pipeline.victims.detection.networks import FULL, OWN, SMALL, TINY, random_network
 
 from pipeline.errors import InputError
 from pipeline.victims.detection.darknet_cfg import DarknetCfg, Maxpool, YoloHead
 from pipeline.victims.detection.inference import FusedNetwork, to_tensor
 from pipeline.victims.detection.network import DarknetMaxpool, DarknetNetwork
 from pipeline.victims.detection.weights import load_network, read_weights, write_weights
+from tests.pipeline.victims.detection.networks import FULL, OWN, SMALL, TINY, random_network
 
 PUBLISHED_BYTES = {TINY: 35434956, FULL: 248007048}  # of yolov3-tiny.weights and yolov3.weights
 

@@ -8,9 +8,6 @@ import numpy as np
 import pytest
 import torch
 from scipy.special import logit
-from tests.pipeline.victims.constants import constants
-from tests.pipeline.victims.detection.networks import SHIPPED, SMALL
-from tests.pipeline.victims.detection.people import WhiteBoxes
 
 from pipeline.errors import InputError
 from pipeline.semantic_map.networks.training_loop import schedule
@@ -22,6 +19,9 @@ from pipeline.victims.detection.labelled_image import TrainingImage
 from pipeline.victims.detection.loss import YoloLoss, ciou, iou
 from pipeline.victims.detection.training import YoloTrainer, new_network, validate
 from pipeline.victims.detection.training_config import YoloTrainingConfig
+from tests.pipeline.victims.constants import constants
+from tests.pipeline.victims.detection.networks import SHIPPED, SMALL
+from tests.pipeline.victims.detection.people import WhiteBoxes
 
 OWN = SHIPPED / "yolov3-small.cfg"
 CONFIG = YoloTrainingConfig(width=64, height=64, steps=6, validate_every=3, batch=2)

@@ -3,7 +3,7 @@ FROM debian:13-slim
 # hadolint ignore=DL3008 # any make will do
 RUN apt-get update && apt-get install --yes --no-install-recommends make && rm -rf /var/lib/apt/lists/*
 WORKDIR /sarsim
-COPY Makefile pyproject.toml requirements.txt README.md LICENSE ./
+COPY Makefile pyproject.toml setup.py requirements.txt README.md LICENSE ./
 COPY scripts scripts
 COPY assets assets
 COPY pipeline pipeline

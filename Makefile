@@ -9,7 +9,7 @@ help: ## show this list
 
 setup: .venv/installed ## install the system packages that are missing, and the Python packages into .venv
 
-.venv/installed: pyproject.toml requirements.txt scripts/setup.sh
+.venv/installed: pyproject.toml setup.py requirements.txt scripts/setup.sh
 	@scripts/setup.sh
 	@touch $@
 

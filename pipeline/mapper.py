@@ -3,11 +3,12 @@
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import Pose
 from pipeline.elevation_map.accessibility import is_inaccessible
 from pipeline.elevation_map.elevation_map import CELL, HEIGHTS, ElevationMap
 from pipeline.elevation_map.ground_evidence import Assumed, Driven, GroundEvidence
@@ -21,8 +22,11 @@ from pipeline.finds.readers import FindReaders
 from pipeline.frame import Frame
 from pipeline.geometry.cells_kernels import moved
 from pipeline.keyframes import Keyframes, Moves, Seen, nearest
-from pipeline.localisation.localisation import Localisation
+from pipeline.localisation.belief import Belief
+from pipeline.localisation.keyframe_policy import KeyframePolicy
+from pipeline.localisation.localisation import Localisation, Localised
 from pipeline.localisation.slam import Slam
+from pipeline.metric_map.isolated_returns import without_isolated_returns
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.planning.pose_paths import PosePaths
 from pipeline.robot import RobotModel
@@ -62,10 +66,22 @@ class Keyframe:
     index: int = 0
 
 
+class MapObserver(Protocol):
+    """Watches a mapper."""
+
+    def on_keyframe(self, keyframe: Keyframe) -> None:
+        """A keyframe is in the maps."""
+
+    def on_correction(self, moves: Moves) -> None:
+        """The maps were made anew where the poses of their keyframes were corrected."""
+
+
 class Mapper:
     """Keeps every map of the robot.
 
     Attributes:
+        observers: notified of every keyframe and correction, in their order.
+        policy: how keyframes are spaced.
         keyframes: what they have shown, and their poses.
         stopwatch: the time that each stage took.
     """
@@ -80,6 +96,7 @@ class Mapper:
         seed: int = 0,
         localisation: Localisation | None = None,
         readers: FindReaders | None = None,
+        keyframe_policy: KeyframePolicy = KeyframePolicy(),
     ):
         """Begin with empty maps.
 
@@ -92,7 +109,10 @@ class Mapper:
             seed: of RANSAC.
             localisation: gives the poses of frames; by default odometry corrected by registration (SLAM).
             readers: of signs, codes and heat; without them the maps hold no finds but victims.
+            keyframe_policy: how keyframes are spaced.
         """
+        self.observers: list[MapObserver] = []
+        self.policy = keyframe_policy
         self.classifier, self.detector, self.readers = classifier, detector, readers
         self._in_passing = BackgroundReader(detector, readers)
         self.localisation: Localisation = localisation or Slam()
@@ -109,6 +129,7 @@ class Mapper:
         self.keyframes = Keyframes(robot, self.metric_map.max_range)
         self._set_down: NDArray[np.float64] | None = None
         self._newest_at_drive = 0
+        self._T_odom_keyframe: Pose | None = None
         self._seed = seed
 
     @property
@@ -116,6 +137,16 @@ class Mapper:
         """Where the robot may drive by all keyframes so far, updated where the ground changed."""
         with self.stopwatch("traversability"):
             return self._traversability_layer.update(self.elevation_map)
+
+    @property
+    def T_map_odom(self) -> Pose:
+        """Pose of ``odom`` in ``map`` by the newest frame."""
+        return self.localisation.T_map_odom
+
+    @property
+    def belief(self) -> Belief:
+        """What the localisation believes of the robot's motion and place."""
+        return self.localisation.belief
 
     @property
     def T_map_start(self) -> NDArray[np.float64] | None:
@@ -128,18 +159,78 @@ class Mapper:
         self.keyframes.loaded = self._newest_at_drive = len(self.keyframes)
         self._make_anew(np.ones(len(self.keyframes), np.bool_), self.keyframes.boxes())
 
-    def localise(self, frame: Frame) -> NDArray[np.float64]:
-        """4×4 pose of ``base_link`` in ``map`` when a frame was taken; LostError if it is unknown."""
+    def take(
+        self,
+        frame: Frame,
+        at_stop: bool,
+        labelled: bool | None = None,
+        may_repeat: bool = False,
+        on_ground: bool = True,
+    ) -> Keyframe | None:
+        """Localise a frame of a robot that somebody else drives, and map it; None if it only repeats a keyframe.
+
+        Args:
+            frame: the newest.
+            at_stop: whether to correct the maps before, and to connect the topological map afterwards.
+            labelled: whether the keyframe is labelled; by default as often as the policy says.
+            may_repeat: make a keyframe even if it repeats another one.
+            on_ground: whether the robot stands on ground that is level where it begins.
+        """
+        if at_stop:
+            self.settle()
+        localised, set_down = self.localise(frame), on_ground and not len(self.keyframes)
+        keyframe = (self.add if may_repeat else self.offer)(localised, labelled, set_down)
+        if keyframe is not None and at_stop:
+            self.connect(keyframe, PosePaths(self.traversability, keyframe.T_map_base[:2, 3]))
+        return keyframe
+
+    def is_due(self, T_odom_base: Pose) -> bool:
+        """Whether the robot has moved far enough since the last keyframe to take another one."""
+        last = self._T_odom_keyframe
+        return last is None or self.policy.is_due(last, T_odom_base)
+
+    def localise(self, frame: Frame) -> Localised:
+        """A new frame without isolated returns, and where it was taken; LostError if that is unknown."""
         with self.stopwatch("localisation"):
-            return self.localisation.localise(frame)
+            return self.localisation.localise(without_isolated_returns(frame))
 
-    def assume_ground(self, T_map_base: NDArray[np.float64]) -> None:
-        """Take the ground around and before a robot that was just set down for level until it is seen.
+    def offer(self, localised: Localised, labelled: bool | None = None, set_down: bool = False) -> Keyframe | None:
+        """Make a keyframe of the newest frame as :meth:`add` does; None if it only repeats one."""
+        if not localised.repeats:
+            return self.add(localised, labelled, set_down)
+        self._T_odom_keyframe = localised.frame.T_odom_base
+        self.localisation.pass_by(localised)
+        return None
 
-        Keyframes put this ground into the elevation map as long as the robot stands there.
+    def add(self, localised: Localised, labelled: bool | None = None, set_down: bool = False) -> Keyframe:
+        """Make a keyframe of the newest frame: take it into every map but the topological one.
+
+        A frame that is not labelled goes into the metric map and the elevation map alone; the people and objects that
+        it shows are on the map from the next frame on, people as to be looked at again.
+
+        Args:
+            localised: as :meth:`localise` gave it.
+            labelled: whether the keyframe is labelled; by default as often as the policy says.
+            set_down: whether the robot has just been set down there, so that the ground around it is taken for level.
 
         Raises:
-            InputError: the elevation map does not reach as low or as high.
+            InputError: the pose is so far from the others that the maps would take too much memory; they stay as they
+                are.
+        """
+        self._T_odom_keyframe = localised.frame.T_odom_base
+        if set_down:
+            self._assume_ground(localised.T_map_base)
+        is_labelled = self.policy.is_labelled(len(self.keyframes)) if labelled is None else labelled
+        keyframe = self._map(localised, is_labelled)
+        for observer in self.observers:
+            observer.on_keyframe(keyframe)
+        return keyframe
+
+    def _assume_ground(self, T_map_base: Pose) -> None:
+        """Take the ground around and before a robot that was just set down for level until it is seen.
+
+        Keyframes put this ground into the elevation map as long as the robot stands there. InputError if the
+        elevation map does not reach as low or as high.
         """
         lowest, highest = HEIGHTS
         if not lowest < T_map_base[2, 3] < highest:
@@ -147,19 +238,11 @@ class Mapper:
             raise InputError(f"the robot stands at {z}; ground is mapped from {lowest:.2f} to {highest:.2f} m alone")
         self._set_down = T_map_base
 
-    def add(self, frame: Frame, T_map_base: NDArray[np.float64], labelled: bool = True) -> Keyframe:
-        """Take a frame into every map but the topological one, which :meth:`connect` renews.
-
-        A frame that is not ``labelled`` goes into the metric map and the elevation map alone; the people and things
-        that it shows are on the map from the next frame on, people as to be looked at again.
-
-        Raises:
-            InputError: the pose is so far from the others that the maps would take too much memory; they stay as they
-                are.
-        """
+    def _map(self, localised: Localised, labelled: bool) -> Keyframe:
+        frame, T_map_base = localised.frame, localised.T_map_base
         self.elevation_map.cover(T_map_base[None, :3, 3])
         with self.stopwatch("localisation"):
-            self.localisation.add(frame, T_map_base)
+            self.localisation.add(localised)
         points, index = frame.points(frame.T_base_camera), len(self.keyframes)
         in_map = moved(T_map_base, points) if labelled else np.zeros((0, 3), np.float32)
         T_map_camera, probabilities = T_map_base @ frame.T_base_camera, None
@@ -222,7 +305,11 @@ class Mapper:
         with self.stopwatch("pose_graph"):
             self.localisation.optimise()
         moves = self.correct(self.localisation.poses)
-        return moves if moves.are_noticeable.any() else None
+        if not moves.are_noticeable.any():
+            return None
+        for observer in self.observers:
+            observer.on_correction(moves)
+        return moves
 
     def correct(self, T_map_base: NDArray[np.float64]) -> Moves:
         """Make the maps anew where keyframes move, as if these had been at their (K, 4, 4) poses from the start.

@@ -2,7 +2,8 @@
 
 from pathlib import Path
 
-_ASSETS = Path(__file__).with_name("assets")
+_INSTALLED = Path(__file__).with_name("asset_files")
+_ASSETS = _INSTALLED if _INSTALLED.is_dir() else Path(__file__).parents[1] / "assets"
 
 
 def asset(*parts: str) -> Path:

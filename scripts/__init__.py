@@ -1,1 +1,1 @@
-"""The commands; an installed copy has them as ``sarsim.scripts``."""
+"""The commands of a checkout; those of sarsim are its modules, which the files here call."""

@@ -2,9 +2,8 @@
 
 import importlib.metadata
 import json
-import os
-import platform
 import shutil
+import sys
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict
 from functools import partial
@@ -16,7 +15,12 @@ from rich.console import Console
 from rich.table import Table
 
 from pipeline.files import whole_file
-from sarsim.scripts.benchmarks.settings import (
+from sarsim.commands.cli import check_folder_of
+from sarsim.commands.provenance import instructions, machine, processor
+from sarsim.commands.settings import run_one_of, save_settings
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # scripts/ is not installed
+from scripts.benchmarks.settings import (
     CameraSettings,
     CorrectionSettings,
     DatasetSettings,
@@ -32,11 +36,9 @@ from sarsim.scripts.benchmarks.settings import (
     TasksSettings,
     VictimsSettings,
 )
-from sarsim.scripts.cli import check_folder_of
-from sarsim.scripts.settings import run_one_of, save_settings
 
 if TYPE_CHECKING:
-    from sarsim.scripts.benchmarks.common import Result
+    from scripts.benchmarks.common import Result
 
 
 SUBJECTS: dict[str, type[SubjectSettings]] = {
@@ -60,7 +62,7 @@ def benchmark(settings: SubjectSettings, subject: str) -> None:
     """Measure a subject, print the figures, and write them to --json."""
     if settings.json:
         check_folder_of("json", settings.json)
-    result = import_module(f"sarsim.scripts.benchmarks.{subject.replace('-', '_')}").measure(settings)
+    result = import_module(f"scripts.benchmarks.{subject.replace('-', '_')}").measure(settings)
     Console().print(result.table or table(subject, result.figures))
     if settings.json:
         write(settings.json, report(subject, settings, result), result.pictures)
@@ -91,36 +93,6 @@ def write(file: Path, content: Mapping[str, Any], pictures: Iterable[Path]) -> N
     for picture in pictures:
         with whole_file(file.with_name(f"{file.stem}-{picture.name}")) as part:
             shutil.copyfile(picture, part)
-
-
-def machine() -> dict[str, Any]:
-    """The machine and the packages with which the figures were measured."""
-    return {
-        "system": platform.platform(),
-        "processor": processor(),
-        "instructions": instructions(),
-        "cores": os.cpu_count(),
-        "python": platform.python_version(),
-        "packages": {name: importlib.metadata.version(name) for name in ("mujoco", "numba", "numpy", "torch")},
-    }
-
-
-def processor() -> str:
-    """The processor's name, if the system gives it."""
-    cpuinfo = Path("/proc/cpuinfo")
-    lines = cpuinfo.read_text().splitlines() if cpuinfo.exists() else []
-    names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]
-    return names[0] if names else platform.processor()
-
-
-def instructions() -> str:
-    """The widest vector instructions that numba uses: the processor's, unless NUMBA_CPU_FEATURES limits them."""
-    from numba import config  # imported here, because it takes too long for --help
-    from numba.core.codegen import get_host_cpu_features
-
-    features = get_host_cpu_features() if config.CPU_FEATURES is None else config.CPU_FEATURES
-    names = {"+avx512f": "AVX-512", "+avx2": "AVX2", "+avx": "AVX", "+sse2": "SSE", "+neon": "NEON"}
-    return next((name for feature, name in names.items() if feature in features.split(",")), platform.machine())
 
 
 def table(name: str, figures: Mapping[str, float]) -> Table:

@@ -19,17 +19,14 @@ import yaml
 from pipeline.errors import InputError
 from pipeline.files import whole_file
 from pipeline.rescue_report.figures import figures as flat
-from sarsim.scripts.benchmark import machine
-from sarsim.scripts.settings import run_with_settings
+from sarsim.commands.provenance import machine, state_of_code
+from sarsim.commands.settings import run_with_settings
 
 ROOT = Path(__file__).resolve().parents[1]
 FOLDER = ROOT / "docs" / "results"
 ENTRIES = FOLDER / "leaderboard"
 README = ROOT / "README.md"
 MARKERS = ("<!-- results: written by make results -->", "<!-- end of results -->")
-UNRELATED = ":!*.md", ":!*.sh", ":!*.yaml", ":!scripts/results.py"
-CODE = ("pipeline", "sarsim", "scripts", "assets", "requirements.txt", *UNRELATED)
-"""What figures depend on, as git names it: a change elsewhere leaves them valid."""
 WRITTEN = "Written by make results from pages.yaml and JSON"  # In every page
 NOT_MEASURED = "not measured on this state yet"
 DIGITS = 5  # Significant digits of a figure that is kept
@@ -88,24 +85,6 @@ def renew(name: str, page: Mapping[str, Any], settings: Results) -> None:
     with whole_file(FOLDER / f"{name}.json") as part:
         part.write_text(json.dumps(record, indent=1, sort_keys=True) + "\n")
     print(f"{name}: took {record['processor_s']} s of processor time", flush=True)
-
-
-def state_of_code() -> str:
-    """The commit that changed the code last, with a + if changes are not committed.
-
-    Raises:
-        InputError: this is no checkout of git.
-    """
-    found = _git("log", "-1", "--format=%h", "--", *CODE)
-    changed = _git("status", "--porcelain", "--untracked-files=no", "--", *CODE)
-    return found + "+" * bool(changed)
-
-
-def _git(*words: str) -> str:
-    try:
-        return subprocess.run(["git", *words], cwd=ROOT, check=True, capture_output=True, text=True).stdout.strip()
-    except (OSError, subprocess.CalledProcessError) as error:
-        raise InputError(f"{ROOT}: results need a checkout with git: {error}") from error
 
 
 def measured(command: str, folder: Path) -> dict[str, Any]:
@@ -193,7 +172,7 @@ def index_of(pages: Mapping[str, Any], records: Mapping[str, Record | None]) -> 
 @cache
 def leaderboard(files: tuple[Path, ...], about: str) -> str:
     """The page of the leaderboard by the files of its entries, as Markdown; each file is read once in a process."""
-    from sarsim.scripts.sweeps.leaderboard import boards, read_entry
+    from sarsim.commands.sweeps.leaderboard import boards, read_entry
 
     parts = []
     for board in boards(map(read_entry, files)):

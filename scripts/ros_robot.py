@@ -1,37 +1,6 @@
 """The simulated robot as a ROS 2 robot: ``ros_robot.py --arena A``."""
 
-from contextlib import closing
-
-from rich.console import Console
-
-from sarsim.scripts.cli import end_by, run_watched
-from sarsim.scripts.settings import run_with_settings
-from sarsim.settings import RosRobotConfig
-
-
-def ros_robot(config: RosRobotConfig) -> None:
-    """Run the simulated robot as a ROS 2 robot, which publishes sensor data and follows commands, until Ctrl-C."""
-    from pipeline.ros.live.node import RosNode
-    from sarsim.scripts.simulated_node import SimulatedNode
-
-    with closing(RosNode(config.name, config.network)) as node:
-        simulated = SimulatedNode(config, node)
-        ended_by = run_watched(
-            lambda interrupted, on_period: simulated.run(
-                interrupted, lambda time: on_period(round(time, 1), config.arena)
-            ),
-            config.arena,
-            "simulated s",
-        )
-    if config.out:
-        Console().print(f"What is true of the drive is in {config.out}", soft_wrap=True)
-    end_by(ended_by)
-
-
-def main() -> None:
-    """Entry point."""
-    run_with_settings(ros_robot, RosRobotConfig)
-
+from sarsim.commands.ros_robot import main
 
 if __name__ == "__main__":
     main()

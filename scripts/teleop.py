@@ -1,53 +1,6 @@
 """Drive the robot through an arena by keyboard or gamepad, in MuJoCo's viewer: ``teleop.py --arena A``."""
 
-from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import tyro
-
-from pipeline.errors import InputError
-from sarsim.scripts.cli import Interruptible, run
-from sarsim.settings import TeleopConfig
-
-if TYPE_CHECKING:
-    from sarsim.arenas.arena import RescueArena
-    from sarsim.teleoperation import MappedDrive
-
-
-def teleop(config: Annotated[TeleopConfig, tyro.conf.arg(name="")]) -> None:
-    """Drive the robot by keyboard or gamepad, to get to know an arena or the robot, or to map an arena by hand."""
-    from pipeline.rerun.viewer import has_display
-    from sarsim.arenas.load import load_arena
-    from sarsim.teleoperation import KEYS, FreeDrive, Gamepad, drive_by_keyboard
-
-    arena, pad = load_arena(config.arena, config.start), Gamepad(config.gamepad) if config.gamepad else None
-    if not has_display():
-        raise InputError("there is no display for MuJoCo's viewer (neither DISPLAY nor WAYLAND_DISPLAY is set)")
-    mapped = map_drive(config, arena, config.out) if config.out else None
-    driven = mapped or FreeDrive(arena, config.robot)
-    print(KEYS, flush=True)
-    with Interruptible() as hold:
-        drive_by_keyboard(driven, lambda: hold.signal is not None, pad)
-        if mapped:
-            mapped.save()
-            print(f"{len(mapped.mapper.keyframes)} keyframes in {config.out}", flush=True)
-    if hold.signal is not None:
-        raise KeyboardInterrupt(hold.signal)
-
-
-def map_drive(config: TeleopConfig, arena: "RescueArena", out: Path) -> "MappedDrive":
-    """A drive that is mapped and shown; InputError if the folder, the labels or the viewer are not available."""
-    from pipeline.files import check_folder
-    from sarsim.teleoperation import MappedDrive
-
-    check_folder(out)
-    return MappedDrive(config, arena, out, is_shown=True)
-
-
-def main() -> None:
-    """Entry point."""
-    run(teleop)
-
+from sarsim.commands.teleop import main
 
 if __name__ == "__main__":
     main()

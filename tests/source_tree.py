@@ -60,12 +60,10 @@ def is_text(node: ast.AST) -> bool:
 
 @cache
 def modules(*packages: str) -> list[Module]:
-    """The modules of packages; the links from sarsim to the folders at the top are not followed."""
+    """The modules of packages."""
     if len(packages) > 1:
         return [module for package in packages for module in modules(package)]
     paths = sorted(ROOT.joinpath(*packages).rglob("*.py"))
-    linked = [ROOT / "sarsim" / name for name in ("scripts", "assets")]
-    paths = [path for path in paths if not any(path.is_relative_to(link) for link in linked)]
     return [Module(dotted(path), path.read_text()) for path in paths]
 
 

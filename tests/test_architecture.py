@@ -12,7 +12,7 @@ from tests.source_tree import ALIASES, Module, PublicFunction, is_text, modules,
 PACKAGES = ("pipeline", "sarsim", "scripts")
 FORBIDDEN = {
     "pipeline": ("mujoco", "dm_control", "dm_env", "sarsim", "scripts", "tests"),
-    "sarsim": ("sarsim.scripts", "scripts", "tests"),
+    "sarsim": ("scripts", "tests"),
     "scripts": ("tests",),
 }
 LONGEST_FUNCTION = 40
@@ -36,8 +36,8 @@ def test_no_import_goes_back(package: str) -> None:
 
 
 def test_every_way_to_import_is_seen() -> None:
-    text = "import mujoco.viewer\nfrom sarsim import scripts\ndef f():\n    from dm_control.mjcf import Physics\n"
-    assert Module("m", text).imports == ["mujoco.viewer", "sarsim.scripts", "dm_control.mjcf.Physics"]
+    text = "import mujoco.viewer\nfrom sarsim import commands\ndef f():\n    from dm_control.mjcf import Physics\n"
+    assert Module("m", text).imports == ["mujoco.viewer", "sarsim.commands", "dm_control.mjcf.Physics"]
 
 
 def folder_circles(found: Iterable[Module]) -> list[set[str]]:
@@ -46,7 +46,7 @@ def folder_circles(found: Iterable[Module]) -> list[set[str]]:
     names, graph = {module.name for module in found}, nx.DiGraph()
     for module in found:
         for imported in module.imports:
-            pair = neighbours(module.name, known(re.sub(r"^sarsim\.scripts\b", "scripts", imported), names))
+            pair = neighbours(module.name, known(imported, names))
             graph.add_edges_from([pair] if pair else [])
     return [circle for circle in nx.strongly_connected_components(graph) if len(circle) > 1]
 

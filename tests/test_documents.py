@@ -16,7 +16,7 @@ from PIL import Image
 
 from sarsim.arenas.load import load_arena
 from sarsim.ground_truth.true_surface import Survey
-from sarsim.scripts.results import README, texts
+from scripts.results import README, texts
 from tests.source_tree import ROOT, modules
 
 DOCUMENTS = sorted([*ROOT.glob("*.md"), *(p for top in ("assets", "docs") for p in (ROOT / top).rglob("*.md"))])

@@ -42,6 +42,7 @@ from pipeline.transforms import from_yaw
 from pipeline.victims.detection.detector import VictimDetector
 from pipeline.victims.detection.weights import write_weights
 from sarsim.arenas.load import load_arena
+from sarsim.commands.settings import load_settings, settings_from
 from sarsim.dataset.exports.export import Export
 from sarsim.dataset.exports.s3dis import S3dis
 from sarsim.dataset.exports.tum import Tum
@@ -50,7 +51,6 @@ from sarsim.dataset.manifest import sha256_of
 from sarsim.episode import Episode
 from sarsim.ground_truth.true_surface import Survey
 from sarsim.robots.model import robot_file
-from sarsim.scripts.settings import load_settings, settings_from
 from sarsim.settings import EpisodeConfig
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 from tests.pipeline.datasets.recorded_room import ODOMETRY, WAY, camera_poses, write_tum_folder

@@ -20,9 +20,9 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 def installed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The folder that a wheel, built from an sdist of a copy of the checkout, is installed into."""
     copy, wheels, target = (tmp_path_factory.mktemp(name) for name in ("copy", "wheels", "target"))
-    for name in ("pipeline", "sarsim", "scripts", "assets"):
-        shutil.copytree(ROOT / name, copy / name, symlinks=True, ignore=shutil.ignore_patterns("__pycache__"))
-    for name in ("pyproject.toml", PROJECT["readme"], *PROJECT["license-files"]):
+    for name in ("pipeline", "sarsim", "assets"):
+        shutil.copytree(ROOT / name, copy / name, ignore=shutil.ignore_patterns("__pycache__"))
+    for name in ("pyproject.toml", "setup.py", PROJECT["readme"], *PROJECT["license-files"]):
         shutil.copy(ROOT / name, copy)
     build = "from setuptools import build_meta; build_meta.build_sdist('dist')"
     subprocess.run([sys.executable, "-c", build], cwd=copy, check=True, stdout=subprocess.DEVNULL)
@@ -58,16 +58,17 @@ def files(folder: Path) -> dict[Path, bytes]:
 def test_wheel_holds_every_asset(installed: Path) -> None:
     assets = files(ROOT / "assets")
     assert Path("arenas/nist_6x4.xml") in assets
-    assert files(installed / "sarsim" / "assets") == assets
+    assert files(installed / "sarsim" / "asset_files") == assets
 
 
-@pytest.mark.parametrize(("folder", "inside"), [("pipeline", "pipeline"), ("scripts", "sarsim/scripts")])
-def test_wheel_holds_every_module(installed: Path, folder: str, inside: str) -> None:
-    modules = {p.relative_to(ROOT / folder) for p in (ROOT / folder).rglob("*.py")}
-    assert modules == {p.relative_to(installed / inside) for p in (installed / inside).rglob("*.py")}
+@pytest.mark.parametrize("package", ["pipeline", "sarsim"])
+def test_wheel_holds_every_module(installed: Path, package: str) -> None:
+    modules, found = ({p.relative_to(top) for p in (top / package).rglob("*.py")} for top in (ROOT, installed))
+    assert Path(package, "__init__.py") in modules
+    assert found == modules
 
 
-@pytest.mark.parametrize("package", ["pipeline/rescue_report", "sarsim/dataset", "sarsim/scripts/sweeps"])
+@pytest.mark.parametrize("package", ["pipeline/rescue_report", "sarsim/dataset", "sarsim/commands/sweeps"])
 def test_wheel_holds_every_template(installed: Path, package: str) -> None:
     templates = files(ROOT / package / "templates")
     assert templates
@@ -94,13 +95,14 @@ def test_installed_copy_opens_its_own_models(installed: Path) -> None:
 
 
 def test_an_installed_command_runs(installed: Path) -> None:
-    code = "import sys; sys.argv[1:] = ['--version']; from sarsim.scripts.run_episode import main; main()"
+    code = "import sys; sys.argv[1:] = ['--version']; from sarsim.commands.run_episode import main; main()"
     assert run_installed(installed, code) == [f"sarsim {PROJECT['version']}"]
 
 
 def test_installed_commands_are_there(installed: Path) -> None:
     targets = [target.split(":") for target in PROJECT["scripts"].values()]
-    assert targets
+    commands = [path for path in (ROOT / "sarsim" / "commands").glob("*.py") if "def main()" in path.read_text()]
+    assert sorted(module for module, _ in targets) == sorted(f"sarsim.commands.{path.stem}" for path in commands)
     code = "from importlib import import_module\n"
     for module, function in targets:
         code += f"m = import_module({module!r}); print(callable(m.{function}), m.__file__)\n"

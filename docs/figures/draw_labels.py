@@ -1,5 +1,6 @@
 """Draw labels: semantic-labels.jpg with the network and the vote, networks.jpg with all networks."""
 
+import sys
 from pathlib import Path
 
 import cv2
@@ -8,8 +9,10 @@ from numpy.typing import NDArray
 
 from pipeline.labels import COLOURS
 from pipeline.semantic_map.networks.classifier import NetworkClassifier
-from sarsim.scripts.benchmarks.labelled_drives import PosedFrame, drive_through
 from sarsim.settings import POINT_NETWORKS, WEIGHTS
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # scripts/ is not installed
+from scripts.benchmarks.labelled_drives import PosedFrame, drive_through
 
 FRAMES = {"nist_6x4": (1, 3, 4), "esogu_52x15": (1, 7, 15)}
 """By arena, the indices of the drawn frames of a drive."""

@@ -9,8 +9,9 @@ import numpy as np
 from rich import box
 from rich.console import Console
 
-from sarsim.scripts.benchmarks.exploration_table import rich_table
-from sarsim.scripts.benchmarks.localisation import sections_of
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # scripts/ is not installed
+from scripts.benchmarks.exploration_table import rich_table
+from scripts.benchmarks.localisation import sections_of
 
 WIDTH = 800  # pixels of a picture
 IMAGES = Path(__file__).parents[1] / "images"

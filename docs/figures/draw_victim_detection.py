@@ -14,10 +14,12 @@ from pipeline.transforms import inverse, transform_points
 from pipeline.victims.detection.detector import VictimDetector
 from pipeline.victims.observation import Observation, observe
 from sarsim.dataset.render import World, find_scene
-from sarsim.scripts.benchmarks.victims_frames import recipe, with_lighting
 from sarsim.sensors.lighting import Lighting
 from sarsim.sensors.rendering import Renderer
 from sarsim.settings import DETECTOR
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # scripts/ is not installed
+from scripts.benchmarks.victims_frames import recipe, with_lighting
 
 IMAGE = Path(__file__).parents[1] / "images" / "victim-detections.jpg"
 SEED, FRAMES, A_ROW, LEAST = 2026, 4, 3, 3000

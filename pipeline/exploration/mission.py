@@ -76,11 +76,31 @@ class Mission:
         if self.deadline is not None:
             self.deadline.observe(context)
 
-    def next_viewpoint(self, context: Context) -> tuple[Strategy, Viewpoint] | None:
-        """The first viewpoint that any strategy names, and that strategy; None if the task is done."""
+    @property
+    def explores(self) -> bool:
+        """Whether the present task is to explore."""
+        return self.goals is None
+
+    @property
+    def is_tight(self) -> bool:
+        """Whether ways to the present goals need no margin."""
+        return self.goals is not None and self.goals.is_tight
+
+    def tighten(self) -> bool:
+        """Look for ways to the present goals that need no margin; False if they are allowed already, or no use."""
+        if self.goals is None or not self.goals.left or self.goals.is_tight:
+            return False
+        self.goals.is_tight = True
+        return True
+
+    def choose(self, context: Context) -> Viewpoint | None:
+        """The first viewpoint that any strategy names, to which the robot then sets out; None if the task is done."""
         for strategy in self.strategies:
             if (viewpoint := strategy.next_viewpoint(context)) is not None:
-                return (strategy, viewpoint) if self._has_time(viewpoint, context) else None
+                if not self._has_time(viewpoint, context):
+                    return None
+                strategy.commit(viewpoint, context)
+                return viewpoint
         return None
 
     def _has_time(self, viewpoint: Viewpoint, context: Context) -> bool:

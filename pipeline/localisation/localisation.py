@@ -6,14 +6,35 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import Pose
 from pipeline.frame import Frame
 from pipeline.localisation.belief import Belief
-from pipeline.transforms import angle_of, are_poses, inverse
+from pipeline.transforms import are_poses
 
 KEYFRAME_WAY, KEYFRAME_TURN = 0.3, np.deg2rad(15)
 """m and rad that the robot drives or turns from one keyframe to the next; poses closer than that count as one."""
 STILL_WAY, STILL_TURN = 0.02, np.deg2rad(2)
 """m and rad; a robot that moves less stands."""
+
+
+@dataclass(frozen=True, eq=False)
+class Localised:
+    """A frame and where it was taken.
+
+    Attributes:
+        frame: what the camera saw.
+        T_map_base: pose of ``base_link`` at its time.
+        repeats: whether the frame adds nothing: a keyframe at its pose saw all that it shows.
+    """
+
+    frame: Frame
+    T_map_base: Pose
+    repeats: bool = False
+
+    @property
+    def T_map_camera(self) -> Pose:
+        """Pose of the camera at its time."""
+        return self.T_map_base @ self.frame.T_base_camera
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,21 +116,16 @@ class Localisation(Protocol):
         """(K, 4, 4) ``T_map_base`` of every keyframe as now estimated."""
         ...
 
-    @property
-    def repeats(self) -> bool:
-        """Whether the newest frame adds nothing to the keyframes, one of which saw the same from the same pose."""
+    def localise(self, frame: Frame) -> Localised:
+        """A new frame and where it was taken; raises LostError if that is unknown."""
         ...
 
-    def localise(self, frame: Frame) -> NDArray[np.float64]:
-        """4×4 pose of ``base_link`` in ``map`` at the time of the frame; raises LostError if it is unknown."""
+    def add(self, localised: Localised) -> None:
+        """Make a keyframe of the newest frame, as :meth:`localise` gave it."""
         ...
 
-    def add(self, frame: Frame, T_map_base: NDArray[np.float64]) -> None:
-        """Make a keyframe of the newest frame, at the pose that :meth:`localise` gave."""
-        ...
-
-    def pass_by(self, frame: Frame, T_map_base: NDArray[np.float64]) -> None:
-        """Go on from the newest frame, at the pose that :meth:`localise` gave, without a keyframe."""
+    def pass_by(self, localised: Localised) -> None:
+        """Go on from the newest frame, as :meth:`localise` gave it, without a keyframe."""
         ...
 
     def optimise(self) -> None:
@@ -143,9 +159,3 @@ def check_pose(what: str, time: float, T: NDArray[np.float64]) -> None:
     """Raises LostError, with ``what`` and the time, s, if a (4, 4) matrix is no pose."""
     if not are_poses(T):
         raise LostError(f"the {what} at {time:.2f} s is not finite, or too far away")
-
-
-def is_keyframe(T_odom_last: NDArray[np.float64], T_odom_base: NDArray[np.float64]) -> bool:
-    """Whether a pose (4×4) is far enough, in m or rad, from the last keyframe's to take another keyframe."""
-    moved = inverse(T_odom_last) @ T_odom_base
-    return bool(np.linalg.norm(moved[:3, 3]) >= KEYFRAME_WAY or angle_of(moved) >= KEYFRAME_TURN)

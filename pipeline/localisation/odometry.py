@@ -5,7 +5,14 @@ from numpy.typing import NDArray
 
 from pipeline.frame import Frame
 from pipeline.localisation.belief import Belief
-from pipeline.localisation.localisation import UNKNOWN_ODOMETRY, Localisation, Loop, SavedKeyframes, check_odometry
+from pipeline.localisation.localisation import (
+    UNKNOWN_ODOMETRY,
+    Localisation,
+    Localised,
+    Loop,
+    SavedKeyframes,
+    check_odometry,
+)
 
 
 class OdometryLocalisation(Localisation):
@@ -31,22 +38,17 @@ class OdometryLocalisation(Localisation):
         """(K, 4, 4) ``T_map_base`` of every keyframe as now estimated."""
         return self._poses
 
-    @property
-    def repeats(self) -> bool:
-        """Whether the newest frame adds nothing to the keyframes; without registration nothing tells."""
-        return False
-
-    def localise(self, frame: Frame) -> NDArray[np.float64]:
-        """4×4 pose of ``base_link`` in ``map`` at the time of the frame; raises LostError if it is unknown."""
+    def localise(self, frame: Frame) -> Localised:
+        """A new frame and where it was taken; raises LostError if that is unknown."""
         check_odometry(frame)
-        return self.T_map_odom @ frame.T_odom_base
+        return Localised(frame, self.T_map_odom @ frame.T_odom_base)
 
-    def add(self, frame: Frame, T_map_base: NDArray[np.float64]) -> None:
-        """Make a keyframe of the newest frame, at the pose that :meth:`localise` gave."""
-        self._poses = np.concatenate([self._poses, T_map_base[None]])
+    def add(self, localised: Localised) -> None:
+        """Make a keyframe of the newest frame, as :meth:`localise` gave it."""
+        self._poses = np.concatenate([self._poses, localised.T_map_base[None]])
 
-    def pass_by(self, frame: Frame, T_map_base: NDArray[np.float64]) -> None:
-        """Go on from the newest frame without a keyframe."""
+    def pass_by(self, localised: Localised) -> None:
+        """Go on from the newest frame without a keyframe; without registration no frame repeats one."""
 
     def optimise(self) -> None:
         """Correct the poses of all keyframes; here there is nothing to correct."""

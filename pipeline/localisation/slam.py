@@ -6,6 +6,7 @@ keyframes whose relative position is too uncertain to register frames with them 
 """
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import cv2
 import numpy as np
@@ -23,6 +24,7 @@ from pipeline.localisation.localisation import (
     KEYFRAME_WAY,
     STILL_WAY,
     Localisation,
+    Localised,
     LostError,
     SavedKeyframes,
     check_odometry,
@@ -60,16 +62,14 @@ GROUND_SIGMA = 0.015
 """m, standard deviation of the height of the ground, as known, under the robot, as measured on half ramps."""
 
 
-@dataclass(frozen=True, eq=False)
-class _Match:
-    """A frame and its pose.
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Match(Localised):
+    """A frame, where it was taken, and what the keyframe made of it is connected by.
 
     ``prediction`` is None if the odometry cannot be trusted. ``step`` is the pose relative to the reference by what
     was known before the frame was registered; None for the first frame.
     """
 
-    frame: Frame
-    T_map_base: NDArray[np.float64]
     prediction: Prediction | None = None
     step: Prior | None = None
     cloud: small_gicp.PointCloud | None = None
@@ -130,7 +130,7 @@ class Slam(Localisation):
         self._anchor: NDArray[np.float64] | None = None
         self._deviations = self._headings = np.zeros(0)
         self._turned = 0.0
-        self._match: _Match | None = None
+        self._last: Frame | None = None
 
     @property
     def poses(self) -> NDArray[np.float64]:
@@ -152,33 +152,31 @@ class Slam(Localisation):
         """(6, 6) of the newest keyframe's pose relative to the first one's, in its tangent, as optimised last."""
         return self.graph.covariance(len(self.graph) - 1)
 
-    def localise(self, frame: Frame) -> NDArray[np.float64]:
-        """4×4 pose of ``base_link`` in ``map`` at the time of the frame.
+    def localise(self, frame: Frame) -> Match:
+        """A new frame and where it was taken, by registration.
 
         Raises:
             LostError: the odometry is not finite, or the camera has stopped.
         """
-        if self._match is None or self._match.frame is not frame:
-            check_odometry(frame)
-            self._check_camera(frame)
-            self._pass_time(frame)
-            self._match = self._find(frame)
-            self.T_map_odom = self._match.T_map_base @ inverse(frame.T_odom_base)
-        return self._match.T_map_base
+        check_odometry(frame)
+        self._check_camera(frame)
+        self._pass_time(frame)
+        self._last, match = frame, self._find(frame)
+        self.T_map_odom = match.T_map_base @ inverse(frame.T_odom_base)
+        return replace(match, repeats=self._repeats(match))
 
-    @property
-    def repeats(self) -> bool:
-        """Whether the newest frame adds nothing: a keyframe at its pose saw all that it shows."""
-        match = self._match
-        if match is None or match.registration is None or match.cloud is None or match.prediction is None:
+    def _repeats(self, match: Match) -> bool:
+        """Whether a keyframe at its pose saw all that a frame shows."""
+        if match.registration is None or match.cloud is None or match.prediction is None:
             return False
         unseen = (1 - match.registration.overlap) * match.cloud.size()
         is_sure = match.registration.fits and match.registration.overlap >= ENOUGH_OVERLAP
         return is_sure and unseen < LEAST_POINTS and self._repeated(match.T_map_base) is not None
 
-    def add(self, frame: Frame, T_map_base: NDArray[np.float64]) -> None:
-        """Make a keyframe of the newest frame, at the pose that :meth:`localise` gave."""
-        match, reference = self._arrive(frame), self._reference
+    def add(self, localised: Localised) -> None:
+        """Make a keyframe of the newest frame, as :meth:`localise` gave it."""
+        match, reference = self._arrive(localised), self._reference
+        frame, T_map_base = match.frame, match.T_map_base
         number = self.graph.add(T_map_base, frame.T_odom_base[2, :3])
         if match.step is not None:
             if match.prediction is not None and reference.is_keyframe:
@@ -197,17 +195,16 @@ class Slam(Localisation):
         if self.closes_loops:
             self._find_loop(number, match)
 
-    def pass_by(self, frame: Frame, T_map_base: NDArray[np.float64]) -> None:
-        """Take the odometry since the newest frame, which :attr:`repeats` a keyframe, and keep nothing else of it."""
-        self._arrive(frame)
-        number = self._repeated(T_map_base)
+    def pass_by(self, localised: Localised) -> None:
+        """Take the odometry since the newest frame, which repeats a keyframe, and keep nothing else of it."""
+        self._arrive(localised)
+        number = self._repeated(localised.T_map_base)
         assert number is not None
-        self._refer(number, inverse(self.poses[number]) @ T_map_base, frame)
+        self._refer(number, inverse(self.poses[number]) @ localised.T_map_base, localised.frame)
 
-    def _arrive(self, frame: Frame) -> _Match:
-        """Take the newest frame's pose for known: motions begin there."""
-        match = self._match
-        assert match is not None and match.frame is frame
+    def _arrive(self, match: Localised) -> Match:
+        """Rely on the newest frame's pose: motions begin there."""
+        assert isinstance(match, Match) and match.frame is self._last
         if match.prediction is not None:
             self.motion.take(match.prediction, match.registration.information if match.registration else None)
         elif match.registration:
@@ -242,7 +239,7 @@ class Slam(Localisation):
 
     def set_down(self, T_map_base: NDArray[np.float64]) -> None:
         """Continue from the pose (4×4) at which a carried robot was found, whatever the odometry measured."""
-        self._anchor, self._match = T_map_base, None
+        self._anchor, self._last = T_map_base, None
         if len(self.graph):  # what is seen from there belongs to the keyframes near it
             nearest = int(np.linalg.norm(self.poses[:, :3, 3] - T_map_base[:3, 3], axis=1).argmin())
             T_keyframe_base = inverse(self.poses[nearest]) @ T_map_base
@@ -277,7 +274,7 @@ class Slam(Localisation):
         self._renew()
 
     def _check_camera(self, frame: Frame) -> None:
-        last = self._match.frame if self._match else None
+        last = self._last
         if last is not None and np.array_equal(last.depth, frame.depth) and frame.returns.any():
             moved = inverse(last.T_odom_base) @ frame.T_odom_base
             # Noise changes every image.
@@ -289,8 +286,7 @@ class Slam(Localisation):
 
         Between keyframes the rotation may exceed half a turn, as when the robot looks around.
         """
-        if self._match is not None:
-            last = self._match.frame
+        if (last := self._last) is not None:
             moved = inverse(last.T_odom_base) @ frame.T_odom_base
             self._turned += float(Rotation.from_matrix(moved[:3, :3]).as_rotvec() @ frame.T_odom_base[2, :3])
             self.belief.predict(float(np.linalg.norm(moved[:3, 3])), max(0.0, frame.time - last.time))
@@ -304,10 +300,10 @@ class Slam(Localisation):
         self._deviations = self.graph.deviations(self._reference.keyframe)
         self._headings = self.graph.headings(self._reference.keyframe)
 
-    def _find(self, frame: Frame) -> _Match:
+    def _find(self, frame: Frame) -> Match:
         cloud = cloud_of_frame(frame)
         if not len(self.graph) and self._anchor is None:
-            return _Match(frame, orthonormal(frame.T_odom_base), cloud=cloud)
+            return Match(frame, orthonormal(frame.T_odom_base), cloud=cloud)
         odometry = self._by_odometry(frame) if self._anchor is None else None
         farthest = COARSE
         if odometry is not None and np.linalg.norm((odometry.T_map_base - self.T_map_reference)[:3, 3]) > FAR_OFF:
@@ -317,13 +313,14 @@ class Slam(Localisation):
         points = cloud.points()[:, :3] if cloud else np.zeros((1, 3))
         target = self._target(points, first.T, frame, self._deviations < KNOWN, WIDEST) if cloud else None
         if target is None:
-            return _Match(frame, first.T, odometry, step, cloud)
+            return Match(frame, first.T, prediction=odometry, step=step, cloud=cloud)
+        registered = partial(Match, frame, cloud=cloud, target=target)
         first = self._relative_to(target, first)
         stand = self._stand(first.T)
         known = [Prior(stand.T, stand.information)] if stand else []
         nominal = register(target, cloud, [first, by_gravity(first.T, frame), *known], farthest)
         if odometry is None:
-            return _Match(frame, nominal.T, None, step, cloud, target, nominal)
+            return registered(nominal.T, step=step, registration=nominal)
         found = {MotionState.NOMINAL: (first, nominal)}
         if not (nominal.fits and nominal.overlap >= ENOUGH_OVERLAP):
             found |= otherwise(target, cloud, first, self.T_map_reference, frame)
@@ -333,9 +330,9 @@ class Slam(Localisation):
         state = max(found, key=lambda state: self.belief.probabilities[state])
         prior, registration = found[state]
         if state is MotionState.NOMINAL:
-            return _Match(frame, registration.T, odometry, step, cloud, target, registration)
+            return registered(registration.T, prediction=odometry, step=step, registration=registration)
         self.slips += 1
-        return _Match(frame, registration.T, None, prior, cloud, target, registration)
+        return registered(registration.T, step=prior, registration=registration)
 
     def _likelihoods(self, found: dict[MotionState, Registration], frame: Frame) -> NDArray[np.float64]:
         """(5,) log-likelihoods of a frame that was registered under some states."""
@@ -407,7 +404,7 @@ class Slam(Localisation):
             block_diag(np.zeros((3, 3)), np.diag([0.0, 0.0, GROUND_SIGMA**-2])),
         )
 
-    def _find_loop(self, number: int, match: _Match) -> None:
+    def _find_loop(self, number: int, match: Match) -> None:
         """Register the newest keyframe with those nearby whose relative position is uncertain; one loop at a time."""
         unknown = self._deviations >= KNOWN
         if self._loops.is_due or match.cloud is None or not unknown.any():

@@ -4,12 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.constants import g
 
-from pipeline.labels import RAMP_TILT
-
-ATTITUDE_TIME = 0.5
-"""s, time constant with which the vertical follows the accelerometer, which bumps and braking disturb."""
-MAX_DISTURBANCE = 2.0
-"""m/s²; an acceleration that differs more from gravity is ignored."""
+from pipeline.navigation.config import AttitudeConfig
 
 
 class Attitude:
@@ -20,7 +15,8 @@ class Attitude:
         rate: (2,) rad/s at which roll and pitch change.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, config: AttitudeConfig = AttitudeConfig()) -> None:
+        self._config = config
         self.up, self.rate = np.array([0.0, 0.0, 1.0]), np.zeros(2)
 
     def update(self, gyro: NDArray[np.float64], accelerometer: NDArray[np.float64], dt: float) -> None:
@@ -28,8 +24,8 @@ class Attitude:
         self.rate = gyro[:2]
         up = self.up - np.cross(gyro, self.up) * dt
         size = float(np.linalg.norm(accelerometer))
-        if abs(size - g) < MAX_DISTURBANCE:
-            up = up + (accelerometer / size - up) * min(1.0, dt / ATTITUDE_TIME)
+        if abs(size - g) < self._config.most_disturbance:
+            up = up + (accelerometer / size - up) * min(1.0, dt / self._config.time_constant)
         self.up = up / np.linalg.norm(up)
 
     @property
@@ -39,6 +35,6 @@ class Attitude:
         return float(np.arctan2(y, z)), float(np.arcsin(np.clip(-x, -1, 1)))
 
     def tilt_in(self, seconds: float) -> float:
-        """The larger of roll and pitch, rad, if both go on changing at the present rate, by ``RAMP_TILT`` at most."""
-        # Bumps turn the robot fast, but not far.
-        return float(np.abs(np.array(self.tilt) + np.clip(self.rate * seconds, -RAMP_TILT, RAMP_TILT)).max())
+        """The larger of roll and pitch, rad, if both go on changing at the present rate, but not far."""
+        most = self._config.most_change
+        return float(np.abs(np.array(self.tilt) + np.clip(self.rate * seconds, -most, most)).max())

@@ -6,6 +6,7 @@ from pipeline.errors import InputError
 from pipeline.frame import Frame
 from pipeline.localisation.belief import Belief, MotionState
 from pipeline.localisation.floor import T_floor_camera
+from pipeline.navigation.config import FaultConfig
 
 NOTICED = {
     MotionState.SLIPPING: "the wheels slip",
@@ -37,8 +38,9 @@ class Faults:
         all: in the order in which they were noticed.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, config: FaultConfig = FaultConfig()) -> None:
         self.all: list[Fault] = []
+        self._config = config
 
     def note(self, kind: str, time: float, text: str) -> None:
         """Add a fault noticed at a time, s, unless it is the newest one, which lasts."""
@@ -57,7 +59,6 @@ class Faults:
             seen = float(T_floor_camera(frame)[2, 3])
         except InputError:  # there is no floor in view
             return
-        # Three times the 1 % by which a calibrated camera of this kind errs (Khoshelham & Oude Elberink, 2012).
-        if abs(seen - height) > 0.03 * height:
+        if abs(seen - height) > self._config.depth_scale * height:
             text = f"the camera sees the floor {seen:.2f} m below itself and stands {height:.2f} m high"
             self.note("depth_scale", frame.time, text)

@@ -4,68 +4,63 @@ A plan leads over ground that is free in the map, and the map is as old as the l
 checks the depth image while it drives.
 """
 
-from collections.abc import Callable
-
 import numpy as np
-from numpy.typing import NDArray
 
+from pipeline.arrays import Place, Points
 from pipeline.elevation_map.traversability import Traversability
+from pipeline.navigation.config import ObstacleCheckConfig
 from pipeline.sensor import SensorModel
-
-CHECK_WAY = 0.4
-"""m of straight driving between two checks."""
-CHECKED_AHEAD = 2.0
-"""m from the robot's middle; farther obstacles do not count yet."""
-MIN_RETURNS = 50
-"""Least number of returns in a cell with an obstacle; noise gives none, the thickest dust at most 17, measured."""
 
 
 class ObstacleCheck:
     """Watches the way of one drive.
 
     Attributes:
-        obstacles: (N, 3) returns of obstacles in the way that the map does not show, m in ``map``.
+        obstacles: returns of obstacles in the way that the map does not show.
     """
 
-    def __init__(
-        self, returns: Callable[[], NDArray[np.float32]], traversability: Traversability, sensor: SensorModel
-    ):
-        """``returns``: gives (N, 3) the present returns of a camera, m in ``map``."""
-        self.obstacles = np.zeros((0, 3), np.float32)
-        self._returns, self._traversability, self._sensor = returns, traversability, sensor
-        self._target: NDArray[np.float64] | None = None
+    def __init__(self, traversability: Traversability, sensor: SensorModel, config: ObstacleCheckConfig):
+        """Watch a drive over ground that is known so well, with a camera."""
+        self.obstacles: Points = np.zeros((0, 3), np.float32)
+        self._traversability, self._sensor, self._config = traversability, sensor, config
+        self._target: Place | None = None
         self._last = np.zeros(2)
 
-    def is_clear(self, position: NDArray[np.float64], target: NDArray[np.float64]) -> bool:
-        """Whether no obstacle stands between the robot and a way point (2,), m, that it drives straight to.
+    def is_due(self, position: Place, target: Place) -> bool:
+        """Whether to look again from a position on a straight way to a way point (2,): a new one, or some way on."""
+        is_new = target is not self._target
+        is_far = is_new or bool(np.linalg.norm(position - self._last) >= self._config.every)
+        return is_far and not self._is_too_near(position, target)
 
-        It takes an image when the way point is new, and every ``CHECK_WAY``, unless the way point is nearer than the
-        camera sees.
-        """
-        is_new, model = target is not self._target, self._traversability.robot
-        if np.linalg.norm(target - position) + model.half_length < self._sensor.nearest:
-            return True
-        if is_new or np.linalg.norm(position - self._last) >= CHECK_WAY:
-            self._target, self._last = target, position
-            self.obstacles = self._obstacles(position, target)
-        return not len(self.obstacles)
+    def is_clear(self, position: Place, target: Place) -> bool:
+        """Whether no obstacle was seen between a position and a way point."""
+        return self._is_too_near(position, target) or not len(self.obstacles)
 
-    def _obstacles(self, start: NDArray[np.float64], target: NDArray[np.float64]) -> NDArray[np.float32]:
-        """(M, 3) m, the returns of obstacles between two places (2,) on traversable ground.
+    def look(self, position: Place, target: Place, points: Points) -> None:
+        """Find the obstacles among the camera's returns between a position and a way point, on traversable ground.
 
         They are between half of the body's height and the headroom above the ground in the map.
         """
-        ground, points = self._traversability, self._returns()
+        self._target, self._last = target, position
+        self.obstacles = self._obstacles(position, target, points)
+
+    def _is_too_near(self, position: Place, target: Place) -> bool:
+        """Whether the camera does not see what stands before the way point."""
+        reach = np.linalg.norm(target - position) + self._traversability.robot.half_length
+        return bool(reach < self._sensor.nearest)
+
+    def _obstacles(self, start: Place, target: Place, points: Points) -> Points:
+        ground = self._traversability
         robot, cell = ground.robot, ground.grid.cell
         length = max(float(np.linalg.norm(target - start)), np.finfo(np.float64).eps)
         ahead = (target - start) / length
         along = (points[:, :2] - start) @ ahead
         across = (points[:, :2] - start) @ np.array([-ahead[1], ahead[0]])
-        on_way = (along > 0) & (along < min(length + robot.half_length + 2 * cell, CHECKED_AHEAD))
+        on_way = (along > 0) & (along < min(length + robot.half_length + 2 * cell, self._config.ahead))
         near = points[on_way & (abs(across) < robot.half_width + cell / 2)]
         height = near[:, 2] - ground.grid.at(ground.elevation, near, outside=np.nan)
         near = near[
             ground.grid.at(ground.traversable, near) & (height > robot.body_height / 2) & (height < robot.headroom)
         ]
         _, number, count = np.unique(ground.grid.cell_of(near), axis=0, return_inverse=True, return_counts=True)
-        return near[count[number.ravel()] >= MIN_RETURNS]
+        return near[count[number.ravel()] >= self._config.least_returns]

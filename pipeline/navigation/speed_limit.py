@@ -6,13 +6,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from pipeline.elevation_map.elevation_map import CELL
-from pipeline.elevation_map.pose_kernels import NARROW_SPEED, STANDING, level_speed
-from pipeline.elevation_map.traversability import RAMP_MARGIN, Traversability
+from pipeline.elevation_map.pose_kernels import STANDING, level_speed
+from pipeline.elevation_map.traversability import Traversability
+from pipeline.navigation.config import SpeedLimitConfig
 from pipeline.planning.pose_paths import nearest_heading
-
-BESIDE_PEOPLE = 1.0
-"""m from a person within which the robot drives no faster than where it has no room."""
 
 
 class SpeedLimit:
@@ -23,12 +20,13 @@ class SpeedLimit:
         traversability: Traversability,
         ramps: Sequence[NDArray[np.floating]] = (),
         people: Sequence[NDArray[np.floating]] = (),
+        config: SpeedLimitConfig = SpeedLimitConfig(),
     ):
         """``ramps``, ``people``: (N, 3) points of each inclined ramp and person of the semantic map, m."""
-        self._traversability, robot = traversability, traversability.robot
+        self._traversability, robot, cell = traversability, traversability.robot, traversability.grid.cell
         # Far enough to brake from full speed half as fast as it could, so that wheels do not skid.
-        self._ahead = np.arange(0.0, robot.half_length + robot.speed**2 / robot.acceleration + CELL, CELL)
-        slow = (ramps, RAMP_MARGIN, robot.ramp_speed), (people, BESIDE_PEOPLE, NARROW_SPEED)
+        self._ahead = np.arange(0.0, robot.half_length + robot.speed**2 / robot.acceleration + cell, cell)
+        slow = ((ramps, config.beside_ramps, robot.ramp_speed), (people, config.beside_people, config.people_speed))
         self._slow = [(KDTree(np.vstack(these)[:, :2]), near, most) for these, near, most in slow if len(these)]
 
     def __call__(self, here: NDArray[np.float64], along: NDArray[np.float64]) -> float:

@@ -11,8 +11,8 @@ import yaml
 from pipeline.errors import InputError
 from pipeline.files import whole_file
 from sarsim.assets import asset
-from sarsim.scripts.cli import tracked
-from sarsim.scripts.sweeps.arenas import ARENAS, GRID, MAPS, checksum
+from sarsim.commands.cli import tracked
+from sarsim.commands.sweeps.arenas import ARENAS, GRID, MAPS, checksum
 from sarsim.tasks.grid_scenes import DRAWINGS
 
 BUILT = {"train": (), "val": (), "test": ("nist_6x4", "esogu_52x15")}

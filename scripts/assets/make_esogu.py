@@ -1,5 +1,6 @@
 """Make ``assets/arenas/esogu_52x15.xml``, the laboratory floor, from its plan in ``scripts/assets/esogu``."""
 
+import sys
 from collections.abc import Iterable
 from pathlib import Path
 from xml.etree.ElementTree import Comment, Element, SubElement, indent, tostring
@@ -9,12 +10,14 @@ import numpy as np
 from pipeline.files import whole_file
 from sarsim.arenas.elements import ArenaBuilder
 from sarsim.assets import asset
-from sarsim.scripts.assets.esogu import building, plan
-from sarsim.scripts.assets.esogu.furniture import PIECES
-from sarsim.scripts.assets.esogu.parts import Part, moved
-from sarsim.scripts.cli import run
+from sarsim.commands.cli import run
 from sarsim.victims.mjcf import numbers
 from sarsim.victims.victims import make_victim
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # scripts/ is not installed
+from scripts.assets.esogu import building, plan
+from scripts.assets.esogu.furniture import PIECES
+from scripts.assets.esogu.parts import Part, moved
 
 PEOPLE_SEED = 52  # of the victims' builds, clothes and poses
 HALF_TILE = 0.6

@@ -1,5 +1,6 @@
 """Make ``assets/victims/people.npz``: bodies, and the postures in which they came to rest."""
 
+import sys
 from itertools import islice
 from pathlib import Path
 from xml.etree.ElementTree import Element, ElementTree, indent
@@ -10,9 +11,14 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.files import whole_file
 from sarsim.assets import asset
-from sarsim.scripts.assets.victims.parts import cut_into_parts
-from sarsim.scripts.assets.victims.ragdoll import RECIPES, SEAT_BLOCK, Ragdoll, Setup, rest_poses
-from sarsim.scripts.assets.victims.surface import (
+from sarsim.commands.cli import run
+from sarsim.victims.people import UNIT, bone_motions, skinned
+from sarsim.victims.victims import make_victim
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # scripts/ is not installed
+from scripts.assets.victims.parts import cut_into_parts
+from scripts.assets.victims.ragdoll import RECIPES, SEAT_BLOCK, Ragdoll, Setup, rest_poses
+from scripts.assets.victims.surface import (
     HEAD_SCALE,
     Points,
     body_surface,
@@ -22,9 +28,6 @@ from sarsim.scripts.assets.victims.surface import (
     person,
     scaled_head,
 )
-from sarsim.scripts.cli import run
-from sarsim.victims.people import UNIT, bone_motions, skinned
-from sarsim.victims.victims import make_victim
 
 COUNTS = {
     "lying": {"man": 4, "woman": 2, "stout": 1, "child": 2},

@@ -12,13 +12,13 @@ import mujoco
 import numpy as np
 
 from sarsim.assets import asset
+from sarsim.commands.cli import tracked
 from sarsim.dataset.processes import connected
-from sarsim.scripts.benchmarks.common import RENDERERS, Result, ThreePasses, at_least, seconds
-from sarsim.scripts.benchmarks.settings import CameraSettings
-from sarsim.scripts.cli import tracked
 from sarsim.sensors.camera import RgbdCamera
 from sarsim.sensors.rendering import Renderer
 from sarsim.sensors.xtion import Xtion
+from scripts.benchmarks.common import RENDERERS, Result, ThreePasses, at_least, seconds
+from scripts.benchmarks.settings import CameraSettings
 
 POSES = [
     (-2.4, -1.35, 0.0), (-1.2, -1.4, 0.2), (2.3, -1.2, 2.4), (0.0, -0.1, 0.0), (2.2, 1.2, 3.0), (-1.5, 1.3, -0.2),

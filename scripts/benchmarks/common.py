@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 from rich.table import Table
 
 from pipeline.errors import InputError
-from sarsim.scripts.benchmarks.settings import SubjectSettings
 from sarsim.sensors.rendering import COLOUR_QUALITY, Renderer
+from scripts.benchmarks.settings import SubjectSettings
 
 CameraName: TypeAlias = int | str | mujoco.MjvCamera
 

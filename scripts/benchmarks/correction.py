@@ -21,10 +21,10 @@ from pipeline.robot import RobotModel
 from pipeline.semantic_map.classifier import TruthClassifier
 from pipeline.transforms import from_yaw
 from sarsim.arenas.load import load_arena
-from sarsim.scripts.benchmarks.common import Result, at_least, seconds
-from sarsim.scripts.benchmarks.settings import CorrectionSettings
-from sarsim.scripts.cli import tracked
+from sarsim.commands.cli import tracked
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
+from scripts.benchmarks.common import Result, at_least, seconds
+from scripts.benchmarks.settings import CorrectionSettings
 
 DRIVES = {"nist_6x4": 300, "random:3": 1000}
 """Number of keyframes at which corrections are measured, by arena."""

@@ -17,15 +17,15 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from sarsim.commands.cli import tracked
 from sarsim.dataset.engine import JobDone
 from sarsim.dataset.folder_lock import FolderLock
 from sarsim.dataset.local_engine import Worker, wait_for
 from sarsim.dataset.processes import connected
 from sarsim.dataset.recipe import Recipe
 from sarsim.dataset.render import make_scene, render_scene
-from sarsim.scripts.benchmarks.common import RENDERERS, Result, at_least
-from sarsim.scripts.benchmarks.settings import DatasetSettings
-from sarsim.scripts.cli import tracked
+from scripts.benchmarks.common import RENDERERS, Result, at_least
+from scripts.benchmarks.settings import DatasetSettings
 
 
 def measure(settings: DatasetSettings) -> Result:

@@ -26,15 +26,15 @@ from pipeline.explorer import Observer
 from pipeline.files import whole_file
 from pipeline.navigation.navigator import Outcome
 from pipeline.robot import Motion
+from sarsim.commands.cli import progress
 from sarsim.dataset import processes
 from sarsim.episode import Episode
 from sarsim.methods.perception import make_classifier
 from sarsim.scoring.progress import MOST
-from sarsim.scripts.benchmarks.settings import DrivesSettings
-from sarsim.scripts.benchmarks.top_view import top_view
-from sarsim.scripts.cli import progress
 from sarsim.settings import EpisodeConfig
 from sarsim.simulated_robot import SimulatedRobot
+from scripts.benchmarks.settings import DrivesSettings
+from scripts.benchmarks.top_view import top_view
 
 GROUPS = ("nist_6x4", "esogu_52x15", "raf", "random")  # Groups of arenas whose episodes are summarised together
 STEPS = 1000  # At most; an episode ends earlier when no viewpoint is left

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 
 from pipeline.errors import InputError
-from sarsim.scripts.benchmarks.common import Result, at_least
-from sarsim.scripts.benchmarks.episodes import GROUPS, Job, Results, Strategy, configs, run_jobs
-from sarsim.scripts.benchmarks.exploration_table import (
+from scripts.benchmarks.common import Result, at_least
+from scripts.benchmarks.episodes import GROUPS, Job, Results, Strategy, configs, run_jobs
+from scripts.benchmarks.exploration_table import (
     BASELINES,
     RATIO,
     group_figures,
@@ -20,7 +20,7 @@ from sarsim.scripts.benchmarks.exploration_table import (
     sections,
     seen90_ratio,
 )
-from sarsim.scripts.benchmarks.settings import ExplorationSettings
+from scripts.benchmarks.settings import ExplorationSettings
 
 BASELINE_STAGES = ("sim_time_s", "steps", "navigation", "exploration")
 """The parts of a baseline's report that are summarised."""

@@ -7,7 +7,7 @@ import numpy as np
 from rich.table import Table
 
 from pipeline.rescue_report.figures import figures
-from sarsim.scripts.benchmarks.episodes import GROUPS, Strategy
+from scripts.benchmarks.episodes import GROUPS, Strategy
 
 Report = Mapping[str, Any]
 

@@ -8,10 +8,10 @@ import numpy as np
 from pipeline.tracks.find import FIND_KINDS, VICTIM
 from pipeline.victims.detection.detector import VictimDetector
 from sarsim.methods.perception import make_readers
-from sarsim.scripts.benchmarks.common import Result, at_least
-from sarsim.scripts.benchmarks.episodes import Job, configs, run_jobs
-from sarsim.scripts.benchmarks.finds_photos import photo_figures
-from sarsim.scripts.benchmarks.settings import FindsSettings
+from scripts.benchmarks.common import Result, at_least
+from scripts.benchmarks.episodes import Job, configs, run_jobs
+from scripts.benchmarks.finds_photos import photo_figures
+from scripts.benchmarks.settings import FindsSettings
 
 
 def measure(settings: FindsSettings) -> Result:

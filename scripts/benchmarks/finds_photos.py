@@ -22,7 +22,7 @@ from pipeline.frame import decoded
 from pipeline.tracks.find import VICTIM, Reading
 from pipeline.victims.detection.boxes import overlaps
 from pipeline.victims.detection.detection import Detection, Detector
-from sarsim.scripts.cli import tracked
+from sarsim.commands.cli import tracked
 
 SURE, LIKELY = 0.5, 0.25  # Confidences from which a box counts
 CLEAR, LONG = 0.6, 0.15

@@ -21,14 +21,14 @@ from pipeline.robot import Motion
 from sarsim.arenas.arena import RescueArena
 from sarsim.arenas.lanes import END_ZONE, LANES, LANES_FOLDER
 from sarsim.arenas.load import load_arena
+from sarsim.commands.cli import progress
 from sarsim.methods.perception import make_perception, make_readers
 from sarsim.robots.model import robot_model
 from sarsim.scoring.lane_judge import LaneJudge, fallen_posts
-from sarsim.scripts.benchmarks.common import Result, at_least
-from sarsim.scripts.benchmarks.settings import LanesSettings
-from sarsim.scripts.cli import progress
 from sarsim.settings import EpisodeConfig
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
+from scripts.benchmarks.common import Result, at_least
+from scripts.benchmarks.settings import LanesSettings
 
 LIMIT = 300.0  # s that a try may take; assumed, the rules that are public leave it open
 ARRIVED_AT = "reached"  # The ending of a try after which the robot drives on from where it stands

@@ -13,14 +13,14 @@ import numpy as np
 from rich.table import Table
 
 from pipeline.errors import InputError
-from sarsim.scripts.benchmarks.common import Result, at_least
-from sarsim.scripts.benchmarks.episodes import GROUPS, Job, configs, run_jobs
-from sarsim.scripts.benchmarks.exploration_table import Rows, group_figures, groups_in, reports, rich_table, rows_of
-from sarsim.scripts.benchmarks.localisation_drives import DriveJob, record_job
-from sarsim.scripts.benchmarks.localisation_kidnappings import OUTCOMES, kidnap
-from sarsim.scripts.benchmarks.localisation_replay import replay_job
-from sarsim.scripts.benchmarks.settings import LocalisationSettings
 from sarsim.settings import EpisodeConfig
+from scripts.benchmarks.common import Result, at_least
+from scripts.benchmarks.episodes import GROUPS, Job, configs, run_jobs
+from scripts.benchmarks.exploration_table import Rows, group_figures, groups_in, reports, rich_table, rows_of
+from scripts.benchmarks.localisation_drives import DriveJob, record_job
+from scripts.benchmarks.localisation_kidnappings import OUTCOMES, kidnap
+from scripts.benchmarks.localisation_replay import replay_job
+from scripts.benchmarks.settings import LocalisationSettings
 
 OURS, PEERS = ("ours", "ours_without_loops"), ("odometry", "kiss_icp", "open3d")
 REGISTERING = PEERS[1:]

@@ -30,8 +30,8 @@ from sarsim.arenas.load import load_arena
 from sarsim.dataset.hdf5 import FAST, NewFile, open_file, write_noisy
 from sarsim.dataset.scene_file import MILLIMETRE
 from sarsim.ground_truth.true_surface import Survey, TrueSurface
-from sarsim.scripts.benchmarks.episodes import Job, leave
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
+from scripts.benchmarks.episodes import Job, leave
 
 SPACING, TURN = 0.1, np.deg2rad(5)  # m and rad from one frame to the next
 JPEG_QUALITY = 95  # of colour images, whose noise hardly compresses without loss

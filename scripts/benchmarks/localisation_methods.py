@@ -18,7 +18,7 @@ from pipeline.localisation.slam import Slam
 from pipeline.sensor import XTION
 from pipeline.transforms import inverse, orthonormal, transform_points
 from sarsim.scoring.trajectory import is_false
-from sarsim.scripts.benchmarks.localisation_scores import errors_of, nees, trajectory_scores, within
+from scripts.benchmarks.localisation_scores import errors_of, nees, trajectory_scores, within
 
 STRIDE = 4
 """Pixels between the points that KISS-ICP gets: they are closer than its voxels, of which each keeps one point."""

@@ -11,11 +11,11 @@ from numpy.typing import NDArray
 
 from pipeline.localisation.trajectory import write_tum
 from sarsim.ground_truth.true_surface import TrueSurface
-from sarsim.scripts.benchmarks.episodes import Job, leave
-from sarsim.scripts.benchmarks.localisation_drives import DriveReader, drive_file
-from sarsim.scripts.benchmarks.localisation_methods import METHODS, Method, is_blind
-from sarsim.scripts.benchmarks.localisation_scores import evo_ate, trajectory_scores, way_driven
-from sarsim.scripts.benchmarks.top_view import BAND, caption, ground_picture, pixels
+from scripts.benchmarks.episodes import Job, leave
+from scripts.benchmarks.localisation_drives import DriveReader, drive_file
+from scripts.benchmarks.localisation_methods import METHODS, Method, is_blind
+from scripts.benchmarks.localisation_scores import evo_ate, trajectory_scores, way_driven
+from scripts.benchmarks.top_view import BAND, caption, ground_picture, pixels
 
 AGREEMENT = 1e-6  # m by which our ATE may differ from evo's, which reads rounded files
 COLOURS = {

@@ -13,11 +13,11 @@ import pyoctomap
 from numpy.typing import NDArray
 
 from pipeline.metric_map.metric_map import MetricMap
+from sarsim.commands.cli import tracked
 from sarsim.scoring.voxels import VoxelScore
-from sarsim.scripts.benchmarks.common import Result, at_least
-from sarsim.scripts.benchmarks.recorded_frames import RecordedFrames, record
-from sarsim.scripts.benchmarks.settings import MetricMapSettings
-from sarsim.scripts.cli import tracked
+from scripts.benchmarks.common import Result, at_least
+from scripts.benchmarks.recorded_frames import RecordedFrames, record
+from scripts.benchmarks.settings import MetricMapSettings
 
 SMALL, LARGE = (6.0, 4.0), (520.0, 150.0)
 SIZES = (SMALL, (20.0, 15.0), (52.0, 15.0), (130.0, 60.0), LARGE)

@@ -19,13 +19,13 @@ from pipeline.semantic_map.networks.inference import for_inference
 from pipeline.semantic_map.networks.network import BlockClassifier
 from pipeline.semantic_map.networks.weights import NETWORKS, load_weights
 from pipeline.semantic_map.planar_vote import planar_vote
-from sarsim.scripts.benchmarks.common import Result, at_least, seconds
-from sarsim.scripts.benchmarks.labelled_drives import PosedFrame, drive_through
-from sarsim.scripts.benchmarks.semantic import LIGHTINGS, SPARSE_KEYFRAMES
-from sarsim.scripts.benchmarks.semantic_accuracy import KINDS, Change, Scores, scores
-from sarsim.scripts.benchmarks.semantic_speed import THREADS, classifier_of, thesis_blocks
-from sarsim.scripts.benchmarks.settings import NetworksSettings
-from sarsim.scripts.cli import tracked
+from sarsim.commands.cli import tracked
+from scripts.benchmarks.common import Result, at_least, seconds
+from scripts.benchmarks.labelled_drives import PosedFrame, drive_through
+from scripts.benchmarks.semantic import LIGHTINGS, SPARSE_KEYFRAMES
+from scripts.benchmarks.semantic_accuracy import KINDS, Change, Scores, scores
+from scripts.benchmarks.semantic_speed import THREADS, classifier_of, thesis_blocks
+from scripts.benchmarks.settings import NetworksSettings
 
 FIRST_RANDOM = 90_000
 """Seed of the first random arena: datasets draw the seeds of theirs from two thousand million."""

@@ -24,11 +24,11 @@ from pipeline.sensor import XTION
 from pipeline.topological_map.topological_map import TopologicalMap
 from pipeline.transforms import from_yaw, yaw_of
 from sarsim.arenas.load import load_arena
+from sarsim.commands.cli import tracked
 from sarsim.ground_truth.true_surface import Survey
-from sarsim.scripts.benchmarks.common import Result, at_least
-from sarsim.scripts.benchmarks.settings import PlanningSettings
-from sarsim.scripts.cli import tracked
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
+from scripts.benchmarks.common import Result, at_least
+from scripts.benchmarks.settings import PlanningSettings
 
 WARM_UP = 2  # Steps that are not counted: in the first one the whole floor is new
 GROUND_NOISE = 0.003  # m, standard deviation of heights from keyframe to keyframe

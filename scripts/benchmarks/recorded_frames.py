@@ -11,7 +11,7 @@ from pipeline.mapper import Mapper
 from pipeline.robot import Motion
 from pipeline.semantic_map.classifier import TruthClassifier
 from sarsim.arenas.load import load_arena
-from sarsim.scripts.cli import progress
+from sarsim.commands.cli import progress
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 
 STEPS = 160  # Largest number of steps of an episode

@@ -5,14 +5,14 @@ from statistics import mean
 from typing import Any
 
 from pipeline.semantic_map.networks.classifier import NetworkClassifier
-from sarsim.scripts.benchmarks.common import Result, at_least
-from sarsim.scripts.benchmarks.labelled_drives import drive_through
-from sarsim.scripts.benchmarks.semantic_accuracy import accuracy
-from sarsim.scripts.benchmarks.semantic_confusion import confusion
-from sarsim.scripts.benchmarks.semantic_speed import THREADS, agreement, speed
-from sarsim.scripts.benchmarks.settings import SemanticSettings
-from sarsim.scripts.cli import tracked
+from sarsim.commands.cli import tracked
 from sarsim.sensors.lighting import Lighting
+from scripts.benchmarks.common import Result, at_least
+from scripts.benchmarks.labelled_drives import drive_through
+from scripts.benchmarks.semantic_accuracy import accuracy
+from scripts.benchmarks.semantic_confusion import confusion
+from scripts.benchmarks.semantic_speed import THREADS, agreement, speed
+from scripts.benchmarks.settings import SemanticSettings
 
 LIGHTINGS = {"": Lighting.normal, ".dark": Lighting.dark}  # By the suffix of the figures' names
 SPARSE_KEYFRAMES = (2.0, 0.8)

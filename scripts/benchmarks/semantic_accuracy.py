@@ -11,7 +11,7 @@ from pipeline.semantic_map.classifier import PointClassifier
 from pipeline.semantic_map.rules import RuleClassifier
 from pipeline.semantic_map.semantic_map import SemanticMap
 from sarsim.scoring.semantics import compared, confusion_matrix, label_figures
-from sarsim.scripts.benchmarks.labelled_drives import PosedFrame
+from scripts.benchmarks.labelled_drives import PosedFrame
 
 Change = Callable[[PosedFrame, NDArray[np.float32]], NDArray[np.float32]]
 """A function that changes the (N, 8) probabilities that a classifier gave the returns of a frame."""

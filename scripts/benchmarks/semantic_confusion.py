@@ -16,13 +16,13 @@ from pipeline.map_file import KEYFRAMES, read_keyframes
 from pipeline.semantic_map.ply import read_ply
 from pipeline.semantic_map.semantic_map import VOXEL
 from sarsim.arenas.load import load_arena
+from sarsim.commands.settings import load_settings
 from sarsim.ground_truth.meshes import DRAWN_GROUPS
 from sarsim.robots.model import robot_model
 from sarsim.scoring.semantics import confusion_matrix, label_figures
-from sarsim.scripts.benchmarks.common import Result
-from sarsim.scripts.settings import load_settings
 from sarsim.sensors.camera import geom_labels
 from sarsim.settings import EpisodeConfig
+from scripts.benchmarks.common import Result
 
 SAME_POSE = 1e-5  # By which a keyframe's pose may differ from its row of the trajectory, which has six decimals
 NEAR_WALL = 0.1  # m; points this near to a wall's are told apart

@@ -19,9 +19,9 @@ from pipeline.semantic_map.networks.network import PointNetwork
 from pipeline.semantic_map.networks.threads import torch_threads
 from pipeline.semantic_map.networks.weights import load_weights
 from pipeline.semantic_map.voxels import VoxelCloud
-from sarsim.scripts.benchmarks.common import seconds
-from sarsim.scripts.benchmarks.labelled_drives import PosedFrame
-from sarsim.scripts.cli import tracked
+from sarsim.commands.cli import tracked
+from scripts.benchmarks.common import seconds
+from scripts.benchmarks.labelled_drives import PosedFrame
 
 POINTS = 4096
 THREADS = 2

@@ -16,21 +16,13 @@ from pipeline.victims.detection.inference import FusedNetwork, to_tensor
 from pipeline.victims.detection.network import DarknetNetwork
 from pipeline.victims.detection.weights import load_network
 from sarsim.assets import asset
-from sarsim.scripts.benchmarks.common import Result, at_least, seconds
-from sarsim.scripts.benchmarks.episodes import GROUPS, Job, Results, configs, run_jobs
-from sarsim.scripts.benchmarks.exploration_table import group_figures, groups_in, pairs, rich_table, rows_of
-from sarsim.scripts.benchmarks.settings import VictimsSettings
-from sarsim.scripts.benchmarks.victims_frames import (
-    DISTANCES,
-    HIDDEN,
-    PeopleInFrame,
-    ap50,
-    ap50_by,
-    recipe,
-    scene_frames,
-)
-from sarsim.scripts.cli import tracked
+from sarsim.commands.cli import tracked
 from sarsim.sensors.lighting import Lighting
+from scripts.benchmarks.common import Result, at_least, seconds
+from scripts.benchmarks.episodes import GROUPS, Job, Results, configs, run_jobs
+from scripts.benchmarks.exploration_table import group_figures, groups_in, pairs, rich_table, rows_of
+from scripts.benchmarks.settings import VictimsSettings
+from scripts.benchmarks.victims_frames import DISTANCES, HIDDEN, PeopleInFrame, ap50, ap50_by, recipe, scene_frames
 
 THREADS = 2
 WIDTH, HEIGHT = 640, 480  # pixels of the image that is timed

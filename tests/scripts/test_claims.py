@@ -5,9 +5,9 @@ from typing import Any
 
 import pytest
 
-from sarsim.scripts import claims
-from sarsim.scripts.claims import holds, verdict
-from sarsim.scripts.results import plan, record_of
+from scripts import claims
+from scripts.claims import holds, verdict
+from scripts.results import plan, record_of
 
 LEAST = {"claim": "fast", "page": "camera", "figure": "times", "least": 2}
 MOST = {"claim": "exact", "page": "camera", "figure": "error", "most": 0.5}

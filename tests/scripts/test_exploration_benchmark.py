@@ -9,12 +9,12 @@ import pytest
 from pipeline.errors import InputError
 from pipeline.grid_map import Grid
 from sarsim.ground_truth.true_surface import TrueSurface
-from sarsim.scripts.benchmarks import episodes, exploration
-from sarsim.scripts.benchmarks.episodes import GROUPS, Job, run_job
-from sarsim.scripts.benchmarks.exploration_table import RATIO, flat, group_figures, rich_table, sections, seen90_ratio
-from sarsim.scripts.benchmarks.settings import ExplorationSettings
-from sarsim.scripts.benchmarks.top_view import BAND, MOST_PIXELS, SEEN, UNSEEN, WALL, top_view
 from sarsim.settings import EpisodeConfig
+from scripts.benchmarks import episodes, exploration
+from scripts.benchmarks.episodes import GROUPS, Job, run_job
+from scripts.benchmarks.exploration_table import RATIO, flat, group_figures, rich_table, sections, seen90_ratio
+from scripts.benchmarks.settings import ExplorationSettings
+from scripts.benchmarks.top_view import BAND, MOST_PIXELS, SEEN, UNSEEN, WALL, top_view
 
 
 def report(explored=1.0, seen90=None, time=100.0, tipped=0, collisions=0):

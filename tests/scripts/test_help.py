@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from sarsim.scripts.benchmark import SUBJECTS
+from scripts.benchmark import SUBJECTS
 
 ROOT = Path(__file__).parents[2]
 SCRIPTS = ROOT / "scripts"
@@ -17,7 +17,7 @@ SUBCOMMANDS = {"train": ["pointnext", "yolo"], "benchmark": ["", *SUBJECTS]}
 COMMANDS = [
     [path.stem, *sub]
     for path in sorted(SCRIPTS.glob("*.py"))
-    if "def main()" in path.read_text()
+    if "main()" in path.read_text()
     for sub in ([name] for name in SUBCOMMANDS.get(path.stem, [""]))
 ]
 HEAVY = ("cv2", "h5py", "mujoco", "networkx", "numba", "open3d", "rerun", "scipy", "torch")
@@ -72,7 +72,7 @@ def test_all_commands_together_have_no_more_flags_than_agreed() -> None:
 
 
 def test_no_command_imports_what_is_heavy() -> None:
-    names = [f"sarsim.scripts.{name}" for name in sorted({command[0] for command in COMMANDS})]
+    names = [f"scripts.{name}" for name in sorted({command[0] for command in COMMANDS})]
     program = f"import sys, {', '.join(names)}; print(*sys.modules)"
     loaded = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout
     assert not set(HEAVY) & set(loaded.split())

@@ -7,7 +7,7 @@ import torch
 from pipeline.victims.detection.darknet_cfg import DarknetCfg
 from pipeline.victims.detection.inference import to_tensor
 from pipeline.victims.detection.network import DarknetNetwork
-from sarsim.scripts.assets.join_detectors import join
+from scripts.assets.join_detectors import join
 from tests.pipeline.victims.detection.networks import SMALL, random_network
 
 COPY = "[convolutional]\nfilters=3\nsize=1\nactivation=linear\n"

@@ -12,10 +12,10 @@ from pipeline.semantic_map.networks.blocks import CHANNELS, BlockConfig
 from pipeline.semantic_map.networks.classifier import save_classifier
 from pipeline.semantic_map.networks.weights import NETWORKS
 from pipeline.semantic_map.rules import RuleClassifier
-from sarsim.scripts.benchmarks import networks
-from sarsim.scripts.benchmarks.labelled_drives import drive_through
-from sarsim.scripts.benchmarks.semantic_accuracy import KINDS, scores
-from sarsim.scripts.benchmarks.settings import NetworksSettings
+from scripts.benchmarks import networks
+from scripts.benchmarks.labelled_drives import drive_through
+from scripts.benchmarks.semantic_accuracy import KINDS, scores
+from scripts.benchmarks.settings import NetworksSettings
 
 
 def test_the_truth_is_right_and_the_vote_changes_what_is_not() -> None:

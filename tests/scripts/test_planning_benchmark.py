@@ -3,8 +3,8 @@
 import pytest
 
 from pipeline.errors import InputError
-from sarsim.scripts.benchmarks.planning import measure
-from sarsim.scripts.benchmarks.settings import PlanningSettings
+from scripts.benchmarks.planning import measure
+from scripts.benchmarks.settings import PlanningSettings
 
 STAGES = ("traversability", "reachable", "next_view", "topology", "way")
 

@@ -7,8 +7,8 @@ from typing import Any
 import pytest
 
 from pipeline.errors import InputError
-from sarsim.scripts import results
-from sarsim.scripts.results import Results, claim_row, kept, number, readme_row, renew, table_of, text_of
+from scripts import results
+from scripts.results import Results, claim_row, kept, number, readme_row, renew, table_of, text_of
 
 PAGE = {"title": "speed", "command": "benchmark.py camera", "minutes": 2, "about": "How fast.", "tables": []}
 RECORD: dict[str, Any] = {

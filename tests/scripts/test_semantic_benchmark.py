@@ -6,10 +6,10 @@ import pytest
 from pipeline.errors import InputError
 from pipeline.labels import Label
 from pipeline.semantic_map.classifier import TruthClassifier
-from sarsim.scripts.benchmarks import semantic
-from sarsim.scripts.benchmarks.labelled_drives import PosedFrame, drive_through
-from sarsim.scripts.benchmarks.semantic_accuracy import accuracy
-from sarsim.scripts.benchmarks.settings import SemanticSettings
+from scripts.benchmarks import semantic
+from scripts.benchmarks.labelled_drives import PosedFrame, drive_through
+from scripts.benchmarks.semantic_accuracy import accuracy
+from scripts.benchmarks.settings import SemanticSettings
 
 
 @pytest.fixture(scope="module")

@@ -2,10 +2,10 @@ import numpy as np
 import pytest
 
 from pipeline.errors import InputError
-from sarsim.scripts.benchmarks.settings import TasksSettings
-from sarsim.scripts.benchmarks.tasks import SIZES, compare, interval, measure, steps_per_s
 from sarsim.tasks.grid_explorers import EXPLORERS
 from sarsim.tasks.grid_scenes import draw_scene
+from scripts.benchmarks.settings import TasksSettings
+from scripts.benchmarks.tasks import SIZES, compare, interval, measure, steps_per_s
 
 
 def test_every_explorer_is_compared_with_an_interval() -> None:

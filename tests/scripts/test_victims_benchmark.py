@@ -8,11 +8,11 @@ import pytest
 
 from pipeline.errors import InputError
 from pipeline.victims.detection.weights import load_network, write_weights
-from sarsim.scripts.benchmarks import victims
-from sarsim.scripts.benchmarks.settings import VictimsSettings
-from sarsim.scripts.benchmarks.victims import speed, tiny
-from sarsim.scripts.benchmarks.victims_frames import PeopleInFrame, ap50, ap50_by, recipe, scene_frames
 from sarsim.sensors.lighting import Lighting
+from scripts.benchmarks import victims
+from scripts.benchmarks.settings import VictimsSettings
+from scripts.benchmarks.victims import speed, tiny
+from scripts.benchmarks.victims_frames import PeopleInFrame, ap50, ap50_by, recipe, scene_frames
 from tests.pipeline.victims.detection.networks import OWN, random_network
 
 BOXES = np.array([(0, 0, 20, 20), (100, 0, 140, 20), (200, 0, 240, 40)], np.float64)

@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from sarsim.scripts.assets.esogu.parts import Part, moved
+from scripts.assets.esogu.parts import Part, moved
 
 Pair = tuple[float, float]
 

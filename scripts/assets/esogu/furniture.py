@@ -4,7 +4,7 @@ Every piece has its back on the plane x = 0, the middle of its back on the origi
 a frame below the top, so that the free space below them is lower than the robot.
 """
 
-from sarsim.scripts.assets.esogu.parts import Part, moved
+from scripts.assets.esogu.parts import Part, moved
 
 
 def _box(material: str, x: tuple[float, float], y: tuple[float, float], z: tuple[float, float]) -> Part:

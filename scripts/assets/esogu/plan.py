@@ -6,8 +6,8 @@ y = -0.60 to 2.00; rooms south of it are from -7.30 to -0.72, rooms north of it 
 
 from dataclasses import dataclass
 
-from sarsim.scripts.assets.esogu.building import Room
 from sarsim.victims.victims import Placement, Posture
+from scripts.assets.esogu.building import Room
 
 Place = tuple[str, float, float, float]  # Kind, x, y (m) and yaw (deg) of furniture or an element
 

@@ -5,7 +5,7 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import NDArray
 
-from sarsim.scripts.assets.victims.surface import ANKLE, HIP, KNEE, Points, Surface
+from scripts.assets.victims.surface import ANKLE, HIP, KNEE, Points, Surface
 
 SLEEVE, WRIST, COLLAR, WAIST = 0.40, 0.845, 0.515, 0.0
 """m at rest: distance of a short sleeve's end and of the wrist from x = 0, height of the collar and of the waist."""

@@ -9,7 +9,7 @@ from dm_control.locomotion.walkers import cmu_humanoid
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from sarsim.scripts.assets.victims.surface import Primitive
+from scripts.assets.victims.surface import Primitive
 
 # Root's x is the person's left, y up, z forward; the world's z is up and the person faces +x.
 UPRIGHT = Rotation.from_matrix([(0, 0, 1), (1, 0, 0), (0, 1, 0)])

@@ -16,11 +16,11 @@ from sarsim.ground_truth.columns import convex_bodies
 from sarsim.ground_truth.contacts import OBSTACLES
 from sarsim.ground_truth.true_surface import CELL, Survey
 from sarsim.robots.skid_steered import robot_model
-from sarsim.scripts.assets.esogu import building, plan
-from sarsim.scripts.assets.make_esogu import TARGET, VICTIMS, laboratory_floor, people_on_the_floor
 from sarsim.sensors.camera import geom_labels
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 from sarsim.victims.victims import victims_of
+from scripts.assets.esogu import building, plan
+from scripts.assets.make_esogu import TARGET, VICTIMS, laboratory_floor, people_on_the_floor
 
 ROOMS = (*plan.SOUTH_ROOMS, *plan.NORTH_ROOMS)
 WALLS = ("outer", "corridor_south", "corridor_north", "south", "north", "column", "ceiling", "floor")

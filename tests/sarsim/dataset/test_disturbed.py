@@ -14,10 +14,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from sarsim.commands import generate_dataset
+from sarsim.commands.generate_dataset import GenerateDataset
+from sarsim.commands.settings import run_with_settings
 from sarsim.dataset.manifest import sha256_of
-from sarsim.scripts import generate_dataset
-from sarsim.scripts.generate_dataset import GenerateDataset
-from sarsim.scripts.settings import run_with_settings
 from tests.sarsim.dataset.small import InProcess
 
 KILLS = int(os.environ.get("KILLS", "2"))

@@ -13,14 +13,14 @@ from pathlib import Path
 import pytest
 
 from pipeline.errors import InputError
+from sarsim.commands import generate_dataset
+from sarsim.commands.generate_dataset import GenerateDataset
+from sarsim.commands.settings import run_with_settings
 from sarsim.dataset.engine import JobFailed, JobLost, PartDone
 from sarsim.dataset.folder_lock import FolderLock
 from sarsim.dataset.generate import generate
 from sarsim.dataset.local_engine import LocalEngine
 from sarsim.dataset.manifest import Manifest, scene_path
-from sarsim.scripts import generate_dataset
-from sarsim.scripts.generate_dataset import GenerateDataset
-from sarsim.scripts.settings import run_with_settings
 from tests.sarsim.dataset.jobs import hang_at_0, hang_the_first_time
 from tests.sarsim.dataset.small import RECIPE, InProcess, files, toys
 

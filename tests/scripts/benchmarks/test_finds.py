@@ -10,8 +10,8 @@ import pytest
 from pipeline.errors import InputError
 from pipeline.tracks.find import Reading, box_corners
 from pipeline.victims.detection.detection import Detection
-from sarsim.scripts.benchmarks.finds import figures_of
-from sarsim.scripts.benchmarks.finds_photos import PhotoScore, photo_figures
+from scripts.benchmarks.finds import figures_of
+from scripts.benchmarks.finds_photos import PhotoScore, photo_figures
 
 BOX = box_corners((0, 0, 20, 20))
 

@@ -9,9 +9,9 @@ import pytest
 from rich.console import Console
 
 from pipeline.errors import InputError
-from sarsim.scripts.benchmarks import lanes
-from sarsim.scripts.benchmarks.lanes import LaneDrive, LaneRepetitions, LaneTry, figures, lane_from, measure, table
-from sarsim.scripts.benchmarks.settings import LanesSettings
+from scripts.benchmarks import lanes
+from scripts.benchmarks.lanes import LaneDrive, LaneRepetitions, LaneTry, figures, lane_from, measure, table
+from scripts.benchmarks.settings import LanesSettings
 
 REACHED, FALLEN = LaneTry(1, "reached", 30.0, 0), LaneTry(-1, "tipped", None, 2)
 LEFT, LATE = LaneTry(1, "given_up", None, 1), LaneTry(-1, "time", 50.0, 0)

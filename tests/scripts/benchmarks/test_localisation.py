@@ -10,13 +10,13 @@ from pipeline.frame import Frame, Intrinsics
 from pipeline.grid_map import Grid
 from pipeline.transforms import from_rotation, from_yaw, inverse
 from sarsim.ground_truth.true_surface import TrueSurface
-from sarsim.scripts.benchmarks import localisation
-from sarsim.scripts.benchmarks.localisation_drives import DriveJob, DriveWriter, drive_file
-from sarsim.scripts.benchmarks.localisation_methods import METHODS
-from sarsim.scripts.benchmarks.localisation_replay import COLOURS, picture_of, replay_job
-from sarsim.scripts.benchmarks.settings import LocalisationSettings
-from sarsim.scripts.benchmarks.top_view import BAND, MOST_PIXELS, WALL
 from sarsim.settings import EpisodeConfig
+from scripts.benchmarks import localisation
+from scripts.benchmarks.localisation_drives import DriveJob, DriveWriter, drive_file
+from scripts.benchmarks.localisation_methods import METHODS
+from scripts.benchmarks.localisation_replay import COLOURS, picture_of, replay_job
+from scripts.benchmarks.settings import LocalisationSettings
+from scripts.benchmarks.top_view import BAND, MOST_PIXELS, WALL
 
 K = Intrinsics(640, 480, 536, 536, 320, 240)
 T_BASE_CAMERA = from_rotation(np.array([[0, 0, 1], [-1, 0, 0], [0, -1, 0]]), [0, 0, 0.6])

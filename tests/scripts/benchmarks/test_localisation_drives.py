@@ -8,15 +8,8 @@ from pipeline.frame import Frame, Intrinsics
 from pipeline.grid_map import Grid
 from pipeline.transforms import from_yaw, inverse
 from sarsim.ground_truth.true_surface import TrueSurface
-from sarsim.scripts.benchmarks.localisation_drives import (
-    SPACING,
-    TURN,
-    DriveJob,
-    DriveReader,
-    DriveWriter,
-    record_job,
-)
 from sarsim.settings import EpisodeConfig
+from scripts.benchmarks.localisation_drives import SPACING, TURN, DriveJob, DriveReader, DriveWriter, record_job
 
 SURFACE = TrueSurface(
     Grid(np.array([-3, 2]), 0.05, (4, 3)), np.zeros((4, 3)), np.ones((4, 3), bool), np.eye(4, 3) > 0

@@ -2,8 +2,8 @@
 
 from collections import Counter
 
-from sarsim.scripts.benchmarks.localisation_kidnappings import OUTCOMES, kidnap
 from sarsim.settings import EpisodeConfig
+from scripts.benchmarks.localisation_kidnappings import OUTCOMES, kidnap
 from tests.sarsim.rooms import HOUSE
 
 

@@ -8,14 +8,7 @@ from pipeline.localisation.localisation import Loop
 from pipeline.localisation.trajectory import write_tum
 from pipeline.transforms import from_rotation, from_yaw
 from sarsim.scoring.trajectory import is_false
-from sarsim.scripts.benchmarks.localisation_scores import (
-    errors_of,
-    evo_ate,
-    nees,
-    trajectory_scores,
-    way_driven,
-    within,
-)
+from scripts.benchmarks.localisation_scores import errors_of, evo_ate, nees, trajectory_scores, way_driven, within
 
 
 def line(n=31, yaw=0.0, scale=1.0):

@@ -9,7 +9,7 @@ import pytest
 from rich.console import Console
 
 from pipeline.labels import Label
-from sarsim.scripts.benchmarks import semantic_confusion as confusion
+from scripts.benchmarks import semantic_confusion as confusion
 
 SCENE = """<mujoco><size nuser_geom="1"/><worldbody>
 <geom name="floor" type="plane" size="5 5 .1" user="2"/>

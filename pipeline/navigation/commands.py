@@ -1,0 +1,52 @@
+"""What the navigator asks of the robot, and what it is answered."""
+
+from collections.abc import Generator
+from dataclasses import dataclass
+from enum import Enum
+
+from pipeline.arrays import Place
+from pipeline.robot import Velocity
+
+
+class Turn(Velocity):
+    """A command to turn in place; ``v`` only makes up for sliding down a ramp."""
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class Approach(Velocity):
+    """A command to drive straight to a way point.
+
+    Attributes:
+        target: (2,) the way point.
+    """
+
+    target: Place
+
+
+STOP = Velocity()
+
+
+class Verdict(Enum):
+    """Whether the robot may follow a command; it follows only what is fine."""
+
+    FINE = "it moves as the odometry says, and the way is clear"
+    SPINNING = "its wheels turn and it stays"
+    UNSURE = "its pose is in doubt"
+    BLOCKED = "an obstacle stands in the way"
+
+
+class Outcome(Enum):
+    """How a leg ended."""
+
+    REACHED = "reached"
+    STUCK = "stuck"
+    TILTED = "tilted"
+    BLOCKED = "blocked"
+    """An obstacle that the map does not show stands in the way."""
+    MOVED = "carried elsewhere"
+    UNSURE = "pose in doubt, so the robot looks around"
+
+
+Commands = Generator[Velocity, Verdict, Outcome]
+"""Yields commands, each for one control period, and takes a verdict on each. When the verdict is fine, the robot has
+followed the command, and the navigator knows the motion."""

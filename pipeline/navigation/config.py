@@ -1,0 +1,154 @@
+"""The numbers of navigation."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+
+@dataclass(frozen=True)
+class FollowerConfig:
+    """How the robot follows way points.
+
+    Attributes:
+        turn_gain: 1/s, turn rate over heading error: the wider the angle, the faster the turn (thesis 4.5).
+        position_tolerance: m; a way point counts as reached this close to it.
+        heading_tolerance: rad; a heading counts as reached this close to it.
+        lean: rad; a robot that leans more is on a ramp, even if only its first wheels are.
+        ramp_margin: m from where it leaned within which it minds the ramp: on the crest of a ridge it stands level.
+        pivot_level: rad; on level ground smaller deviations of the way from its heading are corrected on the way.
+        pivot_ramp: rad; the same on a ramp, where turns in place slide.
+        widest_return: rad, greatest angle at which it returns to its line.
+        hold_gain: 1/s, speed over the present and expected slide in a turn on a ramp; 0 for wheels that do not slide.
+        carried_way: m; a robot that moves farther than this from one control period to the next, or starts farther
+            from where its plan does, was carried.
+    """
+
+    turn_gain: float = 1.5
+    position_tolerance: float = 0.04
+    heading_tolerance: float = np.deg2rad(2)
+    lean: float = np.deg2rad(6)
+    ramp_margin: float = 0.2
+    pivot_level: float = np.deg2rad(5)
+    pivot_ramp: float = np.deg2rad(35)
+    widest_return: float = 0.5
+    hold_gain: float = 1.0
+    carried_way: float = 0.3
+
+
+@dataclass(frozen=True)
+class RecoveryConfig:
+    """How the robot gets out of a halt.
+
+    Attributes:
+        tilt_lead: s; it backs out if it will lean too far within this time.
+        most_way, least_way: m that it backs out by: as far as it came, within these bounds.
+        most_turn, least_turn: rad that it turns back by: as far as it turned, within these bounds.
+        enough: share of the way back after which it counts as free.
+    """
+
+    tilt_lead: float = 0.1
+    most_way: float = 0.3
+    least_way: float = 0.02
+    most_turn: float = np.deg2rad(15)
+    least_turn: float = np.deg2rad(2)
+    enough: float = 0.5
+
+
+@dataclass(frozen=True)
+class ProgressConfig:
+    """When a robot counts as held or stuck.
+
+    Attributes:
+        averaged: s over which speeds are averaged to notice that something holds the robot.
+        held_share: share of the commanded speed; a slower robot is held, unless it is on a ramp.
+        patience: s without progress after which the robot is stuck.
+        still_way, still_turn: m and rad; a robot that moves less makes no progress.
+        overdue: s that a turn may take, and that a leg may take beyond ``overdue_ramp`` times what it takes at the
+            speed on ramps: a robot that slides back and forth moves, and still makes no progress.
+        overdue_ramp: see ``overdue``.
+        least_v, least_omega: m/s and rad/s; slower commands are not judged.
+        reaction: s in which a robot may still follow its last command: commands cross a network, and both ends are
+            busy. A longer time between two poses is not judged: a real robot had no new command while its software
+            computed.
+    """
+
+    averaged: float = 0.5
+    held_share: float = 0.35
+    patience: float = 4.0
+    still_way: float = 0.02
+    still_turn: float = np.deg2rad(2)
+    overdue: float = 60.0
+    overdue_ramp: float = 4.0
+    least_v: float = 0.04
+    least_omega: float = 0.15
+    reaction: float = 0.3
+
+
+@dataclass(frozen=True)
+class ObstacleCheckConfig:
+    """When an obstacle that the map does not show counts.
+
+    Attributes:
+        every: m of straight driving between two checks.
+        ahead: m from the robot's middle; farther obstacles do not count yet.
+        least_returns: in a cell with an obstacle; noise gives none, the thickest dust at most 17, measured.
+    """
+
+    every: float = 0.4
+    ahead: float = 2.0
+    least_returns: int = 50
+
+
+@dataclass(frozen=True)
+class SpeedLimitConfig:
+    """Where the robot slows down.
+
+    Attributes:
+        beside_people: m from a person within which it drives no faster than ``people_speed``.
+        people_speed: m/s.
+        beside_ramps: m from a ramp within which it drives as on the ramp: its wheels may already be on it.
+    """
+
+    beside_people: float = 1.0
+    people_speed: float = 0.2
+    beside_ramps: float = 0.2
+
+
+@dataclass(frozen=True)
+class AttitudeConfig:
+    """How the robot estimates its tilt.
+
+    Attributes:
+        time_constant: s with which the vertical follows the accelerometer, which bumps and braking disturb.
+        most_disturbance: m/s²; an acceleration that differs more from gravity is ignored.
+        most_change: rad; bumps turn the robot fast, but not farther than this.
+    """
+
+    time_constant: float = 0.5
+    most_disturbance: float = 2.0
+    most_change: float = np.deg2rad(8)
+
+
+@dataclass(frozen=True)
+class FaultConfig:
+    """What the robot reports of its own sensors.
+
+    Attributes:
+        depth_scale: relative error of the floor's depth that is reported: three times the 1 % by which a calibrated
+            camera of this kind errs (Khoshelham & Oude Elberink, 2012).
+    """
+
+    depth_scale: float = 0.03
+
+
+@dataclass(frozen=True)
+class NavigationConfig:
+    """Everything that one may change about navigation."""
+
+    follower: FollowerConfig = FollowerConfig()
+    recovery: RecoveryConfig = RecoveryConfig()
+    progress: ProgressConfig = ProgressConfig()
+    obstacle_check: ObstacleCheckConfig = ObstacleCheckConfig()
+    speed_limit: SpeedLimitConfig = SpeedLimitConfig()
+    attitude: AttitudeConfig = AttitudeConfig()
+    faults: FaultConfig = FaultConfig()

@@ -1,0 +1,168 @@
+"""The pilot: gives commands to the robot, senses, and takes keyframes on the way.
+
+It decides nothing: the navigator says what to command, the pose check which views it needs, the mapper what is new.
+"""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from pipeline.arrays import Points, Pose
+from pipeline.errors import InputError
+from pipeline.frame import Frame
+from pipeline.localisation.belief import MotionState
+from pipeline.localisation.localisation import Localised, LostError
+from pipeline.localisation.pose_check import Confirmed, PoseCheck, PoseCheckConfig
+from pipeline.mapper import Keyframe, Mapper
+from pipeline.navigation.commands import STOP, Approach, Commands, Outcome, Verdict
+from pipeline.navigation.config import NavigationConfig
+from pipeline.navigation.faults import Faults
+from pipeline.navigation.navigator import Navigator
+from pipeline.navigation.obstacle_check import ObstacleCheck
+from pipeline.robot import Robot, Velocity
+from pipeline.sink import Sink
+
+
+class Pilot:
+    """Moves a robot as a navigator and a pose check ask.
+
+    Attributes:
+        robot: the body.
+        navigator: leads along way points.
+        pose_check: whether the robot is where it thinks.
+        faults: of the robot's sensors and wheels.
+    """
+
+    def __init__(
+        self,
+        robot: Robot,
+        mapper: Mapper,
+        sinks: Sequence[Sink],
+        navigation: NavigationConfig,
+        pose_check: PoseCheckConfig,
+    ):
+        """``sinks``: notified of each motion; the list may grow."""
+        self.robot, self.faults = robot, Faults(navigation.faults)
+        self.navigator = Navigator(robot.model, robot.control_period, navigation)
+        maps = mapper.localisation, mapper.metric_map, mapper.elevation_map, mapper.keyframes
+        self.pose_check = PoseCheck(*maps, robot.model, pose_check)
+        self._mapper, self._sinks, self._carried_way = mapper, sinks, pose_check.carried_way
+        self._last: Frame | None = None
+        self._T_odom_left: Pose | None = None  # where the last drive ended; None if the robot was carried
+
+    def look_around(self) -> Confirmed:
+        """The newest frame, once the robot has seen as much as it needs to know its pose, and whether it was carried.
+
+        Raises:
+            LostError: the pose remains in doubt, or the camera shows nothing any more.
+        """
+        last = self._last
+        with self._mapper.stopwatch("sense"):
+            localised = self._sense()
+        if last is None:
+            self.faults.check_depth_scale(localised.frame)
+        views = self.pose_check.confirm(localised, last)
+        try:
+            angle = next(views)
+            while True:
+                can_turn = self._run(self.navigator.turn(angle)) is Outcome.REACHED
+                angle = views.send(self._sense() if can_turn else None)
+        except StopIteration as end:
+            localised, was_carried = end.value
+        left, self._T_odom_left = self._T_odom_left, localised.frame.T_odom_base
+        if was_carried is None:
+            moved = np.inf if left is None else np.linalg.norm((self._T_odom_left - left)[:3, 3])
+            was_carried = bool(moved > self._carried_way)
+        return Confirmed(localised, was_carried)
+
+    def add(self, confirmed: Confirmed) -> Keyframe:
+        """Make a labelled keyframe of a frame that was taken where the robot stands, and go on by its pose."""
+        keyframe = self._mapper.add(confirmed.localised, labelled=True, set_down=bool(confirmed.was_carried))
+        self._go_on()
+        return keyframe
+
+    def follow(self, commands: Commands, check: ObstacleCheck) -> Outcome:
+        """Follow commands along a way, on which keyframes are taken and obstacles looked for."""
+        outcome = self._run(commands, check)
+        motion = self.navigator.motion
+        self._T_odom_left = None if outcome is Outcome.MOVED or motion is None else motion.T_odom_base
+        return outcome
+
+    def _run(self, commands: Commands, check: ObstacleCheck | None = None) -> Outcome:
+        """Give one command after the other to the robot, as long as it may follow them; unchecked without a check."""
+        try:
+            command = next(commands)
+            while True:
+                verdict = Verdict.FINE if check is None else self._watch(command, check)
+                if verdict is Verdict.FINE:
+                    self._move(command)
+                command = commands.send(verdict)
+        except StopIteration as end:
+            return end.value
+
+    def _move(self, command: Velocity) -> None:
+        """Let the robot follow a command for a control period; LostError, at a standstill, without odometry."""
+        motion = self.robot.drive(command)
+        try:
+            self.navigator.moved(motion)
+        except LostError:
+            self.robot.drive(STOP)  # stand, before anything else
+            raise
+        for sink in self._sinks:
+            sink.on_motion(motion)
+
+    def _watch(self, command: Velocity, check: ObstacleCheck) -> Verdict:
+        """Whether the robot may follow a command."""
+        if command == STOP:
+            return Verdict.FINE
+        verdict = self._look()
+        if verdict is Verdict.FINE and isinstance(command, Approach) and command.v > 0:
+            here, target = self.navigator.T_map_base[:2, 3], command.target
+            if check.is_due(here, target):
+                check.look(here, target, self._returns())
+            return Verdict.FINE if check.is_clear(here, target) else Verdict.BLOCKED
+        return verdict
+
+    def _look(self) -> Verdict:
+        """Localise anew if a keyframe is due; the frame becomes a keyframe unless it repeats one."""
+        assert self.navigator.motion is not None
+        if not self._mapper.is_due(self.navigator.motion.T_odom_base):
+            return Verdict.FINE
+        localised, belief = self._sense(), self._mapper.belief
+        self.pose_check.compare(localised, is_driving=True)
+        self.faults.check_motion(belief, localised.frame.time)
+        if not belief.knows_place:
+            return Verdict.UNSURE
+        self._mapper.offer(localised)
+        self._go_on()
+        return Verdict.SPINNING if belief.is_sure_of(MotionState.HELD) else Verdict.FINE
+
+    def _returns(self) -> Points:
+        """The camera's present returns; their frame becomes a keyframe."""
+        keyframe = self._mapper.add(self._sense(), labelled=False)
+        self._go_on()
+        return keyframe.frame.points(keyframe.T_map_base @ keyframe.frame.T_base_camera)
+
+    def _go_on(self) -> None:
+        """Drive on by the pose of the newest keyframe."""
+        self.navigator.correct(self._mapper.T_map_odom)
+
+    def _sense(self) -> Localised:
+        localised = self._mapper.localise(self._frame())
+        self._last = localised.frame
+        self.pose_check.check_depth(localised)
+        return localised
+
+    def _frame(self) -> Frame:
+        """The camera's newest frame; LostError if it fails twice in a row."""
+        try:
+            return self.robot.sense()
+        except InputError:
+            raise
+        except Exception as error:  # of whatever driver
+            time = self.navigator.motion.time if self.navigator.motion else 0.0
+            self.faults.note("camera", time, f"the camera gave no frame: {error or type(error).__name__}")
+        try:
+            return self.robot.sense()
+        except Exception as error:
+            raise LostError(f"the camera gives no frame: {error or type(error).__name__}") from error

@@ -1,0 +1,109 @@
+"""Write the map of an episode for other programs: ``export_map.py EPISODE --out FILE.bt|.ot|.ply|.pgm|.tif|…``."""
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+
+from pipeline.errors import InputError
+from sarsim.commands.cli import run
+from sarsim.settings import Robot
+
+PLAN_ENDINGS = (".pgm", ".tif", ".png", ".svg", ".dxf")  # Endings of 2D maps
+
+if TYPE_CHECKING:
+    import numpy as np
+    from numpy.typing import NDArray
+
+    from pipeline.metric_map.metric_map import MetricMap
+
+
+def export_map(
+    path: Annotated[Path, tyro.conf.Positional],
+    out: Path,
+    heights: tuple[float, float] | None = None,
+    robot: Robot = "pioneer3at",
+) -> None:
+    """Write the map of an episode as OctoMap, as a point cloud, or as a 2D map for ROS, GIS or drawing programs.
+
+    Args:
+        path: folder of the episode, or its metric_map.npz; semantic_map.ply in the same folder gives the classes, and
+            keyframes.npz the ground.
+        out: file to write. By its ending: .bt OctoMap with free and occupied space; .ot OctoMap with log-odds,
+            coloured by class; .ply centres of the occupied voxels, coloured by class; .pgm the ground as free, lethal
+            or unknown to the robot, with a .yaml beside it and slopes as costs in ..._cost.png; .tif, .png, .svg and
+            .dxf the same ground as GeoTIFF, as PNG with a world file, and as outlines.
+        heights: lowest and highest height, m, of a slice of the occupancy grid that the .pgm shows instead; a slice
+            does not recognise ramps: 0.25 0.65 shows what stands in the robot's way on level ground.
+        robot: robot that ground must suit: pioneer3at, jackal, or the path of an MJCF file structured like theirs.
+    """
+    if out.suffix not in (".bt", ".ot", ".ply", *PLAN_ENDINGS):
+        raise InputError(f"--out {out}: the ending must be .bt, .ot, .ply, {', '.join(PLAN_ENDINGS)}")
+    if heights is not None and not (out.suffix == ".pgm" and heights[0] < heights[1]):
+        raise InputError(f"--heights {heights[0]:g} {heights[1]:g}: of a .pgm, the lower one first")
+    path = path / "metric_map.npz" if path.is_dir() else path
+    is_of_ground = out.suffix in PLAN_ENDINGS and heights is None
+    files = _export_ground(path, out, robot) if is_of_ground else _export_voxels(path, out, heights)
+    print(f"Wrote {', '.join(map(str, files))}")
+
+
+def _export_voxels(path: Path, out: Path, heights: tuple[float, float] | None) -> list[Path]:
+    """Write the occupancy grid or a slice of it; returns the files."""
+    from pipeline.metric_map.io.exports import save_map_server, save_ply
+    from pipeline.metric_map.io.npz import load_metric_map
+    from pipeline.metric_map.io.octomap import write_bt, write_ot
+
+    metric_map = load_metric_map(path)
+    if heights is not None:
+        return save_map_server(out, metric_map, *heights)
+    semantic_map = path.with_name("semantic_map.ply")
+    match out.suffix:
+        case ".bt":
+            write_bt(out, metric_map)
+        case ".ot":
+            write_ot(out, metric_map, _labels(metric_map, semantic_map))
+        case ".ply":
+            save_ply(out, metric_map, _labels(metric_map, semantic_map))
+    return [out]
+
+
+def _export_ground(path: Path, out: Path, robot: Robot) -> list[Path]:
+    """Write a 2D map of the ground by its traversability for the robot; returns the files."""
+    from pipeline.elevation_map.traversability import assess_map
+    from pipeline.map_file import load_elevation_map
+    from pipeline.metric_map.io.plans import SAVED
+    from pipeline.ros.ros_map import known_costs, save_ros_map, trinary
+    from sarsim.robots.model import robot_model
+
+    keyframes = path.with_name("keyframes.npz")
+    if not keyframes.exists():
+        instead = "; --heights 0.25 0.65 makes a map of the occupancy grid instead" if out.suffix == ".pgm" else ""
+        raise InputError(f"{keyframes}: no such file{instead}")
+    elevation_map, poses = load_elevation_map(keyframes, robot_model(robot))
+    ground, places = assess_map(elevation_map), poses[:, :2, 3]
+    if out.suffix == ".pgm":
+        return save_ros_map(out, ground, places)
+    cost, origin = known_costs(ground, places)
+    return SAVED[out.suffix](out, trinary(cost), ground.grid.cell, origin)
+
+
+def _labels(metric_map: "MetricMap", path: Path) -> "NDArray[np.uint8] | None":
+    """Classes of the occupied voxels, from a semantic map if there is one."""
+    if not path.exists():
+        return None
+    import numpy as np
+
+    from pipeline.labels import Label
+    from pipeline.metric_map.io.octomap import voxel_labels
+    from pipeline.semantic_map.ply import read_ply
+
+    vertices = read_ply(path)
+    points, labels = np.stack([vertices[axis] for axis in "xyz"], axis=1), vertices["label"]
+    if not np.isfinite(points).all() or labels.max(initial=0) >= len(Label):
+        raise InputError(f"{path}: not a semantic map: places are finite, and labels are 0 to {len(Label) - 1}")
+    return voxel_labels(metric_map, points, labels)
+
+
+def main() -> None:
+    """Entry point."""
+    run(export_map)

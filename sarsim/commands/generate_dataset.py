@@ -1,0 +1,80 @@
+"""Generate a labelled RGB-D dataset in random rescue arenas."""
+
+import os
+from dataclasses import dataclass, fields
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from rich.console import Console
+
+from pipeline.errors import InputError
+from pipeline.files import check_folder
+from sarsim.commands.cli import progress
+from sarsim.commands.settings import run_with_settings, save_settings
+from sarsim.dataset.settings import DatasetConfig
+
+if TYPE_CHECKING:
+    from sarsim.dataset.engine import Engine
+
+
+@dataclass(frozen=True, kw_only=True)
+class GenerateDataset(DatasetConfig):
+    """What is generated, and how.
+
+    Attributes:
+        out: folder for the dataset; an incomplete dataset in it is completed.
+        scenes: number of scenes; more make a network better in arenas that it has not seen.
+        workers: number of processes, by default one per core; the dataset does not depend on it.
+        engine: processes on this machine (local), or tasks on the Ray cluster that RAY_ADDRESS names (ray; without
+            RAY_ADDRESS on this machine).
+    """
+
+    out: Path
+    scenes: int = 10
+    workers: int | None = None
+    engine: Literal["local", "ray"] = "local"
+
+
+def generate_dataset(settings: GenerateDataset) -> None:
+    """Generate a dataset, or the missing part of one, and print its folder."""
+    if settings.scenes < 1 or (settings.workers is not None and settings.workers < 1):
+        raise InputError("--scenes, --workers: at least 1")
+    from sarsim.arenas.load import load_arena
+    from sarsim.dataset.generate import generate
+    from sarsim.dataset.manifest import FILE
+    from sarsim.dataset.recipe import RANDOM, Recipe
+
+    check_folder(settings.out, [FILE])
+    for arena in {*settings.arenas} - {RANDOM}:
+        load_arena(arena)
+    recipe = Recipe(**{f.name: getattr(settings, f.name) for f in fields(DatasetConfig)})
+    with progress() as bars:
+        bar = bars.add_task("frames", total=settings.scenes * settings.frames)
+        engine = make_engine(settings.engine, settings.workers)
+        manifest = generate(
+            recipe, settings.scenes, settings.out, engine, lambda made: bars.update(bar, completed=made)
+        )
+    save_settings(settings, settings.out / "config.yaml")
+    told = f"{len(manifest.scenes)} scenes in {settings.out}; look at them in {settings.out / 'index.html'}"
+    Console().print(told, soft_wrap=True)
+
+
+def make_engine(name: str, workers: int | None) -> "Engine":
+    """The engine that ``--engine`` names, with one worker per core if their number is not given.
+
+    Raises:
+        InputError: it is not installed.
+    """
+    workers = workers or len(os.sched_getaffinity(0))
+    if name == "ray":
+        from sarsim.dataset.ray_engine import RayEngine
+
+        return RayEngine(workers, os.environ.get("RAY_ADDRESS"))
+    from sarsim.dataset.local_engine import LocalEngine
+
+    return LocalEngine(workers)
+
+
+def main() -> None:
+    """Entry point."""
+    run_with_settings(generate_dataset, GenerateDataset)

@@ -1,0 +1,67 @@
+"""Map a recording (a TUM RGB-D folder, a ROS bag or a scene): ``map_recording.py PATH --out DIR``."""
+
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+
+from pipeline.errors import InputError
+from sarsim.commands.cli import end_by, run_watched
+from sarsim.commands.settings import run_with_settings, save_settings, wanted_mission
+from sarsim.commands.tables import report_table
+from sarsim.settings import MapRecording
+
+if TYPE_CHECKING:
+    from pipeline.datasets.recording import Recording
+
+BAGS = (".mcap", ".db3", ".yaml", ".bag")  # Endings of a bag's files
+
+
+def map_recording(config: MapRecording) -> None:
+    """Build all maps, a Rerun recording and a report from the recorded frames of a camera.
+
+    If the recording is broken, or a frame cannot be localised, the maps of the frames before it are kept.
+    """
+    from sarsim.commands.recorded_drive import RecordedDrive
+
+    brief = wanted_mission(config.mission)
+    drive = RecordedDrive(open_recording(config), config, brief)
+    ended_by = run_watched(
+        lambda interrupted, on_frame: drive.run(interrupted, lambda line: on_frame(drive.frames, line)),
+        config.path.name,
+        "frames",
+    )
+    if drive.report:
+        save_settings(config, config.out / "config.yaml")
+        Console().print(report_table(drive.report))
+        told = f"Results in {config.out}; the page for rescuers: {config.out / 'report.html'}"
+        Console().print(told, soft_wrap=True)
+    if drive.error:
+        raise InputError(drive.error)
+    end_by(ended_by)
+
+
+def open_recording(config: MapRecording) -> "Recording":
+    """The recording that ``config.path`` names; InputError if there is none, or it is broken."""
+    from pipeline.datasets.ros_bag import read_ros_bag
+    from pipeline.datasets.tum_folder import read_tum_folder
+    from pipeline.frame import Calibration
+    from sarsim.dataset.scene_file import read_scene
+
+    path, calibration = config.path, config.intrinsics and Calibration(*config.intrinsics)
+    if not path.exists():
+        raise InputError(f"{path}: no such file or folder")
+    if calibration and min(calibration) <= 0:
+        raise InputError(f"--intrinsics {' '.join(map(str, calibration))}: must be positive")
+    if path.suffix == ".h5":
+        return read_scene(path)
+    if not path.is_dir() or any(file.suffix in BAGS for file in path.iterdir()):
+        return read_ros_bag(path, config.topics, calibration)
+    for flag, value in (("depth-scale", config.depth_scale), ("fps", config.fps)):
+        if value is not None and not 0 < value < 1e6:
+            raise InputError(f"--{flag} {value}: must be positive")
+    return read_tum_folder(path, calibration, config.depth_scale, config.fps)
+
+
+def main() -> None:
+    """Entry point."""
+    run_with_settings(map_recording, MapRecording)

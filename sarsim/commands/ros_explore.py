@@ -1,0 +1,40 @@
+"""Explore with a ROS 2 robot: ``ros_explore.py --out DIR``."""
+
+from contextlib import closing
+
+from rich.console import Console
+
+from sarsim.commands.cli import end_by, run_watched
+from sarsim.commands.settings import run_with_settings, save_settings, wanted_mission
+from sarsim.commands.tables import report_table
+from sarsim.settings import RosExploration
+
+
+def ros_explore(config: RosExploration) -> None:
+    """Explore with a robot on a ROS 2 network, and write the files of an episode.
+
+    Ctrl-C stops the robot. If the robot falls silent or ignores commands, the maps so far are kept.
+    """
+    from pipeline.ros.live.node import RosNode
+    from sarsim.commands.ros_drive import RosDrive
+
+    brief = wanted_mission(config.mission, config.minutes, config.home)
+    with closing(RosNode(config.name, config.network)) as node:
+        drive = RosDrive(config, node, brief)
+        save_settings(config, config.out / "config.yaml")
+        ended_by = run_watched(
+            lambda interrupted, on_step: drive.run(interrupted, lambda line: on_step(drive.explorer.steps, line)),
+            config.out.name,
+            "steps",
+            None if brief else config.steps,
+        )
+    console = Console()
+    if drive.explorer.steps or drive.lost:
+        console.print(report_table(drive.report))
+    console.print(f"Results in {config.out}", soft_wrap=True)
+    end_by(ended_by)
+
+
+def main() -> None:
+    """Entry point."""
+    run_with_settings(ros_explore, RosExploration)

@@ -1,0 +1,84 @@
+"""Run an episode: the robot explores an arena, builds its maps and writes a recording and a report."""
+
+import os
+import shutil
+import sys
+from dataclasses import replace
+from itertools import count
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from rich.console import Console
+
+from pipeline.errors import InputError
+from sarsim.assets import asset
+from sarsim.commands.cli import announce_compilation, end_by, run_watched
+from sarsim.commands.settings import run_with_settings, save_settings, wanted_mission
+from sarsim.commands.tables import report_table
+from sarsim.settings import POINT_NETWORKS, EpisodeConfig
+
+if TYPE_CHECKING:
+    from sarsim.commands.network_cache import OutputCache
+    from sarsim.episode import Episode
+
+
+def run_episode(config: EpisodeConfig) -> None:
+    """Explore an arena, and write a recording, a report, the maps and config.yaml, with which --config repeats it."""
+    from sarsim.episode import Episode
+
+    if config.resume and (config.out or (config.map and config.map.resolve() == config.resume.resolve())):
+        raise InputError(f"--resume {config.resume}: neither into another folder (--out) nor on its own map (--map)")
+    brief = wanted_mission(config.mission, config.minutes, config.home)
+    announce_compilation()
+    episode = Episode(config, brief)
+    save_settings(config, config.folder / "config.yaml")
+    cache = cache_outputs(episode)
+    ended_by = run_watched(
+        lambda interrupted, on_step: episode.run(interrupted, lambda line: on_step(episode.explorer.steps, line)),
+        config.arena,
+        "steps",
+        None if brief else config.steps,
+    )
+    if not ended_by:
+        shutil.rmtree(cache.folder)
+    console = Console()
+    if config.resume:
+        console.print(f"Driven again from its start, with {cache.hits} cached outputs of its networks")
+    if episode.explorer.steps or episode.lost:
+        console.print(report_table(episode.report))
+    viewer = os.path.relpath(Path(sys.executable).with_name("sarsim-view"))
+    console.print(f"Results in {config.folder}; to look at the recording: {viewer} {config.folder}", soft_wrap=True)
+    if episode.explorer.steps:
+        console.print(f"The page for rescuers: {config.folder / 'report.html'}", soft_wrap=True)
+    end_by(ended_by)
+    if episode.recorder.viewer and episode.recorder.viewer.page:
+        console.print("Ctrl-C ends the page")
+        episode.recorder.viewer.wait()
+
+
+def cache_outputs(episode: "Episode") -> "OutputCache":
+    """Cache the outputs of an episode's networks in its folder, so that a resumed episode need not run them again."""
+    from pipeline.victims.detection.weights import network_files
+    from sarsim.commands.network_cache import CachedClassifier, CachedDetector, OutputCache
+
+    config, mapper = episode.config, episode.explorer.mapper
+    cache = OutputCache(config.folder / "network_outputs")
+    if config.labels in POINT_NETWORKS:
+        weights = config.weights or asset("weights", f"{config.labels}.safetensors")
+        mapper.classifier = CachedClassifier(mapper.classifier, cache, weights)
+    if mapper.detector and config.detector and not config.detector_class:
+        mapper.detector = CachedDetector(mapper.detector, cache, *network_files(*config.detector))
+    return cache
+
+
+def elsewhere(config: EpisodeConfig) -> EpisodeConfig:
+    """The settings with a new output folder, unless --out or --resume names one: a repetition overwrites nothing."""
+    if config.out or config.resume:
+        return config
+    folders = (Path(f"{config.folder}-{number}") for number in count(2))
+    return replace(config, out=next(path for path in folders if not path.exists()))
+
+
+def main() -> None:
+    """Entry point."""
+    run_with_settings(run_episode, EpisodeConfig, repeated=elsewhere)

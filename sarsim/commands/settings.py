@@ -1,0 +1,233 @@
+"""Settings as dataclasses: a field is a flag, and a key of the YAML that ``--config`` reads and every run writes."""
+
+import argparse
+import sys
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import MISSING, field, fields, is_dataclass, make_dataclass, replace
+from difflib import get_close_matches
+from inspect import getdoc
+from pathlib import Path
+from typing import Annotated, Any, TypeVar, get_type_hints
+
+import tyro
+import yaml
+
+from pipeline.errors import InputError
+from pipeline.files import read_text, whole_file
+from pipeline.league.brief import MissionBrief, Task
+from sarsim.assets import asset
+from sarsim.commands.cli import COMMON, common, guarded, parse
+from sarsim.settings import EXPLORE, METHODS
+
+CONFIG_HELP = "YAML file of settings, such as the one that every run writes; flags override its values."
+RESULTS = ("out", "resume", "bag", "tum", "json")
+"""Where results go: only flags may set these, because a file of settings may come from a stranger."""
+OUTPUTS = (*RESULTS, "workers")
+"""Settings left out of a run's own file, so that repeating a run overwrites no results, and may use other workers."""
+
+MISSIONS = ("league", "virtual")
+"""Names of the missions that sarsim ships."""
+MOST_SETTINGS, DEEPEST = 100_000, 8
+"""Size and levels of a file of settings; one that a run writes has 1,500 bytes and 3 levels."""
+Settings = TypeVar("Settings")
+
+
+def run_with_settings(
+    command: Callable[[Settings], object],
+    kind: type[Settings],
+    args: Sequence[str] | None = None,
+    prog: str | None = None,
+    repeated: Callable[[Settings], Settings] = lambda settings: settings,
+) -> None:
+    """Like :func:`sarsim.commands.cli.run`, for one dataclass, whose fields and ``--config`` are flags.
+
+    ``repeated`` may change settings that come from such a file before the command gets them.
+    """
+
+    def run() -> None:
+        words = common(args)
+        about = getdoc(getattr(command, "func", command))
+        settings = settings_from(kind, words, f"{about}\n\n{COMMON}", prog)
+        command(repeated(settings) if config_file(words) else settings)
+
+    guarded(run)
+
+
+def run_one_of(commands: Mapping[str, tuple[Callable[[Any], object], type]], description: str) -> None:
+    """Like :func:`run_with_settings`, for the command and settings that the command line's first word names."""
+    name, *words = sys.argv[1:] or [""]
+    if name in commands:
+        run_with_settings(*commands[name], words, f"{Path(sys.argv[0]).name} {name}")
+        return
+    kinds: dict[str, Callable[..., Any]] = {name: kind for name, (_, kind) in commands.items()}
+    about = f"{description}\n\n{COMMON}"
+
+    def run() -> None:
+        if name and not name.startswith("-"):
+            meant = "".join(f"; perhaps you meant {near}" for near in get_close_matches(name, commands, n=1))
+            raise InputError(f"{name}: none of {', '.join(commands)}{meant}")
+        words = common()
+        parse(lambda: tyro.extras.subcommand_cli_from_dict(kinds, args=words, description=about))
+
+    guarded(run)
+
+
+def settings_from(
+    kind: type[Settings], args: Sequence[str], description: str | None = None, prog: str | None = None
+) -> Settings:
+    """The settings that ``args`` give; their defaults are the values in the file that ``--config`` names.
+
+    Raises:
+        InputError: a flag or the file is wrong.
+    """
+    file = config_file(args)
+    default: dict[str, Any] = {"default": load_settings(kind, file, args)} if file else {}
+    flags = make_dataclass(
+        "Flags",
+        [
+            ("settings", Annotated[kind, tyro.conf.arg(name="")], field(**default)),
+            ("config", Annotated[Path | None, tyro.conf.arg(help=CONFIG_HELP)], field(default=None)),
+        ],
+    )
+    return parse(
+        lambda: tyro.cli(flags, prog=prog, description=description, args=args, config=(tyro.conf.SuppressFixed,))
+    ).settings
+
+
+def config_file(args: Sequence[str]) -> Path | None:
+    """The file that ``--config`` names among the words of a command line, or the one in ``--resume``'s folder.
+
+    Raises:
+        InputError: there are both.
+    """
+    finder = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
+    for flag in ("--config", "--resume"):
+        finder.add_argument(flag, nargs="?", type=Path)
+    found = finder.parse_known_args(args)[0]
+    if found.config and found.resume:
+        raise InputError(f"--config {found.config}: --resume brings the settings of its folder")
+    return found.config or (found.resume and found.resume / "config.yaml")
+
+
+def load_mission(name: str) -> MissionBrief:
+    """The mission that ``--mission`` names: league, virtual, or a YAML file.
+
+    Raises:
+        InputError: the file cannot be read, or holds an unknown key or a value that cannot be.
+    """
+    is_own = name in MISSIONS
+    return load_settings(MissionBrief, asset("missions", f"{name}.yaml") if is_own else Path(name), flag="mission")
+
+
+def wanted_mission(mission: str, minutes: float | None = None, home: bool = False) -> MissionBrief | None:
+    """The mission that ``--mission``, ``--minutes`` and ``--home`` describe; None to explore without a clock.
+
+    Raises:
+        InputError: as :func:`load_mission` does.
+    """
+    if mission == EXPLORE:
+        return None
+    brief = load_mission(mission)
+    tasks: tuple[Task, ...] = (*brief.tasks, "home") if home and "home" not in brief.tasks else brief.tasks
+    return replace(brief, minutes=brief.minutes if minutes is None else minutes, tasks=tasks)
+
+
+def load_settings(kind: type[Settings], path: Path, args: Sequence[str] = (), flag: str = "config") -> Settings:
+    """Settings from a YAML file; ``tyro.MISSING`` for fields without a value in the file and in ``kind``.
+
+    A class for one of ``METHODS`` is accepted only if ``args`` name it: a file must not choose code to run.
+
+    Raises:
+        InputError: the file cannot be read, or holds an unknown key or a value of a wrong type.
+    """
+    where = f"--{flag} {path}"
+    content = _yaml(path, where)
+    if isinstance(content, dict) and (places := sorted(content.keys() & set(RESULTS))):
+        raise InputError(f"{where}: no file says where results go: give --{places[0]} as a flag")
+    for key in list(content) if isinstance(content, dict) else []:
+        name = str(key).replace("_", "-")
+        if name in METHODS and ":" in str(content[key]):
+            if not any(word.split("=")[0].replace("_", "-") == f"--{name}" for word in args):
+                raise InputError(f"{where}: no file says what code runs: give --{name} as a flag")
+            del content[key]
+    return _settings(kind, content, where)
+
+
+def _yaml(path: Path, where: str) -> Any:
+    """The content of a YAML file; InputError, which begins with ``where``, if it is none."""
+    try:
+        text, depth = read_text(path, MOST_SETTINGS), 0
+        for event in yaml.parse(text):
+            depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
+            if isinstance(event, yaml.AliasEvent) or depth > DEEPEST:
+                raise InputError(
+                    f"{path}: refused, it has aliases (*name), which may expand endlessly, or is too deep"
+                )
+        return yaml.safe_load(text)
+    except InputError as error:
+        raise InputError(f"{where.partition(' ')[0]} {error}") from error
+    except (yaml.YAMLError, ValueError, RecursionError) as error:
+        raise InputError(f"{where}: not readable YAML: {' '.join(str(error).split())}") from error
+
+
+def save_settings(settings: Any, path: Path) -> None:
+    """Write settings as YAML for ``--config``, without :data:`OUTPUTS` and paths that were left at their default.
+
+    Raises:
+        InputError: the file cannot be written.
+    """
+    with whole_file(path) as file:
+        file.write_text(yaml.safe_dump(_plain(settings), sort_keys=False, default_flow_style=False))
+
+
+def _settings(kind: Any, content: Any, where: str) -> Any:
+    """An instance of a dataclass from a mapping; ``where`` begins the error messages."""
+    if not isinstance(content, dict):
+        raise InputError(f"{where}: must hold names of settings with their values, as in 'steps: 20'")
+    given = {str(key).replace("-", "_"): value for key, value in content.items()}
+    hints = get_type_hints(kind)
+    if unknown := [key for key in given if key not in hints]:
+        raise InputError(f"{where}: unknown setting {', '.join(unknown)}")
+    values = {name: _value(hints[name], value, f"{where}: {name.replace('_', '-')}") for name, value in given.items()}
+    required = [f.name for f in fields(kind) if f.default is MISSING and f.default_factory is MISSING]
+    return kind(**dict.fromkeys(required, tyro.MISSING) | values)
+
+
+def _value(hint: Any, value: Any, where: str) -> Any:
+    """A value of a YAML file, converted to the type of its setting."""
+    if is_dataclass(hint):
+        return _settings(hint, value, where)
+    if isinstance(value, dict):
+        raise InputError(f"{where}: has no settings of its own")
+    one = make_dataclass("One", [("value", hint)])
+    try:
+        return parse(lambda: tyro.cli(one, args=["--value", *_words(value)])).value
+    except InputError:
+        raise InputError(f"{where}: {value!r} does not fit; --help says what does") from None
+
+
+def _words(value: Any) -> Iterator[str]:
+    """A YAML value as the words of a command line."""
+    if isinstance(value, list):
+        for item in value:
+            yield from _words(item)
+    else:
+        yield str(value)
+
+
+def _plain(settings: Any) -> dict[str, Any]:
+    """A dataclass as values that YAML can hold."""
+    told = {}
+    for f in fields(settings):
+        value = getattr(settings, f.name)
+        if is_dataclass(value):
+            told[f.name] = _plain(value)
+        elif f.name not in OUTPUTS and not ("Path" in str(f.type) and value == f.default):
+            told[f.name] = _plain_value(value)
+    return told
+
+
+def _plain_value(value: Any) -> Any:
+    if isinstance(value, tuple):
+        return [_plain_value(item) for item in value]
+    return str(value) if isinstance(value, Path) else value

@@ -1,0 +1,191 @@
+"""Run methods of exploration on the same arenas with the same seeds, and compare them."""
+
+import importlib.metadata
+import json
+import sys
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Literal
+
+from rich.console import Console
+from rich.table import Column, Table
+from tyro.conf import Fixed
+
+from pipeline.errors import InputError
+from pipeline.files import make_folder, read_text, whole_file
+from sarsim.commands.cli import progress
+from sarsim.commands.generate_dataset import make_engine
+from sarsim.commands.provenance import processor, state_of_code
+from sarsim.commands.settings import run_with_settings, save_settings
+from sarsim.settings import METHODS
+
+if TYPE_CHECKING:
+    from sarsim.commands.sweeps.episodes import EpisodeResult, Sweep, SweepJob
+    from sarsim.commands.sweeps.leaderboard import Entry
+    from sarsim.dataset.engine import Engine
+    from sarsim.dataset.folder_lock import FolderLock
+
+MANIFEST = "sweep.json"
+"""Says what the episodes in a folder were run with."""
+ENTRIES, PAGE = "entries", "sweep.html"
+
+
+@dataclass(frozen=True, kw_only=True)
+class SweepSettings:
+    """Which episodes are run, and how.
+
+    Attributes:
+        methods: names as --exploration has, or of explorers of 2D maps; or MODULE:CLASS. By default all shipped ones.
+        arenas: arenas as --arena has; train, val or test, 12 frozen ones; grid:train, grid:val or grid:test, 100
+            frozen 2D maps; or grid:FOLDER of dungeon maps.
+        seeds: of the episodes in each arena.
+        engine: processes on this machine (local), or tasks on the Ray cluster that RAY_ADDRESS names (ray).
+        workers: number of episodes at a time; by default one per core.
+        out: folder for the episodes, which are not run again, a table of them (Parquet), the entries, and a page.
+        steps: most steps of an episode in an arena of MuJoCo.
+        limit: s by the clock after which an episode is given up.
+    """
+
+    methods: tuple[str, ...] = ()
+    arenas: tuple[str, ...] = ("grid:test",)
+    seeds: tuple[int, ...] = (0,)
+    engine: Literal["local", "ray"] = "local"
+    workers: int | None = None
+    out: Path = Path("runs/sweep")
+    steps: Fixed[int] = 300
+    limit: Fixed[float] = 3600.0
+
+
+def sweep(settings: SweepSettings) -> None:
+    """Run the episodes that have not been run yet; write and print how the methods compare."""
+    from sarsim.commands.sweeps.arenas import GRID, arenas_of
+    from sarsim.commands.sweeps.episodes import FOLDER, ORACLE, Sweep, SweepJob
+    from sarsim.commands.sweeps.leaderboard import write_entry
+    from sarsim.commands.sweeps.page import write_page
+    from sarsim.commands.sweeps.parquet import write_parquet
+    from sarsim.dataset.folder_lock import FolderLock
+    from sarsim.tasks.grid_explorers import EXPLORERS
+
+    if not settings.seeds or min(settings.seeds) < 0 or settings.limit <= 0 or settings.steps < 1:
+        raise InputError("--seeds: at least one and none negative; limit and steps: more than 0")
+    if settings.workers is not None and settings.workers < 1:
+        raise InputError(f"--workers {settings.workers}: give at least 1")
+    arenas = arenas_of(settings.arenas)
+    methods = dict.fromkeys(
+        settings.methods or ([*EXPLORERS, ORACLE] if arenas[0].startswith(GRID) else METHODS["exploration"])
+    )
+    jobs = [SweepJob(m, arena, seed) for arena in arenas for seed in dict.fromkeys(settings.seeds) for m in methods]
+    make_folder(settings.out, [MANIFEST])
+    with FolderLock.take(settings.out) as lock:
+        commit = begin(settings)
+        (settings.out / FOLDER).mkdir(exist_ok=True)
+        work = Sweep(tuple(jobs), settings.steps, settings.limit)
+        failed = run_missing(work, settings.out, make_engine(settings.engine, settings.workers), lock)
+        results = results_of(jobs, settings.out, failed)
+        write_parquet([result.row for result in results], settings.out / "episodes.parquet")
+        save_settings(settings, settings.out / "config.yaml")
+    of_methods = {method: [found for found in results if found.row["method"] == method] for method in methods}
+    entries = [entry(settings, method, found, commit) for method, found in of_methods.items()]
+    for one in entries:
+        write_entry(one, settings.out / ENTRIES)
+    write_page(entries, {m: [one.curve for one in found] for m, found in of_methods.items()}, settings.out / PAGE)
+    show(settings, entries, failed)
+
+
+def begin(settings: SweepSettings) -> str:
+    """Write the folder's manifest; the state of the code.
+
+    Raises:
+        InputError: the folder holds results of another version or state of the code, or of other settings.
+    """
+    file, told = settings.out / MANIFEST, {"version": importlib.metadata.version("sarsim"), "code": code()}
+    told |= {"steps": str(settings.steps)}
+    if not file.exists():
+        with whole_file(file) as part:
+            part.write_text(json.dumps(told) + "\n")
+        return told["code"]
+    try:
+        earlier = dict(json.loads(read_text(file)))
+    except (ValueError, TypeError) as error:
+        raise InputError(f"{file}: not the {MANIFEST} of a sweep: {error}") from error
+    for key, value in told.items():
+        if earlier.get(key) != value:
+            raise InputError(
+                f"--out {settings.out}: holds results of {key} {earlier.get(key)}, not {value}: choose another folder"
+            )
+    return told["code"]
+
+
+def code() -> str:
+    """The state of the code, if it is a checkout of git."""
+    try:
+        return state_of_code()
+    except InputError:
+        return ""
+
+
+def run_missing(work: "Sweep", folder: Path, engine: "Engine", lock: "FolderLock") -> dict["SweepJob", str]:
+    """Run the episodes that have no result in the folder; why some failed."""
+    from sarsim.commands.sweeps.episodes import result_of
+    from sarsim.dataset.engine import JobDone, JobFailed
+
+    todo = [n for n, job in enumerate(work.jobs) if result_of(job, folder) is None]
+    failed: dict[SweepJob, str] = {}
+    with progress() as bars:
+        bar = bars.add_task("episodes", total=len(todo))
+        for event in engine.run(work, todo, folder, lock):
+            if isinstance(event, JobFailed):
+                failed[work.jobs[event.index]] = " ".join(str(event.error).split())
+            bars.advance(bar, isinstance(event, JobDone | JobFailed))
+    return failed
+
+
+def results_of(jobs: Sequence["SweepJob"], folder: Path, failed: dict["SweepJob", str]) -> list["EpisodeResult"]:
+    """The results of all episodes; those that failed get the arena's checksum from the other methods' rows."""
+    from sarsim.commands.sweeps.episodes import EpisodeResult, result_of
+
+    found = [
+        result_of(job, folder) or EpisodeResult.of_nothing(job.row | {"failed": failed.get(job, "not run")})
+        for job in jobs
+    ]
+    known = {one.row["arena"]: {"checksum": one.row["checksum"]} for one in found if "checksum" in one.row}
+    return [one._replace(row=known.get(one.row["arena"], {}) | one.row) for one in found]
+
+
+def entry(settings: SweepSettings, method: str, results: Sequence["EpisodeResult"], commit: str) -> "Entry":
+    """A method's entry of the leaderboard."""
+    from sarsim.commands.sweeps.leaderboard import entry_of
+
+    return entry_of(
+        [one.row for one in results],
+        method=method,
+        arenas=settings.arenas,
+        seeds=tuple(dict.fromkeys(settings.seeds)),
+        commit=commit,
+        version=importlib.metadata.version("sarsim"),
+        processor=processor(),
+        processor_s=round(sum(one.processor_s for one in results), 1),
+    )
+
+
+def show(settings: SweepSettings, entries: Sequence["Entry"], failed: dict["SweepJob", str]) -> None:
+    """Print the tables, and a line on stderr for each way in which episodes failed."""
+    from sarsim.commands.sweeps.leaderboard import boards
+
+    for (method, told), count in Counter((job.method, text) for job, text in failed.items()).items():
+        print(f"{method}: {count} of its episodes failed: {told}", file=sys.stderr)
+    for board in boards(entries):
+        columns = [Column(head, overflow="fold") for head in board.heads[:-1]]
+        table = Table(*columns, title=board.title, caption="interquartile means, 95 % intervals")
+        for row in board.rows:
+            table.add_row(*row[:-1])
+        Console().print(table)
+    places = [settings.out / name for name in (PAGE, "episodes.parquet", ENTRIES)]
+    Console().print("Page: {}; episodes: {}; entries of the leaderboard: {}".format(*places), soft_wrap=True)
+
+
+def main() -> None:
+    """Entry point."""
+    run_with_settings(sweep, SweepSettings)

@@ -1,0 +1,235 @@
+"""The episodes of a sweep: one method in one arena with one seed, as a job of an engine."""
+
+import faulthandler
+import gc
+import hashlib
+import json
+import os
+import re
+import signal
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from types import FrameType
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.errors import InputError
+from pipeline.files import read_text, whole_file
+from pipeline.rescue_report.figures import figures as flat
+from sarsim.commands.sweeps.arenas import GRID, checked, grid_scene
+from sarsim.methods.answers import one_line
+from sarsim.methods.make import load_class
+from sarsim.scoring.progress import ExploredCurve, progress_figures
+from sarsim.settings import EpisodeConfig
+from sarsim.tasks.grid_explorers import EXPLORERS, Explorer2D, Sights, explore
+from sarsim.tasks.grid_oracle import GridOracle
+from sarsim.tasks.grid_world import PAPERS, GridWorld
+
+FOLDER = "episodes"
+OF_THE_RUN = re.compile(r"config\.|timing_ms\.|(wall_time_s|real_time_factor|version|arena|seed)$")
+"""Keys of a report that are settings or change from run to run."""
+LONGEST_NAME = 80  # Characters of a method or an arena in a file's name
+GRACE = 1.1
+"""An episode that does not end at its limit is killed with its worker after so many times the limit."""
+
+ORACLE = "oracle"
+"""Method on 2D maps that knows the map."""
+
+CURVE_DIGITS = {"time_s": 2, "way_m": 3, "explored": 4}
+"""Digits after the point that are kept of a curve."""
+
+Row = dict[str, Any]
+"""An episode: method, arena, seed, checksum, and its figures by their keys in report.json; or ``failed``."""
+
+
+class EpisodeResult(NamedTuple):
+    """What is kept of an episode: its row, how much was seen when, and the s of processor time that it took."""
+
+    row: Row
+    curve: ExploredCurve
+    processor_s: float
+
+    @classmethod
+    def of_nothing(cls, row: Row) -> "EpisodeResult":
+        """The result of an episode that failed: it saw nothing."""
+        return cls(row, ExploredCurve(*np.zeros((3, 1))), 0.0)
+
+
+@dataclass(frozen=True)
+class SweepJob:
+    """An episode.
+
+    Attributes:
+        method: name, or MODULE:CLASS.
+        arena: as ``--arena`` or a 2D map's name.
+        seed: of all random numbers.
+    """
+
+    method: str
+    arena: str
+    seed: int
+
+    @property
+    def file(self) -> str:
+        """Path of its result in the sweep's folder."""
+        parts = [re.sub(r"[^\w.-]+", "_", part)[-LONGEST_NAME:] for part in (self.method, self.arena)]
+        digest = hashlib.sha256(repr(self).encode()).hexdigest()
+        return f"{FOLDER}/{'-'.join(parts)}-{self.seed}-{digest[:8]}.json"
+
+    @property
+    def row(self) -> Row:
+        """What the row of the episode begins with."""
+        return {"method": self.method, "arena": self.arena, "seed": self.seed}
+
+
+@dataclass(frozen=True)
+class EpisodeFile:
+    """The file of an episode; see :class:`sarsim.dataset.engine.Product`."""
+
+    index: int
+    file: str
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """The episodes of a sweep; called, it runs one; see :data:`sarsim.dataset.engine.Make`.
+
+    Attributes:
+        jobs: the episodes.
+        steps: most steps of an episode in an arena of MuJoCo.
+        limit: s by the clock that an episode may take.
+    """
+
+    jobs: tuple[SweepJob, ...]
+    steps: int
+    limit: float
+
+    def __call__(self, index: int, folder: Path, on_part: Callable[[], object]) -> EpisodeFile:
+        """Run an episode, and write its row; InputError, in one line, if the method or the arena fails."""
+        job, start = self.jobs[index], time.process_time()
+        try:
+            with limited(self.limit):
+                figures, curve = explored(job) if job.arena.startswith(GRID) else driven(job, self.steps)
+        except InputError:
+            raise
+        except Exception as error:
+            raise InputError(one_line(error)) from error
+        finally:
+            gc.collect()  # an episode's maps are in circles of references, and a worker runs many episodes
+        kept = {"row": job.row | figures, "curve": written(curve), "processor_s": time.process_time() - start}
+        path = folder / job.file
+        path.parent.mkdir(exist_ok=True)
+        with whole_file(path) as part:
+            part.write_text(json.dumps(kept) + "\n")
+        return EpisodeFile(index, job.file)
+
+
+@contextmanager
+def limited(seconds: float) -> Iterator[None]:
+    """Raise TimeoutError if the block takes longer; should it go on nevertheless, the process ends soon after."""
+
+    def stop(number: int, frame: FrameType | None) -> None:
+        raise TimeoutError(f"took more than {seconds:g} s")
+
+    before = signal.signal(signal.SIGALRM, stop)
+    with Path(os.devnull).open("w") as nowhere:
+        faulthandler.dump_traceback_later(GRACE * seconds, exit=True, file=nowhere)
+        signal.setitimer(signal.ITIMER_REAL, seconds)
+        try:
+            yield
+        finally:
+            signal.setitimer(signal.ITIMER_REAL, 0)
+            faulthandler.cancel_dump_traceback_later()
+            signal.signal(signal.SIGALRM, before)
+
+
+def written(curve: ExploredCurve) -> dict[str, list[float]]:
+    """A curve as a file has it: rounded, without places where nothing new was seen."""
+    rounded = {name: np.round(getattr(curve, name), digits) for name, digits in CURVE_DIGITS.items()}
+    is_new = np.diff(rounded["explored"], prepend=-1.0) > 0
+    return {name: values[is_new].tolist() for name, values in rounded.items()}
+
+
+def explored(job: SweepJob) -> tuple[Row, ExploredCurve]:
+    """Explore a 2D map by the papers' protocol; its figures, and how much was seen when."""
+    found, world = checked(job.arena), GridWorld(grid_scene(job.arena), PAPERS)
+    track = [_state(world)]
+
+    def on_move(world: GridWorld) -> None:
+        track.append(_state(world))
+
+    if job.method == ORACLE:
+        ended = GridOracle(world.scene, PAPERS).follow(world, on_move)
+    else:
+        ended = explore(world, grid_explorer(job.method), np.random.default_rng(job.seed), on_move)
+    curve, (seconds, way, share) = ExploredCurve(*np.array(track).T), track[-1]
+    seen = progress_figures(curve, (seconds, way)) | {"explored_fraction": share, "ended": ended}
+    row = {"checksum": found, "steps": world.moves, "sim_time_s": seconds, "navigation.distance_m": way}
+    return row | {f"exploration.{key}": value for key, value in seen.items()}, curve
+
+
+def _state(world: GridWorld) -> tuple[float, float, float]:
+    """Time in s, way in m and explored share."""
+    return world.seconds, world.way * world.scene.cell, world.explored_fraction
+
+
+def grid_explorer(name: str) -> Explorer2D:
+    """The explorer of 2D maps of that name, or MODULE:CLASS, whose nodes are checked.
+
+    Raises:
+        InputError: there is none; later, it fails or answers with what is no node that can be reached.
+    """
+    if ":" not in name and name not in EXPLORERS:
+        raise InputError(f"--methods {name}: none of {', '.join(EXPLORERS)} or MODULE:CLASS")
+    explorer: Explorer2D = EXPLORERS[name] if name in EXPLORERS else load_class("methods", name)()
+
+    def guarded(world: GridWorld, sights: Sights, rng: np.random.Generator) -> int:
+        try:
+            node = explorer(world, sights, rng)
+        except Exception as error:
+            raise InputError(f"--methods {name} failed: {one_line(error)}") from error
+        if not isinstance(node, int | np.integer) or not _is_reachable(int(node), world, sights.before):
+            raise InputError(f"--methods {name}: {node!r:.40} is no node that can be reached")
+        return int(node)
+
+    return guarded
+
+
+def _is_reachable(node: int, world: GridWorld, before: NDArray[np.int64]) -> bool:
+    return 0 <= node < len(before) and (before[node] >= 0 or node == world.here)
+
+
+def driven(job: SweepJob, steps: int) -> tuple[Row, ExploredCurve]:
+    """Run an episode in MuJoCo, the method is its ``--exploration``; its figures, and how much was seen when."""
+    from sarsim.episode import Episode  # imported here, because 2D maps do not need it
+
+    found = checked(job.arena)
+    with tempfile.TemporaryDirectory(prefix="sarsim-") as out:
+        config = EpisodeConfig(
+            arena=job.arena, seed=job.seed, steps=steps, exploration=job.method, oracle=True, out=Path(out)
+        )
+        episode = Episode(config)
+        episode.run()
+        told = {name.lstrip("."): value for name, value in flat("", episode.report)}
+    kept = {key: value for key, value in told.items() if isinstance(value, bool | int | float | str)}
+    row = {"checksum": found} | {key: value for key, value in kept.items() if not OF_THE_RUN.match(key)}
+    return row, episode.score.progress
+
+
+def result_of(job: SweepJob, folder: Path) -> EpisodeResult | None:
+    """What an episode left, if it was run; InputError for a broken file."""
+    file = folder / job.file
+    if not file.exists():
+        return None
+    try:
+        content = json.loads(read_text(file))
+        curve = ExploredCurve(*np.array([content["curve"][name] for name in CURVE_DIGITS], np.float64))
+        return EpisodeResult(dict(content["row"]), curve, float(content["processor_s"]))
+    except (ValueError, KeyError, TypeError) as error:
+        raise InputError(f"{file}: not an episode's result: {one_line(error)}") from error

@@ -1,0 +1,229 @@
+"""Entries of the leaderboard, a JSON file for each method, and the tables that are made of them."""
+
+import hashlib
+import json
+from collections import defaultdict
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.errors import InputError
+from pipeline.files import read_text, whole_file
+from sarsim.commands.sweeps.episodes import ORACLE, Row
+from sarsim.commands.sweeps.statistics import Estimate, estimate
+from sarsim.scoring.progress import mean_up_to
+
+REFERENCE = "nearest_frontier"
+"""The method with whose times the others' are compared."""
+KEPT = (
+    "checksum", "sim_time_s", "navigation.distance_m", "exploration.explored_fraction", "exploration.t90_s",
+    "exploration.t99_s", "exploration.auc_time", "exploration.auc_way", "exploration.path_over_oracle",
+    "exploration.time_over_oracle", "semantic_map.f1_5cm", "semantic_map.f1_10cm", "victims.present",
+    "victims.found", "failed",
+)  # fmt: skip
+"""Keys of a row that an entry keeps."""
+ENTRY_DIGITS = 6
+"""Significant digits that an entry keeps."""
+ENDS = {"time": "sim_time_s", "way": "navigation.distance_m"}
+NOTHING_SEEN = {"explored_fraction": 0.0, "auc_time": 0.0, "auc_way": 0.0}
+"""Figures of an episode that failed."""
+
+Values = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Entry:
+    """One method on one set of arenas.
+
+    Attributes:
+        method: its name.
+        arenas: as they were named.
+        seeds: of each arena.
+        commit: state of the code; empty if it is not known.
+        version: of sarsim.
+        processor: that ran it.
+        processor_s: s of processor time that all episodes took.
+        rows: of the episodes, without the method.
+    """
+
+    method: str
+    arenas: tuple[str, ...]
+    seeds: tuple[int, ...]
+    commit: str
+    version: str
+    processor: str
+    processor_s: float
+    rows: tuple[Row, ...]
+
+    @property
+    def board(self) -> tuple[tuple[str, ...], tuple[int, ...], str]:
+        """What entries must have in common to be compared: arenas, seeds, and all checksums together."""
+        sums = sorted({f"{row['arena']} {row['checksum']}" for row in self.rows if row.get("checksum")})
+        return self.arenas, self.seeds, hashlib.sha256("\n".join(sums).encode()).hexdigest()
+
+    def values(self, key: str, missing: float) -> Values:
+        """(arenas, seeds) a figure, of its unit; ``missing`` where an episode has none."""
+        names = list(dict.fromkeys(row["arena"] for row in self.rows))
+        found = np.full((len(names), len(self.seeds)), missing)
+        for row in self.rows:
+            value = row.get(key)
+            found[names.index(row["arena"]), self.seeds.index(row["seed"])] = missing if value is None else value
+        return found
+
+
+def entry_of(rows: Iterable[Row], **about: Any) -> Entry:
+    """An entry of the rows of a method's episodes; ``about`` has its other fields."""
+    kept = [
+        {"arena": row["arena"], "seed": row["seed"]} | {key: _rounded(row[key]) for key in KEPT if key in row}
+        for row in rows
+    ]
+    return Entry(rows=tuple(kept), **about)
+
+
+def _rounded(value: Any) -> Any:
+    return float(f"{value:.{ENTRY_DIGITS}g}") if isinstance(value, float) else value
+
+
+def write_entry(entry: Entry, folder: Path) -> Path:
+    """Write an entry's file into a folder, in the place of an earlier one of the same method and arenas."""
+    name = "-".join("".join(c if c.isalnum() or c in "._" else "_" for c in w) for w in (entry.method, *entry.arenas))
+    folder.mkdir(parents=True, exist_ok=True)
+    content = asdict(entry)
+    keys = list(dict.fromkeys(key for row in entry.rows for key in row))
+    content["rows"] = {key: [row.get(key) for row in entry.rows] for key in keys}
+    with whole_file(path := folder / f"{name[:120]}.json") as part:
+        part.write_text(json.dumps(content, indent=None) + "\n")
+    return path
+
+
+def read_entry(file: Path) -> Entry:
+    """The entry in a file; InputError if it is none."""
+    try:
+        content = json.loads(read_text(file))
+        columns = content.pop("rows")
+        rows = [dict(zip(columns, values, strict=True)) for values in zip(*columns.values(), strict=True)]
+        content |= {"arenas": tuple(content["arenas"]), "seeds": tuple(content["seeds"]), "rows": tuple(rows)}
+        entry = Entry(**content)
+        pairs = {(row["arena"], row["seed"]) for row in rows}
+        if len(pairs) != len(rows) or len(rows) != len({a for a, _ in pairs}) * len(entry.seeds) or not rows:
+            raise ValueError("not one row for each arena and seed")
+        entry.values("exploration.t99_s", np.inf)
+    except (ValueError, KeyError, TypeError, AttributeError, IndexError) as error:
+        raise InputError(f"{file}: not an entry of the leaderboard: {' '.join(str(error).split())}") from error
+    return entry
+
+
+class Board(NamedTuple):
+    """A table of comparable entries: its title, the heads of its columns, and a row of texts for each entry."""
+
+    title: str
+    heads: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+
+
+def boards(entries: Iterable[Entry]) -> Iterator[Board]:
+    """A table for each set of arenas and seeds, the method that needs least time until 99 % first."""
+    groups: dict[Any, list[Entry]] = defaultdict(list)
+    for entry in entries:
+        groups[entry.board].append(entry)
+    for (arenas, seeds, _), group in sorted(groups.items()):
+        columns = {head: column(group) for head, column in TABLE_COLUMNS.items()}
+        estimates = {head: [estimate(v) for v in values] for head, values in columns.items() if values}
+        order = np.argsort([found.value for found in estimates[FIRST]], kind="stable")
+        count = len(group[0].rows) // len(seeds)
+        rows = [
+            (e.method, *(text(estimates[h][n]) for h in estimates), str(_failed(e)), f"{e.commit}, {e.processor}")
+            for n, e in ((n, group[n]) for n in order)
+        ]
+        named = arenas if len(arenas) <= 3 else (arenas[0], "…", arenas[-1])
+        title = f"{' '.join(named)}: {count} arenas, seeds {' '.join(map(str, seeds))}"
+        yield Board(title, ("method", *estimates, "failed", "commit, processor"), tuple(rows))
+
+
+def text(found: Estimate) -> str:
+    """An estimate with its interval; – for what was not reached."""
+    told = [f"{value:.4g}" if np.isfinite(value) else "–" for value in found]
+    return "–" if told[0] == "–" else f"{told[0]} ({told[1]}–{told[2]})"
+
+
+def _failed(entry: Entry) -> int:
+    return sum(row.get("failed") is not None for row in entry.rows)
+
+
+def _reached(key: str) -> Callable[[Sequence[Entry]], list[Values]]:
+    return lambda group: [entry.values(key, np.inf) for entry in group]
+
+
+def _shown(key: str, missing: float = np.inf) -> Callable[[Sequence[Entry]], list[Values]]:
+    """A figure, ``missing`` where an episode has none, if any episode has it."""
+
+    def shown(group: Sequence[Entry]) -> list[Values]:
+        found = [entry.values(key, missing) for entry in group]
+        return found if np.not_equal(found, missing).any() else []
+
+    return shown
+
+
+def _ratio(group: Sequence[Entry]) -> list[Values]:
+    """Times until 99 % over the reference's in the same arena with the same seed; 1 where neither got there."""
+    times = {entry.method: entry.values("exploration.t99_s", np.inf) for entry in group}
+    if REFERENCE not in times:
+        return []
+    with np.errstate(invalid="ignore"):
+        return [np.nan_to_num(times[e.method] / times[REFERENCE], nan=1.0, posinf=np.inf) for e in group]
+
+
+def _over_oracle(axis: str, key: str) -> Callable[[Sequence[Entry]], list[Values]]:
+    """Times or ways over the oracle's: of whole episodes that saw 99 % where it is an entry, else as reported."""
+
+    def ratios(group: Sequence[Entry]) -> list[Values]:
+        found = {entry.method: entry for entry in group}
+        if ORACLE not in found:
+            return _shown(key)(group)
+        best = found[ORACLE].values(ENDS[axis], np.inf)
+        t99 = [e.values("exploration.t99_s", np.inf) for e in group]
+        return [
+            np.where(np.isfinite(t), e.values(ENDS[axis], np.inf) / best, np.inf)
+            for e, t in zip(group, t99, strict=True)
+        ]
+
+    return ratios
+
+
+def _mean(axis: str) -> Callable[[Sequence[Entry]], list[Values]]:
+    """Mean explored shares up to the end of the longest of all episodes in an arena."""
+
+    def means(group: Sequence[Entry]) -> list[Values]:
+        ends = [entry.values(ENDS[axis], 0.0) for entry in group]
+        horizon = np.maximum(np.max([end.max(axis=1) for end in ends], axis=0), 1e-9)[:, None]
+        named = [{key: e.values(f"exploration.{key}", value) for key, value in NOTHING_SEEN.items()} for e in group]
+        return [np.asarray(mean_up_to(horizon, end, found, axis)) for end, found in zip(ends, named, strict=True)]
+
+    return means
+
+
+def _people_found(group: Sequence[Entry]) -> list[Values]:
+    """Shares of the people that were found, in the arenas that have any."""
+    present = np.max([entry.values("victims.present", 0.0) for entry in group], axis=0)
+    has_any = present.any(axis=1)
+    return [e.values("victims.found", 0.0)[has_any] / present[has_any] for e in group] if has_any.any() else []
+
+
+FIRST = "T_99, s"
+TABLE_COLUMNS: dict[str, Callable[[Sequence[Entry]], list[Values]]] = {
+    "T_90, s": _reached("exploration.t90_s"),
+    FIRST: _reached("exploration.t99_s"),
+    f"T_99 over {REFERENCE}": _ratio,
+    "explored, mean over time": _mean("time"),
+    "explored, mean over way": _mean("way"),
+    "path over oracle": _over_oracle("way", "exploration.path_over_oracle"),
+    "time over oracle": _over_oracle("time", "exploration.time_over_oracle"),
+    "map F1, 5 cm": _shown("semantic_map.f1_5cm", 0.0),
+    "map F1, 10 cm": _shown("semantic_map.f1_10cm", 0.0),
+    "people found": _people_found,
+}
+"""Columns of a table: what to estimate of every entry; nothing for a column that is left out."""

@@ -1,0 +1,95 @@
+"""The page of a sweep: the share that each method had explored by a time and a way, and the leaderboard's tables."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from io import StringIO
+from itertools import cycle, product
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+from matplotlib import rc_context
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from numpy.typing import NDArray
+
+from pipeline.files import whole_file
+from pipeline.rescue_report.rendering import environment
+from sarsim.commands.sweeps.leaderboard import ENDS, Entry, boards
+from sarsim.commands.sweeps.statistics import estimate
+from sarsim.scoring.progress import ExploredCurve, shares_at
+
+AXES = {"time_s": ("time, s", ENDS["time"]), "way_m": ("way, m", ENDS["way"])}
+"""Of the plots: by the field of a curve, the label and the key of an episode's end."""
+SAMPLES = 101
+"""Number of places along an axis at which shares are drawn: a step is a hundredth of the axis."""
+OKABE_ITO = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000", "#F0E442")
+"""Colours that the colour-blind tell apart (Okabe and Ito, 2008); the faintest comes last."""
+DASHES = ("", "6 2", "2 2")
+"""Lengths in points of dashes and gaps, by which lines of the same colour differ."""
+
+
+class Stroke(NamedTuple):
+    """How a method's line is drawn: its colour, and lengths in points of its dashes and gaps."""
+
+    colour: str
+    dashes: str
+
+
+Curves = Mapping[str, Sequence[ExploredCurve]]
+"""By method: of its episodes, arena by arena and, in each, seed by seed."""
+
+
+def write_page(entries: Sequence[Entry], curves: Curves, path: Path) -> None:
+    """Write the page of entries for the same arenas and seeds; InputError if it cannot be written."""
+    strokes = dict(zip(curves, _strokes(), strict=False))
+    page = environment("sarsim.commands.sweeps").get_template("sweep.html")
+    html = page.render(plots=drawing(entries, curves, strokes), strokes=strokes, boards=list(boards(entries)))
+    with whole_file(path) as part:
+        part.write_text(html)
+
+
+def _strokes() -> Iterator[Stroke]:
+    """Strokes without end, at first of different colours."""
+    return cycle(Stroke(colour, dashes) for dashes, colour in product(DASHES, OKABE_ITO))
+
+
+def drawing(entries: Sequence[Entry], curves: Curves, strokes: Mapping[str, Stroke]) -> str:
+    """The plots over time and over way, an SVG element; the same bytes again."""
+    svg, figure = StringIO(), Figure(figsize=(11, 5), layout="constrained")
+    with rc_context({"svg.hashsalt": "sweep", "svg.fonttype": "none"}):
+        for plot, axis in zip(figure.subplots(1, len(AXES), sharey=True), AXES, strict=True):
+            _draw(plot, axis, entries, curves, strokes)
+        figure.savefig(svg, format="svg", metadata={"Date": None})
+    return svg.getvalue()[svg.getvalue().index("<svg") :]
+
+
+def _draw(plot: Axes, axis: str, entries: Sequence[Entry], curves: Curves, strokes: Mapping[str, Stroke]) -> None:
+    """Draw the methods' bands, up to the end of the longest of all episodes."""
+    label, end = AXES[axis]
+    longest = max(entry.values(end, 0.0).max() for entry in entries)
+    places = np.linspace(0, longest, SAMPLES)
+    for entry in entries:
+        mean, low, high = band(curves[entry.method], axis, places, len(entry.seeds))
+        colour, dashes = strokes[entry.method]
+        line = (0, [float(length) for length in dashes.split()]) if dashes else "solid"
+        plot.fill_between(places, low, high, facecolor=(colour, 0.12), edgecolor=(colour, 0.5), linewidth=0.5)
+        plot.plot(places, mean, color=colour, linestyle=line)
+    plot.set(xlabel=label, ylabel="explored share", xlim=(0, longest or 1), ylim=(0, 1.01))
+    plot.label_outer()
+    plot.grid(alpha=0.3)
+
+
+def band(curves: Sequence[ExploredCurve], axis: str, places: NDArray[np.float64], seeds: int) -> NDArray[np.float64]:
+    """The interquartile mean of the explored shares, and the ends of its interval, as the tables have it.
+
+    Args:
+        curves: of the episodes, arena by arena and, in each, seed by seed.
+        axis: field of the curves along which to go.
+        places: (P,) s or m; after its end, an episode holds its last share.
+        seeds: number of them.
+
+    Returns:
+        (3, P) means, lower and upper ends.
+    """
+    shares = np.array([shares_at(places, getattr(curve, axis), curve.explored) for curve in curves]).T
+    return np.array([estimate(found) for found in shares.reshape(len(places), -1, seeds)]).T

@@ -1,0 +1,317 @@
+"""Train one of the robot's networks: ``train.py NETWORK --data DIR --out FILE``.
+
+On several GPUs, or a process for each core of a CPU (not yolo): ``torchrun --nproc-per-node N scripts/train.py ...``.
+"""
+
+from dataclasses import dataclass, fields
+from functools import partial
+from itertools import chain
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from rich.console import Console
+from tyro.conf import Fixed
+
+from pipeline.errors import InputError
+from pipeline.files import whole_file
+from pipeline.semantic_map.networks.training_config import TrainingConfig
+from pipeline.victims.detection.training_config import YoloTrainingConfig
+from sarsim.assets import asset
+from sarsim.commands.cli import Interruptible, check_folder_of, progress, tracked
+from sarsim.commands.settings import run_one_of, save_settings
+from sarsim.dataset.settings import HazmatTrainingConfig, PatchTrainingConfig
+from sarsim.settings import POINT_NETWORKS
+from sarsim.tasks.settings import ExplorerTrainingConfig
+
+if TYPE_CHECKING:
+    from collections.abc import Callable
+
+    from pipeline.semantic_map.networks.clouds import LabelledCloud
+    from pipeline.semantic_map.networks.network import PointNetwork
+    from pipeline.semantic_map.networks.parallel import TrainingWorker
+    from pipeline.semantic_map.networks.training_loop import TrainingLoop
+
+ARCHITECTURES = {"yolov3-small": "yolov3-small.cfg", "yolov3-tiny": "yolov3-tiny.cfg", "yolov3": "yolov3.cfg"}
+"""The file that describes each of the networks for people."""
+VALIDATION_FRAMES = 40
+"""Largest number of clouds for validation, spread over its scenes; 200 took as long as 1,000 training steps."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainingFiles:
+    """What a training reads and writes.
+
+    Attributes:
+        data: folders of datasets; the training uses the scenes of the split train, the validation those of val.
+        out: file for the weights (points: .safetensors, yolo: .weights, beside which are .cfg and .json); a
+            checkpoint, a table (.csv) and the settings (.yaml) get its name with other endings. The same command
+            continues an interrupted training from its checkpoint.
+        stride: use only every n-th frame of each scene: fewer frames to load, and fewer that look alike.
+        init: file of initial weights, as written by train.py, whose .cfg then sets a yolo's network, width and
+            height; by default the weights are random.
+        tensorboard: folder for TensorBoard's events of loss and scores; TensorBoard must be installed.
+    """
+
+    data: tuple[Path, ...]
+    out: Path
+    stride: int = 1
+    init: Path | None = None
+    tensorboard: Path | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainPoints(TrainingConfig, TrainingFiles):
+    """Train a network of the semantic map with datasets of generate_dataset.py.
+
+    Attributes:
+        colours: learn from colours too, nine channels instead of six; with --init as its file.
+    """
+
+    colours: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainYolo(YoloTrainingConfig, TrainingFiles):
+    """Train the victim detector with datasets of generate_dataset.py."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainHazmat(HazmatTrainingConfig):
+    """Train the classifier of hazmat signs on drawn signs among datasets of generate_dataset.py and photos.
+
+    Attributes:
+        data: folders of datasets, and files of photos, all without signs.
+        out: file for the weights, .safetensors.
+        init: file of initial weights; by default they are random.
+    """
+
+    data: tuple[Path, ...]
+    out: Path
+    init: Path | None = None
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainExplorer(ExplorerTrainingConfig):
+    """Train an explorer of 2D maps by PPO; Stable-Baselines3 must be installed.
+
+    Attributes:
+        out: file for the weights, .safetensors.
+    """
+
+    out: Path
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrainShapes(PatchTrainingConfig):
+    """Train the classifier of fire extinguishers and door levers on what stands out in datasets.
+
+    Attributes:
+        data: folders of datasets to learn from.
+        out: file for the weights, .safetensors.
+        init: file of initial weights; by default they are random.
+        usual: folders of datasets where things are as frequent as the robot meets them, to validate with; by default
+            the data.
+    """
+
+    data: tuple[Path, ...]
+    out: Path
+    init: Path | None = None
+    usual: Fixed[tuple[Path, ...]] = ()
+
+
+def train_points(settings: TrainPoints, network: str) -> None:
+    """Train a network of the semantic map, and print the path of its weights."""
+    _check(settings, ".safetensors")
+    from pipeline.semantic_map.networks.blocks import COLOURED, BlockConfig
+    from pipeline.semantic_map.networks.classifier import load_classifier
+    from pipeline.semantic_map.networks.parallel import TrainingWorker
+    from pipeline.semantic_map.networks.training import PointTrainer
+
+    config = TrainingConfig(**{f.name: getattr(settings, f.name) for f in fields(TrainingConfig)})
+    scenes = sum(map(_scenes, settings.data))
+    about: dict[str, Any] = {"data": list(map(str, settings.data)), "scenes": scenes, "stride": settings.stride}
+    initial: PointNetwork | str = network
+    blocks, colours = BlockConfig(), settings.colours
+    if settings.init is not None:
+        (initial, blocks), about["init"] = load_classifier(settings.init, network), str(settings.init)
+        colours = initial.channels == COLOURED
+    worker = TrainingWorker.join()
+    try:
+        clouds = _clouds(settings, worker, blocks.voxel_size, colours)
+        validation = clouds["val"][:: -(-len(clouds["val"]) // VALIDATION_FRAMES)]
+        trainer = PointTrainer(clouds["train"], validation, config, settings.out, worker, about, initial, blocks)
+        _train(trainer, settings, "mIoU over the four")
+    finally:
+        worker.leave()
+
+
+def train_yolo(settings: TrainYolo) -> None:
+    """Train the victim detector, and print the path of its weights."""
+    _check(settings, ".weights")
+    from pipeline.victims.detection.training import YoloTrainer
+    from sarsim.dataset.victim_images import VictimImages
+
+    config = YoloTrainingConfig(**{f.name: getattr(settings, f.name) for f in fields(YoloTrainingConfig)})
+    splits = (VictimImages(settings.data, split, settings.stride) for split in ("train", "val"))
+    with next(splits) as training, next(splits) as validation:
+        about = {"data": list(map(str, settings.data)), "images": [len(training), len(validation)]}
+        about |= {"stride": settings.stride, "init": str(settings.init) if settings.init else None}
+        initial = settings.init or asset("weights", ARCHITECTURES[config.network])
+        trainer = YoloTrainer(training, validation, config, settings.out, about, initial)
+        _train(trainer, settings, "AP50")
+
+
+def train_hazmat(settings: TrainHazmat) -> None:
+    """Train the classifier of hazmat signs, and print its accuracy and the path of its weights."""
+    _check_out(settings.out, ".safetensors")
+    from pipeline.finds.hazmat_classes import HAZMAT_CLASSES
+    from pipeline.finds.patch_network import PatchNetwork
+    from sarsim.dataset.hazmat_training import HazmatTraining, pictures
+    from sarsim.dataset.patch_training import save_patch_network
+
+    network = PatchNetwork.load(settings.init, len(HAZMAT_CLASSES)) if settings.init else None
+    training = HazmatTraining(list(pictures(settings.data)), settings, network)
+    for _ in tracked(range(settings.steps), "steps"):
+        training.step()
+    save_patch_network(training.network, settings.out)
+    Console().print(f"Validated: accuracy {training.accuracy():.4f}. Weights in {settings.out}", soft_wrap=True)
+
+
+def train_explorer(settings: TrainExplorer) -> None:
+    """Train an explorer of 2D maps, and print the path of its weights."""
+    _check_out(settings.out, ".safetensors")
+    try:
+        from sarsim.tasks import ppo
+    except ModuleNotFoundError as error:
+        raise InputError("Stable-Baselines3 is missing: pip install stable-baselines3") from error
+    from safetensors.torch import save_file
+
+    with progress() as bars:
+        bar = bars.add_task("steps", total=settings.steps // settings.worlds)
+        network = ppo.train_explorer(settings, lambda: bars.advance(bar))
+    with whole_file(settings.out) as part:
+        save_file(network.state_dict(), part)
+    Console().print(f"Weights in {settings.out}", soft_wrap=True)
+
+
+def train_shapes(settings: TrainShapes) -> None:
+    """Train the classifier of extinguishers and levers, and print how many it tells and the path of its weights."""
+    _check_out(settings.out, ".safetensors")
+    from pipeline.finds.patch_network import PatchNetwork
+    from pipeline.tracks.find import SHAPED
+    from sarsim.dataset.patch_training import save_patch_network
+    from sarsim.dataset.shape_training import COPIES, ShapePatches, ShapeTraining, calibrate, confusion
+
+    rng = np.random.default_rng(settings.seed)
+    known, usual = ShapePatches(settings.data, rng, COPIES), ShapePatches(settings.usual or settings.data, rng)
+    network = PatchNetwork.load(settings.init, len(SHAPED), has_relief=True) if settings.init else None
+    training = ShapeTraining(known, settings, network)
+    for _ in tracked(range(settings.steps), "steps"):
+        training.step()
+    calibrate(training.network, usual)
+    save_patch_network(training.network, settings.out)
+    for kind, counts in zip((*SHAPED, "neither"), confusion(training.network, usual), strict=True):
+        Console().print(f"{kind}: told as {', as '.join(SHAPED)} or as neither: {counts}", soft_wrap=True)
+    Console().print(f"Weights in {settings.out}", soft_wrap=True)
+
+
+def _check(settings: TrainPoints | TrainYolo, ending: str) -> None:
+    if settings.stride < 1:
+        raise InputError("--stride: at least 1")
+    _check_out(settings.out, ending)
+
+
+def _check_out(out: Path, ending: str) -> None:
+    if out.suffix != ending:
+        raise InputError(f"--out {out}: a name that ends with {ending}")
+    check_folder_of("out", out)
+
+
+def _scenes(data: Path) -> int:
+    """The number of scenes of a dataset; InputError if the file of one is missing."""
+    from sarsim.dataset.folder import Dataset
+
+    scenes = [data / entry.file for entry in Dataset(data).entries]
+    if missing := [path for path in scenes if not path.is_file()]:
+        raise InputError(
+            f"{missing[0]}: missing, {len(missing)} of {len(scenes)} scenes are:"
+            " generate_dataset.py with the flags of before makes them again"
+        )
+    return len(scenes)
+
+
+def _clouds(
+    settings: TrainPoints, worker: "TrainingWorker", voxel_size: float, colours: bool
+) -> dict[str, list["LabelledCloud"]]:
+    """The clouds of the splits train and val; prints which classes train lacks."""
+    from pipeline.semantic_map.classifier import CLASSES
+    from pipeline.semantic_map.networks.clouds import LabelledCloud
+    from sarsim.dataset.folder import Dataset
+
+    datasets = [Dataset(folder) for folder in settings.data]
+    clouds: dict[str, list[LabelledCloud]] = {"train": [], "val": [], "test": []}
+    with progress(disable=not worker.leads) as bars:
+        for entry, scene in bars.track(chain(*datasets), total=sum(map(len, datasets)), description="scenes"):
+            for index in range(0, len(scene) if entry.split != "test" else 0, settings.stride):
+                pose = scene.T_world_camera(index)
+                clouds[entry.split].append(LabelledCloud.of(scene.frame(index), pose, voxel_size, colours))
+    folders = " ".join(map(str, settings.data))
+    if absent := [split for split in ("train", "val") if not clouds[split]]:
+        raise InputError(f"--data {folders}: no scene of the split {absent[0]}: make 5 scenes at least")
+    seen = sum(cloud.counts.sum(axis=0, dtype=int) for cloud in clouds["train"])
+    missing = [label.name.lower() for label, count in zip(CLASSES, seen, strict=True) if not count]
+    if missing and worker.leads:
+        told = f"--data {folders}: no point of {', '.join(missing)}, which the network will not know"
+        Console(stderr=True).print(told, soft_wrap=True)
+    return clouds
+
+
+def _train(trainer: "TrainingLoop[Any]", settings: TrainPoints | TrainYolo, score: str) -> None:
+    """Run a trainer with a progress bar; Ctrl-C ends it after the step under way."""
+    leads = trainer.worker.leads
+    if leads:
+        save_settings(settings, settings.out.with_suffix(".yaml"))
+    write_events = _events(settings.tensorboard) if leads and settings.tensorboard else None
+    with progress(disable=not leads) as bars, Interruptible() as hold:
+        bar = bars.add_task("steps", total=settings.steps, completed=trainer.step)
+
+        def report(now: "TrainingLoop[Any]") -> None:
+            bars.update(bar, completed=now.step, description=f"steps, {score} {now.score:.3f}")
+            if write_events:
+                write_events(now)
+            if hold.signal is not None:
+                raise KeyboardInterrupt(hold.signal)
+
+        trainer.run(report)
+    if leads:
+        Console().print(f"Validated: {score} {trainer.score:.4f}. Weights in {settings.out}", soft_wrap=True)
+
+
+def _events(folder: Path) -> "Callable[[TrainingLoop[Any]], None]":
+    """A function that writes the validations of a training since its last call to TensorBoard."""
+    try:
+        from torch.utils.tensorboard import SummaryWriter
+    except ImportError as error:
+        raise InputError(f"--tensorboard {folder}: TensorBoard is missing; pip install tensorboard") from error
+    writer, written = SummaryWriter(folder), 0
+
+    def write(now: "TrainingLoop[Any]") -> None:
+        nonlocal written
+        for step, *values in now.rows[written:]:
+            for name, value in zip(("loss", *now.SCORES), values, strict=True):
+                writer.add_scalar(name, value, int(step))
+            writer.flush()
+        written = len(now.rows)
+
+    return write
+
+
+def main() -> None:
+    """Entry point."""
+    networks: dict[str, Any] = {name: (partial(train_points, network=name), TrainPoints) for name in POINT_NETWORKS}
+    networks["yolo"] = (train_yolo, TrainYolo)
+    networks["hazmat"] = (train_hazmat, TrainHazmat)
+    networks["explorer"] = (train_explorer, TrainExplorer)
+    networks["shapes"] = (train_shapes, TrainShapes)
+    run_one_of(networks, str(__doc__))

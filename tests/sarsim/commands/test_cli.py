@@ -1,0 +1,242 @@
+"""Exit statuses and the one line on stderr."""
+
+import functools
+import os
+import pty
+import signal
+import subprocess
+import sys
+import time
+from importlib.metadata import version
+from pathlib import Path
+
+import pytest
+
+from pipeline.errors import InputError
+from sarsim.commands import cli
+from sarsim.commands.cli import progress, run, run_watched, tracked
+
+
+def command(count: int, *, fail: str = "", pair: tuple[int, int] | None = None) -> None:
+    """Do something ``count`` times."""
+    if fail == "input":
+        raise InputError(f"count {count}\n  is too much")
+    if fail == "interrupt":
+        raise KeyboardInterrupt
+    if fail == "pipe":
+        raise BrokenPipeError("not of stdout")
+    print("done", count)
+
+
+def exit_status(args: list[str]) -> int | str | None:
+    with pytest.raises(SystemExit) as raised:
+        run(command, args)
+    return raised.value.code
+
+
+def test_a_command_that_works_just_returns(capsys: pytest.CaptureFixture[str]) -> None:
+    run(command, ["--count", "3"])
+    assert capsys.readouterr().out == "done 3\n"
+
+
+def test_bad_input_is_one_line_and_status_2(capsys: pytest.CaptureFixture[str]) -> None:
+    assert exit_status(["--count", "3", "--fail", "input"]) == 2
+    captured = capsys.readouterr()
+    assert captured.err == "error: count 3 is too much\n"
+    assert captured.out == ""
+
+
+def test_ctrl_c_is_one_line_and_status_130(capsys: pytest.CaptureFixture[str]) -> None:
+    assert exit_status(["--count", "3", "--fail", "interrupt"]) == 130
+    assert capsys.readouterr().err == "interrupted\n"
+
+
+@pytest.mark.parametrize(
+    ("ending", "before", "status"),
+    [
+        (signal.SIGTERM, signal.SIG_DFL, 143),
+        (signal.SIGHUP, signal.SIG_DFL, 129),
+        (signal.SIGINT, signal.SIG_IGN, 130),  # of a script's background job
+    ],
+)
+def test_other_signals_end_a_command_as_ctrl_c_does(
+    ending: signal.Signals,
+    before: signal.Handlers,
+    status: int,
+    capsys: pytest.CaptureFixture[str],
+    request: pytest.FixtureRequest,
+) -> None:
+    tidied: list[bool] = []
+    request.addfinalizer(functools.partial(signal.signal, ending, signal.getsignal(ending)))
+    signal.signal(ending, before)
+
+    def long_command() -> None:
+        try:
+            signal.raise_signal(ending)
+            time.sleep(60)
+        finally:
+            tidied.append(True)
+
+    with pytest.raises(SystemExit) as raised:
+        run(long_command, [])
+    assert (raised.value.code, tidied, capsys.readouterr().err) == (status, [True], "interrupted\n")
+    assert signal.getsignal(ending) == before
+
+
+STEPS = """
+import time
+from importlib.metadata import version
+from pathlib import Path
+from sarsim.commands.cli import end_by, run, run_watched
+
+def take(interrupted, on_step):
+    print("begun", flush=True)
+    while not interrupted():
+        time.sleep(0.02)
+        on_step(1, "a step")
+
+def steps(out: Path) -> None:
+    ended_by = run_watched(take, "place", "steps")
+    out.write_text(f"whole {ended_by}")
+    end_by(ended_by)
+
+run(steps)
+"""
+
+
+def test_a_closed_terminal_lets_the_step_end(tmp_path: Path) -> None:
+    child, terminal = pty.fork()
+    if not child:
+        signal.signal(signal.SIGHUP, signal.SIG_DFL)  # under nohup it is ignored
+        os.execv(sys.executable, [sys.executable, "-c", STEPS, "--out", str(tmp_path / "result")])
+    seen = b""
+    while b"begun" not in seen:
+        seen += os.read(terminal, 1000)
+    os.close(terminal)
+    _, status = os.waitpid(child, 0)
+    assert os.waitstatus_to_exitcode(status) == 129
+    assert (tmp_path / "result").read_text() == "whole 1"
+
+
+@pytest.mark.parametrize("args", [[], ["--count", "many"], ["--count", "3", "--colour", "red"]])
+def test_wrong_flags_are_status_2(args: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert exit_status(args) == 2
+    message = capsys.readouterr().err
+    assert message.count("\n") == 1
+    assert message.startswith("error: ")
+    assert "--" in message
+
+
+@pytest.mark.parametrize(
+    ("args", "line"),
+    [
+        (["--count", "3", "--fali", "pipe"], "Unrecognized options: --fali, pipe; perhaps you meant --fail"),
+        (["--fail", "pipe"], ": --count INT"),
+        (["--count", "3", "--pair", "none"], "{None}|{INT INT} could be instantiated from ['none']"),
+        (["--cuont", "3"], ": --count INT; Unrecognized options: --cuont 3; perhaps you meant --count"),
+    ],
+)
+def test_the_flag_that_was_meant_is_named(args: list[str], line: str, capsys: pytest.CaptureFixture[str]) -> None:
+    assert exit_status(args) == 2
+    assert capsys.readouterr().err.strip().endswith(line)
+
+
+@pytest.mark.parametrize("args", [["--count", "3", "--fail", ""], ["--count", "3", "--fail="], [""]])
+def test_nothing_is_no_value(args: list[str], capsys: pytest.CaptureFixture[str]) -> None:
+    assert exit_status(args) == 2
+    assert capsys.readouterr().err.endswith(": nothing is given\n")
+
+
+def test_help_says_what_the_command_does(capsys: pytest.CaptureFixture[str]) -> None:
+    assert exit_status(["--help"]) == 0
+    assert "Do something" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("args", ["--help", "--count 3"])
+def test_a_pipe_without_a_reader_ends_the_process_without_a_message(args: str) -> None:
+    program = f"from tests.sarsim.commands.test_cli import *; run(command, {args.split()})"
+    reader, writer = os.pipe()
+    os.close(reader)
+    ended = subprocess.run([sys.executable, "-c", program], stdout=writer, stderr=subprocess.PIPE, text=True)
+    os.close(writer)
+    assert (ended.returncode, ended.stderr) == (141, "")
+
+
+def test_another_pipe_that_breaks_is_an_error() -> None:
+    with pytest.raises(BrokenPipeError, match="not of stdout"):
+        run(command, ["--count", "3", "--fail", "pipe"])
+
+
+def ended(
+    args: list[str], program: str = "from tests.sarsim.commands.test_cli import *; run(command, {})"
+) -> list[str]:
+    """Status, stdout and stderr of a process of its own."""
+    code = program.format(args)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True)
+    return [str(done.returncode), done.stdout, done.stderr]
+
+
+def test_every_command_tells_its_version(capsys: pytest.CaptureFixture[str]) -> None:
+    assert exit_status(["--version"]) in (None, 0)
+    assert capsys.readouterr().out == f"sarsim {version('sarsim')}\n"
+
+
+def test_quiet_tells_errors_alone() -> None:
+    assert ended(["--count", "3", "--quiet"]) == ["0", "", ""]
+    assert ended(["--count", "3", "--fail", "input", "--quiet"])[2] == "error: count 3 is too much\n"
+
+
+def test_the_log_has_the_level_that_is_asked_for(capsys: pytest.CaptureFixture[str]) -> None:
+    told = "import logging; from sarsim.commands.cli import *; run(lambda: logging.info('so'), {})"
+    assert ended(["--log-level", "info"], told) == ["0", "", "INFO root: so\n"]
+    assert ended([], told) == ["0", "", ""]
+    assert exit_status(["--count", "3", "--log-level", "loud"]) == 2
+    assert "--log-level: invalid choice: 'loud'" in capsys.readouterr().err
+
+
+def test_progress_is_lines_without_a_terminal(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cli, "LINE_EVERY", -1.0)
+    with progress() as bars:
+        bar = bars.add_task("steps", total=5)
+        for _ in range(5):
+            bars.advance(bar)
+        assert list(bars.track([1, 2], description="scenes")) == [1, 2]
+    lines = capsys.readouterr().err.splitlines()
+    assert [line.partition(",")[0] for line in lines[:5]] == [f"steps: {k} of 5" for k in range(1, 6)]
+    assert lines[-1].startswith("scenes: 2 of 2, ")
+
+
+def test_progress_says_what_is_counted(capsys: pytest.CaptureFixture[str]) -> None:
+    run_watched(lambda interrupted, on_step: on_step(11, "arena: exploring, 6 m² mapped"), "arena", "steps", 12)
+    assert list(tracked("ab", "letters")) == ["a", "b"]
+    captured = capsys.readouterr()
+    lines = [line.partition(", 0 s")[0] for line in captured.err.splitlines()]
+    assert (lines, captured.out) == (["arena: exploring, 6 m² mapped; steps: 11 of 12", "letters: 2 of 2"], "")
+
+
+def test_progress_leaves_the_last_word_to_an_error(capsys: pytest.CaptureFixture[str]) -> None:
+    with pytest.raises(InputError), progress() as bars:
+        bars.update(bars.add_task("steps", total=5), advance=1)
+        raise InputError("no more")
+    assert capsys.readouterr().err == ""
+
+
+COMPILING = """
+import numba
+from sarsim.commands.cli import announce_compilation
+
+announce_compilation()
+for function in (lambda x: x + 1, lambda x: x + 2):
+    numba.njit(function)(1)
+"""
+
+
+def test_a_person_is_told_once_that_numba_compiles() -> None:
+    terminal, stderr = pty.openpty()
+    assert subprocess.run([sys.executable, "-c", COMPILING], stderr=stderr).returncode == 0
+    os.close(stderr)
+    assert os.read(terminal, 10_000).count(b"compiling for this machine") == 1
+    os.close(terminal)
+    assert ended([], COMPILING)[2] == ""

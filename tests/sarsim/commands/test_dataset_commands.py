@@ -1,0 +1,96 @@
+"""generate_dataset.py and export_dataset.py: flags, exit statuses, what they say."""
+
+import sys
+from pathlib import Path
+
+import h5py
+import pytest
+
+from pipeline.errors import InputError
+from sarsim.commands import export_dataset, generate_dataset
+from sarsim.commands.generate_dataset import GenerateDataset, make_engine
+from sarsim.commands.generate_dataset import generate_dataset as command
+from sarsim.commands.settings import run_with_settings
+from sarsim.dataset.local_engine import LocalEngine
+from tests.refusal import refusal
+from tests.sarsim.dataset.small import InProcess, toys
+
+
+def exit_status(args: list[str]) -> int | str | None:
+    with pytest.raises(SystemExit) as raised:
+        run_with_settings(command, GenerateDataset, args)
+    return raised.value.code
+
+
+@pytest.mark.parametrize(
+    ("flags", "message"),
+    [
+        ("--scenes 0", "--scenes, --workers: at least 1"),
+        ("--workers 0", "--scenes, --workers: at least 1"),
+        ("--frames 0", "--frames 0: at least 1"),
+        ("--engine cloud", "--engine"),
+        ("--arenas nowhere", "unknown arena 'nowhere'"),
+        ("--arenas nist_6x4 --out /proc/data", "/proc/data: "),
+    ],
+)
+def test_bad_flags_are_status_2_and_one_line(
+    flags: str, message: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(generate_dataset, "make_engine", lambda *flags: InProcess())
+    out = [] if "--out" in flags else ["--out", str(tmp_path / "data")]
+    if "workers" in flags or "engine" in flags:
+        monkeypatch.undo()
+    assert exit_status([*out, *flags.split()]) == 2
+    errors = capsys.readouterr().err.strip().splitlines()
+    assert message in errors[-1]
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_ray_is_asked_for_where_it_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "ray", None)
+    with pytest.raises(InputError, match=r"Ray is not installed: pip install 'sarsim\[ray\]'"):
+        make_engine("ray", None)
+    assert isinstance(make_engine("local", None), LocalEngine)
+
+
+def test_the_command_says_where_the_dataset_lies(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(generate_dataset, "make_engine", lambda *flags: InProcess(toys=True))
+    run_with_settings(command, GenerateDataset, ["--out", str(tmp_path / "data"), "--scenes", "2"])
+    captured = capsys.readouterr()
+    assert f"2 scenes in {tmp_path / 'data'}" in captured.out
+    assert (tmp_path / "data" / "index.html").exists()
+
+
+@pytest.mark.parametrize("name", sorted(export_dataset.EXPORTS))
+def test_every_export_is_a_subcommand(
+    name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    toys(tmp_path / "data", 2)
+    args = ["export_dataset.py", name, "--data", str(tmp_path / "data"), "--out", str(tmp_path / "out")]
+    monkeypatch.setattr(sys, "argv", args)
+    export_dataset.main()
+    assert f"2 scenes in {tmp_path / 'out'}" in capsys.readouterr().out
+    assert list((tmp_path / "out").rglob("*"))
+
+
+def test_colours_are_of_blocks_alone(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    toys(tmp_path / "data", 1)
+    flags = ["--colours", "--data", str(tmp_path / "data"), "--out", str(tmp_path / "out")]
+    monkeypatch.setattr(sys, "argv", ["export_dataset.py", "s3dis", *flags])
+    assert "--colours: s3dis has no such setting" in refusal(capsys, export_dataset.main)
+    monkeypatch.setattr(sys, "argv", ["export_dataset.py", "blocks", *flags])
+    export_dataset.main()
+    with h5py.File(tmp_path / "out" / "ply_data_all_0.h5") as file:
+        assert file["data"].shape[1:] == (4096, 9)
+
+
+def test_an_export_of_nothing_is_status_2(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    args = ["export_dataset.py", "tum", "--data", str(tmp_path), "--out", str(tmp_path / "out")]
+    monkeypatch.setattr(sys, "argv", args)
+    assert "not a dataset" in refusal(capsys, export_dataset.main)

@@ -1,0 +1,109 @@
+"""The commands about missions, and the files of missions."""
+
+import json
+from datetime import datetime
+
+import pytest
+
+from pipeline.errors import InputError
+from pipeline.league.brief import MissionBrief
+from pipeline.league.validation import validate
+from sarsim.commands.cli import guarded
+from sarsim.commands.run_episode import run_episode
+from sarsim.commands.score_mission import score_mission
+from sarsim.commands.settings import load_mission, run_with_settings, wanted_mission
+from sarsim.commands.validate_mission import validate_mission
+from sarsim.settings import EpisodeConfig
+from tests.pipeline.league.handed_in_room import hand_in_room
+from tests.refusal import refusal
+
+
+def test_the_missions_that_are_here():
+    assert load_mission("league") == MissionBrief(name="labyrinth")
+    assert load_mission("virtual").tasks == ("explore", "find", "park")
+
+
+def test_a_mission_is_a_file(tmp_path):
+    path = tmp_path / "mission.yaml"
+    path.write_text("team: A\nstart: 2026-02-03 04:05:06\nminutes: 5\ntasks: [home]\nrewards:\n  beta: 0.9\n")
+    brief = load_mission(str(path))
+    assert (brief.start, brief.minutes, brief.tasks) == (datetime(2026, 2, 3, 4, 5, 6), 5.0, ("home",))
+    assert (brief.rewards.beta, brief.rewards.alpha) == (0.9, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("text", "fault"),
+    [
+        ("wheels: 4", "unknown setting wheels"),
+        ("rewards:\n  gold: 1", "unknown setting gold"),
+        ("minutes: 0", "a clock must run"),
+        ("minutes: soon", "does not fit"),
+        ("tasks: [dance]", "does not fit"),
+        ("start: noon", "does not fit"),
+        ("[", "not readable YAML"),
+    ],
+)
+def test_a_wrong_file_is_refused_in_a_line(tmp_path, capsys, text, fault):
+    path = tmp_path / "mission.yaml"
+    path.write_text(text)
+    assert fault in refusal(capsys, guarded, lambda: load_mission(str(path)))
+
+
+def test_flags_change_the_clock_and_what_counts():
+    assert wanted_mission("explore") is None
+    brief = wanted_mission("virtual", minutes=3.0, home=True)
+    assert brief is not None
+    assert (brief.minutes, brief.tasks) == (3.0, ("explore", "find", "park", "home"))
+    assert wanted_mission("league") == load_mission("league")
+
+
+@pytest.mark.parametrize(
+    ("flags", "fault"),
+    [
+        (["--mission", "league", "--minutes", "0"], "--minutes 0: more than 0"),
+        (["--mission", "league", "--minutes", "inf"], "--minutes inf: more than 0"),
+        (["--minutes", "5"], "only with a --mission"),
+        (["--mission", "none.yaml"], "none.yaml"),
+    ],
+)
+def test_a_mission_that_cannot_be_played_leaves_nothing(tmp_path, capsys, flags, fault):
+    out = tmp_path / "out"
+    play = lambda: run_with_settings(run_episode, EpisodeConfig, ["--out", str(out), *flags])  # noqa: E731
+    assert fault in refusal(capsys, guarded, play)
+    assert not out.exists()
+
+
+def test_an_episode_plays_a_mission_and_is_scored(tmp_path, capsys):
+    out = tmp_path / "out"
+    flags = ["--mission", "league", "--minutes", "0.05", "--labels", "truth", "--detector", "None", "--home"]
+    run_with_settings(run_episode, EpisodeConfig, ["--out", str(out), *flags])
+    report = json.loads((out / "report.json").read_text())
+    assert report["exploration"]["ended"] == "time"
+    assert report["home"]["reached"] == 1
+    assert report["sim_time_s"] <= 3.1
+    assert validate(out) == []
+    for league in ("league", "virtual"):
+        assert {"points"} <= set().union(*report[league].values())
+    capsys.readouterr()
+    score_mission(out, "nist_6x4")
+    again = json.loads(capsys.readouterr().out)
+    for league in ("league", "virtual"):
+        for rule, figures in report[league].items():
+            assert again[league][rule] == pytest.approx(figures), rule
+
+
+def test_what_is_accepted_ends_well_and_what_is_rejected_does_not(tmp_path, capsys):
+    plan, _, _ = hand_in_room(tmp_path)
+    validate_mission(tmp_path)
+    assert capsys.readouterr().out == f"{tmp_path}: a judge would reject nothing\n"
+    plan.rename(plan.with_name("map.tiff"))
+    with pytest.raises(SystemExit) as ended:
+        validate_mission(tmp_path)
+    assert ended.value.code == 1
+    assert capsys.readouterr().out == "map.tiff: must be named RoboCup[Year]-[Team]-[Mission].tiff\n"
+    assert "No such file" in refusal(capsys, guarded, lambda: validate_mission(tmp_path / "none"))
+
+
+def test_no_fewer_than_no_resets(tmp_path):
+    with pytest.raises(InputError, match="at least 0"):
+        score_mission(tmp_path, "nist_6x4", resets=-1)

@@ -1,0 +1,117 @@
+"""The simulated robot and an explorer by topics: the files of both, also if one of them stops sending."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.errors import InputError
+from pipeline.league.brief import HANDED_IN, MissionBrief
+from pipeline.league.validation import validate
+from pipeline.metric_map.io.npz import load_metric_map
+from pipeline.robot import Velocity
+from pipeline.ros import messages
+from pipeline.transforms import yaw_of
+from sarsim.commands.ros_drive import RosDrive
+from sarsim.commands.simulated_node import WATCHDOG, SimulatedNode
+from sarsim.settings import RosExploration, RosRobotConfig
+from tests.pipeline.ros.live.loopback import End, Wire
+
+FILES = {
+    "episode.rrd", "keyframes.npz", "metric_map.npz", "report.html", "report.json", "semantic_map.ply",
+    "topology.json", "trajectory_estimated.tum",
+    "finds.json",
+    "victims.csv",
+    "victims.json",
+}  # fmt: skip
+
+
+class Pair:
+    """The simulated robot and an explorer, which wait for each other; the robot's time serves as wall-clock time."""
+
+    def __init__(self, folder: Path, brief: MissionBrief | None = None, **config: object):
+        self.wire = Wire()
+        self.simulated = SimulatedNode(RosRobotConfig(out=folder / "truth"), End(self.wire, "robot"))
+        end = End(self.wire, "explorer")
+        end.work = self.work
+        self.out = folder / "run"
+        settings = {"steps": 2, "detector": None} | config
+        self.drive = RosDrive(RosExploration(out=self.out, **settings), end, brief)  # type: ignore[arg-type]
+
+    def work(self) -> None:
+        self.wire.time += self.simulated.robot.control_period
+        self.simulated.period()
+
+    @property
+    def report(self) -> dict:
+        return json.loads((self.out / "report.json").read_text())
+
+
+@pytest.fixture(scope="module")
+def driven(tmp_path_factory: pytest.TempPathFactory) -> Pair:
+    pair = Pair(tmp_path_factory.mktemp("ros"))
+    assert pair.drive.run()
+    return pair
+
+
+def test_it_explores_and_leaves_the_files_of_an_episode(driven: Pair) -> None:
+    assert {path.name for path in driven.out.iterdir()} == FILES
+    report = driven.report
+    assert report["steps"] == 2
+    assert report["navigation"]["legs"] == report["navigation"]["reached"] > 0
+    assert report["localisation"]["keyframes"] > 2
+    assert len(load_metric_map(driven.out / "metric_map.npz").occupied_centres()) > 300
+
+
+def test_the_robot_knows_the_truth_and_says_it_of_keyframes_alone(driven: Pair) -> None:
+    truth = driven.simulated.report()
+    assert truth["navigation"]["tipped"] == 0
+    assert np.ptp([yaw_of(pose.T_world_base) for pose in driven.simulated.robot.trajectory]) > 0.3
+    assert 0.1 < truth["exploration"]["explored_fraction"] < 0.9
+    assert "/ground_truth/pose" not in driven.wire.heard
+    assert "/camera/label/image_raw" not in driven.wire.heard
+
+
+def test_where_it_believes_to_be_is_where_it_is(driven: Pair) -> None:
+    true = {round(pose.time, 3): pose.T_world_base for pose in driven.simulated.robot.trajectory}
+    rows = np.loadtxt(driven.out / "trajectory_estimated.tum")
+    errors = [np.linalg.norm(true[round(row[0], 3)][:2, 3] - row[1:3]) for row in rows]
+    assert len(errors) > 50
+    assert max(errors) < 0.05
+
+
+def test_it_tells_the_network_of_its_maps(driven: Pair) -> None:
+    grid = driven.wire.heard["/map"][-1]
+    assert set(grid.data) == {-1, 0, 100}
+    for topic in ("/keyframe", "/semantic_cloud", "/plan", "/path", "/markers", "/tf"):
+        assert driven.wire.heard[topic], topic
+
+
+def test_a_command_holds_for_half_a_second(driven: Pair) -> None:
+    robot, wire = driven.simulated.robot, driven.wire
+    for command in (Velocity(-0.3), Velocity(np.nan, 0.2)):
+        before = robot.trajectory[-1].T_world_base
+        wire.carry("/cmd_vel", messages.velocity(command))
+        for _ in range(round((WATCHDOG + 1.0) / robot.control_period)):
+            driven.work()
+        way = np.linalg.norm(robot.trajectory[-1].T_world_base[:2, 3] - before[:2, 3])
+        at_rest = np.linalg.norm(robot.trajectory[-1].T_world_base[:2, 3] - robot.trajectory[-5].T_world_base[:2, 3])
+        assert (way > 0.01) == np.isfinite(command.v)
+        assert at_rest < 0.001
+
+
+def test_where_the_robot_falls_silent_what_was_mapped_is_kept(tmp_path: Path) -> None:
+    pair = Pair(tmp_path, MissionBrief(), patience=1.0)
+
+    def falls_silent(topic: str, time: float, message: object) -> list:
+        gone = topic == "/odom" and len(pair.drive.explorer.mapper.keyframes) > 1
+        return [] if gone else [(topic, time, message)]
+
+    pair.wire.change = falls_silent
+    with pytest.raises(InputError, match="/odom: silent for 1 s; the robot was stopped"):
+        pair.drive.run()
+    assert {path.name for path in pair.out.iterdir()} == FILES | {HANDED_IN}
+    assert validate(pair.out) == []
+    assert pair.report["stopped"].startswith("/odom: silent")
+    assert messages.command_of(pair.wire.heard["/cmd_vel"][-1]) == Velocity()

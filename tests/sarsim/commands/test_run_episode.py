@@ -1,0 +1,349 @@
+"""Whole episodes, as the command runs them."""
+
+import json
+import os
+import pickle
+import re
+import signal
+import subprocess
+import sys
+import urllib.request
+from pathlib import Path
+
+import numpy as np
+import open3d as o3d
+import pytest
+from filelock import FileLock
+
+from pipeline.metric_map.io.npz import load_metric_map
+from pipeline.victims.detection.weights import write_weights
+from sarsim.commands import run_episode
+from sarsim.commands.settings import save_settings
+from sarsim.episode import Episode
+from sarsim.settings import WEIGHTS, EpisodeConfig
+from scripts.benchmarks.semantic_confusion import confusion
+from tests.pipeline.victims.detection.networks import SMALL, random_network
+from tests.sarsim.rooms import room
+from tests.source_tree import ROOT
+
+
+@pytest.fixture(scope="module")
+def episode(tmp_path_factory) -> Path:
+    """The folder of a whole episode in the NIST arena, one for all processes that run tests."""
+    base = tmp_path_factory.getbasetemp()
+    out = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "episode"
+    with FileLock(f"{out}.lock"):
+        assert out.exists() or Episode(EpisodeConfig(labels="truth", out=out)).run()
+    return out
+
+
+@pytest.fixture(scope="module")
+def report(episode):
+    return json.loads((episode / "report.json").read_text())
+
+
+def test_the_arena_is_explored_without_harm(report):
+    navigation = report["navigation"]
+    assert report["exploration"]["explored_fraction"] >= 0.95
+    assert navigation["reached"] == navigation["legs"] > 0
+    assert navigation["tipped"] == navigation["stuck"] == navigation["collisions"] == 0
+    assert navigation["max_pitch_deg"] < 20
+    assert report["steps"] <= 160
+
+
+def test_the_metric_map_is_right(report):
+    metric_map = report["metric_map"]
+    assert metric_map["occupied_recall"] >= 0.95
+    assert metric_map["occupied_precision"] >= 0.97
+    assert metric_map["false_free_rate"] <= 0.01
+
+
+def test_the_topology_is_one_sound_piece(report):
+    topology = report["topological_map"]
+    assert topology["components"] == 1
+    assert topology["edges_through_walls"] == 0
+    assert topology["coverage"] >= 0.9
+
+
+def test_segments_lie_where_the_planes_are(report):
+    assert report["segments"]["angle_error_deg"]["median"] < 0.5
+    assert report["segments"]["boxes_iou"]["median"] > 0.6
+
+
+def test_true_labels_make_no_error(report):
+    assert report["semantic_map"]["accuracy"] > 0.9995
+
+
+def test_what_rays_hit_is_what_the_map_shows(episode):
+    save_settings(EpisodeConfig(labels="truth"), episode / "config.yaml")
+    told = confusion(episode)
+    assert told.figures["accuracy"] > 0.97
+    assert told.figures["points"] > 100_000
+
+
+def test_the_robot_knows_where_it_is(report):
+    localisation = report["localisation"]
+    assert localisation["ate_rmse_m"] < 0.03
+    assert localisation["heading_rmse_deg"] < 0.5
+    assert localisation["drift_percent"] < 0.2
+    assert localisation["keyframes"] > report["steps"]
+    assert localisation["false_loops"] == localisation["relocalised"] == 0
+    assert "lost" not in report
+
+
+def test_every_file_reads_back(episode, report):
+    assert len(load_metric_map(episode / "metric_map.npz").occupied_centres()) > 1000
+    cloud = o3d.t.io.read_point_cloud(str(episode / "semantic_map.ply"))
+    assert len(cloud.point.positions) == report["semantic_map"]["points"]
+    assert set(np.unique(cloud.point["label"].numpy())) == {1, 2, 3, 4, 6}
+    for name in ("trajectory_true.tum", "trajectory_estimated.tum"):
+        rows = np.loadtxt(episode / name)
+        assert rows.shape[1] == 8
+        assert np.all(np.diff(rows[:, 0]) > 0)
+    topology = json.loads((episode / "topology.json").read_text())
+    assert len(topology["nodes"]) == report["topological_map"]["nodes"]
+    assert (episode / "episode.rrd").read_bytes()[:4] == b"RRF2"
+    assert (episode / "report.html").read_text().rstrip().endswith("</html>")
+    assert not list(episode.glob("*.part"))
+
+
+def test_the_report_has_the_agreed_names(episode, shared):
+    check = subprocess.run(
+        [sys.executable, shared / "check_report.py", episode / "report.json"], capture_output=True, text=True
+    )
+    assert check.stdout == ""
+
+
+def short_report(out: Path, seed: int, **changes: object) -> dict:
+    episode = Episode(EpisodeConfig(seed=seed, out=out, **({"labels": "truth", "steps": 3} | changes)))
+    assert episode.run()
+    return json.loads((out / "report.json").read_text())
+
+
+def test_tags_on_the_walls_tell_how_true_the_maps_distances_are(tmp_path):
+    localisation = short_report(tmp_path, 0, fiducials=30, detector=None, steps=2)["localisation"]
+    assert 2 <= localisation["fiducials_found"] <= 30
+    assert 0 < localisation["fiducial_error_m"] < 0.02
+
+
+def test_a_robot_that_is_told_its_pose_makes_no_error_and_one_that_trusts_its_wheels_does(tmp_path):
+    told, drifting = (
+        short_report(tmp_path / name, 0, detector=None, steps=2, **settings)
+        for name, settings in (("a", {"odometry": "truth"}), ("b", {"localisation": "odometry"}))
+    )
+    assert "victims" not in told
+    keyframes = told["localisation"].pop("keyframes")
+    assert max(told["localisation"].values()) < 1e-9
+    assert keyframes > 5
+    assert drifting["localisation"]["ate_rmse_m"] > 0
+    assert drifting["localisation"]["loops"] == 0
+
+
+def test_victims_are_reported_if_there_is_a_detector(tmp_path):
+    files = tmp_path / "a.cfg", tmp_path / "a.weights"
+    files[0].write_text(SMALL)
+    write_weights(files[1], random_network(SMALL))
+    report = short_report(tmp_path / "b", 0, detector=files, steps=1)
+    assert report["victims"]["present"] == 2
+    assert report["timing_ms"]["victims"]["median"] > 0
+    assert report["config"]["detector"] == [path.name for path in files]
+
+
+def test_a_pickle_for_weights_is_refused(tmp_path, monkeypatch, capsys):
+    weights = tmp_path / "w.safetensors"
+    weights.write_bytes(pickle.dumps({"conv1.0.weight": 1}))
+    flags = ["--labels", "dgcnn", "--weights", str(weights), "--out", str(tmp_path / "out")]
+    assert_refused(flags, "a pickle, which could run code", monkeypatch, capsys)
+
+
+def ended_in_step(number: int, ending: signal.Signals, monkeypatch) -> None:
+    """Let a signal come while a step of the next episode is under way."""
+    step, steps = Episode.step, 0
+
+    def interrupted_step(episode):
+        nonlocal steps
+        steps += 1
+        if steps == number:
+            signal.raise_signal(ending)
+        return step(episode)
+
+    monkeypatch.setattr(Episode, "step", interrupted_step)
+
+
+def test_ctrl_c_leaves_a_whole_recording_and_report(tmp_path, monkeypatch, capsys):
+    ended_in_step(2, signal.SIGINT, monkeypatch)
+    with pytest.raises(SystemExit) as stop:
+        run_command(monkeypatch, "--labels", "truth", "--detector", "None", "--out", tmp_path)
+    assert stop.value.code == 128 + signal.SIGINT
+    assert json.loads((tmp_path / "report.json").read_text())["steps"] == 2
+    assert (tmp_path / "episode.rrd").stat().st_size > 100_000
+    assert "Results in" in capsys.readouterr().out
+
+
+@pytest.mark.skipif(not WEIGHTS.exists(), reason="no network has been trained")
+def test_an_episode_with_a_network_that_was_stopped_goes_on_bit_for_bit(tmp_path, monkeypatch, capsys):
+    whole, stopped = tmp_path / "whole", tmp_path / "stopped"
+    run_command(monkeypatch, "--steps", 2, "--out", whole)
+    ended_in_step(1, signal.SIGTERM, monkeypatch)
+    with pytest.raises(SystemExit) as stop:
+        run_command(monkeypatch, "--steps", 2, "--out", stopped)
+    assert stop.value.code == 128 + signal.SIGTERM
+    assert json.loads((stopped / "report.json").read_text())["steps"] == 1
+    assert (stopped / "episode.rrd").stat().st_size > 100_000
+    kept = len(list((stopped / "network_outputs").iterdir()))
+    assert kept >= 2
+    assert "Results in" in capsys.readouterr().out
+    run_command(monkeypatch, "--resume", stopped)
+    assert f"with {kept} cached outputs" in capsys.readouterr().out
+    assert not (stopped / "network_outputs").exists() and not (whole / "network_outputs").exists()
+    for name in ("keyframes.npz", "metric_map.npz", "topology.json", "trajectory_true.tum"):
+        assert (stopped / name).read_bytes() == (whole / name).read_bytes(), name
+    first, again = (json.loads((folder / "report.json").read_text()) for folder in (whole, stopped))
+    for report in (first, again):
+        for key in ("config", "wall_time_s", "real_time_factor", "timing_ms"):
+            del report[key]
+    assert first == again
+    assert first["steps"] == 2
+    assert 0.6 < first["semantic_map"]["miou_four"] < 1
+    assert first["segments"]["angle_error_deg"]["median"] < 1
+    assert first["topological_map"]["edges_through_walls"] == 0
+
+
+def test_what_cannot_be_resumed_is_told(tmp_path, monkeypatch, capsys):
+    assert_refused(["--resume", str(tmp_path)], "config.yaml: No such file", monkeypatch, capsys)
+    (tmp_path / "config.yaml").write_text("seed: 3\n")
+    resume = ["--resume", str(tmp_path)]
+    assert_refused([*resume, "--out", "x"], "another folder", monkeypatch, capsys)
+    assert_refused([*resume, "--map", str(tmp_path)], "its own map", monkeypatch, capsys)
+    assert_refused([*resume, "--config", "x.yaml"], "brings the settings", monkeypatch, capsys)
+    (tmp_path / "config.yaml").write_text("resume: /tmp/else\n")
+    assert_refused(resume, "--resume as a flag", monkeypatch, capsys)
+
+
+def test_sigterm_ends_the_page_and_leaves_the_report(tmp_path):
+    flags = ["--labels", "truth", "--detector", "None", "--view", "web", "--out", str(tmp_path)]
+    program = ROOT / "scripts" / "run_episode.py"
+    process = subprocess.Popen([sys.executable, program, *flags], stdout=subprocess.PIPE, text=True)
+    assert process.stdout is not None
+    page = process.stdout.readline().split()[-1]
+    with urllib.request.urlopen(page) as answer:
+        assert answer.status == 200
+    process.send_signal(signal.SIGTERM)
+    assert process.wait(timeout=300) == 143
+    with pytest.raises(OSError, match="refused"):
+        urllib.request.urlopen(page)
+
+
+NO_FLOOR = '<mujoco><worldbody><site name="start"/><geom type="sphere" size="0.1" pos="9 9 9"/></worldbody></mujoco>'
+IN_A_WALL = """<mujoco><size nuser_geom="1"/><worldbody><site name="start"/><geom type="plane" size="3 3 1" user="2"/>
+<geom type="box" size="0.5 0.5 0.5" user="1"/></worldbody></mujoco>"""
+BOMB = """<!DOCTYPE m [<!ENTITY a "aaaaaaaaaa"><!ENTITY b "&a;&a;&a;&a;&a;&a;&a;&a;">]>
+<mujoco model="&b;"><worldbody/></mujoco>"""
+BAD_LABEL = IN_A_WALL.replace('user="1"', 'user="11"').replace("0.5 0.5 0.5", "0.1 0.1 0.1")
+
+
+@pytest.mark.parametrize(
+    ("arena", "message"),
+    [
+        (None, "No such file"),
+        ("<mujoco><worldbody>", "not readable XML"),
+        ("<mujoco><worldbody><geom type='box' size='-1 1 1'/></worldbody></mujoco>", "not a readable MJCF file"),
+        ("<robot/>", "not a readable MJCF file"),
+        (BOMB, "declares a document type"),
+        ("<mujoco><worldbody/></mujoco>", "no free start"),
+        (NO_FLOOR, "no free start"),
+        (IN_A_WALL, "no free start"),
+        (BAD_LABEL, "no label"),
+    ],
+)
+def test_a_bad_arena_is_one_line_and_status_2(arena, message, tmp_path, monkeypatch, capsys):
+    path = tmp_path / "arena.xml"
+    if arena is not None:
+        path.write_text(arena)
+    assert_refused(["--arena", str(path), "--out", str(tmp_path / "out")], message, monkeypatch, capsys)
+
+
+@pytest.mark.parametrize(
+    ("flags", "message"),
+    [
+        (["--arena", "atlantis"], "unknown arena 'atlantis'"),
+        (["--odometry", "stars"], "'stars'"),
+        (["--seed", "-1"], "--seed -1"),
+        (["--goals", "1", "2", "nan", "0"], "--goals 1 2 nan 0: no place is there"),
+        (["--goals", "1", "2", "3"], "--goals"),
+        (["--labels", "dgcnn", "--weights", "none.st"], "none.st: no such file; train.py dgcnn makes one"),
+        (["--labels", "dgcnn", "--weights", str(WEIGHTS)], "weights of pointnext, not of dgcnn"),
+        (["--detector", "none.cfg", "none.weights"], "none.cfg: No such file"),
+        (["--detector", "one.cfg"], "--detector"),
+        (["--steps", "0"], "--steps 0"),
+        (["--speed", "0"], "--speed 0"),
+        (["--speed", "nan"], "--speed nan"),
+        (["--fiducials", "99"], "--fiducials 99: 0 to 50"),
+        (["--steps", "many"], "--steps"),
+        (["--out", "/dev/null/x"], "/dev/null/x"),
+        (["--out", str(WEIGHTS.parent)], "weights: not empty: it holds "),
+        (["--out", ""], "--out '': nothing is given"),
+        (["--labels", "truth", "--map", "nowhere"], "nowhere/keyframes.npz"),
+        (["--labels", "truth", "--robot", "none.xml"], "none.xml"),
+    ],
+)
+def test_a_bad_flag_is_one_line_and_status_2(flags, message, tmp_path, monkeypatch, capsys):
+    assert_refused(["--out", str(tmp_path / "runs" / "a"), *flags], message, monkeypatch, capsys)
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize(
+    ("cfg", "weights", "message"),
+    [(SMALL + "[gru]\n", b"", "[gru]"), (SMALL, b"\0" * 300, "too short"), (SMALL, b"\0" * 3000, "too long")],
+)
+def test_a_bad_detector_is_one_line_and_status_2(cfg, weights, message, tmp_path, monkeypatch, capsys):
+    files = tmp_path / "a.cfg", tmp_path / "a.weights"
+    files[0].write_text(cfg)
+    files[1].write_bytes(weights)
+    flags = ["--labels", "truth", "--detector", *map(str, files), "--out", str(tmp_path / "out")]
+    assert_refused(flags, message, monkeypatch, capsys)
+
+
+def test_a_window_needs_a_display(tmp_path, monkeypatch, capsys):
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    assert_refused(["--view", "spawn", "--out", str(tmp_path / "run")], "display", monkeypatch, capsys)
+    assert list(tmp_path.iterdir()) == []
+
+
+def assert_refused(flags, message, monkeypatch, capsys):
+    monkeypatch.setattr(sys, "argv", ["run_episode.py", *flags])
+    with pytest.raises(SystemExit) as stop:
+        run_episode.main()
+    assert stop.value.code == 2
+    error = capsys.readouterr().err
+    assert re.fullmatch(r"error: [^\n]+\n", error)
+    assert message in error
+
+
+def run_command(monkeypatch, *flags: object) -> None:
+    monkeypatch.setattr(sys, "argv", ["run_episode.py", *map(str, flags)])
+    run_episode.main()
+
+
+def test_its_config_file_repeats_an_episode_in_another_folder(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "small.xml").write_text(room((-0.6, 1.4), (-0.8, 0.8)))
+    small = ("--arena", "small.xml", "--random.columns", 3, "--random.rows", 4)
+    quick = ("--steps", 1, "--seed", 5, "--labels", "truth", "--sensor", "ideal", "--detector", None)
+    run_command(monkeypatch, *small, *quick, "--goals", 0, 0)
+    first = tmp_path / "runs" / "small-5"
+    run_command(monkeypatch, "--config", first / "config.yaml")
+    run_command(monkeypatch, "--config", first / "config.yaml", "--seed", "6", "--out", "other")
+    reports = [
+        json.loads((folder / "report.json").read_text())
+        for folder in (first, tmp_path / "runs" / "small-5-2", tmp_path / "other")
+    ]
+    assert reports[0]["config"].pop("out") != reports[1]["config"].pop("out")
+    for report in reports:
+        for key in ("wall_time_s", "real_time_factor", "timing_ms"):
+            del report[key]
+    assert reports[0] == reports[1]
+    assert reports[2]["config"]["seed"] == 6
+    assert reports[2]["config"]["random"] == reports[0]["config"]["random"]
+    assert reports[2]["localisation"] != reports[0]["localisation"]

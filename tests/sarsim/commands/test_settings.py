@@ -1,0 +1,122 @@
+"""Settings from a YAML file and flags: which wins, what is refused, and that a file written is read back."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Literal
+
+import pytest
+import yaml
+from tyro.conf import Fixed
+
+from pipeline.errors import InputError
+from sarsim.commands.settings import load_settings, run_with_settings, save_settings, settings_from
+from sarsim.settings import EpisodeConfig
+from tests.refusal import refusal
+
+
+@dataclass(frozen=True)
+class Inner:
+    """Settings inside others."""
+
+    share: float = 0.5
+    hidden: Fixed[bool] = False
+
+
+@dataclass(frozen=True)
+class Outer:
+    """All kinds of settings."""
+
+    data: Path
+    steps: int = 3
+    sensor: Literal["xtion", "ideal"] = "xtion"
+    home: bool = False
+    goals: tuple[tuple[float, float], ...] = ()
+    detector: tuple[Path, Path] | None = (Path("a"), Path("b"))
+    start: tuple[float, float, float] | None = None
+    out: Path | None = None
+    inner: Inner = field(default_factory=Inner)
+
+
+FULL = Outer(Path("d"), 9, "ideal", True, ((1.0, -2.0), (1e-7, 4.0)), None, (0.5, 0, 90), inner=Inner(0.25, True))
+
+
+@pytest.fixture
+def file(tmp_path: Path) -> Path:
+    path = tmp_path / "config.yaml"
+    save_settings(FULL, path)
+    return path
+
+
+def test_what_a_run_writes_repeats_it(file: Path) -> None:
+    assert load_settings(Outer, file) == FULL
+    assert settings_from(Outer, ["--config", str(file)]) == FULL
+    assert settings_from(Outer, [f"--config={file}"]) == FULL
+
+
+def test_flags_override_the_file_and_the_file_the_defaults(file: Path) -> None:
+    flags = ["--steps", "5", "--no-home", "--inner.share", "1", "--goals", "--config", str(file)]
+    given = settings_from(Outer, flags)
+    assert (given.steps, given.home, given.inner, given.goals) == (5, False, Inner(1, True), ())
+    assert given.sensor == "ideal"
+
+
+def test_a_file_need_not_hold_everything(tmp_path: Path) -> None:
+    path = tmp_path / "some.yaml"
+    path.write_text("inner: {share: 1}\nsteps: 4\n")
+    assert settings_from(Outer, ["--data", "d", "--config", str(path)]) == Outer(Path("d"), 4, inner=Inner(1.0))
+    with pytest.raises(InputError, match="--data"):
+        settings_from(Outer, ["--config", str(path)])
+
+
+def test_folders_for_results_and_default_paths_are_not_written(tmp_path: Path) -> None:
+    path = tmp_path / "config.yaml"
+    save_settings(Outer(Path("d"), out=Path("results")), path)
+    assert set(yaml.safe_load(path.read_text())) == {"data", "steps", "sensor", "home", "goals", "start", "inner"}
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [
+        ("steps: many", "steps: 'many' does not fit"),
+        ("steps: 1.5", "steps: 1.5"),
+        ("steps: {a: 1}", "steps: has no settings of its own"),
+        ("stepz: 3", "unknown setting stepz"),
+        ("inner: {shar: 1}", "inner: unknown setting shar"),
+        ("inner: 3", "inner: must hold names"),
+        ("- 3", "must hold names"),
+        ("a: [", "not readable YAML"),
+        ("home: 3", "home: 3"),
+        ("sensor: ideel", "sensor: 'ideel'"),
+        ("goals: [1, 2, 3]", "goals: [1, 2, 3]"),
+        ("out: /home/me/.ssh", "no file says where results go: give --out"),
+        ("goals: &a [1, 2]\nstart: *a", "it has aliases"),
+        ("[" * 90_000, "too deep"),
+        ("steps: " + "9" * 5000, "not readable YAML"),
+        ("steps: 1\n" * 20_000, "too large"),
+        (b"arena: Z\xfcrich", "not a text in UTF-8"),
+        (None, "No such file"),
+    ],
+)
+def test_a_bad_file_is_one_line_and_status_2(
+    text: str | bytes | None, complaint: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    path = tmp_path / "config.yaml"
+    if text is not None:
+        path.write_bytes(text if isinstance(text, bytes) else text.encode())
+    flags = ["--data", "d", "--config", str(path)]
+    line = refusal(capsys, run_with_settings, lambda settings: None, Outer, flags)
+    assert line.startswith(f"error: --config {path}: ")
+    assert complaint in line
+
+
+def test_a_file_names_no_code_that_runs(tmp_path: Path) -> None:
+    path = tmp_path / "config.yaml"
+    for key in ("exploration", "labels", "detector_class", "detector-class", "localisation", "planner"):
+        path.write_text(f"{key}: os:getcwd\n")
+        with pytest.raises(
+            InputError, match=f"no file says what code runs: give --{key.replace('_', '-')} as a flag"
+        ):
+            load_settings(EpisodeConfig, path)
+    path.write_text("labels: os:getcwd\n")
+    assert settings_from(EpisodeConfig, ["--labels", "my:Own"]).labels == "my:Own"
+    assert settings_from(EpisodeConfig, ["--config", str(path), "--labels", "my:Own"]).labels == "my:Own"

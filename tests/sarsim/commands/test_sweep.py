@@ -1,0 +1,67 @@
+"""The command that sweeps: complete, resumable, the same bytes again."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pyarrow.parquet as pq
+import pytest
+
+from pipeline.errors import InputError
+from sarsim.commands.sweep import SweepSettings, sweep
+from sarsim.commands.sweeps.leaderboard import read_entry
+from tests.sarsim.dataset.small import InProcess
+
+THROWS = "class Throws:\n    def __call__(self, world, sights, rng):\n        raise ValueError('no')\n"
+
+
+@pytest.fixture
+def settings(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> SweepSettings:
+    (tmp_path / "mine_too.py").write_text(THROWS)
+    monkeypatch.chdir(tmp_path)
+    methods = ("random_walk", "mine_too:Throws")
+    arenas = ("grid:test:2", "grid:val:0")
+    return SweepSettings(methods=methods, arenas=arenas, seeds=(0, 1), out=tmp_path / "out", workers=1)
+
+
+def test_a_method_that_fails_costs_its_own_episodes_alone(
+    settings: SweepSettings, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sweep(settings)
+    lines = [line for line in capsys.readouterr().err.splitlines() if "Throws" in line]
+    assert lines == ["mine_too:Throws: 4 of its episodes failed: --methods mine_too:Throws failed: ValueError: no"]
+    rows = pq.read_table(settings.out / "episodes.parquet").to_pylist()
+    assert len(rows) == 8 and sum(row["failed"] is None for row in rows) == 4
+    walks = [row["exploration.auc_way"] for row in rows if row["method"] == "random_walk"]
+    assert len(set(walks)) == 4
+    entries = [read_entry(file) for file in (settings.out / "entries").iterdir()]
+    assert len(entries) == 2 and len({entry.board for entry in entries}) == 1
+    again = replace(settings, out=settings.out.with_name("again"))
+    monkeypatch.setattr("sarsim.commands.sweep.make_engine", lambda name, workers: InProcess())
+    sweep(again)
+    for name in ("episodes.parquet", "sweep.html"):
+        assert (again.out / name).read_bytes() == (settings.out / name).read_bytes()
+    assert f"Page: {again.out / 'sweep.html'}" in capsys.readouterr().out
+
+
+def test_what_was_run_is_kept_and_another_version_refused(
+    settings: SweepSettings, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sarsim.commands.sweep.make_engine", lambda name, workers: InProcess())
+    few = replace(settings, methods=("nearest_frontier",), arenas=("grid:test:2",), seeds=(0,))
+    sweep(few)
+    (file,) = (few.out / "episodes").iterdir()
+    before = file.stat().st_mtime_ns
+    sweep(replace(few, seeds=(0, 1)))
+    assert file.stat().st_mtime_ns == before and len(list(file.parent.iterdir())) == 2
+    manifest = few.out / "sweep.json"
+    manifest.write_text(json.dumps(json.loads(manifest.read_text()) | {"version": "0.0.1"}))
+    with pytest.raises(InputError, match=r"holds results of version 0\.0\.1, not .*: choose another folder"):
+        sweep(few)
+
+
+def test_a_sweep_of_nothing_is_refused(settings: SweepSettings) -> None:
+    with pytest.raises(InputError, match="--seeds: at least one"):
+        sweep(replace(settings, seeds=()))
+    with pytest.raises(InputError, match="--workers 0"):
+        sweep(replace(settings, workers=0))

@@ -1,0 +1,178 @@
+"""The command that trains, on a small dataset."""
+
+import csv
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from safetensors import safe_open
+
+from pipeline.semantic_map.networks.classifier import NetworkClassifier
+from sarsim.commands import train
+from sarsim.dataset.generate import generate
+from sarsim.dataset.recipe import Recipe
+from tests.refusal import refusal
+from tests.sarsim.dataset.small import InProcess
+from tests.source_tree import ROOT
+
+TRAIN = ROOT / "scripts" / "train.py"
+
+
+@pytest.fixture(scope="module")
+def dataset(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("data")
+    recipe = Recipe(frames=2, width=160, height=120, arenas=("nist_6x4",))
+    generate(recipe, 5, folder, InProcess())
+    return folder
+
+
+def call(monkeypatch: pytest.MonkeyPatch, *flags: object) -> None:
+    monkeypatch.setattr("sys.argv", ["train.py", *map(str, flags)])
+    train.main()
+
+
+def test_the_command_leaves_weights_that_the_robot_can_use(
+    dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "w.safetensors"
+    call(monkeypatch, "dgcnn", "--data", dataset, "--out", out, "--steps", 2, "--batch", 2)
+    assert str(out) in capsys.readouterr().out
+    assert NetworkClassifier(out)
+    with safe_open(out, "np") as file:
+        training = json.loads(file.metadata()["training"])
+    assert training["data"] == [str(dataset)]
+    assert training["scenes"] == 5
+    assert training["config"]["steps"] == 2
+
+
+def test_any_network_is_trained_and_told_what_it_will_not_know(
+    dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    out = tmp_path / "w.safetensors"
+    call(monkeypatch, "pointnext", "--data", dataset, dataset, "--out", out, "--steps", 1, "--batch", 2)
+    told = capsys.readouterr().err.replace("\n", " ")
+    assert f"--data {dataset} {dataset}: no point of " in told
+    assert "ceiling" in told
+    assert NetworkClassifier(out, network="pointnext")
+    other = ["pointnet", "--data", dataset, "--out", tmp_path / "v.safetensors", "--init", out]
+    assert "weights of pointnext, not of pointnet" in refusal(capsys, call, monkeypatch, *other)
+
+
+def test_colours_make_nine_channels_and_go_on_with_them(
+    dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first, second = tmp_path / "first.safetensors", tmp_path / "second.safetensors"
+    flags = ["--data", dataset, "--steps", 1, "--batch", 2]
+    call(monkeypatch, "pointnext", *flags, "--out", first, "--colours")
+    call(monkeypatch, "pointnext", *flags, "--out", second, "--init", first)
+    for path in (first, second):
+        with safe_open(path, "np") as file:
+            assert file.metadata()["channels"] == "9"
+
+
+def test_two_processes_train_together_and_end_together_when_the_time_is_up(dataset: Path, tmp_path: Path) -> None:
+    out = tmp_path / "w.safetensors"
+    flags = ["pointnext", "--data", dataset, "--out", out, "--steps", 400, "--minutes", 0.02, "--batch", 2]
+    command = [sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc-per-node", 2, TRAIN, *flags]
+    subprocess.run(list(map(str, command)), check=True, capture_output=True, timeout=300)
+    assert NetworkClassifier(out, network="pointnext")
+
+
+@pytest.mark.parametrize(
+    ("flags", "complaint"),
+    [
+        (["coffee"], "coffee"),
+        (["dgcnn"], "--data"),
+        (["dgcnn", "--data", "nowhere", "--out", "w.safetensors"], "nowhere"),
+        (["dgcnn", "--data", "DATA", "--out", "nowhere/w.safetensors"], "there is no folder"),
+        (["dgcnn", "--data", "DATA", "--out", "w.safetensors", "--steps", "0"], "--steps"),
+        (["dgcnn", "--data", "DATA", "--out", "w.safetensors", "--stride", "0"], "--stride"),
+        (["dgcnn", "--data", "DATA", "--out", "w.csv"], "ends with .safetensors"),
+        (["dgcnn", "--data", "DATA", "--out", "w.safetensors", "--learning-rate", "-1"], "--learning-rate"),
+    ],
+)
+def test_what_cannot_work_is_status_2_and_one_line(
+    flags: list[str],
+    complaint: str,
+    dataset: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    flags = [dataset if flag == "DATA" else flag for flag in flags]
+    assert complaint in refusal(capsys, call, monkeypatch, *flags)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_missing_scene_is_noticed_before_any_is_read(
+    dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    copy = shutil.copytree(dataset, tmp_path / "data")
+    (copy / "scenes" / "00003.h5").unlink()
+    (copy / "scenes" / "00000.h5").write_bytes(b"")
+    flags = ["dgcnn", "--data", copy, "--out", tmp_path / "w.safetensors"]
+    assert "00003.h5: missing, 1 of 5 scenes are" in refusal(capsys, call, monkeypatch, *flags)
+
+
+def test_a_dataset_without_scenes_to_learn_from_is_refused(
+    dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    copy = shutil.copytree(dataset, tmp_path / "data")
+    content = json.loads((copy / "dataset.json").read_text())
+    content["scenes"] = [scene for scene in content["scenes"] if scene["split"] == "val"]
+    (copy / "dataset.json").write_text(json.dumps(content))
+    with pytest.raises(SystemExit) as raised:
+        call(monkeypatch, "dgcnn", "--data", copy, "--out", tmp_path / "w.safetensors")
+    assert raised.value.code == 2
+    assert "no scene of the split train" in capsys.readouterr().err
+
+
+def test_a_dataset_of_another_version_is_refused(
+    dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    content = json.loads((dataset / "dataset.json").read_text())
+    (tmp_path / "dataset.json").write_text(json.dumps(content | {"version": 9}))
+    flags = ["dgcnn", "--data", tmp_path, "--out", tmp_path / "w.safetensors"]
+    assert "format version 9; this program reads version 1" in refusal(capsys, call, monkeypatch, *flags)
+
+
+def test_tensorboard_reads_the_validations(
+    dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    reader = pytest.importorskip("tensorboard.backend.event_processing.event_accumulator")
+    flags = [
+        "--data",
+        dataset,
+        "--steps",
+        2,
+        "--batch",
+        2,
+        "--validate-every",
+        1,
+        "--tensorboard",
+        tmp_path / "events",
+    ]
+    call(monkeypatch, "pointnext", "--out", tmp_path / "w.safetensors", *flags)
+    events = reader.EventAccumulator(str(tmp_path / "events")).Reload()
+    with (tmp_path / "w.csv").open() as table:
+        header, *rows = csv.reader(table)
+    assert set(header[1:]) == set(events.Tags()["scalars"])
+    assert [event.step for event in events.Scalars("loss")] == [int(row[0]) for row in rows] == [1, 2]
+    assert [event.value for event in events.Scalars("loss")] == pytest.approx([float(row[1]) for row in rows])
+
+
+def test_events_need_tensorboard(
+    dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setitem(sys.modules, "torch.utils.tensorboard", None)
+    with pytest.raises(SystemExit) as raised:
+        call(
+            monkeypatch, "pointnet", "--data", dataset, "--out", tmp_path / "w.safetensors", "--tensorboard", tmp_path
+        )
+    assert raised.value.code == 2
+    (line,) = [line for line in capsys.readouterr().err.splitlines() if "--tensorboard" in line]
+    assert "pip install tensorboard" in line

@@ -1,0 +1,32 @@
+"""The command that trains the classifier of hazmat signs, for two steps."""
+
+from pathlib import Path
+
+import pytest
+
+from pipeline.finds.hazmat import HazmatReader
+from sarsim.commands import train
+from sarsim.dataset import hazmat_training
+from tests.refusal import refusal
+from tests.sarsim.dataset.people_dataset import write_people_dataset
+
+
+def test_the_command_leaves_weights_that_the_robot_can_use(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    data, out = tmp_path / "data", tmp_path / "hazmat.safetensors"
+    data.mkdir()
+    write_people_dataset(data)
+    monkeypatch.setattr(hazmat_training, "VALIDATED", 5)
+    monkeypatch.setattr(hazmat_training, "PROCESSES", 2)
+    train.train_hazmat(train.TrainHazmat(data=(data,), out=out, steps=2, bank=8, labels=1, batch=4))
+    assert str(out) in capsys.readouterr().out.replace("\n", "")
+    assert HazmatReader.load(out)
+
+
+def test_another_name_for_the_weights_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    flags = ["--data", str(tmp_path), "--out", str(tmp_path / "hazmat.pth")]
+    monkeypatch.setattr("sys.argv", ["train.py", "hazmat", *flags])
+    assert "hazmat.pth" in refusal(capsys, train.main)

@@ -4,7 +4,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pipeline.arrays import Points
+from pipeline.arrays import Points, Pose
 from pipeline.exploration.frontiers import find_frontiers
 from pipeline.exploration.mission import Mission
 from pipeline.exploration.next_best_view import Exploration
@@ -78,6 +78,11 @@ class Explorer:
         self._sinks += sinks
         self.mapper.observers += sinks
 
+    @property
+    def T_map_start(self) -> Pose | None:
+        """Where the robot began; None before the first step."""
+        return self.mapper.T_map_start
+
     def step(self) -> Step:
         """Sense, localise, map, decide where to go next, and plan the way."""
         mapper = self.mapper
@@ -149,10 +154,10 @@ class Explorer:
         check = ObstacleCheck(step.traversability, step.keyframe.frame.sensor, config.navigation.obstacle_check)
         with self.mapper.stopwatch("navigation"):
             outcome = pilot.follow(self._commands(step, step.viewpoint, step.plan), check)
-        if outcome is Outcome.TILTED and not step.traversability.has_ramp(
-            pilot.navigator.halts[-1].T_map_base[:2, 3]
-        ):
-            pilot.pose_check.doubt()
+        if outcome is Outcome.TILTED:
+            halt = pilot.navigator.halts[-1].T_map_base[:2, 3]
+            if not step.traversability.has_ramp(halt):
+                pilot.pose_check.doubt()
         here, there = step.keyframe.T_map_base[:2, 3], pilot.navigator.T_map_base[:2, 3]
         got_away, reached = np.linalg.norm(there - here) > config.got_away, outcome is Outcome.REACHED
         self._failed_drives = 0 if got_away else self._failed_drives + (not reached)

@@ -181,7 +181,8 @@ class Mapper:
         localised, set_down = self.localise(frame), on_ground and not len(self.keyframes)
         keyframe = (self.add if may_repeat else self.offer)(localised, labelled, set_down)
         if keyframe is not None and at_stop:
-            self.connect(keyframe, PosePaths(self.traversability, keyframe.T_map_base[:2, 3]))
+            T = keyframe.T_map_base
+            self.connect(keyframe, PosePaths(self.traversability, T[:2, 3], yaw_of(T)))
         return keyframe
 
     def is_due(self, T_odom_base: Pose) -> bool:

@@ -17,7 +17,7 @@ from pipeline.mapper import Keyframe, Mapper
 from pipeline.navigation.commands import STOP, Approach, Commands, Outcome, Verdict
 from pipeline.navigation.config import NavigationConfig
 from pipeline.navigation.faults import Faults
-from pipeline.navigation.navigator import Navigator
+from pipeline.navigation.navigator import DrivenLeg, Navigator
 from pipeline.navigation.obstacle_check import ObstacleCheck
 from pipeline.robot import Robot, Velocity
 from pipeline.sink import Sink
@@ -49,6 +49,16 @@ class Pilot:
         self._mapper, self._sinks, self._carried_way = mapper, sinks, pose_check.carried_way
         self._last: Frame | None = None
         self._T_odom_left: Pose | None = None  # where the last drive ended; None if the robot was carried
+
+    @property
+    def relocalised(self) -> int:
+        """Number of times that the robot was localised anew after it was carried."""
+        return self.pose_check.relocalised
+
+    @property
+    def newest_leg(self) -> DrivenLeg:
+        """The leg that was driven last."""
+        return self.navigator.legs[-1]
 
     def look_around(self) -> Confirmed:
         """The newest frame, once the robot has seen as much as it needs to know its pose, and whether it was carried.

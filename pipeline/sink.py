@@ -73,6 +73,11 @@ class Result:
     figures: dict[str, Any] = field(default_factory=dict)
     report: dict[str, Any] = field(default_factory=dict)
 
+    @property
+    def is_reported(self) -> bool:
+        """Whether there is anything to report: a step, or why there is none."""
+        return self.steps > 0 or "lost" in self.figures
+
     def add(self, figures: Mapping[str, Any]) -> None:
         """Add the figures of stages to those that there are."""
         for stage, values in figures.items():

@@ -1,36 +1,35 @@
-"""An episode: an expedition in a simulated arena, and its score."""
+"""An episode: a simulated run, and its score."""
 
 from contextlib import ExitStack
-from typing import Any
+from functools import partial
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.errors import InputError
-from pipeline.explorer import Explorer, Observer
-from pipeline.files import check_folder, each, make_folder
+from pipeline.explorer import Explorer
+from pipeline.files import check_folder, each
 from pipeline.league.brief import MissionBrief
-from pipeline.map_file import KEYFRAMES, load_keyframes
 from pipeline.mapper import Mapper
-from pipeline.rerun.viewer import Viewer
 from pipeline.robot import Robot
 from pipeline.ros.recorded_robot import ExplorerBag, RecordedRobot
 from pipeline.ros.topics import Joints
-from pipeline.run import Expedition, ResultFolder
+from pipeline.run import ExplorerRun
+from pipeline.sink import Sink
 from sarsim.arenas.fiducials import hang_fiducials
 from sarsim.arenas.load import load_arena
+from sarsim.composition import compose, make_mapper
 from sarsim.methods.make import make_exploration, make_localisation, make_planner
-from sarsim.methods.perception import make_perception, make_readers
 from sarsim.recording import EpisodeRecorder
 from sarsim.robots.skid_steered import WHEELS
 from sarsim.scoring.episode import EpisodeScore
-from sarsim.scoring.missions import mission_score
+from sarsim.scoring.missions import MissionScore
 from sarsim.settings import EpisodeConfig
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 
 
-class Episode(Expedition):
-    """An expedition in a simulated arena, and its score.
+class Episode(ExplorerRun):
+    """A run in a simulated arena, and its score.
 
     Attributes:
         config: its settings.
@@ -46,7 +45,6 @@ class Episode(Expedition):
         if not np.isfinite(config.goals).all():
             raise InputError(f"--goals {' '.join(f'{x:g} {y:g}' for x, y in config.goals)}: no place is there")
         check_folder(config.folder)
-        classifier, detector = make_perception(config)
         arena = load_arena(config.arena, config.start, config.random)
         fiducials = hang_fiducials(arena, config.fiducials, config.seed)
         simulation = SimulationConfig(
@@ -59,31 +57,32 @@ class Episode(Expedition):
             config.tyre_error,
         )
         self.config, self.robot = config, SimulatedRobot(arena, simulation, config.seed)
-        model, voxel_size, graph, seed = self.robot.model, config.voxel_size, config.graph, config.seed
-        localisation = make_localisation(config.localisation, model, config.odometry == "truth")
-        exploration, planner = make_exploration(config.exploration, model, seed), make_planner(config.planner, model)
-        readers = make_readers(config)
-        mapper = Mapper(model, classifier, detector, voxel_size, graph, seed, localisation, readers)
         with ExitStack() as refused:
             refused.callback(self.robot.close)
-            if config.map:
-                load_keyframes(config.map / KEYFRAMES, mapper)
+            mapper = self._mapper()
             robot, recordings = self._recorded(mapper)
-            viewer = None if config.view == "none" else Viewer(config.view)
-            make_folder(config.folder)
-            self.recorder = EpisodeRecorder(self.robot, config.folder / "episode.rrd", viewer)
+            model, seed = self.robot.model, config.seed
+            planner = make_planner(config.planner, model)
+            explorer = Explorer(robot, mapper, make_exploration(config.exploration, model, seed), planner)
+            self.score = EpisodeScore(self.robot, explorer, fiducials, config.oracle)
+            judge = [MissionScore(self.robot, brief)] if brief else []
+            recorder, others = partial(EpisodeRecorder, self.robot), [self.score, *recordings, *judge]
+            about = config.arena, seed, config.view, recorder, others, brief
+            parts = compose(config, mapper, config.folder, *about)
             refused.pop_all()
-        explorer = Explorer(robot, mapper, exploration, planner)
-        self.score = EpisodeScore(self.robot, explorer, fiducials, config.oracle)
-        explorer.observers += [self.score, *recordings]
-        results = ResultFolder(config, config.folder, config.arena, config.seed, mapper, self.recorder, brief)
-        super().__init__(explorer, results, self.score.trajectory, config.steps, config.goals, config.home)
+        super().__init__(explorer, parts, self.score.trajectory, config.steps, config.goals, config.home)
 
-    def _recorded(self, mapper: Mapper) -> tuple[Robot, list[Observer]]:
+    def _mapper(self) -> Mapper:
+        config, model = self.config, self.robot.model
+        localisation = make_localisation(config.localisation, model, config.odometry == "truth")
+        kinds = {"voxel_size": config.voxel_size, "graph": config.graph}
+        return make_mapper(config, model, config.seed, localisation, config.map, **kinds)
+
+    def _recorded(self, mapper: Mapper) -> tuple[Robot, list[Sink]]:
         """The robot, wrapped so that what it senses and does is recorded, and the wanted bag and TUM sequence."""
         config, robot = self.config, self.robot
         recorded: Robot = robot
-        recordings: list[Observer] = []
+        recordings: list[Sink] = []
 
         def T_world_base() -> NDArray[np.float64]:
             return robot.trajectory[-1].T_world_base
@@ -115,9 +114,5 @@ class Episode(Expedition):
     def _time(self) -> float:
         return self.robot.time
 
-    def _stages(self) -> dict[str, Any]:
-        brief = self.results.brief
-        return self.score.report() | (mission_score(self.config.folder, self.robot, brief) if brief else {})
-
-    def _finish(self, sim_time: float, wall_time: float) -> None:
-        each(lambda: super(Episode, self)._finish(sim_time, wall_time), self.robot.close)
+    def _finish(self, sim_time: float) -> None:
+        each(lambda: super(Episode, self)._finish(sim_time), self.robot.close)

@@ -7,15 +7,16 @@ import numpy as np
 import rerun as rr
 from numpy.typing import NDArray
 
-from pipeline.explorer import Explorer, Step
 from pipeline.labels import Label
 from pipeline.localisation.localisation import Localisation
+from pipeline.mapper import Mapper
 from pipeline.rerun import drawings
 from pipeline.rerun.blueprint import blueprint
 from pipeline.rerun.recorder import Recorder
 from pipeline.rerun.track import Track
 from pipeline.rerun.viewer import Viewer
 from pipeline.robot import Motion
+from pipeline.sink import Step
 from pipeline.transforms import from_rotation, inverse
 from sarsim.ground_truth.meshes import Mesh, drawn_geoms, geom_poses, joined_mesh
 from sarsim.sensors.camera import geom_labels
@@ -53,10 +54,10 @@ class EpisodeRecorder(Recorder):
             self.stream.log(f"world/arena/{label.name.lower()}", _mesh3d(mesh), static=True)
         self._log_robot()
 
-    def on_step(self, explorer: Explorer, step: Step) -> None:
+    def on_step(self, mapper: Mapper, step: Step) -> None:
         """Log a step of the explorer, and the maps after it."""
         self._true_track.add(self._T_world_base[:3, 3])
-        super().on_step(explorer, step)
+        super().on_step(mapper, step)
         self._log_joints()
 
     def on_motion(self, motion: Motion) -> None:

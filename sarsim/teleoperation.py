@@ -7,26 +7,23 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
+from typing import Literal
 
 import mujoco
 import mujoco.viewer
 import numpy as np
 
 from pipeline.errors import InputError
-from pipeline.files import each, make_folder
-from pipeline.localisation.localisation import is_keyframe
-from pipeline.mapper import Mapper
-from pipeline.metric_map.isolated_returns import without_isolated_returns
-from pipeline.planning.pose_paths import PosePaths
-from pipeline.rerun.viewer import Viewer
-from pipeline.rescue_report.situation import Situation, situation_of
+from pipeline.files import each
+from pipeline.mapper import Keyframe
 from pipeline.robot import Velocity
-from pipeline.run import ResultFolder
-from pipeline.transforms import yaw_of
+from pipeline.run import MappingRun
+from pipeline.sink import Result, Sink
 from sarsim.arenas.arena import RescueArena
+from sarsim.composition import compose, make_mapper
 from sarsim.environment import CONTROL_TIMESTEP, RescueEnvironment
-from sarsim.methods.perception import make_perception
 from sarsim.recording import EpisodeRecorder
 from sarsim.robots.model import ROBOTS
 from sarsim.scoring.coverage import Coverage
@@ -165,11 +162,35 @@ def drive_by_keyboard(
         thread.join(ENDING)  # until it ends, the viewer reads the model and the data
 
 
-class MappedDrive:
+class _Score(Sink):
+    """Adds what a drive by hand has shown and done to its report."""
+
+    def __init__(self, robot: SimulatedRobot, trajectory: TrajectoryScore):
+        self._robot, self._trajectory, self._coverage = robot, trajectory, Coverage(robot)
+
+    def on_keyframe(self, keyframe: Keyframe) -> None:
+        """Add the newest keyframe to the scores."""
+        self._trajectory.add()
+        assert self._robot.true_frame is not None
+        self._coverage.see(self._robot.true_frame.points())
+
+    def finish(self, result: Result) -> None:
+        """Add the figures."""
+        contacts = {"collisions": self._robot.collisions.collisions}
+        result.add(
+            {
+                "navigation": contacts | motion_figures(self._robot.trajectory),
+                "exploration": {"explored_fraction": self._coverage.fraction},
+                "localisation": self._trajectory.report(),
+            }
+        )
+
+
+class MappedDrive(MappingRun):
     """Maps what the robot sees while a person drives it, and leaves the files of an episode.
 
     Attributes:
-        mapper: of its keyframes; the other attributes are those of :class:`FreeDrive`.
+        physics, base_body, control_period, limits: those of :class:`FreeDrive`.
     """
 
     def __init__(self, config: TeleopConfig, arena: RescueArena, out: Path, is_shown: bool = False):
@@ -178,64 +199,35 @@ class MappedDrive:
         Raises:
             InputError: the labels, the detector, the robot, the window or the folder for results are not available.
         """
-        classifier, detector = make_perception(PerceptionConfig(labels=config.labels))
         self._robot = robot = SimulatedRobot(arena, SimulationConfig(robot=config.robot), seed=0)
         self.physics, self.base_body, self.control_period = robot.physics, robot.base_body, robot.control_period
         self.limits = robot.robot.drive.limits
-        self.mapper = Mapper(robot.model, classifier, detector)
-        viewer = Viewer("spawn") if is_shown else None
-        make_folder(out)
-        self._recorder = EpisodeRecorder(robot, out / "episode.rrd", viewer)
-        self._results = ResultFolder(config, out, config.arena, 0, self.mapper, self._recorder)
-        self._score, self._coverage = TrajectoryScore(self.mapper.localisation, robot.trajectory), Coverage(robot)
-        self._begin = robot.time, time.perf_counter()
-        self._localise()
+        mapper = make_mapper(PerceptionConfig(labels=config.labels), robot.model)
+        self._trajectory = TrajectoryScore(mapper.localisation, robot.trajectory)
+        recorder = partial(EpisodeRecorder, robot)
+        view: Literal["spawn", "none"] = "spawn" if is_shown else "none"
+        others = [_Score(robot, self._trajectory)]
+        super().__init__(compose(config, mapper, out, config.arena, 0, view, recorder, others))
+        self._begin = robot.time
+        self._take()
 
     def drive(self, command: Velocity) -> None:
         """Follow ``command`` for one control period, and take a keyframe if the robot has moved far enough."""
         motion = self._robot.drive(command)
-        self._recorder.on_motion(motion)
-        if is_keyframe(self._frame.T_odom_base, motion.T_odom_base):
-            self._localise()
+        self.recorder.on_motion(motion)
+        if self.mapper.is_due(motion.T_odom_base):
+            self._take()
 
-    def _localise(self) -> None:
+    def _take(self) -> None:
         """Take a keyframe, unless it repeats one."""
-        self._frame = frame = without_isolated_returns(self._robot.sense())
-        if correction := self.mapper.settle():
-            self._recorder.on_correction(correction)
-        T_map_base = self.mapper.localise(frame)
-        if self.mapper.localisation.repeats:
-            self.mapper.localisation.pass_by(frame, T_map_base)
-            return
-        if not len(self.mapper.keyframes):
-            self.mapper.assume_ground(T_map_base)
-        keyframe = self.mapper.add(frame, T_map_base)
-        self.mapper.connect(keyframe, PosePaths(self.mapper.traversability, T_map_base[:2, 3], yaw_of(T_map_base)))
-        self._score.add()
-        assert self._robot.true_frame is not None
-        self._coverage.see(self._robot.true_frame.points())
-        self._recorder.log_keyframe(keyframe.index, self.mapper, keyframe)
+        keyframe = self.mapper.take(self._robot.sense(), at_stop=True, labelled=True)
+        if keyframe is not None:
+            self.show(keyframe)
 
     def save(self) -> None:
         """End the recording, and write the maps, the report and the page; InputError if one cannot be written."""
-        results = self.mapper.settle, self._score.save, self._situation, [self._recorder.close], self._write_report
-        each(lambda: self._results.write(*results), self._robot.close)
-
-    def _situation(self) -> Situation:
-        # Only an explorer can say that nothing is left to see.
-        height = float(self._frame.T_base_camera[2, 3])
-        return situation_of(self.mapper, self._robot.model, height, finished=False)
-
-    def _write_report(self) -> None:
-        motion = motion_figures(self._robot.trajectory)
-        figures = {
-            "navigation": {"collisions": self._robot.collisions.collisions, **motion},
-            "exploration": {"explored_fraction": self._coverage.fraction},
-            "localisation": self._score.report(),
-        }
-        sim_begin, wall_begin = self._begin
-        sim_time, wall_time = self._robot.time - sim_begin, time.perf_counter() - wall_begin
-        self._results.write_report(len(self.mapper.keyframes), sim_time, wall_time, figures)
+        steps, sim_time = len(self.mapper.keyframes), self._robot.time - self._begin
+        each(lambda: self.finish(self._trajectory, steps, sim_time, {}), self._robot.close)
 
 
 def _follow(camera: mujoco.MjvCamera, body: int) -> None:

@@ -18,8 +18,8 @@ from pipeline.keyframes import Seen
 from pipeline.labels import COLOURS, Label
 from pipeline.map_file import load_keyframes
 from pipeline.mapper import Mapper
-from pipeline.semantic_map.classifier import TruthClassifier
 from sarsim.arenas.load import load_arena
+from sarsim.composition import TRUE_LABELS, make_mapper
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 
 FRAMES, SHOWN, LAST = 80, 130, 3000
@@ -38,7 +38,7 @@ IMAGE = Path(__file__).parents[1] / "images" / "episode.webp"
 
 def main() -> None:
     robot = SimulatedRobot(load_arena("nist_6x4"), SimulationConfig(), seed=0)
-    mapper = Mapper(robot.model, TruthClassifier())
+    mapper = make_mapper(TRUE_LABELS, robot.model)
     load_keyframes(Path(sys.argv[1]) / "keyframes.npz", mapper)
     first, *others = [Image.fromarray(picture) for picture in growing(mapper, robot)]
     durations = [SHOWN] * len(others) + [LAST]

@@ -6,15 +6,16 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.explorer import Explorer, Observer
+from pipeline.explorer import Explorer
 from pipeline.labels import COLOURS
-from pipeline.mapper import Mapper
 from pipeline.metric_map.io.octomap import voxel_labels
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.robot import Motion
 from pipeline.semantic_map.classifier import TruthClassifier
 from pipeline.semantic_map.semantic_map import SemanticMap
+from pipeline.sink import Sink
 from sarsim.arenas.load import load_arena
+from sarsim.composition import TRUE_LABELS, make_mapper
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 
 PERIOD = 1.4  # s between two frames
@@ -25,7 +26,7 @@ SIZE = (800, 560)  # width, height of a panel
 BRIGHTNESS = (0.62, 0.8, 1.0)  # of faces whose normals are along x, y and z
 
 
-class PeriodicMaps(Observer):
+class PeriodicMaps(Sink):
     """Maps a frame every ``PERIOD`` s while the robot drives, and draws the map after each of ``FRAMES``."""
 
     def __init__(self, robot: SimulatedRobot):
@@ -93,8 +94,8 @@ def to_pixels(points: NDArray) -> NDArray[np.int32]:
 def main() -> None:
     """Explore and draw."""
     robot = SimulatedRobot(load_arena("nist_6x4"), SimulationConfig(), seed=0)
-    explorer, maps = Explorer(robot, Mapper(robot.model, TruthClassifier(), seed=0)), PeriodicMaps(robot)
-    explorer.observers.append(maps)
+    explorer, maps = Explorer(robot, make_mapper(TRUE_LABELS, robot.model)), PeriodicMaps(robot)
+    explorer.watch(maps)
     step = explorer.step()
     while step.plan is not None and len(maps.panels) < len(FRAMES):
         explorer.drive(step)

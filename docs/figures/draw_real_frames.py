@@ -16,10 +16,9 @@ from pipeline.datasets.replay import Replay, localisation_of
 from pipeline.datasets.tum_folder import read_tum_folder
 from pipeline.frame import Calibration
 from pipeline.labels import COLOURS, Label
-from pipeline.mapper import Mapper
-from sarsim.methods.perception import make_classifier
+from sarsim.composition import make_mapper
 from sarsim.robots.model import robot_model
-from sarsim.settings import NETWORK
+from sarsim.settings import PerceptionConfig
 
 SCALE = 5000
 """Units per metre of the depth images that are mapped."""
@@ -53,7 +52,9 @@ def labels_of(colour: NDArray, depth: NDArray, calibration: Calibration) -> NDAr
             (Path(name) / kind).mkdir()
             cv2.imwrite(str(Path(name) / kind / "0.png"), image)
         recording = read_tum_folder(Path(name), calibration, SCALE, 1.0)
-        mapper = Mapper(robot_model(), make_classifier(NETWORK, None), localisation=localisation_of("registration"))
+        mapper = make_mapper(
+            PerceptionConfig(detector=None), robot_model(), localisation=localisation_of("registration")
+        )
         (replayed,) = Replay(recording, mapper, "registration")
     assert replayed.keyframe is not None
     _, nearest = KDTree(mapper.semantic_map.points()).query(replayed.keyframe.points)

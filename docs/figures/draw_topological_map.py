@@ -10,12 +10,11 @@ from numpy.typing import NDArray
 from pipeline.elevation_map.traversability import Traversability
 from pipeline.explorer import Explorer, Step
 from pipeline.labels import COLOURS
-from pipeline.mapper import Mapper
 from pipeline.planning.path_plan import plan_path
 from pipeline.planning.pose_paths import PosePaths
-from pipeline.semantic_map.classifier import TruthClassifier
 from pipeline.topological_map.topological_map import TopologicalMap
 from sarsim.arenas.load import load_arena
+from sarsim.composition import TRUE_LABELS, make_mapper
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 
 CELL = 8  # pixels per cell
@@ -64,7 +63,7 @@ class Picture:
 def explored() -> tuple[Explorer, Step]:
     """The NIST arena after an episode."""
     robot = SimulatedRobot(load_arena("nist_6x4"), SimulationConfig(), seed=0)
-    explorer = Explorer(robot, Mapper(robot.model, TruthClassifier(), seed=0))
+    explorer = Explorer(robot, make_mapper(TRUE_LABELS, robot.model))
     step = explorer.step()
     while step.plan is not None:
         explorer.drive(step)

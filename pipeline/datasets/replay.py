@@ -14,14 +14,12 @@ from pipeline.errors import InputError
 from pipeline.frame import Frame
 from pipeline.localisation.depth_odometry import DepthOdometry
 from pipeline.localisation.gravity import T_lowest_camera, vertical
-from pipeline.localisation.localisation import Localisation, LostError, is_keyframe
+from pipeline.localisation.localisation import Localisation, LostError
 from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.localisation.slam import Slam
 from pipeline.localisation.trajectory import Trajectory
 from pipeline.mapper import Keyframe, Mapper
 from pipeline.metric_map.isolated_returns import without_isolated_returns
-from pipeline.navigation.keyframing import LABELLED
-from pipeline.planning.pose_paths import PosePaths
 from pipeline.transforms import from_rotation, inverse, level
 
 PoseSource = Literal["slam", "registration", "odometry", "truth"]
@@ -78,7 +76,6 @@ class Replay:
         self._truth: Trajectory | None = None
         self._odometry: DepthOdometry | None = None
         self._has_begun = False
-        self._T_odom_keyframe: NDArray[np.float64] | None = None
         self._track: list[NDArray[np.float64]] = []
 
     def _known_poses(self, poses: PoseSource) -> Trajectory | None:
@@ -95,8 +92,8 @@ class Replay:
             InputError: the recording is broken; the frames before are mapped.
             LostError: the pose of a frame cannot be found any more; the frames before are mapped.
         """
-        for frame in map(without_isolated_returns, self.recording.frames()):
-            if not self._has_begun and not self._begin(frame):
+        for frame in self.recording.frames():
+            if not self._has_begun and not self._begin(without_isolated_returns(frame)):
                 continue
             if self._T_base_camera is not None:
                 frame = replace(frame, T_base_camera=self._T_base_camera)
@@ -110,7 +107,7 @@ class Replay:
 
     def _T_odom_base(self, frame: Frame) -> NDArray[np.float64] | None:
         if self._odometry is not None:
-            return self._odometry.pose(frame)
+            return self._odometry.pose(without_isolated_returns(frame))
         return self._known.at(frame.time) if self._known else None
 
     def _begin(self, frame: Frame) -> bool:
@@ -180,34 +177,24 @@ class Replay:
         labelled = self._is_labelled(frame)
         if labelled is None:
             return None
-        self._T_odom_keyframe = frame.T_odom_base
-        is_step = labelled if self.recording.keyframes is None else frame.time in self.recording.steps
-        if is_step:
-            self._correct()
-        T_map_base = self.mapper.localise(frame)
-        if self.recording.keyframes is None and self.mapper.localisation.repeats:
-            self.mapper.localisation.pass_by(frame, T_map_base)
-            return None
-        if not len(self.mapper.keyframes) and self._is_on_ground:
-            self.mapper.assume_ground(T_map_base)
-        keyframe = self.mapper.add(frame, T_map_base, labelled)
-        if is_step:
-            self.mapper.connect(keyframe, PosePaths(self.mapper.traversability, T_map_base[:2, 3]))
-        return keyframe
+        recorded = self.recording.keyframes is not None
+        at_stop = frame.time in self.recording.steps if recorded else labelled
+        if at_stop:
+            self._add_track()
+        return self.mapper.take(frame, at_stop, labelled, may_repeat=recorded, on_ground=self._is_on_ground)
 
     def _is_labelled(self, frame: Frame) -> bool | None:
         """Whether the keyframe of this frame is to be labelled; None if it is no keyframe."""
         if self.recording.keyframes is not None:
             return self.recording.keyframes.get(frame.time)
-        if self._T_odom_keyframe is not None and not is_keyframe(self._T_odom_keyframe, frame.T_odom_base):
+        if not self.mapper.is_due(frame.T_odom_base):
             return None
-        return len(self.mapper.keyframes) % LABELLED == 0
+        return self.mapper.policy.is_labelled(len(self.mapper.keyframes))
 
-    def _correct(self) -> None:
-        """Add the driven track to the maps and correct them, as an explorer does before each step."""
+    def _add_track(self) -> None:
+        """Add the driven track to the maps, as an explorer does after each drive."""
         if self._is_on_ground and len(self.mapper.keyframes):
-            poses = self.mapper.localisation.T_map_odom @ np.reshape(self._track, (-1, 4, 4))
+            poses = self.mapper.T_map_odom @ np.reshape(self._track, (-1, 4, 4))
             track = np.column_stack([poses[:, :2, 3], np.arctan2(poses[:, 1, 0], poses[:, 0, 0])])
             self.mapper.add_drive(track, np.zeros((0, 3), np.float32), [])
         self._track.clear()
-        self.mapper.settle()

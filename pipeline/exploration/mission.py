@@ -82,6 +82,11 @@ class Mission:
         return self.goals is None
 
     @property
+    def is_out_of_time(self) -> bool:
+        """Whether the way back forbade to explore on."""
+        return self.deadline is not None and self.deadline.has_called
+
+    @property
     def is_tight(self) -> bool:
         """Whether ways to the present goals need no margin."""
         return self.goals is not None and self.goals.is_tight

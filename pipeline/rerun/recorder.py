@@ -10,7 +10,6 @@ import rerun.blueprint as rrb
 from numpy.typing import NDArray
 
 from pipeline.errors import InputError
-from pipeline.explorer import Explorer, Observer, Step
 from pipeline.finds.find_map import Finds
 from pipeline.keyframes import Moves
 from pipeline.localisation.localisation import Localisation
@@ -21,6 +20,7 @@ from pipeline.rerun.legend import legend
 from pipeline.rerun.track import EstimatedTrack
 from pipeline.rerun.viewer import VIEWER_TIME, Viewer, start_rerun
 from pipeline.robot import Motion
+from pipeline.sink import Result, Sink, Step
 from pipeline.transforms import tilt_of
 from pipeline.victims.victim_map import Victims
 
@@ -30,7 +30,7 @@ GROWTH = 0.05  # Share by which a cloud has to grow to be logged again; all are 
 MOTION_PERIOD = 0.2  # s between two logged poses of the moving robot
 
 
-class Recorder(Observer):
+class Recorder(Sink):
     """Logs what the robot's software knows to a file, and to a viewer if there is one.
 
     Attributes:
@@ -68,9 +68,9 @@ class Recorder(Observer):
         """Log the robot's pose, thinned to 5 per second."""
         self.log_pose(motion.time, motion.T_odom_base)
 
-    def on_step(self, explorer: Explorer, step: Step) -> None:
+    def on_step(self, mapper: Mapper, step: Step) -> None:
         """Log a step of the explorer, and the maps after it."""
-        self.log_keyframe(explorer.steps - 1, explorer.mapper, step.keyframe)
+        self.log_keyframe(step.number, mapper, step.keyframe)
         self.stream.log("world/path_plan", drawings.path(step))
         self.stream.log("world/frontiers", drawings.frontier_points(step.frontiers))
         self._log_metrics("map/", frontiers=len(step.frontiers))
@@ -131,6 +131,10 @@ class Recorder(Observer):
         """Log the paths, (N, 3) points in ``map`` each, from the entrance to the victims."""
         self._set_time(self._time)
         self.stream.log("world/victims/ways", victim_drawings.ways(ways))
+
+    def finish(self, result: Result) -> None:
+        """Log the final maps, and write all remaining data to the sinks; InputError if the disk is full."""
+        self.close()
 
     def close(self) -> None:
         """Log the final maps, and write all remaining data to the sinks; InputError if the disk is full."""

@@ -1,4 +1,4 @@
-"""Makes the rescue report from an explorer's steps."""
+"""The rescue report of a run: people and finds as data, and the page."""
 
 from collections.abc import Mapping
 from datetime import datetime
@@ -6,41 +6,69 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.exploration.viewpoint import Viewpoint
-from pipeline.explorer import Explorer, Observer, Step
 from pipeline.files import whole_file
+from pipeline.mapper import Keyframe, Mapper
+from pipeline.rerun.recorder import Recorder
 from pipeline.rescue_report.finds import write_finds
 from pipeline.rescue_report.page import page
 from pipeline.rescue_report.people import write_people
 from pipeline.rescue_report.situation import Situation, situation_of
+from pipeline.sink import Result, Sink, Step
 
 
-class RescueReport(Observer):
-    """Gathers the data of the report step by step."""
+class RescueReport(Sink):
+    """Writes the people and all finds as data, and shows the ways to the people in the recording.
 
-    def __init__(self) -> None:
+    Attributes:
+        finished: whether no viewpoint was left that was worth a keyframe.
+        situation: the robot's knowledge at the end; None before.
+    """
+
+    def __init__(self, recorder: Recorder | None = None) -> None:
+        self.finished = False
+        self.situation: Situation | None = None
+        self._recorder = recorder
         self._camera_height = 0.0
-        self._finished = False
         self._left: list[Viewpoint] = []
 
-    def on_step(self, explorer: Explorer, step: Step) -> None:
-        """Add the newest step."""
-        self._camera_height = float(step.keyframe.frame.T_base_camera[2, 3])
-        if explorer.mission.goals is None:  # only exploring shows whether viewpoints are left
-            self._finished, self._left = step.viewpoint is None and step.can_drive, step.left
+    def on_keyframe(self, keyframe: Keyframe) -> None:
+        """Take the camera's height over the ground."""
+        self._camera_height = float(keyframe.frame.T_base_camera[2, 3])
 
-    def situation(self, explorer: Explorer) -> Situation:
-        """The present knowledge of an explorer that has made at least one step."""
-        mapper, robot = explorer.mapper, explorer.robot.model
-        return situation_of(mapper, robot, self._camera_height, self._finished, self._left)
+    def on_step(self, mapper: Mapper, step: Step) -> None:
+        """Take whether viewpoints are left, which only exploring shows."""
+        if step.explores:
+            self.finished, self._left = step.viewpoint is None and step.can_drive, step.left
+
+    def situation_in(self, mapper: Mapper) -> Situation:
+        """The present knowledge, by maps that hold at least one keyframe of this run."""
+        robot = mapper.elevation_map.robot
+        return situation_of(mapper, robot, self._camera_height, self.finished, self._left)
+
+    def finish(self, result: Result) -> None:
+        """Write the data; InputError if a file cannot be written."""
+        if not result.steps:
+            return
+        situation = self.situation = self.situation_in(result.mapper)
+        write_people(result.folder, situation)
+        write_finds(result.folder, situation)
+        if self._recorder is not None:
+            self._recorder.log_ways([person.route.trace for person in situation.everyone if person.route])
+
+
+class RescuePage(Sink):
+    """Writes the page for rescuers."""
+
+    def __init__(self, rescue_report: RescueReport):
+        self._rescue_report = rescue_report
+
+    def finish(self, result: Result) -> None:
+        """Write it, with the figures of report.json; InputError if that is impossible."""
+        if (situation := self._rescue_report.situation) is not None:
+            write_page(result.folder / "report.html", situation, result.report)
 
 
 def write_page(path: Path, situation: Situation, report: Mapping[str, Any]) -> None:
     """Write the page, with the figures of report.json; InputError if that is impossible."""
     with whole_file(path) as partial:
         partial.write_text(page(situation, report, datetime.now().astimezone()), encoding="utf-8")
-
-
-def write_found(folder: Path, situation: Situation) -> None:
-    """Write the people and all finds as data; InputError if a file cannot be written."""
-    write_people(folder, situation)
-    write_finds(folder, situation)

@@ -8,12 +8,12 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.explorer import Explorer, Observer, Step
 from pipeline.frame import Frame
 from pipeline.mapper import Keyframe, Mapper
 from pipeline.robot import Motion, Robot, Velocity
 from pipeline.ros.bag import Bag
 from pipeline.ros.topics import ImageFormat, Joints, MapTopics, OdometrySample, RobotTopics
+from pipeline.sink import Result, Sink, Step
 
 CurrentPose = Callable[[], NDArray[np.float64] | None]
 """Returns a 4×4 pose; None while it is not known."""
@@ -86,7 +86,7 @@ class RecordedRobot:
             self._told = time
 
 
-class ExplorerBag(Bag, Observer):
+class ExplorerBag(Bag, Sink):
     """A bag of all that a robot senses and does and of the maps that an explorer makes from it.
 
     Attributes:
@@ -119,6 +119,10 @@ class ExplorerBag(Bag, Observer):
         """Write the newest keyframe."""
         self._maps.keyframe(keyframe)
 
-    def on_step(self, explorer: Explorer, step: Step) -> None:
+    def on_step(self, mapper: Mapper, step: Step) -> None:
         """Write the maps and the plan of the newest step."""
-        self._maps.maps(explorer.mapper, step.keyframe, step.plan)
+        self._maps.maps(mapper, step.keyframe, step.plan)
+
+    def finish(self, result: Result) -> None:
+        """End the bag; InputError if that is impossible."""
+        self.close()

@@ -1,4 +1,4 @@
-"""An expedition of a ROS 2 robot, without ground truth."""
+"""A run of a ROS 2 robot, without ground truth."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -9,23 +9,21 @@ from numpy.typing import NDArray
 
 from pipeline.datasets.recording import CameraPose
 from pipeline.errors import InputError
-from pipeline.explorer import Explorer, Observer, Step
-from pipeline.files import check_folder, make_folder
+from pipeline.explorer import Explorer
+from pipeline.files import check_folder
 from pipeline.league.brief import MissionBrief
 from pipeline.localisation.trajectory import EstimatedTrajectory
-from pipeline.map_file import KEYFRAMES, load_keyframes
 from pipeline.mapper import Keyframe, Mapper
-from pipeline.navigation.navigator import Outcome
-from pipeline.rerun.recorder import Recorder
-from pipeline.rerun.viewer import Viewer
+from pipeline.navigation.commands import Outcome
 from pipeline.robot import Motion
 from pipeline.ros.live.node import RosNode
 from pipeline.ros.live.ros_robot import RosRobot
 from pipeline.ros.messages import MAP, ODOM, transforms
 from pipeline.ros.topics import MapTopics
-from pipeline.run import Expedition, ResultFolder
+from pipeline.run import ExplorerRun
+from pipeline.sink import Result, Sink, Step
+from sarsim.composition import compose, make_mapper
 from sarsim.methods.make import make_exploration
-from sarsim.methods.perception import make_perception, make_readers
 from sarsim.robots.model import robot_model
 from sarsim.settings import RosExploration
 
@@ -44,8 +42,43 @@ class TimedPose(NamedTuple):
     T_odom_base: NDArray[np.float64]
 
 
-class RosDrive(Expedition, Observer):
-    """An expedition that publishes its maps and its plan.
+class _Topics(Sink):
+    """Publishes the maps and the plan, and counts how the robot has driven."""
+
+    def __init__(self, node: RosNode, explorer: Explorer, estimate: EstimatedTrajectory[TimedPose]):
+        self._maps, self._frontiers = MapTopics(node.send), 0
+        self._explorer, self._estimate = explorer, estimate
+
+    def on_keyframe(self, keyframe: Keyframe) -> None:
+        """Publish the newest keyframe."""
+        self._estimate.add(TimedPose(keyframe.frame.time, keyframe.frame.T_odom_base))
+        self._maps.keyframe(keyframe)
+
+    def on_step(self, mapper: Mapper, step: Step) -> None:
+        """Publish the maps and the plan."""
+        self._frontiers = len(step.frontiers)
+        self._maps.maps(mapper, step.keyframe, step.plan)
+
+    def finish(self, result: Result) -> None:
+        """Add the figures to the report."""
+        navigator, localisation = self._explorer.pilot.navigator, result.mapper.localisation
+        outcomes = [leg.outcome for leg in navigator.legs]
+        figures = {
+            "navigation": {
+                "legs": len(outcomes),
+                "reached": outcomes.count(Outcome.REACHED),
+                "stuck": outcomes.count(Outcome.STUCK),
+                "recovered": navigator.recovered,
+            },
+            "exploration": {"frontiers_left": self._frontiers},
+            "localisation": {"keyframes": len(localisation.poses), "loops": len(localisation.loops)},
+        }
+        if result.is_reported:
+            result.add(figures)
+
+
+class RosDrive(ExplorerRun):
+    """A run of a robot on a ROS 2 network that publishes its maps and its plan.
 
     Attributes:
         robot: on the network.
@@ -55,23 +88,16 @@ class RosDrive(Expedition, Observer):
     def __init__(self, config: RosExploration, node: RosNode, brief: MissionBrief | None = None):
         """Raises InputError if no robot is found, or a file cannot be read or written."""
         check_folder(config.out)
-        classifier, detector = make_perception(config)
         camera = config.camera and CameraPose(*config.camera).T_base_camera
         model = replace(robot_model(config.robot), speed=config.speed)
         self.robot = RosRobot(node, model, config.topics, camera, config.patience, STARTING_TIME, self._log_motion)
-        mapper = Mapper(model, classifier, detector, readers=make_readers(config))
+        mapper = make_mapper(config, model, earlier=config.map)
         explorer = Explorer(self.robot, mapper, make_exploration(config.exploration, model))
-        if config.map:
-            load_keyframes(config.map / KEYFRAMES, mapper)
-        explorer.observers.append(self)
-        viewer = None if config.view == "none" else Viewer(config.view)
-        make_folder(config.out)
-        recorder = Recorder(config.out / "episode.rrd", viewer)
-        results = ResultFolder(config, config.out, config.out.name, 0, mapper, recorder, brief)
-        self._node, self._maps, self._frontiers = node, MapTopics(node.send), 0
-        self._poses: list[TimedPose] = []
-        self._estimate = EstimatedTrajectory(mapper.localisation, self._poses)
-        super().__init__(explorer, results, self._estimate, config.steps, config.goals, config.home)
+        self._node, self._poses = node, list[TimedPose]()
+        estimate = EstimatedTrajectory(mapper.localisation, self._poses)
+        others = [_Topics(node, explorer, estimate)]
+        parts = compose(config, mapper, config.out, config.out.name, view=config.view, others=others, brief=brief)
+        super().__init__(explorer, parts, estimate, config.steps, config.goals, config.home)
         self.stopped: str | None = None
 
     def run(
@@ -79,7 +105,7 @@ class RosDrive(Expedition, Observer):
         interrupted: Callable[[], bool] = lambda: False,
         on_step: Callable[[str], object] = lambda description: None,
     ) -> bool:
-        """Like every expedition, except that the robot stops at once when it is ``interrupted``.
+        """Like every run, except that the robot stops at once when it is ``interrupted``.
 
         Raises:
             InputError: the robot sends nothing more, or does not follow commands; the maps so far are kept.
@@ -106,35 +132,13 @@ class RosDrive(Expedition, Observer):
     def _log_motion(self, motion: Motion) -> None:
         self._poses.append(TimedPose(motion.time, motion.T_odom_base))
         if self.explorer.steps:
-            link = {(MAP, ODOM): self.explorer.mapper.localisation.T_map_odom}
+            link = {(MAP, ODOM): self.mapper.T_map_odom}
             self._node.send("/tf", motion.time, transforms(motion.time, link))
         if self._interrupted():
             raise InterruptedDriveError
 
-    def on_keyframe(self, keyframe: Keyframe) -> None:
-        """Publish the newest keyframe."""
-        self._estimate.add(TimedPose(keyframe.frame.time, keyframe.frame.T_odom_base))
-        self._maps.keyframe(keyframe)
-
-    def on_step(self, explorer: Explorer, step: Step) -> None:
-        """Publish the maps and the plan."""
-        self._frontiers = len(step.frontiers)
-        self._maps.maps(explorer.mapper, step.keyframe, step.plan)
-
     def _time(self) -> float:
         return self.robot.time
 
-    def _stages(self) -> dict[str, Any]:
-        navigator, localisation = self.explorer.navigator, self.explorer.mapper.localisation
-        outcomes = [leg.outcome for leg in navigator.legs]
-        return {
-            "navigation": {
-                "legs": len(outcomes),
-                "reached": outcomes.count(Outcome.REACHED),
-                "stuck": outcomes.count(Outcome.STUCK),
-                "recovered": navigator.recovered,
-            },
-            "exploration": {"frontiers_left": self._frontiers},
-            "localisation": {"keyframes": len(localisation.poses), "loops": len(localisation.loops)},
-            **({"stopped": self.stopped} if self.stopped else {}),
-        }
+    def _figures(self) -> dict[str, Any]:
+        return super()._figures() | ({"stopped": self.stopped} if self.stopped else {})

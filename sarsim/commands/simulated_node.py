@@ -11,11 +11,11 @@ import numpy as np
 
 from pipeline.errors import InputError
 from pipeline.files import make_folder
+from pipeline.results import write_report
 from pipeline.robot import Velocity
 from pipeline.ros.live.node import RosNode
 from pipeline.ros.messages import BASE, CAMERA, command_of, decode, time_of, transform
 from pipeline.ros.topics import Joints, OdometrySample, RobotTopics
-from pipeline.run import write_report
 from sarsim.arenas.load import load_arena
 from sarsim.robots.skid_steered import WHEELS
 from sarsim.scoring.coverage import Coverage

@@ -6,9 +6,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.explorer import Explorer, Observer, Step
+from pipeline.explorer import Explorer
 from pipeline.frame import Frame
-from pipeline.mapper import Keyframe
+from pipeline.mapper import Keyframe, Mapper
+from pipeline.sink import Result, Sink, Step
 from pipeline.transforms import yaw_of
 from sarsim.ground_truth.faces import true_faces
 from sarsim.ground_truth.meshes import true_scene
@@ -30,7 +31,7 @@ from sarsim.scoring.voxels import VoxelScore
 from sarsim.simulated_robot import SimulatedRobot, TrueFrame
 
 
-class EpisodeScore(Observer):
+class EpisodeScore(Sink):
     """Scores an episode from outside, by ground truth; a thread of its own does so while the robot drives on.
 
     Attributes:
@@ -119,16 +120,21 @@ class EpisodeScore(Observer):
         ways = np.interp(times, [pose.time - self._start_time for pose in poses], ways_driven(poses))
         return ExploredCurve(times, ways, shares)
 
-    def on_step(self, explorer: Explorer, step: Step) -> None:
+    def on_step(self, mapper: Mapper, step: Step) -> None:
         """Add the newest step to the scores."""
         truth = self._robot.true_frame
         assert truth is not None
-        self._kidnaps += step.was_kidnapped
+        self._kidnaps += step.was_carried
         self._frontiers_left = len(step.frontiers)
         if step.plan is not None and step.plan.length > 0.1:
             self._cost_ratios.append(
                 step.plan.length / self._optimum(truth.T_world_base[:2, 3], step.plan.way_points[-1, :2])
             )
+
+    def finish(self, result: Result) -> None:
+        """Add the figures of all stages that have any to the report."""
+        if result.is_reported:
+            result.add(self.report())
 
     def report(self) -> dict[str, Any]:
         """The figures of all stages that have any; the commands add settings and times."""
@@ -142,10 +148,10 @@ class EpisodeScore(Observer):
             "segments": self._segments.report(explorer.mapper.segments),
             "topological_map": score_topology(explorer.mapper.topological_map, self.surface),
             "path_plan": self._path_plan(),
-            "navigation": navigation_figures(explorer.navigator, self._robot, self._kidnaps),
+            "navigation": navigation_figures(explorer.pilot.navigator, self._robot, self._kidnaps),
             "exploration": self._exploration(),
             "localisation": self.trajectory.report()
-            | {"relocalised": explorer.keyframing.pose_check.relocalised}
+            | {"relocalised": explorer.pilot.relocalised}
             | self._fiducials.report(list(known.poses[known.loaded :])),
             **({"victims": self._victims.report(self._confirmed)} if explorer.mapper.detector else {}),
             **(

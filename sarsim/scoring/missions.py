@@ -6,9 +6,22 @@ import mujoco
 
 from pipeline.league.brief import MissionBrief
 from pipeline.league.validation import handed_in_files
+from pipeline.sink import Result, Sink
 from sarsim.scoring.handed_in import score_handed_in, true_arena
 from sarsim.scoring.leagues import Rule
 from sarsim.simulated_robot import SimulatedRobot
+
+
+class MissionScore(Sink):
+    """Adds what the files that an episode has handed in are worth to its report."""
+
+    def __init__(self, robot: SimulatedRobot, brief: MissionBrief):
+        self._robot, self._brief = robot, brief
+
+    def finish(self, result: Result) -> None:
+        """Score the files as a judge would, who has nothing else."""
+        if result.is_reported:
+            result.add(mission_score(result.folder, self._robot, self._brief))
 
 
 def mission_score(folder: Path, robot: SimulatedRobot, brief: MissionBrief) -> dict[str, dict[str, Rule]]:

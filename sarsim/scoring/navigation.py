@@ -2,7 +2,8 @@
 
 from typing import Any
 
-from pipeline.navigation.navigator import Navigator, Outcome
+from pipeline.navigation.commands import Outcome
+from pipeline.navigation.navigator import Navigator
 from sarsim.scoring.trajectory import motion_figures
 from sarsim.simulated_robot import SimulatedRobot
 

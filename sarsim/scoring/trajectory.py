@@ -22,10 +22,19 @@ FALSE_LOOP = 0.2, np.deg2rad(5)  # m and rad by which the relative pose of a fal
 
 
 class TrajectoryScore(EstimatedTrajectory[Pose]):
-    """The estimated trajectory, and its errors against the true one."""
+    """The estimated trajectory, and its errors against the true one.
+
+    Attributes:
+        has_truth: whether the poses are true; if not, nothing is known of the errors.
+    """
+
+    has_truth = True
 
     def save(self, folder: Path) -> None:
-        """Write trajectory_estimated.tum and trajectory_true.tum into a folder."""
+        """Write trajectory_estimated.tum, and trajectory_true.tum if it is known, into a folder."""
+        if not self.has_truth:
+            super().save(folder)
+            return
         write_true = partial(write_true_tum, folder / "trajectory_true.tum", self._odometry)
         each(lambda: super(TrajectoryScore, self).save(folder), write_true)
 

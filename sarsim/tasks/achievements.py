@@ -5,8 +5,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.explorer import Explorer, Observer, Step
-from pipeline.mapper import Keyframe
+from pipeline.explorer import Explorer
+from pipeline.mapper import Keyframe, Mapper
+from pipeline.sink import Sink, Step
 from pipeline.tracks.find import HEAT
 from sarsim.scoring.coverage import Coverage
 from sarsim.scoring.finds import FindScore
@@ -19,7 +20,7 @@ IN_VIEW = ("present", "visible")
 """Figures of people and things that need no detector."""
 
 
-class Achievements(Observer):
+class Achievements(Sink):
     """Counts what an explorer sees, finds and does."""
 
     def __init__(self, robot: SimulatedRobot, explorer: Explorer):
@@ -38,9 +39,9 @@ class Achievements(Observer):
         self._finds.add(truth.image)
         self._has_thermal |= keyframe.frame.thermal is not None
 
-    def on_step(self, explorer: Explorer, step: Step) -> None:
+    def on_step(self, mapper: Mapper, step: Step) -> None:
         """Count what a step has noticed."""
-        self._kidnaps += step.was_kidnapped
+        self._kidnaps += step.was_carried
         self._frontiers = len(step.frontiers)
 
     @property
@@ -67,7 +68,7 @@ class Achievements(Observer):
 
     def figures(self) -> dict[str, Any]:
         """Figures by their keys in report.json; those that there are none of are missing."""
-        navigation = navigation_figures(self._explorer.navigator, self._robot, self._kidnaps)
+        navigation = navigation_figures(self._explorer.pilot.navigator, self._robot, self._kidnaps)
         seen = {"explored_fraction": self._coverage.fraction, "frontiers_left": self._frontiers}
         stages = {"navigation": navigation, "exploration": seen, **self._found()}
         named = {f"{stage}.{name}": value for stage, all in stages.items() for name, value in all.items()}

@@ -10,15 +10,16 @@ from numpy.typing import NDArray
 from pipeline.errors import InputError
 from pipeline.exploration.next_best_view import KEYFRAME_TIME, Exploration
 from pipeline.exploration.viewpoint import Viewpoint
-from pipeline.explorer import Explorer, Step
+from pipeline.explorer import Explorer
 from pipeline.localisation.localisation import LostError
 from pipeline.mapper import Mapper
 from pipeline.robot import RobotModel
 from pipeline.run import why_ended
+from pipeline.sink import Step
 from pipeline.transforms import yaw_of
 from sarsim.arenas.load import load_arena
+from sarsim.composition import make_mapper
 from sarsim.methods.make import make_localisation
-from sarsim.methods.perception import make_perception, make_readers
 from sarsim.settings import DETECTOR, Labels, Odometry, PerceptionConfig
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 from sarsim.tasks.achievements import Achievements
@@ -116,16 +117,14 @@ class Explore(ExplorationTask):
         self._strategy = Exploration(self._robot.model)
         self.explorer = Explorer(self._robot, self._mapper(self._robot.model), self._strategy)
         self._achieved = Achievements(self._robot, self.explorer)
-        self.explorer.observers.append(self._achieved)
+        self.explorer.watch(self._achieved)
         self._steps, self._ended = 0, ""
         self._look()
         return self._observation(), self._info()
 
     def _mapper(self, model: RobotModel) -> Mapper:
-        classifier, detector = make_perception(self._perception)
         localisation = make_localisation("slam", model, self._simulation.odometry == "truth")
-        about = {"seed": self._begun["seed"], "localisation": localisation, "readers": make_readers(self._perception)}
-        return Mapper(model, classifier, detector, **about)
+        return make_mapper(self._perception, model, self._begun["seed"], localisation)
 
     def step(self, action: Action) -> tuple[Maps, float, bool, bool, dict[str, Any]]:
         """Drive to a viewpoint and take a keyframe; see the class."""
@@ -202,8 +201,8 @@ class Explore(ExplorationTask):
         return Viewpoint(place, heading, turn=True, gain=0.0)
 
     def _observation(self) -> Maps:
-        assert self.explorer is not None and self.explorer.T_map_start is not None
-        T, robot = self._seen.keyframe.T_map_base, self.explorer.robot.model
+        assert self._robot is not None and self.explorer is not None and self.explorer.T_map_start is not None
+        T, robot = self._seen.keyframe.T_map_base, self._robot.model
         reach = self._seen.keyframe.frame.sensor.farthest
         left = sum(viewpoint.gain for viewpoint in self._offered)
         rows = [

@@ -13,15 +13,14 @@ from numpy.typing import NDArray
 
 from pipeline.exploration.baselines import RandomWalk
 from pipeline.explorer import Explorer
-from pipeline.frame import Frame
 from pipeline.keyframes import Keyframes, Seen
-from pipeline.localisation.slam import Slam
 from pipeline.mapper import Keyframe, Mapper
-from pipeline.robot import RobotModel
-from pipeline.semantic_map.classifier import TruthClassifier
+from pipeline.metric_map.metric_map import MetricMap
+from pipeline.sink import Sink
 from pipeline.transforms import from_yaw
 from sarsim.arenas.load import load_arena
 from sarsim.commands.cli import tracked
+from sarsim.composition import TRUE_LABELS, make_mapper
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 from scripts.benchmarks.common import Result, at_least, seconds
 from scripts.benchmarks.settings import CorrectionSettings
@@ -39,7 +38,7 @@ def measure(settings: CorrectionSettings) -> Result:
     rounds, seed = settings.rounds, settings.seed
     figures, equal = dict[str, float](), list[bool]()
     for arena, size in DRIVES.items():
-        mapper = driven(arena, size, seed)
+        mapper, octree = driven(arena, size, seed)
         rng = np.random.default_rng(seed)
         times = []
         for poses in tracked(
@@ -50,7 +49,7 @@ def measure(settings: CorrectionSettings) -> Result:
         figures |= {
             f"{size}.correction_s.median": float(np.median(times)),
             f"{size}.correction_s.p95": float(np.percentile(times, 95)),
-            f"{size}.reinsertion_s": mapper.octree_seconds,
+            f"{size}.reinsertion_s": octree.seconds,
             f"{size}.bytes_per_keyframe": _bytes(mapper) / len(mapper.keyframes),
             f"{size}.process_gb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e9,
         }
@@ -58,38 +57,37 @@ def measure(settings: CorrectionSettings) -> Result:
     return Result(figures | {"equal": float(all(equal)), "bytes_per_keyframe": most})
 
 
-def driven(arena: str, size: int, seed: int) -> "OctreeToo":
-    """The maps of a drive with ``size`` keyframes."""
+def driven(arena: str, size: int, seed: int) -> tuple[Mapper, "Octree"]:
+    """The maps of a drive with ``size`` keyframes, and an octree beside them."""
     robot = SimulatedRobot(load_arena(arena), SimulationConfig("wheel"), seed)
-    mapper = OctreeToo(robot.model, seed)
-    explorer = Explorer(robot, mapper)
+    mapper = make_mapper(TRUE_LABELS, robot.model, seed)
+    octree, explorer = Octree(mapper.metric_map), Explorer(robot, mapper)
+    explorer.watch(octree)
     explorer.mission.exploration = RandomWalk(robot.model, seed, steps=size)
     while len(mapper.keyframes) < size and (step := explorer.step()).plan is not None:
         explorer.drive(step)
     robot.close()
-    return mapper
+    return mapper, octree
 
 
-class OctreeToo(Mapper):
-    """A mapper that also inserts every keyframe into an octree.
+class Octree(Sink):
+    """Inserts every keyframe into an octree.
 
     Attributes:
-        octree_seconds: s that this has taken so far: a correction of the octree takes as long.
+        seconds: that this has taken so far: a correction of the octree takes as long.
     """
 
-    def __init__(self, robot: RobotModel, seed: int):
-        super().__init__(robot, TruthClassifier(), seed=seed, localisation=Slam())
-        self._octree = pyoctomap.OcTree(self.metric_map.voxel_size)
-        self.octree_seconds = 0.0
+    def __init__(self, metric_map: MetricMap):
+        """With the voxels and the range of a metric map."""
+        self._octree, self._range = pyoctomap.OcTree(metric_map.voxel_size), metric_map.max_range
+        self.seconds = 0.0
 
-    def add(self, frame: Frame, T_map_base: NDArray[np.float64], labelled: bool = True) -> Keyframe:
-        """Take a frame into every map and into the octree."""
-        T_map_camera = T_map_base @ frame.T_base_camera
-        points = frame.points(T_map_camera).astype(np.float64)
-        self.octree_seconds += seconds(
-            self._octree.insertPointCloud, points, T_map_camera[:3, 3], self.metric_map.max_range, False, True
-        )
-        return super().add(frame, T_map_base, labelled)
+    def on_keyframe(self, keyframe: Keyframe) -> None:
+        """Insert the newest keyframe."""
+        T_map_camera = keyframe.T_map_base @ keyframe.frame.T_base_camera
+        points = keyframe.frame.points(T_map_camera).astype(np.float64)
+        about = points, T_map_camera[:3, 3], self._range, False, True
+        self.seconds += seconds(self._octree.insertPointCloud, *about)
 
 
 def _corrected(poses: NDArray[np.float64], rounds: int, rng: np.random.Generator) -> Iterator[NDArray[np.float64]]:
@@ -104,7 +102,7 @@ def _corrected(poses: NDArray[np.float64], rounds: int, rng: np.random.Generator
 
 def from_scratch(mapper: Mapper) -> Mapper:
     """Another mapper that makes every map anew of what the keyframes of the first have shown."""
-    other, known = Mapper(mapper.elevation_map.robot, mapper.classifier), mapper.keyframes
+    other, known = make_mapper(TRUE_LABELS, mapper.elevation_map.robot), mapper.keyframes
     for seen, T in zip(known.seen, known.poses, strict=True):
         other.keyframes.add(seen, T)
     for k, evidence in known.ground:

@@ -22,10 +22,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.errors import InputError
-from pipeline.explorer import Observer
 from pipeline.files import whole_file
-from pipeline.navigation.navigator import Outcome
+from pipeline.navigation.commands import Outcome
 from pipeline.robot import Motion
+from pipeline.sink import Sink
 from sarsim.commands.cli import progress
 from sarsim.dataset import processes
 from sarsim.episode import Episode
@@ -137,7 +137,7 @@ def run_jobs(
     return [job.result(folder) for job in jobs]
 
 
-class Contacts(Observer):
+class Contacts(Sink):
     """Records where a robot was when it collided.
 
     Attributes:
@@ -163,7 +163,7 @@ class BenchmarkEpisode(Episode):
         super().__init__(replace(job.config, out=out, exploration=exploration))
         self._is_random = job.strategy == "random_walk"
         self._contacts = Contacts(self.robot)
-        self.explorer.observers.append(self._contacts)
+        self.explorer.watch(self._contacts)
 
     def step(self) -> bool:
         """Like the step of every episode, except that a random walk ends when 90 % of the arena was seen."""
@@ -172,7 +172,7 @@ class BenchmarkEpisode(Episode):
     def picture(self) -> NDArray[np.uint8]:
         """(H, W, 3) uint8 RGB, the run from above."""
         track = np.array([pose.T_world_base[:2, 3] for pose in self.robot.trajectory])
-        failed = [leg.target for leg in self.explorer.navigator.legs if leg.outcome is not Outcome.REACHED]
+        failed = [leg.target for leg in self.explorer.pilot.navigator.legs if leg.outcome is not Outcome.REACHED]
         end = self.score.progress.time_s[-1]
         text = (
             f"{Path(self.config.arena).name}, seed {self.config.seed}:"

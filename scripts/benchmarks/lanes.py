@@ -14,15 +14,15 @@ from rich.table import Table
 
 from pipeline.errors import InputError
 from pipeline.exploration.mission import Goals
-from pipeline.explorer import Explorer, Observer
+from pipeline.explorer import Explorer
 from pipeline.localisation.localisation import LostError
-from pipeline.mapper import Mapper
 from pipeline.robot import Motion
+from pipeline.sink import Sink
 from sarsim.arenas.arena import RescueArena
 from sarsim.arenas.lanes import END_ZONE, LANES, LANES_FOLDER
 from sarsim.arenas.load import load_arena
 from sarsim.commands.cli import progress
-from sarsim.methods.perception import make_perception, make_readers
+from sarsim.composition import make_mapper
 from sarsim.robots.model import robot_model
 from sarsim.scoring.lane_judge import LaneJudge, fallen_posts
 from sarsim.settings import EpisodeConfig
@@ -110,17 +110,15 @@ class _TryEndsError(Exception):
     """A try that the judge has ended."""
 
 
-class LaneDrive(Observer):
+class LaneDrive(Sink):
     """A robot with empty maps in a lane that is set up anew."""
 
     def __init__(self, lane: str, end: int, settings: LanesSettings, seed: int):
         """Set the robot down in the end zone at the ``end`` ±1 of x, looking into the lane."""
         simulation = SimulationConfig(speed=EpisodeConfig().speed, robot=settings.robot)
-        classifier, detector = make_perception(settings)
         self._robot = SimulatedRobot(lane_from(lane, end), simulation, seed)
-        mapper = Mapper(self._robot.model, classifier, detector, seed=seed, readers=make_readers(settings))
-        self._explorer = Explorer(self._robot, mapper)
-        self._explorer.observers.append(self)
+        self._explorer = Explorer(self._robot, make_mapper(settings, self._robot.model, seed))
+        self._explorer.watch(self)
         self._judge: LaneJudge | None = None
 
     def on_motion(self, motion: Motion) -> None:

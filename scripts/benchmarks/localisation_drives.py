@@ -17,16 +17,16 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from pipeline.errors import InputError
-from pipeline.explorer import Explorer, Observer
+from pipeline.explorer import Explorer
 from pipeline.files import whole_file
 from pipeline.frame import Frame, Intrinsics
 from pipeline.grid_map import Grid
 from pipeline.localisation.odometry import OdometryLocalisation
-from pipeline.mapper import Mapper
 from pipeline.robot import Motion
-from pipeline.semantic_map.classifier import TruthClassifier
+from pipeline.sink import Sink
 from pipeline.transforms import inverse
 from sarsim.arenas.load import load_arena
+from sarsim.composition import TRUE_LABELS, make_mapper
 from sarsim.dataset.hdf5 import FAST, NewFile, open_file, write_noisy
 from sarsim.dataset.scene_file import MILLIMETRE
 from sarsim.ground_truth.true_surface import Survey, TrueSurface
@@ -172,9 +172,9 @@ def _record(job: DriveJob, path: Path) -> int:
     surface = survey.surface_from(robot.trajectory[-1].T_world_base[:3, 3])
     with whole_file(path) as partial, DriveWriter(partial, job.settings, surface) as writer:
         recorder = _Recorder(robot, writer)
-        mapper = Mapper(robot.model, TruthClassifier(), seed=config.seed, localisation=OdometryLocalisation())
+        mapper = make_mapper(TRUE_LABELS, robot.model, config.seed, OdometryLocalisation())
         explorer = Explorer(robot, mapper)
-        explorer.observers.append(recorder)
+        explorer.watch(recorder)
         step = explorer.step()
         recorder.take(step.keyframe.frame)
         while step.plan is not None and explorer.steps < config.steps and len(writer) < job.frames:
@@ -185,7 +185,7 @@ def _record(job: DriveJob, path: Path) -> int:
     return len(writer)
 
 
-class _Recorder(Observer):
+class _Recorder(Sink):
     """Takes a frame whenever the robot is ``SPACING`` or ``TURN`` away from its pose at the last frame."""
 
     def __init__(self, robot: SimulatedRobot, writer: DriveWriter):

@@ -11,10 +11,10 @@ from scipy import ndimage
 from pipeline.errors import InputError
 from pipeline.explorer import Explorer
 from pipeline.localisation.localisation import LostError
-from pipeline.map_file import KEYFRAMES, load_keyframes
-from pipeline.mapper import Mapper
+from pipeline.map_file import KEYFRAMES
 from pipeline.robot import Velocity
 from pipeline.transforms import inverse
+from sarsim.composition import TRUE_LABELS, make_mapper
 from sarsim.episode import Episode
 from sarsim.settings import EpisodeConfig
 
@@ -51,13 +51,12 @@ def kidnap(config: EpisodeConfig, times: int, folder: Path) -> Counter[str]:
 def placed(episode: Episode, folder: Path) -> Explorer:
     """An explorer that knows its true pose in the map."""
     robot, config = episode.robot, episode.config
-    mapper = Mapper(robot.model, episode.explorer.mapper.classifier, seed=config.seed)
+    mapper = make_mapper(replace(TRUE_LABELS, labels=config.labels), robot.model, config.seed, earlier=folder)
     explorer, frame = Explorer(robot, mapper), robot.sense()
-    load_keyframes(folder / KEYFRAMES, mapper)
     mapper.localisation.set_down(robot.trajectory[-1].T_world_base)
-    mapper.add(frame, mapper.localise(frame))
-    explorer.navigator.motion = robot.drive(Velocity())
-    explorer.keyframing.sense()  # the last that it sees before it is carried
+    mapper.add(mapper.localise(frame), labelled=True)
+    explorer.pilot.navigator.moved(robot.drive(Velocity()))
+    explorer.pilot.look_around()  # the last that it sees before it is carried
     return explorer
 
 
@@ -81,12 +80,12 @@ def carry(episode: Episode, rng: np.random.Generator) -> None:
 
 def look(explorer: Explorer, episode: Episode) -> str:
     """One of ``OUTCOMES``, by the pose that the explorer finds in its next step."""
-    found = explorer.keyframing.pose_check.relocalised
+    found = explorer.pilot.relocalised
     try:
         T_map_base = explorer.step().keyframe.T_map_base
     except LostError:
         return "in_doubt"
     error = np.linalg.norm((inverse(episode.robot.trajectory[-1].T_world_base) @ T_map_base)[:3, 3])
-    if explorer.keyframing.pose_check.relocalised == found and error > WRONG:
+    if explorer.pilot.relocalised == found and error > WRONG:
         return "not_noticed"
     return "found" if error < GOOD else "found_worse" if error < WRONG else "wrong"

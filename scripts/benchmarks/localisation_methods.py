@@ -3,7 +3,6 @@
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from functools import partial
-from time import process_time
 
 import numpy as np
 import open3d as o3d
@@ -13,10 +12,11 @@ from kiss_icp.kiss_icp import KissICP
 from numpy.typing import NDArray
 
 from pipeline.frame import Frame, Intrinsics
-from pipeline.localisation.localisation import is_keyframe
 from pipeline.localisation.slam import Slam
 from pipeline.sensor import XTION
 from pipeline.transforms import inverse, orthonormal, transform_points
+from sarsim.composition import TRUE_LABELS, make_mapper
+from sarsim.robots.model import robot_model
 from sarsim.scoring.trajectory import is_false
 from scripts.benchmarks.localisation_scores import errors_of, nees, trajectory_scores, within
 
@@ -59,43 +59,30 @@ class Ours(Method):
 
     def __init__(self, T_map_start: NDArray[np.float64], loops: bool = True):
         self._slam = Slam(loops)
+        self._mapper = make_mapper(TRUE_LABELS, robot_model(), localisation=self._slam)
         self._keyframes: list[int] = []
-        self._last = T_map_start
         self._stated: list[tuple[int, NDArray[np.float64], NDArray[np.float64]]] = []
         self._frames = 0
         self._keyframe_s: list[float] = []
-        self._correction_s: list[float] = []
 
     def localise(self, frame: Frame) -> NDArray[np.float64]:
         """Localise; make a keyframe if the frame is far enough from the last one, and regularly correct the poses."""
-        start = process_time()
-        T_map_base = self._slam.localise(frame)
-        if not self._keyframes or is_keyframe(self._last, frame.T_odom_base):
-            self._last = frame.T_odom_base
-            if self._slam.repeats:
-                self._slam.pass_by(frame, T_map_base)
-            else:
-                self._add(frame, T_map_base, start)
+        timed = self._mapper.stopwatch.seconds["localisation"]
+        before, is_due = len(timed), self._mapper.is_due(frame.T_odom_base)
+        localised = self._mapper.localise(frame)
+        if is_due and self._mapper.offer(localised, labelled=False):
+            if not is_blind(frame):
+                self._keyframe_s.append(sum(timed[before:]))
+            self._keyframes.append(self._frames)
+            if len(self._keyframes) % CORRECTED == 0:
+                self._mapper.settle()
+                self._stated.append((self._frames, self._slam.poses[-1], self._slam.covariance))
         self._frames += 1
-        return T_map_base
-
-    def _add(self, frame: Frame, T_map_base: NDArray[np.float64], start: float) -> None:
-        self._slam.add(frame, T_map_base)
-        if not is_blind(frame):
-            self._keyframe_s.append(process_time() - start)
-        self._keyframes.append(self._frames)
-        if len(self._keyframes) % CORRECTED == 0:
-            self._correct()
-            self._stated.append((self._frames, self._slam.poses[-1], self._slam.covariance))
-
-    def _correct(self) -> None:
-        start = process_time()
-        self._slam.optimise()
-        self._correction_s.append(process_time() - start)
+        return localised.T_map_base
 
     def corrected(self, online: NDArray[np.float64]) -> NDArray[np.float64]:
         """Each pose relative to its last keyframe, at the corrected pose of this keyframe."""
-        self._correct()
+        self._mapper.settle()
         keyframes = np.array(self._keyframes)
         last = np.searchsorted(keyframes, np.arange(len(online)), side="right") - 1
         return (self._slam.poses @ np.linalg.inv(online[keyframes]))[last] @ online
@@ -109,7 +96,7 @@ class Ours(Method):
         report = {
             "keyframes": float(len(poses)),
             "keyframe_ms": 1e3 * float(np.median(self._keyframe_s)),
-            "correction_ms": 1e3 * float(np.median(self._correction_s)),
+            "correction_ms": 1e3 * float(np.median(self._mapper.stopwatch.seconds["pose_graph"])),
             "online_ate_m": trajectory_scores(true, online)["ate_m"],
             "loops": float(len(loops)),
             "false_loops": float(sum(is_false(loop, poses[loop.first], poses[loop.second]) for loop in loops)),

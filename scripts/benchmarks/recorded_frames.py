@@ -5,13 +5,13 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.explorer import Explorer, Observer
+from pipeline.explorer import Explorer
 from pipeline.frame import Intrinsics
-from pipeline.mapper import Mapper
 from pipeline.robot import Motion
-from pipeline.semantic_map.classifier import TruthClassifier
+from pipeline.sink import Sink
 from sarsim.arenas.load import load_arena
 from sarsim.commands.cli import progress
+from sarsim.composition import TRUE_LABELS, make_mapper
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 
 STEPS = 160  # Largest number of steps of an episode
@@ -48,9 +48,9 @@ def record(arena: str, seed: int, frames: int) -> RecordedFrames:
         InputError: the arena cannot be loaded.
     """
     robot = SimulatedRobot(load_arena(arena), SimulationConfig(), seed)
-    explorer = Explorer(robot, Mapper(robot.model, TruthClassifier(), seed=seed))
+    explorer = Explorer(robot, make_mapper(TRUE_LABELS, robot.model, seed))
     album = _Album(robot, frames)
-    explorer.observers.append(album)
+    explorer.watch(album)
     with progress(transient=True) as bars:
         bar = bars.add_task(f"steps of a recording in {arena}", total=None)
         step = explorer.step()
@@ -63,7 +63,7 @@ def record(arena: str, seed: int, frames: int) -> RecordedFrames:
     return RecordedFrames(step.keyframe.frame.intrinsics, ideal, xtion, poses)
 
 
-class _Album(Observer):
+class _Album(Sink):
     """Frames at a constant period, which doubles whenever there are twice as many as wanted."""
 
     def __init__(self, robot: SimulatedRobot, wanted: int):

@@ -3,13 +3,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.exploration.mission import PATIENCE, Goals
+from pipeline.exploration.mission import Goals
 from pipeline.exploration.viewpoint import Viewpoint
-from pipeline.explorer import Explorer
+from pipeline.explorer import Explorer, ExplorerConfig
 from pipeline.frame import Frame
 from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.mapper import Mapper
-from pipeline.navigation.navigator import DrivenLeg, Halt, Outcome
+from pipeline.navigation.commands import Outcome
+from pipeline.navigation.navigator import DrivenLeg, Halt
 from pipeline.planning.path_plan import PathPlan
 from pipeline.robot import Velocity
 from pipeline.semantic_map.classifier import TruthClassifier
@@ -29,18 +30,29 @@ class PlacedRobot(StillRobot):
         return replace(super().sense(), T_odom_base=self.T)
 
 
+def ends_in(explorer, outcome, *halts):
+    """Let every drive end at once, and know where the robot stands."""
+    navigator = explorer.pilot.navigator
+
+    def follow(way_points, *rest):
+        navigator.legs.append(DrivenLeg(way_points[-1, :2], outcome))
+        navigator.halts += halts
+        return outcome
+        yield
+
+    navigator.follow = follow
+    navigator.moved(explorer.pilot.robot.drive(Velocity()))
+
+
 @pytest.fixture
 def explorer():
-    return Explorer(PlacedRobot(), Mapper(PIONEER, TruthClassifier(), localisation=OdometryLocalisation()))
+    mapper = Mapper(PIONEER, TruthClassifier(), localisation=OdometryLocalisation())
+    return Explorer(PlacedRobot(), mapper, config=ExplorerConfig(patience=3))
 
 
 @pytest.mark.parametrize("freed", [True, False])
 def test_what_holds_the_robot_is_an_obstacle_once_it_got_away(explorer, freed):
-    explorer.navigator.follow = lambda way_points, *rest: (
-        explorer.navigator.legs.append(DrivenLeg(way_points[-1, :2], Outcome.STUCK))
-        or explorer.navigator.halts.append(Halt(np.eye(4), Velocity(0.2), freed))
-    )
-    explorer.navigator.motion = explorer.robot.drive(Velocity())
+    ends_in(explorer, Outcome.STUCK, Halt(np.eye(4), Velocity(0.2), freed))
     step = explorer.step()
     assert step.traversability.grid.at(step.traversability.traversable, [0.3, 0.0])
     ahead = PathPlan(np.array([(1.2, 0.0, 0.0)]), np.array([False]), [], 1.2)
@@ -54,41 +66,36 @@ def test_what_holds_the_robot_is_an_obstacle_once_it_got_away(explorer, freed):
 @pytest.mark.parametrize("moved", [(5.0, 5.0), (0.0, 0.1)])
 def test_ground_is_level_wherever_the_robot_is_set_down(explorer, moved):
     explorer.step()
-    explorer.robot.T = from_yaw(*moved, 0, np.pi)
+    explorer.pilot.robot.T = from_yaw(*moved, 0, np.pi)
     step = explorer.step()
     assert step.traversability.grid.at(step.traversability.traversable, moved)
-    assert step.was_kidnapped == (moved == (5.0, 5.0))
+    assert step.was_carried == (moved == (5.0, 5.0))
 
 
 @pytest.mark.parametrize("outcome", [Outcome.UNSURE, Outcome.MOVED])
 def test_a_robot_that_stopped_in_doubt_was_not_carried(explorer, outcome):
-    explorer.navigator.follow = lambda way_points, *rest: explorer.navigator.legs.append(
-        DrivenLeg(way_points[-1, :2], outcome)
-    )
-    explorer.navigator.motion = explorer.robot.drive(Velocity())
+    ends_in(explorer, outcome)
     explorer.drive(explorer.step())
-    assert explorer.step().was_kidnapped == (outcome is Outcome.MOVED)
+    assert explorer.step().was_carried == (outcome is Outcome.MOVED)
 
 
 def test_a_robot_that_was_not_lifted_trusts_what_it_saw(explorer):
     explorer.step()
     known = explorer.mapper.elevation_map.elevation.copy()
-    explorer.robot.T = from_yaw(-0.25, 0.0, 0, np.pi)
-    explorer.robot.sense = lambda sense=explorer.robot.sense: replace(sense(), depth=np.zeros((120, 160), np.float32))
+    robot, blank = explorer.pilot.robot, np.zeros((120, 160), np.float32)
+    robot.T = from_yaw(-0.25, 0.0, 0, np.pi)
+    robot.sense = lambda sense=robot.sense: replace(sense(), depth=blank)
     explorer.step()
     assert np.isnan(explorer.mapper.elevation_map.elevation[np.isnan(known)]).all()
 
 
 def test_a_robot_that_is_held_again_and_again_stays(explorer):
-    explorer.navigator.follow = lambda way_points, *rest: explorer.navigator.legs.append(
-        DrivenLeg(way_points[-1, :2], Outcome.STUCK)
-    )
-    explorer.navigator.motion = explorer.robot.drive(Velocity())
+    ends_in(explorer, Outcome.STUCK)
     steps = [explorer.step()]
     while steps[-1].plan is not None and len(steps) < 20:
         explorer.drive(steps[-1])
         steps.append(explorer.step())
-    assert len(steps) == 1 + PATIENCE
+    assert len(steps) == 1 + 3
     assert steps[0].can_drive and not steps[-1].can_drive
 
 
@@ -108,8 +115,7 @@ def test_goals_come_before_views_and_views_only_as_long_as_goals_are_out_of_reac
     explorer.mission.goals = Goals([(9.0, 9.0), (1.2, 0.0)])
     viewpoint = explorer.step().viewpoint
     np.testing.assert_allclose(viewpoint.position, (1.2, 0.0))
-    explorer.robot.T = from_yaw(1.2, 0.0, 0, np.pi)
-    explorer.keyframing.pose_check.T_odom_expected = explorer.robot.T
+    explorer.pilot.robot.T = from_yaw(1.2, 0.0, 0, np.pi)
     assert explorer.step().viewpoint.gain > 0
     assert len(explorer.mission.goals.left) == 1
     explorer.mission.may_explore = False

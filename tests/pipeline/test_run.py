@@ -1,4 +1,4 @@
-"""A robot that stands before a wall: what its observers are told, and what is left whatever fails."""
+"""A robot that stands before a wall: what its sinks see, and what is left whatever fails."""
 
 import json
 import signal
@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 from pipeline.exploration.viewpoint import Viewpoint
-from pipeline.explorer import Explorer, Observer
+from pipeline.explorer import Explorer
 from pipeline.frame import Frame
 from pipeline.league.brief import MissionBrief
 from pipeline.league.validation import handed_in_files
@@ -18,8 +18,11 @@ from pipeline.localisation.localisation import LostError
 from pipeline.localisation.trajectory import EstimatedTrajectory
 from pipeline.mapper import Mapper
 from pipeline.rerun.recorder import Recorder
-from pipeline.run import Expedition, ResultFolder
+from pipeline.rescue_report.report import RescueReport
+from pipeline.results import result_sinks
+from pipeline.run import ExplorerRun, RunParts
 from pipeline.semantic_map.classifier import TruthClassifier
+from pipeline.sink import Sink
 from pipeline.transforms import from_yaw
 from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.still_robot import StillRobot
@@ -50,8 +53,8 @@ class Here:
     T_odom_base: np.ndarray = field(default_factory=lambda: np.eye(4))
 
 
-class Diary(Observer):
-    """Writes down what it is told."""
+class Diary(Sink):
+    """Writes down the events, and adds a figure to the report."""
 
     def __init__(self) -> None:
         self.lines: list[str] = []
@@ -62,40 +65,37 @@ class Diary(Observer):
     def on_keyframe(self, keyframe) -> None:
         self.lines.append(f"keyframe {keyframe.index}")
 
-    def on_step(self, explorer, step) -> None:
-        self.lines.append(f"step {explorer.steps}")
+    def on_step(self, mapper, step) -> None:
+        self.lines.append(f"step {step.number}")
 
-    def close(self) -> None:
+    def finish(self, result) -> None:
         self.lines.append("end")
+        result.add({"stage": {"figure": 1}})
 
 
-class OneStep(Expedition):
-    """An expedition of one step, or of more."""
+class OneStep(ExplorerRun):
+    """A run of one step, or of more."""
 
     def __init__(self, out: Path, steps: int = 1, brief: MissionBrief | None = None):
-        explorer = Explorer(StillRobot(), Mapper(PIONEER, TruthClassifier()))
-        self.diary = Diary()
-        explorer.observers.append(self.diary)
-        recorder = Recorder(out / "episode.rrd")
-        results = ResultFolder(Settings(out), out, "here", 7, explorer.mapper, recorder, brief)
-        trajectory = EstimatedTrajectory(explorer.mapper.localisation, [Here()])
-        super().__init__(explorer, results, trajectory, steps)
+        mapper, self.diary, recorder = Mapper(PIONEER, TruthClassifier()), Diary(), Recorder(out / "episode.rrd")
+        report = RescueReport(recorder)
+        sinks = result_sinks(Settings(out), "here", 7, recorder, report, brief, [self.diary])
+        parts = RunParts(mapper, out, "here", recorder, report, sinks, brief)
+        trajectory = EstimatedTrajectory(mapper.localisation, [Here()])
+        super().__init__(Explorer(StillRobot(), mapper), parts, trajectory, steps)
 
     def _time(self) -> float:
         return float(self.explorer.steps)
 
-    def _stages(self) -> dict:
-        return {"stage": {"figure": 1}}
 
-
-def test_observers_are_told_of_each_event_and_the_results_are_whole(tmp_path: Path) -> None:
-    expedition = OneStep(tmp_path)
-    assert expedition.run()
-    keyframe, step, *motions, end = expedition.diary.lines
-    assert (keyframe, step, set(motions), end) == ("keyframe 0", "step 1", {"motion"}, "end")
+def test_sinks_see_each_event_and_the_results_are_whole(tmp_path: Path) -> None:
+    run = OneStep(tmp_path)
+    assert run.run()
+    keyframe, step, *motions, end = run.diary.lines
+    assert (keyframe, step, set(motions), end) == ("keyframe 0", "step 0", {"motion"}, "end")
     assert {file.name for file in tmp_path.iterdir()} == MAPS | REST
     report = json.loads((tmp_path / "report.json").read_text())
-    assert report == json.loads(json.dumps(expedition.report))
+    assert report == json.loads(json.dumps(run.report))
     assert (report["arena"], report["seed"], report["steps"], report["sim_time_s"]) == ("here", 7, 1, 1.0)
     assert report["config"] == {"out": tmp_path.name, "weights": ["a/b", "c"]}
     assert "/home" not in (tmp_path / "report.html").read_text()
@@ -120,14 +120,14 @@ def blank(frame: Frame) -> Frame:
     ],
 )
 def test_a_faulty_robot_is_reported_and_costs_no_map(fault, kinds: list[str], tmp_path: Path, monkeypatch) -> None:
-    expedition = OneStep(tmp_path, steps=12)
-    good, counter = expedition.explorer.robot.sense, count()
-    monkeypatch.setattr(expedition.explorer.robot, "sense", lambda: fault(good(), next(counter)))
-    expedition.run()
-    noticed = dict.fromkeys(fault["kind"] for fault in expedition.report["faults"])
+    run = OneStep(tmp_path, steps=12)
+    good, counter = run.explorer.pilot.robot.sense, count()
+    monkeypatch.setattr(run.explorer.pilot.robot, "sense", lambda: fault(good(), next(counter)))
+    run.run()
+    noticed = dict.fromkeys(fault["kind"] for fault in run.report["faults"])
     assert [kind for kind in noticed if kind != "stuck"] == kinds
-    assert bool(expedition.lost) == ("lost" in kinds)
-    assert {file.name for file in tmp_path.iterdir()} >= (MAPS if expedition.explorer.steps else {"report.json"})
+    assert bool(run.lost) == ("lost" in kinds)
+    assert {file.name for file in tmp_path.iterdir()} >= (MAPS if run.explorer.steps else {"report.json"})
 
 
 VIEW = Viewpoint(np.array([1.0, 2.0]), 0.0, turn=True, gain=0.03, seconds=27.0)
@@ -137,23 +137,23 @@ VIEW = Viewpoint(np.array([1.0, 2.0]), 0.0, turn=True, gain=0.03, seconds=27.0)
     ("ended", "left"), [("nothing_left", []), ("not_worth_it", [VIEW]), ("held", []), ("shut_in", [])]
 )
 def test_the_report_says_why_exploring_ended_and_what_was_left(ended, left, tmp_path, monkeypatch):
-    expedition = OneStep(tmp_path, steps=9)
-    step = replace(expedition.explorer.step(), viewpoint=None, plan=None, left=left)
+    run = OneStep(tmp_path, steps=9)
+    step = replace(run.explorer.step(), viewpoint=None, plan=None, left=left)
     if ended == "shut_in":
         step.context.paths.start = None
-    monkeypatch.setattr(expedition.explorer, "step", lambda: step)
+    monkeypatch.setattr(run.explorer, "step", lambda: step)
     monkeypatch.setattr(Explorer, "is_held", property(lambda explorer: ended == "held"))
-    expedition.run()
+    run.run()
     told = {"left": [{"position": [1.0, 2.0], "area_m2": 0.03, "seconds": 27.0}]} if left else {}
-    assert expedition.report["exploration"] == {"ended": ended} | told
+    assert run.report["exploration"] == {"ended": ended} | told
 
 
 def test_a_corrected_map_is_looked_at_again_but_once(tmp_path, monkeypatch):
-    expedition, steps = OneStep(tmp_path, steps=9), []
-    step = replace(expedition.explorer.step(), viewpoint=None, plan=None)
-    monkeypatch.setattr(expedition.explorer, "step", lambda: steps.append(step) or step)
-    monkeypatch.setattr(expedition.explorer, "settle", lambda: True)
-    expedition.run()
+    run, steps = OneStep(tmp_path, steps=9), []
+    step = replace(run.explorer.step(), viewpoint=None, plan=None)
+    monkeypatch.setattr(run.explorer, "step", lambda: steps.append(step) or step)
+    monkeypatch.setattr(run.explorer, "settle", lambda: True)
+    run.run()
     assert len(steps) == 2
 
 
@@ -163,27 +163,27 @@ def test_a_robot_that_is_lost_or_stopped_in_the_middle_says_so(tmp_path, monkeyp
 
     for name, step, ended in (("a", lose_its_place, "lost"), ("b", None, "interrupted")):
         (tmp_path / name).mkdir()
-        expedition = OneStep(tmp_path / name)
+        run = OneStep(tmp_path / name)
         calls = iter([False, True, True, True])
         if step:
-            monkeypatch.setattr(expedition.explorer, "step", step)
-        expedition.run(interrupted=lambda calls=calls: next(calls))
-        assert expedition.report["exploration"] == {"ended": ended}
+            monkeypatch.setattr(run.explorer, "step", step)
+        run.run(interrupted=lambda calls=calls: next(calls))
+        assert run.report["exploration"] == {"ended": ended}
 
 
 @pytest.mark.parametrize("failing", ["topology.json", "the end"])
 def test_a_failure_costs_no_result_but_its_own(failing: str, tmp_path: Path) -> None:
-    expedition = OneStep(tmp_path)
+    run = OneStep(tmp_path)
 
-    def fail(path: Path | None = None) -> None:
+    def fail(*args: object) -> None:
         raise ZeroDivisionError
 
     if failing == "the end":
-        expedition.diary.close = fail
+        run.diary.finish = fail
     else:
-        expedition.explorer.mapper.topological_map.save = fail
+        run.explorer.mapper.topological_map.save = fail
     with pytest.raises(ZeroDivisionError):
-        expedition.run()
+        run.run()
     assert {file.name for file in tmp_path.iterdir()} == (MAPS | REST) - {failing}
 
 
@@ -194,7 +194,7 @@ class ShortMission(OneStep):
         super().__init__(out, brief=MissionBrief(minutes=0.2))
 
     def _time(self) -> float:
-        return self.explorer.robot.time
+        return self.explorer.pilot.robot.time
 
 
 def what_is_handed_in(out: Path) -> list[int]:
@@ -210,7 +210,7 @@ def test_the_clock_ends_a_mission_in_the_middle_of_a_drive_and_the_steps_do_not(
     monkeypatch.setattr(mission.explorer, "drive", lambda step: [drive(step) for _ in range(9)][-1])
     assert mission.run()
     assert mission.report["exploration"] == {"ended": "time"}
-    assert mission.explorer.robot.time == pytest.approx(12, abs=2 * mission.explorer.robot.control_period)
+    assert mission.explorer.pilot.robot.time == pytest.approx(12, abs=2 * mission.explorer.pilot.robot.control_period)
     assert what_is_handed_in(tmp_path) == [1, 1, 1]
 
 
@@ -234,7 +234,7 @@ def test_it_is_handed_in_whatever_happens(ended, tmp_path, monkeypatch):
 
 def test_ctrl_c_while_results_are_written_costs_none(tmp_path, monkeypatch):
     mission, monitored = ShortMission(tmp_path), signal.getsignal(signal.SIGINT)
-    mission.diary.close = lambda: signal.raise_signal(signal.SIGINT)
+    mission.diary.finish = lambda result: signal.raise_signal(signal.SIGINT)
     save = mission.explorer.mapper.topological_map.save
     monkeypatch.setattr(
         mission.explorer.mapper.topological_map, "save", lambda path: (signal.raise_signal(signal.SIGINT), save(path))

@@ -10,7 +10,6 @@ from numpy.typing import NDArray
 
 from pipeline.errors import InputError
 from pipeline.frame import SAME_TIME, Frame
-from pipeline.navigation.progress import LEAST_JUDGED
 from pipeline.robot import Motion, RobotModel, Velocity
 from pipeline.ros import messages
 from pipeline.ros.live.node import DISCOVERY, RosNode
@@ -20,6 +19,8 @@ from pipeline.ros.pinhole import Pinhole
 from pipeline.transforms import angle_of, inverse
 
 _log = logging.getLogger(__name__)
+LEAST_COMMAND = np.array([0.04, 0.15])
+"""m/s and rad/s; a robot may ignore slower commands."""
 LEAST_MOTION = 0.02, np.deg2rad(3)
 """m and rad by which a robot that follows a command moves at least."""
 LEAST_PERIOD = 0.04
@@ -189,7 +190,7 @@ class RosRobot:
         moved = inverse(self._anchor) @ motion.T_odom_base
         if np.linalg.norm(moved[:3, 3]) > LEAST_MOTION[0] or angle_of(moved) > LEAST_MOTION[1]:
             self._anchor, self._unheeded = motion.T_odom_base, 0.0
-        elif (np.abs([command.v, command.omega]) > LEAST_JUDGED).any():
+        elif (np.abs([command.v, command.omega]) > LEAST_COMMAND).any():
             self._unheeded += elapsed
         if self._unheeded > 2 * self._patience:
             self.stop()

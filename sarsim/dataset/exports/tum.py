@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from pipeline.explorer import Explorer, Observer, Step
 from pipeline.frame import Frame, Intrinsics
-from pipeline.mapper import Keyframe
+from pipeline.mapper import Keyframe, Mapper
 from pipeline.robot import Motion, Velocity
 from pipeline.ros.topics import Joints, OdometrySample
+from pipeline.sink import Result, Sink, Step
 from sarsim.dataset.exports.export import Export, describe, room, whole_folder, write_image
 from sarsim.dataset.manifest import SceneEntry
 from sarsim.dataset.scene_file import Scene
@@ -89,7 +89,7 @@ class TumSequence:
         (self._folder / "calibration.txt").write_text(calibration(intrinsics))
 
 
-class TumDrive(ExitStack, Observer):
+class TumDrive(ExitStack, Sink):
     """A robot's drive as one sequence of the TUM RGB-D benchmark.
 
     rgb/, depth/ (16 bits, 5000 per metre), label/: images, with a list of each kind. accelerometer.txt, as in the
@@ -110,7 +110,7 @@ class TumDrive(ExitStack, Observer):
         self._poses: list[tuple[str, float, NDArray[np.float64]]] = []
         self._newest: Frame | None = None
         self._keyframes: dict[float, tuple[bool, bool]] = {}
-        self.callback(self._finish, folder, path.name, seed)
+        self.callback(self._save, folder, path.name, seed)
 
     def frame(self, frame: Frame) -> None:
         """Write a frame's images."""
@@ -135,11 +135,15 @@ class TumDrive(ExitStack, Observer):
         """Mark a keyframe's image, and record whether it is labelled."""
         self._keyframes[keyframe.frame.time] = len(keyframe.labels) > 0, False
 
-    def on_step(self, explorer: Explorer, step: Step) -> None:
+    def on_step(self, mapper: Mapper, step: Step) -> None:
         """Record that the robot stood at the step's keyframe."""
         self._keyframes[step.keyframe.frame.time] = len(step.keyframe.labels) > 0, True
 
-    def _finish(self, folder: Path, title: str, seed: int) -> None:
+    def finish(self, result: Result) -> None:
+        """Close the folder; InputError if it cannot be written."""
+        self.close()
+
+    def _save(self, folder: Path, title: str, seed: int) -> None:
         if self._newest is None:
             return
         self._sequence.pose("camera", self._newest.time, self._newest.T_base_camera)

@@ -5,40 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.explorer import Explorer
 from pipeline.localisation.belief import Belief, MotionState
-from pipeline.localisation.localisation import LostError
-from pipeline.mapper import Mapper
 from pipeline.navigation.faults import Faults
-from pipeline.semantic_map.classifier import TruthClassifier
-from pipeline.transforms import from_yaw
-from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.still_robot import StillRobot
-
-
-@pytest.mark.parametrize(
-    ("move", "most"), [(from_yaw(0, 0, 0, 1), 7), (from_yaw(0.3, 0, 0, 0), 3), (from_yaw(0.001, 0, 0, 0), 50)]
-)
-def test_a_camera_without_depth_is_noticed_where_it_ought_to_see(move, most: int, monkeypatch) -> None:
-    keyframing = Explorer(StillRobot(), Mapper(PIONEER, TruthClassifier())).keyframing
-    monkeypatch.setattr(keyframing.pose_check, "expects", lambda frame: True)
-    frame, T = StillRobot().sense(), np.eye(4)
-
-    def sense(share: float) -> None:
-        nonlocal T
-        T = T @ move
-        seen = replace(frame, depth=np.float32(share) * frame.depth, T_odom_base=T)
-        monkeypatch.setattr(StillRobot, "sense", lambda robot: seen)
-        keyframing.returns()
-
-    for _ in range(2):  # what it sees in between counts
-        for _ in range(most):
-            sense(0)
-        sense(1)
-    if most < 50:
-        with pytest.raises(LostError, match=f"no depth: at 0.00 s in {most + 1} frames"):
-            for _ in range(most + 1):
-                sense(0)
 
 
 @pytest.mark.parametrize(("scale", "is_noted"), [(1.0, False), (1.02, False), (1.05, True), (0.95, True)])

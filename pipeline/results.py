@@ -1,0 +1,120 @@
+"""The files that every run leaves, each by a sink of its own."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pipeline.files import whole_file
+from pipeline.league.brief import MissionBrief
+from pipeline.league.hand_in import hand_in
+from pipeline.map_file import save_maps
+from pipeline.rerun.recorder import Recorder
+from pipeline.rescue_report.report import RescuePage, RescueReport
+from pipeline.sink import Result, Sink
+
+
+class MapFiles(Sink):
+    """Writes every map."""
+
+    def finish(self, result: Result) -> None:
+        """Write them, each by itself; InputError if one cannot be written."""
+        if result.steps:
+            save_maps(result.mapper, result.folder)
+
+
+class TrajectoryFile(Sink):
+    """Writes trajectory_estimated.tum."""
+
+    def finish(self, result: Result) -> None:
+        """Write it; InputError if that is impossible."""
+        if result.steps:
+            result.trajectory.save(result.folder)
+
+
+class HandIn(Sink):
+    """Writes the files that a league wants."""
+
+    def __init__(self, brief: MissionBrief):
+        self._brief = brief
+
+    def finish(self, result: Result) -> None:
+        """Write them, each by itself; InputError if one cannot be written."""
+        if result.steps:
+            hand_in(result.folder, self._brief, result.mapper.elevation_map.robot)
+
+
+class ReportFile(Sink):
+    """Writes report.json."""
+
+    def __init__(self, settings: Any, place: str, seed: int):
+        """Of a run with such settings, a dataclass, at a place, with a seed of all random numbers."""
+        self._settings, self._place, self._seed = settings, place, seed
+
+    def finish(self, result: Result) -> None:
+        """Write it, of a run without a step only if the robot was lost; InputError if that is impossible."""
+        if not result.is_reported:
+            return
+        result.report |= {
+            "arena": _plain(self._place),
+            "seed": self._seed,
+            "steps": result.steps,
+            "version": version("sarsim"),
+            "config": {name: _plain(value) for name, value in asdict(self._settings).items()}
+            | {"out": _plain(result.folder)},
+            "sim_time_s": result.sim_time,
+            "wall_time_s": result.wall_time,
+            "real_time_factor": result.sim_time / result.wall_time,
+            "timing_ms": {stage: _percentiles(times) for stage, times in result.mapper.stopwatch.seconds.items()},
+            **result.figures,
+        }
+        write_report(result.report, result.folder)
+
+
+def _plain(value: Any) -> Any:
+    """A setting for JSON; of an absolute path only the name, for the rest may reveal who ran it."""
+    if isinstance(value, tuple):
+        return [_plain(item) for item in value]
+    is_absolute = isinstance(value, str | Path) and Path(value).is_absolute()
+    return Path(value).name if is_absolute else str(value) if isinstance(value, Path) else value
+
+
+def write_report(report: dict[str, Any], folder: Path) -> None:
+    """Write report.json; InputError if that is impossible."""
+    with whole_file(folder / "report.json") as path:
+        path.write_text(json.dumps(report, indent=1, default=float, allow_nan=False) + "\n")
+
+
+def _percentiles(seconds: list[float]) -> dict[str, float]:
+    """Median and 95th percentile, in ms."""
+    ms = 1e3 * np.array(seconds)
+    return {"median": float(np.median(ms)), "p95": float(np.percentile(ms, 95))}
+
+
+def result_sinks(
+    settings: Any,
+    place: str,
+    seed: int,
+    recorder: Recorder,
+    rescue_report: RescueReport,
+    brief: MissionBrief | None = None,
+    others: Sequence[Sink] = (),
+) -> list[Sink]:
+    """The sinks of a run with a folder for results, in the order in which they take them.
+
+    The report holds the figures of ``others``, and the page for rescuers what the report holds.
+    """
+    return [
+        MapFiles(),
+        TrajectoryFile(),
+        rescue_report,
+        *([HandIn(brief)] if brief is not None else []),
+        recorder,
+        *others,
+        ReportFile(settings, place, seed),
+        RescuePage(rescue_report),
+    ]

@@ -1,0 +1,44 @@
+"""What a pose check says of a camera that shows nothing."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pipeline.localisation.localisation import Localised, LostError
+from pipeline.localisation.pose_check import PoseCheck, PoseCheckConfig
+from pipeline.mapper import Mapper
+from pipeline.semantic_map.classifier import TruthClassifier
+from pipeline.transforms import from_yaw
+from tests.pipeline.robot_model import PIONEER
+from tests.pipeline.still_robot import StillRobot
+
+
+@pytest.fixture(scope="module")
+def mapper() -> Mapper:
+    mapper = Mapper(PIONEER, TruthClassifier())
+    mapper.take(StillRobot().sense(), at_stop=False, labelled=False)
+    return mapper
+
+
+@pytest.mark.parametrize(
+    ("move", "most"), [(from_yaw(0, 0, 0, 1), 7), (from_yaw(0.3, 0, 0, 0), 3), (from_yaw(0.001, 0, 0, 0), 50)]
+)
+def test_a_camera_without_depth_is_noticed_where_it_ought_to_see(mapper: Mapper, move: np.ndarray, most: int) -> None:
+    maps = mapper.localisation, mapper.metric_map, mapper.elevation_map, mapper.keyframes
+    check, frame, T = PoseCheck(*maps, PIONEER, PoseCheckConfig()), StillRobot().sense(), np.eye(4)
+
+    def see(share: float) -> None:
+        nonlocal T
+        T = T @ move
+        seen = replace(frame, depth=np.float32(share) * frame.depth, T_odom_base=T)
+        check.check_depth(Localised(seen, np.eye(4)))
+
+    for _ in range(2):  # what it sees in between counts
+        for _ in range(most):
+            see(0)
+        see(1)
+    if most < 50:
+        with pytest.raises(LostError, match="depth"):
+            for _ in range(most + 1):
+                see(0)

@@ -1,0 +1,239 @@
+"""How a robot takes keyframes on the way, and what it does if the map disagrees with its frames."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from pipeline.frame import Frame
+from pipeline.localisation.keyframe_policy import KeyframePolicy
+from pipeline.localisation.localisation import LostError
+from pipeline.localisation.pose_check import PoseCheckConfig
+from pipeline.localisation.slam import Slam
+from pipeline.mapper import Keyframe, Mapper
+from pipeline.navigation.commands import Outcome
+from pipeline.navigation.config import NavigationConfig
+from pipeline.navigation.obstacle_check import ObstacleCheck
+from pipeline.pilot import Pilot
+from pipeline.robot import Motion, Velocity
+from pipeline.semantic_map.classifier import TruthClassifier
+from pipeline.sensor import XTION
+from pipeline.sink import Sink
+from pipeline.transforms import from_yaw, inverse
+from tests.pipeline.kinematic_robot import KinematicRobot
+from tests.pipeline.localisation.carried_robot import BARE, ROOM, seen
+from tests.pipeline.polygon_scene import floor, wall
+from tests.pipeline.robot_model import PIONEER
+
+START = from_yaw(2.0, 2.0, 0.0, 0.0)
+CLOSET = [floor(0.8, 3.3, 0.9, 3.2)]
+CLOSET += [wall(a, b) for a, b in (((0.8, 0.9), (3.3, 0.9)), ((3.3, 0.9), (3.3, 3.2)), ((3.3, 3.2), (0.8, 3.2)))]
+PANEL = wall((3.2, 1.2), (3.2, 2.8))
+
+
+class SeeingRobot(KinematicRobot):
+    """A robot that sees a scene of faces, with perfect odometry."""
+
+    def __init__(self):
+        super().__init__()
+        self.T = START
+        self.faces = BARE
+        self.looks = 0
+
+    def sense(self) -> Frame:
+        self.looks += 1
+        return replace(seen(self.faces, self.T, seed=self.looks), time=float(self.looks))
+
+
+class Album(Sink):
+    """Keeps the keyframes."""
+
+    def __init__(self):
+        self.keyframes: list[Keyframe] = []
+
+    def on_keyframe(self, keyframe):
+        self.keyframes.append(keyframe)
+
+
+class Outlook:
+    """A robot that looks around from where it stands; every fourth of its keyframes is labelled."""
+
+    def __init__(self, robot=None):
+        self.robot, album = robot or SeeingRobot(), Album()
+        policy = KeyframePolicy(way=0.4, turn=np.deg2rad(20), labelled_every=4)
+        self.mapper = Mapper(PIONEER, TruthClassifier(), localisation=Slam(), keyframe_policy=policy)
+        self.mapper.observers.append(album)
+        self.keyframes = album.keyframes
+        self.pilot = Pilot(self.robot, self.mapper, [], NavigationConfig(), PoseCheckConfig(looks=8))
+
+    def look_around(self, place: np.ndarray) -> "Outlook":
+        """Make keyframes of a full turn."""
+        for yaw in np.arange(6) * np.pi / 3:
+            self.robot.T = place @ from_yaw(0, 0, 0, yaw)
+            confirmed = self.pilot.look_around()
+            self.mapper.add(confirmed.localised, labelled=False, set_down=confirmed.was_carried)
+        self.robot.T = place
+        return self
+
+    def drive(self, x: float, y: float, nearest: float = XTION.nearest) -> Outcome:
+        """Drive straight to a place, and look for obstacles farther than ``nearest``, m."""
+        sensor = replace(XTION, nearest=nearest)
+        check = ObstacleCheck(self.mapper.traversability, sensor, NavigationConfig().obstacle_check)
+        return self.pilot.follow(self.pilot.navigator.follow(np.array([(x, y)])), check)
+
+
+@pytest.fixture(scope="module")
+def looked_around():
+    return Outlook().look_around(START)
+
+
+@pytest.fixture
+def outlook(looked_around, monkeypatch):
+    """The shared outlook, restored after each test; a test must add no keyframe."""
+    slam = looked_around.mapper.localisation
+    for part in (
+        looked_around.robot,
+        looked_around.pilot,
+        looked_around.pilot.pose_check,
+        looked_around.pilot.navigator,
+        slam,
+        slam.belief,
+    ):
+        for name, value in vars(part).items():
+            monkeypatch.setattr(part, name, value)
+    return looked_around
+
+
+def test_what_agrees_with_the_map_needs_one_look(outlook):
+    before = outlook.robot.looks
+    confirmed = outlook.pilot.look_around()
+    assert outlook.robot.looks == before + 1
+    assert not confirmed.was_carried
+
+
+@pytest.mark.parametrize(("x", "is_blind"), [(1.2, True), (2.3, False)])
+def test_blank_depth_counts_only_where_the_map_has_something_to_be_seen(x, is_blind):
+    """The robot drives 1.2 m to and fro, towards a mapped wall or out of ground that is too near to be measured."""
+    outlook = Outlook().look_around(START)
+    blank = replace(seen(BARE, START, seed=1), depth=np.zeros_like(seen(BARE, START, seed=1).depth))
+    noticed = False
+    for step in range(5):
+        T = from_yaw(x + 0.3 * (step % 2), 2.0, 0, np.pi)
+        try:
+            outlook.pilot.pose_check.check_depth(outlook.mapper.localise(replace(blank, T_odom_base=T)))
+        except LostError as error:
+            noticed = "no depth" in str(error)
+    assert noticed == is_blind
+
+
+def test_an_object_that_was_put_in_the_way_is_no_reason_to_be_lost(outlook):
+    outlook.robot.faces = [*BARE, PANEL]
+    before = outlook.robot.looks
+    confirmed = outlook.pilot.look_around()
+    assert outlook.robot.looks > before + 1
+    assert outlook.pilot.relocalised == 0
+    assert not confirmed.was_carried
+
+
+def test_nor_is_it_where_no_place_is_found_for_sure():
+    """The robot stands in the middle of a room that looks the same turned by half a turn."""
+    middle = from_yaw(2.5, 2.0, 0, 0)
+    outlook = Outlook().look_around(middle)
+    outlook.robot.faces = [*BARE, wall((3.7, 1.2), (3.7, 2.8))]
+    before = outlook.robot.looks
+    confirmed = outlook.pilot.look_around()
+    assert before + 1 < outlook.robot.looks <= before + 1 + 8
+    assert outlook.pilot.relocalised == 0
+    assert not confirmed.was_carried
+
+
+def test_a_robot_that_leaned_looks_again_and_believes_what_it_sees(outlook):
+    outlook.pilot.look_around()
+    belief = outlook.mapper.belief
+    belief.predict(0.3, 1.0)
+    outlook.pilot.pose_check.doubt()
+    assert not belief.knows_place
+    looks = outlook.robot.looks
+    outlook.pilot.look_around()  # all that it sees agrees with its map, so its map is wrong where it leaned
+    assert belief.knows_place
+    assert outlook.robot.looks == looks + 1
+
+
+def test_a_robot_in_another_room_is_lost(outlook):
+    outlook.robot.faces = CLOSET
+    with pytest.raises(LostError, match="no place fits"):
+        outlook.pilot.look_around()
+
+
+@pytest.mark.parametrize("faces", [CLOSET, [wall((2.6, 1.0), (2.6, 3.0))]])
+def test_the_pose_of_a_lost_robot_is_not_trusted_where_a_small_map_does_not_contradict_it(faces):
+    outlook = Outlook()
+    outlook.pilot.add(outlook.pilot.look_around())
+    outlook.mapper.keyframes.loaded, outlook.robot.faces = 1, faces
+    outlook.robot.T = START @ from_yaw(0, 0, 0, np.pi)
+    with pytest.raises(LostError, match="no place fits"):
+        outlook.pilot.look_around()
+
+
+@pytest.mark.parametrize(("way", "was_carried"), [(0.2, False), (0.5, True)])
+def test_where_the_odometry_leaps_the_robot_was_set_down(way, was_carried):
+    outlook = Outlook()
+    assert outlook.pilot.look_around().was_carried  # it has just begun
+    outlook.robot.T = START @ from_yaw(way, 0, 0, 0)
+    assert outlook.pilot.look_around().was_carried == was_carried
+
+
+def test_keyframes_are_taken_on_the_way_and_every_so_many_one_is_labelled():
+    outlook = Outlook()
+    outlook.pilot.add(outlook.pilot.look_around())
+    assert outlook.drive(4.0, 2.0, nearest=9.0) is Outcome.REACHED
+    places = [keyframe.T_map_base[0, 3] for keyframe in outlook.keyframes]
+    np.testing.assert_allclose(places, 2.0 + 0.4 * np.arange(5), atol=0.05)
+    assert [len(keyframe.labels) > 0 for keyframe in outlook.keyframes] == [True, False, False, False, True]
+
+
+def test_the_check_for_obstacles_makes_a_keyframe_that_is_not_labelled():
+    outlook = Outlook()
+    outlook.pilot.add(outlook.pilot.look_around())
+    outlook.robot.faces = [*BARE, PANEL]
+    assert outlook.drive(4.0, 2.0) is Outcome.BLOCKED
+    assert len(outlook.keyframes) == 2
+    assert not len(outlook.keyframes[1].labels)
+
+
+class HeldRobot(SeeingRobot):
+    """A robot that something holds at x = 2.5 m, where its wheels spin: its odometry goes on."""
+
+    def sense(self) -> Frame:
+        T = self.T.copy()
+        T[0, 3] = min(T[0, 3], 2.5)
+        self.looks += 1
+        return replace(seen(ROOM, T, T @ inverse(self.T), seed=self.looks), time=float(self.looks))
+
+
+@pytest.mark.parametrize(("robot", "outcome"), [(HeldRobot(), Outcome.STUCK), (SeeingRobot(), Outcome.REACHED)])
+def test_a_robot_whose_wheels_spin_is_held(robot, outcome):
+    outlook = Outlook(robot)
+    outlook.pilot.add(outlook.pilot.look_around())
+    assert outlook.drive(4.0, 2.0) is outcome
+    noticed = ["slipping", "held"] if outcome is Outcome.STUCK else []
+    assert [fault.kind for fault in outlook.pilot.faults.all] == noticed
+    if outcome is Outcome.STUCK:
+        assert robot.T[0, 3] < 2.5 + 3 * 0.4
+        (halt,) = outlook.pilot.navigator.halts
+        assert halt.T_map_base[0, 3] == pytest.approx(2.5, abs=0.1)
+
+
+@pytest.mark.parametrize("place", [np.nan, 1e6])
+def test_without_odometry_the_robot_stands(place):
+    class Astray(SeeingRobot):
+        def drive(self, command: Velocity) -> Motion:
+            motion = super().drive(command)
+            return replace(motion, T_odom_base=from_yaw(place, 0, 0, 0)) if len(self.commands) > 20 else motion
+
+    outlook = Outlook(Astray())
+    outlook.pilot.add(outlook.pilot.look_around())
+    with pytest.raises(LostError, match="odometry"):
+        outlook.drive(4.0, 2.0)
+    assert outlook.robot.commands[-2].v > 0
+    assert outlook.robot.commands[-1] == Velocity()

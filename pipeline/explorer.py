@@ -14,7 +14,7 @@ from pipeline.geometry.cells import centres
 from pipeline.labels import Label
 from pipeline.localisation.pose_check import PoseCheckConfig
 from pipeline.mapper import Keyframe, Mapper
-from pipeline.navigation.commands import Commands, Outcome
+from pipeline.navigation.commands import Outcome
 from pipeline.navigation.config import NavigationConfig
 from pipeline.navigation.obstacle_check import ObstacleCheck
 from pipeline.navigation.speed_limit import SpeedLimit
@@ -110,7 +110,7 @@ class Explorer:
     def settle(self) -> bool:
         """Correct the keyframes' poses, the maps and all places in them; True if any moved noticeably."""
         moves = self.mapper.settle()
-        self.pilot.navigator.correct(self.mapper.T_map_odom)
+        self.pilot.correct()
         return moves is not None
 
     def decide(self, keyframe: Keyframe) -> tuple[Viewpoint | None, Context]:
@@ -153,32 +153,32 @@ class Explorer:
         pilot, config = self.pilot, self._config
         check = ObstacleCheck(step.traversability, step.keyframe.frame.sensor, config.navigation.obstacle_check)
         with self.mapper.stopwatch("navigation"):
-            outcome = pilot.follow(self._commands(step, step.viewpoint, step.plan), check)
+            outcome = self._follow(step, step.viewpoint, step.plan, check)
         if outcome is Outcome.TILTED:
-            halt = pilot.navigator.halts[-1].T_map_base[:2, 3]
+            halt = pilot.halts[-1].T_map_base[:2, 3]
             if not step.traversability.has_ramp(halt):
                 pilot.pose_check.doubt()
-        here, there = step.keyframe.T_map_base[:2, 3], pilot.navigator.T_map_base[:2, 3]
+        here, there = step.keyframe.T_map_base[:2, 3], pilot.T_map_base[:2, 3]
         got_away, reached = np.linalg.norm(there - here) > config.got_away, outcome is Outcome.REACHED
         self._failed_drives = 0 if got_away else self._failed_drives + (not reached)
         self._learn_from_drive(check.obstacles)
         return reached
 
-    def _commands(self, step: Step, viewpoint: Viewpoint, plan: PathPlan) -> Commands:
-        """The commands that lead along the plan of a step."""
+    def _follow(self, step: Step, viewpoint: Viewpoint, plan: PathPlan, check: ObstacleCheck) -> Outcome:
+        """Follow the plan of a step; slowly on ramps and beside people."""
         ramps = [centres(ramp.cells) for ramp in self.mapper.segments.of(Label.INCLINED_RAMP)]
         people = [victim.points for victim in self.mapper.victims.confirmed]
         speed_limit = SpeedLimit(step.traversability, ramps, people, self._config.navigation.speed_limit)
         heading, start = viewpoint.heading if viewpoint.turn else None, step.keyframe.T_map_base[:2, 3]
-        return self.pilot.navigator.follow(plan.way_points[:, :2], heading, plan.backwards, start, speed_limit)
+        return self.pilot.follow(check, plan.way_points[:, :2], heading, plan.backwards, start, speed_limit)
 
     def _learn_from_drive(self, obstacles: Points) -> None:
         """Pass obstacles, the track of the drive and what the robot touched on to the mapper."""
-        navigator, elevation_map = self.pilot.navigator, self.mapper.elevation_map
-        track, cell = np.array(navigator.track).reshape(-1, 3), elevation_map.grid.cell
+        elevation_map = self.mapper.elevation_map
+        robot, cell = elevation_map.robot, elevation_map.grid.cell
         # If the robot did not get free, an obstacle mapped beside it would only shut it in.
-        touched = [halt.touched(elevation_map.robot, cell) for halt in navigator.halts if halt.touches]
-        self.mapper.add_drive(track, obstacles, touched)
+        touched = [halt.touched(robot, cell) for halt in self.pilot.halts if halt.touches]
+        self.mapper.add_drive(self.pilot.track, obstacles, touched)
 
 
 def context_of(mapper: Mapper, keyframe: Keyframe, caution: float, is_tight: bool) -> Context:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pipeline.arrays import Points, Pose
+from pipeline.arrays import Mask, Place, Places, Points, Pose
 from pipeline.errors import InputError
 from pipeline.frame import Frame
 from pipeline.localisation.belief import MotionState
@@ -17,7 +17,7 @@ from pipeline.mapper import Keyframe, Mapper
 from pipeline.navigation.commands import STOP, Approach, Commands, Outcome, Verdict
 from pipeline.navigation.config import NavigationConfig
 from pipeline.navigation.faults import Faults
-from pipeline.navigation.navigator import DrivenLeg, Navigator
+from pipeline.navigation.navigator import DrivenLeg, Halt, Navigator, SpeedAt
 from pipeline.navigation.obstacle_check import ObstacleCheck
 from pipeline.robot import Robot, Velocity
 from pipeline.sink import Sink
@@ -49,6 +49,21 @@ class Pilot:
         self._mapper, self._sinks, self._carried_way = mapper, sinks, pose_check.carried_way
         self._last: Frame | None = None
         self._T_odom_left: Pose | None = None  # where the last drive ended; None if the robot was carried
+
+    @property
+    def T_map_base(self) -> Pose:
+        """Where the robot is after its newest motion."""
+        return self.navigator.T_map_base
+
+    @property
+    def track(self) -> Places:
+        """(N, 3) m and rad: places and headings of the robot on its newest way."""
+        return np.array(self.navigator.track).reshape(-1, 3)
+
+    @property
+    def halts(self) -> list[Halt]:
+        """The robot's halts on its newest way."""
+        return self.navigator.halts
 
     @property
     def relocalised(self) -> int:
@@ -88,11 +103,24 @@ class Pilot:
     def add(self, confirmed: Confirmed) -> Keyframe:
         """Make a labelled keyframe of a frame that was taken where the robot stands, and go on by its pose."""
         keyframe = self._mapper.add(confirmed.localised, labelled=True, set_down=bool(confirmed.was_carried))
-        self._go_on()
+        self.correct()
         return keyframe
 
-    def follow(self, commands: Commands, check: ObstacleCheck) -> Outcome:
-        """Follow commands along a way, on which keyframes are taken and obstacles looked for."""
+    def correct(self) -> None:
+        """Drive on by the newest estimate of the robot's pose."""
+        self.navigator.correct(self._mapper.T_map_odom)
+
+    def follow(
+        self,
+        check: ObstacleCheck,
+        way_points: Places,
+        heading: float | None = None,
+        backwards: Mask | None = None,
+        start: Place | None = None,
+        speed_limit: SpeedAt = lambda here, along: np.inf,
+    ) -> Outcome:
+        """Follow a way as :meth:`Navigator.follow` says; take keyframes and look for obstacles on it."""
+        commands = self.navigator.follow(way_points, heading, backwards, start, speed_limit)
         outcome = self._run(commands, check)
         motion = self.navigator.motion
         self._T_odom_left = None if outcome is Outcome.MOVED or motion is None else motion.T_odom_base
@@ -144,18 +172,14 @@ class Pilot:
         if not belief.knows_place:
             return Verdict.UNSURE
         self._mapper.offer(localised)
-        self._go_on()
+        self.correct()
         return Verdict.SPINNING if belief.is_sure_of(MotionState.HELD) else Verdict.FINE
 
     def _returns(self) -> Points:
         """The camera's present returns; their frame becomes a keyframe."""
         keyframe = self._mapper.add(self._sense(), labelled=False)
-        self._go_on()
+        self.correct()
         return keyframe.frame.points(keyframe.T_map_base @ keyframe.frame.T_base_camera)
-
-    def _go_on(self) -> None:
-        """Drive on by the pose of the newest keyframe."""
-        self.navigator.correct(self._mapper.T_map_odom)
 
     def _sense(self) -> Localised:
         localised = self._mapper.localise(self._frame())

@@ -169,7 +169,7 @@ class ExplorerRun(Run, ABC):
             home: whether to drive back to the start at the end.
         """
         super().__init__(parts)
-        self.explorer = explorer
+        self.explorer, self._faults = explorer, explorer.pilot.faults
         self._trajectory, self._steps, self._goals, self._home = trajectory, steps, goals, home
         explorer.watch(*parts.sinks)
         self.lost: str | None = None
@@ -239,23 +239,24 @@ class ExplorerRun(Run, ABC):
 
     def step(self) -> bool:
         """One step of the robot: sense, map, plan, drive; False when there is nowhere to drive to."""
-        relocalised = self.explorer.pilot.relocalised
-        step = self.explorer.step()
+        explorer, pilot = self.explorer, self.explorer.pilot
+        relocalised = pilot.relocalised
+        step = explorer.step()
         self._log_outcomes()
         self._log_faults()
         if step.was_carried:
-            found_itself = self.explorer.pilot.relocalised > relocalised
+            found_itself = pilot.relocalised > relocalised
             how = "looked around and found itself" if found_itself else "was kidnapped and set down"
             self._notice("carried", f"the robot {how} at {place_name(step.keyframe.T_map_base[:2, 3])}")
         self._log("INFO" if step.can_drive else "WARN", self._outcome_of(step))
         if step.explores:
-            self.ended, self._left = why_ended(self.explorer, step), step.left
+            self.ended, self._left = why_ended(explorer, step), step.left
         was_waiting, self._waits = self._waits, step.plan is None
         if step.plan is None:
             # Closing a loop merges doubled walls, which may have cut off the area behind them.
-            return self.explorer.settle() and not was_waiting
-        if not self.explorer.drive(step):
-            leg = self.explorer.pilot.newest_leg
+            return explorer.settle() and not was_waiting
+        if not explorer.drive(step):
+            leg = pilot.newest_leg
             line = f"leg to {place_name(leg.target)} ended: {leg.outcome.value}"
             if leg.outcome is Outcome.STUCK:
                 self._notice("stuck", line)
@@ -264,12 +265,12 @@ class ExplorerRun(Run, ABC):
         return True
 
     def _notice(self, kind: str, text: str) -> None:
-        self.explorer.pilot.faults.note(kind, self._time(), text)
+        self._faults.note(kind, self._time(), text)
         self._log_faults()
 
     def _log_faults(self) -> None:
         """Log the faults that were not logged yet."""
-        faults = self.explorer.pilot.faults.all
+        faults = self._faults.all
         for fault in faults[self._logged_faults :]:
             self._log("WARN", fault.text)
         self._logged_faults = len(faults)
@@ -306,7 +307,7 @@ class ExplorerRun(Run, ABC):
             "exploration": {"ended": self.ended, **({"left": left} if left else {})},
             **self.explorer.mission.report(),
             **({"lost": self.lost} if self.lost else {}),
-            "faults": [asdict(fault) for fault in self.explorer.pilot.faults.all],
+            "faults": [asdict(fault) for fault in self._faults.all],
         }
 
     @abstractmethod

@@ -79,7 +79,7 @@ class Outlook:
         """Drive straight to a place, and look for obstacles farther than ``nearest``, m."""
         sensor = replace(XTION, nearest=nearest)
         check = ObstacleCheck(self.mapper.traversability, sensor, NavigationConfig().obstacle_check)
-        return self.pilot.follow(self.pilot.navigator.follow(np.array([(x, y)])), check)
+        return self.pilot.follow(check, np.array([(x, y)]))
 
 
 @pytest.fixture(scope="module")

@@ -1,6 +1,6 @@
 """The whole pipeline (thesis, chapter 3): sense, localise, map, decide where to go, plan, drive."""
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -12,10 +12,8 @@ from pipeline.exploration.viewpoint import Context, Strategy, Viewpoint
 from pipeline.finds.reobservation import Reobservation
 from pipeline.geometry.cells import centres
 from pipeline.labels import Label
-from pipeline.localisation.pose_check import PoseCheckConfig
 from pipeline.mapper import Keyframe, Mapper
 from pipeline.navigation.commands import Outcome
-from pipeline.navigation.config import NavigationConfig
 from pipeline.navigation.obstacle_check import ObstacleCheck
 from pipeline.navigation.speed_limit import SpeedLimit
 from pipeline.pilot import Pilot
@@ -24,23 +22,6 @@ from pipeline.planning.pose_paths import PosePaths
 from pipeline.robot import Robot
 from pipeline.sink import Sink, Step
 from pipeline.transforms import yaw_of
-
-
-@dataclass(frozen=True)
-class ExplorerConfig:
-    """When the robot gives up.
-
-    Attributes:
-        patience: failed drives from one place after which the robot stays.
-        got_away: m; a drive that led farther from the place was no failure.
-        navigation: how it drives.
-        pose_check: how it checks its pose.
-    """
-
-    patience: int = 5
-    got_away: float = 0.3
-    navigation: NavigationConfig = NavigationConfig()
-    pose_check: PoseCheckConfig = PoseCheckConfig()
 
 
 class Explorer:
@@ -54,12 +35,7 @@ class Explorer:
     """
 
     def __init__(
-        self,
-        robot: Robot,
-        mapper: Mapper,
-        exploration: Strategy | None = None,
-        planner: Planner = TOPOLOGICAL,
-        config: ExplorerConfig = ExplorerConfig(),
+        self, robot: Robot, mapper: Mapper, exploration: Strategy | None = None, planner: Planner = TOPOLOGICAL
     ):
         """Begin where the robot stands, with the maps as they are; by default with the next best view."""
         self.mapper = mapper
@@ -67,9 +43,9 @@ class Explorer:
         exploration = exploration or Exploration(robot.model)
         if isinstance(exploration, Exploration) and exploration.takes_rewards:
             exploration.rewards = self.reobservation
-        self.mission, self._planner, self._config = Mission(exploration), planner, config
+        self.mission, self._planner, self._config = Mission(exploration), planner, mapper.config
         self._sinks: list[Sink] = []
-        self.pilot = Pilot(robot, mapper, self._sinks, config.navigation, config.pose_check)
+        self.pilot = Pilot(robot, mapper, self._sinks)
         self.steps = 0
         self._failed_drives = 0
 
@@ -136,7 +112,7 @@ class Explorer:
     @property
     def is_held(self) -> bool:
         """Whether too many drives failed since one last got the robot away from where it was."""
-        return self._failed_drives >= self._config.patience
+        return self._failed_drives >= self._config.explorer.patience
 
     def redirect(self, step: Step, viewpoint: Viewpoint) -> Step:
         """The step, with a viewpoint that was chosen from outside and a plan that leads there, if a way does."""
@@ -159,7 +135,7 @@ class Explorer:
             if not step.traversability.has_ramp(halt):
                 pilot.pose_check.doubt()
         here, there = step.keyframe.T_map_base[:2, 3], pilot.T_map_base[:2, 3]
-        got_away, reached = np.linalg.norm(there - here) > config.got_away, outcome is Outcome.REACHED
+        got_away, reached = np.linalg.norm(there - here) > config.explorer.got_away, outcome is Outcome.REACHED
         self._failed_drives = 0 if got_away else self._failed_drives + (not reached)
         self._learn_from_drive(check.obstacles)
         return reached

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import Pose
+from pipeline.config import PipelineConfig
 from pipeline.elevation_map.accessibility import is_inaccessible
 from pipeline.elevation_map.elevation_map import CELL, HEIGHTS, ElevationMap
 from pipeline.elevation_map.ground_evidence import Assumed, Driven, GroundEvidence
@@ -23,7 +24,6 @@ from pipeline.frame import Frame
 from pipeline.geometry.cells_kernels import moved
 from pipeline.keyframes import Keyframes, Moves, Seen, nearest
 from pipeline.localisation.belief import Belief
-from pipeline.localisation.keyframe_policy import KeyframePolicy
 from pipeline.localisation.localisation import Localisation, Localised
 from pipeline.localisation.slam import Slam
 from pipeline.metric_map.isolated_returns import without_isolated_returns
@@ -81,6 +81,7 @@ class Mapper:
 
     Attributes:
         observers: notified of every keyframe and correction, in their order.
+        config: all numbers.
         policy: how keyframes are spaced.
         keyframes: what they have shown, and their poses.
         stopwatch: the time that each stage took.
@@ -96,7 +97,7 @@ class Mapper:
         seed: int = 0,
         localisation: Localisation | None = None,
         readers: FindReaders | None = None,
-        keyframe_policy: KeyframePolicy = KeyframePolicy(),
+        config: PipelineConfig = PipelineConfig(),
     ):
         """Begin with empty maps.
 
@@ -109,13 +110,13 @@ class Mapper:
             seed: of RANSAC.
             localisation: gives the poses of frames; by default odometry corrected by registration (SLAM).
             readers: of signs, codes and heat; without them the maps hold no finds but victims.
-            keyframe_policy: how keyframes are spaced.
+            config: all numbers.
         """
         self.observers: list[MapObserver] = []
-        self.policy = keyframe_policy
+        self.config, self.policy = config, config.localisation.keyframes
         self.classifier, self.detector, self.readers = classifier, detector, readers
         self._in_passing = BackgroundReader(detector, readers)
-        self.localisation: Localisation = localisation or Slam()
+        self.localisation: Localisation = localisation or Slam(config=config.localisation)
         self.metric_map = MetricMap(voxel_size)
         self.elevation_map = ElevationMap(robot)
         self._traversability_layer = TraversabilityLayer()

@@ -12,10 +12,9 @@ from pipeline.errors import InputError
 from pipeline.frame import Frame
 from pipeline.localisation.belief import MotionState
 from pipeline.localisation.localisation import Localised, LostError
-from pipeline.localisation.pose_check import Confirmed, PoseCheck, PoseCheckConfig
+from pipeline.localisation.pose_check import Confirmed, PoseCheck
 from pipeline.mapper import Keyframe, Mapper
 from pipeline.navigation.commands import STOP, Approach, Commands, Outcome, Verdict
-from pipeline.navigation.config import NavigationConfig
 from pipeline.navigation.faults import Faults
 from pipeline.navigation.navigator import DrivenLeg, Halt, Navigator, SpeedAt
 from pipeline.navigation.obstacle_check import ObstacleCheck
@@ -33,20 +32,14 @@ class Pilot:
         faults: of the robot's sensors and wheels.
     """
 
-    def __init__(
-        self,
-        robot: Robot,
-        mapper: Mapper,
-        sinks: Sequence[Sink],
-        navigation: NavigationConfig,
-        pose_check: PoseCheckConfig,
-    ):
+    def __init__(self, robot: Robot, mapper: Mapper, sinks: Sequence[Sink]):
         """``sinks``: notified of each motion; the list may grow."""
+        localisation, navigation = mapper.config.localisation, mapper.config.navigation
         self.robot, self.faults = robot, Faults(navigation.faults)
         self.navigator = Navigator(robot.model, robot.control_period, navigation)
         maps = mapper.localisation, mapper.metric_map, mapper.elevation_map, mapper.keyframes
-        self.pose_check = PoseCheck(*maps, robot.model, pose_check)
-        self._mapper, self._sinks, self._carried_way = mapper, sinks, pose_check.carried_way
+        self.pose_check = PoseCheck(*maps, robot.model, localisation)
+        self._mapper, self._sinks, self._carried_way = mapper, sinks, localisation.pose_check.carried_way
         self._last: Frame | None = None
         self._T_odom_left: Pose | None = None  # where the last drive ended; None if the robot was carried
 

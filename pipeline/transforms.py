@@ -5,6 +5,8 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pipeline.arrays import Direction, Rotation3
+
 Angle = TypeVar("Angle", float, NDArray[np.floating])
 FARTHEST = 8192.0  # m from the origin of a frame; up to here float32 resolves 1 mm
 POSE = f"a rigid 4×4 pose (finite, orthonormal, not mirroring, last row 0 0 0 1) within {FARTHEST:g} m of the origin"
@@ -69,10 +71,9 @@ def tilt_of(T: NDArray[np.float64]) -> tuple[float, float]:
     return float(np.arctan2(T[2, 1], T[2, 2])), float(-np.arcsin(np.clip(T[2, 0], -1, 1)))
 
 
-def level(up: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(3, 3) rotation of zero yaw of a body that measures the vertical (3,), of any length, in its own frame."""
-    up = up / np.linalg.norm(up)
-    left = np.cross(up, [1.0, 0.0, 0.0])
+def level(up: Direction, forward: tuple[float, float, float] = (1.0, 0.0, 0.0)) -> Rotation3:
+    """Rotation of zero yaw of a body that measures the vertical in its own frame, and looks ``forward`` there."""
+    left = np.cross(up, forward)
     left /= np.linalg.norm(left)
     return np.array([np.cross(left, up), left, up])
 

@@ -13,11 +13,11 @@ from pipeline.datasets.recording import Recording
 from pipeline.errors import InputError
 from pipeline.frame import Frame
 from pipeline.localisation.depth_odometry import DepthOdometry
-from pipeline.localisation.gravity import T_lowest_camera, vertical
 from pipeline.localisation.localisation import Localisation, LostError
 from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.localisation.slam import Slam
 from pipeline.localisation.trajectory import Trajectory
+from pipeline.localisation.vertical import T_lowest_camera, vertical
 from pipeline.mapper import Keyframe, Mapper
 from pipeline.metric_map.isolated_returns import without_isolated_returns
 from pipeline.transforms import from_rotation, inverse, level
@@ -123,7 +123,7 @@ class Replay:
             self._T_base_camera = self._above_floor(frame)
         T_base_camera = frame.T_base_camera if self._T_base_camera is None else self._T_base_camera
         up = self._up(frame, T_base_camera) if self._is_on_ground else np.array([0.0, 0.0, 1.0])
-        T_map_base = from_rotation(level(up), np.zeros(3))
+        T_map_base = from_rotation(level(up / np.linalg.norm(up)), np.zeros(3))
         if self._known is None:
             self._odometry = DepthOdometry(T_map_base)
         else:
@@ -146,7 +146,7 @@ class Replay:
         assert T is not None
         if T[2, :3] @ up >= np.cos(self.mapper.elevation_map.robot.max_tilt) * np.linalg.norm(up):
             return known
-        return Trajectory(known.times, T_map_base @ inverse(T) @ known.poses)
+        return known.moved(T_map_base @ inverse(T))
 
     def _above_floor(self, first: Frame) -> NDArray[np.float64]:
         """4×4 pose of the first frame's camera over the floor, by the accelerometer, else by the surfaces in view.

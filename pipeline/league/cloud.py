@@ -12,10 +12,11 @@ from scipy.special import expit
 
 from pipeline.files import MOST_MEMORY, read_bytes, whole_file
 from pipeline.league.brief import MissionBrief
-from pipeline.localisation.registration import NORMAL_NEIGHBOURS
 from pipeline.metric_map.metric_map import LOG_ODDS, MetricMap
 from pipeline.transforms import inverse, transform_points
 
+NORMAL_NEIGHBOURS = 20
+"""Number of neighbours from which a point's normal is estimated."""
 PLACE, NORMAL, RGB = ("x", "y", "z"), ("nx", "ny", "nz"), ("red", "green", "blue")
 PROPERTIES = dict.fromkeys((*PLACE, *NORMAL, "confidence", "temp"), "float") | dict.fromkeys(RGB, "uchar")
 """Type of each property; ``confidence`` from 0 to 1, an assumption."""

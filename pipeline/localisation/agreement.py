@@ -7,20 +7,17 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from pipeline.arrays import Pose, Values
 from pipeline.frame import Frame
-from pipeline.localisation.belief import CORRELATED_TILES, TILES, MotionState, tiles_seen
-from pipeline.localisation.localisation import STILL_TURN, STILL_WAY
-from pipeline.localisation.registration import FINE
+from pipeline.localisation.belief import MotionState, tiles_seen
+from pipeline.localisation.config import BeliefConfig
 from pipeline.localisation.relocalisation_kernels import cast
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.transforms import angle_of, inverse
 
-DEPTH_TOLERANCE = 0.2
-"""m by which a depth may differ from the map's: the diagonal of a voxel, 0.17, and noise."""
-
 
 class Agreement(NamedTuple):
-    """Numbers of image tiles that the map explains and contradicts; tiles of which it knows nothing are neither.
+    """Numbers of image tiles that the map explains and contradicts; tiles where nothing is mapped are neither.
 
     Attributes:
         explained: tiles that show what the map has there.
@@ -48,40 +45,38 @@ class Agreement(NamedTuple):
 
     @property
     def share(self) -> float:
-        """Share of the known tiles that the map explains, in [0, 1]; 1 if none is known."""
+        """Share of these tiles that the map explains, in [0, 1]; 1 if there are none."""
         return self.explained / self.known if self.known else 1.0
 
-    @property
-    def log_likelihoods(self) -> NDArray[np.float64]:
+    def log_likelihoods(self, config: BeliefConfig) -> Values:
         """(5,) of each :class:`pipeline.localisation.belief.MotionState`."""
-        return tiles_seen(self.explained, self.short + self.through, max(0, self.expected - self.known))
+        missing = max(0, self.expected - self.known)
+        return tiles_seen(self.explained, self.short + self.through, missing, config)
 
-    @property
-    def shows_another_place(self) -> bool:
+    def shows_another_place(self, config: BeliefConfig) -> bool:
         """Whether the frame is likelier if the robot was carried."""
-        told = self.log_likelihoods
-        return bool(told[MotionState.CARRIED] > told[MotionState.NOMINAL])
+        likely = self.log_likelihoods(config)
+        return bool(likely[MotionState.CARRIED] > likely[MotionState.NOMINAL])
 
-    @property
-    def tells(self) -> bool:
-        """Whether the map expects enough to be seen to tell a camera that sees nothing."""
-        return self.expected >= CORRELATED_TILES
+    def expects_enough(self, config: BeliefConfig) -> bool:
+        """Whether the map expects enough to be seen to notice a camera that sees nothing."""
+        return self.expected >= config.correlated_tiles
 
 
-def agreement(frame: Frame, T_map_camera: NDArray[np.float64], metric_map: MetricMap) -> Agreement:
+def agreement(frame: Frame, T_map_camera: Pose, metric_map: MetricMap, config: BeliefConfig) -> Agreement:
     """Compare a frame with what the map has before the camera, tile by tile of the depth image.
 
     A tile contradicts the map if all returns in the window around it are nearer, or farther, than all that the map
     has there, for every possible error of the pose. So neither pose errors at edges nor returns from dust count.
     """
-    depth = tile_depths(frame)
-    free, surface = expected_depths(frame, T_map_camera, metric_map)
+    depth, tolerance = tile_depths(frame, config), config.depth_tolerance
+    free, surface = expected_depths(frame, T_map_camera, metric_map, config)
     # A nearer voxel covers more than a window, though it may hold only the end of a wall beside the view.
     sensor = frame.sensor
     nearest, farthest = sensor.nearest + sensor.margin, sensor.farthest - sensor.margin
     surface = np.where(surface < nearest, np.inf, surface)
-    short = _highest(depth) + DEPTH_TOLERANCE < _lowest(free)
-    through = _lowest(depth) > _highest(surface) + DEPTH_TOLERANCE
+    short = _highest(depth) + tolerance < _lowest(free)
+    through = _lowest(depth) > _highest(surface) + tolerance
     seen = np.isfinite(depth)
     # The windows of the outermost tiles would reach beyond the image.
     seen[[0, -1]] = seen[:, [0, -1]] = False
@@ -91,19 +86,19 @@ def agreement(frame: Frame, T_map_camera: NDArray[np.float64], metric_map: Metri
     return Agreement(**{name: int((mask & seen).sum()) for name, mask in counts.items()}, expected=expected)
 
 
-def change(frame: Frame, last: Frame) -> Agreement | None:
+def change(frame: Frame, last: Frame, config: BeliefConfig) -> Agreement | None:
     """Compare a frame with the last one, tile by tile, if the wheels stood: who was carried sees another place.
 
     None if the robot has moved. A frame from elsewhere may say nothing about the map, as before a wall too near for
     the camera; here it shows nothing where the last frame did.
     """
     moved = inverse(last.T_odom_base) @ frame.T_odom_base
-    if np.linalg.norm(moved[:3, 3]) > STILL_WAY or angle_of(moved) > STILL_TURN:
+    if np.linalg.norm(moved[:3, 3]) > config.still_way or angle_of(moved) > config.still_turn:
         return None
-    before, now = tile_depths(last), tile_depths(frame)
+    before, now = tile_depths(last, config), tile_depths(frame, config)
     seen, expected = np.isfinite(now), np.isfinite(before)
     both, shift = seen & expected, np.where(seen & expected, now, 0.0) - np.where(seen & expected, before, 0.0)
-    short, through = int((shift < -DEPTH_TOLERANCE).sum()), int((shift > DEPTH_TOLERANCE).sum())
+    short, through = int((shift < -config.depth_tolerance).sum()), int((shift > config.depth_tolerance).sum())
     return Agreement(int(both.sum()) - short - through, short, through, int(seen.sum()), int(expected.sum()))
 
 
@@ -116,14 +111,14 @@ def _highest(depths: NDArray[np.float64]) -> NDArray[np.float64]:
     return ndimage.maximum_filter(depths, 3)
 
 
-def _side(frame: Frame) -> int:
+def _side(frame: Frame, config: BeliefConfig) -> int:
     """Pixels along the sides of a tile."""
-    return max(2, frame.intrinsics.width // TILES)
+    return max(2, frame.intrinsics.width // config.tiles)
 
 
-def tile_depths(frame: Frame) -> NDArray[np.float64]:
+def tile_depths(frame: Frame, config: BeliefConfig) -> NDArray[np.float64]:
     """(R, C) median depths of the tiles, m; infinite where fewer than half of a tile's pixels have a return."""
-    side = _side(frame)
+    side = _side(frame, config)
     rows, columns = (n // side for n in frame.depth.shape)
     depth = np.where(frame.returns, frame.depth, np.inf)[: rows * side, : columns * side]
     # Every second pixel of every second row is enough for a median.
@@ -133,24 +128,25 @@ def tile_depths(frame: Frame) -> NDArray[np.float64]:
 
 
 def expected_depths(
-    frame: Frame, T_map_camera: NDArray[np.float64], metric_map: MetricMap
+    frame: Frame, T_map_camera: Pose, metric_map: MetricMap, config: BeliefConfig
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Depths in the map before a camera off by up to ``FINE``, at the middle of every tile (R, C).
+    """Depths in the map before a camera off by up to ``pose_error``, at the middle of every tile (R, C).
 
     Returns:
         m along the optical axis: the least depth up to which space is free, and the greatest at which the ray meets a
         surface; infinite if it meets none from one of the positions.
     """
-    side = _side(frame)
+    side = _side(frame, config)
     rows, columns = (n // side * side for n in frame.depth.shape)
     middle = frame.intrinsics.rays[side // 2 : rows : side, side // 2 : columns : side].astype(np.float64)
     shape, size = middle.shape[:2], metric_map.voxel_size
     rays = middle.reshape(-1, 3) @ T_map_camera[:3, :3].T
-    shifts = FINE * np.array([(0, 0, 0), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0)])
+    shifts = config.pose_error * np.array([(0, 0, 0), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0)])
     origins = T_map_camera[:3, 3] + shifts
     index = metric_map.voxel_index(np.vstack([origins, *(o + rays * metric_map.max_range for o in origins)]))
     lower, upper = index.min(axis=0), index.max(axis=0) + 1
     free, surface = np.empty(len(rays)), np.empty(len(rays))
     origins = (origins - metric_map.corner) / size - lower
-    cast(rays, origins, metric_map.log_odds(lower, upper), metric_map.max_range / size, free, surface)
+    log_odds = metric_map.log_odds(lower, upper)
+    cast(rays, origins, log_odds, metric_map.max_range / size, config.ray_step, free, surface)
     return free.reshape(shape) * size, surface.reshape(shape) * size

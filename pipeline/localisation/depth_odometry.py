@@ -8,27 +8,14 @@ import small_gicp
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from pipeline.arrays import Mask, Pose, Values
 from pipeline.frame import Frame
+from pipeline.localisation.config import DepthOdometryConfig, LocalisationConfig
 from pipeline.localisation.local_map import LocalMap
-from pipeline.localisation.localisation import KEYFRAME_TURN, KEYFRAME_WAY, LostError
-from pipeline.localisation.registration import WIDEST, Prior, Registration, Target, register, shares_of
+from pipeline.localisation.localisation import LostError
+from pipeline.localisation.registration import Prior, Registration, Target, register, shares_of
 from pipeline.localisation.slam import cloud_of_frame
 from pipeline.transforms import angle_of, from_rotation, inverse
-
-SIGMA = 0.15
-"""rad and m, standard deviation of the pose of the next frame about a guess."""
-SEEN_SIGMA = np.repeat([0.004, 0.008], 3)
-"""The same about the pose by the images; small, since along a plane GICP falsely measures that nothing moves."""
-LEAST_OVERLAP = 0.4
-"""Share of a frame's points that must have been seen before, unless its image tells how the camera moved."""
-MOST_BLIND = 30
-"""Consecutive frames with too few returns to register and no visual odometry, after which the pose is lost."""
-MOST_CORNERS, LEAST_QUALITY, CORNER_SPACING = 400, 0.01, 8
-"""Greatest number of corners, least quality relative to the strongest, and pixels between two corners."""
-PIXEL_ERROR = 2.0
-"""Pixels by which a corner may miss where a motion has it, or where it began when it is tracked there and back."""
-LEAST_CORNERS = 20
-"""Least number of corners that agree on a motion; at least half of all must."""
 
 
 class DepthOdometry:
@@ -38,25 +25,26 @@ class DepthOdometry:
     where places are met again.
     """
 
-    def __init__(self, T_odom_base: NDArray[np.float64]):
-        """``T_odom_base``: 4×4 pose at the first frame."""
-        self._T, self._motion = T_odom_base, np.eye(4)
-        self._kept: list[NDArray[np.float64]] = []
-        self._map = LocalMap()
+    def __init__(self, T_odom_base: Pose, *, config: LocalisationConfig = LocalisationConfig()) -> None:
+        """``T_odom_base``: pose at the first frame."""
+        self._config, self._T, self._motion = config, T_odom_base, np.eye(4)
+        self._kept: list[Pose] = []
+        self._map = LocalMap(config)
         self._blind = 0
-        self._shown: tuple[Frame, NDArray[np.float64]] | None = None
+        self._shown: tuple[Frame, Pose] | None = None
 
-    def pose(self, frame: Frame) -> NDArray[np.float64]:
-        """4×4 ``T_odom_base`` of the next frame.
+    def pose(self, frame: Frame) -> Pose:
+        """``T_odom_base`` of the next frame.
 
         Raises:
             LostError: the frame shows too little that was seen before, or too many frames in a row show nothing.
         """
-        cloud, by_image = cloud_of_frame(frame), self._by_image(frame)
+        registration, most_blind = self._config.registration, self._config.depth_odometry.most_blind
+        cloud, by_image = cloud_of_frame(frame, registration), self._by_image(frame)
         if cloud is None:
             self._blind = 0 if by_image is not None else self._blind + 1
-            if self._blind > MOST_BLIND:
-                raise LostError(f"at {frame.time:.2f} s the camera has seen nothing for {MOST_BLIND} frames")
+            if self._blind > most_blind:
+                raise LostError(f"at {frame.time:.2f} s the camera has seen nothing for {most_blind} frames")
             self._T = self._T if by_image is None else by_image
             return self._T
         new = np.ones(cloud.size(), np.bool_)
@@ -64,77 +52,75 @@ class DepthOdometry:
             T, target = self._find(frame, cloud, by_image)
             self._motion = np.eye(4) if self._blind else inverse(self._T) @ T
             self._T = T
-            new = shares_of(target, cloud, T)[1] if target else new
+            new = shares_of(target, cloud, T, registration)[1] if target else new
         self._blind, self._shown = 0, (frame, self._T)
         if not self._kept or self._is_new():
             self._map.add(len(self._kept), self._T, cloud, frame.T_base_camera[:3, 3], new)
             self._kept.append(self._T)
         return self._T
 
-    def _by_image(self, frame: Frame) -> NDArray[np.float64] | None:
-        """4×4 pose by visual odometry from the last frame that showed surfaces; None if that fails."""
+    def _by_image(self, frame: Frame) -> Pose | None:
+        """Pose by visual odometry from the last frame that showed surfaces; None if that fails."""
         if self._shown is None:
             return None
         last, T = self._shown
-        motion = visual_motion(last, frame)
+        motion = visual_motion(last, frame, self._config.depth_odometry)
         return None if motion is None else T @ last.T_base_camera @ motion @ inverse(frame.T_base_camera)
 
-    def _find(
-        self, frame: Frame, cloud: small_gicp.PointCloud, by_image: NDArray[np.float64] | None
-    ) -> tuple[NDArray[np.float64], Target | None]:
-        """4×4 pose that fits best, and the target that it was registered with; None if the image alone gave the pose.
+    def _find(self, frame: Frame, cloud: small_gicp.PointCloud, by_image: Pose | None) -> tuple[Pose, Target | None]:
+        """Pose that fits best, and the target that it was registered with; None if the image alone gave the pose.
 
         Registration starts at the pose by the image. If nothing seen before is near, that pose is taken. If the image
         gives none, or surfaces disprove it, registration starts at the last pose and at a repeated last motion.
         """
+        config = self._config.depth_odometry
         if by_image is not None:
-            seen = self._best(frame, cloud, [by_image], SEEN_SIGMA)
+            sigmas = np.repeat([config.image_turn_sigma, config.image_way_sigma], 3)
+            seen = self._best(frame, cloud, [by_image], sigmas)
             # Corners in noise or in a repeated pattern may agree on a wrong motion.
             if seen is None or seen[1].fits:
                 return (by_image, None) if seen is None else (seen[1].T, seen[0])
-        best = self._best(
-            frame, cloud, [self._T, self._T @ self._motion], np.repeat([SIGMA, SIGMA], 3) * (1 + self._blind)
-        )
-        if best is None or best[1].overlap < LEAST_OVERLAP:
+        sigmas = np.full(6, config.guess_sigma) * (1 + self._blind)
+        best = self._best(frame, cloud, [self._T, self._T @ self._motion], sigmas)
+        if best is None or best[1].overlap < config.least_overlap:
             raise LostError(f"the frame at {frame.time:.2f} s shows little that was seen before")
         return best[1].T, best[0]
 
     def _best(
-        self, frame: Frame, cloud: small_gicp.PointCloud, guesses: Sequence[NDArray], sigma: NDArray[np.float64]
+        self, frame: Frame, cloud: small_gicp.PointCloud, guesses: Sequence[Pose], sigmas: Values
     ) -> tuple[Target, Registration] | None:
-        """The registration with the most overlap of those that start at 4×4 guesses; None if none has a target."""
+        """The registration with the most overlap of those that start at guesses; None if none has a target."""
         points, everyone = cloud.points()[:, :3], np.ones(len(self._kept), np.bool_)
-        information = np.diag(sigma**-2.0)
+        config, information = self._config.registration, np.diag(sigmas**-2.0)
         found: list[tuple[Target, Registration]] = []
         for T in guesses:
             camera = (T @ frame.T_base_camera)[:3, 3]
-            target = self._map.around(points @ T[:3, :3].T + T[:3, 3], camera, everyone)
+            target = self._map.around(points @ T[:3, :3].T + T[:3, 3], camera, everyone, config.widest)
             if target is not None:
-                found.append((target, register(target, cloud, [Prior(T, information)], WIDEST)))
+                found.append((target, register(target, cloud, [Prior(T, information)], config.widest, config)))
         return max(found, key=lambda pair: pair[1].overlap, default=None)
 
     def _is_new(self) -> bool:
-        # Twice as often as keyframes, so that these find all their surfaces kept.
-        moved = inverse(self._kept[-1]) @ self._T
-        return bool(np.linalg.norm(moved[:3, 3]) > KEYFRAME_WAY / 2 or angle_of(moved) > KEYFRAME_TURN / 2)
+        moved, config = inverse(self._kept[-1]) @ self._T, self._config.depth_odometry
+        return bool(np.linalg.norm(moved[:3, 3]) > config.kept_way or angle_of(moved) > config.kept_turn)
 
 
-def visual_motion(before: Frame, after: Frame) -> NDArray[np.float64] | None:
-    """4×4 ``T_before_after`` of the camera; None where too few corners agree.
+def visual_motion(before: Frame, after: Frame, config: DepthOdometryConfig) -> Pose | None:
+    """``T_before_after`` of the camera; None where too few corners agree.
 
     Corners with depth in the first frame are tracked into the second by optical flow (Lucas and Kanade). RANSAC
     finds the pose that explains their pixels in the second.
     """
     first, second = (cv2.cvtColor(frame.rgb, cv2.COLOR_RGB2GRAY) for frame in (before, after))
     corners = cv2.goodFeaturesToTrack(
-        first, MOST_CORNERS, LEAST_QUALITY, CORNER_SPACING, mask=before.returns.astype(np.uint8)
+        first, config.most_corners, config.corner_quality, config.corner_spacing, mask=before.returns.astype(np.uint8)
     )
-    if corners is None or len(corners) < LEAST_CORNERS:
+    if corners is None or len(corners) < config.least_corners:
         return None
     there, found = _followed(first, second, corners)
     back, found_back = _followed(second, first, there)
-    good = found & found_back & (np.linalg.norm(back - corners, axis=2).ravel() < PIXEL_ERROR)
-    if np.count_nonzero(good) < LEAST_CORNERS:
+    good = found & found_back & (np.linalg.norm(back - corners, axis=2).ravel() < config.pixel_error)
+    if np.count_nonzero(good) < config.least_corners:
         return None
     columns, rows = np.rint(np.asarray(corners)[good, 0]).astype(int).T
     points = before.intrinsics.rays[rows, columns] * before.depth[rows, columns, None]
@@ -143,14 +129,14 @@ def visual_motion(before: Frame, after: Frame) -> NDArray[np.float64] | None:
         there[good].astype(np.float64),
         after.intrinsics.matrix,
         None,
-        reprojectionError=PIXEL_ERROR,
+        reprojectionError=config.pixel_error,
     )
-    if not ok or inliers is None or len(inliers) < max(LEAST_CORNERS, np.count_nonzero(good) / 2):
+    if not ok or inliers is None or len(inliers) < max(config.least_corners, np.count_nonzero(good) / 2):
         return None
     return inverse(from_rotation(Rotation.from_rotvec(turn.ravel()).as_matrix(), way.ravel()))
 
 
-def _followed(before: NDArray, after: NDArray, corners: NDArray) -> tuple[NDArray[np.float32], NDArray[np.bool_]]:
-    """Where corners (N, 1, 2) of one grey image are in another, and (N,) whether they were found."""
+def _followed(before: NDArray, after: NDArray, corners: NDArray) -> tuple[NDArray[np.float32], Mask]:
+    """Where corners (N, 1, 2) of one grey image are in another, and whether they were found."""
     there, found, _ = cv2.calcOpticalFlowPyrLK(before, after, corners, np.zeros_like(corners))
     return np.asarray(there, np.float32), np.asarray(found).ravel() > 0

@@ -1,4 +1,4 @@
-"""Statistical tests that the whole pipeline makes at one level of confidence."""
+"""Statistical tests."""
 
 from functools import cache
 
@@ -9,6 +9,6 @@ CONFIDENCE = 0.99
 
 
 @cache
-def chi2_gate(dimensions: int) -> float:
+def chi2_gate(dimensions: int, confidence: float = CONFIDENCE) -> float:
     """Greatest squared Mahalanobis distance at which a Gaussian of so many dimensions accepts a measurement."""
-    return float(chdtri(dimensions, 1 - CONFIDENCE))
+    return float(chdtri(dimensions, 1 - confidence))

@@ -4,17 +4,14 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-from pipeline.arrays import Pose
+from pipeline.arrays import Covariance, Directions, Indices, Places, Points, Pose, Poses, Values
 from pipeline.frame import Frame
 from pipeline.localisation.belief import Belief
+from pipeline.localisation.config import OdometryConfig
 from pipeline.transforms import are_poses
 
 KEYFRAME_WAY, KEYFRAME_TURN = 0.3, np.deg2rad(15)
-"""m and rad that the robot drives or turns from one keyframe to the next; poses closer than that count as one."""
-STILL_WAY, STILL_TURN = 0.02, np.deg2rad(2)
-"""m and rad; a robot that moves less stands."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,12 +40,12 @@ class Loop:
 
     Attributes:
         first, second: numbers of the keyframes, the older one first.
-        T_first_second: 4×4 pose of the second in the frame of the first, as registered.
+        T_first_second: pose of the second in the frame of the first, as registered.
     """
 
     first: int
     second: int
-    T_first_second: NDArray[np.float64]
+    T_first_second: Pose
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,34 +58,35 @@ class OdometryErrors:
         covariance: (5, 5).
     """
 
-    errors: NDArray[np.float64]
-    covariance: NDArray[np.float64]
+    errors: Values
+    covariance: Covariance
 
-
-UNKNOWN_ODOMETRY = OdometryErrors(
-    np.array([0.0, 0.0, 0.0, 0.4, 0.0]), np.diag(np.square([0.02, 0.005, 0.02, 0.2, 5e-5]))
-)
-"""What is known of a skid-steered robot before it drives: by tyres, data sheets of gyros, and slides on wood."""
+    @classmethod
+    def expected(cls, config: OdometryConfig) -> "OdometryErrors":
+        """Those of a skid-steered robot that has not yet driven."""
+        c = config
+        sigmas = [c.way_error_sigma, c.turn_error_sigma, c.centre_sigma, c.slide_sigma, c.bias_sigma]
+        return cls(np.array([0.0, 0.0, 0.0, c.slide, 0.0]), np.diag(np.square(sigmas)))
 
 
 @dataclass(frozen=True, eq=False)
 class SavedKeyframes:
-    """What a later episode must know of keyframes to localise among them.
+    """What a later run needs of keyframes to localise among them.
 
     Attributes:
-        poses: (K, 4, 4) ``T_map_base``.
-        ups: (K, 3) the vertical in the ``base_link`` of each keyframe.
-        points: (N, 3) points of the surfaces seen, in the ``base_link`` of their keyframe, m.
-        normals: (N, 3) of the points, of length 1.
-        owner: (N,) int64 number of the keyframe that each point belongs to.
+        poses: ``T_map_base``.
+        ups: the vertical in the ``base_link`` of each keyframe.
+        points: of the surfaces seen, in the ``base_link`` of their keyframe.
+        normals: of the points.
+        owner: number of the keyframe that each point belongs to.
         odometry: what was learnt of the odometry.
     """
 
-    poses: NDArray[np.float64]
-    ups: NDArray[np.float64]
-    points: NDArray[np.floating]
-    normals: NDArray[np.float64]
-    owner: NDArray[np.int64]
+    poses: Poses
+    ups: Directions
+    points: Places | Points
+    normals: Directions
+    owner: Indices
     odometry: OdometryErrors
 
 
@@ -100,20 +98,20 @@ class Localisation(Protocol):
     """Estimates the robot's pose at each frame, and the poses of keyframes.
 
     Attributes:
-        T_map_odom: 4×4 pose of ``odom`` in ``map`` by the newest frame.
+        T_map_odom: by the newest frame.
         loops: loop closures so far.
         may_err: whether the poses must be checked against the map.
         belief: of the robot's motion and place.
     """
 
-    T_map_odom: NDArray[np.float64]
+    T_map_odom: Pose
     loops: list[Loop]
     may_err: bool
     belief: Belief
 
     @property
-    def poses(self) -> NDArray[np.float64]:
-        """(K, 4, 4) ``T_map_base`` of every keyframe as now estimated."""
+    def poses(self) -> Poses:
+        """``T_map_base`` of every keyframe as now estimated."""
         ...
 
     def localise(self, frame: Frame) -> Localised:
@@ -132,12 +130,12 @@ class Localisation(Protocol):
         """Correct the poses of all keyframes."""
         ...
 
-    def set_down(self, T_map_base: NDArray[np.float64]) -> None:
-        """Continue from the pose (4×4) to which the robot was carried."""
+    def set_down(self, T_map_base: Pose) -> None:
+        """Continue from the pose to which the robot was carried."""
         ...
 
-    def points(self) -> NDArray[np.float32]:
-        """(N, 3) float32 points of the surfaces seen so far, m in ``map``."""
+    def points(self) -> Points:
+        """Points of the surfaces seen so far."""
         ...
 
     def keyframes(self) -> SavedKeyframes:
@@ -145,7 +143,7 @@ class Localisation(Protocol):
         ...
 
     def restore(self, keyframes: SavedKeyframes) -> None:
-        """Begin with the keyframes of an earlier episode, whose poses stay fixed."""
+        """Begin with the keyframes of an earlier run, whose poses stay fixed."""
         ...
 
 
@@ -155,7 +153,7 @@ def check_odometry(frame: Frame) -> None:
     check_pose("camera's place", frame.time, frame.T_base_camera)
 
 
-def check_pose(what: str, time: float, T: NDArray[np.float64]) -> None:
-    """Raises LostError, with ``what`` and the time, s, if a (4, 4) matrix is no pose."""
+def check_pose(what: str, time: float, T: Pose) -> None:
+    """Raises LostError, with ``what`` and the time, s, if a matrix is no pose."""
     if not are_poses(T):
         raise LostError(f"the {what} at {time:.2f} s is not finite, or too far away")

@@ -10,17 +10,15 @@ from dataclasses import dataclass
 
 import numpy as np
 import small_gicp
-from numpy.typing import NDArray
 
+from pipeline.arrays import Covariance, Indices, Information, Places, Points, Pose, Poses, Values
 from pipeline.frame import Frame
+from pipeline.localisation.config import LocalisationConfig
 from pipeline.localisation.gates import chi2_gate
 from pipeline.localisation.localisation import Loop
 from pipeline.localisation.pose_graph import PoseGraph, spread
-from pipeline.localisation.registration import FINE, Registration, Share, logarithm
+from pipeline.localisation.registration import Registration, Share, logarithm
 from pipeline.transforms import inverse, transform_points
-
-KNOWN = FINE
-"""m; keyframes with a smaller deviation from the newest one make up one map to register with. Others make a loop."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,29 +27,27 @@ class Candidate:
 
     Attributes:
         keyframe: its number.
-        covariance: (6, 6) of the registration.
-        owners: (S,) numbers of the keyframes that own the place, the one that tells most first.
-        T_owner_base: (S, 4, 4) pose relative to each of them, as registered with all.
-        shares: (S,) poses relative to each of them, by what it owns alone, and their information.
+        covariance: of the registration.
+        owners: numbers of the keyframes that own the place, the most informative one first.
+        T_owner_base: pose relative to each of them, as registered with all.
+        shares: pose relative to each of them, by what it owns alone, and its information.
     """
 
     keyframe: int
-    covariance: NDArray[np.float64]
-    owners: NDArray[np.int64]
-    T_owner_base: NDArray[np.float64]
-    shares: Sequence[tuple[NDArray[np.float64], NDArray[np.float64]]]
+    covariance: Covariance
+    owners: Indices
+    T_owner_base: Poses
+    shares: Sequence[tuple[Pose, Information]]
 
     @classmethod
-    def of(
-        cls, keyframe: int, found: Registration, shares: Sequence[Share], poses: NDArray[np.float64]
-    ) -> "Candidate":
-        """A keyframe registered with others, whose ``poses`` (K, 4, 4) may be corrected later."""
+    def of(cls, keyframe: int, found: Registration, shares: Sequence[Share], poses: Poses) -> "Candidate":
+        """A keyframe registered with others, whose ``poses`` may be corrected later."""
         owners = np.array([share.owner for share in shares])
         parts = [(inverse(poses[share.owner]) @ share.T, share.information) for share in shares]
         return cls(keyframe, found.covariance, owners, np.linalg.inv(poses[owners]) @ found.T, parts)
 
-    def T_map_base(self, poses: NDArray[np.float64]) -> NDArray[np.float64]:
-        """4×4 pose of the keyframe by the place, with its owners at their poses (K, 4, 4)."""
+    def T_map_base(self, poses: Poses) -> Pose:
+        """Pose of the keyframe by the place, with all keyframes at their ``poses``."""
         return poses[self.owners[0]] @ self.T_owner_base[0]
 
 
@@ -62,9 +58,9 @@ class Loops:
         closed: those that count.
     """
 
-    def __init__(self, graph: PoseGraph) -> None:
+    def __init__(self, graph: PoseGraph, config: LocalisationConfig) -> None:
         self.closed: list[Loop] = []
-        self._graph = graph
+        self._graph, self._config, self._lever = graph, config.loops, config.registration.lever
         self._candidate: Candidate | None = None
         self._confirmed: tuple[Candidate, ...] = ()
         self._counted: list[Candidate] = []
@@ -112,41 +108,40 @@ class Loops:
         """Whether two candidates put their keyframes where the graph has them relative to each other."""
         poses = self._graph.poses
         deviation = float(self._graph.deviations(second.keyframe)[first.keyframe])
-        if deviation >= KNOWN:
+        if deviation >= self._config.confirmed_deviation:
             return False
         T = inverse(first.T_map_base(poses)) @ second.T_map_base(poses)
         off = logarithm(inverse(inverse(poses[first.keyframe]) @ poses[second.keyframe]) @ T)
-        covariance = first.covariance + second.covariance + np.diag(spread(deviation) ** 2)
-        return _accepts(off, covariance)
+        covariance = first.covariance + second.covariance + np.diag(spread(deviation, self._lever) ** 2)
+        return self._accepts(off, covariance)
 
     def _is_contradicted(self, candidate: Candidate) -> bool:
         poses = self._graph.poses
         off = logarithm(inverse(candidate.T_map_base(poses)) @ poses[candidate.keyframe])
-        # Off by ``KNOWN``, a keyframe is not where a loop has it, however sure its registration is.
-        known = np.diag(spread(KNOWN) ** 2) / chi2_gate(len(off))
-        return not _accepts(off, candidate.covariance + known)
+        allowed = np.diag(spread(self._config.contradiction, self._lever) ** 2) / self._gate(off)
+        return not self._accepts(off, candidate.covariance + allowed)
+
+    def _accepts(self, off: Values, covariance: Covariance) -> bool:
+        return float(off @ np.linalg.solve(covariance, off)) <= self._gate(off)
+
+    def _gate(self, off: Values) -> float:
+        return chi2_gate(len(off), self._config.confidence)
 
 
-def _accepts(off: NDArray[np.float64], covariance: NDArray[np.float64]) -> bool:
-    return float(off @ np.linalg.solve(covariance, off)) <= chi2_gate(len(off))
+def seen_through(frame: Frame, T_map_base: Pose, points: Places | Points, margin: float) -> float:
+    """Share of the points in a frame's view behind which, by ``margin`` m, it has returns; 0 of none.
 
-
-def seen_through(frame: Frame, T_map_base: NDArray[np.float64], points: NDArray[np.floating]) -> float:
-    """Share of the (N, 3) points in a frame's view, m in ``map``, behind which it has returns; 0 of none.
-
-    At a wrong pose a frame looks through surfaces that are known. ``T_map_base``: 4×4 assumed pose of the robot.
+    At a wrong pose a frame looks through surfaces that were seen. ``T_map_base``: assumed pose of the robot.
     """
     in_camera = transform_points(inverse(T_map_base @ frame.T_base_camera), points)
     pixels, inside = frame.intrinsics.project(in_camera)
     z = in_camera[inside, 2]
     depth = frame.depth[tuple(pixels[inside].T)]
     seen = (depth > 0) & (z > frame.sensor.nearest) & (z < frame.sensor.farthest)
-    return float(np.mean(depth[seen] > z[seen] + KNOWN)) if seen.any() else 0.0
+    return float(np.mean(depth[seen] > z[seen] + margin)) if seen.any() else 0.0
 
 
-def looks_the_same(
-    frame: Frame, loop: NDArray[np.float64], before: NDArray[np.float64], target: small_gicp.PointCloud
-) -> bool:
-    """Whether a frame looks through no more of a place at the pose (4×4) by a loop than at the one before it."""
+def looks_the_same(frame: Frame, loop: Pose, before: Pose, target: small_gicp.PointCloud, margin: float) -> bool:
+    """Whether a frame looks through no more of a place, by ``margin`` m, at the pose by a loop than before it."""
     points = target.points()[:, :3]
-    return seen_through(frame, loop, points) <= seen_through(frame, before, points)
+    return seen_through(frame, loop, points, margin) <= seen_through(frame, before, points, margin)

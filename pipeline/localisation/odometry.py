@@ -1,15 +1,16 @@
 """Localisation by the odometry alone, for comparison."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pipeline.arrays import Points, Pose, Poses
 from pipeline.frame import Frame
 from pipeline.localisation.belief import Belief
+from pipeline.localisation.config import LocalisationConfig
 from pipeline.localisation.localisation import (
-    UNKNOWN_ODOMETRY,
     Localisation,
     Localised,
     Loop,
+    OdometryErrors,
     SavedKeyframes,
     check_odometry,
 )
@@ -19,7 +20,7 @@ class OdometryLocalisation(Localisation):
     """Takes the robot's pose from its odometry unchanged.
 
     Attributes:
-        T_map_odom: 4×4 pose of ``odom`` in ``map`` by the newest frame; here the two frames are the same.
+        T_map_odom: by the newest frame; here the two frames are the same.
         loops: loop closures so far.
         may_err: whether the poses must be checked against the map.
         belief: that the robot moves as its odometry says; no frame changes it.
@@ -27,15 +28,15 @@ class OdometryLocalisation(Localisation):
 
     may_err = False
 
-    def __init__(self) -> None:
+    def __init__(self, *, config: LocalisationConfig = LocalisationConfig()) -> None:
         self.T_map_odom = np.eye(4)
         self.loops: list[Loop] = []
-        self.belief = Belief()
-        self._poses: NDArray[np.float64] = np.zeros((0, 4, 4))
+        self.belief = Belief(config.belief)
+        self._config, self._poses = config, np.zeros((0, 4, 4))
 
     @property
-    def poses(self) -> NDArray[np.float64]:
-        """(K, 4, 4) ``T_map_base`` of every keyframe as now estimated."""
+    def poses(self) -> Poses:
+        """``T_map_base`` of every keyframe as now estimated."""
         return self._poses
 
     def localise(self, frame: Frame) -> Localised:
@@ -53,20 +54,18 @@ class OdometryLocalisation(Localisation):
     def optimise(self) -> None:
         """Correct the poses of all keyframes; here there is nothing to correct."""
 
-    def set_down(self, T_map_base: NDArray[np.float64]) -> None:
-        """Continue from the pose (4×4) to which the robot was carried; here the pose is ignored."""
+    def set_down(self, T_map_base: Pose) -> None:
+        """Continue from the pose to which the robot was carried; here the pose is ignored."""
 
-    def points(self) -> NDArray[np.float32]:
-        """(N, 3) float32 points of the surfaces seen so far, m in ``map``; here none are kept."""
+    def points(self) -> Points:
+        """Points of the surfaces seen so far; here none are kept."""
         return np.zeros((0, 3), np.float32)
 
     def keyframes(self) -> SavedKeyframes:
         """All keyframes so far; here without points."""
-        nothing = np.zeros((0, 3))
-        return SavedKeyframes(
-            self.poses, self.poses[:, 2, :3], nothing, nothing, np.zeros(0, np.int64), UNKNOWN_ODOMETRY
-        )
+        nothing, odometry = np.zeros((0, 3)), OdometryErrors.expected(self._config.odometry)
+        return SavedKeyframes(self.poses, self.poses[:, 2, :3], nothing, nothing, np.zeros(0, np.int64), odometry)
 
     def restore(self, keyframes: SavedKeyframes) -> None:
-        """Begin with the keyframes of an earlier episode, whose poses stay fixed."""
+        """Begin with the keyframes of an earlier run, whose poses stay fixed."""
         self._poses = keyframes.poses

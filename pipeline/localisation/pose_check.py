@@ -4,7 +4,6 @@ Nothing here moves the robot: a check that needs another view asks for it, and w
 """
 
 from collections.abc import Generator
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -15,29 +14,13 @@ from pipeline.elevation_map.elevation_map import ElevationMap
 from pipeline.frame import Frame
 from pipeline.keyframes import Keyframes
 from pipeline.localisation.agreement import Agreement, agreement, change
-from pipeline.localisation.belief import LEANED, MotionState
+from pipeline.localisation.belief import Belief, MotionState
+from pipeline.localisation.config import LocalisationConfig
 from pipeline.localisation.localisation import Localisation, Localised, LostError
 from pipeline.localisation.relocalisation import Relocalisation
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.robot import RobotModel
 from pipeline.transforms import angle_of, inverse, yaw_of
-
-
-@dataclass(frozen=True)
-class PoseCheckConfig:
-    """How a doubtful pose is checked.
-
-    Attributes:
-        looks: views in a turn around itself that a robot takes when its pose is in doubt.
-        carried_way: m; a robot that is found farther from where it thought it was has been carried.
-        carried_turn: rad; the same of its heading.
-        blind_turn: rad; a camera that shows nothing in such a turn, where the map has something, is broken.
-    """
-
-    looks: int = 8
-    carried_way: float = 0.3
-    carried_turn: float = np.deg2rad(15)
-    blind_turn: float = 2 * np.pi
 
 
 class Confirmed(NamedTuple):
@@ -70,11 +53,16 @@ class PoseCheck:
         elevation_map: ElevationMap,
         keyframes: Keyframes,
         robot: RobotModel,
-        config: PoseCheckConfig,
+        config: LocalisationConfig,
     ) -> None:
         self.relocalised = 0
-        self._localisation, self._keyframes, self._robot, self._config = localisation, keyframes, robot, config
-        self._metric_map, self._elevation_map = metric_map, elevation_map
+        self._localisation, self._keyframes, self._robot, self._config = (
+            localisation,
+            keyframes,
+            robot,
+            config.pose_check,
+        )
+        self._metric_map, self._elevation_map, self._all = metric_map, elevation_map, config
         self._has_seen = False
         self._T_odom_unseen: list[Pose] = []  # of the newest frames, which show nothing
 
@@ -89,7 +77,7 @@ class PoseCheck:
             LostError: the pose remains in doubt.
         """
         localised = yield from self._compared(localised, last)
-        if self._localisation.belief.knows_place and not self._is_lost:
+        if self._belief.knows_place and not self._is_lost:
             return Confirmed(localised, None)
         return (yield from self._find_place(localised))
 
@@ -102,15 +90,16 @@ class PoseCheck:
         """
         if not self._localisation.may_err:
             return
-        found, changed = self._agreement(localised), None if last is None else change(localised.frame, last)
+        belief, config = self._belief, self._belief.config
+        found, changed = self._agreement(localised), None if last is None else change(localised.frame, last, config)
         found = found._replace(expected=found.known) if is_driving else found
-        if changed is not None and changed.shows_another_place:
+        if changed is not None and changed.shows_another_place(config):
             found = Agreement.of([found, changed])
-        self._localisation.belief.observe(found.log_likelihoods)
+        belief.observe(found.log_likelihoods(config))
 
     def doubt(self) -> None:
         """Doubt the pose, or the map, since the robot leaned too far where no ramp is mapped nearby."""
-        self._localisation.belief.observe(LEANED)
+        self._belief.observe_lean()
 
     def check_depth(self, localised: Localised) -> None:
         """Raise LostError if nothing was seen in a turn, or on a way on which what is too near comes into view.
@@ -121,7 +110,7 @@ class PoseCheck:
         if frame.returns.any():
             self._has_seen = True
             self._T_odom_unseen.clear()
-        elif not self._has_seen or self._agreement(localised).tells:
+        elif not self._has_seen or self._agreement(localised).expects_enough(self._belief.config):
             self._T_odom_unseen.append(frame.T_odom_base)
         moves = [inverse(a) @ b for a, b in pairwise(self._T_odom_unseen)]
         way = sum(np.linalg.norm(T[:3, 3]) for T in moves)
@@ -129,6 +118,10 @@ class PoseCheck:
             raise LostError(
                 f"the camera measures no depth: at {frame.time:.2f} s in {len(moves) + 1} frames in a row"
             )
+
+    @property
+    def _belief(self) -> Belief:
+        return self._localisation.belief
 
     @property
     def _is_lost(self) -> bool:
@@ -140,11 +133,11 @@ class PoseCheck:
         return 2 * np.pi / self._config.looks
 
     def _agreement(self, localised: Localised) -> Agreement:
-        return agreement(localised.frame, localised.T_map_camera, self._metric_map)
+        return agreement(localised.frame, localised.T_map_camera, self._metric_map, self._belief.config)
 
     def _compared(self, localised: Localised, last: Frame | None) -> Generator[float, Localised | None, Localised]:
         """Compare views until it is clear whether the robot's pose is right: the newest frame."""
-        belief = self._localisation.belief
+        belief = self._belief
         if self._is_lost or not self._localisation.may_err:
             return localised
         self.compare(localised, last)
@@ -159,7 +152,7 @@ class PoseCheck:
 
     def _find_place(self, localised: Localised) -> Views:
         """Gather views until the robot is localised."""
-        relocalisation = Relocalisation(self._robot)
+        relocalisation = Relocalisation(self._robot, config=self._all)
         for _ in range(self._config.looks):
             relocalisation.add(localised.frame)
             T = relocalisation.find(self._metric_map, self._elevation_map, self._localisation.points())
@@ -169,7 +162,7 @@ class PoseCheck:
                 break
             localised = view
             self.compare(localised)
-        if not self._is_lost and self._localisation.belief.knows_place:
+        if not self._is_lost and self._belief.knows_place:
             # The frames fit the map except for something new, or something that the robot has driven through.
             return self._go_on(localised, localised.T_map_base)
         raise LostError("the camera shows what the map does not, and no place fits for sure")
@@ -178,7 +171,7 @@ class PoseCheck:
         """Rely on a pose; if the robot's pose was another one, the robot was carried or set down there."""
         move, config = inverse(localised.T_map_base) @ T_map_base, self._config
         is_far = np.linalg.norm(move[:3, 3]) > config.carried_way or abs(yaw_of(move)) > config.carried_turn
-        self._localisation.belief.restart()
+        self._belief.restart()
         if not (self._is_lost or is_far):
             return Confirmed(localised, was_carried=False)
         self._localisation.set_down(T_map_base)

@@ -8,18 +8,12 @@ from numpy.typing import NDArray
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
-from pipeline.localisation.localisation import UNKNOWN_ODOMETRY, Loop, OdometryErrors
-from pipeline.localisation.motion_model import GRAVITY_SIGMA, MeasuredMotion
+from pipeline.arrays import Covariance, Direction, Directions, Information, Pose, Poses, Values
+from pipeline.localisation.config import LocalisationConfig
+from pipeline.localisation.localisation import Loop, OdometryErrors
+from pipeline.localisation.motion_model import MeasuredMotion
 from pipeline.transforms import inverse, orthonormal
 
-FIXED = 1e-4
-"""rad and m, standard deviation of a fixed pose: the first keyframe's position and heading, and restored poses."""
-LOOSE = 1e-3
-"""1/rad² and 1/m², information added to each constraint: a plane alone determines only three directions."""
-LEVER = 2.0
-"""m, typical distance of what the robot sees, which converts an error of heading into one of position."""
-OUTLIER = 3.0
-"""Standard deviations from which on a loop counts for less (Geman and McClure)."""
 _ERRORS = 1 << 40  # key of the odometry's systematic errors, which all motions share
 
 
@@ -27,17 +21,17 @@ class PoseGraph:
     """Poses of keyframes and the constraints between them.
 
     Attributes:
-        poses: (K, 4, 4) ``T_map_base`` of every keyframe as now estimated.
-        ups: (3,) each, the vertical in the ``base_link`` of each keyframe, by the odometry.
+        poses: ``T_map_base`` of every keyframe as now estimated.
+        ups: the vertical in the ``base_link`` of each keyframe, by the odometry.
         odometry: systematic errors of the odometry as now estimated.
     """
 
-    def __init__(self) -> None:
-        self.poses = np.zeros((0, 4, 4))
-        self.odometry = self._odometry_before = UNKNOWN_ODOMETRY
+    def __init__(self, config: LocalisationConfig) -> None:
+        self._config, self.poses = config, np.zeros((0, 4, 4))
+        self.odometry = self._odometry_before = OdometryErrors.expected(config.odometry)
         self._loops: list[tuple[Loop, gtsam.BetweenFactorPose3]] = []
         self._factors = gtsam.NonlinearFactorGraph()
-        self.ups: list[NDArray[np.float64]] = []
+        self.ups: list[Direction] = []
         self._links: dict[tuple[int, int], NDArray[np.float64]] = {}  # variances of position, m², and rotation, rad²
         self._marginals: gtsam.Marginals | None = None
 
@@ -45,54 +39,45 @@ class PoseGraph:
         """Number of keyframes."""
         return len(self.poses)
 
-    def add(self, T_map_base: NDArray[np.float64], up: NDArray[np.float64]) -> int:
-        """Add a keyframe and return its number.
-
-        Args:
-            T_map_base: 4×4 pose.
-            up: (3,) the vertical in ``base_link``, by the odometry.
-        """
+    def add(self, T_map_base: Pose, up: Direction) -> int:
+        """Add a keyframe and return its number; ``up``: the vertical in ``base_link``, by the odometry."""
         if not len(self):
-            model = gtsam.noiseModel.Diagonal.Sigmas(np.array([1.0, 1.0, FIXED, FIXED, FIXED, FIXED]))
+            sigmas = np.full(6, self._config.graph.fixed_sigma)
+            sigmas[:2] = 1.0  # gravity levels it
+            model = gtsam.noiseModel.Diagonal.Sigmas(sigmas)
             self._factors.add(gtsam.PriorFactorPose3(0, gtsam.Pose3(T_map_base), model))
         self.poses = np.concatenate([self.poses, T_map_base[None]])
         self.ups.append(up)
         return len(self) - 1
 
-    def fix(self, poses: NDArray[np.float64], ups: NDArray[np.float64], odometry: OdometryErrors) -> None:
-        """Begin with keyframes whose poses stay fixed: (K, 4, 4) poses, and the vertical in each (K, 3).
-
-        ``odometry``: what was learnt of it before.
-        """
+    def fix(self, poses: Poses, ups: Directions, odometry: OdometryErrors) -> None:
+        """Begin with keyframes whose poses stay fixed, the vertical in each, and what was learnt of the odometry."""
         self.odometry = self._odometry_before = odometry
-        model = gtsam.noiseModel.Isotropic.Sigma(6, FIXED)
+        fixed_sigma = self._config.graph.fixed_sigma
+        model = gtsam.noiseModel.Isotropic.Sigma(6, fixed_sigma)
         for k, (T, up) in enumerate(zip(poses, ups, strict=True)):
             self.add(T, up)
             self._factors.add(gtsam.PriorFactorPose3(k, gtsam.Pose3(T), model))
-        self._links |= {(k - 1, k): np.full(2, FIXED**2) for k in range(1, len(poses))}
+        self._links |= {(k - 1, k): np.full(2, fixed_sigma**2) for k in range(1, len(poses))}
 
-    def connect(
-        self,
-        i: int,
-        j: int,
-        T_map_base: NDArray[np.float64],
-        information: NDArray[np.float64],
-        loop: Loop | None = None,
-    ) -> None:
+    def connect(self, i: int, j: int, T_map_base: Pose, information: Information, loop: Loop | None = None) -> None:
         """Add a constraint: the pose of keyframe j, given the present pose of keyframe i.
 
         Args:
             i, j: numbers of keyframes.
-            T_map_base: 4×4 pose of j.
-            information: (6, 6) in the tangent at that pose, 1/rad² and 1/m².
+            T_map_base: of j.
+            information: in the tangent at that pose.
             loop: that it belongs to; it may be an outlier, and :meth:`disconnect` takes it back.
         """
-        model = gtsam.noiseModel.Gaussian.Information(information + LOOSE * np.eye(len(information)))
+        config = self._config.graph
+        whole = information + config.least_information * np.eye(len(information))
+        model = gtsam.noiseModel.Gaussian.Information(whole)
         T_i_j = gtsam.Pose3(np.linalg.solve(self.poses[i], T_map_base))
         if loop is None:
             self._factors.add(gtsam.BetweenFactorPose3(i, j, T_i_j, model))
         else:
-            robust = gtsam.noiseModel.Robust.Create(gtsam.noiseModel.mEstimator.GemanMcClure.Create(OUTLIER), model)
+            loss = gtsam.noiseModel.mEstimator.GemanMcClure.Create(config.outlier)
+            robust = gtsam.noiseModel.Robust.Create(loss, model)
             self._loops.append((loop, gtsam.BetweenFactorPose3(i, j, T_i_j, robust)))
 
     def disconnect(self, loops: Sequence[Loop]) -> None:
@@ -103,7 +88,8 @@ class PoseGraph:
 
     def drive(self, motion: MeasuredMotion) -> None:
         """Add the robot's motion by odometry from the previous keyframe to the newest one."""
-        model, j = gtsam.noiseModel.Gaussian.Covariance(motion.noise), len(self) - 1
+        noise, j = motion.noise(self._config.odometry), len(self) - 1
+        model = gtsam.noiseModel.Gaussian.Covariance(noise)
 
         def error(_: object, values: gtsam.Values, H: list[NDArray[np.float64]] | None) -> NDArray[np.float64]:
             between, errors = values.atPose3(j - 1).between(values.atPose3(j)), values.atVector(_ERRORS)
@@ -113,31 +99,32 @@ class PoseGraph:
 
         self._factors.add(gtsam.CustomFactor(model, [j - 1, j, _ERRORS], error))
 
-    def link(self, i: int, j: int, covariance: NDArray[np.float64]) -> None:
-        """Remember the (6, 6) covariance of keyframe j relative to i; of several the smallest one counts."""
-        variances = np.array([variance_of(covariance), np.linalg.eigvalsh(covariance[:3, :3])[-1]])
+    def link(self, i: int, j: int, covariance: Covariance) -> None:
+        """Remember the covariance of the pose of keyframe j relative to i; of several the smallest one counts."""
+        lever = self._config.registration.lever
+        variances = np.array([variance_of(covariance, lever), np.linalg.eigvalsh(covariance[:3, :3])[-1]])
         self._links[i, j] = np.minimum(variances, self._links.get((i, j), np.inf))
 
-    def deviations(self, keyframe: int) -> NDArray[np.float64]:
+    def deviations(self, keyframe: int) -> Values:
         """(K,) m, standard deviation of each position relative to a keyframe, by the best chain of links."""
         return self._chained(keyframe, 0)
 
-    def headings(self, keyframe: int) -> NDArray[np.float64]:
+    def headings(self, keyframe: int) -> Values:
         """(K,) rad, standard deviation of each rotation relative to a keyframe, by the best chain of links.
 
-        A gyro keeps it small where wheels alone tell the way, as along a corridor.
+        A gyro keeps it small where wheels alone measure the way, as along a corridor.
         """
         return self._chained(keyframe, 1)
 
-    def _chained(self, keyframe: int, which: int) -> NDArray[np.float64]:
+    def _chained(self, keyframe: int, which: int) -> Values:
         """(K,) standard deviations relative to a keyframe by the best chain of one of the two variances of links."""
         ends = np.array(list(self._links), np.int64).reshape(-1, 2).T
         variances = np.array(list(self._links.values())).reshape(-1, 2)[:, which]
         links = coo_array((variances, tuple(ends)), shape=(len(self), len(self))).tocsr()
         return np.sqrt(dijkstra(links, directed=False, indices=keyframe))
 
-    def covariance(self, keyframe: int) -> NDArray[np.float64]:
-        """(6, 6) of a keyframe's pose relative to the first one's, in its own tangent, rad² and m²."""
+    def covariance(self, keyframe: int) -> Covariance:
+        """Of a keyframe's pose relative to the first one's, in its own tangent."""
         assert self._marginals is not None
         return np.asarray(self._marginals.marginalCovariance(keyframe))
 
@@ -147,30 +134,30 @@ class PoseGraph:
         graph.push_back(self._factors)
         for _, factor in self._loops:
             graph.add(factor)
-        model = gtsam.noiseModel.Isotropic.Sigma(2, GRAVITY_SIGMA)
+        model = gtsam.noiseModel.Isotropic.Sigma(2, self._config.odometry.gravity_sigma)
         vertical = gtsam.Unit3(np.array([0.0, 0.0, 1.0]))
         bias = np.mean(np.array(self.ups) - self.poses[:, 2, :3], axis=0)  # of an accelerometer that is mounted askew
         for k, up in enumerate(self.ups):
             graph.add(gtsam.AttitudeFactorPose3(k, vertical, model, gtsam.Unit3(up - bias)))
-        known = gtsam.noiseModel.Gaussian.Covariance(self._odometry_before.covariance)
-        graph.add(gtsam.PriorFactorVector(_ERRORS, self._odometry_before.errors, known))
+        before = gtsam.noiseModel.Gaussian.Covariance(self._odometry_before.covariance)
+        graph.add(gtsam.PriorFactorVector(_ERRORS, self._odometry_before.errors, before))
         values = gtsam.Values()
         values.insert(_ERRORS, self.odometry.errors)
         for k, T in enumerate(self.poses):
             values.insert(k, gtsam.Pose3(T))
         params = gtsam.LevenbergMarquardtParams()
-        params.setRelativeErrorTol(1e-7)  # the odometry's errors, each weakly known, change the sum but little
+        params.setRelativeErrorTol(self._config.graph.tolerance)
         result = gtsam.LevenbergMarquardtOptimizer(graph, values, params).optimize()
         self._marginals = gtsam.Marginals(graph, result)
         self.odometry = OdometryErrors(result.atVector(_ERRORS), self._marginals.marginalCovariance(_ERRORS))
         self.poses = orthonormal(np.array([result.atPose3(k).matrix() for k in range(len(self))]))
 
 
-def spread(deviation: float) -> NDArray[np.float64]:
-    """(6,) rad and m, standard deviations of a pose whose error moves what the robot sees by ``deviation`` m."""
-    return np.repeat([deviation / LEVER, deviation], 3)
+def spread(deviation: float, lever: float) -> Values:
+    """(6,) rad and m, standard deviations of a pose whose error moves what is ``lever`` m away by ``deviation`` m."""
+    return np.repeat([deviation / lever, deviation], 3)
 
 
-def variance_of(covariance: NDArray[np.float64]) -> float:
-    """m², variance of the position of a point ``LEVER`` m away from a pose with this covariance (6, 6)."""
-    return float(np.trace(covariance[3:, 3:]) + LEVER**2 * np.linalg.eigvalsh(covariance[:3, :3])[-1])
+def variance_of(covariance: Covariance, lever: float) -> float:
+    """m², variance of the position of a point ``lever`` m away from a pose with this covariance."""
+    return float(np.trace(covariance[3:, 3:]) + lever**2 * np.linalg.eigvalsh(covariance[:3, :3])[-1])

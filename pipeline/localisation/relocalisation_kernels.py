@@ -3,12 +3,9 @@
 import numpy as np
 from numba import njit
 
-RAY_STEP = 0.25
-"""Voxels along the optical axis between the samples of a ray."""
-
 
 @njit(cache=True)
-def cast(rays, origins, voxels, reach, free, surface):
+def cast(rays, origins, voxels, reach, step, free, surface):
     """The least depth to which each ray is free, and the greatest at which it meets a surface, over all origins.
 
     Args:
@@ -16,19 +13,20 @@ def cast(rays, origins, voxels, reach, free, surface):
         origins: (M, 3) float64 in voxels of the box; each ray is cast from each origin.
         voxels: (nx, ny, nz) int8 log-odds; voxels beyond the box are unknown.
         reach: voxels along the optical axis.
+        step: voxels along the optical axis between the samples of a ray.
         free: (N,) float64, filled with voxels along the optical axis.
         surface: (N,) float64, filled likewise; infinite if the ray from any origin meets no surface.
     """
     for n in range(len(rays)):
         free[n], surface[n] = np.inf, 0.0
         for origin in origins:
-            depth, is_occupied = _follow(rays[n], origin, voxels, reach)
+            depth, is_occupied = _follow(rays[n], origin, voxels, reach, step)
             free[n] = min(free[n], depth)
             surface[n] = max(surface[n], depth if is_occupied else np.inf)
 
 
 @njit(cache=True)
-def _follow(ray, origin, voxels, reach):
+def _follow(ray, origin, voxels, reach, step):
     """Voxels along the optical axis to the end of the free part of a ray, and whether an occupied voxel ends it.
 
     Unknown voxels right before the camera, which sees nothing so near, are skipped.
@@ -46,7 +44,7 @@ def _follow(ray, origin, voxels, reach):
             last_free = depth
         elif last_free > 0:
             return depth, False
-        depth += RAY_STEP
+        depth += step
     return (reach if last_free > 0 else 0.0), False
 
 

@@ -6,49 +6,55 @@ from pathlib import Path
 from typing import Generic, Protocol, TypeVar
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation, Slerp
 
+from pipeline.arrays import Pose, Poses, Values
 from pipeline.errors import InputError
 from pipeline.files import read_numbers, whole_file
+from pipeline.localisation.config import TrajectoryConfig
 from pipeline.localisation.localisation import Localisation
 from pipeline.transforms import POSE, are_poses, from_rotation, inverse
-
-STILL_VALID = 0.02  # s from a pose within which it is still valid
-LONGEST_GAP = 0.5  # s between two poses, the longest time over which they are interpolated
 
 
 class Trajectory:
     """Poses at times.
 
     Attributes:
-        times: (N,) s, rising.
-        poses: (N, 4, 4).
+        times: s, rising.
+        poses: at these times.
         of_camera: whether they are the camera's; else they are those of ``base_link``.
     """
 
-    def __init__(self, times: NDArray[np.float64], poses: NDArray[np.float64], of_camera: bool = False):
-        """Sort (N, 4, 4) ``poses`` by their (N,) ``times``, s; of several poses at one time the first counts."""
+    def __init__(
+        self, times: Values, poses: Poses, of_camera: bool = False, *, config: TrajectoryConfig = TrajectoryConfig()
+    ) -> None:
+        """Sort the poses by their ``times``, s; of several poses at one time the first counts."""
         self.times, first = np.unique(times, return_index=True)
-        self.poses, self.of_camera = poses[first], of_camera
+        self.poses, self.of_camera, self._config = poses[first], of_camera, config
 
-    def at(self, time: float) -> NDArray[np.float64] | None:
-        """4×4 pose at a time in s, interpolated over at most ``LONGEST_GAP``; None if it is not known."""
+    def at(self, time: float) -> Pose | None:
+        """Pose at a time in s, interpolated over at most ``longest_gap``; None if there is none so near."""
         after = int(np.searchsorted(self.times, time))
         if after < len(self.times) and self.times[after] == time:
             return self.poses[after]
         pair = slice(after - 1, after + 1)
-        if 0 < after < len(self.times) and np.ptp(self.times[pair]) <= LONGEST_GAP:
+        if 0 < after < len(self.times) and np.ptp(self.times[pair]) <= self._config.longest_gap:
             share = (time - self.times[after - 1]) / np.ptp(self.times[pair])
             R = Slerp([0.0, 1.0], Rotation.from_matrix(self.poses[pair, :3, :3]))(share).as_matrix()
             start, end = self.poses[pair, :3, 3]
             return from_rotation(R, start + share * (end - start))
         k = min((k for k in (after - 1, after) if 0 <= k < len(self.times)), key=lambda k: abs(self.times[k] - time))
-        return self.poses[k] if abs(self.times[k] - time) <= STILL_VALID else None
+        return self.poses[k] if abs(self.times[k] - time) <= self._config.still_valid else None
 
-    def of_base(self, T_base_camera: NDArray[np.float64]) -> "Trajectory":
-        """The trajectory of ``base_link``, on which the camera has a 4×4 pose."""
-        return Trajectory(self.times, self.poses @ inverse(T_base_camera)) if self.of_camera else self
+    def of_base(self, T_base_camera: Pose) -> "Trajectory":
+        """The trajectory of ``base_link``, on which the camera has a pose."""
+        if not self.of_camera:
+            return self
+        return Trajectory(self.times, self.poses @ inverse(T_base_camera), config=self._config)
+
+    def moved(self, T: Pose) -> "Trajectory":
+        """The same trajectory in another frame, in which the present one has the pose ``T``."""
+        return Trajectory(self.times, T @ self.poses, self.of_camera, config=self._config)
 
 
 class OdometryPose(Protocol):
@@ -59,8 +65,8 @@ class OdometryPose(Protocol):
         """Time, s."""
 
     @property
-    def T_odom_base(self) -> NDArray[np.float64]:
-        """4×4 pose of ``base_link`` in ``odom``."""
+    def T_odom_base(self) -> Pose:
+        """Pose of ``base_link`` in ``odom``."""
 
 
 Sample = TypeVar("Sample", bound=OdometryPose)
@@ -70,7 +76,7 @@ class EstimatedTrajectory(Generic[Sample]):
     """The robot's poses in ``map``, also those between the keyframes."""
 
     def __init__(self, localisation: Localisation, odometry: Sequence[Sample]):
-        """``odometry`` grows while the robot drives. Keyframes that ``localisation`` has are an earlier episode's."""
+        """``odometry`` grows while the robot drives. Keyframes that ``localisation`` has are an earlier run's."""
         self._localisation, self._odometry = localisation, odometry
         self._keyframes: list[Sample] = []
         self._loaded = localisation.poses.copy()
@@ -79,8 +85,8 @@ class EstimatedTrajectory(Generic[Sample]):
         """Add the newest keyframe, by default at the newest pose of the odometry."""
         self._keyframes.append(keyframe or self._odometry[-1])
 
-    def estimated(self) -> list[NDArray[np.float64]]:
-        """4×4 ``T_map_base`` at every pose of the odometry: by odometry from the keyframe before it."""
+    def estimated(self) -> list[Pose]:
+        """``T_map_base`` at every pose of the odometry: by odometry from the keyframe before it."""
         if not self._keyframes:
             return [pose.T_odom_base for pose in self._odometry]
         pairs = zip(self._localisation.poses[len(self._loaded) :], self._keyframes, strict=True)
@@ -93,8 +99,8 @@ class EstimatedTrajectory(Generic[Sample]):
         write_tum(folder / "trajectory_estimated.tum", [pose.time for pose in self._odometry], self.estimated())
 
 
-def write_tum(path: Path, times: Sequence[float], poses: Sequence[NDArray[np.float64]]) -> None:
-    """Write 4×4 poses at times in s in the TUM format: time, position, quaternion (x y z w).
+def write_tum(path: Path, times: Sequence[float], poses: Sequence[Pose]) -> None:
+    """Write poses at times in s in the TUM format: time, position, quaternion (x y z w).
 
     Raises:
         InputError: the file cannot be written.

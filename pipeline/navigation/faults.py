@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from pipeline.errors import InputError
 from pipeline.frame import Frame
 from pipeline.localisation.belief import Belief, MotionState
-from pipeline.localisation.floor import T_floor_camera
+from pipeline.localisation.vertical import T_floor_camera
 from pipeline.navigation.config import FaultConfig
 
 NOTICED = {

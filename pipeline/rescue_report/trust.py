@@ -52,7 +52,7 @@ def trust_in(mapper: Mapper) -> Trust:
     """Check a mapper's map by its keyframes and its localisation."""
     kept = list(zip(mapper.keyframes.seen, mapper.keyframes.poses, strict=True))
     checked = kept[:: 1 + len(kept) // MOST_CHECKED]
-    whole = Agreement.of(agreement(seen.frame, T @ seen.T_base_camera, mapper.metric_map) for seen, T in checked)
-    known = mapper.localisation
-    deviations = known.deviations if isinstance(known, Slam) and len(known.graph) else np.zeros(1)
+    slam, metric_map, config = mapper.localisation, mapper.metric_map, mapper.localisation.belief.config
+    whole = Agreement.of(agreement(seen.frame, T @ seen.T_base_camera, metric_map, config) for seen, T in checked)
+    deviations = slam.deviations if isinstance(slam, Slam) and len(slam.graph) else np.zeros(1)
     return Trust(1 - whole.share, float(deviations.max()))

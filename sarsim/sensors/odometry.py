@@ -80,7 +80,7 @@ class WheelOdometry:
         accelerometer = self._accelerometers.measure(accelerometer, dt)
         ticks = np.floor(wheel_angle * TICKS / (2 * np.pi))
         if self._R is None:
-            self._R = level(accelerometer)
+            self._R = level(accelerometer / np.linalg.norm(accelerometer))
         else:
             turn = gyro + self._levelling(self._R, accelerometer)
             self._advance(self._R, self._distance(ticks - self._ticks), turn * dt)

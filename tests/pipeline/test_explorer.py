@@ -3,9 +3,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pipeline.config import ExplorerConfig, PipelineConfig
 from pipeline.exploration.mission import Goals
 from pipeline.exploration.viewpoint import Viewpoint
-from pipeline.explorer import Explorer, ExplorerConfig
+from pipeline.explorer import Explorer
 from pipeline.frame import Frame
 from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.mapper import Mapper
@@ -46,8 +47,10 @@ def ends_in(explorer, outcome, *halts):
 
 @pytest.fixture
 def explorer():
-    mapper = Mapper(PIONEER, TruthClassifier(), localisation=OdometryLocalisation())
-    return Explorer(PlacedRobot(), mapper, config=ExplorerConfig(patience=3))
+    config = PipelineConfig(explorer=ExplorerConfig(patience=3))
+    return Explorer(
+        PlacedRobot(), Mapper(PIONEER, TruthClassifier(), localisation=OdometryLocalisation(), config=config)
+    )
 
 
 @pytest.mark.parametrize("freed", [True, False])

@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pipeline.config import PipelineConfig
 from pipeline.frame import Frame
+from pipeline.localisation.config import LocalisationConfig, PoseCheckConfig
 from pipeline.localisation.keyframe_policy import KeyframePolicy
 from pipeline.localisation.localisation import LostError
-from pipeline.localisation.pose_check import PoseCheckConfig
-from pipeline.localisation.slam import Slam
 from pipeline.mapper import Keyframe, Mapper
 from pipeline.navigation.commands import Outcome
 from pipeline.navigation.config import NavigationConfig
@@ -61,10 +61,11 @@ class Outlook:
     def __init__(self, robot=None):
         self.robot, album = robot or SeeingRobot(), Album()
         policy = KeyframePolicy(way=0.4, turn=np.deg2rad(20), labelled_every=4)
-        self.mapper = Mapper(PIONEER, TruthClassifier(), localisation=Slam(), keyframe_policy=policy)
+        config = PipelineConfig(LocalisationConfig(keyframes=policy, pose_check=PoseCheckConfig(looks=8)))
+        self.mapper = Mapper(PIONEER, TruthClassifier(), config=config)
         self.mapper.observers.append(album)
         self.keyframes = album.keyframes
-        self.pilot = Pilot(self.robot, self.mapper, [], NavigationConfig(), PoseCheckConfig(looks=8))
+        self.pilot = Pilot(self.robot, self.mapper, [])
 
     def look_around(self, place: np.ndarray) -> "Outlook":
         """Make keyframes of a full turn."""

@@ -8,11 +8,13 @@ import pytest
 
 from pipeline.frame import Intrinsics
 from pipeline.localisation.agreement import Agreement, agreement, change
-from pipeline.localisation.belief import TILES, Belief, MotionState
+from pipeline.localisation.belief import Belief, MotionState
+from pipeline.localisation.config import BeliefConfig
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.transforms import from_yaw
 from tests.pipeline.localisation.carried_robot import ROOM, T_BASE_CAMERA, Maps, seen, tour
 
+CONFIG = BeliefConfig()
 SURE = np.log(0.99 / 0.01)
 HERE = from_yaw(1.0, 2.0, 0.0, 0.2)
 
@@ -24,7 +26,7 @@ def room() -> MetricMap:
 
 def odds(found: Agreement, state: MotionState = MotionState.CARRIED) -> float:
     """Logarithm of how much likelier a state makes what was seen than a robot that is where it thinks does."""
-    return float(found.log_likelihoods[state] - found.log_likelihoods[MotionState.NOMINAL])
+    return float(np.subtract(*found.log_likelihoods(CONFIG)[[state, MotionState.NOMINAL]]))
 
 
 @pytest.mark.parametrize("T_map_base", [HERE, from_yaw(3.0, 2.5, 0.0, -1.5), from_yaw(2.6, 1.0, 0.0, 0.4)])
@@ -33,20 +35,20 @@ def test_an_ordinary_error_of_the_pose_is_no_contradiction(T_map_base: np.ndarra
     for yaw in np.deg2rad([-2.0, 0.0, 2.0]):
         for towards in np.arange(8) * np.pi / 4:
             error = from_yaw(0.05 * np.cos(towards), 0.05 * np.sin(towards), 0.0, yaw)
-            found = agreement(frame, T_map_base @ error @ T_BASE_CAMERA, room())
+            found = agreement(frame, T_map_base @ error @ T_BASE_CAMERA, room(), CONFIG)
             assert found.known > 100
             assert odds(found) < -SURE / 2
 
 
 @pytest.mark.parametrize("T_map_base", [from_yaw(3, 0.6, 0, 0), from_yaw(4.2, 2.6, 0, -1.5), from_yaw(1, 3, 0, 2.2)])
 def test_a_carried_robot_sees_what_the_map_denies(T_map_base: np.ndarray) -> None:
-    found = agreement(seen(ROOM, T_map_base), HERE @ T_BASE_CAMERA, room())
+    found = agreement(seen(ROOM, T_map_base), HERE @ T_BASE_CAMERA, room(), CONFIG)
     assert odds(found) == pytest.approx(SURE)
     assert found.short + found.through == found.known - found.explained > 0
 
 
 def test_what_the_map_does_not_know_counts_neither_way() -> None:
-    found = agreement(seen(ROOM, HERE), HERE @ T_BASE_CAMERA, MetricMap())
+    found = agreement(seen(ROOM, HERE), HERE @ T_BASE_CAMERA, MetricMap(), CONFIG)
     assert (found.known, found.share, odds(found)) == (0, 1.0, 0.0)
     assert found.seen > 100
 
@@ -57,34 +59,35 @@ def test_specks_of_dust_are_no_contradiction() -> None:
     dusty = replace(
         frame, depth=np.where(specks, rng.uniform(0.8, 1.5, specks.shape), frame.depth).astype(np.float32)
     )
-    assert odds(agreement(dusty, HERE @ T_BASE_CAMERA, room())) < -SURE / 2
+    assert odds(agreement(dusty, HERE @ T_BASE_CAMERA, room(), CONFIG)) < -SURE / 2
 
 
 def test_what_ought_to_be_seen_and_is_not_leaves_doubt() -> None:
     frame = seen(ROOM, HERE)
     blind = replace(frame, depth=np.zeros_like(frame.depth))
-    there, nothing = (agreement(f, HERE @ T_BASE_CAMERA, room()) for f in (frame, blind))
+    there, nothing = (agreement(f, HERE @ T_BASE_CAMERA, room(), CONFIG) for f in (frame, blind))
     assert there.known > 0.9 * there.expected > 100
     assert (nothing.known, nothing.expected) == (0, there.expected)
     assert odds(nothing, MotionState.BLIND) == pytest.approx(SURE)
     assert odds(there, MotionState.BLIND) == pytest.approx(-SURE)
-    assert nothing.tells and not agreement(blind, HERE @ T_BASE_CAMERA, MetricMap()).tells
+    assert nothing.expects_enough(CONFIG)
+    assert not agreement(blind, HERE @ T_BASE_CAMERA, MetricMap(), CONFIG).expects_enough(CONFIG)
 
 
 @pytest.mark.parametrize("to", [from_yaw(3, 0.6, 0, 0), from_yaw(4.2, 2.6, 0, -1.5), from_yaw(0.3, 2.0, 0.0, np.pi)])
 def test_a_robot_whose_view_changed_while_its_wheels_stood_was_carried(to: np.ndarray) -> None:
     before = seen(ROOM, HERE)
     carried = replace(seen(ROOM, to, seed=1), T_odom_base=before.T_odom_base)
-    changed = change(carried, before)
+    changed = change(carried, before, CONFIG)
     assert changed is not None
     assert max(odds(changed), odds(changed, MotionState.BLIND)) == pytest.approx(SURE)
-    assert change(seen(ROOM, to, seed=1), before) is None, "by its wheels it drove there"
+    assert change(seen(ROOM, to, seed=1), before, CONFIG) is None, "by its wheels it drove there"
 
 
 def test_noise_and_a_small_move_show_the_same_place() -> None:
     before = seen(ROOM, HERE)
     for move in (from_yaw(0, 0, 0, 0), from_yaw(0.015, -0.01, 0, 0.03)):
-        changed = change(seen(ROOM, HERE @ move, seed=2), before)
+        changed = change(seen(ROOM, HERE @ move, seed=2), before, CONFIG)
         assert changed is not None
         assert odds(changed) < -SURE / 2
 
@@ -94,8 +97,8 @@ def test_a_camera_of_any_size_is_compared_tile_by_tile(width: int, height: int) 
     camera = Intrinsics(width, height, 400.0, 400.0, width / 2, height / 2)
     depth = np.full((height, width), 2.0, np.float32)
     frame = replace(seen(ROOM, HERE), rgb=np.zeros((height, width, 3), np.uint8), depth=depth, intrinsics=camera)
-    side = width // TILES
-    assert agreement(frame, HERE @ T_BASE_CAMERA, room()).seen == (height // side - 2) * (width // side - 2)
+    side = width // 32
+    assert agreement(frame, HERE @ T_BASE_CAMERA, room(), CONFIG).seen == (height // side - 2) * (width // side - 2)
 
 
 def test_a_view_that_changed_while_the_wheels_stood_outweighs_a_place_that_looks_alike() -> None:
@@ -104,7 +107,7 @@ def test_a_view_that_changed_while_the_wheels_stood_outweighs_a_place_that_looks
     for parts, knows in ([by_map], True), ([by_map, by_last], False):
         belief = Belief()
         belief.predict(way=0.0, seconds=10.0)
-        belief.observe(Agreement.of(parts).log_likelihoods)
+        belief.observe(Agreement.of(parts).log_likelihoods(CONFIG))
         assert belief.knows_place == knows
-    assert by_last.shows_another_place
-    assert not by_map.shows_another_place
+    assert by_last.shows_another_place(CONFIG)
+    assert not by_map.shows_another_place(CONFIG)

@@ -10,7 +10,9 @@ from hypothesis.extra import numpy as hnp
 from scipy.integrate import solve_ivp
 
 from pipeline.localisation.belief import Belief, MotionState, disproves, place_bounded, tiles_seen, transition
+from pipeline.localisation.config import BeliefConfig
 
+CONFIG = BeliefConfig()
 STATES = len(MotionState)
 SURE = np.log(0.99 / 0.01)
 likelihoods = hnp.arrays(np.float64, STATES, elements=st.floats(-20, 0))
@@ -18,7 +20,7 @@ ways = st.floats(0, 5)
 
 
 def test_a_robot_that_neither_moves_nor_waits_stays_as_it_is() -> None:
-    np.testing.assert_array_equal(transition(0.0, 0.0), np.eye(STATES))
+    np.testing.assert_array_equal(transition(0.0, 0.0, CONFIG), np.eye(STATES))
 
 
 def test_three_metres_on_the_odometry_alone_are_too_many() -> None:
@@ -32,10 +34,10 @@ def test_three_metres_on_the_odometry_alone_are_too_many() -> None:
 
 
 def test_slips_are_as_frequent_as_stated_and_end() -> None:
-    short = transition(0.003, 0.0)
+    short = transition(0.003, 0.0, CONFIG)
     assert short[MotionState.NOMINAL, MotionState.SLIPPING] == pytest.approx(1e-5, rel=0.01)
     assert short[MotionState.SLIPPING, MotionState.NOMINAL] == pytest.approx(0.003, rel=0.01)
-    assert transition(0.0, 3.6)[MotionState.HELD, MotionState.CARRIED] == pytest.approx(1e-3, rel=0.01)
+    assert transition(0.0, 3.6, CONFIG)[MotionState.HELD, MotionState.CARRIED] == pytest.approx(1e-3, rel=0.01)
 
 
 def test_bayes_by_hand() -> None:
@@ -58,32 +60,32 @@ def test_a_frame_alone_convinces_nobody_and_three_do() -> None:
     belief.predict(0.0, 10.0)
     sure = []
     for _ in range(4):
-        belief.observe(tiles_seen(explained=50, contradicted=200, missing=0))
+        belief.observe(tiles_seen(explained=50, contradicted=200, missing=0, config=CONFIG))
         sure.append((belief.knows_place, belief.is_sure_of(MotionState.CARRIED)))
     assert sure == [(False, False), (False, False), (False, True), (False, True)]
 
 
-def test_tiles_without_a_return_tell_of_a_blind_camera_and_not_of_a_lift() -> None:
-    told = tiles_seen(explained=0, contradicted=0, missing=300)
-    assert told[MotionState.BLIND] - told[MotionState.NOMINAL] == pytest.approx(SURE)
-    few = tiles_seen(explained=9, contradicted=0, missing=0)
+def test_tiles_without_a_return_are_of_a_blind_camera_and_not_of_a_lift() -> None:
+    likely = tiles_seen(explained=0, contradicted=0, missing=300, config=CONFIG)
+    assert likely[MotionState.BLIND] - likely[MotionState.NOMINAL] == pytest.approx(SURE)
+    few = tiles_seen(explained=9, contradicted=0, missing=0, config=CONFIG)
     assert few[MotionState.CARRIED] - few[MotionState.NOMINAL] == pytest.approx(np.log(0.6 / 0.94))
-    np.testing.assert_array_equal(tiles_seen(0, 0, 0), 0.0)
+    np.testing.assert_array_equal(tiles_seen(0, 0, 0, CONFIG), 0.0)
 
 
 @pytest.mark.parametrize(
     ("explained", "contradicted", "expected"), [(300, 10, False), (100, 100, True), (0, 9, False)]
 )
 def test_frames_together_disprove_a_place(explained: int, contradicted: int, expected: bool) -> None:
-    assert disproves(explained, contradicted) == expected
+    assert disproves(explained, contradicted, CONFIG) == expected
 
 
 @settings(max_examples=50, deadline=None)
 @given(likelihoods)
-def test_a_frame_tells_no_more_of_the_place_than_the_confidence(told: np.ndarray) -> None:
-    bounded = place_bounded(told)
-    np.testing.assert_array_equal(bounded[: MotionState.CARRIED], told[: MotionState.CARRIED])
-    assert (np.abs(bounded[MotionState.CARRIED :] - told[: MotionState.CARRIED].max()) <= SURE + 1e-9).all()
+def test_a_frame_makes_no_surer_of_the_place_than_the_confidence(likely: np.ndarray) -> None:
+    bounded = place_bounded(likely, CONFIG)
+    np.testing.assert_array_equal(bounded[: MotionState.CARRIED], likely[: MotionState.CARRIED])
+    assert (np.abs(bounded[MotionState.CARRIED :] - likely[: MotionState.CARRIED].max()) <= SURE + 1e-9).all()
 
 
 @settings(max_examples=50, deadline=None)
@@ -106,15 +108,15 @@ def test_the_posterior_is_one_of_probabilities_and_independent_frames_come_in_an
 def test_it_is_the_forward_algorithm_over_all_paths(drive: list[tuple[float, float, np.ndarray]]) -> None:
     """The sum over every path of states, whose transitions come from the differential equation of the rates."""
     belief, matrices = Belief(), []
-    for way, seconds, told in drive:
+    for way, seconds, likely in drive:
         belief.predict(way, seconds)
-        belief.observe(told)
+        belief.observe(likely)
         matrices.append(np.array([_followed(state, way, seconds) for state in range(STATES)]))
     weights = np.zeros(STATES)
     for path in product(range(STATES), repeat=len(drive)):
         before, weight = MotionState.NOMINAL, 1.0
-        for state, matrix, (_, _, told) in zip(path, matrices, drive, strict=True):
-            weight *= matrix[before, state] * np.exp(told[state])
+        for state, matrix, (_, _, likely) in zip(path, matrices, drive, strict=True):
+            weight *= matrix[before, state] * np.exp(likely[state])
             before = state
         weights[path[-1]] += weight
     np.testing.assert_allclose(belief.probabilities, weights / weights.sum(), atol=1e-6)

@@ -4,12 +4,14 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from pipeline.localisation.config import LocalisationConfig
 from pipeline.localisation.local_map import LocalMap
-from pipeline.localisation.registration import LEAST_POINTS, cloud_of
+from pipeline.localisation.registration import cloud_of
 from pipeline.transforms import from_yaw
 from tests.pipeline.worlds import ground_points, wall_points
 
-WALL = cloud_of(wall_points((2, -1), (2, 1)))
+CONFIG = LocalisationConfig()
+WALL = cloud_of(wall_points((2, -1), (2, 1)), CONFIG.registration)
 """A wall before the robot, in ``base_link``."""
 CAMERA = np.array([0.0, 0.0, 0.5])
 BEHIND = np.array([4.0, 0.0, 0.5])
@@ -19,7 +21,7 @@ AT_WALL = np.array([[2.0, -1.0, 0.0], [2.0, 1.0, 1.2]])
 
 def local_map(*poses: NDArray[np.float64]) -> LocalMap:
     """A map of keyframes at these poses that have each seen the wall before them."""
-    result = LocalMap()
+    result = LocalMap(CONFIG)
     for owner, pose in enumerate(poses):
         result.add(owner, pose, WALL, CAMERA, ALL)
     return result
@@ -27,17 +29,17 @@ def local_map(*poses: NDArray[np.float64]) -> LocalMap:
 
 def test_a_wall_is_there_from_the_side_that_was_seen_alone() -> None:
     one_wall, known = local_map(np.eye(4)), np.ones(1, np.bool_)
-    front = one_wall.around(AT_WALL, CAMERA, known)
+    front = one_wall.around(AT_WALL, CAMERA, known, 0.5)
     assert front is not None
     assert len(front.owner) == WALL.size()
-    assert one_wall.around(AT_WALL, BEHIND, known) is None
+    assert one_wall.around(AT_WALL, BEHIND, known, 0.5) is None
 
 
 def test_both_sides_of_a_thin_wall_are_two_surfaces() -> None:
     """The second keyframe stands at x = 4 and sees the same wall from behind."""
     both = local_map(np.eye(4), from_yaw(4, 0, 0, np.pi))
     for owner, camera in enumerate((CAMERA, BEHIND)):
-        target = both.around(AT_WALL, camera, np.ones(2, np.bool_))
+        target = both.around(AT_WALL, camera, np.ones(2, np.bool_), 0.5)
         assert target is not None
         assert set(target.owner) == {owner}
 
@@ -58,10 +60,10 @@ def test_points_follow_their_keyframes() -> None:
 
 def test_only_points_of_the_keyframes_asked_for_are_taken() -> None:
     both = local_map(np.eye(4), np.eye(4))
-    target = both.around(AT_WALL, CAMERA, np.array([False, True]))
+    target = both.around(AT_WALL, CAMERA, np.array([False, True]), 0.5)
     assert target is not None
     assert set(target.owner) == {1}
-    assert both.around(AT_WALL, CAMERA, np.array([False, False])) is None
+    assert both.around(AT_WALL, CAMERA, np.array([False, False]), 0.5) is None
 
 
 @pytest.mark.parametrize(("margin", "is_there"), [(0.3, False), (0.7, True)])
@@ -72,21 +74,21 @@ def test_points_beyond_the_margin_are_not_taken(margin: float, is_there: bool) -
 
 
 def test_what_is_not_new_is_not_added_and_too_few_are_no_target() -> None:
-    few = LocalMap()
-    new = np.arange(WALL.size()) < LEAST_POINTS - 1
+    few = LocalMap(CONFIG)
+    new = np.arange(WALL.size()) < 99
     few.add(0, np.eye(4), WALL, CAMERA, new)
     np.testing.assert_allclose(few.all_points(), WALL.points()[new, :3], atol=1e-6)
-    assert few.around(AT_WALL, CAMERA, np.ones(1, np.bool_)) is None
+    assert few.around(AT_WALL, CAMERA, np.ones(1, np.bool_), 0.5) is None
     few.add(0, np.eye(4), WALL, CAMERA, ~new)
-    assert few.around(AT_WALL, CAMERA, np.ones(1, np.bool_)) is not None
+    assert few.around(AT_WALL, CAMERA, np.ones(1, np.bool_), 0.5) is not None
 
 
 def test_the_ground_below_is_level_ground_within_the_foot_that_a_given_keyframe_saw() -> None:
     """Floor from x = 0.1, 0.1 m lower for the second keyframe, and a wall at x = 0.1."""
-    below = LocalMap()
+    below = LocalMap(CONFIG)
     floor, lower = (ground_points(lambda x, y, z=z: z + 0 * x, (0.1, 1.5), (-0.5, 0.5)) for z in (0.0, -0.1))
     for owner, points in enumerate((floor, lower, wall_points((0.1, -0.5), (0.1, 0.5)))):
-        cloud = cloud_of(points)
+        cloud = cloud_of(points, CONFIG.registration)
         below.add(owner, np.eye(4), cloud, np.array([-1.0, 0.0, 0.5]), np.ones(cloud.size(), np.bool_))
     heights, owners = below.ground_below(np.eye(4), np.array([True, False, False]))
     np.testing.assert_allclose(heights, 0, atol=1e-6)

@@ -6,19 +6,21 @@ from hypothesis import given
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
-from pipeline.localisation.localisation import UNKNOWN_ODOMETRY, OdometryErrors
+from pipeline.localisation.config import OdometryConfig
+from pipeline.localisation.localisation import OdometryErrors
 from pipeline.localisation.motion_model import POSE, MeasuredMotion, MotionModel
 from pipeline.localisation.registration import logarithm
 from pipeline.transforms import from_yaw, inverse, yaw_of
 
 EXACT = 1e10 * np.eye(6)
-UNKNOWN, SIGMA = UNKNOWN_ODOMETRY.errors, np.sqrt(np.diag(UNKNOWN_ODOMETRY.covariance))
+CONFIG = OdometryConfig()
+EXPECTED = OdometryErrors.expected(CONFIG)
 numbers = st.floats(-1, 1)
 
 
 def believing(errors: NDArray[np.float64]) -> MotionModel:
-    model = MotionModel()
-    model.learn(OdometryErrors(np.asarray(errors), UNKNOWN_ODOMETRY.covariance))
+    model = MotionModel(CONFIG)
+    model.learn(OdometryErrors(np.asarray(errors), EXPECTED.covariance))
     return model
 
 
@@ -31,37 +33,37 @@ def motion_of(rng: np.random.Generator) -> MeasuredMotion:
 def test_before_anything_is_learnt_a_motion_is_the_odometrys() -> None:
     motion = MeasuredMotion(from_yaw(0.3, 0.01, 0.0, 0.1), np.array([0.0, 0.0, 1.0]), 1.0)
     start = from_yaw(2.0, 3.0, 0.0, 1.0)
-    prediction = MotionModel().predict(start, motion)
+    prediction = MotionModel(CONFIG).predict(start, motion)
     np.testing.assert_allclose(prediction.T_map_base, start @ motion.T, atol=1e-12)
-    assert not UNKNOWN[:3].any()
+    assert not EXPECTED.errors[:3].any()
 
 
 def test_a_robot_that_turns_on_a_slope_is_expected_to_slide_downhill() -> None:
     left_side_up = np.array([0.0, np.sin(0.28), np.cos(0.28)])
     motion = MeasuredMotion(from_yaw(0, 0, 0, 0.5), left_side_up, 1.0)
-    slid = MotionModel().predict(np.eye(4), motion).T_map_base[:3, 3]
-    np.testing.assert_allclose(slid, [0, -UNKNOWN[3] * 0.5 * np.sin(0.28), 0], atol=1e-12)
+    slid = MotionModel(CONFIG).predict(np.eye(4), motion).T_map_base[:3, 3]
+    np.testing.assert_allclose(slid, [0, -0.4 * 0.5 * np.sin(0.28), 0], atol=1e-12)
 
 
 def test_where_nothing_is_registered_errors_of_the_gyro_add_up() -> None:
     """20 blind turns of 15° are as unsure as the gyro's scale over all of them; a registration ends that."""
     motion = MeasuredMotion(from_yaw(0, 0, 0, np.pi / 12), np.array([0.0, 0.0, 1.0]), 1.0)
-    model, T = MotionModel(), np.eye(4)
+    model, T = MotionModel(CONFIG), np.eye(4)
     for _ in range(20):
         prediction = model.predict(T, motion)
         T = prediction.T_map_base
         model.take(prediction, None)
-    assert np.sqrt(prediction.covariance[2, 2]) == pytest.approx(SIGMA[1] * 20 * np.pi / 12, rel=0.1)
+    assert np.sqrt(prediction.covariance[2, 2]) == pytest.approx(0.005 * 20 * np.pi / 12, rel=0.1)
     model.take(prediction, EXACT)
     after = model.predict(T, motion)
     np.testing.assert_allclose(after.covariance[POSE, POSE], after.step, rtol=1e-3, atol=1e-9)
 
 
 def test_along_a_corridor_a_pose_is_as_unsure_as_one_motion() -> None:
-    """Relative to what the last keyframe saw: registration tells nothing along x, and all else."""
+    """Relative to what the last keyframe saw: registration determines all but x."""
     along = np.diag([1e8, 1e8, 1e8, 0, 1e8, 1e8])
     motion = MeasuredMotion(from_yaw(0.3, 0, 0, 0), np.array([0.0, 0.0, 1.0]), 1.0)
-    model, T = MotionModel(), np.eye(4)
+    model, T = MotionModel(CONFIG), np.eye(4)
     for _ in range(20):
         prediction = model.predict(T, motion)
         T = prediction.T_map_base
@@ -89,26 +91,26 @@ def test_more_than_half_a_turn_on_a_slope_is_the_same_turn(slope_deg: float) -> 
     np.testing.assert_allclose(motion.turn, [0, 0, turned], atol=1e-9)
 
 
-def test_after_a_restart_a_pose_is_as_sure_as_told() -> None:
-    model, motion = MotionModel(), motion_of(np.random.default_rng(2))
+def test_after_a_restart_a_pose_is_as_sure_as_given() -> None:
+    model, motion = MotionModel(CONFIG), motion_of(np.random.default_rng(2))
     sure = np.diag(model.predict(np.eye(4), motion).covariance)[:6]
     model.restart(0.04 * np.eye(6))
     assert (np.diag(model.predict(np.eye(4), motion).covariance)[:6] - sure > 0.039).all()
 
 
 def test_what_was_learnt_makes_the_next_motion_surer() -> None:
-    motion, model = motion_of(np.random.default_rng(2)), MotionModel()
+    motion, model = motion_of(np.random.default_rng(2)), MotionModel(CONFIG)
     before = model.predict(np.eye(4), motion).step
-    model.learn(OdometryErrors(UNKNOWN, np.zeros((5, 5))))
+    model.learn(OdometryErrors(EXPECTED.errors, np.zeros((5, 5))))
     after = model.predict(np.eye(4), motion).step
-    np.testing.assert_allclose(after, motion.noise)
+    np.testing.assert_allclose(after, motion.noise(CONFIG))
     assert (np.diag(after)[2:5] < np.diag(before)[2:5]).all()
 
 
 def test_a_motion_is_as_unsure_as_the_way_the_turn_and_the_slope_make_it() -> None:
     level, slope = np.array([0.0, 0.0, 1.0]), np.array([0.28, 0.0, 0.96])
     far, near, turn = from_yaw(2, 0, 0, 0), from_yaw(0.5, 0, 0, 0), from_yaw(0, 0, 0, 0.5)
-    sigma = {name: np.sqrt(MeasuredMotion(T, up, 1.0).noise[3, 3]) for name, T, up in (
+    sigma = {name: np.sqrt(MeasuredMotion(T, up, 1.0).noise(CONFIG)[3, 3]) for name, T, up in (
         ("far", far, level), ("near", near, level), ("turn", turn, level), ("slides", turn, slope)
     )}  # fmt: skip
     assert sigma["far"] == pytest.approx(2 * sigma["near"], rel=0.05)

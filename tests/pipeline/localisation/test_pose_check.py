@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pipeline.localisation.config import LocalisationConfig
 from pipeline.localisation.localisation import Localised, LostError
-from pipeline.localisation.pose_check import PoseCheck, PoseCheckConfig
+from pipeline.localisation.pose_check import PoseCheck
 from pipeline.mapper import Mapper
 from pipeline.semantic_map.classifier import TruthClassifier
 from pipeline.transforms import from_yaw
@@ -26,7 +27,7 @@ def mapper() -> Mapper:
 )
 def test_a_camera_without_depth_is_noticed_where_it_ought_to_see(mapper: Mapper, move: np.ndarray, most: int) -> None:
     maps = mapper.localisation, mapper.metric_map, mapper.elevation_map, mapper.keyframes
-    check, frame, T = PoseCheck(*maps, PIONEER, PoseCheckConfig()), StillRobot().sense(), np.eye(4)
+    check, frame, T = PoseCheck(*maps, PIONEER, LocalisationConfig()), StillRobot().sense(), np.eye(4)
 
     def see(share: float) -> None:
         nonlocal T

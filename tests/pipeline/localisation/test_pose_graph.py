@@ -7,18 +7,20 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from pipeline.localisation.config import LocalisationConfig
 from pipeline.localisation.localisation import Loop
 from pipeline.localisation.motion_model import MeasuredMotion
-from pipeline.localisation.pose_graph import LEVER, PoseGraph
+from pipeline.localisation.pose_graph import PoseGraph
 from pipeline.transforms import from_rotation, from_yaw, inverse, tilt_of, yaw_of
 
+CONFIG = LocalisationConfig()
 SURE, VAGUE = 1e4 * np.eye(6), 10 * np.eye(6)
 UP = np.array([0.0, 0.0, 1.0])
 
 
 def chain(edges: list[NDArray[np.float64]], information: NDArray[np.float64] = SURE) -> PoseGraph:
     """A graph of keyframes one after the other, level by the odometry."""
-    graph = PoseGraph()
+    graph = PoseGraph(CONFIG)
     graph.add(np.eye(4), UP)
     for k, edge in enumerate(edges):
         T = graph.poses[k] @ edge
@@ -84,7 +86,7 @@ def test_gravity_levels_what_registration_has_tilted() -> None:
 
 
 def test_a_start_on_a_slope_stays_where_the_odometry_has_it() -> None:
-    T, graph = tilted(5, -10), PoseGraph()
+    T, graph = tilted(5, -10), PoseGraph(CONFIG)
     graph.add(T, T[2, :3])
     graph.add(np.eye(4), UP)
     graph.connect(0, 1, np.eye(4), SURE)
@@ -93,7 +95,7 @@ def test_a_start_on_a_slope_stays_where_the_odometry_has_it() -> None:
 
 
 def test_a_level_that_is_mounted_askew_tilts_nothing() -> None:
-    askew, graph = tilted(1, 2), PoseGraph()
+    askew, graph = tilted(1, 2), PoseGraph(CONFIG)
     for k, yaw in enumerate((0.0, 1.0, 2.5)):
         T = from_yaw(k, 0, 0, yaw)
         graph.add(T, askew[2, :3])
@@ -116,7 +118,7 @@ def test_nothing_moves_where_all_agree(x: float, yaw: float) -> None:
 def test_a_constraint_is_relative_to_where_its_keyframe_is_believed_to_be() -> None:
     graph = chain([from_yaw(1, 0, 0, 0)])
     start = from_yaw(0, 5, 0, np.pi / 2)
-    other = PoseGraph()
+    other = PoseGraph(CONFIG)
     other.add(start, UP)
     other.connect(0, other.add(start @ from_yaw(1.5, 0, 0, 0), UP), start @ from_yaw(1, 0, 0, 0), SURE)
     other.optimise()
@@ -132,7 +134,7 @@ def test_deviations_are_those_of_the_best_chain() -> None:
     graph.link(1, 3, turn)
     graph.link(0, 3, far)
     graph.link(3, 4, near)
-    by_hand = [0.04 + LEVER**2 * 0.03 + 0.04, LEVER**2 * 0.03 + 0.04, np.inf, 0.04, 0]
+    by_hand = [0.04 + 4 * 0.03 + 0.04, 4 * 0.03 + 0.04, np.inf, 0.04, 0]
     assert by_hand[0] < 0.25 + 0.04  # the chain over 1 is better than the link
     np.testing.assert_allclose(graph.deviations(4), np.sqrt(by_hand))
 
@@ -160,7 +162,7 @@ def test_one_keyframe_is_known() -> None:
 
 def driven(motions: list[MeasuredMotion]) -> PoseGraph:
     """A graph of keyframes at the poses by the odometry, connected by it alone."""
-    graph = PoseGraph()
+    graph = PoseGraph(CONFIG)
     graph.add(np.eye(4), UP)
     for motion in motions:
         graph.add(graph.poses[-1] @ motion.T, UP)
@@ -198,4 +200,4 @@ def test_a_pose_is_stated_as_sure_as_its_drive() -> None:
     graph = driven([motion] * 50)
     graph.optimise()
     deviation = np.sqrt(graph.covariance(50)[3, 3])
-    assert deviation == pytest.approx(np.sqrt(50 * motion.noise[3, 3] + (0.02 * 15) ** 2), rel=0.01)
+    assert deviation == pytest.approx(np.sqrt(50 * motion.noise(CONFIG.odometry)[3, 3] + (0.02 * 15) ** 2), rel=0.01)

@@ -7,6 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.typing import NDArray
 
+from pipeline.localisation.config import RegistrationConfig
 from pipeline.localisation.registration import (
     Prior,
     Target,
@@ -21,6 +22,7 @@ from pipeline.localisation.slam import is_pinned
 from pipeline.transforms import from_yaw, inverse
 from tests.pipeline.worlds import flat, ground_points, wall_points
 
+CONFIG = RegistrationConfig()
 VAGUE = 1e-3 * np.eye(6)
 FLOOR = ground_points(flat, (-1, 1), (-1, 1))
 ENDS = [wall_points((x, -1), (x, 1)) for x in (-1, 1)]
@@ -36,15 +38,15 @@ def scattered(*clouds: NDArray[np.float32], seed: int) -> NDArray[np.float64]:
 
 def target_of(*parts: NDArray[np.float64]) -> Target:
     """A target with a different owner for each part."""
-    thin = [cloud_of(part).points()[:, :3] for part in parts]
+    thin = [cloud_of(part, CONFIG).points()[:, :3] for part in parts]
     owner = np.repeat(np.arange(len(parts)), [len(part) for part in thin])
-    return Target(np.vstack(thin), owner)
+    return Target(np.vstack(thin), owner, CONFIG)
 
 
 def source_of(points: NDArray[np.float64], T_map_base: NDArray[np.float64]) -> small_gicp.PointCloud:
     """What a robot sees of points in ``map``."""
     T = inverse(T_map_base)
-    return cloud_of(points @ T[:3, :3].T + T[:3, 3])
+    return cloud_of(points @ T[:3, :3].T + T[:3, 3], CONFIG)
 
 
 ROOM = target_of(scattered(FLOOR, *ENDS, *SIDES, seed=0))
@@ -59,19 +61,19 @@ offsets = st.tuples(*[st.floats(-0.04, 0.04)] * 3, *[st.floats(-0.08, 0.08)] * 3
 def test_a_known_pose_is_recovered_to_millimetres(offset: NDArray[np.float64]) -> None:
     true = from_yaw(0.3, -0.2, 0.1, 0.7)
     source = source_of(scattered(FLOOR, *ENDS, *SIDES, seed=1), true)
-    found = register(ROOM, source, [Prior(true @ exponential(offset), VAGUE)])
+    found = register(ROOM, source, [Prior(true @ exponential(offset), VAGUE)], 0.2, CONFIG)
     error = logarithm(inverse(true) @ found.T)
     assert np.linalg.norm(error[3:]) < 0.002
     assert np.linalg.norm(error[:3]) < 0.002
     assert found.overlap > 0.99
-    assert is_pinned(found.information)
+    assert is_pinned(found.information, 0.1)
 
 
 @pytest.mark.parametrize("x", [0.0, 0.04, -0.3])
 def test_along_a_corridor_the_pose_stays_with_the_prior(x: float) -> None:
     source = source_of(scattered(FLOOR, *SIDES, seed=1), np.eye(4))
     odometry = Prior(from_yaw(x, 0.06, 0.0, 0.04), np.diag(np.repeat([0.02, 0.02], 3) ** -2.0))
-    found = register(CORRIDOR, source, [odometry])
+    found = register(CORRIDOR, source, [odometry], 0.2, CONFIG)
     assert found.T[0, 3] == pytest.approx(x, abs=0.01)
     assert np.abs(found.T[1:3, 3]).max() < 0.003
     assert np.abs(logarithm(found.T)[:3]).max() < 0.003
@@ -79,13 +81,13 @@ def test_along_a_corridor_the_pose_stays_with_the_prior(x: float) -> None:
 
 def test_of_the_direction_along_a_corridor_registration_claims_nothing() -> None:
     source = source_of(scattered(FLOOR, *SIDES, seed=1), np.eye(4))
-    shares, _ = shares_of(CORRIDOR, source, np.eye(4))
+    shares, _ = shares_of(CORRIDOR, source, np.eye(4), CONFIG)
     (share,) = shares
     along, across, up = np.diag(share.information)[3:]
     assert along < 1e-3 * min(across, up)
-    assert not is_pinned(share.information)
+    assert not is_pinned(share.information, 0.1)
     ends = source_of(scattered(FLOOR, *ENDS, *SIDES, seed=1), np.eye(4))
-    assert is_pinned(shares_of(ROOM, ends, np.eye(4))[0][0].information)
+    assert is_pinned(shares_of(ROOM, ends, np.eye(4), CONFIG)[0][0].information, 0.1)
 
 
 @given(ratio=st.floats(0.01, 100), way=st.floats(-1, 1))
@@ -93,7 +95,7 @@ def test_of_the_direction_along_a_corridor_registration_claims_nothing() -> None
 def test_priors_weigh_by_their_information(ratio: float, way: float) -> None:
     """Without corresponding points, the pose is the weighted mean of the priors."""
     priors = [Prior(np.eye(4), 9 * np.eye(6)), Prior(from_yaw(way, 0, 0, 0), 9 * ratio * np.eye(6))]
-    found = register(FAR, source_of(scattered(FLOOR, seed=1), np.eye(4)), priors)
+    found = register(FAR, source_of(scattered(FLOOR, seed=1), np.eye(4)), priors, 0.2, CONFIG)
     share = ratio / (1 + ratio)
     np.testing.assert_allclose(found.T, from_yaw(share * way, 0, 0, 0), atol=1e-9)
     np.testing.assert_allclose(found.covariance, np.eye(6) / (9 * (1 + ratio)), rtol=1e-9, atol=1e-12)
@@ -105,7 +107,7 @@ def test_priors_weigh_by_their_information(ratio: float, way: float) -> None:
 def test_a_sure_prior_holds_against_surfaces_and_chi2_tells_of_the_quarrel() -> None:
     source = source_of(scattered(FLOOR, *ENDS, *SIDES, seed=1), np.eye(4))
     off = from_yaw(0.05, 0, 0, 0)
-    sure, vague = (register(ROOM, source, [Prior(off, i * np.eye(6))]) for i in (1e12, 1e2))
+    sure, vague = (register(ROOM, source, [Prior(off, i * np.eye(6))], 0.2, CONFIG) for i in (1e12, 1e2))
     assert sure.T[0, 3] == pytest.approx(0.05, abs=1e-4)
     assert vague.T[0, 3] == pytest.approx(0.0, abs=1e-3)
     assert vague.chi2 == pytest.approx(1e2 * 0.05**2, rel=0.1)
@@ -115,7 +117,7 @@ def test_each_owner_tells_what_its_own_points_know() -> None:
     """The first keyframe owns the floor and the ends, the second the sides, 3 cm too far along y."""
     target = target_of(scattered(FLOOR, *ENDS, seed=0), scattered(*SIDES, seed=2) + np.array([0, 0.03, 0]))
     source = source_of(scattered(FLOOR, *ENDS, *SIDES, seed=1), np.eye(4))
-    shares, _ = shares_of(target, source, np.eye(4))
+    shares, _ = shares_of(target, source, np.eye(4), CONFIG)
     first, second = sorted(shares, key=lambda share: share.owner)
     assert (first.owner, second.owner) == (0, 1)
     assert np.linalg.norm(first.T[:3, 3]) < 0.003
@@ -128,7 +130,7 @@ def test_each_owner_tells_what_its_own_points_know() -> None:
 def test_points_are_new_where_the_target_has_none() -> None:
     beyond = wall_points((1.2, -1), (1.2, 1))
     source = source_of(scattered(FLOOR, *ENDS, *SIDES, beyond, seed=1), np.eye(4))
-    _, new = shares_of(ROOM, source, np.eye(4))
+    _, new = shares_of(ROOM, source, np.eye(4), CONFIG)
     x = source.points()[:, 0]
     assert new[x > 1.15].all()
     assert new[x < 1.05].mean() < 0.02
@@ -136,7 +138,7 @@ def test_points_are_new_where_the_target_has_none() -> None:
 
 @pytest.mark.parametrize("side", [-1, 1])
 def test_normals_point_to_the_camera_that_saw_the_wall(side: int) -> None:
-    cloud = cloud_of(scattered(wall_points((0, -1), (0, 1)), seed=0))
+    cloud = cloud_of(scattered(wall_points((0, -1), (0, 1)), seed=0), CONFIG)
     normals = front_normals(cloud, np.array([side * 2.0, 0.0, 0.5]))
     assert np.median(normals[:, 0] * side) > 0.99
     assert (normals[:, 0] * side > 0).all()

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-import pipeline.localisation.slam as slam_module
 from pipeline.frame import Frame
 from pipeline.localisation.belief import MotionState
+from pipeline.localisation.config import LocalisationConfig, RegistrationConfig, SlamConfig
 from pipeline.localisation.localisation import LostError
 from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.localisation.registration import logarithm
@@ -77,7 +77,7 @@ def test_it_keeps_each_surface_once_and_where_it_is() -> None:
     assert len(points) < 2 * 30 / 0.05**2  # 30 m² of surfaces, each from both sides at most
 
 
-def test_a_pose_tells_how_well_it_is_known() -> None:
+def test_a_pose_states_how_uncertain_it_is() -> None:
     deviation = np.sqrt(np.diag(whole().covariance))
     assert (deviation > 0).all()
     assert deviation.max() < 0.02
@@ -246,9 +246,8 @@ def test_a_robot_that_was_set_down_where_it_sees_nothing_stays_there_on_the_map(
     assert 0.1 < np.sqrt(slam.covariance[3, 3]) < 0.2  # as uncertain as a place that was found
 
 
-def test_loops_are_of_keyframes_and_not_of_what_was_seen_since(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(slam_module, "KNOWN", 0.004)
-    slam = Slam()
+def test_loops_are_of_keyframes_and_not_of_what_was_seen_since() -> None:
+    slam = Slam(config=LocalisationConfig(slam=SlamConfig(local_deviation=0.004)))
     for frame, later in pairwise(frames()[:12]):
         slam.add(frame, slam.localise(frame))
         slam.localise(later)
@@ -307,7 +306,7 @@ def test_the_limit_of_depth_takes_no_half_of_the_noise(distance_m: float) -> Non
     """A wall is measured with 2 cm of noise: the mean of the points that are used lies on the wall."""
     frame = frames()[0]
     noise = np.random.default_rng(0).normal(0, 0.02, frame.depth.shape)
-    cloud = cloud_of_frame(replace(frame, depth=(distance_m + noise).astype(np.float32)))
+    cloud = cloud_of_frame(replace(frame, depth=(distance_m + noise).astype(np.float32)), RegistrationConfig())
     assert (cloud is None) == (distance_m > 3.4)
     if cloud is not None:
         off = transform_points(inverse(frame.T_base_camera), cloud.points()[:, :3])[:, 2] - distance_m

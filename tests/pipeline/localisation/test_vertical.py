@@ -1,11 +1,12 @@
-"""Which way is up, by the surfaces in view."""
+"""Which way is up, by the floor or by all surfaces in view."""
 
 from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from pipeline.localisation.gravity import T_lowest_camera, vertical
+from pipeline.errors import InputError
+from pipeline.localisation.vertical import T_floor_camera, T_lowest_camera, vertical
 from pipeline.transforms import from_rotation, from_yaw
 from tests.pipeline.localisation.driving_robot import ROOM, T_BASE_CAMERA, seen
 from tests.pipeline.polygon_scene import floor, wall
@@ -19,7 +20,7 @@ def angle(a: np.ndarray, b: np.ndarray) -> float:
 
 
 @pytest.mark.parametrize("rolled", [-20, 0, 15])
-def test_floor_and_walls_tell_the_vertical(rolled: float) -> None:
+def test_floor_and_walls_show_the_vertical(rolled: float) -> None:
     c, s = np.cos(np.deg2rad(rolled)), np.sin(np.deg2rad(rolled))
     T_world_base = HERE @ from_rotation(np.array([[1, 0, 0], [0, c, -s], [0, s, c]]), np.zeros(3))
     up = vertical(seen(T_world_base, T_world_base))
@@ -34,7 +35,7 @@ def test_without_a_floor_walls_and_a_table_do() -> None:
     assert angle(up, np.array([0, 0, 1])) < 1
 
 
-def test_a_wall_alone_tells_nothing() -> None:
+def test_a_wall_alone_shows_nothing() -> None:
     assert vertical(seen(HERE, HERE, faces=[wall((2.5, -9), (2.5, 9), -5, 5)])) is None
     frame = seen(HERE, HERE)
     assert vertical(replace(frame, depth=np.zeros_like(frame.depth))) is None
@@ -45,3 +46,23 @@ def test_the_camera_is_level_over_the_lowest_in_view() -> None:
     T = T_lowest_camera(frame, T_BASE_CAMERA[2, :3])
     np.testing.assert_allclose(T[:3, :3], T_BASE_CAMERA[:3, :3], atol=1e-9)
     np.testing.assert_allclose(T[:3, 3], [0, 0, T_BASE_CAMERA[2, 3]], atol=0.02)
+
+
+def test_the_floor_shows_how_a_camera_looks() -> None:
+    T = T_floor_camera(seen(HERE, HERE))
+    np.testing.assert_allclose(T[:3, :3], T_BASE_CAMERA[:3, :3], atol=0.01)
+    np.testing.assert_allclose(T[:3, 3], [0, 0, 0.6], atol=0.01)
+
+
+def test_a_table_is_no_floor() -> None:
+    table = [floor(2.9, 3.6, 0.3, 1.6, z=0.3), wall((2.9, 0.3), (2.9, 1.6), 0.0, 0.3)]
+    frame = seen(HERE, HERE, faces=[*ROOM, *table])
+    np.testing.assert_allclose(T_floor_camera(frame)[2, 3], 0.6, atol=0.01)
+
+
+def test_a_camera_that_sees_no_floor_gets_an_error() -> None:
+    frame = seen(HERE, HERE)
+    with pytest.raises(InputError, match="too little"):
+        T_floor_camera(replace(frame, depth=np.zeros_like(frame.depth)))
+    with pytest.raises(InputError, match="no floor"):
+        T_floor_camera(replace(frame, depth=np.full_like(frame.depth, 2.0)))

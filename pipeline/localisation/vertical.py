@@ -1,0 +1,86 @@
+"""Estimate the vertical from the surfaces that a camera sees, for recordings that do not contain it otherwise."""
+
+import numpy as np
+
+from pipeline.arrays import Direction, Places, Pose
+from pipeline.errors import InputError
+from pipeline.frame import Frame
+from pipeline.localisation.config import LocalisationConfig, VerticalConfig
+from pipeline.localisation.registration import front_normals
+from pipeline.localisation.slam import cloud_of_frame
+from pipeline.transforms import from_rotation, inverse, level
+
+
+def vertical(frame: Frame, config: LocalisationConfig = LocalisationConfig()) -> Direction | None:
+    """The vertical in ``base_link``, by surfaces about level or upright in the image; None if they leave it open.
+
+    Floors and tables are horizontal, walls and cupboards vertical; a wall alone leaves it open. Method: S. Gupta,
+    P. Arbeláez and J. Malik, "Perceptual Organization and Recognition of Indoor Scenes from RGB-D Images", CVPR 2013.
+    """
+    cloud, c = cloud_of_frame(frame, config.registration), config.vertical
+    if cloud is None:
+        return None
+    normals = front_normals(cloud, frame.T_base_camera[:3, 3])
+    up = -frame.T_base_camera[:3, 1]
+    for angle in np.repeat([c.first_angle, c.last_angle], c.rounds):
+        along = np.abs(normals @ up)
+        horizontal, upright = normals[along > np.cos(angle)], normals[along < np.sin(angle)]
+        values, directions = np.linalg.eigh(upright.T @ upright - horizontal.T @ horizontal)
+        if values[1] - values[0] < c.least_surfaces * len(normals):
+            return None
+        up = directions[:, 0] * np.sign(directions[:, 0] @ up)
+    return up
+
+
+def T_floor_camera(frame: Frame, config: VerticalConfig = VerticalConfig()) -> Pose:
+    """Pose of ``camera_optical`` over the floor that it sees, as :func:`T_level_camera`.
+
+    Of the planes that face upward in the image and have nothing below, the floor is the one with most returns.
+
+    Raises:
+        InputError: there is no such plane, or too few returns.
+    """
+    depth, rays = (image[:: config.stride, :: config.stride] for image in (frame.depth, frame.intrinsics.rays))
+    shown = depth > 0
+    points = rays[shown].astype(np.float64) * depth[shown, None]
+    if len(points) < config.least_points:
+        raise InputError(f"the frame at {frame.time:.2f} s shows too little to find which way is up")
+    tolerance = config.on_floor * frame.sensor.sigma(points[:, 2])
+    best, most = None, config.least_floor * len(points)
+    rng = np.random.default_rng(0)
+    for sample in rng.integers(0, len(points), (config.trials, 3)):
+        normal, offset = _plane(points[sample])
+        height = points @ normal + offset
+        on = np.abs(height) < tolerance
+        is_free_below = np.mean(height < -config.below * tolerance) < config.most_below
+        if -normal[1] > np.cos(config.steepest) and on.sum() > most and is_free_below:
+            best, most = on, on.sum()
+    if best is None:
+        raise InputError(f"the frame at {frame.time:.2f} s shows no floor to find which way is up")
+    middle = points[best].mean(axis=0)
+    up = np.linalg.svd(points[best] - middle, full_matrices=False)[2][2]
+    up *= -np.sign(up[1])
+    return T_level_camera(up, float(up @ middle))
+
+
+def _plane(points: Places) -> tuple[Direction, float]:
+    """Normal that points up in the image, and offset, of the plane through three points."""
+    normal = np.cross(points[1] - points[0], points[2] - points[0])
+    normal *= -np.sign(normal[1]) / max(float(np.linalg.norm(normal)), np.finfo(np.float64).eps)
+    return normal, float(-normal @ points[0])
+
+
+def T_lowest_camera(frame: Frame, up: Direction, config: VerticalConfig = VerticalConfig()) -> Pose:
+    """Pose of the camera over the lowest that it sees, with the vertical in ``camera_optical``."""
+    heights = (frame.intrinsics.rays[frame.returns] @ up) * frame.depth[frame.returns]
+    return T_level_camera(up, float(np.quantile(heights, config.most_below)))
+
+
+def T_level_camera(up: Direction, floor: float) -> Pose:
+    """Pose of ``camera_optical`` over a floor: level, x forward where it looks, the origin below the camera.
+
+    Args:
+        up: the vertical in ``camera_optical``.
+        floor: m along it from the camera, below 0.
+    """
+    return inverse(from_rotation(level(up, forward=(0.0, 0.0, 1.0)).T, floor * up))

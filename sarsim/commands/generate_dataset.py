@@ -1,9 +1,8 @@
 """Generate a labelled RGB-D dataset in random rescue arenas."""
 
-import os
 from dataclasses import dataclass, fields
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import Literal
 
 from rich.console import Console
 
@@ -12,9 +11,7 @@ from pipeline.files import check_folder
 from sarsim.commands.cli import progress
 from sarsim.commands.settings import run_with_settings, save_settings
 from sarsim.dataset.settings import DatasetConfig
-
-if TYPE_CHECKING:
-    from sarsim.dataset.engine import Engine
+from sarsim.jobs.engines import make_engine
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -57,22 +54,6 @@ def generate_dataset(settings: GenerateDataset) -> None:
     save_settings(settings, settings.out / "config.yaml")
     told = f"{len(manifest.scenes)} scenes in {settings.out}; look at them in {settings.out / 'index.html'}"
     Console().print(told, soft_wrap=True)
-
-
-def make_engine(name: str, workers: int | None) -> "Engine":
-    """The engine that ``--engine`` names, with one worker per core if their number is not given.
-
-    Raises:
-        InputError: it is not installed.
-    """
-    workers = workers or len(os.sched_getaffinity(0))
-    if name == "ray":
-        from sarsim.dataset.ray_engine import RayEngine
-
-        return RayEngine(workers, os.environ.get("RAY_ADDRESS"))
-    from sarsim.dataset.local_engine import LocalEngine
-
-    return LocalEngine(workers)
 
 
 def main() -> None:

@@ -5,7 +5,9 @@ import json
 import sys
 from collections import Counter
 from collections.abc import Sequence
+from contextlib import closing
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
@@ -16,16 +18,15 @@ from tyro.conf import Fixed
 from pipeline.errors import InputError
 from pipeline.files import make_folder, read_text, whole_file
 from sarsim.commands.cli import progress
-from sarsim.commands.generate_dataset import make_engine
 from sarsim.commands.provenance import processor, state_of_code
 from sarsim.commands.settings import run_with_settings, save_settings
+from sarsim.jobs.engines import make_engine
+from sarsim.jobs.folder_lock import FolderLock, locked
 from sarsim.settings import METHODS
 
 if TYPE_CHECKING:
-    from sarsim.commands.sweeps.episodes import EpisodeResult, Sweep, SweepJob
+    from sarsim.commands.sweeps.episodes import EpisodeResult, SweepJob
     from sarsim.commands.sweeps.leaderboard import Entry
-    from sarsim.dataset.engine import Engine
-    from sarsim.dataset.folder_lock import FolderLock
 
 MANIFEST = "sweep.json"
 """Says what the episodes in a folder were run with."""
@@ -61,11 +62,10 @@ class SweepSettings:
 def sweep(settings: SweepSettings) -> None:
     """Run the episodes that have not been run yet; write and print how the methods compare."""
     from sarsim.commands.sweeps.arenas import GRID, arenas_of
-    from sarsim.commands.sweeps.episodes import FOLDER, ORACLE, Sweep, SweepJob
+    from sarsim.commands.sweeps.episodes import FOLDER, ORACLE, SweepJob
     from sarsim.commands.sweeps.leaderboard import write_entry
     from sarsim.commands.sweeps.page import write_page
     from sarsim.commands.sweeps.parquet import write_parquet
-    from sarsim.dataset.folder_lock import FolderLock
     from sarsim.tasks.grid_explorers import EXPLORERS
 
     if not settings.seeds or min(settings.seeds) < 0 or settings.limit <= 0 or settings.steps < 1:
@@ -78,11 +78,10 @@ def sweep(settings: SweepSettings) -> None:
     )
     jobs = [SweepJob(m, arena, seed) for arena in arenas for seed in dict.fromkeys(settings.seeds) for m in methods]
     make_folder(settings.out, [MANIFEST])
-    with FolderLock.take(settings.out) as lock:
+    with locked(settings.out) as lock:
         commit = begin(settings)
         (settings.out / FOLDER).mkdir(exist_ok=True)
-        work = Sweep(tuple(jobs), settings.steps, settings.limit)
-        failed = run_missing(work, settings.out, make_engine(settings.engine, settings.workers), lock)
+        failed = run_missing(jobs, settings, lock)
         results = results_of(jobs, settings.out, failed)
         write_parquet([result.row for result in results], settings.out / "episodes.parquet")
         save_settings(settings, settings.out / "config.yaml")
@@ -126,19 +125,20 @@ def code() -> str:
         return ""
 
 
-def run_missing(work: "Sweep", folder: Path, engine: "Engine", lock: "FolderLock") -> dict["SweepJob", str]:
-    """Run the episodes that have no result in the folder; why some failed."""
-    from sarsim.commands.sweeps.episodes import result_of
-    from sarsim.dataset.engine import JobDone, JobFailed
+def run_missing(jobs: Sequence["SweepJob"], settings: SweepSettings, lock: FolderLock) -> dict["SweepJob", str]:
+    """Run the episodes that have no result in the locked folder; why some failed."""
+    from sarsim.commands.sweeps.episodes import result_of, run_episode
 
-    todo = [n for n, job in enumerate(work.jobs) if result_of(job, folder) is None]
+    todo = [job for job in jobs if result_of(job, lock.folder) is None]
     failed: dict[SweepJob, str] = {}
-    with progress() as bars:
+    work = partial(run_episode, settings.steps, settings.limit)
+    engine = make_engine(settings.engine, settings.workers)
+    with progress() as bars, closing(engine.run(work, todo, lock)) as outcomes:
         bar = bars.add_task("episodes", total=len(todo))
-        for event in engine.run(work, todo, folder, lock):
-            if isinstance(event, JobFailed):
-                failed[work.jobs[event.index]] = " ".join(str(event.error).split())
-            bars.advance(bar, isinstance(event, JobDone | JobFailed))
+        for job, outcome in outcomes:
+            if error := outcome.exception():
+                failed[job] = " ".join(str(error).split())
+            bars.advance(bar)
     return failed
 
 

@@ -2,18 +2,18 @@
 
 import logging
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import closing, contextmanager, suppress
 from functools import partial
 from pathlib import Path
 
 from pipeline.files import make_folder
 from sarsim.dataset.croissant import describe_dataset
-from sarsim.dataset.engine import Engine, JobDone, JobFailed, JobLost, PartDone
-from sarsim.dataset.folder_lock import FolderLock
-from sarsim.dataset.manifest import FILE, SCENES, Manifest, SceneEntry, sha256_of
+from sarsim.dataset.manifest import FILE, SCENES, Manifest, sha256_of
 from sarsim.dataset.recipe import Recipe
 from sarsim.dataset.render import make_scene
 from sarsim.dataset.summary import write_summary
+from sarsim.jobs.engine import Engine
+from sarsim.jobs.folder_lock import FolderLock, locked
 
 _log = logging.getLogger(__name__)
 
@@ -24,42 +24,33 @@ def generate(
     """Make the first ``scenes`` scenes of a recipe; those that are already complete are kept.
 
     The folder gets dataset.json, which is returned, the scenes' files, index.html and croissant.json.
-    ``on_frames`` is called often, with the number of frames made so far.
+    ``on_frames`` is called with the number of frames made so far, at first and after every scene.
 
     Raises:
         InputError: the recipe cannot be followed, the folder cannot be written, or it holds other files.
     """
     make_folder(folder, [FILE])
-    with _locked(folder) as lock:
+    with _cleaned(folder) as lock:
         manifest = _begun(recipe, folder)
         manifest.write(folder)
-        made = dict.fromkeys(manifest.scenes, recipe.frames)
-        on_frames(sum(made.values()))
-        todo = [index for index in range(scenes) if index not in made]
-        for event in engine.run(partial(make_scene, recipe), todo, folder, lock):
-            if isinstance(event, PartDone):
-                made[event.index] = made.get(event.index, 0) + 1
-            elif isinstance(event, JobLost):
-                _log.warning("scene %d: its worker died; it begins again", event.index)
-                made[event.index] = 0
-            elif isinstance(event, JobFailed):
-                raise type(event.error)(f"scene {event.index}: {event.error}") from event.error
-            elif isinstance(event, JobDone):
-                entry = event.product
-                assert isinstance(entry, SceneEntry)
-                made[entry.index] = recipe.frames
-                manifest.scenes[entry.index] = entry
+        on_frames(len(manifest.scenes) * recipe.frames)
+        todo = [index for index in range(scenes) if index not in manifest.scenes]
+        with closing(engine.run(partial(make_scene, recipe), todo, lock)) as outcomes:
+            for index, outcome in outcomes:
+                if error := outcome.exception():
+                    raise type(error)(f"scene {index}: {error}") from error
+                manifest.scenes[index] = outcome.result()
                 manifest.write(folder)
-            on_frames(sum(made.values()))
+                on_frames(len(manifest.scenes) * recipe.frames)
         write_summary(folder)
         describe_dataset(folder, manifest)
         return manifest
 
 
 @contextmanager
-def _locked(folder: Path) -> Iterator[FolderLock]:
+def _cleaned(folder: Path) -> Iterator[FolderLock]:
     """Lock the folder, and in the end delete half-written files in it."""
-    with FolderLock.take(folder) as lock:
+    with locked(folder) as lock:
         try:
             yield lock
         finally:

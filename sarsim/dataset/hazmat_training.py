@@ -18,8 +18,8 @@ from pipeline.frame import decoded
 from sarsim.dataset.folder import Dataset
 from sarsim.dataset.hazmat_patches import PatchSource, patches
 from sarsim.dataset.patch_training import PatchTraining
-from sarsim.dataset.processes import connected
 from sarsim.dataset.settings import HazmatTrainingConfig
+from sarsim.jobs.processes import connected
 
 VALIDATED = 2000  # Patches on which the accuracy is measured
 PROCESSES, CHUNK = 16, 64  # That draw patches, and how many patches they draw at once

@@ -37,8 +37,8 @@ ATTEMPTS = 10
 """Largest number of random arenas that are drawn for a scene."""
 
 
-def make_scene(recipe: Recipe, index: int, folder: Path, on_frame: Callable[[], object] = lambda: None) -> SceneEntry:
-    """Make a scene's file in a dataset's folder, completely or not at all; calls ``on_frame`` after every frame.
+def make_scene(recipe: Recipe, index: int, folder: Path) -> SceneEntry:
+    """Make a scene's file in a dataset's folder, completely or not at all.
 
     Raises:
         InputError: the scene cannot be made or written.
@@ -46,7 +46,7 @@ def make_scene(recipe: Recipe, index: int, folder: Path, on_frame: Callable[[], 
     path = folder / scene_path(index)
     path.parent.mkdir(exist_ok=True)
     with whole_file(path) as partial:
-        scene, points = render_scene(recipe, index, partial, on_frame)
+        scene, points = render_scene(recipe, index, partial)
         digest = sha256_of(partial)
     return SceneEntry(
         index=index,

@@ -13,7 +13,7 @@ import numpy as np
 
 from sarsim.assets import asset
 from sarsim.commands.cli import tracked
-from sarsim.dataset.processes import connected
+from sarsim.jobs.processes import connected
 from sarsim.sensors.camera import RgbdCamera
 from sarsim.sensors.rendering import Renderer
 from sarsim.sensors.xtion import Xtion

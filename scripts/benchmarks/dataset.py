@@ -8,7 +8,8 @@ not count, the time in which it waits for a disk or a graphics card does.
 import os
 import tempfile
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping
+from contextlib import ExitStack
 from functools import partial
 from itertools import count
 from multiprocessing.connection import Connection
@@ -18,12 +19,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sarsim.commands.cli import tracked
-from sarsim.dataset.engine import JobDone
-from sarsim.dataset.folder_lock import FolderLock
-from sarsim.dataset.local_engine import Worker, wait_for
-from sarsim.dataset.processes import connected
 from sarsim.dataset.recipe import Recipe
 from sarsim.dataset.render import make_scene, render_scene
+from sarsim.jobs.folder_lock import locked
+from sarsim.jobs.local_engine import Worker
+from sarsim.jobs.processes import connected
 from scripts.benchmarks.common import RENDERERS, Result, at_least
 from scripts.benchmarks.settings import DatasetSettings
 
@@ -74,35 +74,38 @@ def _scaling(recipe: Recipe, rounds: int) -> NDArray[np.float64]:
         folders = [Path(name, part) for part in "ab"]
         for folder in folders:
             folder.mkdir()
-        with FolderLock.take(folders[0]) as lock:
-            workers = [Worker(partial(make_scene, recipe), folder, lock) for folder in folders]
-            _make(workers, 0)
+        with ExitStack() as stack:
+            workers = {folder: Worker(stack.enter_context(locked(folder))) for folder in folders}
+            for worker in workers.values():
+                stack.callback(worker.end)
+            alone, both = dict(list(workers.items())[:1]), workers
+            _make(recipe, both, 0)
             numbers = tracked(range(1, rounds + 1), "rounds")
-            ratios = [2 * _make(workers[:1], index) / _make(workers, index) for index in numbers]
-            for worker in workers:
-                worker.end()
+            ratios = [2 * _make(recipe, alone, index) / _make(recipe, both, index) for index in numbers]
     return np.array(ratios)
 
 
-def _make(workers: Sequence[Worker], index: int) -> NDArray[np.float64]:
-    """(2,) seconds in which all workers make the same scene, each for itself: undisturbed, and by the wall clock."""
-    start, starts = time.perf_counter(), {worker: seconds_of(worker.process.pid) for worker in workers}
-    for worker in workers:
-        worker.begin(index)
-    took: dict[Worker, float] = {}
-    while left := [worker for worker in workers if worker not in took]:
-        for worker in wait_for(left):
-            if isinstance(worker.event(), JobDone):
-                took[worker] = seconds_of(worker.process.pid) - starts[worker]
+def _make(recipe: Recipe, workers: Mapping[Path, Worker], index: int) -> NDArray[np.float64]:
+    """(2,) seconds in which workers make the same scene, each in its folder: undisturbed, and by the wall clock."""
+    start = time.perf_counter()
+    making = [worker.begin(partial(_timed, recipe), index, folder) for folder, worker in workers.items()]
+    took = max(scene.result() for scene in making)
     clock = time.perf_counter() - start
     # With fewer than two processors the workers wait for each other, and this time counts.
-    return np.array([max(took.values()) if len(os.sched_getaffinity(0)) >= 2 else clock, clock])
+    return np.array([took if len(os.sched_getaffinity(0)) >= 2 else clock, clock])
 
 
-def seconds_of(pid: int | None) -> float:
-    """A clock in s that stops while a single-threaded process waits for a processor, if Linux gives this time."""
+def _timed(recipe: Recipe, index: int, folder: Path) -> float:
+    """Undisturbed seconds in which this process makes a scene."""
+    start = undisturbed_seconds()
+    make_scene(recipe, index, folder)
+    return undisturbed_seconds() - start
+
+
+def undisturbed_seconds() -> float:
+    """A clock in s that stops while this single-threaded process waits for a processor, if Linux gives this time."""
     try:
-        waited = int(Path(f"/proc/{pid}/schedstat").read_text().split()[1])
+        waited = int(Path("/proc/self/schedstat").read_text().split()[1])
     except OSError:
         waited = 0
     return time.perf_counter() - 1e-9 * waited
@@ -111,13 +114,13 @@ def seconds_of(pid: int | None) -> float:
 def _serve(connection: Connection, name: str, recipe: Recipe) -> None:
     """The loop of a contender's process: on each message it makes a frame, and sends its undisturbed seconds."""
     connection.recv()
-    start = seconds_of(os.getpid())
+    start = undisturbed_seconds()
 
     def on_frame() -> None:
         nonlocal start
-        connection.send(seconds_of(os.getpid()) - start)
+        connection.send(undisturbed_seconds() - start)
         connection.recv()
-        start = seconds_of(os.getpid())
+        start = undisturbed_seconds()
 
     with tempfile.TemporaryDirectory() as folder:
         for index in count():

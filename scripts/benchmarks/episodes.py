@@ -1,19 +1,18 @@
-"""Whole episodes for the benchmark: each runs in a process of one thread, and writes one JSON file and one picture.
+"""Whole episodes for the benchmark: each runs in a worker of one thread, and writes one JSON file and one picture.
 
 Results stay in a folder, so that a long run can be interrupted and continued.
 """
 
+import gc
 import json
-import os
 import tempfile
 import traceback
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import redirect_stderr
+from contextlib import closing, redirect_stderr
 from dataclasses import asdict, dataclass, replace
+from functools import partial
 from importlib.metadata import version
 from itertools import count, islice
-from multiprocessing import connection
-from multiprocessing.process import BaseProcess
 from pathlib import Path
 from typing import Any, Literal
 
@@ -27,8 +26,9 @@ from pipeline.navigation.commands import Outcome
 from pipeline.robot import Motion
 from pipeline.sink import Sink
 from sarsim.commands.cli import progress
-from sarsim.dataset import processes
 from sarsim.episode import Episode
+from sarsim.jobs.engines import make_engine
+from sarsim.jobs.folder_lock import locked
 from sarsim.methods.perception import make_classifier
 from sarsim.scoring.progress import MOST
 from sarsim.settings import EpisodeConfig
@@ -117,24 +117,26 @@ def run_jobs(
     the folder, and these jobs are not run again.
 
     Raises:
-        InputError: the folder cannot be made, or holds results of other settings.
+        InputError: the folder cannot be made, is in use, or holds results of other settings.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise InputError(f"--runs {folder}: {error.strerror or error}") from error
-    waiting = [job for job in jobs if job.result(folder) is None]
-    most = workers or len(os.sched_getaffinity(0))
-    with progress() as bars:
+    with locked(folder) as lock, progress() as bars:
+        waiting = [job for job in jobs if job.result(folder) is None]
         bar = bars.add_task("episodes", total=len(waiting))
-        running: list[BaseProcess] = []
-        while waiting or running:
-            while waiting and len(running) < most:
-                running.append(processes.start(run or run_job, waiting.pop(0), folder, *args))
-            connection.wait([process.sentinel for process in running])
-            running = [process for process in running if process.is_alive()]
-            bars.update(bar, completed=len(jobs) - len(waiting) - len(running))
+        work = partial(_run_with, run or run_job, args)
+        with closing(make_engine(workers=workers).run(work, waiting, lock)) as outcomes:
+            for _ in outcomes:
+                bars.advance(bar)
     return [job.result(folder) for job in jobs]
+
+
+def _run_with(run: Callable[..., None], args: tuple[Any, ...], job: Job, folder: Path) -> None:
+    """Run a job; afterwards free its maps, which are in circles of references, for a worker runs many jobs."""
+    run(job, folder, *args)
+    gc.collect()
 
 
 class Contacts(Sink):
@@ -183,10 +185,7 @@ class BenchmarkEpisode(Episode):
 
 
 def leave(job: Job, folder: Path, make: Callable[[], dict[str, Any] | None]) -> None:
-    """Write the result of ``make`` to a folder, unless it is None; stderr goes to a log beside it.
-
-    The process ends with status 1 if ``make`` fails.
-    """
+    """Write the result of ``make`` to a folder, unless it is None or fails; stderr goes to a log beside it."""
     with (folder / f"{job.name}.log").open("w") as log, redirect_stderr(log):
         try:
             if (made := make()) is not None:
@@ -195,7 +194,6 @@ def leave(job: Job, folder: Path, make: Callable[[], dict[str, Any] | None]) -> 
                     file.write_text(json.dumps(content, indent=1, default=float, allow_nan=False) + "\n")
         except Exception:
             traceback.print_exc()
-            raise SystemExit(1) from None
 
 
 def run_job(job: Job, folder: Path) -> None:

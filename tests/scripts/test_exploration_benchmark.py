@@ -11,10 +11,11 @@ from pipeline.grid_map import Grid
 from sarsim.ground_truth.true_surface import TrueSurface
 from sarsim.settings import EpisodeConfig
 from scripts.benchmarks import episodes, exploration
-from scripts.benchmarks.episodes import GROUPS, Job, run_job
+from scripts.benchmarks.episodes import GROUPS, Job, run_job, run_jobs
 from scripts.benchmarks.exploration_table import RATIO, flat, group_figures, rich_table, sections, seen90_ratio
 from scripts.benchmarks.settings import ExplorationSettings
 from scripts.benchmarks.top_view import BAND, MOST_PIXELS, SEEN, UNSEEN, WALL, top_view
+from tests.sarsim.dataset.small import InProcess
 
 
 def report(explored=1.0, seen90=None, time=100.0, tipped=0, collisions=0):
@@ -103,36 +104,23 @@ def test_a_folder_that_cannot_be_made_is_refused(tmp_path):
         exploration.measure(ExplorationSettings(runs=tmp_path / "file" / "runs"))
 
 
-class Pretended:
-    """Stands for a process that has run a job at once."""
+@pytest.fixture
+def pretended(monkeypatch):
+    """Has jobs end at once; gives lists of names: started jobs, those to fail, those that see too little."""
+    started: list[str] = []
+    fails: list[str] = []
+    slow: list[str] = []
 
-    def __init__(self, job, folder, fails, slow):
+    def run(job, folder):
+        started.append(job.name)
         if job.name not in fails:
             seconds = None if job.name in slow else 40.0 if job.strategy == "ours" else 80.0
             content = report(0.95, seconds, collisions=job.config.seed)
             (folder / f"{job.name}.json").write_text(json.dumps({"settings": job.settings, "report": content}))
             (folder / f"{job.name}.png").write_bytes(b"picture")
 
-    sentinel = 0
-
-    def is_alive(self):
-        return False
-
-
-@pytest.fixture
-def pretended(monkeypatch):
-    """Makes jobs finish at once; gives lists of names: started jobs, those to fail, those that see too little."""
-    started: list[str] = []
-    fails: list[str] = []
-    slow: list[str] = []
-
-    def start(function, job, folder):
-        assert function is run_job
-        started.append(job.name)
-        return Pretended(job, folder, fails, slow)
-
-    monkeypatch.setattr(episodes.processes, "start", start)
-    monkeypatch.setattr(episodes.connection, "wait", lambda sentinels: sentinels)
+    monkeypatch.setattr(episodes, "run_job", run)
+    monkeypatch.setattr(episodes, "make_engine", lambda workers: InProcess())
     return started, fails, slow
 
 
@@ -209,10 +197,10 @@ def test_a_job_leaves_its_report_and_its_picture(tmp_path):
     assert names == {f"nearest_frontier-nist_6x4-0.{kind}" for kind in ("json", "png", "log")}
 
 
-def test_an_arena_without_a_start_is_left_out(tmp_path):
+def test_an_arena_without_a_start_is_left_out_by_a_worker(tmp_path):
     job = Job("raf", "ours", EpisodeConfig(arena=str(tmp_path / "none.raf"), labels="truth"))
-    run_job(job, tmp_path)
-    assert "none.raf" in job.result(tmp_path)["left_out"]
+    (result,) = run_jobs([job], tmp_path, 1)
+    assert "none.raf" in result["left_out"]
 
 
 def test_the_picture_shows_what_is_where():

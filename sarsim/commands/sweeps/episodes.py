@@ -9,7 +9,7 @@ import re
 import signal
 import tempfile
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -88,46 +88,29 @@ class SweepJob:
         return {"method": self.method, "arena": self.arena, "seed": self.seed}
 
 
-@dataclass(frozen=True)
-class EpisodeFile:
-    """The file of an episode; see :class:`sarsim.dataset.engine.Product`."""
+def run_episode(steps: int, limit: float, job: SweepJob, folder: Path) -> None:
+    """Run an episode, and write its row to a sweep's folder.
 
-    index: int
-    file: str
+    ``steps`` are the most in an arena of MuJoCo, ``limit`` the s by the clock that an episode may take.
 
-
-@dataclass(frozen=True)
-class Sweep:
-    """The episodes of a sweep; called, it runs one; see :data:`sarsim.dataset.engine.Make`.
-
-    Attributes:
-        jobs: the episodes.
-        steps: most steps of an episode in an arena of MuJoCo.
-        limit: s by the clock that an episode may take.
+    Raises:
+        InputError: the method or the arena fails; it says so in one line.
     """
-
-    jobs: tuple[SweepJob, ...]
-    steps: int
-    limit: float
-
-    def __call__(self, index: int, folder: Path, on_part: Callable[[], object]) -> EpisodeFile:
-        """Run an episode, and write its row; InputError, in one line, if the method or the arena fails."""
-        job, start = self.jobs[index], time.process_time()
-        try:
-            with limited(self.limit):
-                figures, curve = explored(job) if job.arena.startswith(GRID) else driven(job, self.steps)
-        except InputError:
-            raise
-        except Exception as error:
-            raise InputError(one_line(error)) from error
-        finally:
-            gc.collect()  # an episode's maps are in circles of references, and a worker runs many episodes
-        kept = {"row": job.row | figures, "curve": written(curve), "processor_s": time.process_time() - start}
-        path = folder / job.file
-        path.parent.mkdir(exist_ok=True)
-        with whole_file(path) as part:
-            part.write_text(json.dumps(kept) + "\n")
-        return EpisodeFile(index, job.file)
+    start = time.process_time()
+    try:
+        with limited(limit):
+            figures, curve = explored(job) if job.arena.startswith(GRID) else driven(job, steps)
+    except InputError:
+        raise
+    except Exception as error:
+        raise InputError(one_line(error)) from error
+    finally:
+        gc.collect()  # an episode's maps are in circles of references, and a worker runs many episodes
+    kept = {"row": job.row | figures, "curve": written(curve), "processor_s": time.process_time() - start}
+    path = folder / job.file
+    path.parent.mkdir(exist_ok=True)
+    with whole_file(path) as part:
+        part.write_text(json.dumps(kept) + "\n")
 
 
 @contextmanager

@@ -8,10 +8,11 @@ import pytest
 
 from pipeline.errors import InputError
 from sarsim.commands import export_dataset, generate_dataset
-from sarsim.commands.generate_dataset import GenerateDataset, make_engine
+from sarsim.commands.generate_dataset import GenerateDataset
 from sarsim.commands.generate_dataset import generate_dataset as command
 from sarsim.commands.settings import run_with_settings
-from sarsim.dataset.local_engine import LocalEngine
+from sarsim.jobs.engines import make_engine
+from sarsim.jobs.local_engine import LocalEngine
 from tests.refusal import refusal
 from tests.sarsim.dataset.small import InProcess, toys
 

@@ -1,18 +1,19 @@
 """Small datasets to test with."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Generator, Iterable
+from concurrent.futures import Future
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from pipeline.errors import InputError
 from pipeline.frame import Frame, Intrinsics
-from sarsim.dataset.engine import Event, JobDone, JobFailed, Make, PartDone
-from sarsim.dataset.folder_lock import FolderLock
 from sarsim.dataset.generate import generate
 from sarsim.dataset.manifest import SceneEntry, scene_path, sha256_of, split_of
 from sarsim.dataset.recipe import Recipe
 from sarsim.dataset.scene_file import NO_BOX, SceneContent, SceneFrame, SceneWriter
+from sarsim.jobs.folder_lock import FolderLock
 
 RECIPE = Recipe(seed=3, frames=3, width=64, height=48, arenas=("nist_6x4",))
 """Makes a scene in some tenths of a second."""
@@ -74,18 +75,19 @@ class InProcess:
 
     def __init__(self, toys: bool = False):
         self.toys = toys
-        self.made: list[int] = []
+        self.made: list[Any] = []
 
-    def run(self, make: Make, indices: Sequence[int], folder: Path, lock: FolderLock) -> Iterator[Event]:
-        for index in indices:
-            self.made.append(index)
-            yield PartDone(index)
+    def run(
+        self, work: Callable[[Any, Path], Any], jobs: Iterable[Any], lock: FolderLock
+    ) -> Generator[tuple[Any, Future[Any]]]:
+        for job in jobs:
+            self.made.append(job)
+            outcome: Future[Any] = Future()
             try:
-                product = toy(index, folder) if self.toys else make(index, folder, lambda: None)
+                outcome.set_result(toy(job, lock.folder) if self.toys else work(job, lock.folder))
             except InputError as error:
-                yield JobFailed(index, error)
-            else:
-                yield JobDone(product)
+                outcome.set_exception(error)
+            yield job, outcome
 
 
 def toy(index: int, folder: Path) -> SceneEntry:

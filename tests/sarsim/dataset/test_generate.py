@@ -1,7 +1,6 @@
 """Whole datasets: every engine makes the same bytes, and nothing is lost, whichever process dies."""
 
 import json
-import multiprocessing
 import os
 import signal
 import subprocess
@@ -16,12 +15,11 @@ from pipeline.errors import InputError
 from sarsim.commands import generate_dataset
 from sarsim.commands.generate_dataset import GenerateDataset
 from sarsim.commands.settings import run_with_settings
-from sarsim.dataset.engine import JobFailed, JobLost, PartDone
-from sarsim.dataset.folder_lock import FolderLock
 from sarsim.dataset.generate import generate
-from sarsim.dataset.local_engine import LocalEngine
 from sarsim.dataset.manifest import Manifest, scene_path
-from tests.sarsim.dataset.jobs import hang_at_0, hang_the_first_time
+from sarsim.jobs import folder_lock
+from sarsim.jobs.folder_lock import locked
+from sarsim.jobs.local_engine import LocalEngine
 from tests.sarsim.dataset.small import RECIPE, InProcess, files, toys
 
 SCENES = 4
@@ -42,31 +40,6 @@ def test_two_workers_make_the_same_bytes_as_this_process(tmp_path: Path, referen
     assert files(tmp_path / "data") == reference
     assert seen[0] == 0 and seen[-1] == SCENES * RECIPE.frames
     assert set(reference) == {"dataset.json", "index.html", "croissant.json", *(scene_path(k) for k in range(SCENES))}
-
-
-def test_a_worker_that_is_killed_costs_nothing_but_time(tmp_path: Path) -> None:
-    lost = []
-    with FolderLock.take(tmp_path) as lock:
-        for event in LocalEngine(1).run(hang_the_first_time, [2], tmp_path, lock):
-            if isinstance(event, PartDone) and not lost:
-                (worker,) = multiprocessing.active_children()
-                worker.kill()
-            lost += [event] if isinstance(event, JobLost) else []
-    assert lost == [JobLost(2)]
-    assert (tmp_path / "2.txt").read_text() == "2\n"
-
-
-def test_a_job_over_which_every_worker_dies_is_given_up_and_the_next_one_done(tmp_path: Path) -> None:
-    failed = []
-    with FolderLock.take(tmp_path) as lock:
-        for event in LocalEngine(1).run(hang_at_0, [0, 1], tmp_path, lock):
-            if isinstance(event, PartDone) and event.index == 0:
-                (worker,) = multiprocessing.active_children()
-                worker.kill()
-            failed += [str(event.error)] if isinstance(event, JobFailed) else []
-    assert failed == ["3 workers died over it, the last one with exit code -9"]
-    assert [path.name for path in tmp_path.glob("*.txt")] == ["1.txt"]
-    assert multiprocessing.active_children() == []
 
 
 def test_what_goes_wrong_in_a_worker_is_told(tmp_path: Path) -> None:
@@ -102,7 +75,7 @@ def test_a_command_that_is_interrupted_is_completed_by_the_next(
     _, errors = process.communicate(timeout=120)
     assert process.returncode == 130, errors
     # It is free as soon as the last worker has ended.
-    with FolderLock.take(folder):
+    with locked(folder):
         whole = {f"scenes/{path.name}": path.read_bytes() for path in folder.glob("scenes/*.h5")}
     assert whole
     assert all(data == reference[name] for name, data in whole.items())
@@ -222,8 +195,8 @@ def test_scenes_of_another_version_of_the_program_are_not_mixed(tmp_path: Path) 
 
 def test_one_generator_at_a_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     toys(tmp_path)
-    monkeypatch.setattr("sarsim.dataset.folder_lock.LOCK_PATIENCE", 0.1)
-    with FolderLock.take(tmp_path), pytest.raises(InputError, match="another process is generating here"):
+    monkeypatch.setattr(folder_lock, "PATIENCE", 0.1)
+    with locked(tmp_path), pytest.raises(InputError, match=tmp_path.name):
         toys(tmp_path)
 
 

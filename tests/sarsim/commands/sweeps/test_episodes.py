@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pipeline.errors import InputError
-from sarsim.commands.sweeps.episodes import EpisodeResult, Sweep, SweepJob, grid_explorer, limited, result_of
+from sarsim.commands.sweeps.episodes import EpisodeResult, SweepJob, grid_explorer, limited, result_of
 from sarsim.scoring.progress import area_under
 from sarsim.tasks.grid_explorers import Sights
 from sarsim.tasks.grid_scenes import draw_scene
@@ -55,7 +55,7 @@ def run(tmp_path: Path, monkeypatch: pytest.MonkeyPatch):
 
     def run(method: str, limit: float = 60.0) -> EpisodeResult:
         job = SweepJob(method, "grid:test:2", 0)
-        Sweep((job,), 10, limit)(0, tmp_path, lambda: None)
+        run_episode(10, limit, job, tmp_path)
         found = result_of(job, tmp_path)
         assert found is not None
         return found

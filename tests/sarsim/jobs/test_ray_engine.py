@@ -8,7 +8,7 @@ from ray.cluster_utils import Cluster
 
 from pipeline.errors import InputError
 from sarsim.dataset.generate import generate
-from sarsim.dataset.ray_engine import RayEngine
+from sarsim.jobs.ray_engine import RayEngine
 from tests.sarsim.dataset.small import RECIPE, InProcess, files
 
 

@@ -11,15 +11,15 @@ import pytest
 
 PARENT = """
 import sys, tempfile, time
-from sarsim.dataset import processes
+from sarsim.jobs.processes import connected
 
-def work(folder):
+def work(pipe, folder):
     with tempfile.TemporaryDirectory(dir=folder):
         print("working", flush=True)
         time.sleep(60)
 
 if __name__ == "__main__":
-    process = processes.start(work, sys.argv[1])
+    process, _ = connected(work, sys.argv[1])
     print(process.pid, flush=True)
     process.join()
 """
@@ -55,13 +55,13 @@ def test_a_worker_ends_tidily_with_its_parent(tmp_path, ended_by):
 
 ENDING = """
 import atexit, sys, time
-from sarsim.dataset import processes
+from sarsim.jobs.processes import connected
 
-def work():
+def work(pipe):
     atexit.register(time.sleep, 20)
 
 if __name__ == "__main__":
-    process = processes.start(work)
+    process, _ = connected(work)
     process.join(2)
     process.terminate()
 """

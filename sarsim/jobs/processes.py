@@ -1,0 +1,93 @@
+"""Child processes."""
+
+import os
+import signal
+import sys
+import threading
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from multiprocessing import Pipe, parent_process
+from multiprocessing.connection import Connection
+from multiprocessing.context import SpawnContext, SpawnProcess
+from typing import Any, TypeVar
+
+Result = TypeVar("Result")
+
+ONE_THREAD = {
+    "LP_NUM_THREADS": "0",  # for Mesa's software renderer
+    "OMP_NUM_THREADS": "1",
+    "OPENBLAS_NUM_THREADS": "1",
+    "NUMBA_NUM_THREADS": "1",
+}
+"""Environment of a worker: workers share the cores best if each keeps to one."""
+CLEANING = 5.0  # s that a process may clean up before it is killed
+
+
+class WorkerProcess(SpawnProcess):
+    """A process that ends with this one, however this one ends."""
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs, daemon=True)
+
+    def run(self) -> None:
+        """Do the work; called in the new process."""
+        threading.Thread(target=_end_with_parent, daemon=True).start()
+        super().run()
+
+
+class WorkerContext(SpawnContext):
+    """Makes the processes of an executor."""
+
+    Process = WorkerProcess
+
+
+def tidily(function: Callable[..., Result], *args: Any) -> Result:
+    """Call a function; should SIGTERM end the process meanwhile, clean-up code (``finally``, ``with``) runs first."""
+    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))
+    try:
+        return function(*args)
+    except SystemExit:  # an executor would catch it
+        os._exit(1)
+    finally:
+        signal.signal(signal.SIGTERM, signal.SIG_DFL)
+
+
+def connected(
+    function: Callable[..., object], *args: Any, environment: Mapping[str, str] = ONE_THREAD
+) -> tuple[WorkerProcess, Connection]:
+    """Call a function in a new process, with one end of a pipe as its first argument; the other end is returned."""
+    ours, theirs = Pipe()
+    process = WorkerProcess(target=tidily, args=(function, theirs, *args))
+    with starting(environment):
+        process.start()
+    theirs.close()
+    return process, ours
+
+
+@contextmanager
+def starting(environment: Mapping[str, str] = ONE_THREAD) -> Iterator[None]:
+    """Processes started in the block get an environment, and leave Ctrl-C and a closed terminal to this process."""
+    before = {name: os.environ.get(name) for name in environment}
+    is_main = threading.current_thread() is threading.main_thread()  # only this thread may set handlers
+    numbers = (signal.SIGINT, signal.SIGHUP) if is_main else ()
+    handlers = {number: signal.signal(number, signal.SIG_IGN) for number in numbers}
+    os.environ.update(environment)
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            del os.environ[name]
+            os.environ.update({} if value is None else {name: value})
+        for number, handler in handlers.items():
+            signal.signal(number, handler)
+
+
+def _end_with_parent() -> None:
+    """End this process when its parent has ended, because a killed parent cannot do that."""
+    parent = parent_process()
+    assert parent is not None
+    parent.join()
+    os.kill(os.getpid(), signal.SIGTERM)
+    time.sleep(CLEANING)
+    os._exit(1)

@@ -3,11 +3,11 @@
 On several GPUs, or a process for each core of a CPU (not yolo): ``torchrun --nproc-per-node N scripts/train.py ...``.
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from functools import partial
 from itertools import chain
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from rich.console import Console
@@ -15,12 +15,17 @@ from tyro.conf import Fixed
 
 from pipeline.errors import InputError
 from pipeline.files import whole_file
-from pipeline.semantic_map.networks.training_config import TrainingConfig
-from pipeline.victims.detection.training_config import YoloTrainingConfig
+from pipeline.semantic_map.networks.training_config import (
+    BlockAugmentation,
+    Optimization,
+    PointTrainingConfig,
+    TrainingConfig,
+)
+from pipeline.victims.detection.training_config import CanvasAugmentation, YoloOptimization, YoloTrainingConfig
 from sarsim.assets import asset
-from sarsim.commands.cli import Interruptible, check_folder_of, progress, tracked
+from sarsim.commands.cli import Interruptible, check_folder_of, progress
 from sarsim.commands.settings import run_one_of, save_settings
-from sarsim.dataset.settings import HazmatTrainingConfig, PatchTrainingConfig
+from sarsim.dataset.settings import HazmatTrainingConfig, ShapeTrainingConfig
 from sarsim.settings import POINT_NETWORKS
 from sarsim.tasks.settings import ExplorerTrainingConfig
 
@@ -32,6 +37,7 @@ if TYPE_CHECKING:
     from pipeline.semantic_map.networks.parallel import TrainingWorker
     from pipeline.semantic_map.networks.training_loop import TrainingLoop
 
+Config = TypeVar("Config", bound=TrainingConfig)
 ARCHITECTURES = {"yolov3-small": "yolov3-small.cfg", "yolov3-tiny": "yolov3-tiny.cfg", "yolov3": "yolov3.cfg"}
 """The file that describes each of the networks for people."""
 VALIDATION_FRAMES = 40
@@ -61,7 +67,7 @@ class TrainingFiles:
 
 
 @dataclass(frozen=True, kw_only=True)
-class TrainPoints(TrainingConfig, TrainingFiles):
+class TrainPoints(PointTrainingConfig, TrainingFiles):
     """Train a network of the semantic map with datasets of generate_dataset.py.
 
     Attributes:
@@ -69,11 +75,17 @@ class TrainPoints(TrainingConfig, TrainingFiles):
     """
 
     colours: bool = False
+    augmentation: Fixed[BlockAugmentation] = field(default_factory=BlockAugmentation)
+    optimization: Fixed[Optimization] = field(default_factory=Optimization)
 
 
 @dataclass(frozen=True, kw_only=True)
 class TrainYolo(YoloTrainingConfig, TrainingFiles):
     """Train the victim detector with datasets of generate_dataset.py."""
+
+    prior: Fixed[float] = YoloTrainingConfig.prior
+    augmentation: Fixed[CanvasAugmentation] = field(default_factory=CanvasAugmentation)
+    optimization: Fixed[YoloOptimization] = field(default_factory=YoloOptimization)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -82,7 +94,7 @@ class TrainHazmat(HazmatTrainingConfig):
 
     Attributes:
         data: folders of datasets, and files of photos, all without signs.
-        out: file for the weights, .safetensors.
+        out: file for the weights, .safetensors; a checkpoint, a table and the settings lie beside it.
         init: file of initial weights; by default they are random.
     """
 
@@ -103,12 +115,12 @@ class TrainExplorer(ExplorerTrainingConfig):
 
 
 @dataclass(frozen=True, kw_only=True)
-class TrainShapes(PatchTrainingConfig):
+class TrainShapes(ShapeTrainingConfig):
     """Train the classifier of fire extinguishers and door levers on what stands out in datasets.
 
     Attributes:
         data: folders of datasets to learn from.
-        out: file for the weights, .safetensors.
+        out: file for the weights, .safetensors; a checkpoint, a table and the settings lie beside it.
         init: file of initial weights; by default they are random.
         usual: folders of datasets where things are as frequent as the robot meets them, to validate with; by default
             the data.
@@ -126,9 +138,10 @@ def train_points(settings: TrainPoints, network: str) -> None:
     from pipeline.semantic_map.networks.blocks import COLOURED, BlockConfig
     from pipeline.semantic_map.networks.classifier import load_classifier
     from pipeline.semantic_map.networks.parallel import TrainingWorker
-    from pipeline.semantic_map.networks.training import PointTrainer
+    from pipeline.semantic_map.networks.training import PointLearner
+    from pipeline.semantic_map.networks.training_loop import TrainingLoop
 
-    config = TrainingConfig(**{f.name: getattr(settings, f.name) for f in fields(TrainingConfig)})
+    config = _config(PointTrainingConfig, settings)
     scenes = sum(map(_scenes, settings.data))
     about: dict[str, Any] = {"data": list(map(str, settings.data)), "scenes": scenes, "stride": settings.stride}
     initial: PointNetwork | str = network
@@ -140,8 +153,9 @@ def train_points(settings: TrainPoints, network: str) -> None:
     try:
         clouds = _clouds(settings, worker, blocks.voxel_size, colours)
         validation = clouds["val"][:: -(-len(clouds["val"]) // VALIDATION_FRAMES)]
-        trainer = PointTrainer(clouds["train"], validation, config, settings.out, worker, about, initial, blocks)
-        _train(trainer, settings, "mIoU over the four")
+        learner = PointLearner(clouds["train"], validation, config, initial, worker.device, blocks)
+        training = TrainingLoop(learner, config, settings.out, worker, about)
+        _train(training, settings, "mIoU over the four", settings.tensorboard)
     finally:
         worker.leave()
 
@@ -149,33 +163,35 @@ def train_points(settings: TrainPoints, network: str) -> None:
 def train_yolo(settings: TrainYolo) -> None:
     """Train the victim detector, and print the path of its weights."""
     _check(settings, ".weights")
-    from pipeline.victims.detection.training import YoloTrainer
+    from pipeline.semantic_map.networks.parallel import TrainingWorker
+    from pipeline.semantic_map.networks.training_loop import TrainingLoop
+    from pipeline.victims.detection.training import YoloLearner
     from sarsim.dataset.victim_images import VictimImages
 
-    config = YoloTrainingConfig(**{f.name: getattr(settings, f.name) for f in fields(YoloTrainingConfig)})
+    config, worker = _config(YoloTrainingConfig, settings), TrainingWorker.alone()
     splits = (VictimImages(settings.data, split, settings.stride) for split in ("train", "val"))
     with next(splits) as training, next(splits) as validation:
         about = {"data": list(map(str, settings.data)), "images": [len(training), len(validation)]}
         about |= {"stride": settings.stride, "init": str(settings.init) if settings.init else None}
         initial = settings.init or asset("weights", ARCHITECTURES[config.network])
-        trainer = YoloTrainer(training, validation, config, settings.out, about, initial)
-        _train(trainer, settings, "AP50")
+        learner = YoloLearner(training, validation, config, initial, worker.device)
+        _train(TrainingLoop(learner, config, settings.out, worker, about), settings, "AP50", settings.tensorboard)
 
 
 def train_hazmat(settings: TrainHazmat) -> None:
     """Train the classifier of hazmat signs, and print its accuracy and the path of its weights."""
     _check_out(settings.out, ".safetensors")
+    from pipeline.finds.hazmat import SIGN_SIDE
     from pipeline.finds.hazmat_classes import HAZMAT_CLASSES
     from pipeline.finds.patch_network import PatchNetwork
-    from sarsim.dataset.hazmat_training import HazmatTraining, pictures
-    from sarsim.dataset.patch_training import save_patch_network
+    from pipeline.semantic_map.networks.parallel import TrainingWorker
+    from pipeline.semantic_map.networks.training_loop import TrainingLoop
+    from sarsim.dataset.hazmat_training import HazmatLearner, pictures
 
-    network = PatchNetwork.load(settings.init, len(HAZMAT_CLASSES)) if settings.init else None
-    training = HazmatTraining(list(pictures(settings.data)), settings, network)
-    for _ in tracked(range(settings.steps), "steps"):
-        training.step()
-    save_patch_network(training.network, settings.out)
-    Console().print(f"Validated: accuracy {training.accuracy():.4f}. Weights in {settings.out}", soft_wrap=True)
+    config, worker = _config(HazmatTrainingConfig, settings), TrainingWorker.alone()
+    network = PatchNetwork.load(settings.init, len(HAZMAT_CLASSES), side=SIGN_SIDE) if settings.init else None
+    learner = HazmatLearner(list(pictures(settings.data)), config, worker.device, network)
+    _train(TrainingLoop(learner, config, settings.out, worker), settings, "accuracy")
 
 
 def train_explorer(settings: TrainExplorer) -> None:
@@ -199,21 +215,24 @@ def train_shapes(settings: TrainShapes) -> None:
     """Train the classifier of extinguishers and levers, and print how many it tells and the path of its weights."""
     _check_out(settings.out, ".safetensors")
     from pipeline.finds.patch_network import PatchNetwork
+    from pipeline.semantic_map.networks.parallel import TrainingWorker
+    from pipeline.semantic_map.networks.training_loop import TrainingLoop
     from pipeline.tracks.find import SHAPED
-    from sarsim.dataset.patch_training import save_patch_network
-    from sarsim.dataset.shape_training import COPIES, ShapePatches, ShapeTraining, calibrate, confusion
+    from sarsim.dataset.shape_training import ShapeLearner, ShapePatches
 
+    config, worker = _config(ShapeTrainingConfig, settings), TrainingWorker.alone()
     rng = np.random.default_rng(settings.seed)
-    known, usual = ShapePatches(settings.data, rng, COPIES), ShapePatches(settings.usual or settings.data, rng)
+    known, usual = ShapePatches(settings.data, rng, config), ShapePatches(settings.usual or settings.data, rng)
     network = PatchNetwork.load(settings.init, len(SHAPED), has_relief=True) if settings.init else None
-    training = ShapeTraining(known, settings, network)
-    for _ in tracked(range(settings.steps), "steps"):
-        training.step()
-    calibrate(training.network, usual)
-    save_patch_network(training.network, settings.out)
-    for kind, counts in zip((*SHAPED, "neither"), confusion(training.network, usual), strict=True):
+    learner = ShapeLearner(known, usual, config, worker.device, network)
+    _train(TrainingLoop(learner, config, settings.out, worker), settings, "accuracy")
+    for kind, counts in zip((*SHAPED, "neither"), learner.confusion(learner.network), strict=True):
         Console().print(f"{kind}: told as {', as '.join(SHAPED)} or as neither: {counts}", soft_wrap=True)
-    Console().print(f"Weights in {settings.out}", soft_wrap=True)
+
+
+def _config(kind: type[Config], settings: Any) -> Config:
+    """The settings of a training alone, without its files."""
+    return kind(**{f.name: getattr(settings, f.name) for f in fields(kind)})
 
 
 def _check(settings: TrainPoints | TrainYolo, ending: str) -> None:
@@ -267,28 +286,28 @@ def _clouds(
     return clouds
 
 
-def _train(trainer: "TrainingLoop[Any]", settings: TrainPoints | TrainYolo, score: str) -> None:
-    """Run a trainer with a progress bar; Ctrl-C ends it after the step under way."""
-    leads = trainer.worker.leads
+def _train(training: "TrainingLoop[Any, Any]", settings: Any, score: str, tensorboard: Path | None = None) -> None:
+    """Run a training with a progress bar; Ctrl-C ends it after the step under way."""
+    leads = training.worker.leads
     if leads:
-        save_settings(settings, settings.out.with_suffix(".yaml"))
-    write_events = _events(settings.tensorboard) if leads and settings.tensorboard else None
+        save_settings(settings, training.out.with_suffix(".yaml"))
+    write_events = _events(tensorboard) if leads and tensorboard else None
     with progress(disable=not leads) as bars, Interruptible() as hold:
-        bar = bars.add_task("steps", total=settings.steps, completed=trainer.step)
+        bar = bars.add_task("steps", total=training.config.steps, completed=training.step)
 
-        def report(now: "TrainingLoop[Any]") -> None:
+        def report(now: "TrainingLoop[Any, Any]") -> None:
             bars.update(bar, completed=now.step, description=f"steps, {score} {now.score:.3f}")
             if write_events:
                 write_events(now)
             if hold.signal is not None:
                 raise KeyboardInterrupt(hold.signal)
 
-        trainer.run(report)
+        training.run(report)
     if leads:
-        Console().print(f"Validated: {score} {trainer.score:.4f}. Weights in {settings.out}", soft_wrap=True)
+        Console().print(f"Validated: {score} {training.score:.4f}. Weights in {training.out}", soft_wrap=True)
 
 
-def _events(folder: Path) -> "Callable[[TrainingLoop[Any]], None]":
+def _events(folder: Path) -> "Callable[[TrainingLoop[Any, Any]], None]":
     """A function that writes the validations of a training since its last call to TensorBoard."""
     try:
         from torch.utils.tensorboard import SummaryWriter
@@ -296,10 +315,10 @@ def _events(folder: Path) -> "Callable[[TrainingLoop[Any]], None]":
         raise InputError(f"--tensorboard {folder}: TensorBoard is missing; pip install tensorboard") from error
     writer, written = SummaryWriter(folder), 0
 
-    def write(now: "TrainingLoop[Any]") -> None:
+    def write(now: "TrainingLoop[Any, Any]") -> None:
         nonlocal written
         for step, *values in now.rows[written:]:
-            for name, value in zip(("loss", *now.SCORES), values, strict=True):
+            for name, value in zip(("loss", *now.learner.SCORES), values, strict=True):
                 writer.add_scalar(name, value, int(step))
             writer.flush()
         written = len(now.rows)

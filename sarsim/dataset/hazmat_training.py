@@ -8,6 +8,7 @@ from pathlib import Path
 
 import cv2
 import numpy as np
+import torch
 from numpy.typing import NDArray
 
 from pipeline.files import read_bytes
@@ -17,12 +18,10 @@ from pipeline.finds.patch_network import PatchNetwork
 from pipeline.frame import decoded
 from sarsim.dataset.folder import Dataset
 from sarsim.dataset.hazmat_patches import PatchSource, patches
-from sarsim.dataset.patch_training import PatchTraining
+from sarsim.dataset.patch_training import Patches, PatchLearner
 from sarsim.dataset.settings import HazmatTrainingConfig
 from sarsim.jobs.processes import connected
 
-VALIDATED = 2000  # Patches on which the accuracy is measured
-PROCESSES, CHUNK = 16, 64  # That draw patches, and how many patches they draw at once
 PHOTO_SIDE = 900  # Pixels along the longer side of a photo: squares of which are as large as signs
 
 
@@ -41,58 +40,68 @@ def pictures(data: Sequence[Path]) -> Iterator[NDArray[np.uint8]]:
         yield np.asarray(cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA), np.uint8)
 
 
-class HazmatTraining(PatchTraining):
-    """A training under way, with processes that draw patches for it."""
+class HazmatLearner(PatchLearner):
+    """A classifier of signs, with processes that draw patches for it."""
+
+    config: HazmatTrainingConfig
 
     def __init__(
-        self, pictures: Sequence[NDArray[np.uint8]], config: HazmatTrainingConfig, network: PatchNetwork | None = None
+        self,
+        pictures: Sequence[NDArray[np.uint8]],
+        config: HazmatTrainingConfig,
+        device: torch.device,
+        network: PatchNetwork | None = None,
     ):
         """Draw the first patches.
 
         Args:
             pictures: (H, W, 3) uint8 each, without signs.
             config: how to train.
+            device: on which to learn.
             network: to begin with; by default one of random weights.
         """
-        super().__init__(config, lambda: network or PatchNetwork(len(HAZMAT_CLASSES), side=SIGN_SIDE))
-        self._uses, self._labels, self._pictures = config.uses, config.labels // 5 + 1, pictures
-        self._drawn = _drawn(pictures, config)
-        first = [next(self._drawn) for _ in range(-(-config.bank // CHUNK))]
+        super().__init__(config, device, lambda: network or PatchNetwork(len(HAZMAT_CLASSES), side=SIGN_SIDE))
+        self.data, self._pictures = f"{len(pictures)} pictures", pictures
+        self._new = _drawn(pictures, config)
+        first = [next(self._new) for _ in range(-(-config.bank // config.chunk))]
         self._images, self._kinds = (np.concatenate(part) for part in zip(*first, strict=True))
         self._taken = self._oldest = 0
 
-    def batch(self, size: int) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
-        """Some (size, SIGN_SIDE, SIGN_SIDE, 3) of the patches, turned by a random quarter; their classes (size,)."""
-        self._taken += size
-        while self._taken >= self._uses * CHUNK:
-            self._taken -= self._uses * CHUNK
-            rows = (self._oldest + np.arange(CHUNK)) % len(self._images)
-            self._images[rows], self._kinds[rows] = next(self._drawn)
-            self._oldest = (self._oldest + CHUNK) % len(self._images)
-        chosen = self.rng.integers(len(self._images), size=size)
+    def draw(self) -> Patches:
+        """Some of the patches, turned by a random quarter."""
+        chunk, worth = self.config.chunk, self.config.uses * self.config.chunk
+        self._taken += self.config.batch
+        while self._taken >= worth:
+            self._taken -= worth
+            rows = (self._oldest + np.arange(chunk)) % len(self._images)
+            self._images[rows], self._kinds[rows] = next(self._new)
+            self._oldest = (self._oldest + chunk) % len(self._images)
+        chosen = self.rng.integers(len(self._images), size=self.config.batch)
         return np.rot90(self._images[chosen], int(self.rng.integers(4)), (1, 2)), self._kinds[chosen]
 
-    def accuracy(self) -> float:
-        """The share of patches of newly drawn labels that are classified rightly."""
-        source = PatchSource.make(self._labels, self._pictures, self.rng)
-        unseen, right = patches(source, VALIDATED, self.rng)
-        return float((self.network.cpu().eval().probabilities(unseen).argmax(axis=1) == right).mean())
+    def validate(self, network: PatchNetwork) -> list[float]:
+        """The share of patches of labels drawn anew, the same each time, that are classified rightly."""
+        rng = np.random.default_rng((self.config.seed, self.config.processes))
+        source = PatchSource.make(self.config.labels // 5 + 1, self._pictures, rng)
+        unseen, right = patches(source, self.config.validated, rng)
+        return [float((self.finished(network).probabilities(unseen).argmax(axis=1) == right).mean())]
 
 
-def _drawn(
-    pictures: Sequence[NDArray[np.uint8]], config: HazmatTrainingConfig
-) -> Iterator[tuple[NDArray[np.uint8], NDArray[np.int64]]]:
+def _drawn(pictures: Sequence[NDArray[np.uint8]], config: HazmatTrainingConfig) -> Iterator[Patches]:
     """Chunks of patches without end, of one process after the other, so that their order is always the same."""
-    pipes = [connected(_draw, pictures, config.labels, (config.seed, k))[1] for k in range(PROCESSES)]
+    seeds = [(config.seed, k) for k in range(config.processes)]
+    pipes = [connected(_draw, pictures, config.labels, config.chunk, seed)[1] for seed in seeds]
     for pipe in cycle(pipes):
         yield pipe.recv()
 
 
-def _draw(pipe: Connection, pictures: Sequence[NDArray[np.uint8]], labels: int, seed: Sequence[int]) -> None:
+def _draw(
+    pipe: Connection, pictures: Sequence[NDArray[np.uint8]], labels: int, chunk: int, seed: Sequence[int]
+) -> None:
     """Draw labels, and send patches of them until the other end of the pipe is closed."""
     cv2.setNumThreads(1)
     rng = np.random.default_rng(seed)
     source = PatchSource.make(labels, pictures, rng)
     with suppress(BrokenPipeError):
         while True:
-            pipe.send(patches(source, CHUNK, rng))
+            pipe.send(patches(source, chunk, rng))

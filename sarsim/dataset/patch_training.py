@@ -1,8 +1,10 @@
 """Trains a classifier of small square pictures."""
 
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Callable
+from copy import deepcopy
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import torch
@@ -12,43 +14,54 @@ from torch import Tensor, nn
 
 from pipeline.files import whole_file
 from pipeline.finds.patch_network import PatchNetwork, to_input
+from pipeline.semantic_map.networks.training_loop import Learner
 from sarsim.dataset.settings import PatchTrainingConfig
 
+Patches = tuple[NDArray[np.uint8], NDArray[np.int64]]
+"""(N, side, side, channels) patches, and their classes (N,)."""
 
-class PatchTraining(ABC):
-    """A training under way.
+
+class PatchLearner(Learner[Patches, PatchNetwork]):
+    """A classifier that learns from patches, which are drawn one batch after the other.
 
     Attributes:
-        network: that learns, on a GPU if there is one.
-        rng: of all that is drawn.
+        config: settings.
+        rng: of all that is drawn for batches.
     """
 
-    def __init__(self, config: PatchTrainingConfig, begin: Callable[[], PatchNetwork]):
+    SCORES = ("accuracy",)
+
+    def __init__(self, config: PatchTrainingConfig, device: torch.device, begin: Callable[[], PatchNetwork]):
         """``begin`` makes the network to begin with, once its random numbers have their seed."""
-        self.rng, self._size = np.random.default_rng(config.seed), config.batch
+        self.config, self.rng, self._drawn = config, np.random.default_rng(config.seed), 0
         torch.manual_seed(config.seed)
-        self._device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
-        self.network = begin().train().to(self._device, memory_format=torch.channels_last)  # type: ignore[call-overload]
-        self._optimiser = torch.optim.AdamW(self.network.parameters(), config.rate, weight_decay=0.01)
-        self._schedule = torch.optim.lr_scheduler.OneCycleLR(self._optimiser, config.rate, config.steps)
+        self.network = begin().train().to(device, memory_format=torch.channels_last)  # type: ignore[call-overload]
+        self._device = device
 
     @abstractmethod
-    def batch(self, size: int) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
-        """Some (size, PATCH, PATCH, channels) patches to learn from, and their classes (size,)."""
+    def draw(self) -> Patches:
+        """The next batch."""
 
-    def step(self) -> None:
-        """Learn from a batch."""
-        patches, kinds = self.batch(self._size)
-        scores, right = self.network(to_input(patches, self._device)), torch.from_numpy(kinds).to(self._device)
-        loss = nn.functional.cross_entropy(scores, right, label_smoothing=0.02)
-        self._optimiser.zero_grad()
-        loss.backward()
-        self._optimiser.step()
-        self._schedule.step()
+    def batch(self, number: int) -> Patches:
+        """The batch of that number; batches before it that were not asked for are drawn and left out."""
+        for _ in range(self._drawn, number):
+            self.draw()
+        self._drawn = number + 1
+        return self.draw()
 
+    def loss(self, network: nn.Module, batch: Patches) -> Tensor:
+        """The cross entropy."""
+        patches, kinds = batch
+        scores, right = network(to_input(patches, self._device)), torch.from_numpy(kinds).to(self._device)
+        return nn.functional.cross_entropy(scores, right, label_smoothing=self.config.label_smoothing)
 
-def save_patch_network(network: PatchNetwork, path: Path) -> None:
-    """Write the weights in half precision; InputError if they cannot be written."""
-    halves: dict[str, Tensor] = {name: value.half().contiguous() for name, value in network.state_dict().items()}
-    with whole_file(path) as part:
-        save_file(halves, part)
+    def finished(self, network: PatchNetwork) -> PatchNetwork:
+        """A network as the robot gets it, on the processor; the given one stays as it is."""
+        return deepcopy(network).cpu().eval()
+
+    def write(self, network: PatchNetwork, out: Path, about: dict[str, Any]) -> None:
+        """Write the weights in half precision; InputError if they cannot be written."""
+        state = self.finished(network).state_dict().items()
+        halves: dict[str, Tensor] = {name: value.half().contiguous() for name, value in state}
+        with whole_file(out) as part:
+            save_file(halves, part)

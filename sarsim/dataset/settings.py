@@ -7,6 +7,7 @@ import numpy as np
 from tyro.conf import Fixed
 
 from pipeline.errors import InputError
+from pipeline.semantic_map.networks.training_config import Optimization, Schedule, TrainingConfig
 from sarsim.arenas.settings import SHARES, RandomArenaConfig
 
 KEYFRAME_WAY = (0.3, 0.6)  # m driven and rad turned from one keyframe to the next
@@ -128,20 +129,77 @@ def check(flag: str, value: float, low: float, high: float = math.inf) -> None:
 
 
 @dataclass(frozen=True, kw_only=True)
-class PatchTrainingConfig:
+class OneCycle(Schedule):
+    """One cycle (Smith and Topin, arXiv:1708.07120), with the numbers of PyTorch's OneCycleLR; curves are cosines.
+
+    Attributes:
+        rise: share of the training in which the learning rate rises and β₁ falls.
+        first: learning rate of the first step, as a share of the highest.
+        last: learning rate of the last step, as a share of the highest.
+        most_momentum: β₁ of the first and the last step.
+        least_momentum: β₁ at the highest learning rate.
+    """
+
+    rise: float = 0.3
+    first: float = 1 / 25
+    last: float = 1 / 25 / 1e4
+    most_momentum: float = 0.95
+    least_momentum: float = 0.85
+
+    def rate(self, progress: float, steps: int) -> float:
+        """See :class:`Schedule`."""
+        return self._along(progress * steps, steps, self.first, 1, self.last)
+
+    def momentum(self, progress: float, steps: int) -> float:
+        """See :class:`Schedule`."""
+        return self._along(progress * steps, steps, self.most_momentum, self.least_momentum, self.most_momentum)
+
+    def _along(self, step: float, steps: int, first: float, middle: float, last: float) -> float:
+        """The value of a step, the first of which is 1, on a way from ``first`` by ``middle`` to ``last``."""
+        top = self.rise * steps
+        if step <= top:
+            start, end, part = first, middle, (step - 1) / (top - 1)
+        else:
+            start, end, part = middle, last, (step - top) / (steps - top)
+        return end + (start - end) / 2 * (1 + math.cos(math.pi * part))
+
+
+@dataclass(frozen=True, kw_only=True)
+class PatchOptimization(Optimization):
+    """How a training follows the gradients, in one cycle."""
+
+    schedule: OneCycle = OneCycle()
+
+
+@dataclass(frozen=True, kw_only=True)
+class PatchTrainingConfig(TrainingConfig):
     """How to train a classifier of small square pictures.
 
     Attributes:
-        steps: number of steps.
-        batch: patches of a step.
-        rate: highest learning rate of the one-cycle schedule.
-        seed: of all random numbers.
+        label_smoothing: share of each label that is spread over all classes.
     """
 
-    steps: int = 3000
     batch: int = 96
-    rate: Fixed[float] = 3e-3
-    seed: int = 0
+    learning_rate: Fixed[float] = 3e-3
+    minutes: Fixed[float | None] = None
+    validate_every: Fixed[int] = 1000
+    optimization: Fixed[PatchOptimization] = PatchOptimization()
+    label_smoothing: Fixed[float] = 0.02
+
+
+@dataclass(frozen=True, kw_only=True)
+class ShapeTrainingConfig(PatchTrainingConfig):
+    """How to train the classifier of fire extinguishers and door levers.
+
+    Attributes:
+        copies: patches of each thing, every one of another square.
+        off: standard deviation of a square's middle, over its side.
+        larger: standard deviation of the logarithm of a square's size.
+    """
+
+    copies: Fixed[int] = 8
+    off: Fixed[float] = 0.1
+    larger: Fixed[float] = 0.3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -149,9 +207,12 @@ class HazmatTrainingConfig(PatchTrainingConfig):
     """How to train the classifier of hazmat signs.
 
     Attributes:
-        labels: labels drawn of each class by each of 16 processes.
+        labels: labels drawn of each class by each of the processes.
         bank: patches, of which each step takes some, each time another way up.
         uses: how often a patch is taken on average before a new one takes its place.
+        processes: number that draw patches.
+        chunk: patches that a process draws at once.
+        validated: patches on which the accuracy is measured.
     """
 
     steps: int = 8000
@@ -159,3 +220,6 @@ class HazmatTrainingConfig(PatchTrainingConfig):
     labels: Fixed[int] = 60
     bank: Fixed[int] = 20_000
     uses: Fixed[int] = 8
+    processes: Fixed[int] = 16
+    chunk: Fixed[int] = 64
+    validated: Fixed[int] = 2000

@@ -15,12 +15,9 @@ from pipeline.finds.squares import rectified
 from pipeline.tracks.find import SHAPED
 from sarsim.dataset.folder import Dataset
 from sarsim.dataset.hazmat_patches import photographed
-from sarsim.dataset.patch_training import PatchTraining
+from sarsim.dataset.patch_training import Patches, PatchLearner
 from sarsim.dataset.scene_file import Scene
-from sarsim.dataset.settings import PatchTrainingConfig
-
-COPIES = 8  # Patches of each thing, every one of another square
-OFF, LARGER = 0.1, 0.3  # Standard deviations of a square's middle over its side, and of the logarithm of its size
+from sarsim.dataset.settings import ShapeTrainingConfig
 
 
 class ShapePatches:
@@ -31,10 +28,15 @@ class ShapePatches:
         kinds: (N,) int64 classes; len(SHAPED) is none of them.
     """
 
-    def __init__(self, folders: Sequence[Path], rng: np.random.Generator, copies: int = 1):
-        """So many ``copies`` of each thing, and one of what is none; InputError if a dataset is missing or broken."""
+    def __init__(self, folders: Sequence[Path], rng: np.random.Generator, varied: ShapeTrainingConfig | None = None):
+        """One patch of each thing; if ``varied``, that many copies of what is of a shape, and of all another square.
+
+        Raises:
+            InputError: a dataset is missing or broken.
+        """
+        copies = varied.copies if varied else 1
         made = [
-            (rectified(seen.picture, square if copies == 1 else _moved(square, rng)), kind)
+            (rectified(seen.picture, _moved(square, rng, varied) if varied else square), kind)
             for folder in folders
             for _, scene in Dataset(folder)
             for seen, region, kind in _labelled(scene)
@@ -46,22 +48,55 @@ class ShapePatches:
         self.images = np.stack([image for image, _ in made])
 
 
-class ShapeTraining(PatchTraining):
-    """A training under way: of each class it shows equally many."""
+class ShapeLearner(PatchLearner):
+    """A classifier of shapes, which sees equally many of each class."""
 
-    def __init__(self, known: ShapePatches, config: PatchTrainingConfig, network: PatchNetwork | None = None):
-        """With patches to learn from, and a network to begin with; by default one of random weights."""
-        super().__init__(config, lambda: network or PatchNetwork(len(SHAPED), has_relief=True))
-        self._known = known
+    def __init__(
+        self,
+        known: ShapePatches,
+        usual: ShapePatches,
+        config: ShapeTrainingConfig,
+        device: torch.device,
+        network: PatchNetwork | None = None,
+    ):
+        """Learn from the patches ``known``; validate and calibrate with the ``usual`` ones.
+
+        Args:
+            known, usual: patches.
+            config: how to train.
+            device: on which to learn.
+            network: to begin with; by default one of random weights.
+        """
+        super().__init__(config, device, lambda: network or PatchNetwork(len(SHAPED), has_relief=True))
+        self._known, self._usual = known, usual
+        self.data = f"{len(known.kinds)} {len(usual.kinds)} patches"
         self._of_kind = [np.flatnonzero(known.kinds == kind) for kind in range(len(SHAPED) + 1)]
 
-    def batch(self, size: int) -> tuple[NDArray[np.uint8], NDArray[np.int64]]:
-        """Some (size, PATCH, PATCH, 4) patches in another light, every other one mirrored; their classes (size,)."""
-        kinds = self.rng.integers(len(self._of_kind), size=size)
+    def draw(self) -> Patches:
+        """Patches in another light, every other one mirrored."""
+        kinds = self.rng.integers(len(self._of_kind), size=self.config.batch)
         images = np.stack([self._known.images[self.rng.choice(self._of_kind[kind])] for kind in kinds])
         images[..., :3] = [photographed(image, self.rng) for image in images[..., :3]]
         images[::2] = images[::2, :, ::-1]
         return images, kinds
+
+    def finished(self, network: PatchNetwork) -> PatchNetwork:
+        """A calibrated network."""
+        result = super().finished(network)
+        calibrate(result, self._usual)
+        return result
+
+    def validate(self, network: PatchNetwork) -> list[float]:
+        """The share of the usual patches that are classified rightly."""
+        counts = self.confusion(network)
+        return [float(np.trace(counts) / counts.sum())]
+
+    def confusion(self, network: PatchNetwork) -> NDArray[np.int64]:
+        """(classes, classes) numbers of the usual patches by their class, and by the likeliest one."""
+        likeliest = self.finished(network).probabilities(self._usual.images, turns=1).argmax(axis=1)
+        counts = np.zeros((len(SHAPED) + 1,) * 2, np.int64)
+        np.add.at(counts, (self._usual.kinds, likeliest), 1)
+        return counts
 
 
 def calibrate(network: PatchNetwork, usual: ShapePatches) -> None:
@@ -88,14 +123,6 @@ def calibrate(network: PatchNetwork, usual: ShapePatches) -> None:
         last.bias.mul_(scale).add_(shift)
 
 
-def confusion(network: PatchNetwork, patches: ShapePatches) -> NDArray[np.int64]:
-    """(classes, classes) numbers of patches by their class, and by the likeliest one."""
-    told = network.probabilities(patches.images, turns=1).argmax(axis=1)
-    counts = np.zeros((len(SHAPED) + 1,) * 2, np.int64)
-    np.add.at(counts, (patches.kinds, told), 1)
-    return counts
-
-
 def _labelled(scene: Scene) -> list[tuple[Protrusions, NDArray[np.int64], int]]:
     """What stands out in all frames of a scene, its region (N, 2), and its class: that of most of its pixels."""
     kinds = [
@@ -112,9 +139,8 @@ def _labelled(scene: Scene) -> list[tuple[Protrusions, NDArray[np.int64], int]]:
     return found
 
 
-def _moved(square: NDArray[np.float32], rng: np.random.Generator) -> NDArray[np.float32]:
+def _moved(square: NDArray[np.float32], rng: np.random.Generator, config: ShapeTrainingConfig) -> NDArray[np.float32]:
     """A square (4, 2) as it may lie about a thing that is seen in part."""
     middle, side = square.mean(axis=0), np.ptp(square[:, 0])
-    return ((square - middle) * np.exp(LARGER * rng.normal()) + middle + OFF * side * rng.normal(size=2)).astype(
-        np.float32
-    )
+    scaled = (square - middle) * np.exp(config.larger * rng.normal())
+    return (scaled + middle + config.off * side * rng.normal(size=2)).astype(np.float32)

@@ -6,17 +6,14 @@ from pathlib import Path
 import numpy as np
 import torch
 from numpy.typing import NDArray
-from torch.nn import functional
 
 from pipeline.semantic_map.classifier import CLASSES
 from pipeline.semantic_map.networks.blocks import CHANNELS, Block, BlockConfig, cut
 from pipeline.semantic_map.networks.classifier import NetworkClassifier, save_classifier
 from pipeline.semantic_map.networks.dgcnn import Dgcnn
 from pipeline.semantic_map.networks.dgcnn_cpu.inference import FastDgcnn
-from pipeline.semantic_map.networks.dgcnn_cpu.ragged import RaggedDgcnn
 from pipeline.semantic_map.networks.inference import for_inference
 from pipeline.semantic_map.networks.network import PointNetwork
-from pipeline.semantic_map.networks.threads import torch_threads
 from pipeline.semantic_map.networks.weights import load_weights
 from pipeline.semantic_map.voxels import VoxelCloud
 from sarsim.commands.cli import tracked
@@ -28,7 +25,7 @@ THREADS = 2
 
 
 def speed(frames: list[PosedFrame], rounds: int, classifier: NetworkClassifier | None) -> dict[str, float]:
-    """Seconds and ratios for a block, a training step and a frame; random weights of DGCNN take the same time.
+    """Seconds and ratios for a block and a frame; random weights of DGCNN take the same time.
 
     Blocks of the frames are timed for ``rounds`` rounds; whole frames also by the robot's ``classifier``.
     """
@@ -36,7 +33,6 @@ def speed(frames: list[PosedFrame], rounds: int, classifier: NetworkClassifier |
     network = Dgcnn(CHANNELS, len(CLASSES)).eval()
     blocks = [block for frame in frames for block in thesis_blocks(frame)]
     figures = _block_contest(network, [blocks[i % len(blocks)].points for i in range(rounds)])
-    figures |= _step_contest(network, blocks[0].points)
     return figures | (_frame_times(network, classifier, frames) if classifier else {})
 
 
@@ -47,8 +43,7 @@ def agreement(folder: Path) -> dict[str, float]:
     with np.load(folder / "reference.npz") as file:
         points, expected = file["input"], file["logits"]
     logits = {"": np.stack([fast(block.T).T for block in points])}
-    with torch.inference_mode():
-        logits["plain_"] = network(torch.from_numpy(points)).numpy()
+    logits["plain_"] = np.stack([_plain(network, block.T).T for block in points])
     figures = {}
     for name, given in logits.items():
         same = given.argmax(axis=1) == expected.argmax(axis=1)
@@ -83,25 +78,6 @@ def _block_contest(network: Dgcnn, blocks: list[NDArray[np.float32]]) -> dict[st
         "fast_block_s": float(np.median(ours)),
         "plain_block_s": float(np.median(theirs)),
     }
-
-
-def _step_contest(network: Dgcnn, block: NDArray[np.float32]) -> dict[str, float]:
-    """The ratio of times of a forward and backward pass for a block, on one thread."""
-    network.train()
-    ragged, points = RaggedDgcnn(network), torch.from_numpy(block)
-    classes = torch.zeros(len(block), dtype=torch.int64)
-
-    def ours() -> None:
-        functional.cross_entropy(ragged(points, [len(block)]), classes).backward()
-
-    def theirs() -> None:
-        functional.cross_entropy(network(points.T[None])[0].T, classes).backward()
-
-    with torch_threads(1):
-        ours()
-        ours_s, theirs_s = (seconds(step) for step in (ours, theirs))
-    network.eval()
-    return {"training_step_vs_plain": theirs_s / ours_s}
 
 
 def _frame_times(network: Dgcnn, classifier: NetworkClassifier, frames: list[PosedFrame]) -> dict[str, float]:
@@ -146,6 +122,7 @@ def robot_blocks(frame: PosedFrame) -> list[Block]:
     return list(cut(cloud.points, frame.T_map_camera[:3, 3], config, 0.0, 20, rng))
 
 
-def _plain(network: Dgcnn, block: NDArray[np.float32]) -> torch.Tensor:
+def _plain(network: PointNetwork, block: NDArray[np.float32]) -> NDArray[np.float32]:
     with torch.inference_mode():
-        return network(torch.from_numpy(block.T[None].copy()))
+        logits: torch.Tensor = network(torch.from_numpy(np.ascontiguousarray(block)), [len(block)])
+        return logits.numpy()

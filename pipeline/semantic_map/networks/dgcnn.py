@@ -1,12 +1,15 @@
-"""DGCNN for semantic segmentation, as published: one column of points in, the logits of every point out."""
+"""DGCNN for semantic segmentation (Wang et al., ACM TOG 2019), as published."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from itertools import accumulate, pairwise
 from typing import Self, cast
 
 import torch
 from torch import Tensor, nn
+from torch.nn.functional import linear
 
+from pipeline.semantic_map.networks.layers import largest, largest_of_blocks, to_points
 from pipeline.semantic_map.networks.network import MOST_CHANNELS, PointNetwork, whole
 
 SLOPE = 0.2
@@ -27,15 +30,11 @@ class EdgeConv(nn.Module):
     def __init__(self, channels: int, *widths: int) -> None:
         """``widths`` are those of the network's layers; an edge has twice as many channels as a point."""
         super().__init__()
-        pairs = zip((2 * channels, *widths), widths, strict=False)
-        self.layers = nn.ModuleList(_layer(nn.Conv2d, *pair) for pair in pairs)
+        self.layers = nn.Sequential(*(_layer(*pair) for pair in pairwise((2 * channels, *widths))))
 
     def forward(self, x: Tensor, neighbours: Tensor) -> Tensor:
-        """(B, C, N) features and (B, N, k) neighbours to (B, C', N) features."""
-        edges = edge_features(x, neighbours)
-        for layer in self.layers:
-            edges = layer(edges)
-        return edges.amax(dim=-1)
+        """(P, C) features and (P, k) neighbours to (P, C') features."""
+        return largest(edge_features(x, neighbours), self.layers)
 
 
 class Dgcnn(PointNetwork):
@@ -55,11 +54,11 @@ class Dgcnn(PointNetwork):
         self.edge_conv2 = EdgeConv(EDGE_FEATURES, EDGE_FEATURES, EDGE_FEATURES)
         self.edge_conv3 = EdgeConv(EDGE_FEATURES, EDGE_FEATURES)
         local, half, last = 3 * EDGE_FEATURES, GLOBAL // 2, GLOBAL // 4
-        self.embedding = _layer(nn.Conv1d, local, GLOBAL)
-        self.head1 = _layer(nn.Conv1d, GLOBAL + local, half)
-        self.head2 = _layer(nn.Conv1d, half, last)
+        self.embedding = _layer(local, GLOBAL)
+        self.head1 = _layer(GLOBAL + local, half)
+        self.head2 = _layer(half, last)
         self.dropout = nn.Dropout()
-        self.classifier = nn.Conv1d(last, classes, kernel_size=1, bias=False)
+        self.classifier = nn.Linear(last, classes, bias=False)
 
     @property
     def fewest(self) -> int:
@@ -89,11 +88,15 @@ class Dgcnn(PointNetwork):
         return {name: t for name, t in tensors.items() if not re.match(r"conv\d\.1\.", name)}
 
     def published(self) -> dict[str, Tensor]:
-        """All parameters and running statistics by their names in published files (antao97/dgcnn.pytorch)."""
-        layers = [cast(nn.Sequential, layer) for conv in self.edge_convs for layer in conv.layers]
-        tensors = {"conv9.weight": self.classifier.weight.data}
-        for number, layer in enumerate([*layers, self.embedding, self.head1, self.head2], start=1):
-            tensors[f"conv{number}.0.weight"] = cast(Tensor, layer[0].weight).data
+        """All parameters and running statistics by their names in published files (antao97/dgcnn.pytorch).
+
+        There the layers are convolutions, of two dimensions over edges, whose kernels have a size of one.
+        """
+        on_edges = [cast(nn.Sequential, layer) for conv in self.edge_convs for layer in conv.layers]
+        tensors = {"conv9.weight": self.classifier.weight.data[..., None]}
+        for number, layer in enumerate([*on_edges, self.embedding, self.head1, self.head2], start=1):
+            weight = cast(Tensor, layer[0].weight).data[..., None]
+            tensors[f"conv{number}.0.weight"] = weight[..., None] if layer in on_edges else weight
             statistics = layer[1].state_dict().items()
             tensors |= {f"bn{number}.{name}": tensor.data for name, tensor in statistics}
         return tensors
@@ -103,37 +106,40 @@ class Dgcnn(PointNetwork):
         """The three EdgeConvs in order."""
         return self.edge_conv1, self.edge_conv2, self.edge_conv3
 
-    def forward(self, points: Tensor) -> Tensor:
-        """(B, channels, N) float32 points, N ≥ k, to (B, classes, N) logits."""
-        x1 = self.edge_conv1(points, nearest(points[:, -GRAPH_CHANNELS:], self.k))
-        x2 = self.edge_conv2(x1, nearest(x1, self.k))
-        x3 = self.edge_conv3(x2, nearest(x2, self.k))
+    def forward(self, points: Tensor, sizes: Sequence[int]) -> Tensor:
+        """(P, channels) float32 points of blocks of ``sizes``, each k or more, to (P, classes) logits."""
+        x1 = self.edge_conv1(points, nearest(points[:, -GRAPH_CHANNELS:], sizes, self.k))
+        x2 = self.edge_conv2(x1, nearest(x1, sizes, self.k))
+        x3 = self.edge_conv3(x2, nearest(x2, sizes, self.k))
         local = torch.cat((x1, x2, x3), dim=1)
-        everything = self.embedding(local).amax(dim=-1, keepdim=True)
-        x = torch.cat((everything.expand(-1, -1, local.shape[-1]), local), dim=1)
-        x = self.dropout(self.head2(self.head1(x)))
-        return self.classifier(x)
+        everything = largest_of_blocks(self.embedding(local), sizes)
+        of_block, of_point = cast(Tensor, self.head1[0].weight).split([GLOBAL, local.shape[1]], dim=1)
+        x = linear(local, of_point) + to_points(linear(everything, of_block), sizes)
+        return self.classifier(self.dropout(self.head2(self.head1[1:](x))))
 
 
-def nearest(x: Tensor, k: int) -> Tensor:
-    """(B, N, k) int64: the k points nearest to every point of (B, C, N), itself included, in no particular order."""
-    product = x.transpose(1, 2) @ x
-    square = (x * x).sum(dim=1)
-    closeness = 2 * product - square[:, None, :] - square[:, :, None]
+@torch.no_grad()
+def nearest(x: Tensor, sizes: Sequence[int], k: int) -> Tensor:
+    """(P, k) int64: the k points of the same block nearest to each of (P, C), itself included, in no order."""
+    blocks = zip(x.split(list(sizes)), accumulate(sizes, initial=0), strict=False)
+    return torch.cat([_nearest(block, k) + start for block, start in blocks])
+
+
+def _nearest(x: Tensor, k: int) -> Tensor:
+    square = x.T.contiguous().square().sum(dim=0)
+    closeness = 2 * (x @ x.T) - square - square[:, None]
     return closeness.topk(k, dim=-1, sorted=False).indices
 
 
 def edge_features(x: Tensor, neighbours: Tensor) -> Tensor:
-    """(B, 2C, N, k): x_j − x_i and x_i for every point i and its neighbours j."""
-    batch, channels, count = x.shape
-    k = neighbours.shape[-1]
-    flat = neighbours.reshape(batch, 1, count * k).expand(-1, channels, -1)
-    x_j = x.gather(2, flat).reshape(batch, channels, count, k)
-    x_i = x[..., None].expand_as(x_j)
-    return torch.cat((x_j - x_i, x_i), dim=1)
+    """(P, k, 2C): x_j − x_i and x_i for every point i and its neighbours j."""
+    x_j = x[neighbours]
+    x_i = x[:, None].expand_as(x_j)
+    return torch.cat((x_j - x_i, x_i), dim=-1)
 
 
-def _layer(convolution: type[nn.Conv1d] | type[nn.Conv2d], inputs: int, outputs: int) -> nn.Sequential:
+def _layer(inputs: int, outputs: int) -> nn.Sequential:
     """A linear map shared by all points or edges, batch norm, LeakyReLU."""
-    norm = nn.BatchNorm1d if convolution is nn.Conv1d else nn.BatchNorm2d
-    return nn.Sequential(convolution(inputs, outputs, kernel_size=1, bias=False), norm(outputs), nn.LeakyReLU(SLOPE))
+    return nn.Sequential(
+        nn.Linear(inputs, outputs, bias=False), nn.BatchNorm1d(outputs), nn.LeakyReLU(SLOPE, inplace=True)
+    )

@@ -1,9 +1,8 @@
-"""Makes a network ready for inference or for training."""
+"""Makes a network ready for inference."""
 
 from collections.abc import Iterable, Iterator
 from copy import deepcopy
 from itertools import chain, pairwise
-from typing import cast
 
 import numpy as np
 import torch
@@ -14,8 +13,7 @@ from torch.nn.utils.fusion import fuse_linear_bn_eval
 from pipeline.semantic_map.networks.blocks import BlockConfig
 from pipeline.semantic_map.networks.dgcnn import Dgcnn
 from pipeline.semantic_map.networks.dgcnn_cpu.inference import FastDgcnn
-from pipeline.semantic_map.networks.dgcnn_cpu.ragged import RaggedDgcnn
-from pipeline.semantic_map.networks.network import BlockClassifier, PointNetwork, RowNetwork, check_block
+from pipeline.semantic_map.networks.network import BlockClassifier, PointNetwork, check_block
 from pipeline.semantic_map.networks.threads import Threads
 
 
@@ -23,18 +21,13 @@ def for_inference(network: PointNetwork, threads: int | None = None) -> BlockCla
     """The network ready to classify on so many ``threads``, by default PyTorch's number."""
     if isinstance(network, Dgcnn):
         return FastDgcnn(deepcopy(network).cpu(), threads)
-    return AsWritten(cast(RowNetwork, network), threads)
-
-
-def for_training(network: PointNetwork) -> nn.Module:
-    """A module that shares the network's weights and takes points and sizes of blocks as :class:`RowNetwork` does."""
-    return RaggedDgcnn(network) if isinstance(network, Dgcnn) else network
+    return AsWritten(network, threads)
 
 
 class AsWritten:
     """A network whose own forward pass is fast enough for inference."""
 
-    def __init__(self, network: RowNetwork, threads: int | None = None) -> None:
+    def __init__(self, network: PointNetwork, threads: int | None = None) -> None:
         """Copy the network, its batch norms folded into the layers before them."""
         network.penalty = 0.0  # of the last training step: its graph cannot be copied
         self._network, self._threads = deepcopy(network).eval(), Threads(threads or torch.get_num_threads())

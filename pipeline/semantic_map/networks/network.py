@@ -15,7 +15,7 @@ MOST_CHANNELS = 64
 
 
 class PointNetwork(nn.Module, ABC):
-    """A network that classifies each point of a block.
+    """A network that classifies each point of several blocks, concatenated as rows of one array without padding.
 
     Attributes:
         NAME: its name in files and commands.
@@ -31,6 +31,10 @@ class PointNetwork(nn.Module, ABC):
         """Create no layers: subclasses do."""
         super().__init__()
         self.channels, self.classes = channels, classes
+
+    @abstractmethod
+    def forward(self, points: Tensor, sizes: Sequence[int]) -> Tensor:
+        """(P, channels) float32 points of blocks with ``sizes`` points each, P in sum, to (P, classes) logits."""
 
     @property
     def fewest(self) -> int:
@@ -66,14 +70,6 @@ def whole(text: str) -> int:
         return int(text) if text.isdecimal() else 0
     except ValueError:
         return 0
-
-
-class RowNetwork(PointNetwork):
-    """A network that takes several blocks concatenated as rows of one array, without padding."""
-
-    @abstractmethod
-    def forward(self, points: Tensor, sizes: Sequence[int]) -> Tensor:
-        """(P, channels) float32 points of blocks with ``sizes`` points each, P in sum, to (P, classes) logits."""
 
 
 class BlockClassifier(Protocol):

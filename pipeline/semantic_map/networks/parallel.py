@@ -34,6 +34,11 @@ class TrainingWorker:
             distributed.init_process_group("nccl" if device.type == "cuda" else "gloo")
         return cls(rank, count, device)
 
+    @classmethod
+    def alone(cls) -> "TrainingWorker":
+        """This process as the only one, on a GPU if there is one."""
+        return cls(0, 1, torch.device("cuda" if torch.cuda.is_available() else "cpu"))
+
     @property
     def leads(self) -> bool:
         """Whether this process is the one that validates and writes."""
@@ -54,6 +59,17 @@ class TrainingWorker:
         """Wait until all workers call this."""
         if self.count > 1:
             distributed.barrier()
+
+    def random_state(self) -> list[torch.Tensor]:
+        """The state of PyTorch's random numbers on the processor and, if it is used, on the GPU."""
+        on_gpu = [torch.cuda.get_rng_state(self.device)] if self.device.type == "cuda" else []
+        return [torch.get_rng_state(), *on_gpu]
+
+    def set_random_state(self, state: list[torch.Tensor]) -> None:
+        """Go on with the random numbers after such a state."""
+        torch.set_rng_state(state[0].cpu())
+        for on_gpu in state[1:] if self.device.type == "cuda" else ():
+            torch.cuda.set_rng_state(on_gpu.cpu(), self.device)
 
     def leave(self) -> None:
         """Leave the group of processes."""

@@ -12,7 +12,7 @@ import torch
 from torch import Tensor, nn
 
 from pipeline.semantic_map.networks.neighbourhoods import PointFeatures, farthest, nearest
-from pipeline.semantic_map.networks.network import RowNetwork
+from pipeline.semantic_map.networks.network import PointNetwork
 
 LEVEL_FEATURES = 128
 """Features of a point of the first two levels: 32 times the "x" of the authors' settings; each further level doubles
@@ -95,7 +95,7 @@ class XConv(nn.Module):
         return self.pointwise(self.depthwise.of_products(matrix, *parts))
 
 
-class PointCnn(RowNetwork):
+class PointCnn(PointNetwork):
     """Four X-Convs to coarser points, the last one joined with features of the points' coordinates, and four back."""
 
     NAME = "pointcnn"

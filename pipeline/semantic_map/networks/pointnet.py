@@ -7,7 +7,7 @@ import torch
 from torch import Tensor, nn
 
 from pipeline.semantic_map.networks.layers import largest_of_blocks, linear_of_both, mlp
-from pipeline.semantic_map.networks.network import RowNetwork
+from pipeline.semantic_map.networks.network import PointNetwork
 
 PENALTY = 1e-3
 """Weight of the regularization that keeps the feature transform near orthogonal (the paper's section 3.3)."""
@@ -35,7 +35,7 @@ class TransformNet(nn.Module):
         return self.matrix(x).view(-1, self.size, self.size)
 
 
-class PointNet(RowNetwork):
+class PointNet(PointNetwork):
     """The segmentation network, with both transforms."""
 
     NAME = "pointnet"

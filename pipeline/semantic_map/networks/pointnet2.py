@@ -9,7 +9,7 @@ from torch.nn.functional import linear
 
 from pipeline.semantic_map.networks.layers import largest, mlp
 from pipeline.semantic_map.networks.neighbourhoods import PointFeatures, farthest, in_ball, interpolated
-from pipeline.semantic_map.networks.network import RowNetwork
+from pipeline.semantic_map.networks.network import PointNetwork
 
 T = TypeVar("T", int, float)
 ABSTRACTIONS = 4
@@ -70,7 +70,7 @@ class FeaturePropagation(nn.Module):
         return PointFeatures(fine.positions, self.layers(features), fine.sizes)
 
 
-class PointNet2(RowNetwork):
+class PointNet2(PointNetwork):
     """Four set abstractions, and four feature propagations back to all points."""
 
     NAME = "pointnet2"

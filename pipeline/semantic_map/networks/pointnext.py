@@ -14,7 +14,7 @@ from torch.nn.functional import relu
 
 from pipeline.semantic_map.networks.layers import largest, mlp
 from pipeline.semantic_map.networks.neighbourhoods import PointFeatures
-from pipeline.semantic_map.networks.network import RowNetwork
+from pipeline.semantic_map.networks.network import PointNetwork
 from pipeline.semantic_map.networks.pointnet2 import BALL_FEATURES, RADIUS, FeaturePropagation, balls, doubled
 
 WIDTHS = doubled(BALL_FEATURES)
@@ -39,7 +39,7 @@ class ResidualSetAbstraction(nn.Module):
         return PointFeatures(centres.positions, features, centres.sizes)
 
 
-class PointNeXt(RowNetwork):
+class PointNeXt(PointNetwork):
     """The S of the family: a linear stem, four set abstractions, four feature propagations."""
 
     NAME = "pointnext"

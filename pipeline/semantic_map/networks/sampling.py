@@ -11,17 +11,7 @@ from torch import Tensor
 
 from pipeline.semantic_map.networks.blocks import BlockConfig, channels
 from pipeline.semantic_map.networks.clouds import LabelledCloud
-
-RARE = 0.5
-"""Share of the blocks that are cut around a point of a class drawn evenly from the frame's classes; the others are
-cut around any point."""
-JITTER = 0.003
-"""m, standard deviation of the noise of every coordinate and of the height of the whole cloud; rad, that of its roll
-and pitch about the camera."""
-DARK = 0.2
-"""Share of the clouds that are black; the colours of the others are multiplied by a random factor of at most 1."""
-THINNEST = 0.5
-"""Density: the share of a block's points that is kept is drawn uniformly between this and 1."""
+from pipeline.semantic_map.networks.training_config import BlockAugmentation, PointTrainingConfig
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,11 +33,11 @@ class BlockSampler:
     """Draws batches from clouds."""
 
     def __init__(
-        self, clouds: Sequence[LabelledCloud], blocks: BlockConfig, size: int, fewest: int, seed: int
+        self, clouds: Sequence[LabelledCloud], blocks: BlockConfig, fewest: int, config: PointTrainingConfig
     ) -> None:
-        """A batch has ``size`` blocks, of the clouds in turn; a block has at least ``fewest`` points."""
-        self._clouds, self._blocks, self._size = clouds, blocks, size
-        self._fewest, self._seed = fewest, seed
+        """A batch has blocks of the clouds in turn; a block has at least ``fewest`` points."""
+        self._clouds, self._blocks, self._fewest = clouds, blocks, fewest
+        self._size, self._seed, self._augmentation = config.batch, config.seed, config.augmentation
 
     def batch(self, number: int) -> Batch:
         """The batch of that number; every cloud is used once before any is used again."""
@@ -64,7 +54,7 @@ class BlockSampler:
         order = np.random.default_rng([self._seed, epoch]).permutation(len(self._clouds))
         cloud = self._clouds[order[place]]
         rng = np.random.default_rng([self._seed, epoch, place])
-        points, camera = augmented(cloud, rng)
+        points, camera = augmented(cloud, self._augmentation, rng)
         index, centre = self._crop(cloud, points, rng)
         return channels(points[index], centre, camera, self._blocks), cloud.counts[index]
 
@@ -73,25 +63,27 @@ class BlockSampler:
     ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
         """Indices of the points of a column around a random point, and the column's middle (2,)."""
         candidates = np.arange(len(points))
-        if rng.random() < RARE:
+        if rng.random() < self._augmentation.rare:
             classes = cloud.classes
             candidates = np.flatnonzero(classes == rng.choice(np.unique(classes)))
         centre = points[rng.choice(candidates), :2] + rng.uniform(-0.5, 0.5, 2) * self._blocks.size
         index = np.flatnonzero((np.abs(points[:, :2] - centre) <= self._blocks.size / 2).all(axis=1))
-        share = rng.uniform(THINNEST, 1)
+        share = rng.uniform(self._augmentation.thinnest, 1)
         most = min(max(round(share * len(index)), 1), self._blocks.points)
         index = rng.permutation(index)[:most]
         return np.append(index, rng.choice(index, max(self._fewest - most, 0))), centre
 
 
-def augmented(cloud: LabelledCloud, rng: np.random.Generator) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
+def augmented(
+    cloud: LabelledCloud, config: BlockAugmentation, rng: np.random.Generator
+) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
     """The points of the cloud, turned, mirrored, jittered and darkened at random; (3,) m, the camera position."""
-    yaw, roll, pitch = rng.uniform(0, 2 * np.pi), *rng.normal(0, JITTER, 2)
+    yaw, roll, pitch = rng.uniform(0, 2 * np.pi), *rng.normal(0, config.jitter, 2)
     turn = Rotation.from_euler("xyz", [roll, pitch, yaw]).as_matrix()
     turn[:, 1] *= rng.choice([-1, 1])
-    camera = cloud.camera * [0, 0, 1] + [0, 0, rng.normal(0, JITTER)]
+    camera = cloud.camera * [0, 0, 1] + [0, 0, rng.normal(0, config.jitter)]
     xyz, colours = np.split(cloud.points, [3], axis=1)
     points = (xyz - cloud.camera) @ turn.T + camera
-    points += rng.normal(0, JITTER, points.shape)
-    light = rng.uniform() * (rng.random() >= DARK)
+    points += rng.normal(0, config.jitter, points.shape)
+    light = rng.uniform() * (rng.random() >= config.dark)
     return np.concatenate([points, colours * light], axis=1).astype(np.float32), camera

@@ -1,4 +1,4 @@
-"""The training loop of any network: it learns from batches and writes its weights at every validation."""
+"""The training loop of all networks: it learns from batches and writes the weights at every validation."""
 
 import csv
 import json
@@ -6,95 +6,106 @@ import pickle
 from abc import ABC, abstractmethod
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
+from copy import deepcopy
 from dataclasses import asdict
-from math import cos, pi
 from pathlib import Path
 from time import process_time
-from typing import Any, ClassVar, Generic, Self, TypeVar
+from typing import Any, ClassVar, Generic, TypeVar
 
 import numpy as np
 import torch
-from torch import Tensor
+from torch import Tensor, nn
 
 from pipeline.errors import InputError
 from pipeline.files import whole_file
 from pipeline.semantic_map.networks.parallel import TrainingWorker
+from pipeline.semantic_map.networks.threads import torch_threads
 from pipeline.semantic_map.networks.training_config import TrainingConfig
 
-WARM_UP_SHARE = 0.05
-"""Share of the training in which the learning rate rises."""
-SAVE_EVERY = 50
-"""Steps between checkpoints, apart from those at validations: a killed process loses no more steps."""
-
 Batch = TypeVar("Batch")
+Network = TypeVar("Network", bound=nn.Module)
 
 
-class TrainingLoop(ABC, Generic[Batch]):
+class Learner(ABC, Generic[Batch, Network]):
+    """What differs between trainings.
+
+    Attributes:
+        SCORES: names of a validation's scores, the main one first.
+        THREADS: in which PyTorch computes; None for as many as it has.
+        network: the one that learns, in training mode, on the device of its training.
+        data: a description of what it learns from, with which a checkpoint must agree.
+    """
+
+    SCORES: ClassVar[tuple[str, ...]]
+    THREADS: ClassVar[int | None] = None
+    network: Network
+    data: str
+
+    @abstractmethod
+    def batch(self, number: int) -> Batch:
+        """The batch of that number; numbers ascend. Called in another thread, during the step before."""
+
+    @abstractmethod
+    def loss(self, network: nn.Module, batch: Batch) -> Tensor:
+        """The loss on a batch; ``network`` computes as the one that learns does."""
+
+    @abstractmethod
+    def validate(self, network: Network) -> list[float]:
+        """The ``SCORES`` of a network, which stays as it is."""
+
+    @abstractmethod
+    def write(self, network: Network, out: Path, about: dict[str, Any]) -> None:
+        """Write a network's weights into a file, with metadata on their training; the network stays as it is."""
+
+
+class TrainingLoop(Generic[Batch, Network]):
     """A training that can be interrupted at any step and resumed; it ends with the same weights.
 
     Attributes:
-        SCORES: names of a validation's scores.
+        learner: what it trains.
         config: settings.
         out: file for the weights; a checkpoint and a table (.csv) get its name with other endings.
         worker: this process.
         step: number of batches so far.
         spent: s of processor time for these batches, without validations.
         rows: of the table, one for each validation: step, mean loss since the row before, scores.
+        result: the network that is validated and written: the one that learns, or a moving average of its weights.
     """
-
-    SCORES: ClassVar[tuple[str, ...]]
 
     def __init__(
         self,
+        learner: Learner[Batch, Network],
         config: TrainingConfig,
         out: Path,
         worker: TrainingWorker,
-        about: dict[str, Any],
-        draw: Callable[[int], Batch],
-        optimizer: torch.optim.Optimizer,
-        networks: dict[str, torch.nn.Module],
-        data: str = "",
+        about: dict[str, Any] | None = None,
     ) -> None:
         """Start, or resume from ``out``'s checkpoint if there is one.
 
         Args:
+            learner: what to train.
             config: settings.
             out: file for the weights.
             worker: this process.
             about: more metadata on the training, written with the weights.
-            draw: returns the batch of a step; called in another thread during the step before.
-            optimizer: of the network that learns.
-            networks: networks whose weights a checkpoint keeps, by their names in it.
-            data: a description of the data; a checkpoint must agree with it and with ``config``.
 
         Raises:
             InputError: the checkpoint is of another training.
         """
-        self.config, self.out, self.worker = config, out, worker
-        self._about, self._draw, self._optimizer = about, draw, optimizer
-        self._parts: dict[str, Any] = networks | {"optimizer": optimizer}
-        self._settings = json.dumps(asdict(config)) + data
+        self.learner, self.config, self.out, self.worker = learner, config, out, worker
+        self._about = about or {}
+        self._shared = worker.share(learner.network)
+        self._optimizer = _optimizer(learner.network, config)
+        self._parts: dict[str, Any] = {"network": learner.network, "optimizer": self._optimizer}
+        self.result = learner.network
+        if config.optimization.averaging is not None:
+            self.result = self._parts["average"] = deepcopy(learner.network).eval()
+        self._settings = f"{json.dumps(asdict(config))} {worker.count} {learner.data}"
         self._checkpoint = out.with_suffix(".checkpoint")
         self.step, self.spent = 0, 0.0
         self.rows, self._losses = list[list[float]](), list[float]()
         if self._checkpoint.exists():
             self._resume()
-
-    @abstractmethod
-    def _loss(self, batch: Batch) -> Tensor:
-        """The loss of the network on a batch."""
-
-    @abstractmethod
-    def _validate(self) -> list[float]:
-        """The ``SCORES`` of the network with its present weights."""
-
-    @abstractmethod
-    def _write(self, about: dict[str, Any]) -> None:
-        """Write the weights, with metadata on their training."""
-
-    def _update(self) -> None:
-        """Change the network's weights by their gradients."""
-        self._optimizer.step()
 
     @property
     def progress(self) -> float:
@@ -103,11 +114,16 @@ class TrainingLoop(ABC, Generic[Batch]):
             return self.step / self.config.steps
         return max(self.step / self.config.steps, self.spent / 60 / self.config.minutes)
 
-    def run(self, report: Callable[[Self], object] = lambda training: None) -> None:
+    @property
+    def score(self) -> float:
+        """The first score of the last validation; NaN before it."""
+        return self.rows[-1][2] if self.rows else float("nan")
+
+    def run(self, report: Callable[["TrainingLoop[Any, Any]"], object] = lambda training: None) -> None:
         """Train to the end. ``report`` is called after every step; if it raises, a checkpoint is written first."""
         if self.progress >= 1 and self.worker.leads and not self.out.exists():
             self._write_weights()
-        with ThreadPoolExecutor(1) as pool:
+        with ThreadPoolExecutor(1) as pool, torch_threads(self.learner.THREADS or torch.get_num_threads()):
             coming = pool.submit(self._draw, self.step)
             try:
                 while self.progress < 1:
@@ -119,50 +135,64 @@ class TrainingLoop(ABC, Generic[Batch]):
                     self.spent = self.worker.agreed(self.spent + process_time() - start)
                     if self.step % self.config.validate_every == 0 or self.progress >= 1:
                         self._keep()
-                    elif self.step % SAVE_EVERY == 0:
+                    elif self.step % self.config.optimization.save_every == 0:
                         self._save()
                     report(self)
             finally:
                 if self.progress < 1:
                     self._save()
 
+    def _draw(self, step: int) -> Batch:
+        return self.learner.batch(step * self.worker.count + self.worker.rank)
+
     def _learn(self, batch: Batch) -> float:
-        rate = self.config.learning_rate * schedule(min(self.progress + 1 / self.config.steps, 1))
+        config = self.config.optimization
+        when = min(self.progress + 1 / self.config.steps, 1), self.config.steps
         for group in self._optimizer.param_groups:
-            group["lr"] = rate
-        loss = self._loss(batch)
+            group["lr"] = self.config.learning_rate * config.schedule.rate(*when)
+            group["betas"] = config.schedule.momentum(*when), group["betas"][1]
+        loss = self.learner.loss(self._shared, batch)
         self._optimizer.zero_grad()
         loss.backward()
-        self._update()
+        if config.most_gradient is not None:
+            nn.utils.clip_grad_norm_(self.learner.network.parameters(), config.most_gradient)
+        self._optimizer.step()
+        if config.averaging is not None:
+            # The average follows the network, faster during the first steps.
+            self._follow(min(config.averaging, (1 + self.step) / (10 + self.step)))
         return float(loss.detach())
 
-    @property
-    def score(self) -> float:
-        """The first score of the last validation; NaN before it."""
-        return self.rows[-1][2] if self.rows else float("nan")
+    @torch.no_grad()
+    def _follow(self, kept: float) -> None:
+        """Keep that share of the average, and take the rest from the network."""
+        now = self.learner.network.state_dict()
+        for name, tensor in self.result.state_dict().items():
+            if tensor.is_floating_point():
+                tensor.lerp_(now[name], 1 - kept)
 
     def _keep(self) -> None:
         """Validate, and write the present weights whatever the score: a small validation chooses badly."""
         if self.worker.leads:
-            scores = self._validate()
+            scores = self.learner.validate(self.result)
             self.rows.append([self.step, float(np.mean(self._losses)), *scores])
             self._losses = []
             self._write_weights()
             with whole_file(self.out.with_suffix(".csv")) as file, file.open("w", newline="") as stream:
-                csv.writer(stream).writerows([("step", "loss", *self.SCORES), *self.rows])
+                csv.writer(stream).writerows([("step", "loss", *self.learner.SCORES), *self.rows])
             self._save()
         self.worker.wait()
 
     def _write_weights(self) -> None:
-        now = {"step": self.step, "processor_s": round(self.spent, 1), self.SCORES[0]: self.score}
-        self._write(self._about | now | {"config": asdict(self.config)})
+        now = {"step": self.step, "processor_s": round(self.spent, 1), self.learner.SCORES[0]: self.score}
+        self.learner.write(self.result, self.out, self._about | now | {"config": asdict(self.config)})
 
     def _save(self) -> None:
         if self.worker.leads:
             state = {"step": self.step, "spent": self.spent, "rows": self.rows, "losses": self._losses}
             state |= {name: part.state_dict() for name, part in self._parts.items()}
+            state |= {"settings": self._settings, "random": self.worker.random_state()}
             with whole_file(self._checkpoint) as file:
-                torch.save({"settings": self._settings} | state, file)
+                torch.save(state, file)
 
     def _resume(self) -> None:
         remedy = "remove it, or choose another --out"
@@ -171,6 +201,8 @@ class TrainingLoop(ABC, Generic[Batch]):
             is_same = state["settings"] == self._settings
             for name, part in self._parts.items() if is_same else ():
                 part.load_state_dict(state[name])
+            if is_same:
+                self.worker.set_random_state(state["random"])
             self.step, self.spent = int(state["step"]), float(state["spent"])
             self.rows, self._losses = state["rows"], state["losses"]
         except (OSError, RuntimeError, LookupError, TypeError, ValueError, EOFError, pickle.UnpicklingError) as error:
@@ -179,8 +211,11 @@ class TrainingLoop(ABC, Generic[Batch]):
             raise InputError(f"{self._checkpoint} is of a training with other settings or data: {remedy}")
 
 
-def schedule(progress: float, warm_up: float = WARM_UP_SHARE) -> float:
-    """The learning rate, as a share of the highest, at a progress of 0 to 1: a linear rise, then half a cosine."""
-    if progress < warm_up:
-        return progress / warm_up
-    return (1 + cos(pi * (progress - warm_up) / (1 - warm_up))) / 2
+def _optimizer(network: nn.Module, config: TrainingConfig) -> torch.optim.Optimizer:
+    kernels = [p for p in network.parameters() if p.ndim > 1]
+    vectors = [p for p in network.parameters() if p.ndim == 1]
+    groups: list[dict[str, Any]] = [
+        {"params": kernels, "weight_decay": config.optimization.weight_decay},
+        {"params": vectors, "weight_decay": config.optimization.weight_decay_of_vectors},
+    ]
+    return torch.optim.AdamW(groups, config.learning_rate)

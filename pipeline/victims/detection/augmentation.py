@@ -14,28 +14,21 @@ from pipeline.errors import InputError
 from pipeline.victims.detection.boxes import areas
 from pipeline.victims.detection.input_image import GREY, evenly_exposed, scaled
 from pipeline.victims.detection.labelled_image import TrainingImage, TrainingImages
+from pipeline.victims.detection.training_config import CanvasAugmentation, YoloTrainingConfig
 
-ODDS = 0.5
-"""Probability of each thing that may be done: drawing an image without people, a mosaic of four images (Bochkovskiy
-et al., YOLOv4, arXiv:2004.10934), pasting the people of one more image, and mirroring."""
-VARIATION = 1.5
-"""Largest factor of an image's size relative to that which just fits its part of the canvas, of its saturation and of
-its brightness; the smallest is its inverse. Darknet's ``saturation`` and ``exposure`` are the same."""
-HUE = 13  # Largest shift of the hue: 5 % of the circle of 256
-VISIBLE = 0.3  # Least share of a box that an edge or a person pasted over it must leave for its person to count
 Region = tuple[int, int, int, int]  # x0, y0, x1, y1 of the canvas, pixels
 
 
 class CanvasSampler:
     """Draws canvases; a canvas depends only on its number and the seed."""
 
-    def __init__(self, images: TrainingImages, size: tuple[int, int], batch: int, seed: int) -> None:
-        """Draw from ``images``, in batches of ``batch`` canvases of ``size`` (width, height) pixels.
+    def __init__(self, images: TrainingImages, config: YoloTrainingConfig) -> None:
+        """Draw from ``images``.
 
         Raises:
             InputError: no image shows people.
         """
-        self._images, self._size, self._batch, self._seed = images, size, batch, seed
+        self._images, self._config, self._odds = images, config, config.augmentation.odds
         shown = np.array([len(images.people(index)) > 0 for index in range(len(images))], bool)
         self._shown, self._empty = np.flatnonzero(shown), np.flatnonzero(~shown)
         if len(self._shown) == 0:
@@ -43,15 +36,16 @@ class CanvasSampler:
 
     def batch(self, number: int) -> list[TrainingImage]:
         """Batch ``number`` of the training."""
-        return [self._canvas(number * self._batch + i) for i in range(self._batch)]
+        return [self._canvas(number * self._config.batch + i) for i in range(self._config.batch)]
 
     def _canvas(self, number: int) -> TrainingImage:
-        rng = np.random.default_rng([self._seed, number])
-        count = 4 if rng.random() < ODDS else 1
+        rng = np.random.default_rng([self._config.seed, number])
+        count = 4 if rng.random() < self._odds else 1
         images = [self._image(self._draw(rng)) for _ in range(count)]
-        pasted = [rng.choice(self._shown)] if rng.random() < ODDS else []
+        pasted = [rng.choice(self._shown)] if rng.random() < self._odds else []
         donors = [self._image(int(index)) for index in pasted]
-        return augmented(images, donors, self._size, rng)
+        size = self._config.width, self._config.height
+        return augmented(images, donors, size, self._config.augmentation, rng)
 
     def _image(self, index: int) -> TrainingImage:
         """An image with its light compensated, as the detector passes it to the network."""
@@ -59,35 +53,39 @@ class CanvasSampler:
         return replace(image, rgb=evenly_exposed(image.rgb))
 
     def _draw(self, rng: np.random.Generator) -> int:
-        empty = len(self._empty) > 0 and rng.random() < ODDS
+        empty = len(self._empty) > 0 and rng.random() < self._odds
         return int(rng.choice(self._empty if empty else self._shown))
 
 
 def augmented(
-    images: Sequence[TrainingImage], donors: Sequence[TrainingImage], size: tuple[int, int], rng: np.random.Generator
+    images: Sequence[TrainingImage],
+    donors: Sequence[TrainingImage],
+    size: tuple[int, int],
+    config: CanvasAugmentation,
+    rng: np.random.Generator,
 ) -> TrainingImage:
     """A canvas of ``size`` (width, height) with one image, or with four, and the donors' people pasted onto it."""
     canvas = np.full((size[1], size[0], 3), GREY, np.uint8)
     boxes, ignored = [np.zeros((0, 4), np.float32)], [np.zeros(0, bool)]
     for image, region in zip(images, regions(len(images), size, rng), strict=True):
-        ratio = _ratio(image, np.subtract(region[2:], region[:2]), rng)
-        placed = place(recoloured(image, rng), canvas, region, ratio, rng)
+        ratio = _ratio(image, np.subtract(region[2:], region[:2]), config, rng)
+        placed = place(recoloured(image, config, rng), canvas, region, ratio, config, rng)
         boxes.append(placed.boxes)
         ignored.append(placed.ignored)
     whole = TrainingImage(canvas, np.concatenate(boxes), np.concatenate(ignored))
     for donor in donors:
-        whole = pasted(whole, recoloured(donor, rng), _ratio(donor, size, rng), rng)
-    return mirrored(whole) if rng.random() < ODDS else whole
+        whole = pasted(whole, recoloured(donor, config, rng), _ratio(donor, size, config, rng), config, rng)
+    return mirrored(whole) if rng.random() < config.odds else whole
 
 
-def _factor(rng: np.random.Generator) -> float:
-    """A random factor between 1 / VARIATION and VARIATION."""
-    return float(VARIATION ** rng.uniform(-1, 1))
+def _factor(config: CanvasAugmentation, rng: np.random.Generator) -> float:
+    """A random factor between 1 / variation and variation."""
+    return float(config.variation ** rng.uniform(-1, 1))
 
 
-def _ratio(image: TrainingImage, room: ArrayLike, rng: np.random.Generator) -> float:
+def _ratio(image: TrainingImage, room: ArrayLike, config: CanvasAugmentation, rng: np.random.Generator) -> float:
     """A random factor of size, relative to the one that makes the image just fit into ``room``, (2,) pixels."""
-    return _factor(rng) * float(min(np.divide(room, image.rgb.shape[1::-1])))
+    return _factor(config, rng) * float(min(np.divide(room, image.rgb.shape[1::-1])))
 
 
 def regions(count: int, size: tuple[int, int], rng: np.random.Generator) -> list[Region]:
@@ -100,7 +98,12 @@ def regions(count: int, size: tuple[int, int], rng: np.random.Generator) -> list
 
 
 def place(
-    image: TrainingImage, canvas: NDArray[np.uint8], region: Region, ratio: float, rng: np.random.Generator
+    image: TrainingImage,
+    canvas: NDArray[np.uint8],
+    region: Region,
+    ratio: float,
+    config: CanvasAugmentation,
+    rng: np.random.Generator,
 ) -> TrainingImage:
     """Draw an image, ``ratio`` times as large, somewhere in a region of a canvas (H, W, 3); returns its boxes."""
     x0, y0, x1, y1 = region
@@ -116,15 +119,15 @@ def place(
     canvas[v0:v1, u0:u1] = drawn[v0 - top : v1 - top, u0 - left : u1 - left]
     factors = np.tile(np.divide((columns, rows), image.rgb.shape[1::-1]), 2)
     moved = image.boxes * factors + np.tile([left, top], 2)
-    return cut(TrainingImage(canvas, moved.astype(np.float32), image.ignored), (u0, v0, u1, v1))
+    return cut(TrainingImage(canvas, moved.astype(np.float32), image.ignored), (u0, v0, u1, v1), config.visible)
 
 
-def cut(image: TrainingImage, region: Region) -> TrainingImage:
-    """The image with its boxes clipped to a region; a box is ignored if less than VISIBLE of it is left."""
+def cut(image: TrainingImage, region: Region, visible: float) -> TrainingImage:
+    """The image with its boxes clipped to a region; a box is ignored if a share less than ``visible`` is left."""
     low, high = np.tile(region[:2], 2), np.tile(region[2:], 2)
     boxes = np.clip(image.boxes, low, high).astype(np.float32)
     left = areas(boxes)
-    ignored = image.ignored | (left < VISIBLE * areas(image.boxes))
+    ignored = image.ignored | (left < visible * areas(image.boxes))
     return TrainingImage(image.rgb, boxes[left > 0], ignored[left > 0])
 
 
@@ -136,15 +139,19 @@ def mirrored(image: TrainingImage) -> TrainingImage:
     return TrainingImage(np.ascontiguousarray(image.rgb[:, ::-1]), boxes, image.ignored)
 
 
-def recoloured(image: TrainingImage, rng: np.random.Generator) -> TrainingImage:
+def recoloured(image: TrainingImage, config: CanvasAugmentation, rng: np.random.Generator) -> TrainingImage:
     """The image with its hue shifted, its saturation and brightness multiplied by random factors."""
     hsv = cv2.cvtColor(image.rgb, cv2.COLOR_RGB2HSV_FULL)
-    hsv[..., 0] += rng.integers(-HUE, HUE, endpoint=True).astype(np.uint8)  # the circle wraps as uint8 does
-    changed = cv2.multiply(hsv, np.array([1, _factor(rng), _factor(rng), 1]))
+    hsv[..., 0] += rng.integers(-config.hue, config.hue, endpoint=True).astype(
+        np.uint8
+    )  # the circle wraps as uint8 does
+    changed = cv2.multiply(hsv, np.array([1, _factor(config, rng), _factor(config, rng), 1]))
     return replace(image, rgb=np.asarray(cv2.cvtColor(changed, cv2.COLOR_HSV2RGB_FULL), np.uint8))
 
 
-def pasted(canvas: TrainingImage, donor: TrainingImage, ratio: float, rng: np.random.Generator) -> TrainingImage:
+def pasted(
+    canvas: TrainingImage, donor: TrainingImage, ratio: float, config: CanvasAugmentation, rng: np.random.Generator
+) -> TrainingImage:
     """The canvas with the donor's people, ``ratio`` times as large, at a random place; unchanged if they do not fit.
 
     Edges are hard, as the renderer's are.
@@ -166,7 +173,7 @@ def pasted(canvas: TrainingImage, donor: TrainingImage, ratio: float, rng: np.ra
     rgb[over] = people[cut_out]
     factors = np.tile([width / (x1 - x0), height / (y1 - y0)], 2)
     moved = (donor.boxes - np.tile([x0, y0], 2)) * factors + np.tile([left, top], 2)
-    hidden = np.array([_covered(over, box) > 1 - VISIBLE for box in canvas.boxes], np.bool_)
+    hidden = np.array([_covered(over, box) > 1 - config.visible for box in canvas.boxes], np.bool_)
     return TrainingImage(
         rgb,
         np.concatenate([canvas.boxes, moved]).astype(np.float32),

@@ -3,7 +3,35 @@
 from dataclasses import dataclass
 from typing import Literal
 
-from pipeline.semantic_map.networks.training_config import TrainingConfig
+from pipeline.semantic_map.networks.training_config import Optimization, TrainingConfig
+
+
+@dataclass(frozen=True, kw_only=True)
+class YoloOptimization(Optimization):
+    """How a training follows the gradients, which are steep at first and noisy."""
+
+    weight_decay_of_vectors: float = 0.0
+    most_gradient: float | None = 10.0
+    averaging: float | None = 0.998
+
+
+@dataclass(frozen=True, kw_only=True)
+class CanvasAugmentation:
+    """How random canvases differ from the images.
+
+    Attributes:
+        odds: probability of each thing that may be done: drawing an image without people, a mosaic of four images
+            (Bochkovskiy et al., YOLOv4, arXiv:2004.10934), pasting the people of one more image, and mirroring.
+        variation: largest factor of an image's size relative to that which just fits its part of the canvas, of its
+            saturation and of its brightness (Darknet's ``saturation`` and ``exposure``); the smallest is its inverse.
+        hue: largest shift of the hue, in parts of a circle of 256.
+        visible: least share of a box that an edge or a person pasted over it must leave for its person to count.
+    """
+
+    odds: float = 0.5
+    variation: float = 1.5
+    hue: int = 13
+    visible: float = 0.3
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -15,6 +43,9 @@ class YoloTrainingConfig(TrainingConfig):
         width: input width of the network, pixels, a multiple of its stride of 32; larger ones find smaller people and
             take longer.
         height: input height of the network, pixels, a multiple of its stride.
+        prior: objectness before training (Lin et al., RetinaNet, arXiv:1708.02002, section 3.3); average precision
+            counts no detection of less.
+        augmentation: how canvases differ from the images.
     """
 
     network: Literal["yolov3-small", "yolov3-tiny", "yolov3"] = "yolov3-small"
@@ -23,3 +54,6 @@ class YoloTrainingConfig(TrainingConfig):
     steps: int = 6000
     batch: int = 16
     validate_every: int = 500
+    prior: float = 0.01
+    augmentation: CanvasAugmentation = CanvasAugmentation()
+    optimization: YoloOptimization = YoloOptimization()

@@ -6,20 +6,18 @@ import pytest
 
 from pipeline.finds.hazmat import HazmatReader
 from sarsim.commands import train
-from sarsim.dataset import hazmat_training
 from tests.refusal import refusal
 from tests.sarsim.dataset.people_dataset import write_people_dataset
 
 
 def test_the_command_leaves_weights_that_the_robot_can_use(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     data, out = tmp_path / "data", tmp_path / "hazmat.safetensors"
     data.mkdir()
     write_people_dataset(data)
-    monkeypatch.setattr(hazmat_training, "VALIDATED", 5)
-    monkeypatch.setattr(hazmat_training, "PROCESSES", 2)
-    train.train_hazmat(train.TrainHazmat(data=(data,), out=out, steps=2, bank=8, labels=1, batch=4))
+    few = {"steps": 2, "bank": 8, "labels": 1, "batch": 4, "processes": 2, "validated": 5}
+    train.train_hazmat(train.TrainHazmat(data=(data,), out=out, **few))
     assert str(out) in capsys.readouterr().out.replace("\n", "")
     assert HazmatReader.load(out)
 

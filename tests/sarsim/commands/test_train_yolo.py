@@ -81,3 +81,17 @@ def test_what_cannot_work_is_status_2_and_one_line(
     flags = [data if flag == "DATA" else flag for flag in flags]
     assert complaint in refusal(capsys, call, monkeypatch, *flags)
     assert list(tmp_path.iterdir()) == [data]
+
+
+def test_the_settings_that_it_leaves_can_be_changed_and_repeated(
+    data: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    first, second = tmp_path / "first.weights", tmp_path / "second.weights"
+    call(monkeypatch, "--data", data, "--out", first, *QUICK)
+    settings = first.with_suffix(".yaml").read_text()
+    assert "averaging: 0.998" in settings
+    first.with_suffix(".yaml").write_text(settings.replace("averaging: 0.998", "averaging: 0.5"))
+    call(monkeypatch, "--config", first.with_suffix(".yaml"), "--out", second)
+    card = json.loads(second.with_suffix(".json").read_text())
+    assert card["config"]["optimization"]["averaging"] == 0.5
+    assert card["config"]["optimization"]["most_gradient"] == 10

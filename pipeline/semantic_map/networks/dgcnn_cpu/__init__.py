@@ -1,1 +1,1 @@
-"""DGCNN hand-written for CPUs: inference, and the gradients of a training step."""
+"""DGCNN's forward pass hand-written for CPUs."""

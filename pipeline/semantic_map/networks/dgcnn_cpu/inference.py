@@ -52,7 +52,7 @@ class FastDgcnn:
         )
         self._embedding = _Layer.of(network.embedding).folded()
         self._head1, self._head2 = _Layer.of(network.head1).folded(), _Layer.of(network.head2).folded()
-        self._classifier = network.classifier.weight.detach()[..., 0]
+        self._classifier = network.classifier.weight.detach()
 
     def __call__(self, points: Features) -> Features:
         """(N, channels) float32 points to (N, classes) float32 logits.
@@ -173,8 +173,7 @@ class _Layer:
 
     @classmethod
     def of(cls, layer: nn.Sequential) -> "_Layer":
-        convolution, norm = cast(nn.Conv1d, layer[0]), cast(nn.BatchNorm1d, layer[1])
-        weight = convolution.weight.detach().flatten(start_dim=1)
+        weight, norm = cast(nn.Linear, layer[0]).weight.detach(), cast(nn.BatchNorm1d, layer[1])
         mean, variance = cast(Tensor, norm.running_mean), cast(Tensor, norm.running_var)
         # Rounded as in PyTorch's batch norm.
         scale = torch.rsqrt(variance + norm.eps) * norm.weight.detach()

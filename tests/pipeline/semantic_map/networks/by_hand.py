@@ -152,3 +152,29 @@ def pointcnn(w, x):
         brought = xconv(w, f"up.{number}", k, dilation, cloud, finer)
         cloud = (finer, dense(w, f"fuse.{number}", np.concatenate([brought, own], axis=1)))
     return linear(w, "classifier", dense(w, "head.1", dense(w, "head.0", cloud[1])))
+
+
+# DGCNN
+
+
+def leaky_mlp(w, name, layers, x):
+    for layer in layers:
+        x = norm(w, f"{name}{layer}.1", linear(w, f"{name}{layer}.0", x))
+        x = np.maximum(x, 0.2 * x)
+    return x
+
+
+def dgcnn(w, x):
+    graph, rows, levels = x[:, -3:], x, []
+    for conv, layers in (("edge_conv1", "01"), ("edge_conv2", "01"), ("edge_conv3", "0")):
+        convolved = []
+        for i, place in enumerate(graph):
+            near = np.argsort(np.linalg.norm(graph - place, axis=1))[:20]
+            edges = [np.append(rows[j] - rows[i], rows[i]) for j in near]
+            convolved.append(np.max([leaky_mlp(w, f"{conv}.layers.", layers, edge) for edge in edges], axis=0))
+        graph = rows = np.stack(convolved)
+        levels.append(rows)
+    local = np.concatenate(levels, axis=1)
+    everything = leaky_mlp(w, "embedding", [""], local).max(axis=0)
+    heads = [leaky_mlp(w, "head2", [""], leaky_mlp(w, "head1", [""], np.append(everything, row))) for row in local]
+    return linear(w, "classifier", np.stack(heads))

@@ -9,7 +9,8 @@ from torch.nn.functional import cross_entropy
 
 from pipeline.errors import InputError
 from pipeline.semantic_map.networks.classifier import load_classifier
-from pipeline.semantic_map.networks.inference import for_inference, for_training
+from pipeline.semantic_map.networks.dgcnn import nearest
+from pipeline.semantic_map.networks.inference import for_inference
 from pipeline.semantic_map.networks.pointcnn import PointCnn, XConv, dense
 from pipeline.semantic_map.networks.pointnet import PENALTY, PointNet
 from pipeline.semantic_map.networks.pointnet2 import PointNet2
@@ -20,6 +21,7 @@ from tests.pipeline.semantic_map.networks.small_network import in_half_precision
 
 OURS = sorted(NETWORKS)
 NEW = [name for name in OURS if name != "dgcnn"]
+"""All but DGCNN, which finds other neighbours in features that are rounded otherwise."""
 
 
 def made(name, channels=6, classes=6, seed=0):
@@ -58,7 +60,7 @@ def corner(points, seed=0):
 def logits(network, *blocks):
     with torch.inference_mode():
         rows = torch.from_numpy(np.concatenate(blocks))
-        return for_training(network)(rows, [len(block) for block in blocks]).numpy()
+        return network(rows, [len(block) for block in blocks]).numpy()
 
 
 # As published
@@ -82,6 +84,7 @@ def test_what_classifies_keeps_its_weights_while_the_network_goes_on_learning(na
         ("pointnet2", 150, by_hand.pointnet2),
         ("pointnext", 150, by_hand.pointnext),
         ("pointcnn", 80, by_hand.pointcnn),
+        ("dgcnn", 20, by_hand.dgcnn),
     ],
 )
 def test_a_network_answers_as_its_equations_do(name, points, written):
@@ -143,6 +146,14 @@ def test_blocks_together_get_what_each_gets_alone(name):
     np.testing.assert_allclose(together, alone, atol=1e-4 * np.abs(alone).max())
 
 
+def test_dgcnns_neighbours_are_the_nearest_of_the_same_block():
+    blocks = [corner(50)[:, :3], corner(70, seed=1)[:, :3]]
+    found = nearest(torch.from_numpy(np.concatenate(blocks)), [50, 70], 20).numpy()
+    for block, start, rows in ((blocks[0], 0, found[:50]), (blocks[1], 50, found[50:])):
+        distance = np.linalg.norm(block[:, None].astype(np.float64) - block, axis=2)
+        assert (np.sort(rows, axis=1) == np.sort(distance.argsort(axis=1)[:, :20], axis=1) + start).all()
+
+
 @pytest.mark.parametrize("name", NEW)
 def test_the_order_of_points_does_not_matter(name):
     network, x = made(name), corner(120)
@@ -190,7 +201,7 @@ def test_points_that_are_nowhere_are_refused(name):
 def test_every_parameter_learns(name):
     network = made(name).train()
     blocks = [corner(90), corner(70, seed=1)]
-    given = for_training(network)(torch.from_numpy(np.concatenate(blocks)), [90, 70])
+    given = network(torch.from_numpy(np.concatenate(blocks)), [90, 70])
     (cross_entropy(given, torch.arange(160) % 6) + network.penalty).backward()
     still = [
         n for n, p in network.named_parameters() if p.grad is None or not p.grad.isfinite().all() or not p.grad.any()
@@ -211,7 +222,7 @@ def test_what_was_saved_is_loaded(name, tmp_path: Path) -> None:
     assert (loaded.channels, loaded.classes, metadata["network"]) == (9, 13, name)
     assert not loaded.training
     assert (logits(loaded, x) == logits(in_half_precision(original), x)).all()
-    if name in NEW:  # DGCNN finds other neighbours by rounded features
+    if name in NEW:
         assert np.abs(logits(loaded, x) - expected).max() < 0.02 * np.abs(expected).max()
 
 

@@ -8,10 +8,10 @@ import pytest
 from pipeline.errors import InputError
 from pipeline.labels import Label
 from pipeline.semantic_map.classifier import CLASSES
-from pipeline.semantic_map.networks import sampling
 from pipeline.semantic_map.networks.blocks import BlockConfig
 from pipeline.semantic_map.networks.clouds import LabelledCloud
 from pipeline.semantic_map.networks.sampling import BlockSampler, augmented
+from pipeline.semantic_map.networks.training_config import BlockAugmentation, PointTrainingConfig
 from tests.pipeline.polygon_scene import floor, look, pose, wall
 
 EYE = pose(0.5, 0.2, 0.6, 0.4, 0.2)
@@ -24,15 +24,13 @@ def cloud():
     return LabelledCloud.of(frame, EYE, 0.03)
 
 
-@pytest.fixture(autouse=True)
-def no_noise(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Blocks are turned and reflected, but not blurred or thinned."""
-    for name, value in {"JITTER": 0, "THINNEST": 1}.items():
-        monkeypatch.setattr(sampling, name, value)
+CLEAR = BlockAugmentation(jitter=0, thinnest=1)
+"""Blocks are turned and reflected, but not blurred or thinned."""
 
 
-def sampler(clouds, blocks=4):
-    return BlockSampler(clouds, BlockConfig(), blocks, fewest=20, seed=5)
+def sampler(clouds, blocks=4, augmentation=CLEAR):
+    config = PointTrainingConfig(batch=blocks, seed=5, augmentation=augmentation)
+    return BlockSampler(clouds, BlockConfig(), 20, config)
 
 
 def test_a_cloud_counts_the_returns_of_every_class() -> None:
@@ -75,17 +73,16 @@ def test_every_cloud_has_its_turn() -> None:
     assert sorted(heights) == pytest.approx((-np.arange(8) / 10)[::-1], abs=1e-6)
 
 
-def test_rare_classes_are_drawn_more_often(cloud, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_rare_classes_are_drawn_more_often(cloud) -> None:
     def share(rare):
-        monkeypatch.setattr(sampling, "RARE", rare)
-        shares = sampler([cloud], blocks=40).batch(0).shares
+        shares = sampler([cloud], 40, replace(CLEAR, rare=rare)).batch(0).shares
         return float(shares[:, CLASSES.index(Label.WALL)].mean())
 
     assert share(1.0) > 2 * share(0.0)
 
 
 def test_augmentation_is_a_rigid_motion_about_the_vertical(cloud) -> None:
-    points, camera = augmented(cloud, np.random.default_rng(1))
+    points, camera = augmented(cloud, CLEAR, np.random.default_rng(1))
     assert points[:, 2] == pytest.approx(cloud.points[:, 2], abs=1e-6)
     before = np.linalg.norm(cloud.points - cloud.camera, axis=1)
     assert np.linalg.norm(points - camera, axis=1) == pytest.approx(before, abs=1e-5)
@@ -100,7 +97,7 @@ def test_clouds_have_the_mean_colours_of_their_voxels_and_become_darker() -> Non
     cloud = LabelledCloud.of(frame, EYE, 0.1, colours=True)
     assert cloud.points.shape == (len(cloud.counts), 6)
     assert cloud.points[:, 3:] == pytest.approx(np.tile([1, 0.2, 0], (len(cloud.points), 1)))
-    light = [augmented(cloud, np.random.default_rng(seed))[0][:, 3:] for seed in range(60)]
+    light = [augmented(cloud, CLEAR, np.random.default_rng(seed))[0][:, 3:] for seed in range(60)]
     factors = np.array([colours[0, 0] for colours in light])
     assert all(colours == pytest.approx(f * cloud.points[:, 3:]) for f, colours in zip(factors, light, strict=True))
     assert 0.05 < (factors == 0).mean() < 0.4
@@ -108,10 +105,9 @@ def test_clouds_have_the_mean_colours_of_their_voxels_and_become_darker() -> Non
     assert sampler([cloud]).batch(0).points.shape[1] == 9
 
 
-def test_points_are_dropped_and_small_blocks_filled_up(cloud, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_points_are_dropped_and_small_blocks_filled_up(cloud) -> None:
     whole = sampler([cloud], blocks=30).batch(0)
-    monkeypatch.setattr(sampling, "THINNEST", 0.3)
-    thinned = sampler([cloud], blocks=30).batch(0)
+    thinned = sampler([cloud], 30, replace(CLEAR, thinnest=0.3)).batch(0)
     assert 0.5 < sum(thinned.sizes) / sum(whole.sizes) < 0.8
     lonely = LabelledCloud(cloud.points[:1], cloud.counts[:1], cloud.camera)
     assert sampler([lonely]).batch(0).sizes == [20] * 4

@@ -14,17 +14,16 @@ from safetensors.torch import load_file
 from pipeline.errors import InputError
 from pipeline.labels import Label
 from pipeline.semantic_map.networks import training as training_module
-from pipeline.semantic_map.networks import training_loop
 from pipeline.semantic_map.networks.classifier import NetworkClassifier, load_classifier
 from pipeline.semantic_map.networks.clouds import LabelledCloud
 from pipeline.semantic_map.networks.parallel import TrainingWorker
-from pipeline.semantic_map.networks.training import PointTrainer, class_weights, cross_entropy
-from pipeline.semantic_map.networks.training_config import TrainingConfig
-from pipeline.semantic_map.networks.training_loop import schedule
+from pipeline.semantic_map.networks.training import PointLearner, class_weights, cross_entropy
+from pipeline.semantic_map.networks.training_config import Optimization, PointTrainingConfig, Schedule
+from pipeline.semantic_map.networks.training_loop import TrainingLoop
 from tests.pipeline.polygon_scene import floor, look, pose, wall
 
 ALONE = TrainingWorker(0, 1, torch.device("cpu"))
-CONFIG = TrainingConfig(steps=12, validate_every=6, batch=4)
+CONFIG = PointTrainingConfig(steps=12, validate_every=6, batch=4)
 POSES = [pose(0.3 * i, 0.1 * i, 0.6, 0.5 * i, 0.25) for i in range(4)]
 SCENE = [floor(-5, 5, -5, 5), wall((2, -5), (2, 5)), wall((-2, -5), (-2, 5)), wall((-5, 2), (5, 2))]
 
@@ -44,12 +43,13 @@ def at(step):
     return interrupt
 
 
-def trainer(clouds, out, config=CONFIG):
-    return PointTrainer(clouds[:3], clouds[3:], config, out, ALONE, {"data": "walls"}, "dgcnn")
+def trainer(clouds, out, config=CONFIG, initial="dgcnn"):
+    learner = PointLearner(clouds[:3], clouds[3:], config, initial, ALONE.device)
+    return TrainingLoop(learner, config, out, ALONE, {"data": "walls"})
 
 
 @pytest.fixture(scope="module")
-def learned(clouds, tmp_path_factory) -> tuple[PointTrainer, Path]:
+def learned(clouds, tmp_path_factory) -> tuple[TrainingLoop, Path]:
     """A training that went on until it had learned, and the weights that it left."""
     out = tmp_path_factory.mktemp("learned") / "w.safetensors"
     training = trainer(clouds, out, replace(CONFIG, steps=60, validate_every=30))
@@ -65,7 +65,7 @@ def finished(clouds, tmp_path_factory) -> Path:
     return out
 
 
-def test_floor_and_walls_are_learned(learned: tuple[PointTrainer, Path]) -> None:
+def test_floor_and_walls_are_learned(learned: tuple[TrainingLoop, Path]) -> None:
     training, out = learned
     assert training.score > 0.85
     assert NetworkClassifier(out)
@@ -113,19 +113,19 @@ def test_weights_of_a_training_that_diverged_are_not_written(clouds, tmp_path: P
     out = tmp_path / "w.safetensors"
     training = trainer(clouds, out)
     with torch.no_grad():
-        next(training.network.parameters()).fill_(1e6)
+        next(training.learner.network.parameters()).fill_(1e6)
     with pytest.raises(InputError, match="too large for half precision"):
         training.run()
     assert not out.exists()
 
 
 def test_a_training_may_begin_with_a_trained_network(
-    clouds, learned: tuple[PointTrainer, Path], tmp_path: Path
+    clouds, learned: tuple[TrainingLoop, Path], tmp_path: Path
 ) -> None:
     losses = {}
     for name, initial in (("random", "dgcnn"), ("trained", load_classifier(learned[1])[0])):
         out = tmp_path / f"{name}.safetensors"
-        training = PointTrainer(clouds[:3], clouds[3:], CONFIG, out, ALONE, {}, initial)
+        training = trainer(clouds, out, initial=initial)
         with pytest.raises(KeyboardInterrupt):
             training.run(at(6))
         losses[name] = training.rows[0][1]
@@ -135,12 +135,12 @@ def test_a_training_may_begin_with_a_trained_network(
 @pytest.mark.parametrize("name", ["pointnet", "pointnext"])
 def test_another_network_learns_and_goes_on_where_it_was_left(name: str, clouds, tmp_path: Path) -> None:
     config = replace(CONFIG, steps=16, validate_every=8)
-    whole = PointTrainer(clouds[:3], clouds[3:], config, tmp_path / "whole.safetensors", ALONE, {}, name)
+    whole = trainer(clouds, tmp_path / "whole.safetensors", config, name)
     whole.run()
     assert whole.rows[1][1] < whole.rows[0][1]  # the loss
     with pytest.raises(KeyboardInterrupt):
-        PointTrainer(clouds[:3], clouds[3:], config, tmp_path / "left.safetensors", ALONE, {}, name).run(at(5))
-    again = PointTrainer(clouds[:3], clouds[3:], config, tmp_path / "left.safetensors", ALONE, {}, name)
+        trainer(clouds, tmp_path / "left.safetensors", config, name).run(at(5))
+    again = trainer(clouds, tmp_path / "left.safetensors", config, name)
     assert again.step == 5
     again.run()
     assert (tmp_path / "whole.csv").read_text() == (tmp_path / "left.csv").read_text()
@@ -161,33 +161,31 @@ def test_processor_time_ends_a_training(clouds, tmp_path: Path) -> None:
     assert again.step == 1
 
 
-def test_a_training_that_is_killed_keeps_its_checkpoints(clouds, tmp_path: Path, monkeypatch) -> None:
-    monkeypatch.setattr(training_loop, "SAVE_EVERY", 3)
+def test_a_training_that_is_killed_keeps_its_checkpoints(clouds, tmp_path: Path) -> None:
     kept = []
     path = tmp_path / "w.checkpoint"
-    trainer(clouds, tmp_path / "w.safetensors").run(lambda now: kept.append(path.exists()))
+    config = replace(CONFIG, optimization=Optimization(save_every=3))
+    trainer(clouds, tmp_path / "w.safetensors", config).run(lambda now: kept.append(path.exists()))
     assert kept[:4] == [False, False, True, True]
 
 
-def test_a_batch_of_one_block_is_refused(clouds, tmp_path: Path) -> None:
+def test_a_batch_of_one_block_is_refused() -> None:
     with pytest.raises(InputError, match="--batch 1: at least 2"):
-        trainer(clouds, tmp_path / "w.safetensors", replace(CONFIG, batch=1))
+        PointTrainingConfig(batch=1)
 
 
 @pytest.mark.parametrize("minutes", [0, -1, float("nan"), float("inf")])
 def test_no_time_to_train_in_is_refused(minutes: float) -> None:
     with pytest.raises(InputError, match="--minutes"):
-        TrainingConfig(minutes=minutes)
+        PointTrainingConfig(minutes=minutes)
 
 
 def test_a_checkpoint_of_other_settings_is_refused(clouds, tmp_path: Path) -> None:
-    trainer(clouds, tmp_path / "w.safetensors", replace(CONFIG, steps=1)).run()
-    out = tmp_path / "w.safetensors"
-    with pytest.raises(InputError, match="other settings"):
-        trainer(clouds, out)
-    for other in ((clouds[:2], "dgcnn"), (clouds[:3], "pointnext")):
-        with pytest.raises(InputError, match="other settings or data"):
-            PointTrainer(other[0], clouds[3:], replace(CONFIG, steps=1), out, ALONE, {}, other[1])
+    out, config = tmp_path / "w.safetensors", replace(CONFIG, steps=1)
+    trainer(clouds, out, config).run()
+    for other in ((clouds, out), (clouds[::-1], out, config), (clouds, out, config, "pointnext")):
+        with pytest.raises(InputError, match=r"w\.checkpoint is of a training with other"):
+            trainer(*other)
 
 
 @pytest.mark.parametrize("content", [b"", b"no checkpoint", torch.zeros(3), {"settings": 1}])
@@ -201,14 +199,14 @@ def test_another_file_in_a_checkpoints_place_is_refused(clouds, tmp_path: Path, 
 @pytest.mark.parametrize("change", [{"learning_rate": -1.0}, {"learning_rate": float("nan")}, {"seed": -1}])
 def test_settings_that_no_training_can_have_are_refused(change: dict) -> None:
     with pytest.raises(InputError, match=r"--learning-rate|--seed"):
-        TrainingConfig(**change)
+        PointTrainingConfig(**change)
 
 
-def test_nothing_to_learn_from_is_refused(clouds, tmp_path: Path) -> None:
+def test_nothing_to_learn_from_is_refused(clouds) -> None:
     with pytest.raises(InputError, match="to train with"):
-        PointTrainer([], clouds, CONFIG, tmp_path / "w.safetensors", ALONE, {}, "dgcnn")
+        PointLearner([], clouds, CONFIG, "dgcnn", ALONE.device)
     with pytest.raises(InputError, match="to validate with"):
-        PointTrainer(clouds, [], CONFIG, tmp_path / "w.safetensors", ALONE, {}, "dgcnn")
+        PointLearner(clouds, [], CONFIG, "dgcnn", ALONE.device)
 
 
 def test_rare_classes_weigh_more(clouds) -> None:
@@ -227,7 +225,7 @@ def test_cross_entropy_by_hand() -> None:
 
 
 def test_the_learning_rate_rises_and_falls() -> None:
-    rates = [schedule(progress, 0.1) for progress in np.linspace(0, 1, 101)]
+    rates = [Schedule(rise=0.1).rate(progress, 100) for progress in np.linspace(0, 1, 101)]
     assert max(rates) == rates[10] == 1
     assert rates[0] == 0
     assert rates[100] == pytest.approx(0)

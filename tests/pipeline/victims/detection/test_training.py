@@ -10,21 +10,32 @@ import torch
 from scipy.special import logit
 
 from pipeline.errors import InputError
-from pipeline.semantic_map.networks.training_loop import schedule
-from pipeline.victims.detection import augmentation, loss, training
+from pipeline.semantic_map.networks.parallel import TrainingWorker
+from pipeline.semantic_map.networks.training_loop import TrainingLoop
+from pipeline.victims.detection import loss
 from pipeline.victims.detection.boxes import overlaps
 from pipeline.victims.detection.darknet_cfg import DarknetCfg
 from pipeline.victims.detection.detector import VictimDetector
 from pipeline.victims.detection.labelled_image import TrainingImage
 from pipeline.victims.detection.loss import YoloLoss, ciou, iou
-from pipeline.victims.detection.training import YoloTrainer, new_network, validate
-from pipeline.victims.detection.training_config import YoloTrainingConfig
+from pipeline.victims.detection.network import DarknetNetwork
+from pipeline.victims.detection.training import YoloLearner, new_network, validate
+from pipeline.victims.detection.training_config import CanvasAugmentation, YoloOptimization, YoloTrainingConfig
 from tests.pipeline.victims.constants import constants
 from tests.pipeline.victims.detection.networks import SHIPPED, SMALL
 from tests.pipeline.victims.detection.people import WhiteBoxes
 
 OWN = SHIPPED / "yolov3-small.cfg"
 CONFIG = YoloTrainingConfig(width=64, height=64, steps=6, validate_every=3, batch=2)
+
+
+def trainer(
+    out: Path, config: YoloTrainingConfig = CONFIG, images: int = 30, validated: int = 6
+) -> TrainingLoop[list[TrainingImage], DarknetNetwork]:
+    """A training on images with white boxes."""
+    worker = TrainingWorker.alone()
+    learner = YoloLearner(WhiteBoxes(images), WhiteBoxes(validated, 1), config, OWN, worker.device)
+    return TrainingLoop(learner, config, out, worker)
 
 
 def labelled(*boxes: Sequence[float], ignored: bool = False) -> TrainingImage:
@@ -83,7 +94,7 @@ def test_complete_iou_by_hand() -> None:
 
 
 def test_a_new_network_expects_no_people() -> None:
-    network = new_network(SMALL).eval()
+    network = new_network(SMALL, 0.01).eval()
     with torch.inference_mode():
         (answer,) = network(torch.rand(1, 3, 8, 16))
     assert answer[0, 4].sigmoid().max() < 0.03
@@ -91,15 +102,15 @@ def test_a_new_network_expects_no_people() -> None:
 
 def test_a_training_that_was_left_ends_with_the_same_weights(tmp_path: Path) -> None:
     whole, parts = tmp_path / "whole.weights", tmp_path / "parts.weights"
-    YoloTrainer(WhiteBoxes(30), WhiteBoxes(6, 1), CONFIG, whole, {}, OWN).run()
+    trainer(whole).run()
 
-    def leave(trainer: YoloTrainer) -> None:
-        if trainer.step == 4:
+    def leave(training: TrainingLoop) -> None:
+        if training.step == 4:
             raise KeyboardInterrupt
 
     with pytest.raises(KeyboardInterrupt):
-        YoloTrainer(WhiteBoxes(30), WhiteBoxes(6, 1), CONFIG, parts, {}, OWN).run(leave)
-    resumed = YoloTrainer(WhiteBoxes(30), WhiteBoxes(6, 1), CONFIG, parts, {}, OWN)
+        trainer(parts).run(leave)
+    resumed = trainer(parts)
     assert resumed.step == 4
     resumed.run()
     assert whole.read_bytes() == parts.read_bytes()
@@ -109,22 +120,20 @@ def test_a_training_that_was_left_ends_with_the_same_weights(tmp_path: Path) -> 
 
 def test_another_training_does_not_take_it_up(tmp_path: Path) -> None:
     out = tmp_path / "w.weights"
-    YoloTrainer(WhiteBoxes(30), WhiteBoxes(6, 1), CONFIG, out, {}, OWN).run()
-    with pytest.raises(InputError, match="other settings or data"):
-        YoloTrainer(WhiteBoxes(40), WhiteBoxes(6, 1), CONFIG, out, {}, OWN)
-    out.with_suffix(".checkpoint").write_bytes(b"nothing")
-    with pytest.raises(InputError, match="not a checkpoint"):
-        YoloTrainer(WhiteBoxes(30), WhiteBoxes(6, 1), CONFIG, out, {}, OWN)
+    trainer(out).run()
+    with pytest.raises(InputError, match=r"w\.checkpoint is of a training with other"):
+        trainer(out, images=40)
 
 
 def test_it_learns(tmp_path: Path) -> None:
-    config = YoloTrainingConfig(width=64, height=64, steps=60, validate_every=60, batch=8)
-    trainer = YoloTrainer(WhiteBoxes(60), WhiteBoxes(30, 1), config, tmp_path / "w.weights", {}, OWN)
-    before = validate(trainer.average, WhiteBoxes(30, 1))
-    with constants(augmentation, ODDS=0), constants(training, AVERAGE=0.9):
-        trainer.run()
+    fast = YoloOptimization(averaging=0.9)
+    plain = CanvasAugmentation(odds=0)
+    config = replace(CONFIG, steps=60, validate_every=60, batch=8, optimization=fast, augmentation=plain)
+    training = trainer(tmp_path / "w.weights", config, 60, 30)
+    before = validate(training.result, WhiteBoxes(30, 1), 0.01)
+    training.run()
     assert before < 0.1
-    assert trainer.score > 0.35
+    assert training.score > 0.35
 
 
 def test_what_cannot_be_done_is_refused(tmp_path: Path) -> None:
@@ -133,10 +142,6 @@ def test_what_cannot_be_done_is_refused(tmp_path: Path) -> None:
             YoloTrainingConfig(**wrong)
     for wrong in ({"width": 100}, {"height": 0}):
         with pytest.raises(InputError, match="multiples of 32"):
-            YoloTrainer(WhiteBoxes(30), WhiteBoxes(6), replace(CONFIG, **wrong), tmp_path / "w.weights", {}, OWN)
+            trainer(tmp_path / "w.weights", replace(CONFIG, **wrong))
     with pytest.raises(InputError, match="images to validate with show no people"):
-        YoloTrainer(WhiteBoxes(30), WhiteBoxes(0), CONFIG, tmp_path / "w.weights", {}, OWN)
-
-
-def test_the_learning_rate_rises_and_falls() -> None:
-    assert [schedule(p, 0.5) for p in (0.0, 0.25, 0.5, 1.0)] == pytest.approx([0, 0.5, 1, 0])
+        trainer(tmp_path / "w.weights", validated=0)

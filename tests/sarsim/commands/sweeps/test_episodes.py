@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from pipeline.errors import InputError
-from sarsim.commands.sweeps.episodes import EpisodeResult, SweepJob, grid_explorer, limited, result_of
+from sarsim.commands.sweeps.episodes import EpisodeResult, SweepJob, grid_explorer, limited, result_of, run_episode
 from sarsim.scoring.progress import area_under
 from sarsim.tasks.grid_explorers import Sights
 from sarsim.tasks.grid_scenes import draw_scene

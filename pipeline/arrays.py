@@ -25,6 +25,8 @@ Direction: TypeAlias = NDArray[np.float64]
 """(2,) or (3,) float64 vector of length 1."""
 Directions: TypeAlias = NDArray[np.float64]
 """(N, 2) or (N, 3) float64 vectors of length 1."""
+Planes: TypeAlias = NDArray[np.float64]
+"""(P, 4) or (4,) float64 planes [n, d]: the points x, m, with n · x = d; n has length 1."""
 Box: TypeAlias = NDArray[np.float64]
 """(2, 3) float64 lowest and highest corner; m."""
 Boxes: TypeAlias = NDArray[np.float64]

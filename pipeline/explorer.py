@@ -10,7 +10,6 @@ from pipeline.exploration.mission import Mission
 from pipeline.exploration.next_best_view import Exploration
 from pipeline.exploration.viewpoint import Context, Strategy, Viewpoint
 from pipeline.finds.reobservation import Reobservation
-from pipeline.geometry.cells import centres
 from pipeline.labels import Label
 from pipeline.mapper import Keyframe, Mapper
 from pipeline.navigation.commands import Outcome
@@ -142,7 +141,7 @@ class Explorer:
 
     def _follow(self, step: Step, viewpoint: Viewpoint, plan: PathPlan, check: ObstacleCheck) -> Outcome:
         """Follow the plan of a step; slowly on ramps and beside people."""
-        ramps = [centres(ramp.cells) for ramp in self.mapper.segments.of(Label.INCLINED_RAMP)]
+        ramps = [ramp.tree.data for ramp in self.mapper.segments.of(Label.INCLINED_RAMP)]
         people = [victim.points for victim in self.mapper.victims.confirmed]
         speed_limit = SpeedLimit(step.traversability, ramps, people, self._config.navigation.speed_limit)
         heading, start = viewpoint.heading if viewpoint.turn else None, step.keyframe.T_map_base[:2, 3]

@@ -19,12 +19,12 @@ from pipeline.elevation_map.elevation_map import CELL, ElevationMap
 from pipeline.elevation_map.ground_evidence import GroundEvidence, box_of
 from pipeline.errors import InputError
 from pipeline.frame import Frame, Intrinsics
-from pipeline.geometry.cells_kernels import moved
+from pipeline.geometry.moving_kernels import moved
+from pipeline.geometry.thinning import VoxelCloud
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.robot import RobotModel
 from pipeline.semantic_map.class_shares import ClassShares
-from pipeline.semantic_map.semantic_map import VOXEL, SemanticMap
-from pipeline.semantic_map.voxels import VoxelCloud
+from pipeline.semantic_map.semantic_map import SemanticMap
 from pipeline.transforms import POSE, are_poses, yaw_of
 
 UNIT = 2.5e-4
@@ -65,7 +65,9 @@ class Seen:
     shares: ClassShares | None = None
 
     @classmethod
-    def of(cls, frame: Frame, points: NDArray[np.float32], probabilities: NDArray | None, stride: int) -> "Seen":
+    def of(
+        cls, frame: Frame, points: NDArray[np.float32], probabilities: NDArray | None, stride: int, voxel: float
+    ) -> "Seen":
         """What a frame shows.
 
         Args:
@@ -73,11 +75,12 @@ class Seen:
             points: (N, 3) its returns, m in ``base_link``.
             probabilities: (N, 8) class probabilities of the returns; None if the frame is not labelled.
             stride: pixels from one kept depth to the next.
+            voxel: m, of the semantic map, to which a labelled frame is thinned.
         """
-        cloud, near = thinned(points, COLUMN if probabilities is None else VOXEL)
+        cloud, near = kept_cloud(points, COLUMN if probabilities is None else voxel)
         shares = None if probabilities is None else ClassShares.of(cloud.means(probabilities)[near])
         dropouts = find_depth_dropouts(frame.depth, frame.intrinsics, frame.T_base_camera, frame.sensor)
-        missing, missing_near = thinned(dropouts, CELL / 2)
+        missing, missing_near = kept_cloud(dropouts, CELL / 2)
         rays = lowest_rays(cloud.points[near], cloud.hits[near], frame.T_base_camera[:3, 3], CELL)
         depth, intrinsics = frame.every_nth(stride)
         kept = np.where(np.isfinite(depth) & (depth > 0), depth / UNIT, 0).clip(max=np.iinfo(np.uint16).max)
@@ -157,7 +160,7 @@ def _count(hits: NDArray[np.uint32]) -> NDArray[np.uint8]:
     return hits.clip(max=np.iinfo(np.uint8).max).astype(np.uint8)
 
 
-def thinned(
+def kept_cloud(
     points: NDArray[np.float32], voxel: float | tuple[float, float, float]
 ) -> tuple[VoxelCloud, NDArray[np.intp]]:
     """Points (N, 3), m in ``base_link``, thinned to voxels of that size, m, and which (K,) of these are kept."""

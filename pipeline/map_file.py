@@ -16,6 +16,7 @@ from pipeline.errors import InputError
 from pipeline.files import each, load_arrays, whole_file
 from pipeline.finds.find_map import TrackedFind
 from pipeline.frame import Intrinsics
+from pipeline.geometry.planes import Moments
 from pipeline.keyframes import Keyframes, Places, Seen
 from pipeline.labels import Label
 from pipeline.localisation.localisation import OdometryErrors, SavedKeyframes
@@ -23,7 +24,6 @@ from pipeline.mapper import Mapper
 from pipeline.metric_map.io.npz import save_metric_map
 from pipeline.robot import RobotModel
 from pipeline.segments.members import Member
-from pipeline.segments.plane import Moments
 from pipeline.semantic_map.class_shares import ClassShares
 from pipeline.tracks.find import FIND_KINDS, Reading
 from pipeline.tracks.observation import FindSighting

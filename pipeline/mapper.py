@@ -21,7 +21,7 @@ from pipeline.finds.background_reader import BackgroundReader
 from pipeline.finds.find_map import Finds
 from pipeline.finds.readers import FindReaders
 from pipeline.frame import Frame
-from pipeline.geometry.cells_kernels import moved
+from pipeline.geometry.moving_kernels import moved
 from pipeline.keyframes import Keyframes, Moves, Seen, nearest
 from pipeline.localisation.belief import Belief
 from pipeline.localisation.localisation import Localisation, Localised
@@ -32,9 +32,9 @@ from pipeline.planning.pose_paths import PosePaths
 from pipeline.robot import RobotModel
 from pipeline.segments.planes import PlanePatch, find_planes
 from pipeline.segments.segments import Segments
-from pipeline.semantic_map.classifier import PointClassifier, TruthClassifier
+from pipeline.semantic_map.classifier import PointClassifier
 from pipeline.semantic_map.finds import with_finds
-from pipeline.semantic_map.semantic_map import VOXEL, SemanticMap
+from pipeline.semantic_map.semantic_map import SemanticMap
 from pipeline.semantic_map.uprights import with_whole_uprights
 from pipeline.stopwatch import Stopwatch
 from pipeline.topological_map.topological_map import TopologicalMap
@@ -120,8 +120,8 @@ class Mapper:
         self.metric_map = MetricMap(voxel_size)
         self.elevation_map = ElevationMap(robot)
         self._traversability_layer = TraversabilityLayer()
-        is_told = isinstance(classifier, TruthClassifier)  # True labels need no other evidence
-        self.semantic_map = SemanticMap() if is_told else SemanticMap(self._is_inaccessible, self._revised)
+        is_certain = getattr(classifier, "is_certain", False)  # a classifier of one's own may lack it
+        self.semantic_map = SemanticMap() if is_certain else SemanticMap(self._is_inaccessible, self._revised)
         self.segments = Segments(self.metric_map.is_surface)
         self.topological_map = TopologicalMap(graph)
         self.victims = Victims()
@@ -252,7 +252,8 @@ class Mapper:
             with self.stopwatch("labels"):
                 probabilities = self.classifier.classify(frame, in_map, T_map_camera)
         with self.stopwatch("keyframe"):
-            seen = Seen.of(frame, points, probabilities, self.metric_map.stride(frame.intrinsics))
+            stride, voxel = self.metric_map.stride(frame.intrinsics), self.semantic_map.config.voxel
+            seen = Seen.of(frame, points, probabilities, stride, voxel)
             self.keyframes.add(seen, T_map_base)
         with self.stopwatch("metric_map"):
             seen.put_depth(self.metric_map, T_map_base)
@@ -266,7 +267,7 @@ class Mapper:
             seen.put_classes(self.semantic_map, T_map_base)
         labels = probabilities.argmax(axis=1).astype(np.uint8)
         with self.stopwatch("segments"):
-            patches = find_planes(frame, labels, T_map_camera, self._seed + index)
+            patches = find_planes(frame, labels, T_map_camera, self._seed + index, self.segments.config)
             self.segments.update(patches, index, T_map_base)
         detections = self._find_victims(frame, T_map_camera)
         self._find_things(frame, detections, T_map_base)
@@ -415,8 +416,9 @@ class Mapper:
     def _revised(self, points: NDArray[np.float32], labels: NDArray[np.uint8]) -> NDArray[np.uint8]:
         """(N,) labels of the semantic map's points (N, 3), m, that fit together and to what was found."""
         robot, people = self.elevation_map.robot, [victim.points for victim in self.victims.confirmed]
-        whole = with_whole_uprights(points, labels, robot, VOXEL, CELL)
-        return with_finds(points, whole, self.finds.shown, people, robot.max_step)
+        config = self.semantic_map.config
+        whole = with_whole_uprights(points, labels, robot, CELL, config)
+        return with_finds(points, whole, self.finds.shown, people, robot.max_step, config.skin)
 
     def _find_things(self, frame: Frame, detections: list[Detection], T_map_base: NDArray[np.float64]) -> None:
         """Read what is in the image besides people, and place it on the map."""

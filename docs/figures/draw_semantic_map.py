@@ -68,7 +68,7 @@ def main() -> None:
         probabilities = classifier.classify(frame, points, T_map_camera)
         semantic_map.update(points, probabilities)
         labels = probabilities.argmax(axis=1).astype(np.uint8)
-        segments.update(find_planes(frame, labels, T_map_camera, step), step, frame.T_odom_base)
+        segments.update(find_planes(frame, labels, T_map_camera, step, segments.config), step, frame.T_odom_base)
     picture = np.hstack([points_picture(semantic_map), segments_picture(segments)])
     cv2.imwrite(
         str(Path(__file__).parents[1] / "images" / "semantic-map.jpg"),

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from pipeline.elevation_map.traversability import Traversability
+from pipeline.geometry.parts import parts
 
 
 def is_inaccessible(
@@ -45,11 +46,9 @@ def _comes_down(
 
     ``joint``: m, side of the voxels that join a surface if they are neighbours, and greatest height of its foot.
     """
-    voxels = tuple(((points - points.min(axis=0)) / joint).astype(np.int64).T)
-    filled = np.zeros([side.max() + 1 for side in voxels], np.bool_)
-    filled[tuple(side[counts] for side in voxels)] = True
-    surface = ndimage.label(filled, np.ones((3, 3, 3)))[0][voxels]
-    return counts & np.isin(surface, surface[counts & (height < joint)])
+    part_of = np.zeros(len(points), np.intp)
+    part_of[counts] = parts(points[counts] - points.min(axis=0), joint)
+    return counts & np.isin(part_of, part_of[counts & (height < joint)])
 
 
 def height_above_accessible(

@@ -10,7 +10,7 @@ from pipeline.elevation_map.elevation_kernels import Z_BIN
 from pipeline.elevation_map.elevation_map import CELL, ElevationMap
 from pipeline.elevation_map.pose_kernels import MOST_ROOM
 from pipeline.frame import Frame
-from pipeline.geometry.cells_kernels import moved
+from pipeline.geometry.moving_kernels import moved
 from pipeline.robot import RobotModel
 from pipeline.transforms import yaw_of
 

@@ -120,7 +120,7 @@ class Relocalisation:
         cloud = np.vstack([*map(self._points, self.frames)])
         if len(cloud) < config.searched:
             return None
-        patches = thinned(cloud, config.patch)
+        patches = voxel_means(cloud, config.patch)
         field = VoxelField.around(metric_map, patches)
         places = standable(elevation_map, field, self._model)
         if not len(places):
@@ -148,7 +148,7 @@ class Relocalisation:
     def _points(self, frame: Frame) -> Places:
         """Thinned returns of a frame in ``level``."""
         points = frame.points(self._T_level_odom @ frame.T_odom_base @ frame.T_base_camera)[::2]
-        return thinned(points, self._config.registration.voxel)
+        return voxel_means(points, self._config.registration.voxel)
 
     def _contradicts(self, T_map_level: Pose, metric_map: MetricMap) -> bool:
         """Whether the frames contradict the map if the robot is at a pose."""
@@ -200,8 +200,11 @@ def without_tilt(T: Pose) -> Pose:
     return from_yaw(x, y, z, yaw_of(T))
 
 
-def thinned(points: Places | Points, size: float) -> Places:
-    """Means of the points in each voxel of a grid of ``size`` m."""
+def voxel_means(points: Places | Points, size: float) -> Places:
+    """Means of the points in each voxel of a grid of ``size`` m.
+
+    In double precision, as small_gicp thins what it registers; a :class:`VoxelCloud` has single precision.
+    """
     if not len(points):
         return np.zeros((0, 3))
     return np.ascontiguousarray(small_gicp.voxelgrid_sampling(points.astype(np.float64), size).points()[:, :3])

@@ -2,9 +2,10 @@
 
 import numpy as np
 
-from pipeline.arrays import Direction, Places, Pose
+from pipeline.arrays import Direction, Pose
 from pipeline.errors import InputError
 from pipeline.frame import Frame
+from pipeline.geometry.planes import distances, planes_through
 from pipeline.localisation.config import LocalisationConfig, VerticalConfig
 from pipeline.localisation.registration import front_normals
 from pipeline.localisation.slam import cloud_of_frame
@@ -47,13 +48,12 @@ def T_floor_camera(frame: Frame, config: VerticalConfig = VerticalConfig()) -> P
         raise InputError(f"the frame at {frame.time:.2f} s shows too little to find which way is up")
     tolerance = config.on_floor * frame.sensor.sigma(points[:, 2])
     best, most = None, config.least_floor * len(points)
-    rng = np.random.default_rng(0)
-    for sample in rng.integers(0, len(points), (config.trials, 3)):
-        normal, offset = _plane(points[sample])
-        height = points @ normal + offset
+    planes = planes_through(points[np.random.default_rng(0).integers(0, len(points), (config.trials, 3))])
+    for plane in planes * -np.sign(planes[:, 1:2]):  # pointing up in the image
+        height = distances(points, plane)
         on = np.abs(height) < tolerance
         is_free_below = np.mean(height < -config.below * tolerance) < config.most_below
-        if -normal[1] > np.cos(config.steepest) and on.sum() > most and is_free_below:
+        if -plane[1] > np.cos(config.steepest) and on.sum() > most and is_free_below:
             best, most = on, on.sum()
     if best is None:
         raise InputError(f"the frame at {frame.time:.2f} s shows no floor to find which way is up")
@@ -61,13 +61,6 @@ def T_floor_camera(frame: Frame, config: VerticalConfig = VerticalConfig()) -> P
     up = np.linalg.svd(points[best] - middle, full_matrices=False)[2][2]
     up *= -np.sign(up[1])
     return T_level_camera(up, float(up @ middle))
-
-
-def _plane(points: Places) -> tuple[Direction, float]:
-    """Normal that points up in the image, and offset, of the plane through three points."""
-    normal = np.cross(points[1] - points[0], points[2] - points[0])
-    normal *= -np.sign(normal[1]) / max(float(np.linalg.norm(normal)), np.finfo(np.float64).eps)
-    return normal, float(-normal @ points[0])
 
 
 def T_lowest_camera(frame: Frame, up: Direction, config: VerticalConfig = VerticalConfig()) -> Pose:

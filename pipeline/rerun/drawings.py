@@ -13,7 +13,7 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.explorer import Step
 from pipeline.frame import Frame, jpeg
-from pipeline.geometry.cells_kernels import cells_of
+from pipeline.geometry.thinning import first_in_voxels
 from pipeline.labels import COLOURS, Label
 from pipeline.localisation.localisation import Loop
 from pipeline.metric_map.metric_map import MetricMap
@@ -111,7 +111,7 @@ def _voxels(metric_map: MetricMap, centres: NDArray[np.float32], **style: Any) -
 def labelled_points(semantic_map: SemanticMap) -> rr.Points3D:
     """The semantic map, thinned to its oldest point in every cube of side ``GRAIN``; points cover their cubes."""
     points = semantic_map.points()
-    _, oldest = np.unique(cells_of(points, np.float32(1 / GRAIN))[0], return_index=True)
+    oldest = first_in_voxels(points, 1 / GRAIN)
     return rr.Points3D(points[oldest], class_ids=semantic_map.labels()[oldest], radii=GRAIN * sqrt(3) / 2)
 
 

@@ -8,17 +8,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frame import Frame
+from pipeline.geometry.thinning import VoxelCloud
 from pipeline.mapper import Keyframe, Mapper
 from pipeline.planning.path_plan import PathPlan
 from pipeline.robot import Motion, Velocity
 from pipeline.ros import messages
 from pipeline.ros.messages import BASE, CAMERA, MAP, ODOM, Message
-from pipeline.semantic_map.semantic_map import VOXEL
-from pipeline.semantic_map.voxels import VoxelCloud
 
 ImageFormat = Literal["16UC1", "32FC1", "16UC1-jpeg", "32FC1-jpeg"]
 """Depth in whole mm or in m (REP 118), and whether colours are compressed."""
 Send = Callable[[str, float, Message], None]  # Takes a topic, the time in s and a message
+CLOUD_VOXEL = 0.02  # m, to which clouds are thinned before they are sent
 STILL = 1e-6  # m by which a camera's pose may change without being sent again: a simulator's rounding moves it too
 
 
@@ -110,7 +110,7 @@ class MapTopics:
         time = keyframe.frame.time
         self._send("/keyframe", time, messages.pose_stamped(time, MAP, keyframe.T_map_base))
         if len(keyframe.labels):
-            cloud = VoxelCloud.of(keyframe.points, VOXEL)
+            cloud = VoxelCloud.of(keyframe.points, CLOUD_VOXEL)
             labels = cloud.means(np.eye(int(keyframe.labels.max()) + 1, dtype=np.float32)[keyframe.labels])
             named = labels.argmax(axis=1).astype(np.uint8)
             self._send("/semantic_cloud", time, messages.labelled_cloud(time, cloud.points, named))

@@ -6,13 +6,12 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.geometry.cells import SURFACE_CELL
-from pipeline.segments.plane import Plane
+from pipeline.arrays import Direction, Place, Places, Points, Pose
+from pipeline.geometry.planes import Plane
 from pipeline.transforms import from_rotation
 
 DIRECTIONS = np.array([(np.cos(azimuth), np.sin(azimuth)) for azimuth in np.deg2rad(np.arange(360))]).T
 """(2, 360) horizontal unit vectors, one for each degree from the x axis on."""
-ASCENDING = np.deg2rad(8)  # rad; a plane that is tilted less has no reliable direction of ascent
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,11 +19,11 @@ class Box:
     """An oriented bounding box of a piece of plane.
 
     Attributes:
-        T_map_box: 4×4, origin in the middle, z along the plane's normal, x horizontal, y upwards in the plane.
+        T_map_box: origin in the middle, z along the plane's normal, x horizontal, y upwards in the plane.
         extent: (3,) m, the lengths along x, y, z; the length along z is the thickness due to noise.
     """
 
-    T_map_box: NDArray[np.float64]
+    T_map_box: Pose
     extent: NDArray[np.float64]
 
     @property
@@ -33,8 +32,8 @@ class Box:
         return float(self.extent[0] * self.extent[1])
 
 
-def corners(box: Box) -> NDArray[np.float64]:
-    """(8, 3) corners in ``map``: four of the far face, then four of the face that was seen; x varies fastest."""
+def corners(box: Box) -> Places:
+    """The eight corners: four of the far face, then four of the face that was seen; x varies fastest."""
     signs = np.array([(x, y, z) for z in (-1, 1) for y in (-1, 1) for x in (-1, 1)])
     return signs * (box.extent / 2) @ box.T_map_box[:3, :3].T + box.T_map_box[:3, 3]
 
@@ -53,8 +52,8 @@ class Hull:
     high: float
 
     @classmethod
-    def of(cls, points: NDArray[np.float32]) -> Self:
-        """The hull of (N, 3) points."""
+    def of(cls, points: Points) -> Self:
+        """The hull of points."""
         reach = (points[:, :2].astype(np.float64) @ DIRECTIONS).max(axis=0)
         return cls(reach, float(points[:, 2].min()), float(points[:, 2].max()))
 
@@ -69,18 +68,20 @@ class Hull:
         return np.array([-self.reach[k - len(self.reach) // 2] - offset, self.reach[k] - offset])
 
 
-def bounding_box(plane: Plane, centre: NDArray[np.float64], hull: Hull, thickness: float) -> Box:
+def bounding_box(plane: Plane, centre: Place, hull: Hull, thickness: float, ascent: float, cell: float) -> Box:
     """The box around a hull in a plane.
 
     Args:
         plane: its normal is the box's z axis.
-        centre: (3,) a point of the plane among the hull's points.
+        centre: a point of the plane among the hull's points.
         hull: of the points.
         thickness: m, along the normal.
+        ascent: rad; a plane that is tilted less has no direction of ascent.
+        cell: m, edge of the cells in which the surface was seen.
     """
     n = plane.normal
-    level = abs(n[2]) > np.cos(ASCENDING)
-    x = _least_area_axis(hull) if level else np.array([-n[1], n[0], 0.0])
+    level = abs(n[2]) > np.cos(ascent)
+    x = _least_area_axis(hull, cell / 2) if level else np.array([-n[1], n[0], 0.0])
     x -= (x @ n) * n
     x /= np.linalg.norm(x)
     y = np.array([n[1] * x[2] - n[2] * x[1], n[2] * x[0] - n[0] * x[2], n[0] * x[1] - n[1] * x[0]])
@@ -89,7 +90,7 @@ def bounding_box(plane: Plane, centre: NDArray[np.float64], hull: Hull, thicknes
     return Box(from_rotation(np.array([x, y, n]).T, middle), np.array([right - left, high - low, thickness]))
 
 
-def _span(hull: Hull, axis: NDArray[np.float64], centre: NDArray[np.float64]) -> NDArray[np.float64]:
+def _span(hull: Hull, axis: Direction, centre: Place) -> NDArray[np.float64]:
     """(2,) least and greatest coordinate along an ``axis`` in the hull's plane, from ``centre``."""
     slant = np.hypot(axis[0], axis[1])
     if abs(axis[2]) > slant:
@@ -97,11 +98,11 @@ def _span(hull: Hull, axis: NDArray[np.float64], centre: NDArray[np.float64]) ->
     return hull.span(axis[:2], centre[:2]) / slant
 
 
-def _least_area_axis(hull: Hull) -> NDArray[np.float64]:
-    """The horizontal axis of the rectangle of least area; x of the map if half a cell of each side is the cause."""
+def _least_area_axis(hull: Hull, slack: float) -> Direction:
+    """The horizontal axis of the rectangle of least area; x of the map if ``slack`` m a side make the difference."""
     forth, back = np.split(hull.reach, 2)
     along, across = np.split(forth + back, 2)
     area = along * across
-    excess = SURFACE_CELL / 2 * (along[0] + across[0])
+    excess = slack * (along[0] + across[0])
     k = 0 if area[0] - excess <= area.min() else int(area.argmin())
     return np.array([*DIRECTIONS[:, k], 0.0])

@@ -1,22 +1,23 @@
 """Which lines pass through which segments: the test for edges that cross walls (thesis 3.3, figures 8 to 10)."""
 
 from collections.abc import Sequence
+from typing import TypeAlias
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.geometry.cells import SURFACE_CELL
+from pipeline.arrays import Indices, Mask, Places, Values
 from pipeline.segments.boxes import Box
 from pipeline.segments.segment import Segment
 
-Floats = NDArray[np.float64]
+Clips: TypeAlias = NDArray[np.float64]
+"""(N, S) shares of the way along N lines at which they enter or leave S boxes."""
 
-_ROUNDING = 1e-9  # m by which boxes are enlarged, so that rounding does not decide whether a line touches one
+_ROUNDING = 1e-9
+"""m by which boxes are enlarged, so that rounding does not decide whether a line touches one."""
 
 
-def crossings(
-    a: Floats, b: Floats, segments: Sequence[Segment], margin: float = 0.0, height: float = 0.0
-) -> NDArray[np.bool_]:
+def crossings(a: Places, b: Places, segments: Sequence[Segment], margin: float = 0.0, height: float = 0.0) -> Mask:
     """Which of the straight lines from ``a`` to ``b`` pass through one of the segments.
 
     The parametric line (thesis, equations 1 to 3) is clipped to the segment's box, which takes the place of the
@@ -24,14 +25,10 @@ def crossings(
     through a door in a wall although the wall's box covers the door.
 
     Args:
-        a: (N, 3) m in ``map``.
-        b: (N, 3) m in ``map``.
+        a, b: with their heights.
         segments: segments that block, whatever their labels.
         margin: m; a line that comes this near to a surface passes through it.
         height: m, of the body that moves along the line, from the line upwards.
-
-    Returns:
-        (N,) bool.
     """
     result = np.zeros(len(a), np.bool_)
     near = _near_boxes(a, b, [segment.box for segment in segments], margin + _ROUNDING, height)
@@ -42,7 +39,7 @@ def crossings(
     return result
 
 
-def _near_boxes(a: Floats, b: Floats, boxes: Sequence[Box], margin: float, height: float) -> NDArray[np.bool_]:
+def _near_boxes(a: Places, b: Places, boxes: Sequence[Box], margin: float, height: float) -> NDArray[np.bool_]:
     """(N, S) where the axis-aligned box around a line and its moving body meets that around a segment's box."""
     T = np.reshape([box.T_map_box for box in boxes], (-1, 4, 4))
     half = np.reshape([box.extent for box in boxes], (-1, 3)) / 2 + margin
@@ -52,27 +49,27 @@ def _near_boxes(a: Floats, b: Floats, boxes: Sequence[Box], margin: float, heigh
     return above & (high[:, None] >= T[:, :3, 3] - reach).all(axis=2)
 
 
-def _cross(a: Floats, b: Floats, segments: Sequence[Segment], margin: float, height: float) -> NDArray[np.bool_]:
+def _cross(a: Places, b: Places, segments: Sequence[Segment], margin: float, height: float) -> Mask:
     """:func:`crossings` of lines and segments that are near each other."""
     result = np.zeros(len(a), np.bool_)
-    boxes = [segment.box for segment in segments]
-    for lift in np.linspace(0, height, int(np.ceil(height / SURFACE_CELL)) + 1):
+    boxes, cell = [segment.box for segment in segments], segments[0].cell
+    for lift in np.linspace(0, height, int(np.ceil(height / cell)) + 1):
         up = np.array([0, 0, lift])
         start, end = a + up, b + up
         enter, leave = clip(start, end, boxes, margin + _ROUNDING)
         for k in np.flatnonzero((enter <= leave).any(axis=0)):
             lines = np.flatnonzero((enter[:, k] <= leave[:, k]) & ~result)
-            stretch = _sample(start[lines], end[lines], enter[lines, k], leave[lines, k])
+            stretch = _sample(start[lines], end[lines], enter[lines, k], leave[lines, k], cell / 2)
             result[lines] = _near_surface(*stretch, len(lines), segments[int(k)], margin)
     return result
 
 
-def clip(a: Floats, b: Floats, boxes: Sequence[Box], margin: float = 0.0) -> tuple[Floats, Floats]:
+def clip(a: Places, b: Places, boxes: Sequence[Box], margin: float = 0.0) -> tuple[Clips, Clips]:
     """Clip N lines to S boxes that are ``margin`` m larger on every side.
 
     Returns:
-        (N, S) and (N, S), the t in [0, 1] at which x = a + (b - a) t enters and leaves; enter > leave if the line
-        misses the box.
+        The t in [0, 1] at which x = a + (b - a) t enters and leaves; enter > leave if the line misses
+        the box.
     """
     T = np.reshape([box.T_map_box for box in boxes], (-1, 4, 4))
     half = np.reshape([box.extent for box in boxes], (-1, 3)) / 2 + margin
@@ -87,19 +84,17 @@ def clip(a: Floats, b: Floats, boxes: Sequence[Box], margin: float = 0.0) -> tup
     return np.maximum(enter.max(axis=2), 0), np.minimum(leave.min(axis=2), 1)
 
 
-def _sample(a: Floats, b: Floats, enter: Floats, leave: Floats) -> tuple[Floats, NDArray[np.intp]]:
-    """(M, 3) points at most half a cell apart from each line's entry to its exit, and their (M,) lines."""
-    counts = np.ceil((leave - enter) * np.linalg.norm(b - a, axis=1) / (SURFACE_CELL / 2)).astype(int) + 1
+def _sample(a: Places, b: Places, enter: Values, leave: Values, step: float) -> tuple[Places, Indices]:
+    """Points at most ``step`` m apart from each line's entry to its exit, and their lines."""
+    counts = np.ceil((leave - enter) * np.linalg.norm(b - a, axis=1) / step).astype(int) + 1
     line = np.repeat(np.arange(len(a)), counts)
     share = np.concatenate([np.linspace(0, 1, count) for count in counts] or [np.empty(0)])
     t = enter[line] + share * (leave - enter)[line]
     return a[line] + t[:, None] * (b - a)[line], line
 
 
-def _near_surface(
-    points: Floats, line: NDArray[np.intp], lines: int, segment: Segment, margin: float
-) -> NDArray[np.bool_]:
+def _near_surface(points: Places, line: Indices, lines: int, segment: Segment, margin: float) -> Mask:
     """(lines,) bool, whether a point of the line is near a cell of the segment."""
     distance, _ = segment.tree.query(segment.plane.projected(points))
-    half_diagonal = SURFACE_CELL * np.sqrt(3) / 2
+    half_diagonal = segment.cell * np.sqrt(3) / 2
     return np.bincount(line, distance <= margin + half_diagonal, lines) > 0

@@ -10,14 +10,13 @@ from functools import reduce
 from typing import Self
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.cluster.hierarchy import DisjointSet
 
-from pipeline.geometry.cells import FRONT, JOINED, SURFACE_CELL
+from pipeline.arrays import Direction, Mask, Places
 from pipeline.segments.segment import Segment
 
-IsSurface = Callable[[NDArray[np.float64], NDArray[np.float64]], NDArray[np.bool_]]
-"""Which points (N, 3), m in ``map``, the map holds as a surface that was seen from the side of a normal (3,)."""
+IsSurface = Callable[[Places, Direction], Mask]
+"""Which places the map holds as a surface that was seen from the side of a normal."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,32 +25,35 @@ class Gap:
 
     Attributes:
         width: m, the shortest distance along any axis of the map.
-        start, end: (N, 3) m in ``map``, ends of the lines, in the plane of the larger piece.
-        normal: (3,) of this plane.
+        start, end: of the lines, in the plane of the larger piece.
+        normal: of this plane.
+        cell: m, edge of the pieces' cells.
     """
 
     width: float
-    start: NDArray[np.float64]
-    end: NDArray[np.float64]
-    normal: NDArray[np.float64]
+    start: Places
+    end: Places
+    normal: Direction
+    cell: float
 
     @classmethod
     def between(cls, a: Segment, b: Segment) -> Self | None:
         """The gap between two segments of one plane; None if they face each other with a corner alone."""
         small, large = (a, b) if a.box.area < b.box.area else (b, a)
         widths, nearest = large.tree.query(small.tree.data, p=np.inf)
-        front = widths < widths.min() + (JOINED + 1 / 2) * SURFACE_CELL
-        if np.count_nonzero(front) < FRONT:
+        cells = large.config.cells
+        front = widths < widths.min() + (cells.reach + 1 / 2) * cells.edge
+        if np.count_nonzero(front) < cells.front:
             return None
         start = large.plane.projected(small.tree.data[front])
         end = large.plane.projected(large.tree.data[nearest[front]])
-        return cls(float(widths.min()), start, end, large.plane.normal)
+        return cls(float(widths.min()), start, end, large.plane.normal, cells.edge)
 
     def is_closed(self, is_surface: IsSurface) -> bool:
         """Whether most of the lines lie on a surface: lines are halved until their parts are as short as a cell."""
         start, way, parts = self.start, self.end - self.start, 1
         while 2 * len(start) > len(self.start):
-            if parts * SURFACE_CELL >= self.width:
+            if parts * self.cell >= self.width:
                 return True
             between = np.arange(1 / 2, parts) / parts
             points = start[:, None] + between[:, None] * way[:, None]
@@ -66,17 +68,17 @@ class Gaps:
     def __init__(self, is_surface: IsSurface | None) -> None:
         """Without ``is_surface`` no gap is closed."""
         self._is_surface = is_surface
-        self._known: dict[tuple[Segment, Segment], Gap | None] = {}
+        self._gaps: dict[tuple[Segment, Segment], Gap | None] = {}
 
     def closed(self, segments: Sequence[Segment]) -> list[Segment]:
         """The segments, those without an open gap between them joined, oldest first."""
         if self._is_surface is None:
             return list(segments)
-        known, self._known = self._known, {}
+        before, self._gaps = self._gaps, {}
         for pair in _neighbours(segments):
-            self._known[pair] = known[pair] if pair in known else Gap.between(*pair)
+            self._gaps[pair] = before[pair] if pair in before else Gap.between(*pair)
         joined = DisjointSet(segments)
-        for pair, gap in self._known.items():
+        for pair, gap in self._gaps.items():
             if gap and gap.is_closed(self._is_surface):
                 joined.merge(*pair)
         groups = [sorted(group, key=_id) for group in joined.subsets()]
@@ -99,7 +101,8 @@ def _coplanar(segments: Sequence[Segment]) -> list[list[int]]:
     """The index pairs of segments on one side of a plane, of which one has its middle in the plane of the other."""
     middles = np.array([segment.box.T_map_box[:3, 3] for segment in segments]).reshape(-1, 3)
     normals = np.array([segment.plane.normal for segment in segments]).reshape(-1, 3)
-    is_near = np.abs(middles @ normals.T - [segment.plane.offset for segment in segments]) <= SURFACE_CELL
+    offsets = [segment.plane.offset for segment in segments]
+    is_near = np.abs(middles @ normals.T - offsets) <= [segment.config.flatness for segment in segments]
     return np.argwhere(np.triu((is_near | is_near.T) & (normals @ normals.T > 0), 1)).tolist()
 
 

@@ -8,7 +8,7 @@ NONE = -1
 
 
 @njit(cache=True)
-def make_surfels(depth, labels, rays, block, min_pixels, min_step):
+def make_surfels(depth, labels, rays, block, min_pixels, min_step, deviations):
     """Surfels: mean points of the pixels of one label in every block of the image.
 
     A block in which one label has two surfaces, one behind the other, gives a surfel for each.
@@ -20,6 +20,7 @@ def make_surfels(depth, labels, rays, block, min_pixels, min_step):
         block: pixels, the edge of a block.
         min_pixels: fewer pixels make no surfel.
         min_step: 1/m of inverse depth, between surfaces one behind the other.
+        deviations: standard deviations of the noise, between such surfaces.
 
     Returns:
         (N, 3) float32 points in ``camera_optical``, (N,) uint8 labels, (N, 2) int32 row and column of their
@@ -39,7 +40,7 @@ def make_surfels(depth, labels, rays, block, min_pixels, min_step):
             for label in of.flat:
                 present[label] += 1
             for label in np.flatnonzero(present[1:] >= min_pixels) + 1:
-                parting = parting_inverse_depth(z, of, label, min_step)
+                parting = parting_inverse_depth(z, of, label, min_step, deviations)
                 for near in (True, False):
                     pixels, mean = mean_point(z, of, r, label, parting, near)
                     if pixels >= min_pixels:
@@ -51,11 +52,11 @@ def make_surfels(depth, labels, rays, block, min_pixels, min_step):
 
 
 @njit(cache=True)
-def parting_inverse_depth(depth, labels, label, min_step):
+def parting_inverse_depth(depth, labels, label, min_step, deviations):
     """The inverse depth, 1/m, between two surfaces of one label in a block (h, w), or 0 if there is only one.
 
-    The block is split at the middle of its range. The means of a slope's halves are 3.5 of their standard deviations
-    apart, those of Gaussian noise 2.7, whereas surfaces one behind the other are much farther apart than thick.
+    The block is split at the middle of its range; the means of both halves must be ``min_step`` and so many standard
+    ``deviations`` apart.
     """
     low, high = np.inf, 0.0
     for v in range(depth.shape[0]):
@@ -77,7 +78,7 @@ def parting_inverse_depth(depth, labels, label, min_step):
         return 0.0
     mean = s / n
     step, variance = mean[1] - mean[0], (ss - s * mean).sum() / n.sum()
-    return parting if step > min_step and step * step > 25 * variance else 0.0
+    return parting if step > min_step and step * step > deviations * deviations * variance else 0.0
 
 
 @njit(cache=True)

@@ -6,10 +6,12 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import Probabilities
 from pipeline.labels import Label
 from pipeline.semantic_map.semantic_map_kernels import spread
 
-WHOLE = np.iinfo(np.uint8).max  # Sum of the shares of a point's two classes
+WHOLE = np.iinfo(np.uint8).max
+"""Sum of the shares of a point's two classes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,8 +27,8 @@ class ClassShares:
     share: NDArray[np.uint8]
 
     @classmethod
-    def of(cls, probabilities: NDArray[np.float32]) -> Self:
-        """Keep of (N, 8) class probabilities, in [0, 1], those of the two most probable classes."""
+    def of(cls, probabilities: Probabilities) -> Self:
+        """Keep the probabilities, in [0, 1], of the two most probable classes."""
         best = np.argsort(-probabilities, axis=1, kind="stable")[:, :2]
         first, second = np.take_along_axis(probabilities, best, axis=1).T
         both = np.maximum(first + second, np.finfo(np.float32).tiny)

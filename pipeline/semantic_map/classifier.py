@@ -3,8 +3,8 @@
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pipeline.arrays import Points, Pose, Probabilities
 from pipeline.errors import InputError
 from pipeline.frame import Frame
 from pipeline.labels import Label
@@ -14,31 +14,36 @@ CLASSES = (Label.WALL, Label.TERRAIN, Label.INCLINED_RAMP, Label.STRAIGHT_RAMP, 
 
 
 class PointClassifier(Protocol):
-    """Gives every point of a frame its class probabilities."""
+    """Gives every point of a frame its class probabilities.
 
-    def classify(
-        self, frame: Frame, points: NDArray[np.float32], T_map_camera: NDArray[np.float64]
-    ) -> NDArray[np.float32]:
+    Attributes:
+        is_certain: whether its labels need no other evidence, so that the map does not revise them; False for a
+            classifier without the attribute.
+    """
+
+    is_certain: bool = False
+
+    def classify(self, frame: Frame, points: Points, T_map_camera: Pose) -> Probabilities:
         """Classify the returns of a frame.
 
         Args:
             frame: the frame of the points.
-            points: (N, 3) float32 in ``map``, all returns row-major, as ``frame.points`` gives them.
-            T_map_camera: 4×4 pose of the frame's camera.
+            points: all returns row-major, as ``frame.points`` gives them.
+            T_map_camera: pose of the frame's camera.
 
         Returns:
-            (N, 8) float32 class probabilities, indexed by :class:`pipeline.labels.Label`; rows sum to 1.
+            Probabilities that sum to 1 for each point.
         """
         ...
 
 
-class TruthClassifier:
+class TruthClassifier(PointClassifier):
     """The labels that the simulator wrote into the frame (``--labels truth``)."""
 
-    def classify(
-        self, frame: Frame, points: NDArray[np.float32], T_map_camera: NDArray[np.float64]
-    ) -> NDArray[np.float32]:
-        """(N, 8) float32 one-hot of ``frame.label`` at the returns; InputError if the frame has none."""
+    is_certain = True
+
+    def classify(self, frame: Frame, points: Points, T_map_camera: Pose) -> Probabilities:
+        """One-hot of ``frame.label`` at the returns; InputError if the frame has none."""
         if frame.label is None:
-            raise InputError(f"the frame at {frame.time:.2f} s carries no true labels: only a simulator knows them")
+            raise InputError(f"the frame at {frame.time:.2f} s carries no true labels: only a simulator has them")
         return np.eye(len(Label), dtype=np.float32)[frame.label[frame.returns]]

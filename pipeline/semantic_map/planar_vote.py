@@ -10,59 +10,52 @@ probabilities, those of all points on its plane, and the plane's tilt, which def
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import Pose, Values
 from pipeline.frame import Frame
-from pipeline.labels import RAMP_TILT, Label
+from pipeline.labels import Label
 from pipeline.segments.planar_regions import planar_regions
 from pipeline.semantic_map.classifier import CLASSES
+from pipeline.semantic_map.config import PlanarVoteConfig
 from pipeline.semantic_map.planar_vote_kernels import mean_logs, normalised_products, planes_of_pixels, possible_logs
-
-REGION_ANGLE = np.deg2rad(6)
-"""rad, between a surfel's normal and its region's: small, because no labels separate planes here."""
-MAX_SHIFT, NOISE = 0.02, 0.008
-"""m, and m per m² of depth that is added: greatest distance, along the optical axis, of a pixel from its plane."""
-VOTING_WINDOW = 2  # pixels around a pixel that fits several planes, whose depths decide between these planes
-PLANE_WEIGHT = 2.0  # Of the mean log probabilities of a plane's points; a point's own log probabilities weigh 1
-LEAST_PROBABILITY = 1e-3  # Least probability of a class: limits the evidence of a network that rules a class out
-MAX_LEAN = np.deg2rad(15)
-"""rad by which the floor, a deck or a ceiling may be out of level, and a wall or a side of a deck out of plumb."""
 
 
 def planar_vote(
-    frame: Frame, T_map_camera: NDArray[np.float64], probabilities: NDArray[np.float32]
+    frame: Frame, T_map_camera: Pose, probabilities: NDArray[np.float32], config: PlanarVoteConfig
 ) -> NDArray[np.float32]:
     """Let the points of every plane vote.
 
     The probabilities of a point on a plane become the normalised product of its own and of the geometric mean over
-    all points of the plane, the latter to the power of ``PLANE_WEIGHT``. Before that, classes that a plane of this
+    all points of the plane, the latter to the power of a weight. Before that, classes that a plane of this
     tilt cannot have pass their probability to classes that it can have. Points on no plane keep their probabilities.
 
     Args:
         frame: one frame.
-        T_map_camera: 4×4 pose of the camera.
+        T_map_camera: pose of the camera.
         probabilities: (N, 6) float32 of the frame's returns, row-major, by class of ``CLASSES``; rows sum to 1.
+        config: the weight, and what is a plane.
 
     Returns:
         (N, 6) float32.
     """
-    found = planar_regions(frame, frame.returns.astype(np.uint8), 0, REGION_ANGLE)
+    found = planar_regions(frame, frame.returns.astype(np.uint8), 0, config.surfels, config.regions)
     plane = planes_of_pixels(
         frame.depth, frame.intrinsics.rays, found.surfels.of_pixel, found.surfels.near, found.region,
-        found.planes, MAX_SHIFT, NOISE, VOTING_WINDOW,
+        found.planes, config.shift, config.noise, config.window,
     )[frame.returns]  # fmt: skip
-    possible = possible_classes(found.planes[:, :3] @ T_map_camera[2, :3])
-    logs = possible_logs(probabilities, plane, possible, CLASSES.index(Label.CLUTTER), LEAST_PROBABILITY)
-    evidence = PLANE_WEIGHT * mean_logs(logs, plane, len(found.planes))
+    possible = possible_classes(found.planes[:, :3] @ T_map_camera[2, :3], config)
+    logs = possible_logs(probabilities, plane, possible, CLASSES.index(Label.CLUTTER), config.least_probability)
+    evidence = config.weight * mean_logs(logs, plane, len(found.planes))
     return normalised_products(probabilities, logs, evidence, plane)
 
 
-def possible_classes(cosines: NDArray[np.float64]) -> NDArray[np.bool_]:
+def possible_classes(cosines: Values, config: PlanarVoteConfig) -> NDArray[np.bool_]:
     """(P, 6) which of ``CLASSES`` a plane may have, given the (P,) cosines between normals and the vertical."""
     lean = np.arccos(np.abs(cosines).clip(max=1))
-    level, upright = lean < MAX_LEAN, lean > np.pi / 2 - MAX_LEAN
+    level, upright = lean < config.lean, lean > np.pi / 2 - config.lean
     possible = {
         Label.WALL: upright,
         Label.TERRAIN: level,
-        Label.INCLINED_RAMP: lean > RAMP_TILT / 2,
+        Label.INCLINED_RAMP: lean > config.least_ramp,
         Label.STRAIGHT_RAMP: level | upright,
         Label.CEILING: level,
         Label.CLUTTER: np.ones_like(level),

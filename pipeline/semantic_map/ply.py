@@ -5,6 +5,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import Labels, Points
 from pipeline.errors import InputError
 from pipeline.files import MOST_MEMORY, read_bytes, whole_file
 
@@ -12,8 +13,8 @@ _TYPES = {"x": "float", "y": "float", "z": "float"} | dict.fromkeys(("red", "gre
 VERTEX = np.dtype([(name, {"float": "<f4", "uchar": "u1"}[kind]) for name, kind in _TYPES.items()])
 
 
-def write_ply(path: Path, points: NDArray[np.float32], colours: NDArray[np.uint8], labels: NDArray[np.uint8]) -> None:
-    """Write (N, 3) points in m with (N, 3) colours and (N,) labels as binary PLY.
+def write_ply(path: Path, points: Points, colours: NDArray[np.uint8], labels: Labels) -> None:
+    """Write points with (N, 3) colours and labels as binary PLY.
 
     The file appears whole or not at all. InputError if it cannot be written.
     """

@@ -1,58 +1,52 @@
 """The baseline: classes by height and slope alone, without learning."""
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from pipeline.arrays import Indices, Points, Pose, Probabilities, Values
 from pipeline.frame import Frame
-from pipeline.labels import RAMP_TILT, Label
-from pipeline.semantic_map.voxels import VoxelCloud
-
-PATCH_POINTS = 30  # Points to which a normal is fitted
-WALL_TILT = np.radians(60)  # rad; a surface at least as steep is a wall
-CLOUD_VOXEL = 0.03  # m; the cloud is thinned to one point a voxel, and a surface that is rougher is clutter
-DECK_HEIGHT = 0.08  # m; a level surface above this is a straight ramp, not terrain
-CEILING_HEIGHT = 2.0  # m; a level surface above this is a ceiling
+from pipeline.geometry.thinning import VoxelCloud
+from pipeline.labels import Label
+from pipeline.semantic_map.classifier import PointClassifier
+from pipeline.semantic_map.config import RuleConfig
 
 
-class RuleClassifier:
-    """Classifies points by height and normal; a :class:`pipeline.semantic_map.classifier.PointClassifier`."""
+class RuleClassifier(PointClassifier):
+    """Classifies points by height and normal."""
 
-    def classify(
-        self, frame: Frame, points: NDArray[np.float32], T_map_camera: NDArray[np.float64]
-    ) -> NDArray[np.float32]:
-        """(N, 8) float32 one-hot; a point that is not finite is unlabelled."""
-        cloud = VoxelCloud.of(points, CLOUD_VOXEL)
-        labels = np.append(_labels(cloud.points), Label.UNLABELLED)
+    def __init__(self, *, config: RuleConfig = RuleConfig()) -> None:
+        """Begin with these rules."""
+        self._config = config
+
+    def classify(self, frame: Frame, points: Points, T_map_camera: Pose) -> Probabilities:
+        """One-hot; a point that is not finite is unlabelled."""
+        cloud = VoxelCloud.of(points, self._config.voxel)
+        labels = np.append(_labels(cloud.points, self._config), Label.UNLABELLED)
         return np.eye(len(Label), dtype=np.float32)[labels[cloud.voxel_of_point]]
 
 
-def _labels(points: NDArray[np.float32]) -> NDArray[np.int64]:
-    """(M,) labels of (M, 3) points."""
-    tilt, roughness = tilt_and_roughness(points, PATCH_POINTS)
+def _labels(points: Points, config: RuleConfig) -> Indices:
+    tilt, roughness = tilt_and_roughness(points, config.neighbours)
     # The first rule that holds decides.
     rules = [
-        (tilt > WALL_TILT, Label.WALL),
-        (roughness > CLOUD_VOXEL, Label.CLUTTER),
-        (tilt >= RAMP_TILT, Label.INCLINED_RAMP),
-        (points[:, 2] > CEILING_HEIGHT, Label.CEILING),
-        (points[:, 2] > DECK_HEIGHT, Label.STRAIGHT_RAMP),
+        (tilt > config.wall_tilt, Label.WALL),
+        (roughness > config.roughness, Label.CLUTTER),
+        (tilt >= config.ramp_tilt, Label.INCLINED_RAMP),
+        (points[:, 2] > config.ceiling, Label.CEILING),
+        (points[:, 2] > config.deck, Label.STRAIGHT_RAMP),
     ]
     return np.select([rule for rule, _ in rules], [label for _, label in rules], Label.TERRAIN)
 
 
-def tilt_and_roughness(
-    points: NDArray[np.float32], neighbours: int
-) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+def tilt_and_roughness(points: Points, neighbours: int) -> tuple[Values, Values]:
     """Tilt of, and deviation from, the plane fitted to the nearest points of every point by principal components.
 
     Args:
-        points: (M, 3) float32.
+        points: of a surface.
         neighbours: number of nearest points, the point itself included; all points if there are fewer.
 
     Returns:
-        (M,) angle between the plane's normal and the vertical, 0 to π/2, and (M,) standard deviation from the plane
-        in metres.
+        Angle between the plane's normal and the vertical, 0 to π/2 rad, and standard deviation from the plane, m.
     """
     if len(points) == 0:
         return np.empty(0), np.empty(0)

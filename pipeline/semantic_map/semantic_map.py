@@ -1,4 +1,4 @@
-"""The semantic map: a labelled point for every 2 cm voxel with returns (thesis 3.2, figure 3)."""
+"""The semantic map: a labelled point for every small voxel with returns (thesis 3.2, figure 3)."""
 
 from collections.abc import Callable
 from pathlib import Path
@@ -6,18 +6,19 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import Labels, Mask, Points, Probabilities
 from pipeline.errors import InputError
-from pipeline.geometry.cells_kernels import EMPTY, insert_all
+from pipeline.geometry.voxel_hash_kernels import EMPTY, insert_all
 from pipeline.labels import COLOURS, Label
+from pipeline.semantic_map.config import SemanticMapConfig
 from pipeline.semantic_map.ply import write_ply
 from pipeline.semantic_map.semantic_map_kernels import accumulate
 from pipeline.semantic_map.uprights import RAMPS
 
-VOXEL = 0.02  # m, the edge of the voxels; each keeps one point whatever the number of frames
-IsInaccessible = Callable[[NDArray[np.float32], NDArray[np.bool_]], NDArray[np.bool_]]
-"""Takes (N, 3) points in ``map`` labelled as ramps, and which are straight ones; (N,) where no robot can drive."""
-Revise = Callable[[NDArray[np.float32], NDArray[np.uint8]], NDArray[np.uint8]]
-"""Takes all (N, 3) points in ``map`` and their (N,) labels; (N,) labels that fit together."""
+IsInaccessible = Callable[[Points, Mask], Mask]
+"""Takes points labelled as ramps, and which are straight ones; where no robot can drive."""
+Revise = Callable[[Points, Labels], Labels]
+"""Takes all points and their labels; labels that fit together."""
 
 
 class SemanticMap:
@@ -27,10 +28,20 @@ class SemanticMap:
 
     Memory grows with the surface seen, not with the number of frames. Voxels are kept in the order in which they were
     first hit: the same frames in the same order give the same map.
+
+    Attributes:
+        config: the size of the voxels, and how labels are revised.
     """
 
-    def __init__(self, is_inaccessible: IsInaccessible | None = None, revise: Revise | None = None) -> None:
+    def __init__(
+        self,
+        is_inaccessible: IsInaccessible | None = None,
+        revise: Revise | None = None,
+        *,
+        config: SemanticMapConfig = SemanticMapConfig(),
+    ) -> None:
         """An empty map. Without ``is_inaccessible``, ramps keep their labels; without ``revise``, all points do."""
+        self.config = config
         self._is_inaccessible, self._revise = is_inaccessible, revise
         self._blocks, self._size = 0, 0
         self._block_keys = np.empty(0, np.int64)
@@ -43,8 +54,8 @@ class SemanticMap:
 
     def update(
         self,
-        points: NDArray[np.float32],
-        probabilities: NDArray[np.float32] | NDArray[np.uint8],
+        points: Points,
+        probabilities: Probabilities | NDArray[np.uint8],
         hits: NDArray[np.unsignedinteger] | None = None,
     ) -> None:
         """Add the points of a frame.
@@ -53,8 +64,8 @@ class SemanticMap:
         neighbouring pixels are correlated, so a product would be overconfident.
 
         Args:
-            points: (N, 3) float32 in ``map``; points that are not finite are left out.
-            probabilities: (N, 8) class probabilities, float32, or uint8 in units of 1/255.
+            points: in ``map``; points that are not finite are left out.
+            probabilities: of their classes, as float32 or as uint8 in units of 1/255.
             hits: (N,) number of returns of which each point is the mean; 1 if not given.
 
         Raises:
@@ -69,7 +80,7 @@ class SemanticMap:
         counts = np.ones(len(points), np.uint32) if hits is None else hits
         unit = 1 / 255 if probabilities.dtype == np.uint8 else 1.0
         self._blocks, self._size = accumulate(
-            points, probabilities, unit, counts, 1 / VOXEL, self._slots, self._block_of_slot, self._shift,
+            points, probabilities, unit, counts, 1 / self.config.voxel, self._slots, self._block_of_slot, self._shift,
             self._block_keys, self._voxels, self._rows, (self._blocks, self._size),
         )  # fmt: skip
 
@@ -91,12 +102,12 @@ class SemanticMap:
         self._shift = 64 - (size.bit_length() - 1)
         insert_all(self._slots, self._block_of_slot, self._shift, self._block_keys[: self._blocks])
 
-    def points(self) -> NDArray[np.float32]:
-        """(M, 3) float32 mean point of every voxel, in ``map``."""
+    def points(self) -> Points:
+        """The mean point of every voxel."""
         return self._rows[: self._size, 1:4].copy()
 
-    def labels(self) -> NDArray[np.uint8]:
-        """(M,) uint8 most probable class (the lower id wins a tie), as the other maps revise it."""
+    def labels(self) -> Labels:
+        """The most probable class of every voxel (the lower id wins a tie), as the other maps revise it."""
         labels = self._rows[: self._size, 4:].argmax(axis=1).astype(np.uint8)
         if self._is_inaccessible is not None:
             ramps = np.flatnonzero(np.isin(labels, RAMPS))
@@ -106,8 +117,8 @@ class SemanticMap:
             labels = self._revise(self.points(), labels)
         return labels
 
-    def probabilities(self) -> NDArray[np.float32]:
-        """(M, 8) float32 class probabilities: the mean over all returns in the voxel."""
+    def probabilities(self) -> Probabilities:
+        """Of the classes of every voxel: the mean over all its returns."""
         hits = self._rows[: self._size, :1]
         return np.divide(self._rows[: self._size, 4:], hits, dtype=np.float32)
 

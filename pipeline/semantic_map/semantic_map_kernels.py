@@ -3,7 +3,7 @@
 import numpy as np
 from numba import int64, njit
 
-from pipeline.geometry.cells_kernels import EMPTY, NO_INDEX, find_slot, indices_of, packed
+from pipeline.geometry.voxel_hash_kernels import EMPTY, NO_INDEX, find_slot, indices_of, packed
 
 
 @njit(cache=True, nogil=True)

@@ -13,8 +13,10 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from pipeline.arrays import Indices, Labels, Layer, Mask, MaskLayer, Points
 from pipeline.labels import Label
 from pipeline.robot import RobotModel
+from pipeline.semantic_map.config import SemanticMapConfig, UprightsConfig
 from pipeline.semantic_map.uprights_kernels import directions, on_long_runs
 
 RAMPS = Label.INCLINED_RAMP, Label.STRAIGHT_RAMP
@@ -27,30 +29,30 @@ class SeenFromAbove:
     Attributes:
         cell: m.
         shape: of the grid.
-        of_point: (N,) int64 flat index of every point's cell.
+        of_point: flat index of every point's cell.
         height: (N,) float32 m of every point.
     """
 
     cell: float
     shape: tuple[int, int]
-    of_point: NDArray[np.int64]
+    of_point: Indices
     height: NDArray[np.float32]
 
     @classmethod
-    def of(cls, points: NDArray[np.float32], cell: float) -> Self:
-        """Of (N, 3) points in m, at least one."""
+    def of(cls, points: Points, cell: float) -> Self:
+        """Of points, at least one."""
         cells = np.floor(points[:, :2] / cell).astype(np.int64)
         i, j = (cells - cells.min(axis=0)).T
         shape = int(i.max()) + 1, int(j.max()) + 1
         return cls(cell, shape, i * shape[1] + j, points[:, 2])
 
-    def counts(self, chosen: NDArray[np.bool_]) -> NDArray[np.int32]:
-        """(nx, ny) number of the ``chosen`` (N,) points in every cell."""
+    def counts(self, chosen: Mask) -> NDArray[np.int32]:
+        """(nx, ny) number of the ``chosen`` points in every cell."""
         counts = np.bincount(self.of_point[chosen], minlength=self.shape[0] * self.shape[1])
         return counts.astype(np.int32).reshape(self.shape)
 
-    def span(self, chosen: NDArray[np.bool_]) -> tuple[NDArray[np.float32], NDArray[np.float32]]:
-        """(nx, ny) height in m of the lowest and the highest of the ``chosen`` (N,) points in every cell.
+    def span(self, chosen: Mask) -> tuple[Layer, Layer]:
+        """The height in m of the lowest and the highest of the ``chosen`` points in every cell.
 
         A cell without any has a span from 1 m above all points to 1 m below them.
         """
@@ -66,25 +68,26 @@ class SeenFromAbove:
 
 
 def with_whole_uprights(
-    points: NDArray[np.float32], labels: NDArray[np.uint8], robot: RobotModel, voxel: float, cell: float
-) -> NDArray[np.uint8]:
-    """(N,) labels of a map's points in which walls, and the sides of ramps and decks, are whole and nothing else is.
+    points: Points, labels: Labels, robot: RobotModel, cell: float, config: SemanticMapConfig
+) -> Labels:
+    """Labels of a map's points in which walls, and the sides of ramps and decks, are whole and nothing else is.
 
     Args:
-        points: (N, 3) m.
-        labels: (N,).
+        points: of the map.
+        labels: theirs.
         robot: by its size.
-        voxel: m, the edge of the map's voxels.
         cell: m, of the plan in which a surface without holes fills all cells.
+        config: of the map.
     """
     if not len(points):
         return labels
-    of_walls = with_whole_walls(SeenFromAbove.of(points, voxel), labels, robot.width / 2, robot.max_gap)
-    return with_sides_of_ramps(SeenFromAbove.of(points, cell), of_walls, robot.headroom)
+    fine, coarse = (SeenFromAbove.of(points, edge) for edge in (config.voxel, cell))
+    of_walls = with_whole_walls(fine, labels, robot.width / 2, robot.max_gap, config.uprights)
+    return with_sides_of_ramps(coarse, of_walls, robot.headroom, config.uprights)
 
 
-def with_whole_walls(plan: SeenFromAbove, labels: NDArray[np.uint8], width: float, gap: float) -> NDArray[np.uint8]:
-    """(N,) labels in which walls are flat and at least ``width`` m wide; others are clutter.
+def with_whole_walls(plan: SeenFromAbove, labels: Labels, width: float, gap: float, config: UprightsConfig) -> Labels:
+    """Labels in which walls are flat and at least ``width`` m wide; others are clutter.
 
     Which way a wall runs shows around its cells or, if it has gaps of up to ``gap`` m between slats, in a
     neighbourhood as wide as a wall must be. Clutter in a cell of a wall, of which most is a wall, becomes one.
@@ -93,10 +96,9 @@ def with_whole_walls(plan: SeenFromAbove, labels: NDArray[np.uint8], width: floa
     walls, length = plan.counts(is_wall), ceil(width / plan.cell)
     # Cells of one run stay in a line over a gap: there, their directions part by less than a cell.
     tolerance, most_gap = plan.cell / gap, int(gap / plan.cell)
-    reach = 2  # cells; with fewer, noise of one would decide on the direction
-    wide = [on_long_runs(directions(walls, r), length, most_gap, tolerance) for r in (reach, length // 2)]
-    # In a corner the directions of two walls mix as far as that.
-    whole = ndimage.binary_dilation(np.logical_or(*wide), _square(reach))
+    reaches = config.reach, length // 2
+    wide = [on_long_runs(directions(walls, reach), length, most_gap, tolerance) for reach in reaches]
+    whole = ndimage.binary_dilation(np.logical_or(*wide), _square(config.reach))
     mostly = ndimage.convolve(walls, _square(1)) > ndimage.convolve(plan.counts(is_clutter), _square(1))
     result = labels.copy()
     result[is_wall & ~plan.at_points(whole)] = Label.CLUTTER
@@ -104,8 +106,8 @@ def with_whole_walls(plan: SeenFromAbove, labels: NDArray[np.uint8], width: floa
     return result
 
 
-def with_sides_of_ramps(plan: SeenFromAbove, labels: NDArray[np.uint8], headroom: float) -> NDArray[np.uint8]:
-    """(N,) labels in which the sides of a ramp or deck have the label of its top, of the nearest that is broad.
+def with_sides_of_ramps(plan: SeenFromAbove, labels: Labels, headroom: float, config: UprightsConfig) -> Labels:
+    """Labels in which the sides of a ramp or deck have the label of its top, of the nearest that is broad.
 
     What is ``headroom`` m high is no side: the robot can get under a deck as high as that.
     """
@@ -119,30 +121,26 @@ def with_sides_of_ramps(plan: SeenFromAbove, labels: NDArray[np.uint8], headroom
     distance, (i, j) = ndimage.distance_transform_edt(~top, return_indices=True)
     surface, _ = ndimage.label(is_filled, _square(1))
     narrow = (surface == surface[i, j]) & ~top & (high - low < headroom)
-    side = _ends_at(np.where(top, high, low.min() - 1), *plan.span(is_ramp | is_wall), plan.cell, headroom)
-    is_side = is_ramp & plan.at_points(narrow) | is_wall & plan.at_points(side & (distance <= 2))
+    # What stands there ends at the highest top around it.
+    edge = ndimage.maximum_filter(np.where(top, high, low.min() - 1), len(_square(config.blur)))
+    side = _ends_at(edge, *plan.span(is_ramp | is_wall), plan.cell, headroom) & (distance <= config.blur)
+    is_side = is_ramp & plan.at_points(narrow) | is_wall & plan.at_points(side)
     label = np.where(is_deck[i, j], Label.STRAIGHT_RAMP, Label.INCLINED_RAMP)
     return np.where(is_side, plan.at_points(label), labels).astype(np.uint8)
 
 
-def _ends_at(
-    top: NDArray[np.float32], low: NDArray[np.float32], high: NDArray[np.float32], step: float, headroom: float
-) -> NDArray[np.bool_]:
-    """(nx, ny) cells in which what stands from ``low`` to ``high`` m ends at the highest top up to two cells away.
+def _ends_at(edge: Layer, low: Layer, high: Layer, step: float, headroom: float) -> MaskLayer:
+    """Cells in which what stands from ``low`` to ``high``, m, ends at ``edge``, m.
 
-    Args:
-        top: (nx, ny) m, low where there is none.
-        low, high: (nx, ny) m.
-        step: m, the least height of what stands upright, and how far its end may be from the top.
-        headroom: m, its greatest height.
+    ``step``, m, is the least height of what stands upright, and how far its end may be from the edge; ``headroom``,
+    m, is its greatest height.
     """
-    # An edge is blurred by two cells: one by noise, one by the grid.
-    edge, height = ndimage.maximum_filter(top, len(_square(2))), high - low
+    height = high - low
     return (height > step) & (height < headroom) & (np.abs(high - edge) <= step)
 
 
-def _broad(layer: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """(nx, ny) cells of a layer within a square of 3 × 3 cells of it, in which single ones may be missing."""
+def _broad(layer: MaskLayer) -> MaskLayer:
+    """Cells of a layer within a square of 3 × 3 cells of it, in which single ones may be missing."""
     return layer & ndimage.binary_opening(ndimage.binary_closing(layer, _square(1)), _square(1))
 
 

@@ -10,7 +10,6 @@ from scipy import ndimage
 
 from pipeline.elevation_map.elevation_map import CELL
 from pipeline.elevation_map.traversability import Traversability
-from pipeline.geometry.cells import centres
 from pipeline.grid_map import Box, Grid, GridMap, Layer, best_of_blocks, box_around
 from pipeline.segments.segment import Segment
 from pipeline.topological_map import sight_kernels as kernels
@@ -70,7 +69,7 @@ class NodeCover:
         layers.match(traversability.grid)
         layers.write("target", traversability.traversable & reachable)
         layers.write("standable", traversability.turnable & reachable)
-        in_walls = np.vstack([np.zeros((0, 3)), *(centres(wall.cells) for wall in walls)])
+        in_walls = np.vstack([np.zeros((0, 3)), *(wall.tree.data for wall in walls)])
         layers.write("walls", traversability.tall | self.grid.mask_of(in_walls))
         changed = layers.changed_since(revision)
         if changed.any():

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import log_ndtr
 
-from pipeline.geometry.cells import parts
+from pipeline.geometry.parts import parts
 
 THIN = 0.02
 """m, noise of a depth camera at its usual range; nothing seems thinner."""

@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from scipy.special import expit, logit
 
 from pipeline.frame import Frame
-from pipeline.geometry.cells import thinned
-from pipeline.geometry.cells_kernels import moved
+from pipeline.geometry.moving_kernels import moved
+from pipeline.geometry.thinning import first_in_voxels
 from pipeline.tracks.find import PRINTED, Reading
 from pipeline.tracks.likelihood import EXTENTS, weigh
 from pipeline.tracks.sought import THING_GAP
@@ -17,6 +17,8 @@ from pipeline.transforms import transform_points
 
 POSE_SIGMA = 0.03
 """m, standard deviation of a keyframe's position: the error of trajectories in the benchmark's arenas."""
+KEPT_VOXEL = 0.025
+"""m, edge of the voxels in each of which one of a sighting's points is kept."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,6 +82,7 @@ def sight(frame: Frame, reading: Reading, keyframe: int, T_map_base: NDArray[np.
             own = points.astype(np.float64)
             in_camera = (own.min(axis=0) + own.max(axis=0)) / 2
             covariance += np.diag(np.ptp(own, axis=0) / 2) ** 2
+    points = points.astype(np.float32)
     seen = FindSighting(
         reading=reading,
         keyframe=keyframe,
@@ -89,7 +92,7 @@ def sight(frame: Frame, reading: Reading, keyframe: int, T_map_base: NDArray[np.
         has_depth=depth.size > 0,
         time=frame.time,
         photo=photo_of(frame.rgb, reading.box),
-        points=thinned(points.astype(np.float32)),
+        points=points[first_in_voxels(points, 1 / KEPT_VOXEL)],
     )
     return seen.moved(T_map_camera)
 

@@ -6,6 +6,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.geometry.thinning import first_in_voxels
+from pipeline.geometry.voxel_hash import first_of, voxels_of
+
 VOXEL = 0.03  # m
 AGREED = 0.2
 """Least share of the frames with a person that show a voxel of it."""
@@ -26,25 +29,18 @@ class PersonVoxels:
     @classmethod
     def of(cls, points: NDArray[np.float32]) -> "PersonVoxels":
         """Of one observation's points (N, 3), m in ``map``."""
-        _, first = np.unique(_cells(points), return_index=True)
-        return cls(points[np.sort(first)], np.ones(len(first), np.int64))
+        first = first_in_voxels(points / VOXEL)
+        return cls(points[first], np.ones(len(first), np.int64))
 
     @classmethod
     def joined(cls, observations: Sequence["PersonVoxels"]) -> "PersonVoxels":
         """Of all of these observations, at least one."""
         seen = np.concatenate([voxels.seen for voxels in observations])
-        _, first, voxel = np.unique(_cells(seen), return_index=True, return_inverse=True)
+        voxel, keys = voxels_of(seen / VOXEL)
         shown = np.bincount(voxel, np.concatenate([voxels.shown for voxels in observations])).astype(np.int64)
-        return cls(seen[first], shown)
+        return cls(seen[first_of(voxel, len(keys))], shown)
 
     def agreed(self, frames: int) -> NDArray[np.float32]:
         """(M, 3) float32 of the person whom so many frames show, m in ``map``; all if none shows often enough."""
         is_agreed = self.shown >= AGREED * frames
         return self.seen[is_agreed] if is_agreed.any() else self.seen
-
-
-def _cells(points: NDArray[np.float32]) -> NDArray[np.int64]:
-    """(N,) number of the voxel of each point (N, 3)."""
-    cells = np.floor(points / VOXEL).astype(np.int64)
-    cells -= cells.min(axis=0)
-    return np.ravel_multi_index(tuple(cells.T), tuple(cells.max(axis=0) + 1))

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from pipeline.frame import Frame
-from pipeline.geometry.cells_kernels import moved
+from pipeline.geometry.moving_kernels import moved
 from pipeline.keyframes import Places
 from pipeline.localisation.gates import chi2_gate
 from pipeline.localisation.localisation import KEYFRAME_WAY

@@ -60,7 +60,7 @@ class OutputCache:
         return output
 
 
-class CachedClassifier:
+class CachedClassifier(PointClassifier):
     """A point classifier that is called only once for the same arguments; it must depend on nothing else."""
 
     def __init__(self, classifier: PointClassifier, cache: OutputCache, weights: Path):

@@ -107,16 +107,17 @@ def _own(flag: str, name: str, protocol: type, *args: RobotModel) -> Any:
     """An instance of a class with the members of a protocol, whose answers are checked from then on."""
     where = _where(flag, name)
     kind = load_class(flag, name)
-    method = _guarded(kind, f"{where}: making it")(*args)
+    method, attributes = _guarded(kind, f"{where}: making it")(*args), inspect.get_annotations(protocol)
     for member, wanted in vars(protocol).items():
-        if member.startswith("_"):
+        if member.startswith("_") or member in attributes:
             continue
         if member not in dir(method):
             what = "method" if inspect.isfunction(wanted) else "attribute"
             raise InputError(f"{where}: has no {what} {member}, see {protocol.__module__}.{protocol.__name__}")
         if inspect.isfunction(wanted):
             _watch(method, member, len(inspect.signature(wanted).parameters) - 1, where)
-    if missing := [member for member in inspect.get_annotations(protocol) if member not in dir(method)]:
+    # An attribute with a default may be missing.
+    if missing := [name for name in attributes if not (hasattr(protocol, name) or name in dir(method))]:
         raise InputError(f"{where}: has no attribute {missing[0]}, see {protocol.__module__}.{protocol.__name__}")
     return method
 

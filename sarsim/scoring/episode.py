@@ -57,8 +57,9 @@ class EpisodeScore(Sink):
         self.surface = self._coverage.surface
         self._segments = SegmentScore(true_faces(model, data), are_whole=explorer.mapper.keyframes.loaded > 0)
         self._voxels = VoxelScore(explorer.mapper.metric_map)
-        self._semantics = KeyframeTruth(explorer.mapper.keyframes)
-        self._surfaces = SurfaceScore()
+        voxel = explorer.mapper.semantic_map.config.voxel
+        self._semantics = KeyframeTruth(explorer.mapper.keyframes, voxel)
+        self._surfaces = SurfaceScore(voxel)
         self._victims = VictimScore(model, data)
         self._finds, self._has_thermal = FindScore(model, data, T_world_tag[:, :3, 3]), False
         self._fiducials = FiducialScore(T_world_tag)

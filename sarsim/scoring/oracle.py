@@ -20,7 +20,7 @@ from pipeline.planning.pose_paths import PosePaths, bits
 from pipeline.robot import RobotModel
 from pipeline.transforms import wrap_angle
 from sarsim.ground_truth.true_surface import TrueSurface
-from sarsim.scoring.set_cover import cells_of
+from sarsim.scoring.set_cover import cells_shown
 from sarsim.scoring.sight import Sight
 from sarsim.scoring.view_tours import Leg, ViewTours
 
@@ -73,7 +73,7 @@ class Oracle(ViewTours):
     def at_start(self) -> NDArray[np.bool_]:
         """(N,) the cells seen at once."""
         seen = np.zeros(len(self.sight.cells), np.bool_)
-        seen[cells_of(self.views, 0)] = True
+        seen[cells_shown(self.views, 0)] = True
         return seen
 
     def paths(self, view: int) -> PosePaths:

@@ -5,19 +5,21 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.keyframes import Keyframes, thinned
+from pipeline.keyframes import Keyframes, kept_cloud
 from pipeline.labels import THESIS_FOUR, Label
 from pipeline.mapper import Keyframe
 from pipeline.semantic_map.class_shares import ClassShares
+from pipeline.semantic_map.config import SemanticMapConfig
 from pipeline.semantic_map.networks.scores import iou
-from pipeline.semantic_map.semantic_map import VOXEL, SemanticMap
+from pipeline.semantic_map.semantic_map import SemanticMap
 
 
 class KeyframeTruth:
     """The true labels of keyframes, mapped at the keyframes' current poses."""
 
-    def __init__(self, keyframes: Keyframes) -> None:
-        """``keyframes``: of the robot; the true labels of those that it has already are unknown."""
+    def __init__(self, keyframes: Keyframes, voxel: float) -> None:
+        """``keyframes``: of the robot; the true labels of those that it has already are unknown. ``voxel``: m."""
+        self._voxel = voxel
         self._keyframes = keyframes
         self._shares: dict[int, ClassShares | None] = {k: None for k, s in enumerate(keyframes.seen) if s.shares}
 
@@ -25,13 +27,13 @@ class KeyframeTruth:
         """Keep the true labels of a keyframe, thinned to voxels as in the robot's map."""
         frame = keyframe.frame
         if frame.label is not None:
-            cloud, near = thinned(frame.points(frame.T_base_camera), VOXEL)
+            cloud, near = kept_cloud(frame.points(frame.T_base_camera), self._voxel)
             shares = cloud.means(np.eye(len(Label), dtype=np.float32)[frame.label[frame.returns]])
             self._shares[keyframe.index] = ClassShares.of(shares[near])
 
     def map(self) -> SemanticMap:
         """The semantic map with the true labels at the present poses."""
-        truth, known = SemanticMap(), self._keyframes
+        truth, known = SemanticMap(config=SemanticMapConfig(voxel=self._voxel)), self._keyframes
         for k, shares in self._shares.items():
             seen, T = known.seen[k], known.poses[k]
             if shares is not None:

@@ -23,12 +23,12 @@ def greedy_cover(views: sparse.csr_array, wanted: int, shown: NDArray[np.bool_])
     heapq.heapify(heap)
     while heap and shown.sum() < wanted:
         _, view = heapq.heappop(heap)
-        gain = int(np.count_nonzero(~shown[cells_of(views, view)]))
+        gain = int(np.count_nonzero(~shown[cells_shown(views, view)]))
         if gain and heap and gain < -heap[0][0]:
             heapq.heappush(heap, (-gain, view))
         elif gain:
             chosen.append(view)
-            shown[cells_of(views, view)] = True
+            shown[cells_shown(views, view)] = True
     return chosen
 
 
@@ -52,7 +52,7 @@ def cover_bound(views: sparse.csr_array, wanted: int, shown: NDArray[np.bool_]) 
     return float(found.fun) if found.success else float("inf")
 
 
-def cells_of(views: sparse.csr_array, view: int) -> NDArray[np.int32]:
+def cells_shown(views: sparse.csr_array, view: int) -> NDArray[np.int32]:
     """(M,) the cells that one of (V, N) views shows."""
     cells: NDArray[np.int32] = views.indices[views.indptr[view] : views.indptr[view + 1]]
     return cells

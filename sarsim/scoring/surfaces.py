@@ -4,8 +4,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from pipeline.semantic_map.semantic_map import VOXEL
-from pipeline.semantic_map.voxels import VoxelCloud
+from pipeline.geometry.thinning import VoxelCloud
 
 F1_WITHIN = {"f1_5cm": 0.05, "f1_10cm": 0.1}
 """m, distances within which a point is right."""
@@ -14,18 +13,19 @@ F1_WITHIN = {"f1_5cm": 0.05, "f1_10cm": 0.1}
 class SurfaceScore:
     """Collects noise-free points, in the world, thinned to voxels as in the semantic map."""
 
-    def __init__(self) -> None:
-        """Begin without any."""
+    def __init__(self, voxel: float) -> None:
+        """Begin without any; ``voxel``: m, edge of the map's voxels."""
+        self._voxel = voxel
         self._surface, self._new = np.zeros((0, 3), np.float32), list[NDArray[np.float32]]()
 
     def add(self, points: NDArray[np.float32]) -> None:
         """Add the noise-free points (N, 3) of a frame, m in the world."""
-        self._new.append(VoxelCloud.of(points, VOXEL).points)
+        self._new.append(VoxelCloud.of(points, self._voxel).points)
         if sum(map(len, self._new)) > len(self._surface):  # so that each point is thinned again only a few times
             self._merge()
 
     def _merge(self) -> None:
-        self._surface = VoxelCloud.of(np.concatenate([self._surface, *self._new]), VOXEL).points
+        self._surface = VoxelCloud.of(np.concatenate([self._surface, *self._new]), self._voxel).points
         self._new.clear()
 
     def report(self, points: NDArray[np.float32]) -> dict[str, float]:

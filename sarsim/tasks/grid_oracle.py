@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from pipeline.errors import InputError
-from sarsim.scoring.set_cover import cells_of, cover_bound
+from sarsim.scoring.set_cover import cells_shown, cover_bound
 from sarsim.scoring.view_tours import Leg, ViewTours
 from sarsim.tasks.grid_scenes import GridScene
 from sarsim.tasks.grid_world import SPEED, GridRules, GridWorld, route
@@ -87,10 +87,10 @@ class GridOracle(ViewTours):
         ways = self._tree(self.world.here)[0][self.nodes]
         nearest = np.full(views.shape[1], np.inf)
         for view in np.argsort(-ways, kind="stable"):
-            nearest[cells_of(views, int(view))] = ways[view]
+            nearest[cells_shown(views, int(view))] = ways[view]
         reach = np.sort(nearest)[self.wanted - 1] if self.wanted else 0.0
         at_start = np.zeros(views.shape[1], np.bool_)
-        at_start[cells_of(views, 0)] = True
+        at_start[cells_shown(views, 0)] = True
         cover = cover_bound(views, self.wanted, at_start) * self.world.rules.spacing
         return float(max(reach, cover)) * self.world.scene.cell
 
@@ -116,5 +116,5 @@ class GridOracle(ViewTours):
     def _seen(self, views: Sequence[int]) -> NDArray[np.bool_]:
         seen = np.zeros(self.views.shape[1], np.bool_)
         for view in views:
-            seen[cells_of(self.views, view)] = True
+            seen[cells_shown(self.views, view)] = True
         return seen

@@ -13,6 +13,7 @@ from rich.table import Table
 
 from pipeline.errors import InputError
 from pipeline.semantic_map.classifier import CLASSES
+from pipeline.semantic_map.config import PlanarVoteConfig
 from pipeline.semantic_map.networks.blocks import CHANNELS
 from pipeline.semantic_map.networks.classifier import NetworkClassifier
 from pipeline.semantic_map.networks.inference import for_inference
@@ -73,7 +74,7 @@ def _groups(settings: NetworksSettings) -> dict[str, list[str]]:
 def voted(frame: PosedFrame, given: NDArray[np.float32]) -> NDArray[np.float32]:
     """(N, 8) probabilities of a frame's points after the vote of each plane's points, from (N, 8) ``given`` ones."""
     result = given.copy()
-    result[:, CLASSES] = planar_vote(frame.frame, frame.T_map_camera, given[:, CLASSES])
+    result[:, CLASSES] = planar_vote(frame.frame, frame.T_map_camera, given[:, CLASSES], PlanarVoteConfig())
     return result
 
 

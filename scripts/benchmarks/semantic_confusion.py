@@ -14,7 +14,6 @@ from pipeline.labels import RAMP_TILT, Label
 from pipeline.localisation.trajectory import read_trajectory
 from pipeline.map_file import KEYFRAMES, read_keyframes
 from pipeline.semantic_map.ply import read_ply
-from pipeline.semantic_map.semantic_map import VOXEL
 from sarsim.arenas.load import load_arena
 from sarsim.commands.settings import load_settings
 from sarsim.ground_truth.meshes import DRAWN_GROUPS
@@ -24,6 +23,7 @@ from sarsim.sensors.camera import geom_labels
 from sarsim.settings import EpisodeConfig
 from scripts.benchmarks.common import Result
 
+SAME_POINT = 0.02  # m, greatest distance of a return from the point of the map that it made
 SAME_POSE = 1e-5  # By which a keyframe's pose may differ from its row of the trajectory, which has six decimals
 NEAR_WALL = 0.1  # m; points this near to a wall's are told apart
 LEAST_SHARE = 1e-3  # of all points, that are one thing and taken for one other, to be in the table
@@ -42,7 +42,7 @@ def confusion(folder: Path) -> Result:
     returns, geoms, up = looked_again(model, keyframes, true_poses(folder, keyframes.poses))
     vertices = read_ply(folder / "semantic_map.ply")
     points = np.stack([vertices[axis] for axis in "xyz"], axis=1)
-    away, nearest = KDTree(returns).query(points, distance_upper_bound=VOXEL)
+    away, nearest = KDTree(returns).query(points, distance_upper_bound=SAME_POINT)
     known = np.isfinite(away)
     geom, labels = geoms[nearest[known]], geom_labels(model)
     truth, told = labels[geom], vertices["label"][known]

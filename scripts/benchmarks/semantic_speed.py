@@ -7,6 +7,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from pipeline.geometry.thinning import VoxelCloud
 from pipeline.semantic_map.classifier import CLASSES
 from pipeline.semantic_map.networks.blocks import CHANNELS, Block, BlockConfig, cut
 from pipeline.semantic_map.networks.classifier import NetworkClassifier, save_classifier
@@ -15,7 +16,6 @@ from pipeline.semantic_map.networks.dgcnn_cpu.inference import FastDgcnn
 from pipeline.semantic_map.networks.inference import for_inference
 from pipeline.semantic_map.networks.network import PointNetwork
 from pipeline.semantic_map.networks.weights import load_weights
-from pipeline.semantic_map.voxels import VoxelCloud
 from sarsim.commands.cli import tracked
 from scripts.benchmarks.common import seconds
 from scripts.benchmarks.labelled_drives import PosedFrame

@@ -27,7 +27,9 @@ def frame(depth: np.ndarray) -> Frame:
 def seen(depth: np.ndarray, labelled: bool = False) -> Seen:
     shown = frame(depth.astype(np.float32))
     points = shown.points(T_BASE_CAMERA)
-    return Seen.of(shown, points, np.full((len(points), 8), 1 / 8, np.float32) if labelled else None, stride=5)
+    return Seen.of(
+        shown, points, np.full((len(points), 8), 1 / 8, np.float32) if labelled else None, stride=5, voxel=0.02
+    )
 
 
 def test_points_are_kept_to_the_unit_wherever_the_robot_is():

@@ -8,7 +8,9 @@ from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
 from pipeline.errors import InputError
+from pipeline.frame import Frame
 from pipeline.keyframes import Moves
+from pipeline.labels import Label
 from pipeline.localisation.localisation import LostError
 from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.localisation.slam import Slam
@@ -287,3 +289,21 @@ def test_what_keyframes_in_passing_show_is_on_the_map_from_the_next_one_on():
     mapper.add(FRAMES[4], POSES[4], labelled=False)
     mapper.settle()  # the last keyframe of a run that is cut off counts too
     assert sorted(sighting.keyframe for thing in mapper.finds.all for sighting in thing.seen) == [0, 1, 2, 3, 4]
+
+
+class Ramps:
+    """Takes everything for a ramp; as a classifier of one's own, it need not say whether it is certain."""
+
+    def classify(self, frame: Frame, points: np.ndarray, T_map_camera: np.ndarray) -> np.ndarray:
+        return np.eye(len(Label), dtype=np.float32)[np.full(len(points), Label.INCLINED_RAMP)]
+
+
+class CertainRamps(Ramps):
+    is_certain = True
+
+
+@pytest.mark.parametrize(("classifier", "is_revised"), [(Ramps(), True), (CertainRamps(), False)])
+def test_the_map_revises_labels_that_are_not_certain(classifier: Ramps, is_revised: bool) -> None:
+    mapper = Mapper(PIONEER, classifier, localisation=OdometryLocalisation())
+    mapper.add(FRAMES[0], POSES[0])
+    assert (mapper.semantic_map.labels() != Label.INCLINED_RAMP).any() == is_revised

@@ -6,9 +6,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import Indices, Place
+from pipeline.geometry.thinning import VoxelCloud
 from pipeline.labels import Label
 from pipeline.semantic_map.classifier import CLASSES
-from pipeline.semantic_map.voxels import VoxelCloud
 
 CHANNELS, COLOURED = 6, 9
 """Numbers of channels of a point, see :func:`channels`: without and with its colour."""
@@ -38,17 +39,17 @@ class Block:
     """A column of a cloud, or a random part of one that has too many points.
 
     Attributes:
-        index: (n,) indices of its points in the cloud; an index may occur several times.
+        index: of its points in the cloud; an index may occur several times.
         points: (n, 6 or 9) float32, see :func:`channels`.
     """
 
-    index: NDArray[np.int64]
+    index: Indices
     points: NDArray[np.float32]
 
 
 def cut(
     points: NDArray[np.float32],
-    camera: NDArray[np.floating],
+    camera: Place,
     config: BlockConfig,
     shift: float,
     fewest: int,
@@ -58,7 +59,7 @@ def cut(
 
     Args:
         points: (M, 3) float32 in ``map``, finite, or (M, 6) with their colours.
-        camera: (3,) its position in ``map``, m.
+        camera: its position.
         config: how to cut.
         shift: m, by which the grid of columns is moved along x and y.
         fewest: a block with fewer points is filled up with random repeats of its points.
@@ -76,9 +77,7 @@ def cut(
             yield Block(part, channels(points[part], centre, camera, config))
 
 
-def channels(
-    points: NDArray[np.float32], centre: NDArray[np.float64], camera: NDArray[np.floating], config: BlockConfig
-) -> NDArray[np.float32]:
+def channels(points: NDArray[np.float32], centre: Place, camera: Place, config: BlockConfig) -> NDArray[np.float32]:
     """(n, 6) float32: x and y from the middle of the block, z in ``map``, then normalized x, y, z.
 
     Colours, if there are any, come in between, as in the blocks of S3DIS: (n, 9).
@@ -92,6 +91,6 @@ def channels(
 
 
 def coloured(cloud: VoxelCloud, colours: NDArray[np.uint8]) -> NDArray[np.float32]:
-    """(M, 6) float32 points of a cloud and their mean colours from 0 to 1, given (N, 3) RGB of all returns."""
+    """(M, 6) float32 points of a cloud, m, and their mean colours from 0 to 1, given (N, 3) RGB of all returns."""
     whole = np.iinfo(colours.dtype).max
     return np.concatenate([cloud.points, cloud.means(colours.astype(np.float32)) / whole], axis=1)

@@ -8,30 +8,36 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import softmax
 
+from pipeline.arrays import Place, Points, Pose, Probabilities
 from pipeline.errors import InputError
 from pipeline.frame import Frame
+from pipeline.geometry.thinning import VoxelCloud
 from pipeline.labels import Label
-from pipeline.semantic_map.classifier import CLASSES
+from pipeline.semantic_map.classifier import CLASSES, PointClassifier
+from pipeline.semantic_map.config import NetworkConfig
 from pipeline.semantic_map.networks.blocks import CHANNELS, COLOURED, BlockConfig, coloured, cut
 from pipeline.semantic_map.networks.inference import for_inference
 from pipeline.semantic_map.networks.network import BlockClassifier, PointNetwork
 from pipeline.semantic_map.networks.weights import load_weights, save_weights
 from pipeline.semantic_map.planar_vote import planar_vote
-from pipeline.semantic_map.voxels import VoxelCloud
 
-GRIDS = 3
-"""Number of grids of columns, each shifted against the others, over which class probabilities are averaged."""
 MOST_FACTOR = 16
 """Greatest factor between the settings of a file's :class:`BlockConfig` and the default ones; with others a frame
 could take hours or all memory."""
 _CLASS_NAMES = ",".join(label.name.lower() for label in CLASSES)
 
 
-class NetworkClassifier:
+class NetworkClassifier(PointClassifier):
     """Classifies every point of a frame by a network."""
 
     def __init__(
-        self, weights: Path, vote: bool = True, threads: int | None = None, network: str | None = None
+        self,
+        weights: Path,
+        vote: bool = True,
+        threads: int | None = None,
+        network: str | None = None,
+        *,
+        config: NetworkConfig = NetworkConfig(),
     ) -> None:
         """Load weights that ``train.py`` wrote.
 
@@ -40,27 +46,27 @@ class NetworkClassifier:
             vote: whether the points of a plane vote on their classes; if not, every voxel is classified on its own.
             threads: number of threads; see :func:`for_inference` for the default.
             network: name of the only network that is accepted; any if not given.
+            config: of grids and vote.
 
         Raises:
             InputError: as :func:`load_classifier`.
         """
+        self._config = config
         written, self._blocks = load_classifier(weights, network)
         self._network, self._vote = for_inference(written, threads), vote
         self._has_colours = written.channels == COLOURED
 
-    def classify(
-        self, frame: Frame, points: NDArray[np.float32], T_map_camera: NDArray[np.float64]
-    ) -> NDArray[np.float32]:
-        """(N, 8) float32 class probabilities; points that are not finite are unlabelled."""
+    def classify(self, frame: Frame, points: Points, T_map_camera: Pose) -> Probabilities:
+        """Class probabilities; points that are not finite are unlabelled."""
         cloud = VoxelCloud.of(points, self._blocks.voxel_size)
         # Sampling and the grids' positions differ by frame, so that seams do too.
         rng = np.random.default_rng([0, int(np.float64(frame.time).view(np.uint64))])
         seen = coloured(cloud, frame.rgb[frame.returns]) if self._has_colours else cloud.points
-        of_voxels = segment(self._network, seen, T_map_camera[:3, 3], self._blocks, GRIDS, rng)
+        of_voxels = segment(self._network, seen, T_map_camera[:3, 3], self._blocks, self._config.grids, rng)
         unknown = np.full((1, len(CLASSES)), 1 / len(CLASSES), np.float32)
         of_points = np.vstack([of_voxels, unknown])[cloud.voxel_of_point]
         if self._vote:
-            of_points = planar_vote(frame, T_map_camera, of_points)
+            of_points = planar_vote(frame, T_map_camera, of_points, self._config.vote)
         probabilities = np.zeros((len(points), len(Label)), np.float32)
         probabilities[:, CLASSES] = of_points
         probabilities[cloud.voxel_of_point == len(cloud.points)] = np.eye(len(Label))[Label.UNLABELLED]
@@ -70,12 +76,12 @@ class NetworkClassifier:
 def segment(
     network: BlockClassifier,
     points: NDArray[np.float32],
-    camera: NDArray[np.floating],
+    camera: Place,
     config: BlockConfig,
     grids: int,
     rng: np.random.Generator,
 ) -> NDArray[np.float32]:
-    """(M, classes) float32 probabilities of points, as of :func:`cut`, the mean over ``grids`` grids of columns.
+    """(M, classes) float32 probabilities of points, m, as of :func:`cut`: the mean over ``grids`` grids of columns.
 
     Raises:
         InputError: as the network, or its logits are not finite.
@@ -100,8 +106,8 @@ def load_classifier(path: Path, only: str | None = None) -> tuple[PointNetwork, 
     """
     network, metadata = load_weights(path, only)
     if metadata.get("labels") != _CLASS_NAMES or network.classes != len(CLASSES):
-        told = metadata.get("labels", f"{network.classes} unnamed classes")
-        raise InputError(f"{path}: a network that tells apart {told}, not {_CLASS_NAMES}; use train.py's")
+        named = metadata.get("labels", f"{network.classes} unnamed classes")
+        raise InputError(f"{path}: a network that tells apart {named}, not {_CLASS_NAMES}; use train.py's")
     if network.channels not in (CHANNELS, COLOURED):
         raise InputError(f"{path}: a network for {network.channels} channels a point, not {CHANNELS} or {COLOURED}")
     try:

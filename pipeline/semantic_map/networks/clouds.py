@@ -5,11 +5,12 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import Indices, Place, Pose
 from pipeline.errors import InputError
 from pipeline.frame import Frame
+from pipeline.geometry.thinning import VoxelCloud
 from pipeline.semantic_map.classifier import CLASSES
 from pipeline.semantic_map.networks.blocks import CLASS_OF_LABEL, coloured
-from pipeline.semantic_map.voxels import VoxelCloud
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,17 +20,15 @@ class LabelledCloud:
     Attributes:
         points: (M, 3) float32 in ``map``, or (M, 6) with their colours.
         counts: (M, 6) uint16 number of returns by class in the voxel of each point.
-        camera: (3,) float64 position of the camera in ``map``.
+        camera: its position.
     """
 
     points: NDArray[np.float32]
     counts: NDArray[np.uint16]
-    camera: NDArray[np.float64]
+    camera: Place
 
     @classmethod
-    def of(
-        cls, frame: Frame, T_map_camera: NDArray[np.float64], voxel_size: float, colours: bool = False
-    ) -> "LabelledCloud":
+    def of(cls, frame: Frame, T_map_camera: Pose, voxel_size: float, colours: bool = False) -> "LabelledCloud":
         """From a frame with true labels; returns without a label are left out. ``colours`` makes nine channels.
 
         Raises:
@@ -38,15 +37,15 @@ class LabelledCloud:
         if frame.label is None:
             raise InputError(f"the frame at {frame.time:.2f} s carries no true labels to learn from")
         classes = CLASS_OF_LABEL[frame.label[frame.returns]]
-        known = classes >= 0
-        cloud = VoxelCloud.of(frame.points(T_map_camera)[known], voxel_size)
-        cells = cloud.voxel_of_point * len(CLASSES) + classes[known]
+        has_class = classes >= 0
+        cloud = VoxelCloud.of(frame.points(T_map_camera)[has_class], voxel_size)
+        cells = cloud.voxel_of_point * len(CLASSES) + classes[has_class]
         size = (len(cloud.points) + 1) * len(CLASSES)  # the last row has the returns without a voxel
         counts = np.bincount(cells, minlength=size).reshape(-1, len(CLASSES))[:-1]
-        points = coloured(cloud, frame.rgb[frame.returns][known]) if colours else cloud.points
+        points = coloured(cloud, frame.rgb[frame.returns][has_class]) if colours else cloud.points
         return cls(points, counts.clip(max=np.iinfo(np.uint16).max).astype(np.uint16), T_map_camera[:3, 3])
 
     @property
-    def classes(self) -> NDArray[np.int64]:
-        """(M,) most frequent class of every point."""
+    def classes(self) -> Indices:
+        """The most frequent class of every point."""
         return self.counts.argmax(axis=1)

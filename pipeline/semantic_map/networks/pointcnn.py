@@ -113,9 +113,10 @@ class PointCnn(PointNetwork):
         )
         self.where = nn.Sequential(dense(3, lifted[-1]), dense(lifted[-1], lifted[-1]))
         own = [*widths[:-1], widths[-1] + lifted[-1]]
-        known = [own[-1], *(widths[to] for _, _, _, to in DECODER)]
+        from_below = [own[-1], *(widths[to] for _, _, _, to in DECODER)]
         self.up = nn.ModuleList(
-            XConv(k, d, c, lifted[level], widths[to], 1) for (k, d, level, to), c in zip(DECODER, known, strict=False)
+            XConv(k, d, c, lifted[level], widths[to], 1)
+            for (k, d, level, to), c in zip(DECODER, from_below, strict=False)
         )
         self.fuse = nn.ModuleList(dense(widths[to] + own[to], widths[to]) for _, _, _, to in DECODER)
         self.head = nn.Sequential(dense(LEVEL_FEATURES, LEVEL_FEATURES), dense(LEVEL_FEATURES, LEVEL_FEATURES))

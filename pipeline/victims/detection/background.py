@@ -5,8 +5,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import Planes
 from pipeline.frame import Frame
-from pipeline.segments.plane import Moments, facing_camera
+from pipeline.geometry.planes import Moments, distances, facing_camera, planes_through
 from pipeline.sensor import SensorModel
 
 MOST_SAMPLES = 3000  # Approximate number of pixels sampled from the box and its margin
@@ -43,10 +44,8 @@ class _Samples:
         return replace(self, points=self.points[chosen], pixels=self.pixels[chosen], inside=self.inside[chosen])
 
 
-def background_planes(
-    frame: Frame, box: tuple[float, float, float, float], rng: np.random.Generator
-) -> list[NDArray[np.float64]]:
-    """(4,) planes [n, d] in a box and around it, in ``camera_optical``: see :mod:`pipeline.segments.plane`.
+def background_planes(frame: Frame, box: tuple[float, float, float, float], rng: np.random.Generator) -> list[Planes]:
+    """Planes in a box and around it, in ``camera_optical``.
 
     A plane that RANSAC finds is background if enough of it lies outside the box, or if it is too flat for a person.
     """
@@ -64,17 +63,17 @@ def background_planes(
     return planes
 
 
-def _is_flat(samples: _Samples, plane: NDArray[np.float64]) -> bool:
+def _is_flat(samples: _Samples, plane: Planes) -> bool:
     """Whether samples of a plane lie nearer to it than the samples of a round body would."""
     points = samples.points
-    near = np.abs(points @ plane[:3] - plane[3]) < SURFACE_NOISE + samples.sensor.sigma(points[:, 2])
+    near = np.abs(distances(points, plane)) < SURFACE_NOISE + samples.sensor.sigma(points[:, 2])
     area = np.sum(np.square(points[:, 2])) * samples.solid_angle
     return bool(near.mean() >= FLAT and area >= FLAT_AREA)
 
 
-def near_plane(points: NDArray[np.float32], plane: NDArray[np.float64], sensor: SensorModel) -> NDArray[np.bool_]:
+def near_plane(points: NDArray[np.float32], plane: Planes, sensor: SensorModel) -> NDArray[np.bool_]:
     """(N,) bool: which points (N, 3) in ``camera_optical`` belong to a plane (4,)."""
-    return np.abs(points @ plane[:3] - plane[3]) < PLANE_TOLERANCE + 2 * sensor.sigma(points[:, 2])
+    return np.abs(distances(points, plane)) < PLANE_TOLERANCE + 2 * sensor.sigma(points[:, 2])
 
 
 def _samples(frame: Frame, box: tuple[float, float, float, float]) -> _Samples:
@@ -95,12 +94,14 @@ def _samples(frame: Frame, box: tuple[float, float, float, float]) -> _Samples:
     return _Samples(points, np.stack([v, u], axis=1), inside, stride**2 / (k.fx * k.fy), frame.sensor)
 
 
-def _plane(samples: _Samples, rng: np.random.Generator) -> NDArray[np.float64]:
-    """(4,) the plane with most samples by RANSAC, fitted to these samples."""
-    planes = _planes_of(_triples(samples, TRIALS, rng))
+def _plane(samples: _Samples, rng: np.random.Generator) -> Planes:
+    """The plane with most samples by RANSAC, fitted to these samples."""
+    planes = facing_camera(planes_through(_triples(samples, TRIALS, rng)))
     points = samples.points
-    distance = np.abs(points @ planes[:, :3].T.astype(np.float32) - planes[:, 3].astype(np.float32))
-    near = distance < (PLANE_TOLERANCE + 2 * samples.sensor.sigma(points[:, 2]))[:, None]
+    near = (
+        np.abs(distances(points, planes.astype(np.float32)))
+        < (PLANE_TOLERANCE + 2 * samples.sensor.sigma(points[:, 2]))[:, None]
+    )
     best = planes[near.sum(axis=0).argmax()]
     members = samples.points[near_plane(samples.points, best, samples.sensor)]
     if len(members) < 3:
@@ -117,12 +118,3 @@ def _triples(samples: _Samples, count: int, rng: np.random.Generator) -> NDArray
     nearest = np.where(apart > 0, apart, np.iinfo(np.int64).max).argmin(axis=-1)
     near = np.take_along_axis(others, nearest[..., None], axis=-1)[..., 0]
     return samples.points[np.column_stack([first, near])].astype(np.float64)
-
-
-def _planes_of(triples: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(N, 4) planes through three points each; for three points on a line NaN, to which no point is near."""
-    normals = np.cross(triples[:, 1] - triples[:, 0], triples[:, 2] - triples[:, 0])
-    with np.errstate(invalid="ignore"):
-        normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
-    offsets = np.sum(normals * triples[:, 0], axis=1, keepdims=True)
-    return facing_camera(np.concatenate([normals, offsets], axis=1))

@@ -6,6 +6,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.geometry.thinning import first_in_voxels
 from sarsim.dataset.scene_file import Scene
 
 
@@ -43,12 +44,7 @@ class Cloud:
 
     def thinned(self, voxel: float) -> Self:
         """The first point in every cube with sides of ``voxel`` m."""
-        cubes = np.floor(self.points.astype(np.float64) / voxel).astype(np.int64)
-        cubes -= cubes.min(axis=0, initial=0)
-        size = cubes.max(axis=0, initial=0) + 1
-        keys = (cubes[:, 0] * size[1] + cubes[:, 1]) * size[2] + cubes[:, 2]
-        _, first = np.unique(keys, return_index=True)
-        return self.of(np.sort(first))
+        return self.of(first_in_voxels(self.points.astype(np.float64) / voxel))
 
     def of(self, chosen: NDArray) -> Self:
         """Some of the points, by index or mask."""

@@ -5,9 +5,26 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.geometry.cells import NONE, SURFACE_CELL, cells_of, centres, connected_pieces, in_contact, parts, unite
-from pipeline.geometry.cells_kernels import moved, placed_cells
+from pipeline.geometry import cells as module
+from pipeline.geometry.cells import NONE, centres, unite
+from pipeline.geometry.cells_kernels import placed_cells
+from pipeline.geometry.config import CellConfig
+from pipeline.geometry.moving_kernels import moved
 from pipeline.transforms import from_yaw
+
+EDGE, CONFIG = 0.05, CellConfig(edge=0.05, reach=2, frayed=0.25)
+
+
+def cells_of(points):
+    return module.cells_of(points, EDGE)
+
+
+def in_contact(a, b):
+    return module.in_contact(a, b, CONFIG)
+
+
+def connected_pieces(cells, points):
+    return module.connected_pieces(cells, points, CONFIG)
 
 
 def sheet(x0, x1, y0, y1, z=0.0, spacing=0.01):
@@ -27,13 +44,13 @@ def pieces(*sheets):
 def test_cells_hold_their_points() -> None:
     points = np.random.default_rng(0).uniform(-2, 2, (1000, 3)).astype(np.float32)
     cells, row = cells_of(points)
-    assert np.abs(centres(cells)[row] - points).max() <= SURFACE_CELL / 2 + 1e-6
+    assert np.abs(centres(cells, EDGE)[row] - points).max() <= EDGE / 2 + 1e-6
     assert len(np.unique(cells, axis=0)) == len(cells)
 
 
 def test_placed_cells_hold_the_moved_points() -> None:
     points, T = np.random.default_rng(0).uniform(-2, 2, (1000, 3)).astype(np.float32), from_yaw(3, -7, 0.3, 2.1)
-    assert np.array_equal(placed_cells(T, points, SURFACE_CELL), cells_of(moved(T, points))[0])
+    assert np.array_equal(placed_cells(T, points, EDGE), cells_of(moved(T, points))[0])
 
 
 @given(st.integers(0, 2**32 - 1), st.integers(1, 40))
@@ -70,7 +87,7 @@ def test_gap_parts_a_surface(gap: float, parts: int) -> None:
     assert in_contact(cells_of(left)[0], cells_of(right)[0]) == (parts == 1)
 
 
-@pytest.mark.parametrize("shift", np.arange(0, SURFACE_CELL, 0.01))
+@pytest.mark.parametrize("shift", np.arange(0, EDGE, 0.01))
 def test_surfaces_whose_corners_touch_are_two(shift: float) -> None:
     one, other = sheet(0, 1, 0, 1) + np.float32(shift), sheet(1, 2, 1, 2) + np.float32(shift)
     count, (a, b) = pieces(one, other)
@@ -100,10 +117,3 @@ def test_stray_points_at_an_edge_are_no_part_of_the_surface() -> None:
 
 def test_far_sets_are_not_in_contact() -> None:
     assert not in_contact(cells_of(sheet(0, 1, 0, 1))[0], cells_of(sheet(8, 9, 0, 1))[0])
-
-
-def test_points_in_neighbouring_cubes_are_of_one_part() -> None:
-    points = np.array([(0.01, 0, 0), (0.11, -0.01, 0.01), (0.31, 0, 0), (0.41, 0.11, 0.11), (-0.01, 0, 0)])
-    one, other = parts(points, 0.1)[[0, 2]]
-    assert one != other
-    assert parts(points, 0.1).tolist() == [one, one, other, other, one]

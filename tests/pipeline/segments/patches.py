@@ -3,8 +3,8 @@
 import numpy as np
 
 from pipeline.geometry.cells import cells_of
+from pipeline.geometry.planes import Moments
 from pipeline.labels import Label
-from pipeline.segments.plane import Moments
 from pipeline.segments.planes import PlanePatch
 from pipeline.segments.segments import Segments
 
@@ -16,7 +16,7 @@ def patch(origin, x, y, length, width, label=Label.WALL, viewpoint=None):
     moments = Moments.of(points)
     side = np.cross(x, y) if viewpoint is None else np.array(viewpoint) - moments.centroid
     plane, points = moments.fit(side)[0], points.astype(np.float32)
-    return PlanePatch(label, plane, moments, points, cells_of(points)[0])
+    return PlanePatch(label, plane, moments, points, cells_of(points, 0.05)[0])
 
 
 def wall_patch(x0, x1, y=0.0, z0=0.0, z1=1.2, front=True):

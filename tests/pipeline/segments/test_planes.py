@@ -6,8 +6,9 @@ import pytest
 from pipeline.errors import InputError
 from pipeline.frame import Frame
 from pipeline.labels import Label
+from pipeline.segments.config import RegionConfig, SegmentsConfig, SurfelConfig
 from pipeline.segments.planar_regions import planar_regions
-from pipeline.segments.planes import REGION_ANGLE, PlanePatch, find_planes
+from pipeline.segments.planes import PlanePatch, find_planes
 from pipeline.segments.surfels_kernels import NONE
 from tests.pipeline.polygon_scene import Face, floor, look, pose, wall, wedge
 
@@ -23,7 +24,7 @@ CORNER_VIEW = pose(0.3, 0.4, 0.6, 0.6, 0.25)
 
 def planes_of(faces: list[Face], T: np.ndarray, sigma: float = 0.01, seed: int = 1) -> list[PlanePatch]:
     frame = look(faces, T, sigma)
-    return find_planes(frame, frame.label[frame.returns], T, seed)
+    return find_planes(frame, frame.label[frame.returns], T, seed, SegmentsConfig())
 
 
 def angle_error(patch: PlanePatch, normal: np.ndarray) -> float:
@@ -86,7 +87,7 @@ def test_wall_before_a_wall_is_two_walls() -> None:
 
 def test_planes_in_the_cameras_frame_face_it() -> None:
     frame = look(ROOM, CORNER_VIEW)
-    found = planar_regions(frame, frame.label * frame.returns, 0, REGION_ANGLE)
+    found = planar_regions(frame, frame.label * frame.returns, 0, SurfelConfig(), RegionConfig())
     assert len(found.planes) >= 6
     assert np.linalg.norm(found.planes[:, :3], axis=1) == pytest.approx(1)
     assert (found.planes[:, 3] < 0).all()
@@ -98,7 +99,7 @@ def test_planes_in_the_cameras_frame_face_it() -> None:
 def test_classes_without_planes_have_none() -> None:
     frame = look(ROOM, CORNER_VIEW)
     labels = np.full(np.count_nonzero(frame.returns), Label.CLUTTER, np.uint8)
-    assert find_planes(frame, labels, CORNER_VIEW, 0) == []
+    assert find_planes(frame, labels, CORNER_VIEW, 0, SegmentsConfig()) == []
 
 
 def test_a_frame_without_returns() -> None:
@@ -108,7 +109,7 @@ def test_a_frame_without_returns() -> None:
 def test_labels_of_another_frame_are_refused() -> None:
     frame = look(ROOM, CORNER_VIEW)
     with pytest.raises(InputError, match="labels"):
-        find_planes(frame, np.zeros(5, np.uint8), CORNER_VIEW, 0)
+        find_planes(frame, np.zeros(5, np.uint8), CORNER_VIEW, 0, SegmentsConfig())
 
 
 def test_moving_the_map_moves_the_planes() -> None:
@@ -117,7 +118,8 @@ def test_moving_the_map_moves_the_planes() -> None:
     T = pose(0, 0, 0, 0.9)[:3, :3] @ pose(0, 0, 0, 0.0)[:3, :3].T
     moved = CORNER_VIEW.copy()
     moved[:3, :3], moved[:3, 3] = T @ CORNER_VIEW[:3, :3], T @ CORNER_VIEW[:3, 3] + [5, -3, 1]
-    for a, b in zip(find_planes(frame, labels, CORNER_VIEW, 0), find_planes(frame, labels, moved, 0), strict=True):
+    pairs = zip(*(find_planes(frame, labels, at, 0, SegmentsConfig()) for at in (CORNER_VIEW, moved)), strict=True)
+    for a, b in pairs:
         assert b.plane.normal == pytest.approx(T @ a.plane.normal, abs=1e-3)
 
 

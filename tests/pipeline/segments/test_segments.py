@@ -8,14 +8,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.labels import Label
-from pipeline.segments import segments as module
 from pipeline.segments.boxes import corners
+from pipeline.segments.config import SegmentsConfig
 from pipeline.segments.planes import find_planes
 from pipeline.segments.segments import Segments
 from pipeline.transforms import from_yaw
 from tests.pipeline.polygon_scene import floor, look, pose, wall, wedge
 from tests.pipeline.segments.patches import deck, patch, segments_of, wall_patch
-from tests.pipeline.victims.constants import constants
 
 
 def test_wall_seen_piece_by_piece_is_one_segment() -> None:
@@ -142,7 +141,7 @@ def test_room_seen_from_its_corners_with_noise() -> None:
     for step, (corner, turn) in enumerate(product([(0.7, 0.7), (3.4, 0.8), (3.4, 3.3), (0.8, 3.3)], (-0.7, 0, 0.7))):
         T = pose(*corner, 0.6, np.arctan2(2 - corner[1], 2 - corner[0]) + turn, 0.25)
         frame = look(ROOM, T, sigma=0.01, seed=step)
-        segments.update(find_planes(frame, frame.label[frame.returns], T, step), step, T)
+        segments.update(find_planes(frame, frame.label[frame.returns], T, step, SegmentsConfig()), step, T)
     errors = []
     for label, normal, middle, extent in SURFACES:
         found = max(segments.of(label), key=lambda s: s.plane.normal @ np.array(normal))
@@ -228,17 +227,16 @@ def test_what_is_seen_after_a_correction_stays_where_it_was_seen() -> None:
 @settings(max_examples=20, deadline=None)
 def test_a_fold_that_begins_where_keyframes_moved_makes_what_a_whole_one_makes(drawn) -> None:
     order, *poses = drawn
-    at, segments = np.tile(np.eye(4), (3, 1, 1)), Segments()
-    with constants(module, KEPT_EVERY=2):
-        for keyframe, patches in enumerate(FRAMES):
-            segments.update(patches, keyframe, at[keyframe])
-        for keyframe, moved in zip(order, poses, strict=False):
-            at = at.copy()
-            at[keyframe] = from_yaw(*moved)
-            segments.rebuild(at)
-            whole = Segments()
-            whole.members = segments.members
-            whole.rebuild(at)
-            assert [s.members for s in segments] == [s.members for s in whole]
-            for part, other in zip(segments, whole, strict=True):
-                np.testing.assert_array_equal(part.box.T_map_box, other.box.T_map_box)
+    at, segments = np.tile(np.eye(4), (3, 1, 1)), Segments(config=SegmentsConfig(checkpoint=2))
+    for keyframe, patches in enumerate(FRAMES):
+        segments.update(patches, keyframe, at[keyframe])
+    for keyframe, moved in zip(order, poses, strict=False):
+        at = at.copy()
+        at[keyframe] = from_yaw(*moved)
+        segments.rebuild(at)
+        whole = Segments()
+        whole.members = segments.members
+        whole.rebuild(at)
+        assert [s.members for s in segments] == [s.members for s in whole]
+        for part, other in zip(segments, whole, strict=True):
+            np.testing.assert_array_equal(part.box.T_map_box, other.box.T_map_box)

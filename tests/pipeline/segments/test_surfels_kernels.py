@@ -12,7 +12,7 @@ AHEAD = pose(0, 0, 0.6, 0.0)
 
 def surfels_of(frame):
     labels = frame.label * frame.returns
-    return make_surfels(frame.depth, labels, CAMERA.rays, 8, 16, 0.01)
+    return make_surfels(frame.depth, labels, CAMERA.rays, 8, 16, 0.01, 5.0)
 
 
 def test_surfels_lie_on_the_surface_and_average_the_noise_away() -> None:

@@ -6,7 +6,7 @@ import pytest
 from pipeline.labels import Label
 from pipeline.semantic_map.finds import with_finds
 
-STEP, EDGE = 0.04, 0.02
+STEP, EDGE, SKIN = 0.04, 0.02, 0.03
 BOX = (0.5, 0.24, 0.4)  # m, along x, y and z
 
 
@@ -50,36 +50,36 @@ def test_what_lies_at_the_points_of_a_find_is_of_its_label() -> None:
     points = cloud((0.01, 0.01, 0.01), (0.07, 0.01, 0.01), (2, 0, 0))
     labels = np.array([Label.WALL, Label.TERRAIN, Label.INCLINED_RAMP], np.uint8)
     signs = [cloud((0.01, 0.02, 0.01), (0.0, 0.0, 0.3)), cloud((2, 0, 0)), cloud()]
-    told = with_finds(points, labels, signs, [cloud((2, 0, 0.02))], STEP)
-    assert told.tolist() == [Label.CLUTTER, Label.TERRAIN, Label.VICTIM]
+    found = with_finds(points, labels, signs, [cloud((2, 0, 0.02))], STEP, SKIN)
+    assert found.tolist() == [Label.CLUTTER, Label.TERRAIN, Label.VICTIM]
     assert labels.tolist() == [Label.WALL, Label.TERRAIN, Label.INCLINED_RAMP]
-    assert with_finds(points, labels, [], [cloud((5, 5, 5))], STEP).tolist() == labels.tolist()
+    assert with_finds(points, labels, [], [cloud((5, 5, 5))], STEP, SKIN).tolist() == labels.tolist()
 
 
 def test_a_classifier_that_knows_victims_has_the_say() -> None:
     points, labels = cloud((0, 0, 0), (2, 0, 0)), np.array([Label.WALL, Label.VICTIM], np.uint8)
-    assert with_finds(points, labels, [points[:1]], [points[:1]], STEP).tolist() == labels.tolist()
+    assert with_finds(points, labels, [points[:1]], [points[:1]], STEP, SKIN).tolist() == labels.tolist()
 
 
 def test_the_wall_in_a_box_that_hangs_with_a_person_is_the_boxs_back() -> None:
     points, labels = box_on_wall(0.4)
-    told = with_finds(points, labels, [], [doll(0.4)], STEP)
-    assert (told[behind(points, 0.4)] == Label.CLUTTER).all()
+    found = with_finds(points, labels, [], [doll(0.4)], STEP, SKIN)
+    assert (found[behind(points, 0.4)] == Label.CLUTTER).all()
     outside = (points[:, 1] == 0) & ((np.abs(points[:, 0]) > 0.29) | (points[:, 2] > 0.85) | (points[:, 2] < 0.35))
-    assert (told[outside] == Label.WALL).all()
-    assert (told == Label.VICTIM).any()
+    assert (found[outside] == Label.WALL).all()
+    assert (found == Label.VICTIM).any()
 
 
 @pytest.mark.parametrize("person", [False, True])
 def test_the_wall_in_a_box_without_a_person_or_on_the_ground_stays_a_wall(person: bool) -> None:
     z = 0.02 if person else 0.4
     points, labels = box_on_wall(z)
-    told = with_finds(points, labels, [], [doll(z)] if person else [], STEP)
-    assert (told[behind(points, z)] == Label.WALL).all()
+    found = with_finds(points, labels, [], [doll(z)] if person else [], STEP, SKIN)
+    assert (found[behind(points, z)] == Label.WALL).all()
 
 
 def test_the_wall_behind_a_person_alone_stays_a_wall() -> None:
     points, labels = box_on_wall(0.4)
     labels[labels == Label.CLUTTER] = Label.WALL
-    told = with_finds(points, labels, [], [doll(0.4)], STEP)
-    assert (told[behind(points, 0.4)] == Label.WALL).all()
+    found = with_finds(points, labels, [], [doll(0.4)], STEP, SKIN)
+    assert (found[behind(points, 0.4)] == Label.WALL).all()

@@ -16,7 +16,7 @@ SCENE = [
 EYE = pose(0, 0, 0.6, 0.0, 0.2)
 
 
-def test_most_points_of_a_simple_scene_are_told_right() -> None:
+def test_most_points_of_a_simple_scene_get_the_right_labels() -> None:
     frame = look(SCENE, EYE, sigma=0.003)
     probabilities = RuleClassifier().classify(frame, frame.points(EYE), EYE)
     assert probabilities.dtype == np.float32

@@ -10,7 +10,7 @@ from hypothesis.extra.numpy import arrays
 
 from pipeline.errors import InputError
 from pipeline.labels import Label
-from pipeline.semantic_map.semantic_map import VOXEL, SemanticMap
+from pipeline.semantic_map.semantic_map import SemanticMap
 
 
 def one_hot(*labels: int) -> np.ndarray:
@@ -95,7 +95,7 @@ def test_agrees_with_a_dictionary(points: np.ndarray, seed: int) -> None:
     semantic_map = SemanticMap()
     expected = defaultdict(list)
     for n, point in enumerate(points):
-        expected[tuple(np.floor(point.astype(np.float64) * (1 / VOXEL)))].append(n)
+        expected[tuple(np.floor(point.astype(np.float64) * (1 / 0.02)))].append(n)
     for half in (slice(0, len(points) // 2), slice(len(points) // 2, None)):
         semantic_map.update(points[half], one_hot(*labels[half]))
     assert len(semantic_map) == len(expected)

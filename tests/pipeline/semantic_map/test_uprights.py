@@ -5,15 +5,16 @@ from functools import partial
 import numpy as np
 import pytest
 
-from pipeline.elevation_map.elevation_map import CELL
 from pipeline.labels import Label
 from pipeline.robot import RobotModel
-from pipeline.semantic_map.semantic_map import VOXEL, SemanticMap
+from pipeline.semantic_map.config import SemanticMapConfig, UprightsConfig
+from pipeline.semantic_map.semantic_map import SemanticMap
 from pipeline.semantic_map.uprights import SeenFromAbove, with_sides_of_ramps, with_whole_uprights, with_whole_walls
 from pipeline.semantic_map.uprights_kernels import directions, on_long_runs
 from sarsim.robots.skid_steered import robot_model
 
 WALL, CLUTTER, DECK, RAMP = Label.WALL, Label.CLUTTER, Label.STRAIGHT_RAMP, Label.INCLINED_RAMP
+VOXEL, CELL = 0.02, 0.05  # m
 WIDTH, GAP, HEADROOM = 0.25, 0.15, 0.65  # m
 
 
@@ -28,7 +29,7 @@ def grid(x: tuple[float, float], y: tuple[float, float], z: tuple[float, float])
     return np.stack(np.meshgrid(*sides, indexing="ij"), axis=-1).reshape(-1, 3).astype(np.float32)
 
 
-def told(*parts: tuple[np.ndarray, Label]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def labelled(*parts: tuple[np.ndarray, Label]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """All points, their labels, and the number of the part of each."""
     points = np.concatenate([part for part, _ in parts])
     labels = np.concatenate([np.full(len(part), label, np.uint8) for part, label in parts])
@@ -36,14 +37,14 @@ def told(*parts: tuple[np.ndarray, Label]) -> tuple[np.ndarray, np.ndarray, np.n
 
 
 def of_walls(*parts: tuple[np.ndarray, Label]) -> list[set[int]]:
-    points, labels, part = told(*parts)
-    result = with_whole_walls(SeenFromAbove.of(points, VOXEL), labels, WIDTH, GAP)
+    points, labels, part = labelled(*parts)
+    result = with_whole_walls(SeenFromAbove.of(points, VOXEL), labels, WIDTH, GAP, UprightsConfig())
     return [set(result[part == n].tolist()) for n in range(len(parts))]
 
 
 def of_sides(*parts: tuple[np.ndarray, Label]) -> list[set[int]]:
-    points, labels, part = told(*parts)
-    result = with_sides_of_ramps(SeenFromAbove.of(points, CELL), labels, HEADROOM)
+    points, labels, part = labelled(*parts)
+    result = with_sides_of_ramps(SeenFromAbove.of(points, CELL), labels, HEADROOM, UprightsConfig())
     return [set(result[part == n].tolist()) for n in range(len(parts))]
 
 
@@ -99,13 +100,13 @@ def test_without_ramps_and_without_points_nothing_changes(robot: RobotModel) -> 
     wall = grid((0, 1), (0, 0), (0, 0.4))
     assert of_sides((wall, WALL)) == [{WALL}]
     nothing = np.zeros((0, 3), np.float32), np.zeros(0, np.uint8)
-    assert len(with_whole_uprights(*nothing, robot, VOXEL, CELL)) == 0
+    assert len(with_whole_uprights(*nothing, robot, CELL, SemanticMapConfig())) == 0
 
 
 def test_a_map_revises_its_labels(robot: RobotModel) -> None:
     points = np.concatenate([grid((0, 1), (0, 0), (0, 0.4)), grid((0.4, 0.5), (0.3, 0.3), (0, 0.4))])
     wall = np.repeat(np.eye(len(Label), dtype=np.float32)[[WALL]], len(points), axis=0)
-    revise = partial(with_whole_uprights, robot=robot, voxel=VOXEL, cell=CELL)
+    revise = partial(with_whole_uprights, robot=robot, cell=CELL, config=SemanticMapConfig())
     for given, expected in ((None, {WALL}), (revise, {WALL, CLUTTER})):
         semantic_map = SemanticMap(revise=given)
         semantic_map.update(points, wall)

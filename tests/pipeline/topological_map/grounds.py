@@ -5,9 +5,9 @@ from numpy.typing import NDArray
 
 from pipeline.elevation_map.traversability import Traversability, assess_map
 from pipeline.geometry.cells import cells_of
+from pipeline.geometry.planes import Moments
 from pipeline.labels import Label
 from pipeline.planning.pose_paths import PosePaths
-from pipeline.segments.plane import Moments
 from pipeline.segments.planes import PlanePatch
 from pipeline.segments.segments import Segments
 from pipeline.topological_map.topological_map import GraphKind, TopologicalMap
@@ -22,7 +22,7 @@ U_TURN: list[Wall] = [((0, -2), (0, 0.8))]
 def patch(label: Label, points: NDArray, seen_from: tuple[float, float, float]) -> PlanePatch:
     moments = Moments.of(points)
     plane, _ = moments.fit(np.array(seen_from) - moments.centroid)
-    return PlanePatch(label, plane, moments, points, cells_of(points)[0])
+    return PlanePatch(label, plane, moments, points, cells_of(points, 0.05)[0])
 
 
 def room(x: tuple[float, float], y: tuple[float, float], walls: list[Wall]) -> tuple[Traversability, Segments]:

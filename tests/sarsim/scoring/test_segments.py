@@ -5,8 +5,8 @@ from hypothesis import strategies as st
 from shapely import MultiPoint
 
 from pipeline.geometry.cells import cells_of
+from pipeline.geometry.planes import Moments
 from pipeline.labels import Label
-from pipeline.segments.plane import Moments
 from pipeline.segments.planes import PlanePatch
 from pipeline.segments.segments import Segments
 from sarsim.ground_truth.faces import Face
@@ -22,7 +22,7 @@ WALL = 1
 def segments_of(label, points, viewer):
     moments = Moments.of(points)
     patch = PlanePatch(
-        label, moments.fit(np.array(viewer) - moments.centroid)[0], moments, points, cells_of(points)[0]
+        label, moments.fit(np.array(viewer) - moments.centroid)[0], moments, points, cells_of(points, 0.05)[0]
     )
     segments = Segments()
     segments.update([patch], 0, np.eye(4))

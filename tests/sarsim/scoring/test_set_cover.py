@@ -5,7 +5,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy import sparse
 
-from sarsim.scoring.set_cover import cells_of, cover_bound, greedy_cover
+from sarsim.scoring.set_cover import cells_shown, cover_bound, greedy_cover
 
 
 def cover_of(rows, wanted=None, shown=()):
@@ -50,7 +50,7 @@ def test_the_cover_sees_all_that_any_view_sees_and_is_no_smaller_than_the_bound(
     order = greedy_cover(views, wanted, none)
     seen = np.zeros(12, np.bool_)
     for view in order:
-        seen[cells_of(views, view)] = True
+        seen[cells_shown(views, view)] = True
     assert (seen == seen_by_any).all()
     assert len(set(order)) == len(order)
     assert cover_bound(views, wanted, none) <= len(order) + 1e-6

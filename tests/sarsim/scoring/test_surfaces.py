@@ -18,14 +18,14 @@ def test_a_point_7_cm_off_is_right_within_10_cm_and_wrong_within_5() -> None:
 
 
 def test_without_a_map_nothing_is_right_and_without_a_surface_there_are_no_figures() -> None:
-    score = SurfaceScore()
+    score = SurfaceScore(0.02)
     assert score.report(cloud(1.0)) == {}
     score.add(cloud(1.0))
     assert score.report(cloud()) == score.report(cloud(9.0)) == dict.fromkeys(F1_WITHIN, 0.0)
 
 
 def test_frames_are_thinned_as_one_cloud() -> None:
-    score, rng = SurfaceScore(), np.random.default_rng(0)
+    score, rng = SurfaceScore(0.02), np.random.default_rng(0)
     frames = [rng.uniform(0, 0.3, (500, 3)).astype(np.float32) for _ in range(5)]
     for frame in frames:
         score.add(frame)

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
-from pipeline.semantic_map.voxels import VoxelCloud
+from pipeline.geometry.thinning import VoxelCloud, first_in_voxels
 
 
 def test_a_voxel_has_the_mean_of_its_points() -> None:
@@ -45,3 +45,22 @@ def test_voxels_may_be_boxes():
     cloud = VoxelCloud.of(points, (0.02, 0.02, 0.1))
     np.testing.assert_allclose(cloud.points, [(0.01, 0.01, 0.05), (0.03, 0.01, 0.01)], atol=1e-7)
     assert cloud.hits.tolist() == [2, 1]
+
+
+@given(arrays(np.float32, st.tuples(st.integers(0, 60), st.just(3)), elements=st.floats(-2, 2, width=32)))
+def test_the_first_point_of_each_voxel_is_kept_in_order(points: np.ndarray) -> None:
+    kept, seen = [], set()
+    for n, point in enumerate(points):
+        cell = tuple(np.floor(point * np.float32(3)))
+        kept += [] if cell in seen else [n]
+        seen.add(cell)
+    assert first_in_voxels(points, 3).tolist() == kept
+
+
+def test_double_precision_is_kept() -> None:
+    points = np.array([(0, 0, 1 - 1e-12), (0, 0, 1.0), (0, 0, 1.5)])
+    assert first_in_voxels(points).tolist() == [0, 1]
+
+
+def test_points_that_are_nowhere_are_not_kept() -> None:
+    assert first_in_voxels(np.float32([(np.nan, 0, 0), (0, 0, 0), (1e9, 0, 0)])).tolist() == [1]

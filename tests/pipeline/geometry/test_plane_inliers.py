@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.segments.planar_regions import plane_inliers
+from pipeline.geometry.planes import plane_inliers
 
 
 def test_larger_of_two_planes_is_found_and_outliers_are_left_out() -> None:
@@ -21,7 +21,7 @@ def test_larger_of_two_planes_is_found_and_outliers_are_left_out() -> None:
 
 PRINT_DIGEST = """
 import hashlib, numpy as np
-from pipeline.segments.planar_regions import plane_inliers
+from pipeline.geometry.planes import plane_inliers
 digest = hashlib.sha256()
 rng = np.random.default_rng(0)
 for seed in range(200):

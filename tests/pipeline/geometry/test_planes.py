@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.segments.plane import Moments, Plane, facing_camera
+from pipeline.geometry.planes import Moments, Plane, distances, facing_camera, planes_through
 
 
 def test_distance_is_positive_on_the_side_of_the_normal() -> None:
@@ -37,3 +37,17 @@ def test_fit_agrees_with_singular_values_and_moments_add_up(seed: int) -> None:
     assert plane.distance(centre[None])[0] == pytest.approx(0, abs=1e-9)
     assert plane.normal @ (0.3, -0.5, 0.8) > 0
     assert rms == pytest.approx(singular[2] / np.sqrt(50), rel=1e-3)
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_a_plane_through_three_points_holds_them(seed: int) -> None:
+    triples = np.random.default_rng(seed).uniform(-5, 5, (20, 3, 3))
+    planes = planes_through(triples)
+    assert np.linalg.norm(planes[:, :3], axis=1) == pytest.approx(1)
+    for points, plane in zip(triples, planes, strict=True):
+        assert distances(points, plane) == pytest.approx(0, abs=1e-9)
+        assert distances(points + plane[:3], planes)[:, (planes == plane).all(axis=1)] == pytest.approx(1)
+
+
+def test_no_plane_goes_through_three_points_on_a_line() -> None:
+    assert np.isnan(planes_through(np.array([[(0.0, 0, 1), (0, 0, 2), (0, 0, 3)]]))).all()

@@ -1,0 +1,123 @@
+"""Planes: through three points, by RANSAC, and fitted by least squares.
+
+One convention holds for every plane: the points x with n · x = d, where n has length 1 and points to the side from
+which the surface was seen. Four numbers in an array are [n, d]. In ``camera_optical`` that side contains the origin,
+so d ≤ 0 there. Planes that a library returns in another convention are converted where it is called.
+"""
+
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.arrays import Direction, Mask, Place, Places, Planes, Points, Pose, Values
+
+
+@dataclass(frozen=True, eq=False)
+class Plane:
+    """The points x with ``normal · x = offset``.
+
+    Attributes:
+        normal: towards the camera that saw the surface.
+        offset: m.
+    """
+
+    normal: Direction
+    offset: float
+
+    def distance(self, points: NDArray[np.floating]) -> Values:
+        """(N,) signed distance of (N, 3) points in m, positive on the camera's side."""
+        return points @ self.normal - self.offset
+
+    def projected(self, points: Places) -> Places:
+        """The points of the plane nearest to these."""
+        return points - self.distance(points)[:, None] * self.normal
+
+    def facing(self, direction: Direction) -> "Plane":
+        """The same plane with its normal on the side of a direction of any length."""
+        return self if self.normal @ direction >= 0 else Plane(-self.normal, -self.offset)
+
+
+def distances(points: NDArray[np.floating], planes: NDArray[np.floating]) -> NDArray[np.floating]:
+    """(N, P) or (N,) signed distances, m, of points (N, 3) from planes (P, 4) or (4,)."""
+    return points @ planes[..., :3].T - planes[..., 3]
+
+
+def planes_through(triples: NDArray[np.float64]) -> Planes:
+    """The planes through three points each (N, 3, 3), m; NaN for three points on a line."""
+    normals = np.cross(triples[:, 1] - triples[:, 0], triples[:, 2] - triples[:, 0])
+    with np.errstate(invalid="ignore"):
+        normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
+    return np.concatenate([normals, np.sum(normals * triples[:, 0], axis=1, keepdims=True)], axis=1)
+
+
+def plane_inliers(points: Points, max_distance: float, samples: int, seed: int) -> Mask:
+    """The inliers of the plane with the most inliers, by RANSAC (Fischler & Bolles 1981).
+
+    The same seed gives the same plane, bit for bit. For that Open3D must try all samples, hence the probability of 1:
+    with less it stops early, after a number of samples that depends on the timing of its threads.
+
+    Args:
+        points: at least three, in any frame.
+        max_distance: m, from the plane.
+        samples: number of random planes.
+        seed: of the samples; it seeds Open3D as a whole.
+    """
+    import open3d as o3d  # here, because it takes a second, which would delay every command's --help
+
+    o3d.utility.random.seed(seed & np.iinfo(np.int32).max)
+    cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points.astype(np.float64)))
+    (*normal, minus_offset), _ = cloud.segment_plane(max_distance, 3, samples, probability=1.0)
+    return np.abs(distances(points, np.array([*normal, -minus_offset]))) < max_distance
+
+
+def facing_camera(planes: Planes) -> Planes:
+    """Planes (P, 4) in ``camera_optical``, each normal turned towards the camera, so that d ≤ 0."""
+    return np.where(planes[:, 3:] > 0, -planes, planes)
+
+
+@dataclass(frozen=True, eq=False)
+class Moments:
+    """Count, sum and sum of squares of points, which suffice for a least-squares plane; moments of sets add up.
+
+    Attributes:
+        count: number of points.
+        total: (3,) float64, Σ x.
+        squares: (3, 3) float64, Σ x xᵀ.
+    """
+
+    count: int
+    total: NDArray[np.float64]
+    squares: NDArray[np.float64]
+
+    @classmethod
+    def of(cls, points: NDArray[np.floating]) -> Self:
+        """The moments of (N, 3) points, m."""
+        x = points.astype(np.float64)
+        return cls(len(x), x.sum(axis=0), x.T @ x)
+
+    def __add__(self, other: "Moments") -> "Moments":
+        """The moments of the union of both sets of points."""
+        return Moments(self.count + other.count, self.total + other.total, self.squares + other.squares)
+
+    def moved(self, T: Pose) -> "Moments":
+        """The moments of the points moved by ``T``."""
+        R, t = T[:3, :3], T[:3, 3]
+        total = R @ self.total
+        mixed = np.outer(total, t)
+        squares = R @ self.squares @ R.T + mixed + mixed.T + self.count * np.outer(t, t)
+        return Moments(self.count, total + self.count * t, squares)
+
+    @property
+    def centroid(self) -> Place:
+        """The mean point."""
+        return self.total / self.count
+
+    def fit(self, towards: Direction) -> tuple[Plane, float]:
+        """The plane of least squared orthogonal distances, facing ``towards``, and the distances' rms in m."""
+        centroid = self.centroid
+        covariance = self.squares / self.count - np.outer(centroid, centroid)
+        variances, axes = np.linalg.eigh(covariance)
+        plane = Plane(axes[:, 0], float(axes[:, 0] @ centroid)).facing(towards)
+        return plane, float(np.sqrt(max(variances[0], 0.0)))

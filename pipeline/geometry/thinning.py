@@ -1,0 +1,49 @@
+"""Clouds thinned to voxels: near surfaces get as many points as far ones, and noise averages out."""
+
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.arrays import Indices, Points
+from pipeline.geometry.voxel_hash import first_of, voxels_of
+
+
+def first_in_voxels(points: NDArray[np.floating], per_unit: float | np.floating = 1.0) -> Indices:
+    """(M,) index of the first of the points (N, 3) in each voxel, in order; arguments as of :func:`voxels_of`."""
+    voxel_of_point, keys = voxels_of(points, per_unit)
+    return np.sort(first_of(voxel_of_point, len(keys)))
+
+
+@dataclass(frozen=True, eq=False)
+class VoxelCloud:
+    """The mean of the points of every occupied voxel, in the order of the voxels' keys.
+
+    Attributes:
+        points: the means.
+        hits: (M,) uint32 number of points in every voxel.
+        voxel_of_point: number of the voxel of every point that was given; M for points that are not finite or too far
+            from the origin for a key.
+    """
+
+    points: Points
+    hits: NDArray[np.uint32]
+    voxel_of_point: Indices
+
+    @classmethod
+    def of(cls, points: Points, voxel_size: float | tuple[float, float, float]) -> Self:
+        """Thin points to cubes, or to boxes along x, y and z, with edges of ``voxel_size`` m."""
+        if isinstance(voxel_size, tuple):
+            in_voxels = np.divide(points, np.array(voxel_size, np.float32), dtype=np.float32)
+            voxel_of_point, keys = voxels_of(in_voxels)
+        else:
+            voxel_of_point, keys = voxels_of(points, 1 / voxel_size)
+        hits = np.bincount(voxel_of_point, minlength=len(keys))[: len(keys)].astype(np.uint32)
+        cloud = cls(points, hits, voxel_of_point)
+        return replace(cloud, points=cloud.means(points))
+
+    def means(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
+        """(M, C) float32 mean over the points of every voxel, given the (N, C) values of all points."""
+        sums = [np.bincount(self.voxel_of_point, of, len(self.hits))[: len(self.hits)] for of in values.T]
+        return (np.stack(sums, axis=1) / self.hits[:, None]).astype(np.float32)

@@ -1,0 +1,28 @@
+"""The voxels that hold points, found by a hash table: memory grows with the occupied voxels alone."""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.arrays import Indices
+from pipeline.geometry import voxel_hash_kernels as kernels
+
+
+def voxels_of(points: NDArray[np.floating], per_unit: float | np.floating = 1.0) -> tuple[Indices, NDArray[np.int64]]:
+    """The voxel of each point (N, 3), numbered in the order of the voxels' (M,) sorted keys, which are returned too.
+
+    The number is M for points that are not finite or too far from the origin for a key. ``per_unit`` is the number
+    of voxels along one unit of the points' coordinates. It multiplies them with the precision of both: dividing
+    beforehand rounds otherwise at the faces of voxels.
+    """
+    of_point, keys = kernels.voxels_of(points, points.dtype.type(per_unit))
+    order = keys.argsort()
+    number = np.append(np.empty(len(keys), np.int64), len(keys))
+    number[order] = np.arange(len(keys))
+    return number[of_point], keys[order]
+
+
+def first_of(voxel_of_point: Indices, count: int) -> Indices:
+    """(``count``,) index of the first point in each voxel, from the voxel of each point, as of :func:`voxels_of`."""
+    first = np.empty(count + 1, np.int64)
+    first[voxel_of_point[::-1]] = np.arange(len(voxel_of_point))[::-1]
+    return first[:count]

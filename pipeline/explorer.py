@@ -39,7 +39,7 @@ class Explorer:
         """Begin where the robot stands, with the maps as they are; by default with the next best view."""
         self.mapper = mapper
         self.reobservation = Reobservation((mapper.victims, mapper.finds), mapper.metric_map, mapper.keyframes)
-        exploration = exploration or Exploration(robot.model)
+        exploration = exploration or Exploration(robot.model, mapper.elevation_map.grid.cell)
         if isinstance(exploration, Exploration) and exploration.takes_rewards:
             exploration.rewards = self.reobservation
         self.mission, self._planner, self._config = Mission(exploration), planner, mapper.config

@@ -11,6 +11,7 @@ from numba import njit
 from numpy.typing import NDArray
 from PIL import Image
 
+from pipeline.arrays import Depth, Mask, PixelMask, Points, Pose, Rgb
 from pipeline.errors import InputError
 from pipeline.files import silenced
 from pipeline.sensor import XTION, SensorModel
@@ -41,24 +42,31 @@ class Intrinsics:
         return np.array([[self.fx, 0, self.cx - 0.5], [0, self.fy, self.cy - 0.5], [0, 0, 1]])
 
     @property
+    def frustum(self) -> NDArray[np.float64]:
+        """(5, 3) the optical centre, and the corners of the view at a depth of 1 m, in ``camera_optical``."""
+        u = (np.array([0, self.width]) - self.cx) / self.fx
+        v = (np.array([0, self.height]) - self.cy) / self.fy
+        return np.array([(0, 0, 0), *((a, b, 1) for a in u for b in v)])
+
+    @property
     def half_view(self) -> float:
         """rad from the optical axis to the nearer side of the image."""
         return float(min(np.arctan2(self.cx, self.fx), np.arctan2(self.width - self.cx, self.fx)))
 
-    def points(self, depth: NDArray[np.float32], T_target_camera: NDArray[np.float64]) -> NDArray[np.float32]:
-        """(N, 3) float32 points of all returns of a depth image, (H, W) m, row-major, in the target frame, m."""
+    def points(self, depth: Depth, T_target_camera: Pose) -> Points:
+        """All returns of a depth image, row-major, in the target frame."""
         T = T_target_camera.astype(np.float32)
         x, y = self.rays[0, :, 0], self.rays[:, 0, 1]
         return _points_of(np.ascontiguousarray(depth, np.float32), x, y, T[:3, :3], T[:3, 3])
 
-    def project(self, points: NDArray[np.floating]) -> tuple[NDArray[np.int64], NDArray[np.bool_]]:
+    def project(self, points: NDArray[np.floating]) -> tuple[NDArray[np.int64], Mask]:
         """Pixels that points fall in.
 
         Args:
             points: (N, 3) m in ``camera_optical``.
 
         Returns:
-            (N, 2) int64 row and column, and (N,) bool, whether the point lies before the camera and within the
+            (N, 2) int64 row and column, and whether the point lies before the camera and within the
             image. The pixels of other points are meaningless.
         """
         depth = np.maximum(points[:, 2], 1e-6)
@@ -77,13 +85,9 @@ def _rays(k: Intrinsics) -> NDArray[np.float32]:
 
 @njit(cache=True, nogil=True)
 def _points_of(
-    depth: NDArray[np.float32],
-    x: NDArray[np.float32],
-    y: NDArray[np.float32],
-    R: NDArray[np.float32],
-    t: NDArray[np.float32],
-) -> NDArray[np.float32]:
-    """(N, 3) the returns of (H, W) depth, given (W,) x and (H,) y of its rays, turned by (3, 3) and moved by (3,)."""
+    depth: Depth, x: NDArray[np.float32], y: NDArray[np.float32], R: NDArray[np.float32], t: NDArray[np.float32]
+) -> Points:
+    """The returns of a depth image, given (W,) x and (H,) y of its rays, turned by (3, 3) and moved by (3,)."""
     is_return = (depth > 0) & (depth < np.inf)
     points, n = np.empty((np.count_nonzero(is_return), 3), np.float32), 0
     for v in range(len(y)):
@@ -111,11 +115,10 @@ class Frame:
 
     Attributes:
         time: s.
-        rgb: (H, W, 3) uint8.
-        depth: (H, W) float32, metres along the optical axis; 0 = no return.
+        rgb, depth: the images.
         intrinsics: of both images, which are registered to each other.
-        T_base_camera: 4×4 pose of ``camera_optical`` in ``base_link``.
-        T_odom_base: 4×4 pose of ``base_link`` in ``odom``, by the robot's odometry.
+        T_base_camera: pose of ``camera_optical`` in ``base_link``.
+        T_odom_base: pose of ``base_link`` in ``odom``, by the robot's odometry.
         label: (H, W) uint8 true label of every pixel, where a simulator knows it.
         instance: (H, W) int32 id of the object that every pixel shows, where a simulator knows it; -1 = none.
         sensor: the camera that measured the depth.
@@ -123,19 +126,19 @@ class Frame:
     """
 
     time: float
-    rgb: NDArray[np.uint8]
-    depth: NDArray[np.float32]
+    rgb: Rgb
+    depth: Depth
     intrinsics: Intrinsics
-    T_base_camera: NDArray[np.float64]
-    T_odom_base: NDArray[np.float64]
+    T_base_camera: Pose
+    T_odom_base: Pose
     label: NDArray[np.uint8] | None = None
     instance: NDArray[np.int32] | None = None
     sensor: SensorModel = XTION
     thermal: NDArray[np.float32] | None = None
 
     @cached_property
-    def returns(self) -> NDArray[np.bool_]:
-        """(H, W) bool, the pixels with a depth return."""
+    def returns(self) -> PixelMask:
+        """The pixels with a depth return."""
         return np.isfinite(self.depth) & (self.depth > 0)
 
     @property
@@ -144,12 +147,12 @@ class Frame:
         depth = np.where(self.returns, self.depth, 0)
         return np.rint(1e3 * depth).clip(max=np.iinfo(np.uint16).max).astype(np.uint16)
 
-    def points(self, T_target_camera: NDArray[np.float64]) -> NDArray[np.float32]:
-        """(N, 3) float32 points of all returns, row-major over the image, in the target frame, m."""
+    def points(self, T_target_camera: Pose) -> Points:
+        """All returns, row-major over the image, in the target frame."""
         return self.intrinsics.points(self.depth, T_target_camera)
 
-    def every_nth(self, n: int) -> tuple[NDArray[np.float32], Intrinsics]:
-        """(h, w) float32 m, the depth of every ``n``-th pixel of every ``n``-th row, and this image's intrinsics."""
+    def every_nth(self, n: int) -> tuple[Depth, Intrinsics]:
+        """The depth of every ``n``-th pixel of every ``n``-th row, and this image's intrinsics."""
         k, first = self.intrinsics, n // 2
         depth = self.depth[first::n, first::n]
         # The centre of the first pixel kept is the centre of the first pixel of the new image.
@@ -172,8 +175,8 @@ def decoded(content: bytes | NDArray[np.uint8], flags: int) -> NDArray:
     return image
 
 
-def jpeg(rgb: NDArray[np.uint8]) -> bytes:
-    """(H, W, 3) uint8 RGB as the content of a JPEG file, of Pillow's quality."""
+def jpeg(rgb: Rgb) -> bytes:
+    """An image as the content of a JPEG file, of Pillow's quality."""
     content = BytesIO()
     Image.fromarray(rgb).save(content, "JPEG")
     return content.getvalue()

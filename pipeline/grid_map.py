@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 from scipy import ndimage
 
+from pipeline.arrays import Cells, MaskLayer, Place
 from pipeline.errors import InputError
 from pipeline.files import MOST_MEMORY
 
@@ -39,8 +40,8 @@ class Grid:
     shape: tuple[int, int]
 
     @cached_property
-    def origin(self) -> NDArray[np.float64]:
-        """(2,) xy of the corner of the element [0, 0], m."""
+    def origin(self) -> Place:
+        """xy of the corner of the element [0, 0]."""
         return np.asarray(self.low * self.cell, np.float64)
 
     def cell_of(self, xy: ArrayLike) -> NDArray[np.int64]:
@@ -62,15 +63,15 @@ class Grid:
         cells = np.where(np.expand_dims(inside, -1), cells, 0)
         return np.where(inside, layer[cells[..., 0], cells[..., 1]], layer.dtype.type(outside))
 
-    def mask_of(self, xy: ArrayLike) -> NDArray[np.bool_]:
-        """(nx, ny) the cells that hold points (N, 2 or 3), m; points beyond the grid are left out."""
+    def mask_of(self, xy: ArrayLike) -> MaskLayer:
+        """The cells that hold points (N, 2 or 3), m; points beyond the grid are left out."""
         cells = self.cell_of(xy)
         i, j = cells[self.holds(cells)].T
         mask = np.zeros(self.shape, np.bool_)
         mask[i, j] = True
         return mask
 
-    def distance_to(self, mask: NDArray[np.bool_]) -> NDArray[np.float64]:
+    def distance_to(self, mask: MaskLayer) -> NDArray[np.float64]:
         """(nx, ny) m from every cell to the nearest of the mask, from centre to centre; infinite if it is empty."""
         if not mask.any():
             # For an empty mask SciPy would measure from a place beside the first cell.
@@ -78,8 +79,8 @@ class Grid:
         distance: NDArray[np.float64] = ndimage.distance_transform_edt(~mask) * self.cell
         return distance
 
-    def nearest(self, mask: NDArray[np.bool_], xy: ArrayLike, within: float) -> NDArray[np.float64] | None:
-        """(2,) the point itself if its cell is in the mask, or else the centre of the nearest such cell.
+    def nearest(self, mask: MaskLayer, xy: ArrayLike, within: float) -> Place | None:
+        """The point itself if its cell is in the mask, or else the centre of the nearest such cell.
 
         None if the mask has no cell ``within`` this distance, m.
         """
@@ -189,8 +190,8 @@ class GridMap:
         stamps = self._stamps[name]
         stamps[where] = np.where(differs, self.revision, stamps[where])
 
-    def changed_since(self, revision: int, *names: str) -> NDArray[np.bool_]:
-        """(nx, ny) the cells that writes after a revision changed in one of these layers, or in any if none is named.
+    def changed_since(self, revision: int, *names: str) -> MaskLayer:
+        """The cells that writes after a revision changed in one of these layers, or in any if none is named.
 
         Cells that the grid has gained since then count as changed only if they were written.
         """
@@ -238,15 +239,15 @@ def blocks(layer: NDArray, size: int) -> NDArray:
     return layer.reshape(nx, size, ny, size).transpose(1, 3, 0, 2).reshape(-1, nx, ny)
 
 
-def best_of_blocks(worth: NDArray, size: int) -> NDArray[np.int64]:
-    """(N, 2) cells: of each block of ``size`` × ``size`` cells the one of greatest worth (nx, ny), if above 0."""
+def best_of_blocks(worth: NDArray, size: int) -> Cells:
+    """Of each block of ``size`` × ``size`` cells the one of greatest worth (nx, ny), if above 0, by its indices."""
     parts = blocks(worth, size)
     best, wanted = parts.argmax(axis=0), parts.max(axis=0) > 0
     return np.argwhere(wanted) * size + np.stack(np.divmod(best[wanted], size), axis=1)
 
 
-def box_around(mask: NDArray[np.bool_], margin: int) -> Box:
-    """The bounding box of a mask (nx, ny) that is not empty, ``margin`` cells larger where the grid allows."""
+def box_around(mask: MaskLayer, margin: int) -> Box:
+    """The bounding box of a mask that is not empty, ``margin`` cells larger where the grid allows."""
     slices = []
     for axis in (0, 1):
         hit = np.flatnonzero(mask.any(axis=1 - axis))

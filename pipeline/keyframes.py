@@ -13,9 +13,11 @@ from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 from scipy.spatial.transform import Rotation
 
+from pipeline.arrays import Box, Boxes, Depth, Indices, Mask, Points, Pose, Poses, Probabilities, Values
+from pipeline.elevation_map.config import ElevationConfig
 from pipeline.elevation_map.depth_dropouts import find_depth_dropouts
-from pipeline.elevation_map.elevation_kernels import Z_BIN, lowest_rays
-from pipeline.elevation_map.elevation_map import CELL, ElevationMap
+from pipeline.elevation_map.elevation_kernels import lowest_rays
+from pipeline.elevation_map.elevation_map import ElevationMap
 from pipeline.elevation_map.ground_evidence import GroundEvidence, box_of
 from pipeline.errors import InputError
 from pipeline.frame import Frame, Intrinsics
@@ -31,10 +33,18 @@ UNIT = 2.5e-4
 """m, to which kept points and depths are rounded: a fifth of the noise of the best depth camera."""
 FARTHEST_KEPT = np.iinfo(np.int16).max * UNIT
 """m along an axis; returns farther away, beyond the range of any depth camera indoors, are left out."""
-NOTICEABLE = 0.01
-"""m; keyframes of which nothing in view moves farther stay where they are in the maps, as in RTAB-Map."""
-COLUMN = CELL / 2, CELL / 2, Z_BIN
-"""m, voxels to which a frame without labels is thinned: half a cell of the elevation map, and one of its bins."""
+
+
+@dataclass(frozen=True)
+class KeyframesConfig:
+    """When the maps follow the keyframes.
+
+    Attributes:
+        noticeable: m; keyframes of which nothing in view moves farther stay where they are in the maps, as in
+            RTAB-Map.
+    """
+
+    noticeable: float = 0.01
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,9 +54,9 @@ class Seen:
     Attributes:
         depth: (h, w) uint16, every n-th pixel's depth along the optical axis, in ``UNIT``; 0 = no return.
         intrinsics: of this depth image.
-        T_base_camera: 4×4.
+        T_base_camera: pose of the camera.
         points: (N, 3) int16 the returns in ``base_link``, in ``UNIT``, thinned to the voxels of the semantic map, or
-            to ``COLUMN`` if the frame was not labelled.
+            to half a cell of the elevation map and one of its bins if the frame was not labelled.
         hits: (N,) uint8 number of returns that each point is the mean of, 255 at most.
         dropouts: (M, 3) int16 where ground should have been seen, see :func:`find_depth_dropouts`.
         dropout_hits: (M,) uint8 number of pixels that each of these is the mean of.
@@ -56,7 +66,7 @@ class Seen:
 
     depth: NDArray[np.uint16]
     intrinsics: Intrinsics
-    T_base_camera: NDArray[np.float64]
+    T_base_camera: Pose
     points: NDArray[np.int16]
     hits: NDArray[np.uint8]
     dropouts: NDArray[np.int16]
@@ -66,22 +76,32 @@ class Seen:
 
     @classmethod
     def of(
-        cls, frame: Frame, points: NDArray[np.float32], probabilities: NDArray | None, stride: int, voxel: float
+        cls,
+        frame: Frame,
+        points: Points,
+        probabilities: Probabilities | None,
+        stride: int,
+        voxel: float,
+        config: ElevationConfig,
     ) -> "Seen":
         """What a frame shows.
 
         Args:
             frame: with its depth.
-            points: (N, 3) its returns, m in ``base_link``.
-            probabilities: (N, 8) class probabilities of the returns; None if the frame is not labelled.
+            points: its returns in ``base_link``.
+            probabilities: of the returns; None if the frame is not labelled.
             stride: pixels from one kept depth to the next.
             voxel: m, of the semantic map, to which a labelled frame is thinned.
+            config: of the elevation map, for which one that is not labelled is thinned.
         """
-        cloud, near = kept_cloud(points, COLUMN if probabilities is None else voxel)
+        half = config.cell / 2
+        cloud, near = kept_cloud(points, (half, half, config.bin) if probabilities is None else voxel)
         shares = None if probabilities is None else ClassShares.of(cloud.means(probabilities)[near])
-        dropouts = find_depth_dropouts(frame.depth, frame.intrinsics, frame.T_base_camera, frame.sensor)
-        missing, missing_near = kept_cloud(dropouts, CELL / 2)
-        rays = lowest_rays(cloud.points[near], cloud.hits[near], frame.T_base_camera[:3, 3], CELL)
+        T, camera = frame.T_base_camera, frame.T_base_camera[:3, 3]
+        dropouts = find_depth_dropouts(frame.depth, frame.intrinsics, T, frame.sensor, config.dropouts)
+        missing, missing_near = kept_cloud(dropouts, half)
+        reach = config.cell, config.ray_height, config.fewest
+        rays = lowest_rays(cloud.points[near], cloud.hits[near], camera, *reach)
         depth, intrinsics = frame.every_nth(stride)
         kept = np.where(np.isfinite(depth) & (depth > 0), depth / UNIT, 0).clip(max=np.iinfo(np.uint16).max)
         return cls(
@@ -109,37 +129,34 @@ class Seen:
         return Frame(0.0, no_colour, self._depth, self.intrinsics, self.T_base_camera, np.eye(4))
 
     @property
-    def _depth(self) -> NDArray[np.float32]:
+    def _depth(self) -> Depth:
         return self.depth * np.float32(UNIT)
 
-    def points_at(self, T_map_base: NDArray[np.float64]) -> NDArray[np.float32]:
-        """(N, 3) float32 its points, m in ``map``, at a 4×4 pose of the robot."""
+    def points_at(self, T_map_base: Pose) -> Points:
+        """Its points at a pose of the robot."""
         return _placed(self.points, T_map_base)
 
     @property
-    def box(self) -> NDArray[np.float64]:
-        """(2, 3) lowest and highest corner, m in ``base_link``, around its points and dropouts."""
+    def box(self) -> Box:
+        """The box around its points and dropouts, in ``base_link``."""
         return box_of(self.points * UNIT, self.dropouts * UNIT)
 
     def view(self, reach: float) -> NDArray[np.float64]:
         """(5, 3) corners of its view up to ``reach`` m of depth, m in ``base_link``."""
-        k = self.intrinsics
-        image = np.array([(u, v) for u in (0, k.width) for v in (0, k.height)], np.float64)
-        ends = np.column_stack([(image - (k.cx, k.cy)) / (k.fx, k.fy), np.ones(len(image))]) * reach
-        return np.vstack([np.zeros(3), ends]) @ self.T_base_camera[:3, :3].T + self.T_base_camera[:3, 3]
+        return self.intrinsics.frustum * reach @ self.T_base_camera[:3, :3].T + self.T_base_camera[:3, 3]
 
-    def put_depth(self, metric_map: MetricMap, T_map_base: NDArray[np.float64]) -> None:
-        """Add its returns and the space that it saw free, at the 4×4 pose ``T_map_base``."""
+    def put_depth(self, metric_map: MetricMap, T_map_base: Pose) -> None:
+        """Add its returns and the space that it saw free, at a pose of the robot."""
         T_map_camera = T_map_base @ self.T_base_camera
         metric_map.integrate(self._depth, self.intrinsics, T_map_camera, self.points_at(T_map_base))
 
-    def put_classes(self, semantic_map: SemanticMap, T_map_base: NDArray[np.float64]) -> None:
-        """Add its labelled points, if it has any, at the 4×4 pose ``T_map_base``."""
+    def put_classes(self, semantic_map: SemanticMap, T_map_base: Pose) -> None:
+        """Add its labelled points, if it has any, at a pose of the robot."""
         if self.shares is not None:
             semantic_map.update(self.points_at(T_map_base), self.shares.probabilities, self.hits)
 
-    def put(self, elevation_map: ElevationMap, T_map_base: NDArray[np.float64]) -> None:
-        """Add its returns, dropouts and rays, and that the robot can stand there, at the 4×4 pose ``T_map_base``."""
+    def put(self, elevation_map: ElevationMap, T_map_base: Pose) -> None:
+        """Add its returns, dropouts and rays, and that the robot can stand there, at a pose of the robot."""
         points, dropouts, rays = (_placed(p, T_map_base) for p in (self.points, self.dropouts, self.rays))
         camera = (T_map_base @ self.T_base_camera)[:3, 3]
         elevation_map.update(points, self.hits, dropouts, self.dropout_hits, rays, camera)
@@ -151,8 +168,8 @@ def _packed(points: NDArray[np.floating]) -> NDArray[np.int16]:
     return np.rint(points / UNIT).astype(np.int16)
 
 
-def _placed(points: NDArray[np.int16], T_map_base: NDArray[np.float64]) -> NDArray[np.float32]:
-    """(N, 3) m in ``map``, kept points at a 4×4 pose."""
+def _placed(points: NDArray[np.int16], T_map_base: Pose) -> Points:
+    """Kept points at a pose."""
     return moved(T_map_base * (UNIT, UNIT, UNIT, 1.0), points)
 
 
@@ -160,10 +177,8 @@ def _count(hits: NDArray[np.uint32]) -> NDArray[np.uint8]:
     return hits.clip(max=np.iinfo(np.uint8).max).astype(np.uint8)
 
 
-def kept_cloud(
-    points: NDArray[np.float32], voxel: float | tuple[float, float, float]
-) -> tuple[VoxelCloud, NDArray[np.intp]]:
-    """Points (N, 3), m in ``base_link``, thinned to voxels of that size, m, and which (K,) of these are kept."""
+def kept_cloud(points: Points, voxel: float | tuple[float, float, float]) -> tuple[VoxelCloud, NDArray[np.intp]]:
+    """Points in ``base_link`` thinned to voxels of that size, m, and which (K,) of these are kept."""
     cloud = VoxelCloud.of(points, voxel)
     return cloud, np.flatnonzero((np.abs(cloud.points) < FARTHEST_KEPT).all(axis=1))
 
@@ -172,27 +187,28 @@ class Moves(NamedTuple):
     """How far keyframes moved in a correction.
 
     Attributes:
-        ways: (K,) m.
-        turns: (K,) rad.
+        ways: m.
+        turns: rad.
         reach: m, how far they see.
+        noticeable: see :class:`KeyframesConfig`.
     """
 
-    ways: NDArray[np.float64]
-    turns: NDArray[np.float64]
+    ways: Values
+    turns: Values
     reach: float
+    noticeable: float
 
     @classmethod
-    def between(cls, before: NDArray[np.float64], after: NDArray[np.float64], reach: float) -> "Moves":
-        """From (K, 4, 4) poses to others, of keyframes that see ``reach`` m far."""
+    def between(cls, before: Poses, after: Poses, reach: float, noticeable: float) -> "Moves":
+        """From poses to others, of keyframes that see ``reach`` m far."""
         turned = before[:, :3, :3].swapaxes(1, 2) @ after[:, :3, :3]
-        return cls(
-            np.linalg.norm((after - before)[:, :3, 3], axis=1), Rotation.from_matrix(turned).magnitude(), reach
-        )
+        ways, turns = np.linalg.norm((after - before)[:, :3, 3], axis=1), Rotation.from_matrix(turned).magnitude()
+        return cls(ways, turns, reach, noticeable)
 
     @property
-    def are_noticeable(self) -> NDArray[np.bool_]:
-        """(K,) which keyframes, or what they see at the end of their view, moved by more than ``NOTICEABLE``."""
-        return np.maximum(self.ways, self.turns * self.reach) > NOTICEABLE
+    def are_noticeable(self) -> Mask:
+        """Which keyframes, or what they see at the end of their view, moved noticeably."""
+        return np.maximum(self.ways, self.turns * self.reach) > self.noticeable
 
 
 class Keyframes:
@@ -201,24 +217,26 @@ class Keyframes:
     Attributes:
         seen: what each has shown.
         ground: all evidence of the ground in the order in which it was found, each with the number of its keyframe.
-        poses: (K, 4, 4) ``T_map_base`` at which they are in the maps.
+        poses: ``T_map_base`` at which they are in the maps.
         loaded: number of keyframes from an earlier episode.
     """
 
-    def __init__(self, robot: RobotModel, reach: float) -> None:
-        """None yet, of a robot; ``reach``: m of depth up to which its view frees space."""
+    def __init__(
+        self, robot: RobotModel, reach: float, cell: float, config: KeyframesConfig = KeyframesConfig()
+    ) -> None:
+        """None yet, of a robot whose view frees space up to ``reach`` m of depth, on a grid of ``cell`` m."""
         self.seen: list[Seen] = []
         self.ground: list[tuple[int, GroundEvidence]] = []
         self.poses = np.zeros((0, 4, 4))
         self.loaded = 0
-        self._reach, self._margin = reach, robot.half_width + CELL
+        self._reach, self._margin, self._noticeable = reach, robot.half_width + cell, config.noticeable
         self._boxes = np.zeros((0, 2, 3))
 
     def __len__(self) -> int:
         return len(self.seen)
 
-    def add(self, seen: Seen, T_map_base: NDArray[np.float64]) -> None:
-        """Add a keyframe at a 4×4 pose."""
+    def add(self, seen: Seen, T_map_base: Pose) -> None:
+        """Add a keyframe at a pose."""
         self.seen.append(seen)
         self.poses = np.concatenate([self.poses, T_map_base[None]])
         self._boxes = np.concatenate([self._boxes, box_of(seen.box, seen.view(self._reach))[None]])
@@ -228,8 +246,8 @@ class Keyframes:
         self.ground.append((keyframe, evidence))
         self._boxes[keyframe] = box_of(self._boxes[keyframe], evidence.box)
 
-    def boxes(self) -> NDArray[np.float64]:
-        """(K, 2, 3) lowest and highest corner, m in ``map``, around all that each keyframe changes in the maps."""
+    def boxes(self) -> Boxes:
+        """The boxes around all that each keyframe changes in the maps."""
         middle, half = self._boxes.mean(axis=1), np.diff(self._boxes, axis=1)[:, 0] / 2 + self._margin
         R, t = self.poses[:, :3, :3], self.poses[:, :3, 3]
         centre = np.einsum("kij,kj->ki", R, middle) + t
@@ -242,8 +260,8 @@ class Keyframes:
         heights = [T[2] @ seen.T_base_camera[:, 3] for T, seen in zip(self.poses, self.seen, strict=True)]
         return float(max(heights, default=0.0))
 
-    def place(self, T_map_base: NDArray[np.float64]) -> Moves:
-        """Move the keyframes to their (K, 4, 4) poses as now estimated, except those that move unnoticeably.
+    def place(self, T_map_base: Poses) -> Moves:
+        """Move the keyframes to their poses as now estimated, except those that move unnoticeably.
 
         Returns:
             How far each moved; 0 for those that stayed.
@@ -254,9 +272,10 @@ class Keyframes:
         poses = np.array(T_map_base, np.float64)
         if poses.shape != self.poses.shape or not are_poses(poses):
             raise InputError(f"a correction must give each of {len(self)} keyframes {POSE}")
-        stays = ~Moves.between(self.poses, poses, self._reach).are_noticeable
+        limits = self._reach, self._noticeable
+        stays = ~Moves.between(self.poses, poses, *limits).are_noticeable
         poses[stays] = self.poses[stays]
-        moves, self.poses = Moves.between(self.poses, poses, self._reach), poses
+        moves, self.poses = Moves.between(self.poses, poses, *limits), poses
         return moves
 
 
@@ -265,18 +284,18 @@ class Places:
     """Places on the map, each anchored to a keyframe.
 
     Attributes:
-        keyframe: (N,) int64 number of each place's keyframe.
+        keyframe: number of each place's keyframe.
         position: (N, 3) m in the keyframe's ``base_link``.
     """
 
-    keyframe: NDArray[np.int64]
+    keyframe: Indices
     position: NDArray[np.float64]
 
     @classmethod
-    def anchored(cls, places: ArrayLike, poses: NDArray[np.float64], keyframe: int | None = None) -> "Places":
+    def anchored(cls, places: ArrayLike, poses: Poses, keyframe: int | None = None) -> "Places":
         """Anchor places (N, 2 or 3), m in ``map``, to a keyframe, or each to the one that stood nearest.
 
-        ``poses``: (K, 4, 4) of all keyframes, of which there is one at least. Places without height lie at that of
+        ``poses``: of all keyframes, of which there is one at least. Places without height lie at that of
         their keyframe.
         """
         places = np.asarray(places, np.float64)
@@ -286,8 +305,8 @@ class Places:
         T = poses[owner]
         return cls(owner, np.einsum("nji,nj->ni", T[:, :3, :3], places.reshape(-1, 3) - T[:, :3, 3]))
 
-    def at(self, poses: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(N, 3) the places, m in ``map``, with the (K, 4, 4) poses of the keyframes."""
+    def at(self, poses: Poses) -> NDArray[np.float64]:
+        """(N, 3) the places, m in ``map``, with the poses of the keyframes."""
         T = poses[self.keyframe]
         return np.asarray(np.einsum("nij,nj->ni", T[:, :3, :3], self.position) + T[:, :3, 3])
 
@@ -298,6 +317,6 @@ class Places:
         return cls(np.concatenate([p.keyframe for p in parts]), np.concatenate([p.position for p in parts]))
 
 
-def nearest(places: NDArray[np.floating], poses: NDArray[np.float64]) -> NDArray[np.int64]:
-    """(N,) number of the keyframe, of poses (K, 4, 4), that stood nearest to each place (N, 2 or 3), m in ``map``."""
+def nearest(places: NDArray[np.floating], poses: Poses) -> Indices:
+    """Number of the keyframe, by their poses, that stood nearest to each place (N, 2 or 3), m in ``map``."""
     return np.asarray(cKDTree(poses[:, :2, 3]).query(places[:, :2])[1], np.int64).reshape(-1)

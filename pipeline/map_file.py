@@ -10,6 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import Poses
+from pipeline.elevation_map.config import ElevationConfig
 from pipeline.elevation_map.elevation_map import ElevationMap
 from pipeline.elevation_map.ground_evidence import Assumed, Driven, GroundEvidence
 from pipeline.errors import InputError
@@ -205,21 +207,23 @@ def load_keyframes(path: Path, mapper: Mapper) -> None:
         mapper.restore()
 
 
-def read_keyframes(path: Path, robot: RobotModel) -> Keyframes:
+def read_keyframes(path: Path, robot: RobotModel, config: ElevationConfig = ElevationConfig()) -> Keyframes:
     """Only the keyframes of a map, with their evidence of the ground; InputError as :func:`load_keyframes`."""
-    keyframes = Keyframes(robot, 0.0)
+    keyframes = Keyframes(robot, 0.0, config.cell)
     with _opened(path) as rows:
         _restore_keyframes(rows, keyframes)
     return keyframes
 
 
-def load_elevation_map(path: Path, robot: RobotModel) -> tuple[ElevationMap, NDArray[np.float64]]:
-    """Only the final elevation map, for a robot, and the (K, 4, 4) poses of the keyframes in ``map``.
+def load_elevation_map(
+    path: Path, robot: RobotModel, config: ElevationConfig = ElevationConfig()
+) -> tuple[ElevationMap, Poses]:
+    """Only the final elevation map, for a robot, and the poses of the keyframes in ``map``.
 
     Raises:
         InputError: as :func:`load_keyframes`.
     """
-    elevation_map, keyframes = ElevationMap(robot), read_keyframes(path, robot)
+    elevation_map, keyframes = ElevationMap(robot, config), read_keyframes(path, robot, config)
     with elevation_map.made_anew(keyframes.boxes()):
         for k, evidence in keyframes.ground:
             evidence.put(elevation_map, keyframes.poses[k])

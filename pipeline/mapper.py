@@ -11,9 +11,8 @@ from numpy.typing import NDArray
 from pipeline.arrays import Pose
 from pipeline.config import PipelineConfig
 from pipeline.elevation_map.accessibility import is_inaccessible
-from pipeline.elevation_map.elevation_map import CELL, HEIGHTS, ElevationMap
+from pipeline.elevation_map.elevation_map import ElevationMap
 from pipeline.elevation_map.ground_evidence import Assumed, Driven, GroundEvidence
-from pipeline.elevation_map.pose_kernels import MOST_ROOM
 from pipeline.elevation_map.traversability import Traversability
 from pipeline.elevation_map.traversability_layer import TraversabilityLayer
 from pipeline.errors import InputError
@@ -26,6 +25,7 @@ from pipeline.keyframes import Keyframes, Moves, Seen, nearest
 from pipeline.localisation.belief import Belief
 from pipeline.localisation.localisation import Localisation, Localised
 from pipeline.localisation.slam import Slam
+from pipeline.metric_map.config import MetricMapConfig
 from pipeline.metric_map.isolated_returns import without_isolated_returns
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.planning.pose_paths import PosePaths
@@ -117,7 +117,7 @@ class Mapper:
         self.classifier, self.detector, self.readers = classifier, detector, readers
         self._in_passing = BackgroundReader(detector, readers)
         self.localisation: Localisation = localisation or Slam(config=config.localisation)
-        self.metric_map = MetricMap(voxel_size)
+        self.metric_map = MetricMap(MetricMapConfig(voxel_size))
         self.elevation_map = ElevationMap(robot)
         self._traversability_layer = TraversabilityLayer()
         is_certain = getattr(classifier, "is_certain", False)  # a classifier of one's own may lack it
@@ -127,7 +127,7 @@ class Mapper:
         self.victims = Victims()
         self.finds = Finds(self.victims)
         self.stopwatch = Stopwatch()
-        self.keyframes = Keyframes(robot, self.metric_map.max_range)
+        self.keyframes = Keyframes(robot, self.metric_map.max_range, self.elevation_map.grid.cell)
         self._set_down: NDArray[np.float64] | None = None
         self._newest_at_drive = 0
         self._T_odom_keyframe: Pose | None = None
@@ -194,7 +194,9 @@ class Mapper:
     def localise(self, frame: Frame) -> Localised:
         """A new frame without isolated returns, and where it was taken; LostError if that is unknown."""
         with self.stopwatch("localisation"):
-            return self.localisation.localise(without_isolated_returns(frame))
+            return self.localisation.localise(
+                without_isolated_returns(frame, self.metric_map.config.isolated_returns)
+            )
 
     def offer(self, localised: Localised, labelled: bool | None = None, set_down: bool = False) -> Keyframe | None:
         """Make a keyframe of the newest frame as :meth:`add` does; None if it only repeats one."""
@@ -234,7 +236,7 @@ class Mapper:
         Keyframes put this ground into the elevation map as long as the robot stands there. InputError if the
         elevation map does not reach as low or as high.
         """
-        lowest, highest = HEIGHTS
+        lowest, highest = self.elevation_map.config.lowest, self.elevation_map.config.highest
         if not lowest < T_map_base[2, 3] < highest:
             z = f"{T_map_base[2, 3]:.2f} m"
             raise InputError(f"the robot stands at {z}; ground is mapped from {lowest:.2f} to {highest:.2f} m alone")
@@ -253,7 +255,7 @@ class Mapper:
                 probabilities = self.classifier.classify(frame, in_map, T_map_camera)
         with self.stopwatch("keyframe"):
             stride, voxel = self.metric_map.stride(frame.intrinsics), self.semantic_map.config.voxel
-            seen = Seen.of(frame, points, probabilities, stride, voxel)
+            seen = Seen.of(frame, points, probabilities, stride, voxel, self.elevation_map.config)
             self.keyframes.add(seen, T_map_base)
         with self.stopwatch("metric_map"):
             seen.put_depth(self.metric_map, T_map_base)
@@ -378,15 +380,15 @@ class Mapper:
 
         While the robot stands where it was set down, ground near it is taken for level.
         """
-        robot, known = self.elevation_map.robot, self.keyframes
+        robot, config, known = self.elevation_map.robot, self.elevation_map.config, self.keyframes
         k = len(known) - 1
         if self._set_down is not None:
             T_base_start = inverse(known.poses[k]) @ self._set_down
-            if np.linalg.norm(T_base_start[:2, 3]) > MOST_ROOM:
+            if np.linalg.norm(T_base_start[:2, 3]) > config.start_radius:
                 self._set_down = None
             else:
-                self._put(k, Assumed.under(T_base_start, robot))
-                self._put(k, Assumed.before(frame, points, robot))
+                self._put(k, Assumed.under(T_base_start, robot, config))
+                self._put(k, Assumed.before(frame, points, robot, config))
         self._put(k, known.seen[k])
 
     def _put(self, keyframe: int, evidence: GroundEvidence) -> None:
@@ -417,7 +419,7 @@ class Mapper:
         """(N,) labels of the semantic map's points (N, 3), m, that fit together and to what was found."""
         robot, people = self.elevation_map.robot, [victim.points for victim in self.victims.confirmed]
         config = self.semantic_map.config
-        whole = with_whole_uprights(points, labels, robot, CELL, config)
+        whole = with_whole_uprights(points, labels, robot, self.elevation_map.grid.cell, config)
         return with_finds(points, whole, self.finds.shown, people, robot.max_step, config.skin)
 
     def _find_things(self, frame: Frame, detections: list[Detection], T_map_base: NDArray[np.float64]) -> None:

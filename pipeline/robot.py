@@ -7,6 +7,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import Pose
 from pipeline.frame import Frame
 
 
@@ -24,14 +25,14 @@ class Motion:
 
     Attributes:
         time: s.
-        T_odom_base: 4×4 pose of ``base_link`` in ``odom``.
+        T_odom_base: pose of ``base_link`` in ``odom``.
         gyro: (3,) rad/s in ``base_link``.
         accelerometer: (3,) m/s² in ``base_link``, gravity included (+9.81 along z at rest on level ground).
         wheel_speed: (2,) m/s of the left and right tyres, from the encoders.
     """
 
     time: float
-    T_odom_base: NDArray[np.float64]
+    T_odom_base: Pose
     gyro: NDArray[np.float64]
     accelerometer: NDArray[np.float64]
     wheel_speed: NDArray[np.float64]

@@ -7,9 +7,6 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-SAME_SURFACE = np.float32(0.05)
-"""Share of a return's depth by which the depths of returns beside it on the same surface may differ from it."""
-
 Depth = TypeVar("Depth", float, NDArray[np.floating])
 
 
@@ -21,12 +18,15 @@ class SensorModel:
         nearest, farthest: depths between which surfaces give a return, m along the optical axis.
         grazing: least angle between a ray and a surface that surely gives a return, rad.
         margin: m inside of the range at both ends, where returns can be relied on.
+        same_surface: share of a return's depth by which the depths of returns beside it on the same surface may
+            differ from it.
     """
 
     nearest: float
     farthest: float
     grazing: float
     margin: float
+    same_surface: float = 0.05
 
     def sigma(self, depth: Depth) -> Depth:
         """m, standard deviation of returns at a depth, m, of structured light (Nguyen et al., 3DIMPVT 2012)."""

@@ -5,7 +5,7 @@ from typing import TypeVar
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pipeline.arrays import Direction, Rotation3
+from pipeline.arrays import Direction, Points, Pose, Rotation3
 
 Angle = TypeVar("Angle", float, NDArray[np.floating])
 FARTHEST = 8192.0  # m from the origin of a frame; up to here float32 resolves 1 mm
@@ -22,21 +22,21 @@ def are_poses(T: ArrayLike) -> bool:
     return bool(is_orthonormal and (np.linalg.det(R) > 0).all() and (T[..., 3, :] == (0, 0, 0, 1)).all())
 
 
-def transform_points(T: NDArray[np.float64], points: NDArray) -> NDArray[np.float32]:
-    """(N, 3) float32 points, m, moved by the 4×4 transform ``T``."""
+def transform_points(T: Pose, points: NDArray) -> Points:
+    """(N, 3) points, m, moved by the transform ``T``."""
     R, t = T[:3, :3].astype(np.float32), T[:3, 3].astype(np.float32)
     x, y, z = points.astype(np.float32, copy=False).T
     # Not a matrix product: for three columns, waking BLAS's threads takes longer than the work.
     return np.stack([R[i, 0] * x + R[i, 1] * y + R[i, 2] * z + t[i] for i in range(3)], axis=1)
 
 
-def inverse(T: NDArray[np.float64]) -> NDArray[np.float64]:
-    """The inverse of a rigid 4×4 transform."""
+def inverse(T: Pose) -> Pose:
+    """The inverse of a rigid transform."""
     return from_rotation(T[:3, :3].T, -T[:3, :3].T @ T[:3, 3])
 
 
-def from_rotation(R: ArrayLike, t: ArrayLike) -> NDArray[np.float64]:
-    """The 4×4 transform with the 3×3 rotation ``R`` and the translation ``t`` (3,), m."""
+def from_rotation(R: ArrayLike, t: ArrayLike) -> Pose:
+    """The transform with the 3×3 rotation ``R`` and the translation ``t`` (3,), m."""
     result = np.zeros((4, 4))
     result[:3, :3], result[:3, 3], result[3, 3] = R, t, 1
     return result
@@ -50,24 +50,24 @@ def orthonormal(T: NDArray[np.float64]) -> NDArray[np.float64]:
     return result
 
 
-def from_yaw(x: float, y: float, z: float, yaw: float) -> NDArray[np.float64]:
+def from_yaw(x: float, y: float, z: float, yaw: float) -> Pose:
     """The transform of a level body at (x, y, z) m with heading ``yaw`` rad."""
     c, s = np.cos(yaw), np.sin(yaw)
     return from_rotation([[c, -s, 0], [s, c, 0], [0, 0, 1]], [x, y, z])
 
 
-def yaw_of(T: NDArray[np.float64]) -> float:
-    """Yaw of a 4×4 pose in rad, (−π, π]."""
+def yaw_of(T: Pose) -> float:
+    """Yaw of a pose in rad, (−π, π]."""
     return float(np.arctan2(T[1, 0], T[0, 0]))
 
 
-def angle_of(T: NDArray[np.float64]) -> float:
-    """Angle of the rotation of a 4×4 transform about its axis, rad, [0, π]."""
+def angle_of(T: Pose) -> float:
+    """Angle of the rotation of a transform about its axis, rad, [0, π]."""
     return float(np.arccos(np.clip((np.trace(T[:3, :3]) - 1) / 2, -1, 1)))
 
 
-def tilt_of(T: NDArray[np.float64]) -> tuple[float, float]:
-    """Roll and pitch of a 4×4 pose in rad (REP 103: x forward, y left, z up; pitch is positive nose down)."""
+def tilt_of(T: Pose) -> tuple[float, float]:
+    """Roll and pitch of a pose in rad (REP 103: x forward, y left, z up; pitch is positive nose down)."""
     return float(np.arctan2(T[2, 1], T[2, 2])), float(-np.arcsin(np.clip(T[2, 0], -1, 1)))
 
 

@@ -93,7 +93,7 @@ class Replay:
             LostError: the pose of a frame cannot be found any more; the frames before are mapped.
         """
         for frame in self.recording.frames():
-            if not self._has_begun and not self._begin(without_isolated_returns(frame)):
+            if not self._has_begun and not self._begin(self._clean(frame)):
                 continue
             if self._T_base_camera is not None:
                 frame = replace(frame, T_base_camera=self._T_base_camera)
@@ -105,9 +105,12 @@ class Replay:
             truth = self._truth.at(frame.time) if self._truth else None
             yield Replayed(frame, self._take(frame), truth)
 
+    def _clean(self, frame: Frame) -> Frame:
+        return without_isolated_returns(frame, self.mapper.metric_map.config.isolated_returns)
+
     def _T_odom_base(self, frame: Frame) -> NDArray[np.float64] | None:
         if self._odometry is not None:
-            return self._odometry.pose(without_isolated_returns(frame))
+            return self._odometry.pose(self._clean(frame))
         return self._known.at(frame.time) if self._known else None
 
     def _begin(self, frame: Frame) -> bool:

@@ -6,17 +6,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from pipeline.arrays import Mask, Places, Values
 from pipeline.elevation_map.traversability import Traversability
 from pipeline.geometry.parts import parts
 
 
 def is_inaccessible(
-    ground: Traversability,
-    places: NDArray[np.float64],
-    points: NDArray[np.floating],
-    from_below: NDArray[np.bool_] | np.bool_ = np.False_,
-) -> NDArray[np.bool_]:
-    """Which of the points (N, 3) that look like ramps and decks cannot carry the robot.
+    ground: Traversability, places: Places, points: NDArray[np.floating], from_below: Mask | np.bool_ = np.False_
+) -> Mask:
+    """Which of the points (N, 3), m, that look like ramps and decks cannot carry the robot.
 
     Such a point is farther than half of the robot's width from any square of that side on the points' surface, as the
     feet of a chair are, or it is higher than the robot's headroom above the nearest ground that the robot can get to
@@ -24,9 +22,9 @@ def is_inaccessible(
 
     Args:
         ground: its traversability.
-        places: (K, 3) where the robot stood, m.
-        points: (N, 3), m.
-        from_below: (N,) which are of decks seen from below; what leads up to them may not have been in view.
+        places: where the robot stood.
+        points: of ramps and decks.
+        from_below: which are of decks seen from below; what leads up to them may not have been in view.
     """
     cells = np.clip(ground.grid.cell_of(points), 0, np.subtract(ground.grid.shape, 1))
     surface = np.zeros(ground.grid.shape, bool)
@@ -39,10 +37,8 @@ def is_inaccessible(
     return narrow | high & ~_comes_down(points, ~narrow, height, 2 * ground.grid.cell) if high.any() else narrow
 
 
-def _comes_down(
-    points: NDArray[np.floating], counts: NDArray[np.bool_], height: NDArray[np.float64], joint: float
-) -> NDArray[np.bool_]:
-    """(N,) whether points (N, 3) belong to a surface of those that count whose foot has almost no height (N,), m.
+def _comes_down(points: NDArray[np.floating], counts: Mask, height: Values, joint: float) -> Mask:
+    """Whether points (N, 3) belong to a surface of those that count whose foot has almost no height, m.
 
     ``joint``: m, side of the voxels that join a surface if they are neighbours, and greatest height of its foot.
     """
@@ -51,17 +47,12 @@ def _comes_down(
     return counts & np.isin(part_of, part_of[counts & (height < joint)])
 
 
-def height_above_accessible(
-    ground: Traversability, places: NDArray[np.float64], points: NDArray[np.floating]
-) -> NDArray[np.float64]:
-    """(N,) m, height of points (N, 3) above the nearest ground that no hazard separates from where the robot stood.
+def height_above_accessible(ground: Traversability, places: Places, points: NDArray[np.floating]) -> Values:
+    """m, height of points (N, 3) above the nearest ground that no hazard separates from where the robot stood.
 
     The camera does not see the ground under the robot, so ground as high as that counts wherever it is.
 
-    Args:
-        ground: its traversability.
-        places: (K, 3) where the robot stood, m.
-        points: (N, 3), m.
+    ``places``: where it stood.
     """
     pieces, _ = ndimage.label(~ground.hazard & ~np.isnan(ground.elevation), np.ones((3, 3)))
     level, stood = (np.round(z / ground.robot.max_step) for z in (ground.elevation, places[:, 2]))

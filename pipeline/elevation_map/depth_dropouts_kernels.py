@@ -3,35 +3,29 @@
 import numpy as np
 from numba import njit
 
-from pipeline.elevation_map.elevation_kernels import MIN_HITS
-from pipeline.sensor import SAME_SURFACE
-
-MAX_GAP = 60
-"""Pixels, greatest width of a gap: wider ones leave unknown ground behind them."""
-ROW_STEP = 2
-"""Rows from one searched row to the next."""
-
 
 @njit(cache=True)
-def dropout_depth(depth, focal, least_grazing, dropouts):
+def dropout_depth(depth, focal, least_grazing, same_surface, fewest, widest, row_step, dropouts):
     """Write the depth of the surface on both sides of each narrow gap to the gap's pixels in ``dropouts`` (H, W), m.
 
-    A gap is a run of pixels in a row without a return, or with a nearer one, between two returns of nearly equal
-    depth. ``depth`` is (H, W) m, 0 without a return, and ``focal`` the vertical focal length in pixels.
-    Ground that is seen at a smaller angle than ``least_grazing``, rad, may itself give no return.
+    A gap is a run of ``fewest`` to ``widest`` pixels in every ``row_step``-th row without a return, or with a nearer
+    one, between two returns whose depths differ by at most a share ``same_surface``. ``depth`` is (H, W) m, 0 without
+    a return, and ``focal`` the vertical focal length in pixels. Ground that is seen at a smaller angle than
+    ``least_grazing``, rad, may itself give no return.
     """
     height, width = depth.shape
-    for v in range(0, height, ROW_STEP):
+    rows = 2 * row_step  # the next searched row may be as noisy as the pixel's own
+    for v in range(0, height, row_step):
         left, at = np.float32(0.0), -1
         for u in range(width):
             z = depth[v, u]
             if not z > 0:
                 continue
-            if at >= 0 and u - at - 1 <= MAX_GAP:
-                if z < left * (1 - SAME_SURFACE):
+            if at >= 0 and u - at - 1 <= widest:
+                if z < left * (1 - same_surface):
                     continue
-                goes_on = z <= left * (1 + SAME_SURFACE) and u - at - 1 >= MIN_HITS
-                angle = min(grazing(depth, v, at, focal), grazing(depth, v, u, focal)) if goes_on else 0.0
+                goes_on = z <= left * (1 + same_surface) and u - at - 1 >= fewest
+                angle = min(grazing(depth, v, at, focal, rows), grazing(depth, v, u, focal, rows)) if goes_on else 0.0
                 if goes_on and angle >= least_grazing:
                     for k in range(at + 1, u):
                         dropouts[v, k] = left + (z - left) * (k - at) / (u - at)
@@ -39,9 +33,11 @@ def dropout_depth(depth, focal, least_grazing, dropouts):
 
 
 @njit(cache=True)
-def grazing(depth, v, u, focal):
-    """Angle in rad between a pixel's ray and the surface that it meets, by ``depth`` (H, W), which is not 0 there."""
-    rows = 2 * ROW_STEP  # the next searched row may be as noisy as the pixel's own
+def grazing(depth, v, u, focal, rows):
+    """Angle in rad between a pixel's ray and the surface that it meets, by ``depth`` (H, W), which is not 0 there.
+
+    The slope is taken from ``rows`` above to as many below.
+    """
     above, below = max(v - rows, 0), min(v + rows, depth.shape[0] - 1)
     if not (depth[above, u] > 0 and depth[below, u] > 0):
         return 0.0

@@ -1,20 +1,29 @@
 """Compiled loops of the elevation map and of the traversability."""
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 
-Z_MIN, LEVELS, Z_BIN = -0.575, 53, 0.05
-"""The lowest height that matters to the robot in ``map``, m, and the number and the height, m, of a column's bins.
-The returns of a bin are averaged; one bin is centred on z = 0."""
 MOST_HITS = np.iinfo(np.uint16).max
 """Number of returns at which the count of a bin saturates."""
-MIN_HITS = 3
-"""Least number of returns of a bin that counts, and of pixels and rows of a gap in the image: fewer are noise."""
-NOISE = 0.1
-"""Share of a bin's hits that may stray into the next one."""
-RAY_HEIGHT = 0.3
-"""m; a ray that passes over a cell no higher above its ground shows that no wall stands there."""
 _DIRECTIONS = ((1, 0), (0, 1), (1, 1), (1, -1))
+
+
+class Columns(NamedTuple):
+    """What a column's bins are and how its ground is found.
+
+    Attributes:
+        lowest, bin: m in ``map``, where the lowest bin begins, and the height of each.
+        headroom: m, free height above the ground.
+        fewest, noise: as of :class:`pipeline.elevation_map.config.ElevationConfig`.
+    """
+
+    lowest: float
+    bin: float
+    headroom: float
+    fewest: int
+    noise: float
 
 
 @njit(cache=True)
@@ -24,7 +33,7 @@ def cell_at(x, y, origin, cell):
 
 
 @njit(cache=True, nogil=True)
-def accumulate(points, counts, origin, cell, within, height, hits, returns):
+def accumulate(points, counts, origin, cell, within, columns, height, hits, returns):
     """Fold points (N, 3), m, into the mean ``height`` of bins (nx, ny, nz), and return their cells, (K, 2) int64.
 
     Each point is the mean of ``counts`` (N,) returns. ``returns`` (nx, ny), 0 before, counts the returns by cell.
@@ -35,7 +44,7 @@ def accumulate(points, counts, origin, cell, within, height, hits, returns):
     for n in range(points.shape[0]):
         z = points[n, 2]
         i, j = cell_at(points[n, 0], points[n, 1], origin, cell)
-        k = int(np.floor((z - Z_MIN) / Z_BIN))
+        k = int(np.floor((z - columns.lowest) / columns.bin))
         if not (0 <= i < nx and 0 <= j < ny and 0 <= k < nz and within[i, j]):
             continue
         count = np.int64(counts[n])
@@ -50,8 +59,8 @@ def accumulate(points, counts, origin, cell, within, height, hits, returns):
 
 
 @njit(cache=True)
-def column_height(height, hits, headroom):
-    """Height in m of the lowest surface with ``headroom`` m above it in a column (nz,); NaN if nothing was measured.
+def column_height(height, hits, columns):
+    """Height in m of the lowest surface with enough headroom in a column (nz,); NaN if nothing was measured.
 
     Adjacent filled bins are one body, and so are bodies with too little air between them. Of a body thinner than
     half a bin, a sloping or noisy floor, the mean counts; of a thicker one, an obstacle, the top counts. A bin with
@@ -61,22 +70,22 @@ def column_height(height, hits, headroom):
     total, weight = 0.0, 0.0
     for k in range(height.shape[0]):
         beside = max(hits[k - 1] if k > 0 else 0, hits[k + 1] if k + 1 < len(hits) else 0)
-        if hits[k] < MIN_HITS or hits[k] < NOISE * beside:
+        if hits[k] < columns.fewest or hits[k] < columns.noise * beside:
             continue
-        if not np.isnan(top) and height[k] - top >= headroom:
+        if not np.isnan(top) and height[k] - top >= columns.headroom:
             break
         if np.isnan(bottom):
             bottom = height[k]
         top = height[k]
         total += hits[k] * height[k]
         weight += hits[k]
-    if top - bottom < 0.5 * Z_BIN:
+    if top - bottom < 0.5 * columns.bin:
         return total / weight
     return top
 
 
 @njit(cache=True, nogil=True)
-def count_dropouts(points, counts, origin, cell, within, height, hits, headroom, dropouts):
+def count_dropouts(points, counts, origin, cell, within, columns, height, hits, dropouts):
     """(K, 2) int64, the cells of those points (N, 3), m, within two bins of the ground or where it is unknown.
 
     Each point is the mean of ``counts`` (N,) dropouts. ``dropouts`` (nx, ny), 0 before, counts the dropouts by cell.
@@ -87,7 +96,7 @@ def count_dropouts(points, counts, origin, cell, within, height, hits, headroom,
         i, j = cell_at(points[n, 0], points[n, 1], origin, cell)
         if not (0 <= i < nx and 0 <= j < ny and within[i, j]):
             continue
-        if abs(points[n, 2] - column_height(height[i, j], hits[i, j], headroom)) > 2 * Z_BIN:
+        if abs(points[n, 2] - column_height(height[i, j], hits[i, j], columns)) > 2 * columns.bin:
             continue
         if dropouts[i, j] == 0:
             cells[size, 0], cells[size, 1] = i, j
@@ -97,33 +106,34 @@ def count_dropouts(points, counts, origin, cell, within, height, hits, headroom,
 
 
 @njit(cache=True)
-def renew_dropout(direction, dropouts, returns, cells, camera, grazing, origin, cell):
-    """Mark the cells in which a keyframe has enough dropouts, and clear those that it shows from another direction.
+def renew_dropout(direction, dropouts, returns, cells, camera, grazing, fewest, origin, cell):
+    """Mark the cells in which a keyframe has dropouts, and clear those that it shows from another direction.
 
     ``direction`` (nx, ny, 2) is the horizontal direction in which a cell's last dropout was seen, 0 where there is
-    none. A keyframe clears a cell if it has enough returns and no dropout there. ``dropouts`` and ``returns``
-    (nx, ny) count the points of the keyframe from ``camera`` (3,) in ``cells`` (K, 2). A panel without returns is
-    seen within ``grazing``, rad, of its plane, so directions that differ by more than twice that show the ground.
+    none. A keyframe clears a cell if it has returns and no dropout there; fewer than ``fewest`` do not count.
+    ``dropouts`` and ``returns`` (nx, ny) count the points of the keyframe from ``camera`` (3,) in ``cells`` (K, 2).
+    A panel without returns is seen within ``grazing``, rad, of its plane, so directions that differ by more than
+    twice that show the ground.
     """
     for i, j in cells:
-        if dropouts[i, j] < MIN_HITS and returns[i, j] < MIN_HITS:
+        if dropouts[i, j] < fewest and returns[i, j] < fewest:
             continue
         dx, dy = origin[0] + (i + 0.5) * cell - camera[0], origin[1] + (j + 0.5) * cell - camera[1]
         distance = np.sqrt(dx * dx + dy * dy) + 1e-9
         dx, dy = dx / distance, dy / distance
-        if dropouts[i, j] >= MIN_HITS:
+        if dropouts[i, j] >= fewest:
             direction[i, j, 0], direction[i, j, 1] = dx, dy
         elif dropouts[i, j] == 0 and abs(dx * direction[i, j, 0] + dy * direction[i, j, 1]) < np.cos(2 * grazing):
             direction[i, j, 0], direction[i, j, 1] = 0.0, 0.0
 
 
 @njit(cache=True, nogil=True)
-def lowest_rays(points, counts, camera, cell):
+def lowest_rays(points, counts, camera, cell, ray_height, fewest):
     """(R, 3) float32 m, the lowest point of the rays from ``camera`` (3,) to ``points`` (N, 3) over each place.
 
     Places are the cells of a lattice so fine that each cell of ``cell`` m holds one of their middles, without those
-    in which a keyframe with ``counts`` (N,) returns a point sees ground itself. A ray is followed back from a cell
-    before its return, where noise does not matter, up to ``RAY_HEIGHT`` above it.
+    in which a keyframe with ``counts`` (N,) returns a point sees ground itself, by ``fewest`` returns or more. A ray
+    is followed back from a cell before its return, where noise does not matter, up to ``ray_height`` m above it.
     """
     step = cell / np.sqrt(2.0)
     x0, y0, x1, y1 = camera[0], camera[1], camera[0], camera[1]
@@ -138,13 +148,13 @@ def lowest_rays(points, counts, camera, cell):
         returns[i, j] += counts[n]
         dx, dy, dz = camera[0] - points[n, 0], camera[1] - points[n, 1], camera[2] - points[n, 2]
         steps = np.sqrt(dx * dx + dy * dy) / step
-        for k in range(2, int(steps * min(RAY_HEIGHT / max(dz, 1e-6), 1.0)) + 1):
+        for k in range(2, int(steps * min(ray_height / max(dz, 1e-6), 1.0)) + 1):
             i, j = cell_at(points[n, 0] + dx * k / steps, points[n, 1] + dy * k / steps, origin, step)
             lowest[i, j] = min(lowest[i, j], points[n, 2] + dz * k / steps)
     rays, size = np.empty((lowest.size, 3), np.float32), 0
     for i in range(shape[0]):
         for j in range(shape[1]):
-            if lowest[i, j] < np.inf and returns[i, j] < MIN_HITS:
+            if lowest[i, j] < np.inf and returns[i, j] < fewest:
                 rays[size, 0], rays[size, 1] = x0 + (i + 0.5) * step, y0 + (j + 0.5) * step
                 rays[size, 2] = lowest[i, j]
                 size += 1
@@ -193,10 +203,10 @@ def forget(cells, offsets, distances, within, been):
 
 
 @njit(cache=True, nogil=True)
-def extract_elevation(height, hits, cells, headroom, elevation):
+def extract_elevation(height, hits, cells, columns, elevation):
     """Renew ``elevation`` (nx, ny) in ``cells`` (K, 2)."""
     for i, j in cells:
-        elevation[i, j] = column_height(height[i, j], hits[i, j], headroom)
+        elevation[i, j] = column_height(height[i, j], hits[i, j], columns)
 
 
 @njit(cache=True)
@@ -217,12 +227,13 @@ def cells_to_known(elevation, i, j, di, dj, max_gap, dropout=None):
 
 
 @njit(cache=True, nogil=True)
-def bridge_gaps(elevation, dropout, ceiling, max_gap):
-    """(nx, ny) m, ``elevation`` with unknown cells filled between two known ones that are level but for a bin.
+def bridge_gaps(elevation, dropout, ceiling, max_gap, level, ray_height):
+    """(nx, ny) m, ``elevation`` with unknown cells filled between two known ones that differ by ``level`` m at most.
 
     Gaps run along the axes and the diagonals over at most ``max_gap`` cells; where several gaps cross, the last one
-    counts. Only cells are filled over which a ray passed, at most at ``ceiling`` (nx, ny), m: elsewhere a thin wall
-    may stand that was seen from neither side. Nothing is filled across a ``dropout`` (nx, ny) cell.
+    counts. Only cells are filled over which a ray passed, at ``ceiling`` (nx, ny), m, up to ``ray_height`` m above
+    the ground: elsewhere a thin wall may stand that was seen from neither side. Nothing is filled across a
+    ``dropout`` (nx, ny) cell.
     """
     filled = elevation.copy()
     nx, ny = elevation.shape
@@ -233,9 +244,9 @@ def bridge_gaps(elevation, dropout, ceiling, max_gap):
                     continue
                 gap = cells_to_known(elevation, i, j, di, dj, max_gap, dropout)
                 rise = elevation[i + gap * di, j + gap * dj] - elevation[i, j]
-                for k in range(1, gap if abs(rise) <= Z_BIN else 0):
+                for k in range(1, gap if abs(rise) <= level else 0):
                     a, b, ground = i + k * di, j + k * dj, elevation[i, j] + rise * k / gap
-                    if ceiling[a, b] <= ground + RAY_HEIGHT:
+                    if ceiling[a, b] <= ground + ray_height:
                         filled[a, b] = ground
     return filled
 
@@ -266,10 +277,10 @@ def step_hazards(elevation, max_gap, max_step, steepest):
 
 
 @njit(cache=True)
-def gradients(elevation, cell, radius):
+def gradients(elevation, cell, radius, surface_slope, surface_rise):
     """(nx, ny, 2) slope of the least-squares plane through each cell's round neighbourhood; 0 where unknown.
 
-    Neighbours beyond a slope of 50° belong to another surface (a wall, the floor under a deck) and are left out.
+    Neighbours that differ by more than ``surface_slope`` m per m and ``surface_rise`` m belong to another surface.
     """
     nx, ny = elevation.shape
     result = np.zeros((nx, ny, 2), np.float32)
@@ -286,7 +297,7 @@ def gradients(elevation, cell, radius):
                         continue
                     dz = elevation[a, b] - h0
                     x, y = di * cell, dj * cell
-                    if np.isnan(dz) or abs(dz) > 1.2 * np.sqrt(x * x + y * y) + 0.02:
+                    if np.isnan(dz) or abs(dz) > surface_slope * np.sqrt(x * x + y * y) + surface_rise:
                         continue
                     n, sx, sy, sz = n + 1, sx + x, sy + y, sz + dz
                     sxx, sxy, syy, sxz, syz = (sxx + x * x, sxy + x * y, syy + y * y, sxz + x * dz, syz + y * dz)

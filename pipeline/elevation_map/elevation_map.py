@@ -1,7 +1,7 @@
 """How high the ground is, cell by cell.
 
-Voxels of 0.1 m cannot tell a ramp from a step, so the elevation map keeps the mean height of the returns in finer
-columns.
+Voxels of 0.1 m cannot distinguish a ramp from a step, so the elevation map keeps the mean height of the returns in
+finer columns.
 """
 
 from collections.abc import Callable, Iterator
@@ -11,31 +11,17 @@ from functools import cached_property
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import Boxes, Cells, Mask, MaskLayer, Place, Points
 from pipeline.elevation_map import elevation_kernels as kernels
 from pipeline.elevation_map import pose_kernels
+from pipeline.elevation_map.config import ElevationConfig
 from pipeline.grid_map import Grid, GridMap, Layer, box_around, inside
 from pipeline.robot import RobotModel
 from pipeline.sensor import XTION
 
-CELL = kernels.Z_BIN
-"""m, side of a cell: the bins of its column are cubes."""
-
-HEIGHTS = kernels.Z_MIN, kernels.Z_MIN + kernels.LEVELS * kernels.Z_BIN
-"""m in ``map``, between which ground is mapped."""
-
 NOTHING = np.zeros((0, 3), np.float32)
 _UNKNOWN = Layer(np.float32, np.nan)
 _DERIVED = {"measured": _UNKNOWN, "elevation": _UNKNOWN, "dropout": Layer(np.bool_), "driven": Layer(np.uint16)}
-_EVIDENCE = {
-    "height": Layer(np.float32, per_cell=(kernels.LEVELS,), in_place=True),
-    "hits": Layer(np.uint16, per_cell=(kernels.LEVELS,), in_place=True),
-    "ceiling": Layer(np.float32, np.inf, in_place=True),
-    "assumed": Layer(np.float32, np.nan, in_place=True),
-    "touched": Layer(np.float32, np.nan, in_place=True),
-    "dropout_direction": Layer(np.float32, per_cell=(2,), in_place=True),
-    "been": Layer(np.uint16, in_place=True),
-    "swept": Layer(np.bool_, in_place=True),
-}
 _SCRATCH = {
     "returned": Layer(np.float32, np.nan, in_place=True),
     # Counts of the keyframe that is being added; 0 otherwise.
@@ -44,18 +30,35 @@ _SCRATCH = {
 }
 
 
+def _evidence(levels: int) -> dict[str, Layer]:
+    """The layers that keyframes change, with columns of so many bins."""
+    return {
+        "height": Layer(np.float32, per_cell=(levels,), in_place=True),
+        "hits": Layer(np.uint16, per_cell=(levels,), in_place=True),
+        "ceiling": Layer(np.float32, np.inf, in_place=True),
+        "assumed": Layer(np.float32, np.nan, in_place=True),
+        "touched": Layer(np.float32, np.nan, in_place=True),
+        "dropout_direction": Layer(np.float32, per_cell=(2,), in_place=True),
+        "been": Layer(np.uint16, in_place=True),
+        "swept": Layer(np.bool_, in_place=True),
+    }
+
+
 class ElevationMap:
     """A grid map of the ground that grows where points fall.
 
     Attributes:
         robot: its ``max_gap`` is the widest gap that is filled, its ``headroom`` the free height above the ground.
+        config: how it judges what keyframes show.
         layers: changes are tracked of ``measured``, ``elevation``, ``dropout`` and ``driven``.
     """
 
-    def __init__(self, robot: RobotModel):
-        self.robot = robot
-        self.layers = GridMap(CELL, _DERIVED | _EVIDENCE | _SCRATCH)
-        self._making: NDArray[np.bool_] | None = None
+    def __init__(self, robot: RobotModel, config: ElevationConfig = ElevationConfig()):
+        self.robot, self.config = robot, config
+        self._evidence = _evidence(config.levels)
+        self._columns = kernels.Columns(config.lowest, config.bin, robot.headroom, config.fewest, config.noise)
+        self.layers = GridMap(config.cell, _DERIVED | self._evidence | _SCRATCH)
+        self._making: MaskLayer | None = None
         self._everywhere = np.zeros((0, 0), np.bool_)
 
     @property
@@ -74,8 +77,8 @@ class ElevationMap:
         return self.layers["elevation"]
 
     @property
-    def dropout(self) -> NDArray[np.bool_]:
-        """(nx, ny) where a thin panel without returns may stand: the ground is unknown there, whatever was seen."""
+    def dropout(self) -> MaskLayer:
+        """Where a thin panel without returns may stand: the ground is unknown there, whatever was seen."""
         return self.layers["dropout"]
 
     @property
@@ -109,7 +112,9 @@ class ElevationMap:
         if not len(points):
             return
         self.cover(points)
-        offsets, distances, _ = pose_kernels.footprint_distances(self.robot.half_length, self.robot.half_width, CELL)
+        offsets, distances, _ = pose_kernels.footprint_distances(
+            self.robot.half_length, self.robot.half_width, self.grid.cell, self.config.traversability.costs.comfort
+        )
         cells = np.unique(self.grid.cell_of(points), axis=0)
         kernels.forget(cells, offsets, distances, self._within, self.layers["been"])
         reached = cells[:, None] - offsets
@@ -128,67 +133,69 @@ class ElevationMap:
             self._renew(tuple((cells[:, None] + self._disc).reshape(-1, 2).T))
 
     @cached_property
-    def _disc(self) -> NDArray[np.int64]:
-        """(K, 2) the cells that a robot in the middle of cell (0, 0) sweeps, even if its pose is wrong by a cell."""
-        reach = max(self.robot.half_width - CELL, 0.0)
-        square = np.argwhere(np.ones((2 * int(reach / CELL) + 1,) * 2)) - int(reach / CELL)
-        return square[np.hypot(*square.T) * CELL <= reach]
+    def _disc(self) -> Cells:
+        """The cells that a robot in the middle of cell (0, 0) sweeps, even if its pose is wrong by a cell."""
+        cell = self.grid.cell
+        reach = max(self.robot.half_width - cell, 0.0)
+        square = np.argwhere(np.ones((2 * int(reach / cell) + 1,) * 2)) - int(reach / cell)
+        return square[np.hypot(*square.T) * cell <= reach]
 
     def update(
         self,
-        points: NDArray[np.float32],
+        points: Points,
         hits: NDArray[np.uint8] | None = None,
-        dropouts: NDArray[np.float32] = NOTHING,
+        dropouts: Points = NOTHING,
         dropout_hits: NDArray[np.uint8] | None = None,
-        rays: NDArray[np.float32] = NOTHING,
-        camera: NDArray[np.float64] | None = None,
+        rays: Points = NOTHING,
+        camera: Place | None = None,
     ) -> None:
         """Add what a keyframe shows.
 
         Args:
-            points: (N, 3) its returns in ``map``, m.
+            points: its returns.
             hits: (N,) number of returns that each point is the mean of; 1 if not given.
-            dropouts: (M, 3) m, where ground should have been seen and was not.
+            dropouts: where ground should have been seen and was not.
             dropout_hits: (M,) number of pixels that each of these is the mean of; 1 if not given.
-            rays: (R, 3) m, points of rays over places without returns, see :func:`elevation_kernels.lowest_rays`.
-            camera: (3,) its position, m; without it dropouts are neither found nor cleared.
+            rays: points of rays over places without returns, see :func:`elevation_kernels.lowest_rays`.
+            camera: where it was; without it dropouts are neither found nor cleared.
         """
         if not len(points):
             return
         self.cover(points)
-        layers, cell, within = self.layers, (self.grid.origin, CELL), self._within
-        height, filled, returns, missing = (layers[name] for name in ("height", "hits", "returns", "dropouts"))
-        shown = kernels.accumulate(points, _counts(points, hits), *cell, within, height, filled, returns)
+        layers, cell, within = self.layers, (self.grid.origin, self.grid.cell), self._within
+        returns, missing = layers["returns"], layers["dropouts"]
+        judged = within, self._columns, layers["height"], layers["hits"]
+        shown = kernels.accumulate(points, _counts(points, hits), *cell, *judged, returns)
         passed = kernels.lower_ceiling(layers["ceiling"], rays, *cell, within)
-        weights, headroom = _counts(dropouts, dropout_hits), self.robot.headroom
-        dropped = kernels.count_dropouts(dropouts, weights, *cell, within, height, filled, headroom, missing)
+        dropped = kernels.count_dropouts(dropouts, _counts(dropouts, dropout_hits), *cell, *judged, missing)
         cells = np.concatenate([shown, dropped])
         if camera is not None:
-            kernels.renew_dropout(layers["dropout_direction"], missing, returns, cells, camera, XTION.grazing, *cell)
+            direction, fewest = layers["dropout_direction"], self.config.fewest
+            kernels.renew_dropout(direction, missing, returns, cells, camera, XTION.grazing, fewest, *cell)
         missing[tuple(dropped.T)], returns[tuple(shown.T)] = 0, 0
         self._renew(tuple(np.concatenate([cells, passed]).T))
 
     @contextmanager
-    def made_anew(self, boxes: NDArray[np.float64]) -> Iterator[Callable[[NDArray[np.float64]], NDArray[np.bool_]]]:
-        """Forget all within boxes (M, 2, 2 or 3); the block of the ``with`` statement adds all evidence again.
+    def made_anew(self, boxes: Boxes) -> Iterator[Callable[[Boxes], Mask]]:
+        """Forget all within boxes in ``map``; the block of the ``with`` statement adds all evidence again.
 
-        Boxes are given by their lowest and highest corner, m. Only what lies within them changes.
+        Only what lies within them changes, whatever its height.
 
         Yields:
-            A function that tells which of other boxes (N, 2, 2 or 3) lie within them in part: (N,) bool.
+            A function that says which of other boxes lie within them in part.
         """
         self.cover(boxes.reshape(-1, boxes.shape[-1]))
         within = np.zeros(self.grid.shape, np.bool_)
         for (i, j), (k, m) in self.grid.cell_of(boxes):
             within[i : k + 1, j : m + 1] = True
-        for name, layer in _EVIDENCE.items():
+        for name, layer in self._evidence.items():
             self.layers[name][within] = layer.fill
         self._making = within
         before = np.pad(within.cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))
 
         first_end = np.array([[0], [1]])
 
-        def meets(others: NDArray[np.float64]) -> NDArray[np.bool_]:
+        def meets(others: Boxes) -> Mask:
             (i, j), (k, m) = (self.grid.cell_of(others) + first_end).clip(0, self.grid.shape).transpose(1, 2, 0)
             return np.asarray(before[k, m] - before[i, m] - before[k, j] + before[i, j] > 0)
 
@@ -204,8 +211,8 @@ class ElevationMap:
             self.layers.cover(points)
 
     @property
-    def _within(self) -> NDArray[np.bool_]:
-        """(nx, ny) the cells that may change."""
+    def _within(self) -> MaskLayer:
+        """The cells that may change."""
         if self._making is not None:
             return self._making
         if self._everywhere.shape != self.grid.shape:
@@ -216,11 +223,11 @@ class ElevationMap:
         """Renew what follows from the evidence, in and around cells that it changed, an index of a layer."""
         if self._making is not None or not len(where[0]):
             return
-        layers, gap = self.layers, round(self.robot.max_gap / CELL) + 1
+        layers, gap = self.layers, round(self.robot.max_gap / self.grid.cell) + 1
         changed = np.zeros(self.grid.shape, np.bool_)
         changed[where] = True
         columns, cells = (layers["height"], layers["hits"]), np.argwhere(changed)
-        kernels.extract_elevation(*columns, cells, self.robot.headroom, layers["returned"])
+        kernels.extract_elevation(*columns, cells, self._columns, layers["returned"])
         layers.write("driven", layers["been"][where], where)
         # A panel may stand wherever the robot has not been.
         missing = layers["dropout_direction"][where].any(axis=-1)
@@ -230,11 +237,11 @@ class ElevationMap:
         returned, touched, assumed, dropout, ceiling = (layers[name][around] for name in names)
         measured = np.where(np.isnan(touched), np.where(dropout, np.float32(np.nan), returned), touched)
         known = np.where(np.isnan(measured) & ~dropout, assumed, measured)
-        bridged = kernels.bridge_gaps(known, dropout, ceiling, gap - 1)
+        bridged = kernels.bridge_gaps(known, dropout, ceiling, gap - 1, self.config.bin, self.config.ray_height)
         layers.write("measured", measured[inside(here, around)], here)
         layers.write("elevation", bridged[inside(here, around)], here)
 
 
-def _counts(points: NDArray[np.float32], hits: NDArray[np.uint8] | None) -> NDArray[np.uint8]:
+def _counts(points: Points, hits: NDArray[np.uint8] | None) -> NDArray[np.uint8]:
     """(N,) number of pixels that each of (N, 3) points is the mean of."""
     return np.ones(len(points), np.uint8) if hits is None else hits

@@ -8,6 +8,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from pipeline.arrays import Layer, MaskLayer, Place
 from pipeline.elevation_map.elevation_kernels import cell_at
 
 _HALF = np.array([(1, 0), (2, 1), (1, 1), (1, 2), (0, 1), (-1, 2), (-1, 1), (-2, 1)])
@@ -19,22 +20,6 @@ ANGLES = np.arctan2(*VECTORS.T[::-1]) % math.tau
 """(16,) rad, the headings."""
 UNKNOWN, HAZARD = 1, 2
 """Kinds of obstacles; 0 is none."""
-MOST_ROOM = 0.2
-"""m; more room than this makes no difference."""
-LENIENCY = 0.03
-"""m by which the robot may come nearer to unknown ground than to a hazard."""
-SWEEP = 1
-"""cm that a turn to the next heading may come nearer to an obstacle."""
-TICK = 0.01
-"""s, the unit of costs."""
-NARROW_SPEED = 0.2
-"""m/s, greatest speed where obstacles leave no room around the footprint."""
-BACKING = 2.0
-"""Cost of a drive backwards, relative to one forwards: the camera looks the other way."""
-RISK = 20.0
-"""Seconds added to each second in which the robot is certain to meet an obstacle."""
-STOP = 1.5
-"""s that a bend of the way takes: slow down, set off again."""
 BUCKETS = 8192
 """Number of buckets of the search's queue; a move costs fewer ticks."""
 
@@ -43,25 +28,29 @@ class Terrain(NamedTuple):
     """The ground on which the costs of moves depend; layers are (nx, ny) on one grid.
 
     Attributes:
-        origin: (2,) corner of cell [0, 0], m.
+        origin: corner of cell [0, 0].
         cell: side of a cell, m.
+        leniency: m by which the robot may come nearer to unknown ground than to a hazard.
+        sweep: cm by which a turn to the next heading may come nearer to an obstacle.
         obstacle: uint8, 0, ``UNKNOWN`` or ``HAZARD``.
-        to_obstacle: float64 m to the nearest obstacle.
+        to_obstacle: m to the nearest obstacle.
         clearance: (nx, ny, 16) int8 cm to the nearest obstacle, negative inside: from the footprint at each of eight
             headings, and from the area that it sweeps in a turn from each of these headings to the next.
         least: int8 cm, least clearance that is allowed.
-        ramp: bool, the wheels are on a ramp or right before it.
-        uphill: (nx, ny, 2) float32, gradient of that ramp; 0 where there is none.
+        ramp: where the wheels are on a ramp or right before it.
+        uphill: (nx, ny, 2), gradient of that ramp; 0 where there is none.
     """
 
-    origin: NDArray[np.float64]
+    origin: Place
     cell: float
+    leniency: float
+    sweep: int
     obstacle: NDArray[np.uint8]
-    to_obstacle: NDArray[np.float64]
+    to_obstacle: Layer
     clearance: NDArray[np.int8]
     least: NDArray[np.int8]
-    ramp: NDArray[np.bool_]
-    uphill: NDArray[np.float32]
+    ramp: MaskLayer
+    uphill: Layer
 
 
 class Costs(NamedTuple):
@@ -75,6 +64,7 @@ class Costs(NamedTuple):
         slide: additional deviation in a turn, m per unit of slope.
         lean: how far the top of the body leans downhill, m per unit of slope: its height.
         across: relative increase of the time by driving across a slope, per unit of slope.
+        comfort, narrow_speed, backing, risk, stop, tick: as of :class:`pipeline.elevation_map.config.PathCosts`.
     """
 
     half_length: float
@@ -87,6 +77,12 @@ class Costs(NamedTuple):
     slide: float
     lean: float
     across: float
+    comfort: float
+    narrow_speed: float
+    backing: float
+    risk: float
+    stop: float
+    tick: float
 
 
 @njit(cache=True)
@@ -97,34 +93,35 @@ def distance_to_footprint(x, y, cos, sin, half_length, half_width):
 
 
 @cache
-def footprint_distances(half_length, half_width, cell):
-    """Cells around the robot, nearest first, and the distance of the middle of each from the footprint.
+def footprint_distances(half_length, half_width, cell, comfort):
+    """Cells around the robot, nearest first, and the distance of the middle of each from the footprint, m.
 
     Returns:
         (N, 2) int64 offsets, (N, 16) int8 cm by heading and turn as in :class:`Terrain`, and (N,) cm, their least.
     """
-    reach = int((np.hypot(half_length, half_width) + MOST_ROOM) / cell) + 1
+    reach = int((np.hypot(half_length, half_width) + comfort) / cell) + 1
     offsets = np.argwhere(np.ones((2 * reach + 1,) * 2)) - reach
     x, y = cell * offsets.T[:, :, None, None]
     stands, turns = np.tile(ANGLES[:STANDING], (6, 1)), np.linspace(ANGLES[:STANDING], ANGLES[1 : STANDING + 1], 6)
     angles = np.hstack([stands, turns])
     room = distance_to_footprint(x, y, np.cos(angles), np.sin(angles), half_length, half_width).min(axis=1)
-    distances = np.floor(100 * np.minimum(room, MOST_ROOM)).astype(np.int8)
+    distances = np.floor(100 * np.minimum(room, comfort)).astype(np.int8)
     least = distances.min(axis=1)
-    order = np.argsort(least)[: np.count_nonzero(least < int(100 * MOST_ROOM))]
+    order = np.argsort(least)[: np.count_nonzero(least < int(100 * comfort))]
     return offsets[order], distances[order], least[order]
 
 
 @njit(cache=True)
-def clearances(obstacle, to_obstacle, footprint, near, rows, columns):
+def clearances(obstacle, to_obstacle, footprint, near, rows, columns, comfort, leniency):
     """(nx, ny, 16) int8, see :class:`Terrain`, for (nx, ny) obstacles; beyond the grid all is unknown.
 
-    ``footprint`` is what :func:`footprint_distances` returns. Only cells with an obstacle within ``near`` m, from the
-    first up to but not including the last of ``rows`` and of ``columns``, are computed.
+    ``footprint`` is what :func:`footprint_distances` returns up to ``comfort``, and unknown ground
+    counts as ``leniency``, m, farther away. Only cells with an obstacle within ``near`` m, from the first up to but
+    not including the last of ``rows`` and of ``columns``, are computed.
     """
     nx, ny = obstacle.shape
     offsets, distances, nearest = footprint
-    result = np.full((nx, ny, HEADINGS), int(100 * MOST_ROOM), np.int8)
+    result = np.full((nx, ny, HEADINGS), int(100 * comfort), np.int8)
     for i in range(rows[0], rows[1]):
         for j in range(columns[0], columns[1]):
             if to_obstacle[i, j] > near:
@@ -138,7 +135,7 @@ def clearances(obstacle, to_obstacle, footprint, near, rows, columns):
                 kind = obstacle[a, b] if 0 <= a < nx and 0 <= b < ny else UNKNOWN
                 if kind == 0:
                     continue
-                lenience = int(100 * LENIENCY) if kind == UNKNOWN else 0
+                lenience = int(100 * leniency) if kind == UNKNOWN else 0
                 for h in range(HEADINGS):
                     room[h] = min(room[h], distances[n, h] + lenience)
                 most = room.max()
@@ -183,10 +180,10 @@ def allow_driven(clearance, driven, least, deepest):
 
 
 @njit(cache=True)
-def free_poses(clearance, least):
+def free_poses(clearance, least, sweep):
     """(nx, ny, 2) uint8 bits of the eight headings with which the robot can stand, and of the turns that it can make.
 
-    See :class:`Terrain` for ``clearance`` (nx, ny, 16) and ``least`` (nx, ny).
+    See :class:`Terrain` for ``clearance`` (nx, ny, 16), ``least`` (nx, ny) and ``sweep``.
     """
     nx, ny = least.shape
     result = np.zeros((nx, ny, 2), np.uint8)
@@ -195,7 +192,7 @@ def free_poses(clearance, least):
             for h in range(STANDING):
                 if clearance[i, j, h] >= least[i, j]:
                     result[i, j, 0] |= 1 << h
-                if clearance[i, j, STANDING + h] + SWEEP >= least[i, j]:
+                if clearance[i, j, STANDING + h] + sweep >= least[i, j]:
                     result[i, j, 1] |= 1 << h
     return result
 
@@ -207,10 +204,10 @@ def danger(clearance, spread):
 
 
 @njit(cache=True)
-def level_speed(room, speed):
+def level_speed(room, speed, comfort, narrow_speed):
     """m/s on level ground with ``room`` m around the footprint, a number or an array: the less, the slower."""
-    narrow_speed = min(speed, NARROW_SPEED)
-    return narrow_speed + (speed - narrow_speed) * np.minimum(np.maximum(room, 0.0) / MOST_ROOM, 1.0)
+    narrow_speed = min(speed, narrow_speed)
+    return narrow_speed + (speed - narrow_speed) * np.minimum(np.maximum(room, 0.0) / comfort, 1.0)
 
 
 @njit(cache=True)
@@ -218,10 +215,10 @@ def drive_seconds_per_metre(clearance, cos, sin, uphill, backward, costs):
     """Cost of a metre along (cos, sin), s, with ``clearance`` m around the footprint on a slope (2,)."""
     across = abs(uphill[1] * cos - uphill[0] * sin)
     on_ramp = uphill[0] != 0 or uphill[1] != 0
-    speed = costs.ramp_speed if on_ramp else level_speed(clearance, costs.speed)
+    speed = costs.ramp_speed if on_ramp else level_speed(clearance, costs.speed, costs.comfort, costs.narrow_speed)
     seconds = (1.0 + costs.across * across) / speed
     room = clearance - costs.lean * np.hypot(uphill[0], uphill[1])
-    return seconds * (BACKING if backward else 1.0) * (1.0 + RISK * danger(room, costs.stray))
+    return seconds * (costs.backing if backward else 1.0) * (1.0 + costs.risk * danger(room, costs.stray))
 
 
 @njit(cache=True)
@@ -230,13 +227,13 @@ def turn_seconds_per_radian(clearance, uphill, costs):
     slope = np.hypot(uphill[0], uphill[1])
     seconds = 1.0 / (costs.ramp_turn_rate if slope > 0 else costs.turn_rate)
     room = clearance - costs.lean * slope
-    return seconds * (1.0 + RISK * danger(room, 0.5 * costs.stray + costs.slide * slope))
+    return seconds * (1.0 + costs.risk * danger(room, 0.5 * costs.stray + costs.slide * slope))
 
 
 @njit(cache=True)
-def ticks(seconds):
-    """The seconds in whole ticks, at least one and fewer than there are buckets."""
-    return max(1, min(int(seconds / TICK + 0.5), BUCKETS - 1))
+def ticks(seconds, tick):
+    """The seconds in whole ticks of ``tick`` s, at least one and fewer than there are buckets."""
+    return max(1, min(int(seconds / tick + 0.5), BUCKETS - 1))
 
 
 @njit(cache=True)
@@ -246,10 +243,10 @@ def room_at(x, y, cos, sin, terrain, costs):
     i, j = cell_at(x, y, terrain.origin, terrain.cell)
     if not (0 <= i < nx and 0 <= j < ny):
         return -1.0
-    radius = np.hypot(costs.half_length, costs.half_width) + MOST_ROOM
+    radius = np.hypot(costs.half_length, costs.half_width) + costs.comfort
     if terrain.to_obstacle[i, j] > radius + terrain.cell:
-        return MOST_ROOM
-    least, reach = MOST_ROOM, int(radius / terrain.cell) + 1
+        return costs.comfort
+    least, reach = costs.comfort, int(radius / terrain.cell) + 1
     for a in range(i - reach, i + reach + 1):
         for b in range(j - reach, j + reach + 1):
             kind = terrain.obstacle[a, b] if 0 <= a < nx and 0 <= b < ny else UNKNOWN
@@ -258,7 +255,7 @@ def room_at(x, y, cos, sin, terrain, costs):
             dx = terrain.origin[0] + (a + 0.5) * terrain.cell - x
             dy = terrain.origin[1] + (b + 0.5) * terrain.cell - y
             d = distance_to_footprint(dx, dy, cos, sin, costs.half_length, costs.half_width)
-            least = min(least, d + (LENIENCY if kind == UNKNOWN else 0.0))
+            least = min(least, d + (terrain.leniency if kind == UNKNOWN else 0.0))
     return least
 
 
@@ -274,7 +271,7 @@ def line_seconds(ax, ay, bx, by, backward, terrain, costs):
     cos, sin = (dx / length, dy / length) if length > 0 else (1.0, 0.0)
     steps = int(np.ceil(length / terrain.cell)) + 1
     # An obstacle so near to the middle lies in the footprint, along whatever heading: most lines are blocked so.
-    inside = min(costs.half_length, costs.half_width) - LENIENCY - terrain.cell
+    inside = min(costs.half_length, costs.half_width) - terrain.leniency - terrain.cell
     for s in range(steps + 1):
         i, j = cell_at(ax + dx * s / steps, ay + dy * s / steps, terrain.origin, terrain.cell)
         if not (0 <= i < nx and 0 <= j < ny) or terrain.to_obstacle[i, j] < inside + 0.01 * terrain.least[i, j]:
@@ -310,7 +307,7 @@ def turn_seconds(x, y, start, end, terrain, costs):
     if not (0 <= i < nx and 0 <= j < ny):
         return np.inf
     angle = (end - start + np.pi) % (2 * np.pi) - np.pi
-    room = MOST_ROOM
+    room = costs.comfort
     steps = int(np.ceil(abs(angle) / 0.2))
     for s in range(1, steps):
         heading = start + angle * s / steps

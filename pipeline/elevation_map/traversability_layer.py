@@ -1,10 +1,12 @@
 """The traversability of an elevation map, updated from keyframe to keyframe."""
 
-import numpy as np
-from numpy.typing import NDArray
+from dataclasses import replace
 
-from pipeline.elevation_map.elevation_map import CELL, ElevationMap
-from pipeline.elevation_map.traversability import LAYERS, MAX_DROP_GAP, Traversability, assess, assess_map, reach_of
+import numpy as np
+
+from pipeline.arrays import MaskLayer
+from pipeline.elevation_map.elevation_map import ElevationMap
+from pipeline.elevation_map.traversability import LAYERS, Traversability, assess, assess_map, reach_of
 from pipeline.grid_map import box_around, inside
 
 
@@ -29,16 +31,17 @@ class TraversabilityLayer:
         return last
 
 
-def _assessed_around(changed: NDArray[np.bool_], elevation_map: ElevationMap, last: Traversability) -> Traversability:
-    # A cell affects hazards across a gap, a hazard affects the cells within reach, and slopes span four cells.
-    reach = round((reach_of(last.robot) + MAX_DROP_GAP) / CELL) + 5
+def _assessed_around(changed: MaskLayer, elevation_map: ElevationMap, last: Traversability) -> Traversability:
+    # A cell affects hazards across a gap and slopes on both sides, and a hazard affects the cells within reach.
+    cell, config = last.grid.cell, last.config
+    reach = round((reach_of(last.robot, config, cell) + config.drop_gap) / cell) + 2 * config.slope_reach + 1
     here, around = box_around(changed, reach), box_around(changed, 2 * reach)
     # Contiguous, as the kernels are compiled for.
     elevation = np.ascontiguousarray(elevation_map.elevation[around])
     dropout, driven = elevation_map.dropout[around], elevation_map.driven[around]
     within = inside(here, around)
-    part = assess(last.grid.part(around), elevation, dropout, driven, last.robot, within)
+    part = assess(last.grid.part(around), elevation, dropout, driven, last.robot, config, within)
     layers = {name: getattr(last, name).copy() for name in LAYERS}
     for name, layer in layers.items():
         layer[here] = getattr(part, name)[within]
-    return Traversability(last.grid, robot=last.robot, **layers)
+    return replace(last, **layers)

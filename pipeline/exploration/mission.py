@@ -7,7 +7,6 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pipeline.elevation_map.pose_kernels import STOP
 from pipeline.exploration.deadline import Deadline
 from pipeline.exploration.next_best_view import Exploration
 from pipeline.exploration.viewpoint import ARRIVED, Context, Strategy, Viewpoint
@@ -208,7 +207,9 @@ class Goals:
             place = self._place(goal, context.paths)
             if np.linalg.norm(place - context.T_map_base[:2, 3]) <= ARRIVED:
                 self._end(goal, None)
-            elif goal is self._goal and self._was_in_vain(goal, context.paths.cost_to(place)):
+            elif goal is self._goal and self._was_in_vain(
+                goal, context.paths.cost_to(place), context.traversability.config.costs.stop
+            ):
                 self._end(goal, f"{goal_name(goal)} is given up: {PATIENCE} drives brought the robot no nearer")
         self._goal = None
 
@@ -240,10 +241,10 @@ class Goals:
         place = t.grid.nearest(paths.reachable, goal, t.robot.length if self._may_be_near else 0.0)
         return goal if place is None else place
 
-    def _was_in_vain(self, goal: NDArray[np.float64], way_left: float) -> bool:
-        """Whether ``PATIENCE`` drives to a goal, this one included, shortened the way by less than a bend costs."""
+    def _was_in_vain(self, goal: NDArray[np.float64], way_left: float, least: float) -> bool:
+        """Whether ``PATIENCE`` drives to a goal, this one included, shortened the way by less than ``least`` s."""
         shortest, in_vain = self._tries[id(goal)]
-        is_shorter = way_left < shortest - STOP
+        is_shorter = way_left < shortest - least
         self._tries[id(goal)] = (way_left, 0) if is_shorter else (shortest, in_vain + 1)
         return self._tries[id(goal)][1] >= PATIENCE
 

@@ -7,8 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from pipeline.elevation_map.elevation_map import CELL
-from pipeline.elevation_map.pose_kernels import ANGLES, STOP
+from pipeline.elevation_map.pose_kernels import ANGLES
 from pipeline.exploration import visibility
 from pipeline.exploration import visibility_kernels as kernels
 from pipeline.exploration.frontiers import near_ground, unseen
@@ -57,14 +56,14 @@ class Exploration:
 
     takes_rewards = True
 
-    def __init__(self, robot: RobotModel):
-        """``robot``: the range of its camera limits what keyframes are expected to show."""
+    def __init__(self, robot: RobotModel, cell: float = 0.05):
+        """For a robot and ground in cells of ``cell`` m."""
         self.rewards: ViewpointRewards | None = None
         self._robot = robot
-        self._strip = robot.width * CELL
-        self.posterior = Posterior(robot.width / CELL)
+        self._strip = robot.width * cell
+        self.posterior = Posterior(robot.width / cell)
         self._layers = GridMap(
-            CELL,
+            cell,
             {
                 "elevation": Layer(np.float32, np.nan),
                 "gradient": Layer(np.float32, per_cell=(2,)),
@@ -97,7 +96,7 @@ class Exploration:
         self._layers.write("probability", rounded[self._layers["misses"]])
         self._began = context.frame.time if self._began is None else self._began
         self._duration = self._look_around + context.frame.time - self._began
-        self._seen = float(np.isfinite(context.measured).sum()) * CELL**2
+        self._seen = float(np.isfinite(context.measured).sum()) * self._layers.grid.cell**2
 
     def next_viewpoint(self, context: Context) -> Viewpoint | None:
         """The viewpoint that shows most per second; None if it is not worth the drive, nor what it may open."""
@@ -111,7 +110,7 @@ class Exploration:
         pieces, number = ndimage.label(traversability.traversable & ~reachable, np.ones((3, 3)))
         if not number:
             return None
-        areas = np.bincount(pieces.ravel()) * CELL**2
+        areas = np.bincount(pieces.ravel()) * traversability.grid.cell**2
         areas[0] = 0.0  # no piece
         for viewpoint in self.left(context):
             near = near_ground(context, self._in_view(viewpoint, context) & self._layers["target"])
@@ -209,7 +208,7 @@ class Exploration:
         if not is_some.any():
             return None
         candidates, gains, there = candidates[is_some], gains[is_some], there[is_some]
-        horizon, straight = STOP, paths.least_seconds_to(there)[:, None]
+        horizon, straight = traversability.config.costs.stop, paths.least_seconds_to(there)[:, None]
         while True:
             known = paths.seconds_to(there, horizon)
             # Ways beyond the search's horizon cost more than the horizon, and no less than a straight drive.
@@ -237,7 +236,7 @@ class Exploration:
         known = context.poses[:0] if self._poses is None else self._poses
         first, ahead = len(known), (visibility.camera_view(context.frame).far, 0.0, 0.0, 1.0)
         moved = np.linalg.norm(((context.poses[:first] - known) @ ahead)[:, :2], axis=1).max(initial=0.0)
-        if moved < CELL:
+        if moved < self._layers.grid.cell:
             # Along the rims of what is known, also a map that moved by less covers ground without showing it.
             is_shown = ndimage.binary_opening(self._layers["target"] & ~np.isnan(context.measured), np.ones((3, 3)))
             self.posterior.shown += np.bincount(self._layers["misses"][is_shown], minlength=MOST_MISSES + 1)
@@ -285,7 +284,7 @@ class Exploration:
         """The ground as known after the last keyframe."""
         names = ("elevation", "gradient", "target", "probability", "missed_from")
         layers = {name: self._layers[name] for name in names}
-        return kernels.SearchedTerrain(self._layers.grid.origin, CELL, falls=self._falls, **layers)
+        return kernels.SearchedTerrain(self._layers.grid.origin, self._layers.grid.cell, falls=self._falls, **layers)
 
     def _gains(
         self, here: NDArray[np.float64], cells: NDArray[np.int64], camera: kernels.CameraView

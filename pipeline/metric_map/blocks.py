@@ -6,10 +6,10 @@ from itertools import product
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import Cells
 from pipeline.errors import InputError
-from pipeline.grid_map import BLOCK
 
-SIDE = BLOCK  # Voxels along a side of a block
+SIDE = 64  # Voxels along a side of a block: a multiple of those that the kernels read and decide together
 
 Key = tuple[int, int, int]
 Box = tuple[slice, slice, slice]
@@ -61,8 +61,8 @@ class BlockArray:
         for key in sorted(self._blocks):
             yield np.array(key, np.int64) * SIDE, self._blocks[key]
 
-    def at(self, index: NDArray[np.int64]) -> NDArray[np.int8]:
-        """(N,) int8 values of (N, 3) indices."""
+    def at(self, index: Cells) -> NDArray[np.int8]:
+        """(N,) int8 values of voxels (N, 3)."""
         result = np.zeros(len(index), np.int8)
         keys, rest = index // SIDE, np.arange(len(index))
         while len(rest):

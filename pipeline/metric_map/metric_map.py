@@ -8,33 +8,19 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
+from pipeline.arrays import Boxes, Cells, Depth, Direction, Mask, Place, Places, Points, Pose
 from pipeline.errors import InputError
-from pipeline.files import MOST_MEMORY
 from pipeline.frame import Intrinsics
 from pipeline.grid_map import check_memory
 from pipeline.metric_map.blocks import BlockArray, Key, parts
+from pipeline.metric_map.config import MetricMapConfig
 from pipeline.metric_map.grid_kernels import WORD, any_mark, fold
 from pipeline.metric_map.updates import Scan, Updater
-from pipeline.sensor import XTION
 from pipeline.transforms import FARTHEST, POSE, are_poses
 
 OCCUPIED, UNKNOWN, FREE = 0.0, 0.5, 1.0  # The thesis's three values of a voxel
 
 LOG_ODDS = 0.1  # Log-odds per unit of the map's int8 values
-
-HIT, MISS = 10, 1
-"""What an end point adds to a voxel's value and what a crossing ray subtracts. One return proves a surface, while
-rays cross a voxel that has a surface in one corner again and again."""
-
-FREEST = MISS - HIT
-"""Least value of a voxel: one hit outweighs it."""
-FIRMEST = 40
-"""Greatest value of a voxel: a vanished surface is erased after FIRMEST / MISS frames."""
-
-OFFSET = (-0.25, -0.25, -0.4)
-"""(x, y, z) of a voxel's corner in ``map``, in voxels. Built surfaces tend to lie at round coordinates, and noise
-spreads a surface on the face between two voxel layers over both. So z = 0 and all multiples of half a voxel along
-every axis lie inside a layer."""
 
 
 class MetricMap:
@@ -44,52 +30,16 @@ class MetricMap:
     frame changes only the voxels in view, so the time of an update does not depend on the size of the environment.
 
     Attributes:
-        voxel_size, max_range, margin, offset, max_bytes: see the constructor.
-        corner: (3,) float64 m in ``map``, where voxel (0, 0, 0) begins.
+        config: its numbers, of which ``voxel_size`` and ``max_range``, m, are attributes of the map itself, too.
+        corner: (3,) in ``map``, where voxel (0, 0, 0) begins.
     """
 
-    def __init__(
-        self,
-        voxel_size: float = 0.1,
-        max_range: float = XTION.farthest,
-        margin: float = 0.03,
-        offset: tuple[float, float, float] = OFFSET,
-        max_bytes: int = MOST_MEMORY,
-    ) -> None:
-        """An empty map.
-
-        Args:
-            voxel_size: m.
-            max_range: m; the ray of a farther return frees space up to here and has no end point. Measured along
-                the optical axis for depth images, from the origin for points.
-            margin: m before its end point at which a ray stops freeing space, so that noise does not free the voxels
-                of the surface.
-            offset: (x, y, z) of a voxel's corner in ``map``, in voxels; see OFFSET.
-            max_bytes: the most memory that the voxels may take.
-
-        Raises:
-            InputError: a value is out of its range; the message names it.
-        """
-        self.voxel_size, self.max_range, self.margin = voxel_size, max_range, margin
-        self.offset, self.max_bytes = offset, max_bytes
-        self._check_settings()
-        self.corner: NDArray[np.float64] = np.array(offset) * voxel_size
-        self._log_odds = BlockArray(max_bytes)
+    def __init__(self, config: MetricMapConfig = MetricMapConfig()) -> None:
+        self.config, self.voxel_size, self.max_range = config, config.voxel_size, config.max_range
+        self.corner: Place = np.array(config.offset) * config.voxel_size
+        self._log_odds = BlockArray(config.max_bytes)
         self._making: set[Key] | None = None
-        self._updater = Updater(voxel_size, max_range, margin, max_bytes)
-
-    def _check_settings(self) -> None:
-        if not 0 < self.max_range <= FARTHEST:
-            raise InputError(f"metric map: max_range must be at most {FARTHEST:.0f} m, got {self.max_range}")
-        if not 1e-3 <= self.voxel_size <= self.max_range:
-            span = f"from 1 mm to the range of {self.max_range:g} m"
-            raise InputError(f"metric map: voxel_size must be {span}, got {self.voxel_size:g}")
-        if not 0 <= self.margin < np.inf:
-            raise InputError(f"metric map: margin must not be negative, got {self.margin}")
-        if np.shape(self.offset) != (3,) or not np.isfinite(self.offset).all():
-            raise InputError(f"metric map: offset must be three numbers, got {self.offset}")
-        if not isinstance(self.max_bytes, int) or self.max_bytes <= 0:
-            raise InputError(f"metric map: max_bytes must be a positive whole number, got {self.max_bytes}")
+        self._updater = Updater(config)
 
     @property
     def nbytes(self) -> int:
@@ -97,13 +47,13 @@ class MetricMap:
         return self._log_odds.nbytes
 
     @contextmanager
-    def made_anew(self, boxes: NDArray[np.float64]) -> Iterator[Callable[[NDArray[np.float64]], NDArray[np.bool_]]]:
-        """Forget the blocks that boxes (M, 2, 3) touch; the block of the ``with`` statement adds all scans again.
+    def made_anew(self, boxes: Boxes) -> Iterator[Callable[[Boxes], Mask]]:
+        """Forget the blocks that boxes in ``map`` touch; the block of the ``with`` statement adds all scans again.
 
-        Boxes are given by their lowest and highest corner, m in ``map``. Only these blocks change.
+        Only these blocks change.
 
         Yields:
-            A function that tells which of other boxes (N, 2, 3) touch them: (N,) bool.
+            A function that says which of other boxes touch them.
         """
         making = self._making = {key for box in boxes for key in self._blocks(box)}
         self._log_odds.clear(making)
@@ -118,20 +68,16 @@ class MetricMap:
         return (key for key, _, _ in parts(low, tuple((high - low + 1).tolist())))
 
     def integrate(
-        self,
-        depth: NDArray[np.float32],
-        intrinsics: Intrinsics,
-        T_map_camera: NDArray[np.float64],
-        returns: NDArray[np.float32] | None = None,
+        self, depth: Depth, intrinsics: Intrinsics, T_map_camera: Pose, returns: Points | None = None
     ) -> None:
         """Add a depth image.
 
         Args:
-            depth: (H, W) float32, m along the optical axis; NaN, infinite and non-positive values are no return.
+            depth: values that are not positive and finite are no return.
             intrinsics: of the depth image.
-            T_map_camera: 4×4 pose of ``camera_optical`` in ``map``.
-            returns: (N, 3) float32 m in ``map``, end points besides those of the image, of which ``depth`` may be a
-                part: every :meth:`stride`-th pixel shows free space as well as the whole image does.
+            T_map_camera: pose of ``camera_optical``.
+            returns: end points besides those of the image, of which ``depth`` may be a part: every
+                :meth:`stride`-th pixel shows free space as well as the whole image does.
 
         Raises:
             InputError: if the intrinsics do not fit the image, the pose is not rigid or the map is full; the map
@@ -165,12 +111,12 @@ class MetricMap:
         if len(cloud):
             self._fold(self._updater.trace(cloud, start - self.corner))
 
-    def voxel_index(self, points: ArrayLike) -> NDArray[np.int64]:
-        """(N, 3) int64 indices of the voxels that contain (N, 3) points, m in ``map``."""
+    def voxel_index(self, points: ArrayLike) -> Cells:
+        """Indices of the voxels that contain (N, 3) points, m in ``map``."""
         return np.floor((_points(points) - self.corner) / self.voxel_size).astype(np.int64)
 
-    def voxel_centre(self, index: NDArray[np.int64]) -> NDArray[np.float32]:
-        """(N, 3) float32 centres, m in ``map``, of the voxels with (N, 3) indices."""
+    def voxel_centre(self, index: Cells) -> Points:
+        """Centres of the voxels."""
         return ((index + 0.5) * self.voxel_size + self.corner).astype(np.float32)
 
     def bounds(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -190,8 +136,8 @@ class MetricMap:
         check_memory(f"a map of {' × '.join(map(str, shape))} voxels", prod(shape))
         return self._log_odds.read(lower, shape)
 
-    def log_odds_at(self, index: NDArray[np.int64]) -> NDArray[np.int8]:
-        """(N,) int8 log-odds, in units of LOG_ODDS, of the voxels with (N, 3) indices."""
+    def log_odds_at(self, index: Cells) -> NDArray[np.int8]:
+        """(N,) int8 log-odds, in units of LOG_ODDS, of (N, 3) voxels."""
         return self._log_odds.at(index)
 
     def set_log_odds(self, lower: NDArray[np.int64], values: NDArray[np.int8]) -> None:
@@ -200,15 +146,15 @@ class MetricMap:
         Raises:
             InputError: if the map is full.
         """
-        self._log_odds.write(lower, np.clip(values, FREEST, FIRMEST))
+        self._log_odds.write(lower, np.clip(values, self.config.least, self.config.greatest))
 
     def state_at(self, points: ArrayLike) -> NDArray[np.float32]:
         """(N,) float32 in {0 occupied, 0.5 unknown, 1 free} at (N, 3) points, m in ``map``."""
         signs = np.sign(self.log_odds_at(self.voxel_index(points)))
         return np.array((UNKNOWN, OCCUPIED, FREE), np.float32)[signs]
 
-    def is_surface(self, points: NDArray[np.float64], normal: NDArray[np.float64]) -> NDArray[np.bool_]:
-        """(N,) whether points (N, 3), m in ``map``, are occupied and known on the side of the ``normal`` (3,).
+    def is_surface(self, points: Places, normal: Direction) -> Mask:
+        """Whether places are occupied and not unknown on the side of the ``normal``.
 
         A thin wall is occupied for both its sides; on one that no frame has shown, the voxels before it are unknown.
         """
@@ -217,8 +163,8 @@ class MetricMap:
 
     def is_free_along(
         self,
-        start: NDArray[np.float64],
-        end: NDArray[np.float64],
+        start: Place,
+        end: Place,
         target: cKDTree,
         margin: float,
         skip: float = 0.0,
@@ -228,7 +174,7 @@ class MetricMap:
         """Whether the line of sight from ``start`` towards ``end`` is free until it reaches the target.
 
         Args:
-            start, end: (3,) m in ``map``.
+            start, end: of the line.
             target: k-d tree of the target's (N, 3) points, m in ``map``.
             margin: m from the nearest target point at which the line of sight ends.
             skip: m from ``start`` that count as free.
@@ -241,16 +187,16 @@ class MetricMap:
         line = line[np.logical_and.accumulate(to_target > margin)]
         return bool((self.state_at(line) >= (UNKNOWN if may_be_unknown else FREE)).all())
 
-    def occupied_centres(self) -> NDArray[np.float32]:
-        """(N, 3) float32 centres of the occupied voxels, m in ``map``; InputError if they take too much memory."""
+    def occupied_centres(self) -> Points:
+        """Centres of the occupied voxels; InputError if they take too much memory."""
         return self._centres([(first, block > 0) for first, block in self._log_odds.items()])
 
-    def free_centres(self) -> NDArray[np.float32]:
-        """(N, 3) float32 centres of the free voxels, m in ``map``; InputError if they take too much memory."""
+    def free_centres(self) -> Points:
+        """Centres of the free voxels; InputError if they take too much memory."""
         return self._centres([(first, block < 0) for first, block in self._log_odds.items()])
 
-    def _centres(self, chosen: list[tuple[NDArray[np.int64], NDArray[np.bool_]]]) -> NDArray[np.float32]:
-        """(N, 3) centres of the chosen voxels of blocks, each with the index of its first voxel."""
+    def _centres(self, chosen: list[tuple[NDArray[np.int64], NDArray[np.bool_]]]) -> Points:
+        """Centres of the chosen voxels of blocks, each with the index of its first voxel."""
         count = sum(int(np.count_nonzero(mask)) for _, mask in chosen)
         # An export holds the centres twice, and a vertex of the same size twice.
         check_memory(f"a list of {count} voxels", 2 * count * (3 * np.dtype(np.float64).itemsize))
@@ -267,11 +213,12 @@ class MetricMap:
             if key in self._log_odds or any_mark(part):
                 marked.append((key, part, in_block))
         self._log_odds.reserve(key for key, _, _ in marked)
+        config = self.config
         for key, part, in_block in marked:
-            fold(part, self._log_odds[key][in_block], HIT, MISS, FREEST, FIRMEST)
+            fold(part, self._log_odds[key][in_block], config.hit, config.miss, config.least, config.greatest)
 
 
-def _check_image(depth: NDArray[np.float32], intrinsics: Intrinsics) -> None:
+def _check_image(depth: Depth, intrinsics: Intrinsics) -> None:
     expected = (intrinsics.height, intrinsics.width)
     if depth.shape != expected or not depth.size:
         raise InputError(f"a depth image of shape {depth.shape} does not fit intrinsics for {expected}")
@@ -281,7 +228,7 @@ def _check_image(depth: NDArray[np.float32], intrinsics: Intrinsics) -> None:
         raise InputError(f"the principal point must be pixels, got {intrinsics.cx}, {intrinsics.cy}")
 
 
-def _rigid(T: NDArray[np.float64]) -> NDArray[np.float64]:
+def _rigid(T: Pose) -> Pose:
     """A float64 copy of a pose; InputError if it is none."""
     if np.ndim(T) != 2 or not are_poses(T):
         raise InputError(f"{POSE} is expected")

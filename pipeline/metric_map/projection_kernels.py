@@ -26,10 +26,6 @@ TILE = 8
 
 TOO_NEAR = np.finfo(np.float32).eps
 """m of depth; the camera sees nothing nearer."""
-SHADE = 1.0
-"""m behind a crest within which unseen ground may slope down from it."""
-NARROW = 6.0
-"""Depth in voxels up to which the field of view is so narrow that it passes between the corners of voxels."""
 
 
 class DepthCamera(NamedTuple):
@@ -49,17 +45,21 @@ class DepthCamera(NamedTuple):
     """(3, 3) the camera's axes x, y, z in the map, in voxels per metre."""
     size: float
     """m, the side of a voxel."""
+    shade: float
+    """m behind a crest within which unseen ground may slope down from it."""
+    narrow: float
+    """Depth in voxels up to which the field of view passes between the corners of voxels."""
 
 
 @njit(cache=True, nogil=True)
-def observe(depth, pinhole, pose, size, far, margin, marks, flat, high):
+def observe(depth, pinhole, pose, size, far, margin, shade, narrow, marks, flat, high):
     """Mark the voxels in which rays end as HIT and those that they only cross as FREE.
 
     Args:
         depth: (H, W) float32, m; values that are not positive and finite are no return.
         pinhole: (4,) float64 fx, fy, cx, cy in pixels.
         pose: (3, 4) float64: rotation, camera axes to map axes, and the optical centre in the box, in voxels.
-        size, far, margin: see DepthCamera.
+        size, far, margin, shade, narrow: see DepthCamera.
         marks: (nx, ny, nz) uint8 zeros, whole blocks that contain the view frustum.
         flat: the same marks in C order, and one last element that stands for "nowhere".
         high: (levels, ⌈H / TILE⌉, ⌈W / TILE⌉) float32, the depth pyramid, to be filled.
@@ -67,7 +67,7 @@ def observe(depth, pinhole, pose, size, far, margin, marks, flat, high):
     axes = np.ascontiguousarray(pose[:, :3].T) / size
     origin = pose[:, 3].copy()
     fx, fy, cx, cy = pinhole
-    camera = DepthCamera(fx, fy, cx, cy, far, margin, origin, axes, size)
+    camera = DepthCamera(fx, fy, cx, cy, far, margin, origin, axes, size, shade, narrow)
     _mark_returns(depth, camera, marks.shape, flat, high[0])
     _build_pyramid(high)
     _mark_narrow(depth, camera, marks)
@@ -170,7 +170,7 @@ def _mark_narrow(depth, camera, marks):
     height, width = depth.shape
     x, y, z = camera.origin
     ax = camera.axes
-    rows, columns = _rays_across(height, camera.fy), _rays_across(width, camera.fx)
+    rows, columns = _rays_across(height, camera.fy, camera.narrow), _rays_across(width, camera.fx, camera.narrow)
     for i in range(rows):
         v = i * (height - 1) // (rows - 1)
         b = (v + 0.5 - camera.cy) / camera.fy
@@ -182,7 +182,7 @@ def _mark_narrow(depth, camera, marks):
                 continue
             reach = min(d, camera.far) - camera.margin
             if i % (rows - 1) != 0 or j % (columns - 1) != 0:
-                reach = min(reach, NARROW * camera.size)
+                reach = min(reach, camera.narrow * camera.size)
             if reach > 0:
                 x_stop = x + reach * (ax[0, 0] * a + ax[1, 0] * b + ax[2, 0])
                 y_stop = y + reach * (ax[0, 1] * a + ax[1, 1] * b + ax[2, 1])
@@ -191,9 +191,9 @@ def _mark_narrow(depth, camera, marks):
 
 
 @njit(cache=True)
-def _rays_across(pixels, focal):
-    """Number of rays, spread over an image axis, that are a voxel or less apart where the view is ``NARROW``."""
-    return max(min(int(np.ceil(NARROW * pixels / focal)) + 1, pixels), 2)
+def _rays_across(pixels, focal, narrow):
+    """Number of rays, spread over an image axis, that are at most a voxel apart up to ``narrow`` voxels of depth."""
+    return max(min(int(np.ceil(narrow * pixels / focal)) + 1, pixels), 2)
 
 
 @njit(cache=True)
@@ -316,7 +316,7 @@ def _project_corners(r0, d0, w0, offsets, shape, camera, pixel, deep):
 
 @njit(cache=True)
 def _see_corners(depth, camera, pixel, deep, reach, seen):
-    """Fill ``seen``: SEEN if the ray of a corner's pixel reaches it, HIDDEN if it ends a voxel to SHADE m before it.
+    """Fill ``seen``: SEEN if the ray of a corner's pixel reaches it, HIDDEN if it ends a voxel to a shade before it.
 
     Returns whether any corner is SEEN.
     """
@@ -324,7 +324,7 @@ def _see_corners(depth, camera, pixel, deep, reach, seen):
     for n in range(CORNERS):
         reach[n] = depth[np.uint32(pixel[n])]
     far, margin = np.float32(camera.far), np.float32(camera.margin)
-    size, shade = np.float32(camera.size), np.float32(SHADE)
+    size, shade = np.float32(camera.size), np.float32(camera.shade)
     zero, infinity = np.float32(0), np.float32(np.inf)
     any_seen = np.uint8(0)
     for n in range(CORNERS):

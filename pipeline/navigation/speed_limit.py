@@ -34,7 +34,8 @@ class SpeedLimit:
         t, robot = self._traversability, self._traversability.robot
         places = here + self._ahead[:, None] * along
         clearance = t.clearance[..., nearest_heading(float(np.arctan2(along[1], along[0]))) % STANDING]
-        speeds = level_speed(0.01 * t.grid.at(clearance, places), robot.speed)
+        costs = t.config.costs
+        speeds = level_speed(0.01 * t.grid.at(clearance, places), robot.speed, costs.comfort, costs.narrow_speed)
         speeds = np.where(t.grid.at(t.ramp, places), np.minimum(robot.ramp_speed, speeds), speeds)
         for tree, near, most in self._slow:
             is_near = np.isfinite(tree.query(places, distance_upper_bound=near)[0])

@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from pipeline.elevation_map.pose_kernels import ANGLES, BUCKETS, HEADINGS, STANDING, STOP, TICK, VECTORS
-from pipeline.elevation_map.traversability import Traversability, costs_of, least_clearance
+from pipeline.elevation_map.pose_kernels import ANGLES, BUCKETS, HEADINGS, STANDING, VECTORS
+from pipeline.elevation_map.traversability import Traversability, least_clearance
 from pipeline.planning import pose_paths_kernels as kernels
 
 
@@ -48,7 +48,7 @@ class PosePaths:
         it can. With one, it may drive as far as across the circle in which it turns despite too little clearance.
         The costs allow for ``caution`` times the measured deviations of the robot from its way.
         """
-        self._costs, self.caution = costs_of(traversability.robot, caution), caution
+        self._costs, self.caution = traversability.costs(caution), caution
         self.traversability, self._grid = traversability, traversability.grid
         self._heading = heading
         wanted = np.atleast_2d(np.asarray(start, np.float64)[..., :2])
@@ -100,7 +100,8 @@ class PosePaths:
 
     def _extend(self, seconds: float) -> None:
         """Extend the search to all poses that cost at most ``seconds``."""
-        until = 1 + int(min(seconds, np.iinfo(np.int32).max * TICK / 2) / TICK)
+        tick = self._costs.tick
+        until = 1 + int(min(seconds, np.iinfo(np.int32).max * tick / 2) / tick)
         kernels.extend(self._search, self.traversability.terrain, self._costs, until)
 
     @property
@@ -118,7 +119,7 @@ class PosePaths:
         """(..., 16) s to be at cells with each heading; inf where the search has not got yet."""
         cost = self._search.cost.reshape(*self._grid.shape, HEADINGS)[where]
         is_known = (cost > 0) & ((cost <= self._search.now[0]) | self.is_complete)
-        return np.where(is_known, (cost - 1) * np.float32(TICK), np.float32(np.inf))
+        return np.where(is_known, (cost - 1) * np.float32(self._costs.tick), np.float32(np.inf))
 
     def seconds_to(self, cells: NDArray[np.int64], until: float = np.inf) -> NDArray[np.float32]:
         """(N, 16) s to be at cells (N, 2) with each heading; inf if no way of up to ``until`` s leads there."""
@@ -128,8 +129,8 @@ class PosePaths:
     def least_seconds_to(self, cells: NDArray[np.int64]) -> NDArray[np.float64]:
         """(N,) s, lower bound of the cost of a way from the only start to cells (N, 2)."""
         # Nothing is quicker than to drive forward with much room.
-        per_cell = (self._search.level[kernels.Move.FORWARD, :, -1] / np.linalg.norm(VECTORS, axis=1)).min() * TICK
-        return per_cell * np.linalg.norm(cells - self._search.starts[0, :2], axis=1)
+        ticks = (self._search.level[kernels.Move.FORWARD, :, -1] / np.linalg.norm(VECTORS, axis=1)).min()
+        return ticks * self._costs.tick * np.linalg.norm(cells - self._search.starts[0, :2], axis=1)
 
     @cached_property
     def seconds(self) -> NDArray[np.float32]:
@@ -174,7 +175,7 @@ class PosePaths:
 
     def _settle(self, xy: ArrayLike, heading: int | None = None) -> NDArray[np.float32]:
         """(..., 16) s to points (...), m, with each heading; the least of all, or that of ``heading``, is known."""
-        cells, horizon = self._grid.cell_of(xy), STOP
+        cells, horizon = self._grid.cell_of(xy), self._costs.stop
         if not self._grid.holds(cells).all():
             return np.full((*cells.shape[:-1], HEADINGS), np.inf, np.float32)
         where = tuple(np.moveaxis(cells, -1, 0))
@@ -213,7 +214,7 @@ class PosePaths:
             places[(states[:, :2] == states[0, :2]).all(axis=1)] = self.start
         first = ANGLES[states[0, 2]] if self._heading is None else self._heading
         flat = np.ravel_multi_index(tuple(states.T), (*self._grid.shape, HEADINGS))
-        moves, seconds = self._search.came_by[flat], (self._search.cost[flat] - 1) * TICK
+        moves, seconds = self._search.came_by[flat], (self._search.cost[flat] - 1) * self._costs.tick
         bends, backwards = kernels.straighten(
             places, ANGLES[states[:, 2]], moves, seconds, first, self.traversability.terrain, self._costs
         )
@@ -239,13 +240,13 @@ def nearest_heading(heading: float) -> int:
 
 
 def simplify(path: NDArray[np.float64], traversability: Traversability) -> NDArray[np.float64]:
-    """(M, 2) few points of a path (N, 2), m; a straight drive costs at most ``STOP`` s more than what it replaces."""
+    """(M, 2) few points of a path (N, 2), m; a straight drive costs at most a stop more than what it replaces."""
     seconds = traversability.line_seconds(path[:-1], path[1:])
     reached = np.append(0.0, np.cumsum(np.where(np.isfinite(seconds), seconds, 1e3)))
     bends = [0]
     while bends[-1] < len(path) - 1:
         rest = np.arange(bends[-1] + 1, len(path))
         straight = traversability.line_seconds(path[bends[-1]][None], path[rest])
-        good = rest[straight <= reached[rest] - reached[bends[-1]] + STOP]
+        good = rest[straight <= reached[rest] - reached[bends[-1]] + traversability.config.costs.stop]
         bends.append(int(good[-1]) if len(good) else int(rest[0]))
     return path[bends]

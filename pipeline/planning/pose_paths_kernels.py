@@ -11,10 +11,7 @@ from pipeline.elevation_map.pose_kernels import (
     ANGLES,
     BUCKETS,
     HEADINGS,
-    MOST_ROOM,
     STANDING,
-    STOP,
-    SWEEP,
     VECTORS,
     drive_seconds_per_metre,
     line_seconds,
@@ -55,16 +52,17 @@ def move_ticks(h, move, room, uphill, cell, costs):
     if move <= Move.BACKWARD:
         length = cell * np.hypot(VECTORS[h, 0], VECTORS[h, 1])
         cos, sin = np.cos(ANGLES[h]), np.sin(ANGLES[h])
-        return ticks(length * drive_seconds_per_metre(0.01 * room, cos, sin, uphill, move == Move.BACKWARD, costs))
+        per_metre = drive_seconds_per_metre(0.01 * room, cos, sin, uphill, move == Move.BACKWARD, costs)
+        return ticks(length * per_metre, costs.tick)
     angle = abs((ANGLES[h] - ANGLES[move_from(0, 0, h, move)[2]] + np.pi) % (2 * np.pi) - np.pi)
-    return ticks(angle * turn_seconds_per_radian(0.01 * room, uphill, costs))
+    return ticks(angle * turn_seconds_per_radian(0.01 * room, uphill, costs), costs.tick)
 
 
 @njit(cache=True)
 def level_ticks(cell, costs):
     """(5, 16, R) int32 cost in ticks of each move from each heading on level ground, by the cm of room."""
     level = np.zeros(2, np.float32)
-    result = np.zeros((Move.RIGHT + 1, HEADINGS, int(100 * MOST_ROOM) + 1), np.int32)
+    result = np.zeros((Move.RIGHT + 1, HEADINGS, int(100 * costs.comfort) + 1), np.int32)
     for move in range(Move.FORWARD, Move.RIGHT + 1):
         for h in range(HEADINGS):
             for room in range(result.shape[2]):
@@ -91,7 +89,7 @@ def entry_ticks(i, j, h, a, b, k, move, start, terrain, level, costs, escape):
     else:
         room = terrain.clearance[i, j, STANDING + (h if move == Move.LEFT else k) % STANDING]
         # What the turn sweeps must have room as well.
-        entered = min(entered, room + SWEEP)
+        entered = min(entered, room + terrain.sweep)
     is_free = entered >= terrain.least[a, b]
     if not is_free and max(abs(a - start[0]), abs(b - start[1])) > escape:
         return -1
@@ -237,7 +235,7 @@ def straighten(places, headings, moves, seconds, heading, terrain, costs):
     """Indices of the bends of a way, first and last pose included, between which straight drives lead.
 
     Also which of these drives lead backwards; the first value, for the start, says nothing. A straight drive replaces
-    a stretch of the way if it costs at most ``STOP`` s more, turns at both ends included.
+    a stretch of the way if it costs at most ``costs.stop`` s more, turns at both ends included.
 
     Args:
         places: (N, 2) m.
@@ -259,7 +257,7 @@ def straighten(places, headings, moves, seconds, heading, terrain, costs):
         for r in range(drives[-1], q, -1):
             u, v = places[r]
             bearing = np.arctan2(v - y, u - x) + (np.pi if back else 0.0)
-            due = seconds[r] - seconds[p] + STOP
+            due = seconds[r] - seconds[p] + costs.stop
             cost = turn_seconds(x, y, heading, bearing, terrain, costs)
             if cost <= due:
                 cost += turn_seconds(u, v, bearing, headings[r], terrain, costs)

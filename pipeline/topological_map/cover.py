@@ -2,13 +2,12 @@
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
-from functools import cache
+from functools import cache, cached_property
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
-from pipeline.elevation_map.elevation_map import CELL
 from pipeline.elevation_map.traversability import Traversability
 from pipeline.grid_map import Box, Grid, GridMap, Layer, best_of_blocks, box_around
 from pipeline.segments.segment import Segment
@@ -16,7 +15,6 @@ from pipeline.topological_map import sight_kernels as kernels
 
 SIGHT = 2.0
 """m, greatest distance at which a node sees ground."""
-_REACH = round(SIGHT / CELL)
 _BLOCK = 4
 """Cells along each side of a block that has one candidate for a node."""
 
@@ -46,10 +44,15 @@ class NodeCover:
     traversability: Traversability
 
     def __init__(self) -> None:
+        self._seen_by: dict[int, VisibleCells] = {}
+
+    @cached_property
+    def _layers(self) -> GridMap:
+        """Made with the first ground, which has cells of the same size."""
         mask = Layer(np.bool_)
         count, left = Layer(np.int32, in_place=True), Layer(np.bool_, in_place=True)
-        self._layers = GridMap(CELL, {"target": mask, "standable": mask, "walls": mask, "count": count, "left": left})
-        self._seen_by: dict[int, VisibleCells] = {}
+        kinds = {"target": mask, "standable": mask, "walls": mask, "count": count, "left": left}
+        return GridMap(self.traversability.grid.cell, kinds)
 
     def update(
         self, traversability: Traversability, reachable: NDArray[np.bool_], walls: Sequence[Segment]
@@ -73,7 +76,7 @@ class NodeCover:
         layers.write("walls", traversability.tall | self.grid.mask_of(in_walls))
         changed = layers.changed_since(revision)
         if changed.any():
-            layers["left"][box_around(changed, 2 * _REACH)] = False
+            layers["left"][box_around(changed, 2 * self._reach)] = False
         for node, visible in list(self._seen_by.items()):
             if changed[self._window(visible)].any():
                 self.remove(node)
@@ -84,6 +87,11 @@ class NodeCover:
     def grid(self) -> Grid:
         """Where the cells lie."""
         return self._layers.grid
+
+    @property
+    def _reach(self) -> int:
+        """Cells to each side of the window that a node sees."""
+        return round(SIGHT / self.grid.cell)
 
     @property
     def target(self) -> NDArray[np.bool_]:
@@ -117,8 +125,8 @@ class NodeCover:
     def visible_from(self, places: NDArray[np.float64]) -> VisibleCells:
         """The cells that (K, 2) places, m, see."""
         cells = self.grid.cell_of(places)
-        seen = kernels.visible_cells(cells, self.target, self._layers["walls"], ray_tree(_REACH), _REACH)
-        return VisibleCells(places, seen, cells - _REACH + self.grid.low)
+        seen = kernels.visible_cells(cells, self.target, self._layers["walls"], ray_tree(self._reach), self._reach)
+        return VisibleCells(places, seen, cells - self._reach + self.grid.low)
 
     def add(self, node: int, place: NDArray[np.float64]) -> None:
         """Count the cells that a new node at ``place`` (2,), m, sees."""
@@ -159,10 +167,10 @@ class NodeCover:
         if not mask.any():
             return np.zeros((0, 2))
         # The window begins at the corner of a block.
-        reach = round(within / CELL)
+        reach = round(within / self.grid.cell)
         i, j = box_around(mask, reach)
         window = slice(i.start // _BLOCK * _BLOCK, i.stop), slice(j.start // _BLOCK * _BLOCK, j.stop)
-        near = ndimage.distance_transform_edt(~mask[window]) * CELL <= within
+        near = ndimage.distance_transform_edt(~mask[window]) * self.grid.cell <= within
         if fewest > 1:
             share = ndimage.uniform_filter(mask[window].astype(np.float32), 2 * reach + 1, mode="constant")
             near &= share * (2 * reach + 1) ** 2 > fewest - 0.5
@@ -181,7 +189,7 @@ class NodeCover:
         """The part of a place's window that lies on the grid."""
         corner = visible.corners[0] - self.grid.low
         low = np.maximum(corner, 0)
-        high = np.maximum(np.minimum(corner + 2 * _REACH + 1, self.grid.shape), low)
+        high = np.maximum(np.minimum(corner + 2 * self._reach + 1, self.grid.shape), low)
         return slice(int(low[0]), int(high[0])), slice(int(low[1]), int(high[1]))
 
 

@@ -5,7 +5,6 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.elevation_map.pose_kernels import STOP
 from pipeline.elevation_map.traversability import Traversability
 from pipeline.segments.crossings import crossings
 from pipeline.segments.segment import Segment
@@ -44,4 +43,4 @@ def drive_seconds(
     traversability: Traversability, starts: NDArray[np.float64], ends: NDArray[np.float64]
 ) -> NDArray[np.float64]:
     """(N,) expected time in s to drive the lines between points (N or 1, 2 or 3), and to stop once."""
-    return traversability.line_seconds(starts, ends) + STOP
+    return traversability.line_seconds(starts, ends) + traversability.config.costs.stop

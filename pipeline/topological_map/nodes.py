@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.elevation_map.traversability import RAMP_MARGIN
 from pipeline.labels import Label
 from pipeline.robot import RobotModel
 from pipeline.segments.planes import PlanePatch
@@ -36,11 +35,12 @@ class NodePlace:
 
 def thesis_places(patches: Sequence[PlanePatch], segments: Segments, cover: NodeCover) -> list[NodePlace]:
     """The places of all segments and of terrain patches, moved to where the robot can stand and turn."""
-    wanted = [(p, s.label) for s in segments for p in segment_nodes(s, cover.traversability.robot)]
+    ground = cover.traversability
+    wanted = [(p, s.label) for s in segments for p in segment_nodes(s, ground.robot, ground.config.ramp_margin)]
     wanted += [(np.median(p.points.astype(np.float64), axis=0), p.label) for p in patches if p.label is Label.TERRAIN]
     places = []
     for place, label in wanted:
-        level = np.abs(cover.traversability.elevation - place[2]) < SAME_LEVEL
+        level = np.abs(ground.elevation - place[2]) < SAME_LEVEL
         xy = cover.grid.nearest(cover.standable & level, place, NODE_SNAP)
         if xy is not None:
             places.append(NodePlace(xy, label))
@@ -55,7 +55,7 @@ def label_at(point: NDArray[np.float64], segments: Segments) -> Label:
     return Label.TERRAIN
 
 
-def segment_nodes(segment: Segment, robot: RobotModel) -> NDArray[np.float64]:
+def segment_nodes(segment: Segment, robot: RobotModel, ramp_margin: float) -> NDArray[np.float64]:
     """(N, 3) places in ``map`` for the nodes of a straight or an inclined ramp; none on other segments.
 
     A segment smaller than the robot has none, nor has one too steep to be driven on, as the side of a ramp.
@@ -64,7 +64,7 @@ def segment_nodes(segment: Segment, robot: RobotModel) -> NDArray[np.float64]:
         if segment.label is Label.STRAIGHT_RAMP:
             return _middles(segment)
         if segment.label is Label.INCLINED_RAMP:
-            return _bottom(segment, robot.half_length + RAMP_MARGIN)[None]
+            return _bottom(segment, robot.half_length + ramp_margin)[None]
     return np.zeros((0, 3))
 
 

@@ -11,7 +11,6 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from pipeline.elevation_map.elevation_map import CELL
 from pipeline.labels import Label
 from pipeline.planning.pose_paths import PosePaths, simplify
 from pipeline.segments.segments import Segments
@@ -36,7 +35,7 @@ class Placement:
 
     def add_places(self) -> None:
         """Add nodes at the places of the thesis's rules that gain at least ``PLACE_GAIN``."""
-        least = PLACE_GAIN / CELL**2
+        least = PLACE_GAIN / self._cover.grid.cell**2
         for place in self._places:
             if self._cover.gains(self._cover.visible_from(place.xy[None]))[0] >= least:
                 self._nodes.add(place.label, place.xy)
@@ -142,7 +141,8 @@ class Placement:
         if len(lost) > 2 * SPARE:
             # No place sees farther than SIGHT to any side.
             low, high = self._cover.grid.centre_of(np.sort(lost, axis=0)[[SPARE, -1 - SPARE]])
-            near &= ((places >= high - SIGHT - CELL) & (places <= low + SIGHT + CELL)).all(axis=1)
+            cell = self._cover.grid.cell
+            near &= ((places >= high - SIGHT - cell) & (places <= low + SIGHT + cell)).all(axis=1)
         rows = np.flatnonzero(near)
         visible = self._cover.visible_from(places[rows])
         good = self._cover.see_all(visible, lost, SPARE)

@@ -7,6 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from pipeline.elevation_map.config import TraversabilityConfig
 from pipeline.elevation_map.traversability import Traversability, assess
 from pipeline.errors import InputError
 from pipeline.planning.pose_paths import PosePaths, simplify
@@ -170,5 +171,6 @@ class DeadReckoning:
 def _roads(surface: TrueSurface) -> Traversability:
     """The true ground in the form of the robot's planner, which takes ramps head-on."""
     nowhere = np.zeros(surface.grid.shape, np.bool_)
-    roads = assess(surface.grid, surface.height.astype(np.float32), nowhere, nowhere.astype(np.uint16), robot_model())
+    elevation, driven = surface.height.astype(np.float32), nowhere.astype(np.uint16)
+    roads = assess(surface.grid, elevation, nowhere, driven, robot_model(), TraversabilityConfig())
     return replace(roads, least=np.where(surface.drivable, roads.least, np.int8(127)))

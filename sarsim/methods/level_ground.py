@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from pipeline.elevation_map.elevation_map import CELL, ElevationMap
+from pipeline.elevation_map.elevation_map import ElevationMap
 from pipeline.elevation_map.traversability import assess_map
 from pipeline.exploration.viewpoint import Context
 from pipeline.frame import Frame, Intrinsics
@@ -39,8 +39,9 @@ def level_frame() -> Frame:
 def level_context(robot: RobotModel) -> Context:
     """What a robot knows in the middle of a square of level ground, beyond which nothing was seen."""
     half, pose = 4 * robot.length, np.eye(4)
-    x, y = np.mgrid[-half:half:CELL, -half:half:CELL]
     world = ElevationMap(robot)
+    cell = world.grid.cell
+    x, y = np.mgrid[-half:half:cell, -half:half:cell]
     points = np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)]).astype(np.float32)
     world.update(points, hits=np.full(len(points), SENSED, np.uint32))
     paths = PosePaths(assess_map(world), pose[:2, 3], yaw_of(pose))

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
+from pipeline.elevation_map.config import TraversabilityConfig
 from pipeline.elevation_map.pose_kernels import ANGLES
 from pipeline.elevation_map.traversability import Traversability, assess
 from pipeline.exploration.next_best_view import KEYFRAME_TIME
@@ -30,7 +31,7 @@ def true_traversability(surface: TrueSurface, robot: RobotModel) -> Traversabili
     top = np.nanmax(surface.height) + robot.headroom
     elevation = np.where(np.isnan(surface.height) | surface.walls, top, surface.height).astype(np.float32)
     none = np.zeros(surface.grid.shape, np.bool_)
-    return assess(surface.grid, elevation, none, none.astype(np.uint16), robot)
+    return assess(surface.grid, elevation, none, none.astype(np.uint16), robot, TraversabilityConfig())
 
 
 @dataclass(eq=False)

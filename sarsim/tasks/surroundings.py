@@ -4,7 +4,6 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.elevation_map.elevation_map import CELL
 from pipeline.labels import COLOURS, Label
 from pipeline.mapper import Mapper
 from pipeline.semantic_map.semantic_map import SemanticMap
@@ -25,10 +24,10 @@ def local_maps(mapper: Mapper, T_map_base: NDArray[np.float64]) -> Maps:
         mapper: with the maps.
         T_map_base: 4×4 pose of the robot.
     """
-    per_cell = round(LOCAL_CELL / CELL)
-    fine = (np.arange(LOCAL_SIDE * per_cell) + 0.5) * CELL - LOCAL_SIDE * LOCAL_CELL / 2
-    places = T_map_base[:2, 3] + np.stack(np.meshgrid(fine, fine), axis=-1)
     grid, layers = mapper.elevation_map.grid, mapper.elevation_map
+    per_cell = round(LOCAL_CELL / grid.cell)
+    fine = (np.arange(LOCAL_SIDE * per_cell) + 0.5) * grid.cell - LOCAL_SIDE * LOCAL_CELL / 2
+    places = T_map_base[:2, 3] + np.stack(np.meshgrid(fine, fine), axis=-1)
     height, measured = (grid.at(layer, places, np.nan) for layer in (layers.elevation, layers.measured))
     blocks = (LOCAL_SIDE, per_cell, LOCAL_SIDE, per_cell)
     highest = np.where(np.isnan(height), -np.inf, height).reshape(blocks).max(axis=(1, 3))

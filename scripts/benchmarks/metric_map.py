@@ -12,6 +12,7 @@ import numpy as np
 import pyoctomap
 from numpy.typing import NDArray
 
+from pipeline.metric_map.config import MetricMapConfig
 from pipeline.metric_map.metric_map import MetricMap
 from sarsim.commands.cli import tracked
 from sarsim.scoring.voxels import VoxelScore
@@ -154,7 +155,7 @@ class Projective:
     """The metric map from depth images."""
 
     def __init__(self, voxel_size: float):
-        self._map = MetricMap(voxel_size=voxel_size)
+        self._map = MetricMap(MetricMapConfig(voxel_size=voxel_size))
 
     def prepare(self, recording: RecordedFrames, depth: NDArray[np.float32], n: int) -> Callable[[], object]:
         """Hand over the depth image."""
@@ -175,7 +176,7 @@ class Rays(Projective):
 
     def __init__(self, voxel_size: float):
         # Images are clipped at a depth of the sensor's range; rays to this depth are longer.
-        self._map = MetricMap(voxel_size=voxel_size, max_range=10)
+        self._map = MetricMap(MetricMapConfig(voxel_size=voxel_size, max_range=10))
 
     def prepare(self, recording: RecordedFrames, depth: NDArray[np.float32], n: int) -> Callable[[], object]:
         """Hand over the points."""
@@ -189,7 +190,7 @@ class OctoMap:
     def __init__(self, voxel_size: float, discretize: bool):
         self._tree = pyoctomap.OcTree(voxel_size)
         self._discretize = discretize
-        self._like = MetricMap(voxel_size=voxel_size)
+        self._like = MetricMap(MetricMapConfig(voxel_size=voxel_size))
 
     def prepare(self, recording: RecordedFrames, depth: NDArray[np.float32], n: int) -> Callable[[], object]:
         """Hand over the points, which it takes as a contiguous array."""

@@ -7,7 +7,10 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from pipeline.errors import InputError
-from pipeline.grid_map import BLOCK, BORDER, Grid, GridMap, Layer
+from pipeline.grid_map import Grid, GridMap, Layer
+
+BLOCK, BORDER = 64, 20
+"""Cells of the blocks in which a map grows, and beyond the points that it covers."""
 
 
 @given(hnp.arrays(np.bool_, (4, 5)))

@@ -6,10 +6,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
+from pipeline.elevation_map.config import ElevationConfig
 from pipeline.elevation_map.ground_evidence import Driven
 from pipeline.errors import InputError
 from pipeline.frame import Frame, Intrinsics
-from pipeline.keyframes import FARTHEST_KEPT, NOTICEABLE, UNIT, Keyframes, Moves, Places, Seen, nearest
+from pipeline.keyframes import Keyframes, Moves, Places, Seen, nearest
+from pipeline.metric_map.config import MetricMapConfig
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.transforms import from_yaw
 from tests.pipeline.polygon_scene import pose
@@ -18,6 +20,7 @@ from tests.pipeline.robot_model import PIONEER
 CAMERA = Intrinsics(64, 48, 58.0, 58.0, 32.0, 24.0)
 T_BASE_CAMERA = pose(0.1, 0, 0.65, 0, 0.3)
 REACH = 3.5
+UNIT, FARTHEST_KEPT = 2.5e-4, 32767 * 2.5e-4
 
 
 def frame(depth: np.ndarray) -> Frame:
@@ -28,7 +31,7 @@ def seen(depth: np.ndarray, labelled: bool = False) -> Seen:
     shown = frame(depth.astype(np.float32))
     points = shown.points(T_BASE_CAMERA)
     return Seen.of(
-        shown, points, np.full((len(points), 8), 1 / 8, np.float32) if labelled else None, stride=5, voxel=0.02
+        shown, points, np.full((len(points), 8), 1 / 8, np.float32) if labelled else None, 5, 0.02, ElevationConfig()
     )
 
 
@@ -69,8 +72,8 @@ def test_every_nth_pixel_sees_what_it_saw():
 
 
 def test_a_stride_lets_three_pixels_see_a_voxel_at_the_end_of_the_range():
-    assert MetricMap(0.1).stride(Intrinsics(640, 480, 577.0, 577.0, 320.0, 240.0)) == 5
-    assert MetricMap(0.01).stride(CAMERA) == 1
+    assert MetricMap(MetricMapConfig(voxel_size=0.1)).stride(Intrinsics(640, 480, 577.0, 577.0, 320.0, 240.0)) == 5
+    assert MetricMap(MetricMapConfig(voxel_size=0.01)).stride(CAMERA) == 1
 
 
 poses_2d = st.lists(st.tuples(*[st.floats(-5, 5)] * 3), min_size=1, max_size=6)
@@ -103,15 +106,15 @@ def test_a_place_follows_the_keyframe_that_stood_nearest_or_the_one_that_is_name
 
 def test_moves_are_noticeable_by_the_way_or_by_what_is_at_the_end_of_the_view():
     before = np.tile(np.eye(4), (4, 1, 1))
-    less, more = 0.9 * NOTICEABLE, 1.1 * NOTICEABLE
+    less, more = 0.009, 0.011
     after = matrices([(0, 0, 0), (less, 0, 0), (more, 0, 0), (0, 0, more / REACH)])
-    moves = Moves.between(before, after, REACH)
+    moves = Moves.between(before, after, REACH, noticeable=0.01)
     assert moves.are_noticeable.tolist() == [False, False, True, True]
     np.testing.assert_allclose(moves.ways, [0, less, more, 0])
 
 
 def filled(poses: np.ndarray) -> Keyframes:
-    keyframes = Keyframes(PIONEER, REACH)
+    keyframes = Keyframes(PIONEER, REACH, 0.05)
     for T in poses:
         keyframes.add(seen(np.full((48, 64), 2.0)), T)
     return keyframes

@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.elevation_map.elevation_kernels import lowest_rays
-from pipeline.elevation_map.elevation_map import CELL, ElevationMap
+from pipeline.elevation_map.elevation_map import ElevationMap
 from tests.pipeline.robot_model import PIONEER
 
 Height = Callable[[NDArray, NDArray], NDArray]
@@ -60,6 +60,6 @@ def show(
 ) -> None:
     """Add what a keyframe shows from a camera (3,): returns, and dropouts, (N, 3) and (M, 3) in ``map``, m."""
     camera = np.append(camera, 0.6)[:3]
-    rays = lowest_rays(points, np.ones(len(points), np.uint32), camera, CELL)
+    rays = lowest_rays(points, np.ones(len(points), np.uint32), camera, 0.05, 0.3, 3)
     missing = np.zeros((0, 3), np.float32) if dropouts is None else dropouts
     elevation_map.update(points, dropouts=missing, rays=rays, camera=camera)

@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import Labels, Place
 from pipeline.files import whole_file
 from pipeline.labels import COLOURS
 from pipeline.metric_map.metric_map import MetricMap
@@ -14,13 +15,13 @@ from pipeline.semantic_map.ply import write_ply
 PGM_OCCUPIED, PGM_UNKNOWN, PGM_FREE = 0, 205, 254  # The grey values that ROS map_saver writes
 
 
-def save_ply(path: Path, metric_map: MetricMap, labels: NDArray[np.uint8] | None = None) -> None:
+def save_ply(path: Path, metric_map: MetricMap, labels: Labels | None = None) -> None:
     """Write the centres of the occupied voxels as binary PLY.
 
     Args:
         path: of the file.
         metric_map: whose voxels to write.
-        labels: (N,) uint8 of ``metric_map.occupied_centres()``, which give them their colours; unlabelled if absent.
+        labels: of ``metric_map.occupied_centres()``, which give them their colours; unlabelled if absent.
 
     Raises:
         InputError: if it cannot be written.
@@ -61,7 +62,7 @@ def write_map_server(
     path: Path,
     cells: NDArray[np.uint8],
     cell: float,
-    origin: NDArray[np.float64],
+    origin: Place,
     mode: str = "trinary",
     thresholds: tuple[float, float] = (0.196, 0.65),
 ) -> list[Path]:
@@ -71,7 +72,7 @@ def write_map_server(
         path: of the image, ``.pgm`` or, with opacity, ``.png``.
         cells: (nx, ny) grey, or (nx, ny, 2) grey and opacity: a cell that is not opaque is unknown.
         cell: side of a cell, m.
-        origin: (2,) xy of the corner of the first cell, m in ``map``.
+        origin: xy of the corner of the first cell.
         mode: trinary or scale, how map_server reads the greys.
         thresholds: darkness, 0 to 1: below the first a cell is free, above the second occupied.
 

@@ -7,20 +7,22 @@ import numpy as np
 
 from pipeline.errors import InputError
 from pipeline.files import load_arrays, whole_file
-from pipeline.metric_map.metric_map import FIRMEST, FREEST, HIT, MISS, MetricMap
+from pipeline.metric_map.config import MetricMapConfig
+from pipeline.metric_map.metric_map import MetricMap
 
 FORMAT = "sarsim metric map"
 VERSION = 1
-WEIGHTS = ("hit", "miss", "least", "greatest")
-"""Entries written for other programs and not read back: in this version the weights are constants."""
+SETTINGS = ("voxel_size", "max_range", "offset", "hit", "miss", "least", "greatest", "margin", "max_bytes")
+"""Of the map's configuration."""
 
 
 def save_metric_map(metric_map: MetricMap, path: Path) -> None:
     """Write a map as a compressed ``.npz``, whole or not at all.
 
     Its entries: ``format`` (str) and ``version`` (int); ``lower`` (3,) int64, the index of the first voxel;
-    ``log_odds`` (nx, ny, nz) int8; ``voxel_size``, ``max_range``, ``margin`` (float, m), ``offset`` (3,) voxels and
-    ``max_bytes`` (int) as the map's constructor has them; and ``hit``, ``miss``, ``least``, ``greatest`` (int).
+    ``log_odds`` (nx, ny, nz) int8; ``voxel_size``, ``max_range``, ``margin`` (float, m), ``offset`` (3,) voxels,
+    ``hit``, ``miss``, ``greatest`` and ``max_bytes`` (int) as in the map's configuration; and ``least`` (int), which
+    follows from these.
 
     Raises:
         InputError: it cannot be written.
@@ -31,16 +33,8 @@ def save_metric_map(metric_map: MetricMap, path: Path) -> None:
         "version": VERSION,
         "lower": lower,
         "log_odds": metric_map.log_odds(lower, upper),
-        "voxel_size": metric_map.voxel_size,
-        "max_range": metric_map.max_range,
-        "offset": metric_map.offset,
-        "hit": HIT,
-        "miss": MISS,
-        "least": FREEST,
-        "greatest": FIRMEST,
-        "margin": metric_map.margin,
-        "max_bytes": metric_map.max_bytes,
     }
+    entries |= {name: getattr(metric_map.config, name) for name in SETTINGS}
     with whole_file(path) as partial, partial.open("wb") as file:
         np.savez_compressed(file, allow_pickle=False, **entries)
 
@@ -62,10 +56,10 @@ def load_metric_map(path: Path) -> MetricMap:
     settings: dict[str, Any] = {
         name: tuple(value.tolist()) if value.ndim else value.item()
         for name, value in entries.items()
-        if name not in WEIGHTS
+        if name != "least"
     }
     try:
-        result = MetricMap(**settings)
+        result = MetricMap(MetricMapConfig(**settings))
     except TypeError as error:
         raise InputError(f"{path}: the settings of the metric map are incomplete or wrong") from error
     result.set_log_odds(lower, log_odds)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from pyoctomap import ColorOcTree, OcTree
 from scipy.spatial import KDTree
 
+from pipeline.arrays import Labels, Points
 from pipeline.errors import InputError
 from pipeline.files import whole_file
 from pipeline.labels import COLOURS, Label
@@ -33,13 +34,13 @@ def write_bt(path: Path, metric_map: MetricMap) -> None:
     _write(path, metric_map, tree.writeBinary())
 
 
-def write_ot(path: Path, metric_map: MetricMap, labels: NDArray[np.uint8] | None = None) -> None:
+def write_ot(path: Path, metric_map: MetricMap, labels: Labels | None = None) -> None:
     """Write the log-odds of free and occupied space, coloured by semantic class.
 
     Args:
         path: of the file.
         metric_map: whose voxels to write.
-        labels: (N,) uint8 of ``metric_map.occupied_centres()``, see :func:`voxel_labels`; unlabelled if absent.
+        labels: of ``metric_map.occupied_centres()``, see :func:`voxel_labels`; unlabelled if absent.
 
     Raises:
         InputError: the file cannot be written, or the map reaches farther than an octree does.
@@ -56,9 +57,7 @@ def write_ot(path: Path, metric_map: MetricMap, labels: NDArray[np.uint8] | None
     _write(path, metric_map, tree.write())
 
 
-def _add_voxels(
-    tree: OcTree | ColorOcTree, metric_map: MetricMap, centres: NDArray[np.float32]
-) -> NDArray[np.floating]:
+def _add_voxels(tree: OcTree | ColorOcTree, metric_map: MetricMap, centres: Points) -> NDArray[np.floating]:
     """Add voxels with their log-odds; returns their (N, 3) centres in the octree, m."""
     index = metric_map.voxel_index(centres)
     if np.any((index < -REACH) | (index >= REACH)):
@@ -78,17 +77,17 @@ def _write(path: Path, metric_map: MetricMap, content: bytes) -> None:
         partial.write_bytes(content.replace(b"\n#\n", f"\n# corner {corner}\n".encode(), 1))
 
 
-def voxel_labels(metric_map: MetricMap, points: NDArray[np.float32], labels: NDArray[np.uint8]) -> NDArray[np.uint8]:
+def voxel_labels(metric_map: MetricMap, points: Points, labels: Labels) -> Labels:
     """The class that most points in each occupied voxel have.
 
     Args:
         metric_map: whose ``occupied_centres()`` get labels.
-        points: (N, 3) m in ``map``.
-        labels: (N,) uint8 of the points.
+        points: of the semantic map.
+        labels: of the points.
 
     Returns:
-        (M,) uint8. A voxel without a point (a noisy return filled it) gets the class of the nearest point within
-        one voxel's side of its centre, and is unlabelled if there is none.
+        One for each centre. A voxel without a point (a noisy return filled it) gets the class of the nearest point
+        within one voxel's side of its centre, and is unlabelled if there is none.
     """
     centres = metric_map.occupied_centres()
     if not len(centres):

@@ -9,10 +9,11 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image, TiffImagePlugin, TiffTags
 
+from pipeline.arrays import MaskLayer, Place, Places
 from pipeline.files import whole_file
 from pipeline.metric_map.io.exports import PGM_FREE, PGM_OCCUPIED, PGM_UNKNOWN
 
-Cells = NDArray[np.uint8]
+Greys = NDArray[np.uint8]
 GEO_KEYS = (1, 1, 0, 3, 1024, 0, 1, 32767, 1025, 0, 1, 1, 3076, 0, 1, 9001)
 """Keys of GeoTIFF 1.1: version 1.1.0, three keys: a user-defined model (``map``), pixels that are areas, metres."""
 
@@ -30,7 +31,7 @@ LOOKS = {"unknown": (PGM_UNKNOWN, "#cdcdcd"), "free": (PGM_FREE, "#ffffff"), "oc
 """Grey value and colour of each kind of ground."""
 
 
-def save_geotiff(path: Path, cells: Cells, cell: float, origin: NDArray[np.float64]) -> list[Path]:
+def save_geotiff(path: Path, cells: Greys, cell: float, origin: Place) -> list[Path]:
     """Write cells (nx, ny) of side ``cell`` m, the first one's corner at ``origin`` (2,) m, as GeoTIFF, without loss.
 
     Returns:
@@ -44,9 +45,7 @@ def save_geotiff(path: Path, cells: Cells, cell: float, origin: NDArray[np.float
     return [path]
 
 
-def write_geotiff(
-    path: Path, image: Cells, pixel: float, corner: NDArray[np.float64], unknown: int | None = None
-) -> None:
+def write_geotiff(path: Path, image: Greys, pixel: float, corner: Place, unknown: int | None = None) -> None:
     """Write an image (H, W) or (H, W, 3), its upper left corner at ``corner`` (2,) m, y up, as GeoTIFF without loss.
 
     Args:
@@ -71,7 +70,7 @@ def write_geotiff(
         Image.fromarray(image).save(partial, "TIFF", tiffinfo=tags, compression="tiff_adobe_deflate")
 
 
-def save_world_png(path: Path, cells: Cells, cell: float, origin: NDArray[np.float64]) -> list[Path]:
+def save_world_png(path: Path, cells: Greys, cell: float, origin: Place) -> list[Path]:
     """Write cells (nx, ny) as PNG, and their size and place, m, as a world file (.pgw); as :func:`save_geotiff`."""
     x, y = origin[0] + cell / 2, origin[1] + (cells.shape[1] - 0.5) * cell
     with whole_file(path) as partial:
@@ -82,7 +81,7 @@ def save_world_png(path: Path, cells: Cells, cell: float, origin: NDArray[np.flo
     return [path, place]
 
 
-def save_svg(path: Path, cells: Cells, cell: float, origin: NDArray[np.float64]) -> list[Path]:
+def save_svg(path: Path, cells: Greys, cell: float, origin: Place) -> list[Path]:
     """Write the outlines of cells (nx, ny) as SVG, in m, with y up; arguments as :func:`save_geotiff`."""
     width, height = np.array(cells.shape) * cell
     x, y = origin
@@ -100,7 +99,7 @@ def save_svg(path: Path, cells: Cells, cell: float, origin: NDArray[np.float64])
     return [path]
 
 
-def save_dxf(path: Path, cells: Cells, cell: float, origin: NDArray[np.float64]) -> list[Path]:
+def save_dxf(path: Path, cells: Greys, cell: float, origin: Place) -> list[Path]:
     """Write cells (nx, ny) as closed polylines, m, one layer per kind of ground; arguments as :func:`save_geotiff`.
 
     The DXF is of release 12 (AC1009), which requires no section but ENTITIES: pairs of code and value.
@@ -117,12 +116,12 @@ def save_dxf(path: Path, cells: Cells, cell: float, origin: NDArray[np.float64])
     return [path]
 
 
-def _image(cells: Cells) -> Cells:
-    """Cells (nx, ny) as an image (ny, nx) whose first row has the greatest y."""
+def _image(cells: Greys) -> Greys:
+    """Greys (nx, ny) as an image (ny, nx) whose first row has the greatest y."""
     return np.ascontiguousarray(cells.T[::-1])
 
 
-def _outlines(mask: NDArray[np.bool_], cell: float, origin: NDArray[np.float64]) -> list[NDArray[np.float64]]:
+def _outlines(mask: MaskLayer, cell: float, origin: Place) -> list[Places]:
     """The closed outlines of a mask's cells (nx, ny), (N, 2) m each; holes have outlines too."""
     # OpenCV's contours run through pixel centres: with 3 × 3 pixels a cell, each centre is nearest to one edge only.
     fine = np.ascontiguousarray(np.kron(mask.T, np.ones((3, 3), np.uint8)), np.uint8)
@@ -132,7 +131,7 @@ def _outlines(mask: NDArray[np.bool_], cell: float, origin: NDArray[np.float64])
     return [edge[(edge != np.roll(edge, 1, axis=0)).any(axis=1)] * cell + origin for edge in edges]
 
 
-SAVED: dict[str, Callable[[Path, Cells, float, NDArray[np.float64]], list[Path]]] = {
+SAVED: dict[str, Callable[[Path, Greys, float, Place], list[Path]]] = {
     ".tif": save_geotiff,
     ".png": save_world_png,
     ".svg": save_svg,

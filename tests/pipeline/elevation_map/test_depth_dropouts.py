@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from pipeline.elevation_map.depth_dropouts import MIN_HITS, find_depth_dropouts
-from pipeline.elevation_map.depth_dropouts_kernels import ROW_STEP
+from pipeline.elevation_map.config import DropoutConfig
+from pipeline.elevation_map.depth_dropouts import find_depth_dropouts
 from pipeline.frame import Intrinsics
 from pipeline.sensor import XTION
 
@@ -10,6 +10,8 @@ WIDE = Intrinsics(width=101, height=8, fx=100.0, fy=100.0, cx=50.5, cy=-58.0)
 """A camera of which every row shows the ground when it looks level."""
 LEVEL = np.array([(0.0, 0, 1, 0), (-1, 0, 0, 0), (0, -1, 0, 0.6), (0, 0, 0, 1)])
 """A camera 0.6 m above the origin that looks along x."""
+
+CONFIG = DropoutConfig(fewest=3, widest=60, row_step=2)
 
 
 def ground_depth() -> np.ndarray:
@@ -19,7 +21,7 @@ def ground_depth() -> np.ndarray:
 
 
 def dropouts(depth):
-    return find_depth_dropouts(depth, WIDE, LEVEL, XTION)
+    return find_depth_dropouts(depth, WIDE, LEVEL, XTION, CONFIG)
 
 
 def test_nothing_is_missing_on_open_ground():
@@ -31,7 +33,7 @@ def test_a_stripe_without_ground_is_missing_where_the_ground_would_be(nearer):
     depth = ground_depth()
     depth[:, 48:53] = nearer
     points = dropouts(depth)
-    assert points.shape == (5 * WIDE.height // ROW_STEP, 3)
+    assert points.shape == (5 * WIDE.height // 2, 3)
     np.testing.assert_allclose(points[:, 2], 0, atol=1e-5)
     np.testing.assert_allclose(points[:5, 0], ground_depth()[0, 0], rtol=1e-5)
     np.testing.assert_allclose(points[:5, 1], ground_depth()[0, 0] * np.arange(2, -3, -1) / 100, atol=1e-5)
@@ -46,10 +48,10 @@ def test_frayed_pixels_and_wide_shadows_are_not_missing(width):
 
 def test_a_few_rows_of_noise_are_no_panel():
     depth = ground_depth()
-    depth[: (MIN_HITS - 1) * ROW_STEP, 48:53] = 0
+    depth[:4, 48:53] = 0
     assert not len(dropouts(depth))
-    depth[(MIN_HITS - 1) * ROW_STEP, 48:53] = 0
-    assert len(dropouts(depth)) == 5 * MIN_HITS
+    depth[4, 48:53] = 0
+    assert len(dropouts(depth)) == 5 * 3
 
 
 def test_what_lies_farther_behind_a_gap_is_other_ground():
@@ -63,7 +65,7 @@ def test_rows_between_are_left_out():
     depth = ground_depth()
     depth[:, 48:53] = 0
     searched = dropouts(depth).reshape(-1, 5, 3)[:, 0, 0]
-    np.testing.assert_allclose(searched, ground_depth()[::ROW_STEP, 0], rtol=1e-5)
+    np.testing.assert_allclose(searched, ground_depth()[::2, 0], rtol=1e-5)
 
 
 def test_ground_that_falls_away_along_the_ray_is_not_missed():

@@ -5,7 +5,7 @@ import pytest
 
 from pipeline.elevation_map import pose_kernels
 from pipeline.elevation_map.elevation_map import ElevationMap
-from pipeline.elevation_map.traversability import RAMP_MARGIN, assess_map
+from pipeline.elevation_map.traversability import assess_map
 from pipeline.errors import InputError
 from pipeline.planning.pose_paths import PosePaths
 from tests.pipeline.robot_model import PIONEER
@@ -85,8 +85,8 @@ def test_uphill_is_the_gradient_of_the_ramp():
 def test_a_ramp_is_near_within_the_margin():
     traversability = assess_map(surface_of(ground_points(ridge, (-2, 2), (-1, 1))))
     assert traversability.has_ramp((0.3, 0.0))
-    assert traversability.has_ramp((-RUN - RAMP_MARGIN / 2, 0.0))
-    assert not traversability.has_ramp((-RUN - RAMP_MARGIN - 0.2, 0.0))
+    assert traversability.has_ramp((-RUN - 0.1, 0.0))
+    assert not traversability.has_ramp((-RUN - 0.4, 0.0))
 
 
 def test_where_the_robot_has_driven_it_may_drive_again():

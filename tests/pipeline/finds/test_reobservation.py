@@ -44,7 +44,7 @@ def seen_once(metric_map: MetricMap, keyframes: Keyframes | None = None) -> tupl
 
 
 def one_keyframe() -> Keyframes:
-    keyframes = Keyframes(PIONEER, reach=3.5)
+    keyframes = Keyframes(PIONEER, reach=3.5, cell=0.05)
     keyframes.poses = np.eye(4)[None]
     return keyframes
 

@@ -9,6 +9,7 @@ from hypothesis.extra import numpy as hnp
 from pipeline import grid_map
 from pipeline.errors import InputError
 from pipeline.frame import Intrinsics
+from pipeline.metric_map.config import MetricMapConfig
 from pipeline.metric_map.metric_map import MetricMap
 from tests.pipeline.metric_map.box_room import CAMERA, depth_image, looking, tour
 
@@ -18,7 +19,7 @@ NO_RETURN = [0.0, -0.0, -1.0, -np.inf, np.inf, np.nan, -1e30]
 
 
 def mapped(depth=SCENE, pose=T, camera=CAMERA, **settings):
-    metric_map = MetricMap(**settings)
+    metric_map = MetricMap(MetricMapConfig(**settings))
     metric_map.integrate(depth, camera, pose)
     return metric_map
 
@@ -178,13 +179,16 @@ def test_points_that_are_no_places_have_no_effect(points):
         {"max_range": -1.0},
         {"max_range": 1e300},
         {"margin": -0.1},
+        {"miss": 0},
+        {"hit": 50, "greatest": 40},
+        {"greatest": 200},
         {"offset": (0.0, np.nan, 0.0)},
         {"max_bytes": 0},
     ],
 )
 def test_settings_that_cannot_work_are_named(wrong):
     with pytest.raises(InputError, match=next(iter(wrong))):
-        MetricMap(**wrong)
+        MetricMap(MetricMapConfig(**wrong))
 
 
 def test_a_frame_leaves_what_it_was_given_as_it_was():

@@ -7,7 +7,10 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
 from pipeline.errors import InputError
-from pipeline.metric_map.blocks import SIDE, BlockArray, parts
+from pipeline.metric_map.blocks import BlockArray, parts
+
+SIDE = 64
+"""Voxels along a side of a block."""
 
 places = st.tuples(*[st.integers(-150, 150)] * 3).map(np.array)
 boxes = hnp.arrays(np.int8, st.tuples(*[st.integers(1, 90)] * 3), elements=st.just(7), fill=st.just(7))

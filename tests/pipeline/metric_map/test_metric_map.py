@@ -6,6 +6,7 @@ from scipy.spatial import KDTree
 
 from pipeline.errors import InputError
 from pipeline.frame import Intrinsics
+from pipeline.metric_map.config import MetricMapConfig
 from pipeline.metric_map.io.npz import load_metric_map, save_metric_map
 from pipeline.metric_map.metric_map import FREE, OCCUPIED, UNKNOWN, MetricMap
 
@@ -34,7 +35,7 @@ def test_wall_is_a_surface_for_the_side_from_which_it_was_seen_alone() -> None:
 
 
 def test_return_beyond_the_range_frees_up_to_the_range_and_ends_nowhere() -> None:
-    grid = MetricMap(max_range=3.0)
+    grid = MetricMap(MetricMapConfig(max_range=3.0))
     grid.integrate(wall(5.0), CAMERA, T_MAP_CAMERA)
     assert grid.state_at([(2.9, 0, 0.5), (3.2, 0, 0.5), (5, 0, 0.5)]).tolist() == [FREE, UNKNOWN, UNKNOWN]
     assert len(grid.occupied_centres()) == 0
@@ -96,7 +97,7 @@ def test_centres_are_those_of_the_voxels_in_each_state() -> None:
 
 
 def test_map_survives_its_file(tmp_path) -> None:
-    grid = MetricMap(voxel_size=0.2)
+    grid = MetricMap(MetricMapConfig(voxel_size=0.2))
     grid.integrate(wall(), CAMERA, T_MAP_CAMERA)
     save_metric_map(grid, tmp_path / "map.npz")
     again = load_metric_map(tmp_path / "map.npz")
@@ -124,12 +125,12 @@ def test_foreign_file_is_refused(tmp_path) -> None:
 def test_returns_besides_the_image_are_end_points_up_to_its_range():
     camera, depth = Intrinsics(8, 8, 8.0, 8.0, 4.0, 4.0), np.full((8, 8), 3.0, np.float32)
     T_map_camera = np.eye(4)  # looks along z
-    plain, told = MetricMap(), MetricMap()
+    plain, denser = MetricMap(), MetricMap()
     plain.integrate(depth, camera, T_map_camera)
     near, far = np.float32([(0.01, 0.01, 1.0)]), np.float32([(0.01, 0.01, 3.6), (50.0, 0.0, 1.0)])
-    told.integrate(depth, camera, T_map_camera, np.concatenate([near, far]))
-    assert plain.state_at(near) == FREE and told.state_at(near) == OCCUPIED
-    assert (told.state_at(far) != OCCUPIED).all()
+    denser.integrate(depth, camera, T_map_camera, np.concatenate([near, far]))
+    assert plain.state_at(near) == FREE and denser.state_at(near) == OCCUPIED
+    assert (denser.state_at(far) != OCCUPIED).all()
 
 
 def test_only_the_blocks_that_a_box_touches_are_made_anew():

@@ -9,6 +9,7 @@ from scipy import ndimage
 from scipy.spatial.transform import Rotation
 
 from pipeline.frame import Intrinsics
+from pipeline.metric_map.config import MetricMapConfig
 from pipeline.metric_map.metric_map import FREE, UNKNOWN, MetricMap
 from pipeline.transforms import from_rotation
 from tests.pipeline.metric_map.box_room import CAMERA, depth_image, looking, returns, tour
@@ -26,7 +27,7 @@ def window(*maps):
 
 def by_both(depths, poses, config=EXACT, camera=CAMERA):
     """The log-odds by projection and by rays."""
-    projected, traced = MetricMap(**config), MetricMap(**config)
+    projected, traced = MetricMap(MetricMapConfig(**config)), MetricMap(MetricMapConfig(**config))
     for depth, T in zip(depths, poses, strict=True):
         projected.integrate(depth, camera, T)
         traced.integrate_points(returns(depth, T, camera), T[:3, 3])
@@ -80,7 +81,7 @@ def test_a_wall_of_one_depth_leaves_out_hardly_a_voxel_before_it(T, distance):
 
 def test_the_narrow_ends_of_the_field_of_view_are_free():
     depth, T = np.full((120, 160), 3.0, np.float32), looking(0.05, 0.05, 0.55, 0.3, 0.2)
-    metric_map = MetricMap(**EXACT)
+    metric_map = MetricMap(MetricMapConfig(**EXACT))
     metric_map.integrate(depth, CAMERA, T)
     middle_and_corners = CAMERA.rays[[60, 0, 0, -1, -1], [80, 0, -1, 0, -1]].astype(np.float64)
     reach = np.linspace(0, [0.5, 2.9, 2.9, 2.9, 2.9], 100)
@@ -93,7 +94,7 @@ def test_what_lies_right_behind_a_crest_stays_unknown():
     depth = np.full((120, 160), 2.0, np.float32)
     depth[78:] = 0.8
     T = looking(0, 0, 0.5, 0, 0)
-    metric_map, rays = MetricMap(**EXACT), MetricMap(**EXACT)
+    metric_map, rays = MetricMap(MetricMapConfig(**EXACT)), MetricMap(MetricMapConfig(**EXACT))
     metric_map.integrate(depth, CAMERA, T)
     rays.integrate_points(returns(depth, T), T[:3, 3])
     x = np.arange(1.0, 1.8, 0.05)
@@ -115,7 +116,7 @@ def test_beside_a_post_nothing_is_left_out():
 def test_images_of_any_size_are_mapped(shape):
     height, width = shape
     camera = Intrinsics(width, height, 0.9 * max(shape), 0.9 * max(shape), width / 2, height / 2)
-    metric_map = MetricMap(**EXACT)
+    metric_map = MetricMap(MetricMapConfig(**EXACT))
     metric_map.integrate(np.full(shape, 1.0, np.float32), camera, looking(0, 0, 0.5, 0, 0))
     assert metric_map.state_at([(1, 0, 0.5), (0.5, 0, 0.5)]).tolist() == [0, 1]
 
@@ -127,7 +128,7 @@ def test_the_place_in_the_environment_makes_no_difference(steps):
     depth = depth_image(T)
     moved = T.copy()
     moved[:3, 3] += 0.125 * np.array(steps)
-    here, there = MetricMap(voxel_size=0.125), MetricMap(voxel_size=0.125)
+    here, there = MetricMap(MetricMapConfig(voxel_size=0.125)), MetricMap(MetricMapConfig(voxel_size=0.125))
     here.integrate(depth, CAMERA, T)
     there.integrate(depth, CAMERA, moved)
     lower, upper = here.bounds()

@@ -5,6 +5,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pipeline.metric_map.config import MetricMapConfig
 from pipeline.metric_map.metric_map import FREE, OCCUPIED, UNKNOWN, MetricMap
 from pipeline.metric_map.ray_kernels import walk
 
@@ -43,7 +44,7 @@ def test_a_walk_along_an_axis_on_a_face_stays_straight(axis, step):
 
 
 def test_a_voxel_with_an_end_point_is_occupied_though_other_rays_cross_it():
-    grid = MetricMap(margin=0)
+    grid = MetricMap(MetricMapConfig(margin=0))
     grid.integrate_points([(1.0, 0, 0), *[(2.0, 0, 0)] * 50], (0, 0, 0))
     assert grid.state_at([(1, 0, 0), (2, 0, 0), (1.5, 0, 0)]).tolist() == [OCCUPIED, OCCUPIED, FREE]
 
@@ -57,7 +58,7 @@ def test_a_scan_counts_once_however_many_rays_it_has():
 
 
 def test_a_point_beyond_the_range_frees_up_to_the_range():
-    grid = MetricMap(max_range=2, margin=0)
+    grid = MetricMap(MetricMapConfig(max_range=2, margin=0))
     grid.integrate_points([(5.0, 0, 0)], (0, 0, 0))
     assert grid.state_at([(1.95, 0, 0), (2.2, 0, 0), (5, 0, 0)]).tolist() == [FREE, UNKNOWN, UNKNOWN]
 
@@ -65,7 +66,7 @@ def test_a_point_beyond_the_range_frees_up_to_the_range():
 @settings(deadline=None)
 @given(st.floats(0.5, 3), st.floats(0, 0.4))
 def test_the_margin_keeps_the_way_before_the_end_unknown(length, margin):
-    grid = MetricMap(margin=margin, max_range=5)
+    grid = MetricMap(MetricMapConfig(margin=margin, max_range=5))
     grid.integrate_points([(length, 0, 0)], (0, 0, 0))
     last_free = grid.free_centres()[:, 0].max()
     assert last_free - 0.05 <= length - margin < last_free + 0.15

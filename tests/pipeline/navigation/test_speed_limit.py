@@ -5,7 +5,6 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.elevation_map.pose_kernels import NARROW_SPEED
 from pipeline.elevation_map.traversability import assess_map
 from pipeline.navigation.speed_limit import SpeedLimit
 from tests.pipeline.robot_model import PIONEER
@@ -39,7 +38,7 @@ def test_the_less_room_is_left_the_slower_it_is():
     at = speed_limit(world)
     assert at(np.array([-2.5, 0.0]), EAST) == 0.5
     speeds = [at(np.array([1.0, y]), EAST) for y in (-0.4, 0.0, 0.05, 0.1)]
-    assert speeds[0] == 0.5 > speeds[1] >= speeds[2] >= speeds[3] >= NARROW_SPEED
+    assert speeds[0] == 0.5 > speeds[1] >= speeds[2] >= speeds[3] >= 0.2
     assert speeds[3] < 0.4
 
 
@@ -51,4 +50,4 @@ def test_it_is_slow_on_what_the_semantic_map_calls_a_ramp_and_beside_a_person():
         speed_limit(world, people=[east[None], east[None] + (0, 0, 1)]),
     )
     assert [on_ramp(xy, EAST) for xy in spots[[0, 1, 3]]] == [0.5, PIONEER.ramp_speed, 0.5]
-    assert [with_person(xy, EAST) for xy in spots] == [0.5, NARROW_SPEED, NARROW_SPEED, 0.5]
+    assert [with_person(xy, EAST) for xy in spots] == [0.5, 0.2, 0.2, 0.5]

@@ -8,7 +8,8 @@ from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
 from pipeline.elevation_map import pose_kernels
-from pipeline.elevation_map.traversability import assess, assess_map, costs_of
+from pipeline.elevation_map.config import TraversabilityConfig
+from pipeline.elevation_map.traversability import assess, assess_map
 from pipeline.grid_map import Grid
 from pipeline.planning import pose_paths_kernels as kernels
 from pipeline.planning.pose_paths import PosePaths, bits, nearest_heading, simplify
@@ -16,6 +17,7 @@ from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.worlds import flat, ground_points, ramp_and_deck, ridge, surface_of, wall_points
 
 EAST, NORTH, WEST = 0.0, np.pi / 2, np.pi
+CONFIG = TraversabilityConfig()
 
 
 @pytest.fixture(scope="module")
@@ -37,7 +39,12 @@ def scattered(blocks):
     elevation[tuple(blocks.T)] = 1.0
     nowhere = np.zeros(elevation.shape, np.bool_)
     return assess(
-        Grid(np.zeros(2, np.int64), 0.05, elevation.shape), elevation, nowhere, nowhere.astype(np.uint16), PIONEER
+        Grid(np.zeros(2, np.int64), 0.05, elevation.shape),
+        elevation,
+        nowhere,
+        nowhere.astype(np.uint16),
+        PIONEER,
+        CONFIG,
     )
 
 
@@ -48,7 +55,7 @@ def stands_in(traversability):
 
 def graph_of(traversability):
     """The graph of all poses that may be entered, and of all moves between them."""
-    graph, terrain, costs = nx.DiGraph(), traversability.terrain, costs_of(PIONEER)
+    graph, terrain, costs = nx.DiGraph(), traversability.terrain, traversability.costs()
     stands, level = stands_in(traversability), kernels.level_ticks(terrain.cell, costs)
     for i, j, h in np.argwhere(stands).tolist():
         for move in kernels.Move:
@@ -68,7 +75,7 @@ def test_it_agrees_with_networkx():
     expected = nx.single_source_dijkstra_path_length(graph_of(traversability), first)
     assert len(expected) > 1000
     for pose, ticks in expected.items():
-        assert paths.seconds[pose] == pytest.approx(ticks * pose_kernels.TICK, rel=1e-5)
+        assert paths.seconds[pose] == pytest.approx(ticks * 0.01, rel=1e-5)
     assert np.isfinite(paths.seconds).sum() == len(expected)
 
 
@@ -100,7 +107,7 @@ def test_a_search_up_to_a_horizon_tells_the_same_as_a_whole_one(blocks, heading,
     near = part.seconds_to(cells, horizon).reshape(40, 40, 16)
     is_near = whole.seconds < horizon
     np.testing.assert_array_equal(near[is_near], whole.seconds[is_near])
-    assert (near[~is_near] >= horizon - 2 * pose_kernels.TICK).all()
+    assert (near[~is_near] >= horizon - 2 * 0.01).all()
     np.testing.assert_array_equal(part.seconds, whole.seconds)
 
 
@@ -167,7 +174,7 @@ def test_on_a_narrow_ramp_it_does_not_turn():
 
 def test_a_ramp_is_met_head_on_where_that_is_no_detour():
     traversability = assess_map(surface_of(ground_points(ridge, (-2.5, 2.5), (-2, 2))))
-    costs = costs_of(PIONEER)
+    costs = traversability.costs()
     along, across = (
         pose_kernels.drive_seconds_per_metre(0.2, c, s, np.array([0.28, 0.0]), False, costs)
         for c, s in ((1, 0), (0, 1))
@@ -178,10 +185,10 @@ def test_a_ramp_is_met_head_on_where_that_is_no_detour():
 
 
 def test_on_a_slope_the_body_leans_towards_the_wall():
-    costs, lean = costs_of(PIONEER), 0.28 * PIONEER.body_height
+    costs, lean = corridor(0.6).costs(), 0.28 * PIONEER.body_height
     for uphill in (np.array([0.28, 0.0]), np.array([0.0, 0.28])):
         free, near = (pose_kernels.drive_seconds_per_metre(room, 1, 0, uphill, False, costs) for room in (0.2, 0.09))
-        assert near / free == pytest.approx(1 + pose_kernels.RISK * (1 - (0.09 - lean) / costs.stray))
+        assert near / free == pytest.approx(1 + costs.risk * (1 - (0.09 - lean) / costs.stray))
 
 
 def test_the_deck_is_reached_over_its_ramp_only():
@@ -224,7 +231,9 @@ def test_where_the_robot_has_been_it_may_stand_nearer():
     traversability = corridor(0.28)
     assert not traversability.traversable.any()
     nowhere = np.zeros_like(traversability.hazard)
-    been = assess(traversability.grid, traversability.elevation, nowhere, (~nowhere).astype(np.uint16), PIONEER)
+    been = assess(
+        traversability.grid, traversability.elevation, nowhere, (~nowhere).astype(np.uint16), PIONEER, CONFIG
+    )
     assert been.grid.at(been.traversable, (0.0, 0.0))
 
 
@@ -236,7 +245,7 @@ def test_a_robot_that_is_shut_in_goes_back_the_way_it_came():
     driven[10:39, 30] = 1
     grid = Grid(np.zeros(2, np.int64), 0.05, elevation.shape)
     for track in (nowhere, driven):
-        paths = PosePaths(assess(grid, elevation, nowhere > 0, track, PIONEER), (1.925, 1.525), EAST)
+        paths = PosePaths(assess(grid, elevation, nowhere > 0, track, PIONEER, CONFIG), (1.925, 1.525), EAST)
         assert np.isfinite(paths.cost_to((0.6, 1.5))) == track.any()
     assert paths.way_to((0.6, 1.525)).backwards[0]
 

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from pipeline.labels import Label
+from pipeline.metric_map.config import MetricMapConfig
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.segments.segments import Segments
 from tests.pipeline.segments.patches import deck, wall_patch
@@ -77,7 +78,7 @@ def test_gap_that_the_map_opens_parts_the_wall_again() -> None:
 
 def seen_wall(camera_y: float, gap: tuple[float, float]) -> MetricMap:
     """A map of a wall at y = 0, 3 m long, seen from a place at ``camera_y``, m, with an opening in x."""
-    metric_map, grid = MetricMap(0.1), np.arange(0.01, 3, 0.02)
+    metric_map, grid = MetricMap(MetricMapConfig(voxel_size=0.1)), np.arange(0.01, 3, 0.02)
     x, z = (g.ravel() for g in np.meshgrid(grid, grid[grid < 1.2]))
     is_open = (x > gap[0]) & (x < gap[1])
     through = np.where(is_open, -np.sign(camera_y), 0.0)

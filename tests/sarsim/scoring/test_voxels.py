@@ -4,6 +4,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 
+from pipeline.metric_map.config import MetricMapConfig
 from pipeline.metric_map.metric_map import MetricMap
 from sarsim.scoring.voxel_kernels import mark_rays
 from sarsim.scoring.voxels import VoxelScore
@@ -31,7 +32,7 @@ def test_crossed_voxels_are_those_that_fine_sampling_finds(ends):
 
 
 def scored(points, camera):
-    metric_map = MetricMap(max_range=20)
+    metric_map = MetricMap(MetricMapConfig(max_range=20))
     score = VoxelScore(metric_map)
     score.add(np.asarray(points, np.float32), np.asarray(camera, np.float64))
     return metric_map, score

@@ -6,6 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.errors import InputError
+from pipeline.metric_map.config import MetricMapConfig
 from pipeline.metric_map.io.npz import load_metric_map, save_metric_map
 from pipeline.metric_map.metric_map import MetricMap
 from tests.pipeline.metric_map.box_room import CAMERA, depth_image, tour
@@ -13,7 +14,7 @@ from tests.pipeline.metric_map.box_room import CAMERA, depth_image, tour
 
 @pytest.fixture(scope="module")
 def explored():
-    metric_map = MetricMap(voxel_size=0.2)
+    metric_map = MetricMap(MetricMapConfig(voxel_size=0.2))
     for T in tour(4):
         metric_map.integrate(depth_image(T), CAMERA, T)
     return metric_map
@@ -29,7 +30,7 @@ def written(explored, tmp_path_factory):
 def test_a_map_comes_back_with_its_settings_and_goes_on(explored, tmp_path):
     save_metric_map(explored, tmp_path / "map.npz")
     again = load_metric_map(tmp_path / "map.npz")
-    assert (again.voxel_size, again.max_range, again.offset) == (0.2, explored.max_range, explored.offset)
+    assert again.config == explored.config
     np.testing.assert_array_equal(again.log_odds(*explored.bounds()), explored.log_odds(*explored.bounds()))
     assert [p.name for p in tmp_path.iterdir()] == ["map.npz"]
 

@@ -8,7 +8,7 @@ from hypothesis.extra import numpy as hnp
 
 from pipeline.errors import InputError
 from pipeline.labels import COLOURS, Label
-from pipeline.metric_map.io.octomap import REACH, voxel_labels, write_bt, write_ot
+from pipeline.metric_map.io.octomap import voxel_labels, write_bt, write_ot
 from pipeline.metric_map.metric_map import MetricMap
 from tests.pipeline.metric_map.io.octomap_files import colours, log_odds, read_bt, read_ot
 
@@ -70,7 +70,7 @@ def test_an_empty_map_is_an_empty_tree(tmp_path):
 def test_what_cannot_be_written_is_refused(tmp_path):
     for write in (write_bt, write_ot):
         with pytest.raises(InputError, match="reaches"):
-            write(tmp_path / "map", filled((REACH, 0, 0), np.ones((1, 1, 1), np.int8)))
+            write(tmp_path / "map", filled((2**15, 0, 0), np.ones((1, 1, 1), np.int8)))
         with pytest.raises(InputError, match="nowhere"):
             write(tmp_path / "nowhere" / "map", MetricMap())
 

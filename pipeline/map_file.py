@@ -1,8 +1,9 @@
 """The map of an episode as a file from which a later episode continues: what its keyframes have shown, as numbers."""
 
 import zipfile
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from itertools import chain
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -16,7 +17,6 @@ from pipeline.elevation_map.elevation_map import ElevationMap
 from pipeline.elevation_map.ground_evidence import Assumed, Driven, GroundEvidence
 from pipeline.errors import InputError
 from pipeline.files import each, load_arrays, whole_file
-from pipeline.finds.find_map import TrackedFind
 from pipeline.frame import Intrinsics
 from pipeline.geometry.planes import Moments
 from pipeline.keyframes import Keyframes, Places, Seen
@@ -27,11 +27,10 @@ from pipeline.metric_map.io.npz import save_metric_map
 from pipeline.robot import RobotModel
 from pipeline.segments.members import Member
 from pipeline.semantic_map.class_shares import ClassShares
-from pipeline.tracks.find import FIND_KINDS, Reading
-from pipeline.tracks.observation import FindSighting
+from pipeline.tracks.find import FIND_KINDS, VICTIM, Reading
+from pipeline.tracks.track import Observation, Track, TrackPolicy
 from pipeline.transforms import POSE, are_poses
-from pipeline.victims.person_voxels import PersonVoxels
-from pipeline.victims.victim_map import Sighting, Victim
+from pipeline.victims.people import middle
 
 KEYFRAMES = "keyframes.npz"  # The file that ``--map`` reads in a folder of results
 FORMAT, VERSION = "sarsim keyframes", 6
@@ -94,7 +93,7 @@ LAYOUT: dict[str, dict[str, Field]] = {
     },
     "victim": {
         "missed": Field("i8"),
-        "photo_shows": Field("f8"),
+        "photo_shows": Field("f8"),  # voxels of the person, times the confidence
         "photo": Field("u1", (MANY,)),
         "photo_shape": Field("i8", (3,)),
         "tried_from": Field("i8", (MANY,)),  # keyframes, and places relative to them
@@ -148,20 +147,17 @@ def save_keyframes(mapper: Mapper, path: Path) -> None:
     Raises:
         InputError: it cannot be written.
     """
-    sightings, confidences = (
-        [item for victim in mapper.victims.all for item in items(victim)]
-        for items in (lambda v: v.sightings, lambda v: v.confidences)
-    )
+    people, finds = mapper.victims.all, mapper.finds.all
     rows = {
         "keyframe": list(_keyframe_rows(mapper)),
         "odometry": [vars(mapper.localisation.keyframes().odometry)],
         "assumed": list(_ground_rows(mapper.keyframes, Assumed)),
         "driven": list(_ground_rows(mapper.keyframes, Driven)),
         "member": [_member_row(member) for member in mapper.segments.members],
-        "victim": [_victim_row(victim) for victim in mapper.victims.all],
-        "sighting": [vars(s) | {"confidence": c} for s, c in zip(sightings, confidences, strict=True)],
-        "find": [_find_row(find) for find in mapper.finds.all],
-        "find_sighting": [_find_sighting_row(seen) for find in mapper.finds.all for seen in find.seen],
+        "victim": [_track_row(track) for track in people],
+        "sighting": [_observation_row(seen) for track in people for seen in track.seen],
+        "find": [_track_row(track) for track in finds],
+        "find_sighting": [_observation_row(seen) for track in finds for seen in track.seen],
     }
     arrays = {"format": np.array(FORMAT), "version": np.array(VERSION)}
     for kind, fields in LAYOUT.items():
@@ -190,20 +186,17 @@ def load_keyframes(path: Path, mapper: Mapper) -> None:
         InputError: the file is missing, damaged, foreign or of another version; the mapper must not be used then.
     """
     with _opened(path) as rows:
-        known = rows["keyframe"]
-        owner = np.repeat(np.arange(len(known)), [len(row["surfaces"]) for row in known])
-        surfaces, normals = (np.concatenate([row[name] for row in known]) for name in ("surfaces", "normals"))
-        poses, ups = (np.array([row[name] for row in known]) for name in ("T_map_base", "up"))
+        keyframes = rows["keyframe"]
+        owner = np.repeat(np.arange(len(keyframes)), [len(row["surfaces"]) for row in keyframes])
+        surfaces, normals = (np.concatenate([row[name] for row in keyframes]) for name in ("surfaces", "normals"))
+        poses, ups = (np.array([row[name] for row in keyframes]) for name in ("T_map_base", "up"))
         odometry = OdometryErrors(**rows["odometry"][0])
         mapper.localisation.restore(SavedKeyframes(poses, ups, surfaces, normals, owner, odometry))
         _restore_keyframes(rows, mapper.keyframes)
         mapper.segments.members = [_member_of(row) for row in rows["member"]]
-        sightings = iter(rows["sighting"])
-        mapper.victims.all = [
-            _victim_of(row, [next(sightings) for _ in range(row["sightings"])]) for row in rows["victim"]
-        ]
-        seen = iter(rows["find_sighting"])
-        mapper.finds.all = [_find_of(row, [next(seen) for _ in range(row["sightings"])]) for row in rows["find"]]
+        seen, of_find = iter(rows["sighting"]), iter(rows["find_sighting"])
+        mapper.victims.all = [_person_of(row, _next(row, seen), mapper.victims.policy) for row in rows["victim"]]
+        mapper.finds.all = [_find_of(row, _next(row, of_find), mapper.finds.policies) for row in rows["find"]]
         mapper.restore()
 
 
@@ -288,7 +281,7 @@ def _check(rows: dict[str, list[Row]]) -> None:
     if not keyframes or not are_poses(poses):
         raise ValueError(f"there is not for each of {keyframes} keyframes {POSE}")
     if len(rows["odometry"]) != 1 or np.linalg.eigvalsh(rows["odometry"][0]["covariance"])[0] <= 0:
-        raise ValueError("it does not tell once how wrong the odometry is")
+        raise ValueError("it does not say once how wrong the odometry is")
     of_keyframe = [row["keyframe"] for kind in LAYOUT for row in rows[kind] if "keyframe" in row]
     of_keyframe += [k for kind in ("victim", "find") for row in rows[kind] for k in row["tried_from"].tolist()]
     if not all(0 <= k < keyframes for k in of_keyframe):
@@ -309,10 +302,10 @@ def _check(rows: dict[str, list[Row]]) -> None:
 
 
 def _keyframe_rows(mapper: Mapper) -> Iterator[Row]:
-    known, surfaces = mapper.keyframes, mapper.localisation.keyframes()
-    order = {id(evidence): n for n, (_, evidence) in enumerate(known.ground)}
-    bounds = np.searchsorted(surfaces.owner, np.arange(len(known) + 1))
-    for k, seen in enumerate(known.seen):
+    keyframes, surfaces = mapper.keyframes, mapper.localisation.keyframes()
+    order = {id(evidence): n for n, (_, evidence) in enumerate(keyframes.ground)}
+    bounds = np.searchsorted(surfaces.owner, np.arange(len(keyframes) + 1))
+    for k, seen in enumerate(keyframes.seen):
         camera, own = seen.intrinsics, slice(bounds[k], bounds[k + 1])
         shares = seen.shares or ClassShares(np.zeros((0, 2), np.uint8), np.zeros(0, np.uint8))
         yield {
@@ -373,30 +366,6 @@ def _member_of(row: Row) -> Member:
     return Member(row["keyframe"], Label(row["label"]), row["normal"], moments, row["outline"], row["points"])
 
 
-def _victim_row(victim: Victim) -> Row:
-    tried = Places.joined(victim.tried)
-    return {
-        "missed": victim.missed,
-        "photo_shows": victim.photo_shows,
-        "photo": victim.photo.ravel(),
-        "photo_shape": victim.photo.shape,
-        "tried_from": tried.keyframe,
-        "tried": tried.position,
-        "sightings": len(victim.sightings),
-    }
-
-
-def _victim_of(row: Row, rows: list[Row]) -> Victim:
-    """A victim with its sightings; points and the rest follow from these when the mapper makes its maps."""
-    seen = [Sighting(s["keyframe"], s["points"], s["information"], s["camera"]) for s in rows]
-    confidences, photo = [s["confidence"] for s in rows], row["photo"].reshape(row["photo_shape"])
-    voxels, information = PersonVoxels.of(seen[0].points), seen[0].information
-    victim = Victim(voxels, information, [], confidences, photo, row["photo_shows"], row["missed"])
-    victim.sightings = seen
-    victim.tried = [Places(k[None], at[None]) for k, at in zip(row["tried_from"], row["tried"], strict=True)]
-    return victim
-
-
 def _text_of(data: NDArray[np.uint8]) -> str:
     return data.tobytes().decode()
 
@@ -405,18 +374,21 @@ def _data_of(text: str) -> NDArray[np.uint8]:
     return np.frombuffer(text.encode(errors="replace"), np.uint8)
 
 
-def _find_row(find: TrackedFind) -> Row:
-    tried = Places.joined(find.tried)
+def _track_row(track: Track) -> Row:
+    tried, photo = Places.joined(track.tried), track.photo
     return {
-        "kind": _data_of(find.kind),
-        "missed": find.missed,
+        "kind": _data_of(track.policy.kind),
+        "missed": track.missed,
+        "photo_shows": track.policy.shows(track.seen[track.best]),
+        "photo": photo.ravel(),
+        "photo_shape": photo.shape,
         "tried_from": tried.keyframe,
         "tried": tried.position,
-        "sightings": len(find.seen),
+        "sightings": len(track.seen),
     }
 
 
-def _find_sighting_row(seen: FindSighting) -> Row:
+def _observation_row(seen: Observation) -> Row:
     return vars(seen) | {
         "text": _data_of(seen.reading.text),
         "confidence": seen.reading.confidence,
@@ -426,13 +398,32 @@ def _find_sighting_row(seen: FindSighting) -> Row:
     }
 
 
-def _find_of(row: Row, rows: list[Row]) -> TrackedFind:
-    """A find with its sightings, which are placed when the mapper makes its maps."""
+def _next(row: Row, observations: Iterator[Row]) -> list[Row]:
+    """The rows of the observations of the next track."""
+    return [next(observations) for _ in range(row["sightings"])]
+
+
+def _track_of(row: Row, policy: TrackPolicy, seen: list[Observation]) -> Track:
+    """A track of observations that are placed when the mapper makes its maps."""
+    tried = [Places(k[None], at[None]) for k, at in zip(row["tried_from"], row["tried"], strict=True)]
+    return Track(policy, seen, list(seen), missed=row["missed"], tried=tried)
+
+
+def _person_of(row: Row, rows: list[Row], policy: TrackPolicy) -> Track:
+    nothing, no_photo = np.zeros((0, 2), np.float32), np.zeros((0, 0, 3), np.uint8)
+    seen = []
+    for s in rows:
+        reading, where = Reading(VICTIM, "", nothing, s["confidence"]), (middle(s["points"]), s["information"])
+        seen.append(Observation(reading, s["keyframe"], *where, s["camera"], s["points"], no_photo))
+    track = _track_of(row, policy, seen)
+    track.seen[track.best] = replace(track.seen[track.best], photo=row["photo"].reshape(row["photo_shape"]))
+    return track
+
+
+def _find_of(row: Row, rows: list[Row], policies: Mapping[str, TrackPolicy]) -> Track:
     kind, seen = _text_of(row["kind"]), []
     for s in rows:
         reading = Reading(kind, _text_of(s["text"]), s["corners"], s["confidence"])
-        photo = s["photo"].reshape(s["photo_shape"])
-        where = s["position"], s["information"], s["camera"], s["has_depth"]
-        seen.append(FindSighting(reading, s["keyframe"], *where, np.nan, photo, s["points"]))
-    tried = [Places(k[None], at[None]) for k, at in zip(row["tried_from"], row["tried"], strict=True)]
-    return TrackedFind(kind, seen, [], row["missed"], tried)
+        where, photo = (s["position"], s["information"], s["camera"]), s["photo"].reshape(s["photo_shape"])
+        seen.append(Observation(reading, s["keyframe"], *where, s["points"], photo, has_depth=s["has_depth"]))
+    return _track_of(row, policies[kind], seen)

@@ -115,7 +115,7 @@ class Mapper:
         self.observers: list[MapObserver] = []
         self.config, self.policy = config, config.localisation.keyframes
         self.classifier, self.detector, self.readers = classifier, detector, readers
-        self._in_passing = BackgroundReader(detector, readers)
+        self._background = BackgroundReader(detector, readers)
         self.localisation: Localisation = localisation or Slam(config=config.localisation)
         self.metric_map = MetricMap(MetricMapConfig(voxel_size))
         self.elevation_map = ElevationMap(robot)
@@ -263,7 +263,7 @@ class Mapper:
             self._add_ground(frame, points)
         self._take_read()
         if probabilities is None:
-            self._in_passing.begin(frame, index)
+            self._background.begin(frame, index)
             return Keyframe(frame, T_map_base, in_map, np.zeros(0, np.uint8), [], [], index)
         with self.stopwatch("semantic_map"):
             seen.put_classes(self.semantic_map, T_map_base)
@@ -272,7 +272,7 @@ class Mapper:
             patches = find_planes(frame, labels, T_map_camera, self._seed + index, self.segments.config)
             self.segments.update(patches, index, T_map_base)
         detections = self._find_victims(frame, T_map_camera)
-        self._find_things(frame, detections, T_map_base)
+        self._find_objects(frame, detections, T_map_base)
         return Keyframe(frame, T_map_base, in_map, labels, patches, detections, index)
 
     def add_drive(
@@ -302,7 +302,7 @@ class Mapper:
     def settle(self) -> Moves | None:
         """Let the localisation correct its keyframes, and every map with them; None if none moved noticeably.
 
-        What the last keyframe in passing shows is on the map then.
+        What the last keyframe on the way shows is on the map then.
         """
         if not len(self.keyframes):
             return None
@@ -422,7 +422,7 @@ class Mapper:
         whole = with_whole_uprights(points, labels, robot, self.elevation_map.grid.cell, config)
         return with_finds(points, whole, self.finds.shown, people, robot.max_step, config.skin)
 
-    def _find_things(self, frame: Frame, detections: list[Detection], T_map_base: NDArray[np.float64]) -> None:
+    def _find_objects(self, frame: Frame, detections: list[Detection], T_map_base: NDArray[np.float64]) -> None:
         """Read what is in the image besides people, and place it on the map."""
         if self.readers is not None:
             with self.stopwatch("finds"):
@@ -430,8 +430,8 @@ class Mapper:
                 self.finds.update(frame, readings, T_map_base, len(self.keyframes) - 1)
 
     def _take_read(self) -> None:
-        """Place what was read in the last frame in passing, if any."""
-        if read := self._in_passing.end():
+        """Place what was read in the last frame on the way, if any."""
+        if read := self._background.end():
             frame, T_map_base = read.frame, self.keyframes.poses[read.keyframe]
             with self.stopwatch("finds"):
                 self.victims.update(frame, read.detections, T_map_base @ frame.T_base_camera, read.keyframe)

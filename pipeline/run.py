@@ -226,7 +226,7 @@ class ExplorerRun(Run, ABC):
             mapper, mission = self.mapper, self.explorer.mission
             finds, end = mapper.finds, begin + timedelta(minutes=brief.minutes).total_seconds()
             beside = LIMITS["beside"] if "park" in brief.tasks else None
-            mission.deadline = Deadline(begin, end, lambda: finds.confirmed, "home" in brief.tasks, beside)
+            mission.deadline = Deadline(begin, end, lambda: finds.reported, "home" in brief.tasks, beside)
             self.explorer.watch(_Clock(end))
             if "find" in brief.tasks and mapper.readers is not None:
                 mission.inspection = Inspection(mapper.keyframes, mapper.metric_map)

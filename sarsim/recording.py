@@ -13,7 +13,7 @@ from pipeline.mapper import Mapper
 from pipeline.rerun import drawings
 from pipeline.rerun.blueprint import blueprint
 from pipeline.rerun.recorder import Recorder
-from pipeline.rerun.track import Track
+from pipeline.rerun.trajectory import DrawnTrajectory
 from pipeline.rerun.viewer import Viewer
 from pipeline.robot import Motion
 from pipeline.sink import Step
@@ -45,7 +45,7 @@ class EpisodeRecorder(Recorder):
         self._geoms = np.flatnonzero(drawn_geoms(self._model))
         has_joint = self._is_robot & (self._model.body_jntnum > 0) & (self._model.body_parentid > 0)
         self._jointed = [(body, self._entity(body)) for body in np.flatnonzero(has_joint).tolist()]
-        self._true_track = Track()
+        self._true_track = DrawnTrajectory()
         arena = self._arena_meshes()
         vertices = np.concatenate([mesh.vertices for mesh in arena.values()])
         layout = blueprint(vertices.min(axis=0), vertices.max(axis=0))

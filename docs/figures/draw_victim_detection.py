@@ -10,9 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frame import Frame
+from pipeline.tracks.track import Observation
 from pipeline.transforms import inverse, transform_points
 from pipeline.victims.detection.detector import VictimDetector
-from pipeline.victims.observation import Observation, observe
+from pipeline.victims.observation import observe
 from sarsim.dataset.render import World, find_scene
 from sarsim.sensors.lighting import Lighting
 from sarsim.sensors.rendering import Renderer

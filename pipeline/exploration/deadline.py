@@ -12,11 +12,11 @@ from pipeline.planning.pose_paths import PosePaths
 
 
 class PlacedFind(Protocol):
-    """What a mission must know of a thing that was found."""
+    """What a mission must know of a find."""
 
     @property
     def kind(self) -> str:
-        """Kind of the thing."""
+        """Kind of the find."""
         ...
 
     @property

@@ -1,5 +1,7 @@
 """Looks at walls that no keyframe has shown near and straight enough to read what may hang on them."""
 
+from dataclasses import dataclass
+
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
@@ -9,28 +11,42 @@ from pipeline.exploration.next_best_view import KEYFRAME_TIME
 from pipeline.exploration.viewpoint import Context, Viewpoint
 from pipeline.exploration.visibility import PLACE_STRIDE
 from pipeline.exploration.walls import WallPieces
-from pipeline.finds.find_map import READABLE
-from pipeline.finds.reobservation import BESIDE_CAMERA
 from pipeline.frame import Frame
 from pipeline.grid_map import best_of_blocks
 from pipeline.keyframes import Keyframes, Places
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.planning.pose_paths import bits
-from pipeline.tracks.sought import THING_GAP
 from pipeline.transforms import wrap_angle
+
+
+@dataclass(frozen=True)
+class InspectionConfig:
+    """How closely walls are looked at.
+
+    Attributes:
+        readable: pixels along a side from which signs and codes are surely read: two for a module of a small QR code.
+        spacing: m between the pieces of walls that are looked at.
+        margin: m before a wall at which the line of sight to it may end.
+        beside_camera: m of a line of sight that count as free because the robot itself will stand there.
+    """
+
+    readable: float = 60.0
+    spacing: float = 0.3
+    margin: float = 0.3
+    beside_camera: float = 0.3
 
 
 class Inspection:
     """A strategy that goes to where the next such wall can be looked at soonest; each wall is aimed at once."""
 
-    def __init__(self, keyframes: Keyframes, metric_map: MetricMap):
+    def __init__(self, keyframes: Keyframes, metric_map: MetricMap, config: InspectionConfig = InspectionConfig()):
         """Inspect the walls that the keyframes show, along lines of sight that are free in the map."""
-        self._keyframes, self._map = keyframes, metric_map
+        self._keyframes, self._map, self._config = keyframes, metric_map, config
         self._shown: list[WallPieces] = []
         self._aimed: list[Places] = []
 
     def observe(self, context: Context) -> None:
-        """Nothing is to be noted: the keyframes tell what they have shown."""
+        """Nothing is to be noted: the keyframes hold what they have shown."""
 
     def next_viewpoint(self, context: Context) -> Viewpoint | None:
         """The soonest pose from which a wall that is left is readable; None if there is none."""
@@ -64,27 +80,27 @@ class Inspection:
 
     def _is_free(self, camera: NDArray[np.float64], point: NDArray[np.float64]) -> bool:
         """Whether nothing is between a camera (3,) and a point (3,) of a wall."""
-        return self._map.is_free_along(camera, point, cKDTree(point[None]), THING_GAP, BESIDE_CAMERA)
+        margin, skip = self._config.margin, self._config.beside_camera
+        return self._map.is_free_along(camera, point, cKDTree(point[None]), margin, skip)
 
     def _left(self, context: Context) -> WallPieces:
-        """Walls that were neither shown well enough nor aimed at, a piece every ``THING_GAP``."""
+        """Walls that were neither shown well enough nor aimed at, one piece in each square of the spacing."""
         for seen in self._keyframes.seen[len(self._shown) :]:
             self._shown.append(WallPieces.of(seen, context.frame))
         walls = _at(self._shown, context.poses)
-        is_read = walls.sides >= READABLE
+        is_read, spacing = walls.sides >= self._config.readable, self._config.spacing
         done = np.concatenate([walls.before[is_read], Places.joined(self._aimed).at(context.poses)])[:, :2]
         left = walls.where(~is_read)
         if len(done) and len(left.points):
-            left = left.where(cKDTree(done).query(left.before[:, :2])[0] > THING_GAP)
-        _, first = np.unique(np.floor(left.before[:, :2] / THING_GAP), axis=0, return_index=True)
+            left = left.where(cKDTree(done).query(left.before[:, :2])[0] > spacing)
+        _, first = np.unique(np.floor(left.before[:, :2] / spacing), axis=0, return_index=True)
         return left.where(first)
 
-    @staticmethod
-    def _shows(walls: WallPieces, places: NDArray[np.float64], frame: Frame) -> NDArray[np.bool_]:
+    def _shows(self, walls: WallPieces, places: NDArray[np.float64], frame: Frame) -> NDArray[np.bool_]:
         """(N, M) whether walls are readable and in range from places (M, 3) on the ground."""
         cameras = places + _height(frame)
         far = np.linalg.norm(cameras - walls.points[:, None], axis=2) >= frame.sensor.nearest + frame.sensor.margin
-        return far & (walls.sides_from(cameras, frame) >= READABLE)
+        return far & (walls.sides_from(cameras, frame) >= self._config.readable)
 
 
 def _at(shown: list[WallPieces], poses: NDArray[np.float64]) -> WallPieces:

@@ -117,7 +117,7 @@ class Mission:
         return True
 
     def left(self, context: Context) -> list[Viewpoint]:
-        """What :class:`Exploration` does not find worth the drive; nothing by a strategy that does not tell."""
+        """What :class:`Exploration` does not find worth the drive; nothing by a strategy that does not say."""
         return self.exploration.left(context) if isinstance(self.exploration, Exploration) else []
 
     def tasks(self, goals: Sequence[ArrayLike], home: bool, robot: RobotState) -> Iterator[str]:

@@ -1,4 +1,4 @@
-"""Pieces of walls as keyframes show them, and how wide a thing that hangs there would be in the image."""
+"""Pieces of walls as keyframes show them, and how wide an object that hangs there would be in the image."""
 
 from typing import NamedTuple
 
@@ -8,7 +8,9 @@ from numpy.typing import ArrayLike, NDArray
 from pipeline.frame import Frame
 from pipeline.keyframes import UNIT, Seen
 from pipeline.tracks.likelihood import EXTENTS, HIGHEST
-from pipeline.tracks.sought import THING_GAP
+
+BEFORE = 0.3
+"""m before a wall, where the depth of what hangs on it surely ends."""
 
 
 class WallPieces(NamedTuple):
@@ -56,8 +58,8 @@ class WallPieces(NamedTuple):
 
     @property
     def before(self) -> NDArray[np.float64]:
-        """(N, 3) m, the places before the pieces: of two sides of a wall, they are as far apart as things may be."""
-        return self.points + THING_GAP * self.normals
+        """(N, 3) m, the places before the pieces: those of two sides of a wall are apart."""
+        return self.points + BEFORE * self.normals
 
 
 def _squares(points: NDArray[np.float32]) -> NDArray[np.float64]:

@@ -1,1 +1,1 @@
-"""Things that a rescue robot looks for besides people: signs, codes, extinguishers, levers, heat; read and placed."""
+"""What a rescue robot looks for besides people: signs, codes, extinguishers, levers, heat; read and placed."""

@@ -26,7 +26,7 @@ class CodeReader:
     def read(self, squares: Squares) -> list[Reading]:
         """The codes in an image, those that were decoded first.
 
-        QR codes are sought in the image as it is, and in squares that are as black and white as a code, rectified:
+        QR codes are searched for in the image, and in squares that are as black and white as a code, rectified:
         the decoders read no code that is seen aslant, or whose modules have less than about three pixels.
         """
         grey = np.asarray(cv2.cvtColor(squares.image, cv2.COLOR_RGB2GRAY), np.uint8)

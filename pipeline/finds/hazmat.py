@@ -16,7 +16,7 @@ SIGN_SIDE = 96  # Pixels along a patch, of which eight in ten are the sign: ten 
 
 
 class HazmatReader:
-    """Finds hazmat signs and tells their classes, whichever way up they hang."""
+    """Finds hazmat signs and their classes, whichever way up they hang."""
 
     def __init__(self, network: PatchNetwork):
         """Read by a trained network."""

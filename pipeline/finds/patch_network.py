@@ -39,8 +39,8 @@ class PatchNetwork(nn.Sequential):
         try:
             network.load_state_dict({name: value.float() for name, value in load_file(path).items()})
         except (OSError, SafetensorError, RuntimeError) as error:
-            told = str(error).splitlines()[0]
-            raise InputError(f"{path}: no weights of a classifier of {classes} classes: {told}") from error
+            reason = str(error).splitlines()[0]
+            raise InputError(f"{path}: no weights of a classifier of {classes} classes: {reason}") from error
         return network.eval()
 
     def probabilities(self, patches: NDArray[np.uint8], turns: int = 4) -> NDArray[np.float32]:

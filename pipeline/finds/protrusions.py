@@ -23,7 +23,7 @@ from pipeline.tracks.likelihood import EXTENTS, SPREAD, THIN
 
 @dataclass(frozen=True, eq=False)
 class Protrusions:
-    """What a frame shows that may be such a thing.
+    """What a frame shows that may be such an object.
 
     Attributes:
         picture: (H, W, 4) uint8 the frame's colours, and how far each pixel stands out, over a bottle's width.
@@ -98,7 +98,7 @@ def _is_red(rgb: NDArray[np.uint8]) -> NDArray[np.bool_]:
 
 
 def _regions(mask: NDArray[np.bool_], depth: NDArray[np.float32], lens: Intrinsics) -> list[NDArray[np.int64]]:
-    """(N, 2) rows and columns of the connected regions of (H, W) as large as things may be."""
+    """(N, 2) rows and columns of the connected regions of (H, W) as large as objects may be."""
     pair = np.ones((2, 2), np.uint8)  # an opening in two steps, for OpenCV's moves by a pixel
     clean = cv2.dilate(cv2.erode(mask.astype(np.uint8), pair), pair, anchor=(0, 0))
     count, number, boxes, _ = cv2.connectedComponentsWithStats(clean)
@@ -118,7 +118,7 @@ def _regions(mask: NDArray[np.bool_], depth: NDArray[np.float32], lens: Intrinsi
 
 
 def _largest(extent: float) -> float:
-    """The length below which 97 % of the things remain of whose kind ``extent`` is the median, m."""
+    """The length below which 97 % of the objects remain of whose kind ``extent`` is the median, m."""
     return extent * exp(2 * SPREAD)
 
 

@@ -66,6 +66,6 @@ class FindReaders:
         return [*signs, *self._codes.read(squares), *_others(boxes, signs)]
 
 
-def _others(readings: Sequence[Reading], known: Sequence[Reading]) -> list[Reading]:
-    """The readings that are of other things than those known."""
-    return [r for r in readings if not any(r.kind == k.kind and is_same(r.corners, k.corners) for k in known)]
+def _others(readings: Sequence[Reading], read: Sequence[Reading]) -> list[Reading]:
+    """The readings that are of other objects than those read."""
+    return [r for r in readings if not any(r.kind == k.kind and is_same(r.corners, k.corners) for k in read)]

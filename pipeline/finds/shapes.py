@@ -12,7 +12,7 @@ from pipeline.tracks.find import SHAPED, Reading
 
 
 class ShapeReader:
-    """Finds the kinds that are told by their shapes."""
+    """Finds the kinds that are recognised by their shapes."""
 
     def __init__(self, network: PatchNetwork):
         """Read by a trained network."""
@@ -24,7 +24,7 @@ class ShapeReader:
         return cls(PatchNetwork.load(weights, len(SHAPED), has_relief=True))
 
     def read(self, frame: Frame) -> list[Reading]:
-        """The things in a frame that are likelier there than not, the surest first, each once."""
+        """The objects in a frame that are likelier there than not, the surest first, each once."""
         seen = Protrusions.of(frame)
         if not seen.regions:
             return []

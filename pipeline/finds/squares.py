@@ -6,8 +6,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.finds.pictures import bounded
 from pipeline.finds.quads import find_quads
+from pipeline.tracks.pictures import bounded
 
 PATCH, SURROUNDINGS = 64, 0.1
 """Pixels along a patch, and the share of it that surrounds what it shows on each side."""

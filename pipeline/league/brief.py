@@ -20,7 +20,7 @@ class Rewards:
     """What the leagues pay for; where a rulebook leaves a number to the judges, the default is an assumption.
 
     Attributes:
-        detection: points for each thing found (DS), Rescue Robot League; how many is not public.
+        detection: points for each find (DS), Rescue Robot League; how many is not public.
         extra: bonus of a 3D map for each of rgb, normals and confidence, as a share; how much is not public.
         teleoperated, autonomous: factors of a run by who drives, Rescue Robot League 2026D.
         beta: share of the portals in the score, Virtual Robot 2022: above 0.1 and below 1, by the map's designer.

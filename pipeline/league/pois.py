@@ -41,7 +41,7 @@ _ROW = re.compile(rf"(\d+),(\d\d:\d\d:\d\d),{_TEXT},{_TEXT},{_NUMBER},{_NUMBER},
 
 @dataclass(frozen=True, eq=False)
 class PointOfInterest:
-    """A thing that was found.
+    """A find, as the league lists it.
 
     Attributes:
         time: of the detection, ``HH:MM:SS``.
@@ -105,7 +105,7 @@ def _rows(path: Path, rows_of: Callable[[Any], list[dict[str, Any]]]) -> list[di
 def points_of_interest(
     finds: Iterable[dict[str, Any]], T_map_league: NDArray[np.float64], start: datetime
 ) -> list[PointOfInterest]:
-    """What the league counts of an episode's finds, each thing once and the surest first kept, in order of time.
+    """What the league counts of an episode's finds, each object once and the surest first kept, in order of time.
 
     Args:
         finds: as finds.json has them, position m in ``map``.
@@ -124,12 +124,12 @@ def points_of_interest(
 
 
 def name_of(kind: str, text: str) -> str:
-    """The name of a thing in the list: its class or number in one line, or else its kind."""
+    """The name of a find in the list: its class or number in one line, or else its kind."""
     return " ".join(text.split()) or kind
 
 
 def is_same_thing(a: PointOfInterest, b: PointOfInterest) -> bool:
-    """Whether two finds are of one thing: of one name, and nearer than two of them can hang side by side."""
+    """Whether two finds are of one object: of one name, and nearer than two of them can hang side by side."""
     return (a.type, a.name) == (b.type, b.name) and bool(np.linalg.norm(a.position - b.position) < LENGTHS["diamond"])
 
 

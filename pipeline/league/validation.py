@@ -90,12 +90,12 @@ def _wrong_name(path: Path, headers: list[dict[str, str]]) -> Iterator[str]:
 
 
 def wrong_cloud(read: CloudFile, headers: list[dict[str, str]]) -> list[str]:
-    """What is wrong with a 3D map; ``headers`` of the lists beside it tell what its comments must name."""
+    """What is wrong with a 3D map; ``headers`` of the lists beside it hold what its comments must name."""
     faults = list(read.faults)
-    told = " ".join(read.comments)
+    comments = " ".join(read.comments)
     for name, key in zip(COMMENTS, ("team", "time", "mission"), strict=True):
         values = [header[key] for header in headers if header.get(key)]
-        if len(read.comments) < len(COMMENTS) or (values and not any(value in told for value in values)):
+        if len(read.comments) < len(COMMENTS) or (values and not any(value in comments for value in values)):
             faults.append(f"no comment names the {name}")
     points = read.points()
     if len(points):

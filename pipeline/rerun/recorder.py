@@ -17,7 +17,7 @@ from pipeline.mapper import Keyframe, Mapper
 from pipeline.rerun import drawings, find_drawings, victim_drawings
 from pipeline.rerun.blueprint import blueprint
 from pipeline.rerun.legend import legend
-from pipeline.rerun.track import EstimatedTrack
+from pipeline.rerun.trajectory import CorrectedTrajectory
 from pipeline.rerun.viewer import VIEWER_TIME, Viewer, start_rerun
 from pipeline.robot import Motion
 from pipeline.sink import Result, Sink, Step
@@ -53,7 +53,7 @@ class Recorder(Sink):
         self.stream = _new_stream(path, viewer)
         self._step = 0
         self._time = 0.0
-        self._track = EstimatedTrack()
+        self._track = CorrectedTrajectory()
         self._T_odom_base = np.eye(4)
         self._times_run: dict[str, int] = {}
         self._moved: tuple[float, float] | None = None
@@ -219,7 +219,7 @@ class Recorder(Sink):
         self._log_metrics("victims/", confirmed=confirmed, unconfirmed=unconfirmed)
 
     def _log_finds(self, finds: Finds) -> None:
-        confirmed = finds.confirmed
+        confirmed = finds.reported
         self.stream.log("world/finds", find_drawings.marks(confirmed))
         self.stream.log("world/finds/photos", find_drawings.photo_sheet(confirmed))
         self._log_metrics("finds/", confirmed=len(confirmed), unconfirmed=len(finds.unconfirmed))

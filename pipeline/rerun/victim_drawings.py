@@ -10,11 +10,12 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.rerun.drawings import ABOVE_GROUND, Colour
 from pipeline.rerun.photo_sheet import sheet
+from pipeline.tracks.track import Track
+from pipeline.tracks.tracks import Tracks
 from pipeline.victims.certainty import ellipsoids
 from pipeline.victims.detection.detection import Detection
 from pipeline.victims.display_ids import confirmed_ids, unconfirmed_ids
 from pipeline.victims.observation import Refusal
-from pipeline.victims.victim_map import Victim, Victims
 
 CONFIRMED, UNCONFIRMED, REFUSED = map(ImageColor.getrgb, ("limegreen", "orange", "darkgray"))
 
@@ -32,7 +33,7 @@ def detections(found: Sequence[Detection], refusals: Sequence[Refusal]) -> rr.Bo
     )
 
 
-def boxes(victims: Victims) -> rr.Boxes3D:
+def boxes(victims: Tracks) -> rr.Boxes3D:
     """A box around the points of each victim."""
     everyone = _displayed(victims)
     corners = np.array([[v.points.min(axis=0), v.points.max(axis=0)] for _, v in everyone]).reshape(-1, 2, 3)
@@ -45,7 +46,7 @@ def boxes(victims: Victims) -> rr.Boxes3D:
     )
 
 
-def certainty(victims: Victims) -> rr.Ellipsoids3D:
+def certainty(victims: Tracks) -> rr.Ellipsoids3D:
     """The ellipsoid that contains each victim with a probability of 95 %."""
     everyone = _displayed(victims)
     half_axes, vectors = ellipsoids(np.array([v.covariance for _, v in everyone]).reshape(-1, 3, 3))
@@ -65,12 +66,12 @@ def ways(strips: Sequence[NDArray[np.float64]]) -> rr.LineStrips3D:
     return rr.LineStrips3D([strip + 2 * ABOVE_GROUND for strip in strips], colors=CONFIRMED)
 
 
-def photo_sheet(victims: Victims) -> rr.EncodedImage:
+def photo_sheet(victims: Tracks) -> rr.EncodedImage:
     """The victims' photos with their display ids."""
     return sheet([(f"{_name(id)}  {v.confidence:.0%}", v.photo, _colour(id)) for id, v in _displayed(victims)])
 
 
-def _displayed(victims: Victims) -> list[tuple[str, Victim]]:
+def _displayed(victims: Tracks) -> list[tuple[str, Track]]:
     """The victims with their display ids, the confirmed ones first."""
     return confirmed_ids(victims) + unconfirmed_ids(victims)
 

@@ -2,6 +2,7 @@
 
 import json
 from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -41,10 +42,7 @@ def _named(situation: Situation) -> Iterator[tuple[Find, str]]:
 
 def _person(person: Person) -> Find:
     """A confirmed person as a find."""
-    victim = person.victim
-    times = [seen.time for seen in victim.sightings if np.isfinite(seen.time)]
-    first = min(times, default=np.nan)
-    return Find("victim", "", victim.position, victim.covariance, first, victim.confidence, victim.photo)
+    return replace(person.victim.find(), time_s=min(person.victim.times, default=np.nan))
 
 
 def write_finds(folder: Path, situation: Situation) -> None:

@@ -19,7 +19,7 @@ RUN = ("arena", "seed", "steps", "version", "sim_time_s", "wall_time_s", "real_t
 """Parts of report.json on what ran and how long it took; all others except the settings need the ground truth."""
 SETTINGS = "config"
 PLAIN_NAMES = {
-    Label.UNLABELLED: "seen in passing, not classified",
+    Label.UNLABELLED: "seen on the way, not classified",
     Label.INCLINED_RAMP: "slope",
     Label.STRAIGHT_RAMP: "raised deck",
     Label.TERRAIN: "ground",

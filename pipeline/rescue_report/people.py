@@ -33,7 +33,7 @@ def _person(person: Person, confirmed: bool) -> Row:
         "confidence": round(victim.confidence, 4),
         "keyframes": len(victim.cameras),
         "missed": victim.missed,
-        "times": plain(sorted(seen.time for seen in victim.sightings if np.isfinite(seen.time))),
+        "times": plain(victim.times),
         "photo": photo_name(person),
         "way": None
         if route is None

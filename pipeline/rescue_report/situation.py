@@ -17,10 +17,10 @@ from pipeline.rescue_report.trust import Trust, trust_in
 from pipeline.rescue_report.unseen import Unseen, find_unseen
 from pipeline.robot import RobotModel
 from pipeline.tracks.find import Find
+from pipeline.tracks.track import Track
 from pipeline.transforms import wrap_angle, yaw_of
 from pipeline.victims.certainty import ellipsoids
 from pipeline.victims.display_ids import confirmed_ids, unconfirmed_ids
-from pipeline.victims.victim_map import Victim
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,13 +29,13 @@ class Person:
 
     Attributes:
         display_id: a number if the person is confirmed, letters otherwise.
-        victim: the victim map's data on the person.
+        victim: the person's track.
         posture: the person's size.
         route: the way to the person; None if the robot cannot leave the entrance.
     """
 
     display_id: str
-    victim: Victim
+    victim: Track
     posture: Posture
     route: Route | None
 
@@ -75,7 +75,7 @@ class Situation:
         unseen: ground that was not seen.
         people: confirmed.
         sightings: people who are not confirmed.
-        finds: signs, codes and other things.
+        finds: signs, codes, objects and heat.
         searched: whether a detector looked for people.
         finished: whether no viewpoint was left that was worth a keyframe.
         left: viewpoints that would have shown more ground but were not worth the drive.
@@ -150,7 +150,7 @@ def situation_of(
         unseen=find_unseen(traversability, measured, paths.reachable, robot),
         people=[_person(*found, router) for found in confirmed_ids(mapper.victims)],
         sightings=[_person(*found, router) for found in unconfirmed_ids(mapper.victims)],
-        finds=mapper.finds.confirmed,
+        finds=mapper.finds.reported,
         searched=mapper.detector is not None,
         finished=finished,
         left=left,
@@ -158,5 +158,5 @@ def situation_of(
     )
 
 
-def _person(display_id: str, victim: Victim, router: Router) -> Person:
+def _person(display_id: str, victim: Track, router: Router) -> Person:
     return Person(display_id, victim, posture_of(victim.points), router.to(victim.points))

@@ -28,15 +28,15 @@ class Pinhole:
         """
         self._path = path
         if calibration is None and info is None:
-            raise InputError(f"{path}: holds no camera_info of the depth images; --intrinsics fx fy cx cy tells them")
+            raise InputError(f"{path}: holds no camera_info of the depth images; --intrinsics fx fy cx cy sets them")
         self._size = None if info is None or not info.width else (info.height, info.width)
         self._distortion: tuple[NDArray, NDArray] | None = None
         self._maps: tuple[NDArray, NDArray] | None = None
         K, d = (np.eye(3), np.zeros(0)) if info is None else _matrix_and_distortion(info)
         values = calibration or Calibration(K[0, 0], K[1, 1], K[0, 2], K[1, 2])
         if not np.isfinite(values).all() or min(values) <= 0:
-            told = " ".join(f"{value:g}" for value in values)
-            raise InputError(f"{path}: the camera's intrinsics make no sense: fx fy cx cy are {told}")
+            given = " ".join(f"{value:g}" for value in values)
+            raise InputError(f"{path}: the camera's intrinsics make no sense: fx fy cx cy are {given}")
         self._values = values
         if calibration is None and info is not None and d.any():
             if info.distortion_model not in MODELS:

@@ -132,7 +132,7 @@ class MapTopics:
         ways = [topology.way(a, b) for a, b in topology.graph.edges]
         edges = np.concatenate([np.zeros((0, 3)), *(np.repeat(way, 2, axis=0)[1:-1] for way in ways)])
         people = np.array([victim.position for victim in mapper.victims.confirmed]).reshape(-1, 3)
-        finds = np.array([find.position for find in mapper.finds.confirmed]).reshape(-1, 3)
+        finds = np.array([find.position for find in mapper.finds.reported]).reshape(-1, 3)
         drawn = [
             messages.marker(time, "nodes", "SPHERE_LIST", nodes, 0.15, "royalblue"),
             messages.marker(time, "edges", "LINE_LIST", edges, 0.03, "silver"),

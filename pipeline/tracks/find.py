@@ -10,22 +10,19 @@ KINDS = (VICTIM, "hazmat_sign", "qr_code", "april_tag", "fire_extinguisher", "do
 """What a rescue robot looks for, as report.json has it; heat is what victims that are alive give off."""
 FIND_KINDS = KINDS[1:]
 """All but victims, who have figures of their own."""
-CODES = ("qr_code", "april_tag")
-"""Kinds that are read rightly or not at all, for they carry check sums."""
-PRINTED = ("hazmat_sign", *CODES)
-"""Kinds of which the middle is where their outline's is; others have a shape."""
 SHAPED = ("fire_extinguisher", "door_lever")
-"""Kinds that are told by their shapes."""
+"""Kinds that are recognised by their shapes."""
 
 
 @dataclass(frozen=True, eq=False)
 class Reading:
-    """A thing in an image.
+    """An object in an image.
 
     Attributes:
-        kind: one of ``FIND_KINDS``.
+        kind: one of ``KINDS``.
         text: the class of a sign or what a code says; empty if it cannot be read, or says nothing.
-        corners: (N, 2) float32 of its outline, pixels from the image's upper left corner.
+        corners: (N, 2) float32 of its outline, pixels from the image's upper left corner; none of a person of an
+            earlier run.
         confidence: 0 to 1.
     """
 
@@ -49,10 +46,10 @@ class Reading:
 
 @dataclass(frozen=True, eq=False)
 class Find:
-    """A thing on the map, as it is reported.
+    """An object on the map, as it is reported.
 
     Attributes:
-        kind: one of ``FIND_KINDS``, or ``victim``.
+        kind: one of ``KINDS``.
         text: a class, or what a code says.
         position: (3,) float64 m in ``map``.
         covariance: (3, 3) float64 of the position, m².

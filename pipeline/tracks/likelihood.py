@@ -1,6 +1,6 @@
 """How much better the depth returns of a detection agree with what it claims to be than with background.
 
-One Bayes factor of extents, height, and the share of the box that they fill, for every kind of find. A thing shows
+One Bayes factor of extents, height, and the share of the box that they fill, for every kind of find. An object shows
 any part of each of its extents, which are log-normal; those of background have no scale: their logarithm is uniform.
 """
 
@@ -22,7 +22,7 @@ EXTENTS: dict[str, tuple[tuple[float, float, float], ...]] = {
     "fire_extinguisher": ((0.45, 0.16, 0.14),),
     "door_lever": ((0.22, 0.14, 0.06),),
 }
-"""m, medians of a thing's extents, the longest first, by kind.
+"""m, medians of an object's extents, the longest first, by kind.
 
 People who stand or lie: stature, shoulder breadth, chest depth; who sit: sitting height, half of it and a thigh
 before them, shoulder breadth (NASA-STD-3000, section 3.3); dolls and extinguishers: as the RoboCup Rescue arena
@@ -32,16 +32,16 @@ such check.
 SPREAD = log(1.5) / 2
 """Standard deviation of an extent's logarithm: 95 % lie within a factor of 1.5."""
 HIGHEST = 2.0
-"""m over the ground up to which people lie, stand and hang things; background is up to twice as high and long."""
+"""m over the ground up to which people lie and stand, and signs hang; background is up to twice as high and long."""
 
 
 @dataclass(frozen=True, eq=False)
 class Weighed:
-    """What the returns of a detection tell.
+    """How well the returns of a detection agree with what it claims to be.
 
     Attributes:
         log_ratio: natural logarithm of the Bayes factor against background; −∞ without returns.
-        belongs: (N,) bool, the returns that are the thing's own.
+        belongs: (N,) bool, the returns that are the object's own.
     """
 
     log_ratio: float
@@ -61,7 +61,7 @@ def weigh(
         kind: a key of EXTENTS.
         points: (N, 3) m in ``map``.
         ground: height of the ground, m in ``map``.
-        background: (N,) bool, returns that are known to be of something else, such as a wall.
+        background: (N,) bool, returns of something else, such as a wall.
         camera: (3,) position of the camera, m in ``map``, if all are returns in a box of its image.
     """
     free = np.ones(len(points), np.bool_) if background is None else ~background
@@ -71,7 +71,7 @@ def weigh(
         for part in _parts(points, free, extents[1] / 2):
             ratio = _of_shape(points[part], extents, ground) - log(len(EXTENTS[kind]))
             if in_box is not None:
-                # Both shares are uniform for background. That of the returns is triangular for a thing; that of the
+                # Both shares are uniform for background. That of the returns is triangular for an object; that of the
                 # area, which a box fits on four sides, is as the greatest of four uniform ones.
                 spanned = max(np.ptp(in_box[part], axis=0).prod(), 1 / len(points))
                 ratio += log(2 * part.mean()) + log(4) + 3 * log(spanned)
@@ -81,7 +81,7 @@ def weigh(
 
 
 def _of_shape(points: NDArray[np.floating], extents: tuple[float, float, float], ground: float) -> float:
-    """Log ratio by the extents and the height of a part of the points, for a thing of these extents."""
+    """Log ratio by the extents and the height of a part of the points, for an object of these extents."""
     seen = np.maximum(extents_of(points), THIN)
     # E[1/F; F > e] for a log-normal full extent F and a visible one e, over 1 / (e · log range) of the background.
     sizes = np.log(seen / extents) + SPREAD**2 / 2 + log(log(2 * HIGHEST / THIN))

@@ -1,14 +1,15 @@
 """Display ids of victims, the same in the report, the drawings and the log."""
 
-from pipeline.victims.victim_map import Victim, Victims
+from pipeline.tracks.track import Track
+from pipeline.tracks.tracks import Tracks
 
 
-def confirmed_ids(victims: Victims) -> list[tuple[str, Victim]]:
+def confirmed_ids(victims: Tracks) -> list[tuple[str, Track]]:
     """The confirmed victims with their ids: "1", "2", …"""
     return [(str(k), victim) for k, victim in enumerate(victims.confirmed, start=1)]
 
 
-def unconfirmed_ids(victims: Victims) -> list[tuple[str, Victim]]:
+def unconfirmed_ids(victims: Tracks) -> list[tuple[str, Track]]:
     """The victims that are to be observed again, with their ids: "A", "B", …"""
     return [(letters(k), victim) for k, victim in enumerate(victims.unconfirmed)]
 

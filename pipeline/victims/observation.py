@@ -1,4 +1,4 @@
-"""Turns a detection and its depth into the person's position in ``map``, or into the reason why it is no person."""
+"""Turns a detection and its depth into an observation of a person, or into the reason why it is no person."""
 
 from dataclasses import dataclass
 
@@ -6,32 +6,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frame import Frame
-from pipeline.tracks.find import VICTIM
+from pipeline.tracks.find import VICTIM, Reading, box_corners
 from pipeline.tracks.likelihood import extents_of, weigh
+from pipeline.tracks.pictures import photo_of
+from pipeline.tracks.track import Observation
 from pipeline.transforms import inverse, transform_points
 from pipeline.victims.detection.background import background_planes, near_plane
 from pipeline.victims.detection.detection import Detection
-
-SKIN_TO_MIDDLE = 0.08  # m, standard deviation due to the distance from the visible skin to the middle of the body
-
-
-@dataclass(frozen=True, eq=False)
-class PersonObservation:
-    """A person, seen in one frame.
-
-    Attributes:
-        detection: in the image.
-        points: (N, 3) float32 the person's visible points, m in ``map``.
-        position: (3,) float64 middle of the points.
-        covariance: (3, 3) float64 of the position, m².
-        camera: (3,) float64 position of the camera.
-    """
-
-    detection: Detection
-    points: NDArray[np.float32]
-    position: NDArray[np.float64]
-    covariance: NDArray[np.float64]
-    camera: NDArray[np.float64]
+from pipeline.victims.people import PEOPLE, PeoplePolicy, middle
 
 
 @dataclass(frozen=True)
@@ -42,13 +24,21 @@ class Refusal:
     reason: str
 
 
-def observe(frame: Frame, detection: Detection, T_map_camera: NDArray[np.float64]) -> PersonObservation | Refusal:
-    """Observe the person of a detection by the frame's depth, or refuse the detection.
+def observe(
+    frame: Frame,
+    detection: Detection,
+    T_map_camera: NDArray[np.float64],
+    keyframe: int = 0,
+    policy: PeoplePolicy = PEOPLE,
+) -> Observation | Refusal:
+    """Observe the person of a detection by the frame's depth, in ``map``, or refuse the detection.
 
     Args:
         frame: with its depth.
         detection: in its image.
         T_map_camera: 4×4 pose of ``camera_optical`` in ``map``.
+        keyframe: number of the frame's.
+        policy: how people are followed.
     """
     returns = frame.returns & _window(frame, detection)
     if not returns.any():
@@ -65,18 +55,17 @@ def observe(frame: Frame, detection: Detection, T_map_camera: NDArray[np.float64
         extents = " × ".join(f"{extent:.2f}" for extent in extents_of(person))
         return Refusal(detection, f"{extents} m: less like a person than like background")
     # The middle's standard deviation is half that of the points, because parts of the person may be hidden.
-    spread = np.cov(person.T.astype(np.float64)) / 2**2 + np.eye(3) * SKIN_TO_MIDDLE**2
-    return PersonObservation(detection, person, middle(person), spread, camera)
-
-
-def middle(points: NDArray[np.floating]) -> NDArray[np.float64]:
-    """(3,) middle, m, of a box around (N, 3) points without the outermost 2 % at each end of each axis."""
-    return np.percentile(points, [2, 98], axis=0).mean(axis=0)
-
-
-def size_of(points: NDArray[np.floating]) -> float:
-    """Diagonal, m, of the box of their extents, of (N, 3) points."""
-    return float(np.linalg.norm(extents_of(points)))
+    spread = np.cov(person.T.astype(np.float64)) / 2**2 + np.eye(3) * policy.skin_to_middle**2
+    return Observation(
+        reading=Reading(VICTIM, "", box_corners(detection.box), detection.confidence),
+        keyframe=keyframe,
+        position=middle(person),
+        information=np.linalg.inv(spread).astype(np.float64),
+        camera=camera,
+        points=person,
+        photo=photo_of(frame.rgb, detection.box, policy.photo_margin),
+        time=frame.time,
+    )
 
 
 def _window(frame: Frame, detection: Detection) -> NDArray[np.bool_]:

@@ -156,7 +156,7 @@ class EpisodeScore(Sink):
             | self._fiducials.report(list(known.poses[known.loaded :])),
             **({"victims": self._victims.report(self._confirmed)} if explorer.mapper.detector else {}),
             **(
-                {"finds": self._finds.report(explorer.mapper.finds.confirmed, self._has_thermal)}
+                {"finds": self._finds.report(explorer.mapper.finds.reported, self._has_thermal)}
                 if has_readers
                 else {}
             ),
@@ -172,7 +172,7 @@ class EpisodeScore(Sink):
     @property
     def find_errors(self) -> dict[str, list[float]]:
         """Position errors in m of the finds of each kind."""
-        return self._finds.errors(self._explorer.mapper.finds.confirmed)
+        return self._finds.errors(self._explorer.mapper.finds.reported)
 
     @property
     def _confirmed(self) -> NDArray[np.float64]:

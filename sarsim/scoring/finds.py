@@ -58,8 +58,8 @@ class FindScore:
         """Distances, m, of the finds of each kind from the things that they are matched with."""
         result = {}
         for kind in FIND_KINDS:
-            things, told = of_kind(self._things, kind), [find for find in finds if find.kind == kind]
-            result[kind] = _distances(things, told, matched(things, told))
+            things, reported = of_kind(self._things, kind), [find for find in finds if find.kind == kind]
+            result[kind] = _distances(things, reported, matched(things, reported))
         return result
 
     def _is_other(self, find: Find) -> bool:
@@ -73,7 +73,7 @@ def _distances(things: Sequence[Thing], finds: Sequence[Find], pairs: Sequence[t
 def matched(things: Sequence[Thing], finds: Sequence[Find]) -> list[tuple[int, int]]:
     """Pairs of numbers of a thing and of the find that is matched with it: as many as possible, texts right first."""
     true = np.array([thing.centre for thing in things]).reshape(-1, 3)
-    told = np.array([find.position for find in finds]).reshape(-1, 3)
-    distance = np.linalg.norm(true[:, None] - told, axis=2)
+    reported = np.array([find.position for find in finds]).reshape(-1, 3)
+    distance = np.linalg.norm(true[:, None] - reported, axis=2)
     misread = np.array([[t.text != f.text for f in finds] for t in things]).reshape(distance.shape)
     return pairs_of_least(np.where(distance <= NEAR, distance + NEAR * misread, np.inf))

@@ -77,7 +77,7 @@ class Achievements(Sink):
     def _found(self) -> dict[str, dict[str, Any]]:
         mapper = self._explorer.mapper
         positions = np.array([victim.position for victim in mapper.victims.confirmed]).reshape(-1, 3)
-        things = self._finds.report(mapper.finds.confirmed, self._has_thermal)
+        things = self._finds.report(mapper.finds.reported, self._has_thermal)
         found = {"victims": self._victims.report(positions), **{f"finds.{kind}": all for kind, all in things.items()}}
         if mapper.detector:
             return found

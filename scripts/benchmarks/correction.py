@@ -133,7 +133,7 @@ def _bytes(mapper: Mapper) -> int:
         kept_bytes(mapper.keyframes)
         + sum(
             array.nbytes
-            for part in (*mapper.segments.members, *(s for v in mapper.victims.all for s in v.sightings))
+            for part in (*mapper.segments.members, *(s for v in mapper.victims.all for s in v.seen))
             for array in vars(part).values()
             if isinstance(array, np.ndarray)
         )

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pipeline.errors import InputError
-from pipeline.finds.find_map import TrackedFind
+from pipeline.finds.objects import QR_CODE, shown
 from pipeline.keyframes import Places
 from pipeline.labels import Label
 from pipeline.localisation.odometry import OdometryLocalisation
@@ -16,10 +16,9 @@ from pipeline.map_file import LAYOUT, MANY, load_elevation_map, load_keyframes, 
 from pipeline.mapper import Mapper
 from pipeline.semantic_map.classifier import TruthClassifier
 from pipeline.tracks.find import Reading, box_corners
-from pipeline.tracks.observation import FindSighting
+from pipeline.tracks.track import Observation, Track
 from pipeline.transforms import from_yaw
-from pipeline.victims.person_voxels import PersonVoxels
-from pipeline.victims.victim_map import Sighting, Victim
+from pipeline.victims.people import PEOPLE
 from tests.pipeline.polygon_scene import floor, look, pose, wall, wedge
 from tests.pipeline.robot_model import PIONEER
 
@@ -43,16 +42,24 @@ def mapper() -> Mapper:
     mapper.add_drive(np.array([(0.1, 0.0, 0.2)]), np.full((9, 3), 0.5, np.float32), [np.array([(0.3, 0.2, 0.3)])])
     points = np.random.default_rng(0).uniform(1, 1.5, (50, 3)).astype(np.float32)
     poses = mapper.keyframes.poses
-    seen = [Sighting(k, points + np.float32(0.01 * k), 100 * np.eye(3), np.full(3, 0.5 * k)) for k in (0, 2)]
     photo = np.arange(60, dtype=np.uint8).reshape(4, 5, 3)
+    seen = [
+        Observation(
+            Reading("victim", "", box_corners((1, 2, 3, 4)), sure),
+            k,
+            points[0],
+            100 * np.eye(3),
+            np.full(3, 0.5 * k),
+            points[k:] + np.float32(0.01 * k),
+            photo[: 4 * k],
+        )
+        for k, sure in ((0, 0.7), (2, 0.8))
+    ]
     tried = [Places.anchored(np.ones((1, 3)), poses)]
-    victim = Victim(
-        PersonVoxels.of(points), np.eye(3), [], [0.8, 0.7], photo, 9.5, missed=1, tried=tried, sightings=seen
-    )
-    mapper.victims.all = [victim]
+    mapper.victims.all = [Track(PEOPLE, seen, list(seen), missed=1, tried=tried)]
     reading = Reading("qr_code", "Ausgang \N{RIGHTWARDS ARROW}", box_corners((1, 2, 3, 4)), 0.9)
-    sighting = FindSighting(reading, 2, np.ones(3), 9 * np.eye(3), np.zeros(3), True, 1.0, photo, points[:7])
-    mapper.finds.all = [TrackedFind("qr_code", [sighting], [], missed=1, tried=tried)]
+    code = Observation(reading, 2, np.ones(3), 9 * np.eye(3), np.zeros(3), points[:7], photo, 1.0)
+    mapper.finds.all = [Track(QR_CODE, [code], [code], missed=1, tried=list(tried))]
     mapper.correct(poses @ from_yaw(0.02, 0, 0, 0.01))
     mapper.localisation.graph.poses = mapper.keyframes.poses
     mapper.localisation.local_map.place(mapper.keyframes.poses)
@@ -84,15 +91,16 @@ def test_a_loaded_map_is_the_one_that_was_saved(mapper, file):
     np.testing.assert_allclose(loaded.localisation.points(), mapper.localisation.points(), atol=1e-3)
     (before,), (victim,) = mapper.victims.all, loaded.victims.all
     np.testing.assert_allclose(victim.position, before.position, atol=1e-3)
-    np.testing.assert_allclose(victim.information, before.information)
+    np.testing.assert_allclose(victim.covariance, before.covariance)
     np.testing.assert_array_equal(victim.photo, before.photo)
-    assert (victim.confidences, victim.missed, victim.photo_shows) == ([0.8, 0.7], 1, 9.5)
-    (thing,), (find,) = mapper.finds.all, loaded.finds.all
-    assert (find.kind, find.text, find.missed, len(find.tried)) == ("qr_code", thing.text, 1, 1)
-    np.testing.assert_allclose(find.position, thing.position, atol=1e-3)
+    assert victim.photo.size
+    assert ([seen.reading.confidence for seen in victim.seen], victim.missed) == ([0.7, 0.8], 1)
+    (code,), (find,) = mapper.finds.all, loaded.finds.all
+    assert (find.policy.kind, find.text, find.missed, len(find.tried)) == ("qr_code", code.text, 1, 1)
+    np.testing.assert_allclose(find.position, code.position, atol=1e-3)
     np.testing.assert_allclose(find.covariance, np.eye(3) / 9, atol=1e-9)
-    np.testing.assert_array_equal(find.find().photo, thing.find().photo)
-    np.testing.assert_allclose(find.points_shown, thing.points_shown, atol=1e-3)
+    np.testing.assert_array_equal(find.find().photo, code.find().photo)
+    np.testing.assert_allclose(shown(find), shown(code), atol=1e-3)
     np.testing.assert_allclose(victim.tried_at, before.tried_at)
     np.testing.assert_allclose(victim.cameras[1], before.cameras[1])
 

@@ -276,19 +276,19 @@ class ReadersOfOneSign:
         return [Reading("hazmat_sign", "poison", box_corners((u - 9, v - 9, u + 9, v + 9)), 0.9)]
 
 
-def test_what_keyframes_in_passing_show_is_on_the_map_from_the_next_one_on():
+def test_what_keyframes_on_the_way_show_is_on_the_map_from_the_next_one_on():
     readers = ReadersOfOneSign()
     mapper = Mapper(PIONEER, TruthClassifier(), localisation=OdometryLocalisation(), readers=readers)
     mapper.assume_ground(POSES[0])
-    known = []
+    shown = []
     for frame, T in zip(FRAMES[:4], POSES[:4], strict=True):
         mapper.add(frame, T, labelled=frame is FRAMES[3])
-        known.append(sorted(sighting.keyframe for thing in mapper.finds.all for sighting in thing.seen))
-    assert known == [[], [0], [0, 1], [0, 1, 2, 3]]
+        shown.append(sorted(sighting.keyframe for track in mapper.finds.all for sighting in track.seen))
+    assert shown == [[], [0], [0, 1], [0, 1, 2, 3]]
     assert readers.asked == FRAMES[:4]
     mapper.add(FRAMES[4], POSES[4], labelled=False)
     mapper.settle()  # the last keyframe of a run that is cut off counts too
-    assert sorted(sighting.keyframe for thing in mapper.finds.all for sighting in thing.seen) == [0, 1, 2, 3, 4]
+    assert sorted(sighting.keyframe for track in mapper.finds.all for sighting in track.seen) == [0, 1, 2, 3, 4]
 
 
 class Ramps:

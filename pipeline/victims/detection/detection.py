@@ -11,7 +11,7 @@ from pipeline.tracks.find import VICTIM
 
 @dataclass(frozen=True)
 class Detection:
-    """A thing in an image.
+    """An object in an image.
 
     Attributes:
         box: x0, y0, x1, y1 in pixels, from the image's upper left corner.

@@ -9,7 +9,6 @@ from pipeline.elevation_map.config import ElevationConfig
 from pipeline.exploration.inspection import Inspection
 from pipeline.exploration.viewpoint import Context
 from pipeline.exploration.walls import WallPieces
-from pipeline.finds.find_map import READABLE
 from pipeline.keyframes import Seen
 from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.mapper import Mapper
@@ -23,6 +22,7 @@ T_BASE_CAMERA = pose(0.1, 0, 0.65, 0, 0.1)
 CORNERS = [(-2, -2), (2, -2), (2, 2), (-2, 2)]
 ROOM = [floor(-2, 2, -2, 2), *(wall(b, a) for a, b in zip(CORNERS, CORNERS[1:] + CORNERS[:1], strict=True))]
 MOST_LOOKS = 40
+READABLE = 60  # px
 
 
 def frame_at(T):

@@ -16,7 +16,7 @@ SIGN = Reading("hazmat_sign", "poison", box_corners((0, 0, 20, 20)), 0.9)
 
 
 class SlowReaders:
-    """Wait until they are told to go on."""
+    """Wait until they may go on."""
 
     def __init__(self) -> None:
         self.go_on, self.thread = Event(), 0

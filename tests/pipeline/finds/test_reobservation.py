@@ -5,18 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.finds import reobservation as module
-from pipeline.finds.reobservation import REWARD, Reobservation, half_view
+from pipeline.finds.reobservation import Reobservation, ReobservationConfig, half_view
 from pipeline.keyframes import Keyframes
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.sensor import XTION
 from pipeline.transforms import from_yaw
-from pipeline.victims.person_voxels import PersonVoxels
 from pipeline.victims.victim_map import Victims
 from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.victims.rooms import INTRINSICS, Ball, camera_at, detection_of, step
 
 PERSON: Ball = (2.0, 0.0, 0.2, 0.25)
+CONFIG = ReobservationConfig()
 BEARINGS = np.arange(36) * np.deg2rad(10)
 
 
@@ -34,11 +33,13 @@ def mapped_room() -> MetricMap:
     return metric_map
 
 
-def seen_once(metric_map: MetricMap, keyframes: Keyframes | None = None) -> tuple[Victims, Reobservation]:
+def seen_once(
+    metric_map: MetricMap, keyframes: Keyframes | None = None, config: ReobservationConfig = CONFIG
+) -> tuple[Victims, Reobservation]:
     victims, T = Victims(), camera_at(0, 0)
     frame = step(T, [PERSON])
     victims.update(frame, [detection_of(T, PERSON)], T)
-    result = Reobservation([victims], metric_map, one_keyframe() if keyframes is None else keyframes)
+    result = Reobservation([victims], metric_map, one_keyframe() if keyframes is None else keyframes, config)
     result.count(frame)
     return victims, result
 
@@ -60,9 +61,9 @@ def bearing_to_person(x: float, y: float) -> np.ndarray:
 def test_an_unconfirmed_victim_is_worth_a_viewpoint_on_another_side(reobservation):
     gains = reobservation.gains(np.vstack([place(0.6, 1.1), place(0.0, 0.2), place(0.0, 0.5)]), BEARINGS)
     from_the_side, from_where_it_was_seen, from_near_there = gains.max(axis=1)
-    assert from_the_side == pytest.approx(REWARD)
+    assert from_the_side == pytest.approx(1)
     assert from_where_it_was_seen == 0
-    assert 0 < from_near_there < 0.6 * REWARD
+    assert 0 < from_near_there < 0.6
 
 
 def test_only_viewpoints_towards_it_count(reobservation):
@@ -106,7 +107,7 @@ def test_a_victims_own_feet_do_not_hide_it():
     feet = np.array(PERSON[:3]) + 0.4 * towards  # further before its middle than the margin
     add_ball(metric_map, (*map(float, feet), 0.15))
     assert reobservation.gains(place(x, y), bearing_to_person(x, y)) == 0  # they may belong to another object
-    victim.voxels = PersonVoxels.joined([victim.voxels, PersonVoxels.of(feet[None].astype(np.float32))])
+    victim.where = replace(victim.where, points=np.vstack([victim.points, feet[None]]).astype(np.float32))
     assert reobservation.gains(place(x, y), bearing_to_person(x, y)) > 0
 
 
@@ -121,8 +122,8 @@ def test_after_a_try_in_vain_another_side_is_taken(reobservation):
     assert (found_side, other_side) == pytest.approx(before[1:])
 
 
-def test_after_some_tries_in_vain_it_is_given_up(reobservation, monkeypatch):
-    monkeypatch.setattr(module, "MAX_TRIES", 2)
+def test_after_some_tries_in_vain_it_is_given_up():
+    _, reobservation = seen_once(mapped_room(), config=ReobservationConfig(most_tries=2))
     frame = step(camera_at(0, 0), [PERSON])
     for tries, (x, y) in enumerate([(0.6, 1.0), (0.6, -1.0)]):
         heading = float(bearing_to_person(x, y)[0])

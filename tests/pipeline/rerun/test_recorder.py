@@ -19,7 +19,6 @@ from pipeline.mapper import Mapper
 from pipeline.rerun.recorder import Recorder
 from pipeline.semantic_map.classifier import TruthClassifier
 from pipeline.transforms import from_yaw, wrap_angle
-from pipeline.victims.victim_map import Sighting
 from tests.pipeline.rescue_report.people import block, victim
 from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.still_robot import WALL, StillRobot
@@ -263,7 +262,6 @@ def corrected(tmp_path_factory):
     for index in range(STEPS):
         if index == 1:
             person = victim(block((1.6, 0.3, 0.2), (0.3, 0.4, 0.5)))
-            person.sightings = [Sighting(0, person.points, person.information, c) for c in person.cameras]
             explorer.mapper.victims.all = [person]
         if index == 2:
             be_elsewhere(explorer, pose(0.2))

@@ -1,5 +1,7 @@
 """Victims in the recording, read back from the file."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -70,7 +72,7 @@ def test_the_ellipsoid_holds_95_percent(rows):
 def test_ellipsoids_turn_as_their_covariance_does():
     person = victim(block((1, 0, 0), (0.3, 0.3, 0.3)))
     axis = np.array([1, 1, 0]) / np.sqrt(2)
-    person.information = np.linalg.inv(0.01 * np.eye(3) + 0.08 * np.outer(axis, axis))
+    person.where = replace(person.where, covariance=0.01 * np.eye(3) + 0.08 * np.outer(axis, axis))
     drawn = victim_drawings.certainty(victims(person))
     longest = np.array(drawn.half_sizes.as_arrow_array().to_pylist())[0]
     x, y, z, w = drawn.quaternions.as_arrow_array().to_pylist()[0]

@@ -7,9 +7,12 @@ from pipeline.explorer import Explorer
 from pipeline.mapper import Mapper
 from pipeline.rescue_report.situation import Situation, situation_of
 from pipeline.semantic_map.classifier import TruthClassifier
+from pipeline.tracks.find import Reading, box_corners
+from pipeline.tracks.track import Observation, Track
 from pipeline.victims.detection.detection import Detection
+from pipeline.victims.people import PEOPLE
 from pipeline.victims.person_voxels import PersonVoxels
-from pipeline.victims.victim_map import Victim, Victims
+from pipeline.victims.victim_map import Victims
 from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.still_robot import HEIGHT, StillRobot
 
@@ -32,14 +35,18 @@ def block(
     return (np.column_stack([c * x - s * y, s * x + c * y, z]) + middle).astype(np.float32)
 
 
-def victim(points: NDArray[np.float32], cameras: int = 2) -> Victim:
+def victim(points: NDArray[np.float32], cameras: int = 2) -> Track:
     """A person seen from ``cameras`` places, one metre apart, with a standard deviation of 0.1 m."""
     photo = np.full((40, 30, 3), (200, 30, 30), np.uint8)
+    reading, information = Reading("victim", "", box_corners((0, 0, 30, 40)), 0.9), np.eye(3) * 100
     places = [np.array([0.0, float(k), 0.6]) for k in range(cameras)]
-    return Victim(PersonVoxels.of(points), np.eye(3) * 100, places, [0.9] * cameras, photo)
+    seen = [Observation(reading, 0, points[0], information, place, points, photo) for place in places]
+    track = Track(PEOPLE, seen, list(seen))
+    track.where = PEOPLE.body(PersonVoxels.of(points, 0.03), information, frozenset([0]))
+    return track
 
 
-def victims(*everyone: Victim) -> Victims:
+def victims(*everyone: Track) -> Victims:
     """A victim map of these victims."""
     result = Victims()
     result.all = list(everyone)

@@ -184,7 +184,7 @@ def test_the_legend_names_what_is_on_the_map_alone(root: Tag) -> None:
 
 def test_ground_that_was_seen_without_a_class_has_a_name() -> None:
     situation = before_a_wall(None)
-    unnamed = "seen in passing, not classified"
+    unnamed = "seen on the way, not classified"
     assert unnamed not in "".join(texts(read(page(situation, {"arena": "a"})), "ul", "legend"))
     few = replace(situation, points=situation.points[:9], labels=situation.labels[:9])
     assert unnamed in "".join(texts(read(page(few, {"arena": "a"})), "ul", "legend"))

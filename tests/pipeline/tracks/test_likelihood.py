@@ -1,4 +1,4 @@
-"""What the depth returns of a detection tell about what it claims to be."""
+"""How well the depth returns of a detection agree with what it claims to be."""
 
 import numpy as np
 import pytest

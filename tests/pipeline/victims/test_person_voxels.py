@@ -4,12 +4,14 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.victims.person_voxels import AGREED, VOXEL, PersonVoxels
+from pipeline.victims.person_voxels import PersonVoxels
+
+VOXEL = 0.03  # m
 
 
 def at(*voxels: tuple[int, int, int]) -> PersonVoxels:
     """An observation of points in the middle of these voxels."""
-    return PersonVoxels.of(((np.array(voxels) + 0.5) * VOXEL).astype(np.float32))
+    return PersonVoxels.of(((np.array(voxels) + 0.5) * VOXEL).astype(np.float32), VOXEL)
 
 
 def cells(points: np.ndarray) -> set[tuple[int, ...]]:
@@ -18,7 +20,7 @@ def cells(points: np.ndarray) -> set[tuple[int, ...]]:
 
 def test_one_point_is_kept_of_a_voxel() -> None:
     points = np.array([(0.001, 0, 0), (0.002, 0, 0), (VOXEL + 0.001, 0, 0)], np.float32)
-    voxels = PersonVoxels.of(points)
+    voxels = PersonVoxels.of(points, VOXEL)
     np.testing.assert_array_equal(voxels.seen, points[[0, 2]])
     assert voxels.shown.tolist() == [1, 1]
 
@@ -26,8 +28,8 @@ def test_one_point_is_kept_of_a_voxel() -> None:
 def test_what_few_frames_show_is_not_of_the_person() -> None:
     body, wall = (0, 0, 0), (9, 0, 0)
     voxels = PersonVoxels.joined([at(body), at(body, wall)])
-    assert cells(voxels.agreed(round(1 / AGREED))) == {body, wall}
-    assert cells(voxels.agreed(round(1 / AGREED) + 1)) == {body}
+    assert cells(voxels.agreed(1.0)) == {body, wall}
+    assert cells(voxels.agreed(1.2)) == {body}
 
 
 def test_what_never_agrees_is_kept_whole() -> None:

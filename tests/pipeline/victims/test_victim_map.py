@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 
 from pipeline.keyframes import Places
+from pipeline.tracks.track import Confirmation, Observation
 from pipeline.transforms import from_rotation
-from pipeline.victims import victim_map
 from pipeline.victims.detection.detection import Detection
-from pipeline.victims.observation import PersonObservation, Refusal, observe
+from pipeline.victims.observation import Refusal, observe
+from pipeline.victims.people import PeoplePolicy
 from pipeline.victims.victim_map import Victims
-from tests.pipeline.victims.constants import constants
 from tests.pipeline.victims.rooms import Ball, camera_at, detection_of, step
 
 PERSON: Ball = (2.0, 0.0, 0.2, 0.25)
@@ -31,7 +31,7 @@ def walk(victims: Victims, places: list[tuple[float, float]], balls: list[Ball],
 
 def look(victims: Victims, place: tuple[float, float], balls: list[Ball], found: list[Detection]) -> None:
     """Look from a place, in a keyframe of its own."""
-    known = {seen.keyframe for victim in victims.all for seen in victim.sightings}
+    known = {seen.keyframe for victim in victims.all for seen in victim.seen}
     T = camera_at(*place)
     victims.update(step(T, balls), found, T, max(known, default=-1) + 1)
 
@@ -39,11 +39,11 @@ def look(victims: Victims, place: tuple[float, float], balls: list[Ball], found:
 def test_a_person_is_where_it_is() -> None:
     T = camera_at(0, 0)
     result = observe(step(T, [PERSON]), detection_of(T, PERSON), T)
-    assert isinstance(result, PersonObservation)
+    assert isinstance(result, Observation)
     assert result.position == pytest.approx(PERSON[:3], abs=0.16)  # the front of it
     np.testing.assert_allclose(np.linalg.norm(result.points - PERSON[:3], axis=1), 0.25, atol=0.01)
     deviation = result.position - PERSON[:3]
-    assert deviation @ np.linalg.solve(result.covariance, deviation) < 11.34
+    assert deviation @ result.information @ deviation < 11.34
     assert result.camera.tolist() == [0, 0, 0.6]
 
 
@@ -52,10 +52,10 @@ def test_the_map_may_lie_anywhere() -> None:
     moved = T.copy()
     moved[:3, 3] += [5, -3, 1]
     here, there = (observe(step(T, [PERSON]), detection_of(T, PERSON), pose) for pose in (T, moved))
-    assert isinstance(here, PersonObservation)
-    assert isinstance(there, PersonObservation)
+    assert isinstance(here, Observation)
+    assert isinstance(there, Observation)
     np.testing.assert_allclose(there.position - here.position, [5, -3, 1], atol=1e-5)
-    np.testing.assert_allclose(there.covariance, here.covariance, atol=1e-6)
+    np.testing.assert_allclose(np.linalg.inv(there.information), np.linalg.inv(here.information), atol=1e-6)
 
 
 def test_what_is_no_person_is_refused() -> None:
@@ -73,9 +73,8 @@ def test_what_covers_a_corner_of_its_box_is_not_what_was_detected() -> None:
 
 def test_what_together_is_no_person_is_not_confirmed() -> None:
     row = [(2.2, y, 0.4, 0.4) for y in (-1.2, -0.6, 0.0, 0.6, 1.2)]
-    victims = Victims()
-    with constants(victim_map, chi2_gate=lambda dimensions: 1e6):  # all of it is taken for one person
-        walk(victims, [(0, 0), (0, 0.4)], row, row)
+    victims = Victims(PeoplePolicy(gate=1e6))  # all of it is taken for one person
+    walk(victims, [(0, 0), (0, 0.4)], row, row)
     assert len(victims.all) == 1
     assert victims.confirmed == []
 
@@ -103,14 +102,19 @@ def test_two_frames_from_different_places_confirm() -> None:
     walk(victims, [(0.1, 0.4)], [PERSON, OTHER], [PERSON])
     (victim,) = victims.confirmed
     assert victim.position == pytest.approx(PERSON[:3], abs=0.15)
-    assert victim.apart == pytest.approx(np.hypot(0.1, 0.4))
+    assert victim.baseline == pytest.approx(np.hypot(0.1, 0.4))
     assert victim.confidence == pytest.approx(0.9)
     assert np.sqrt(np.diag(victim.covariance)).max() < 0.2
 
 
-def victims_of(confidences: tuple[float, ...]) -> Victims:
+SMALL = PeoplePolicy(
+    confirmation=Confirmation(evidence=0.75, whole=0.3, evidence_of_part=1.2, misses=1.0, baseline=0.3)
+)
+
+
+def victims_of(confidences: tuple[float, ...], policy: PeoplePolicy) -> Victims:
     """After detections of one person from different places."""
-    victims = Victims()
+    victims = Victims(policy)
     for k, confidence in enumerate(confidences):
         T = camera_at(0, 0.5 * k)
         victims.update(step(T, [PERSON]), [detection_of(T, PERSON, confidence)], T)
@@ -118,23 +122,21 @@ def victims_of(confidences: tuple[float, ...]) -> Victims:
 
 
 @pytest.mark.parametrize("confidences", [(0.3, 0.9), (0.9, 0.3), (0.5, 0.5), (0.4, 0.4, 0.4)])
-def test_many_uncertain_detections_tell_as_much_as_few_sure_ones(confidences: tuple[float, ...]) -> None:
-    with constants(victim_map, WHOLE=0.3):
-        (victim,) = victims_of(confidences).confirmed
+def test_many_uncertain_detections_are_as_much_evidence_as_few_sure_ones(confidences: tuple[float, ...]) -> None:
+    (victim,) = victims_of(confidences, SMALL).confirmed
     assert victim.confidence == pytest.approx(np.mean(confidences))
 
 
 def test_little_evidence_is_worth_observing_again_and_less_is_not() -> None:
     for confidences, worth in (((0.3,), 0), ((0.3, 0.4), 1), ((0.6,), 1)):
-        with constants(victim_map, WHOLE=0.3):
-            victims = victims_of(confidences)
-            assert victims.confirmed == []
-            assert len(victims.unconfirmed) == worth
+        victims = victims_of(confidences, SMALL)
+        assert victims.confirmed == []
+        assert len(victims.unconfirmed) == worth
 
 
 def test_what_is_small_takes_more_evidence() -> None:
     for confidences, is_enough in (((0.6, 0.5), False), ((0.6, 0.7), True), ((0.4, 0.4, 0.5), True)):
-        victims = victims_of(confidences)
+        victims = victims_of(confidences, PeoplePolicy())
         assert len(victims.confirmed) == is_enough
         assert len(victims.unconfirmed) == (not is_enough)
 
@@ -166,7 +168,7 @@ def test_a_victim_hidden_or_out_of_sight_is_not_missed() -> None:
     assert victims.all[0].missed == 0
 
 
-def test_refusals_are_told() -> None:
+def test_refusals_have_reasons() -> None:
     victims = Victims()
     T = camera_at(0, 0)
     victims.update(step(T), [Detection((70, 30, 100, 70), 0.9)], T)
@@ -202,14 +204,13 @@ LEGS: Ball = (2.0, -0.8, 0.2, 0.25)
 
 
 def test_a_person_seen_in_parts_is_one_person() -> None:
-    victims = Victims()
-    with constants(victim_map, chi2_gate=lambda dimensions: 1e-6):  # only contact can join the parts
-        walk(victims, [(0, 0)], [PERSON, LEGS], [PERSON])
-        walk(victims, [(0, 0.1)], [PERSON, LEGS], [LEGS])
-        assert len(victims.all) == 2
-        x, y, z, r = PERSON
-        both = detection_of(camera_at(0.1, 0.4), (x, y - 0.4, z, r + 0.4))
-        look(victims, (0.1, 0.4), [PERSON, LEGS], [both])
+    victims = Victims(PeoplePolicy(gate=1e-6))  # only contact can join the parts
+    walk(victims, [(0, 0)], [PERSON, LEGS], [PERSON])
+    walk(victims, [(0, 0.1)], [PERSON, LEGS], [LEGS])
+    assert len(victims.all) == 2
+    x, y, z, r = PERSON
+    both = detection_of(camera_at(0.1, 0.4), (x, y - 0.4, z, r + 0.4))
+    look(victims, (0.1, 0.4), [PERSON, LEGS], [both])
     (victim,) = victims.all
     assert len(victim.cameras) == 3
     assert victim.position == pytest.approx((x, y - 0.4, z), abs=0.16)
@@ -220,19 +221,17 @@ NEXT: Ball = (2.0, -0.6, 0.2, 0.25)
 
 def test_two_whom_different_frames_show_are_one_if_they_touch() -> None:
     for touch, people in ((0.15, 1), (0.05, 2)):
-        victims = Victims()
-        with constants(victim_map, chi2_gate=lambda dimensions: 1e-6, TOUCH=touch):
-            walk(victims, [(0, 0)], [PERSON], [PERSON])
-            walk(victims, [(0, 0.4)], [NEXT], [NEXT])
+        victims = Victims(PeoplePolicy(gate=1e-6, touch=touch))
+        walk(victims, [(0, 0)], [PERSON], [PERSON])
+        walk(victims, [(0, 0.4)], [NEXT], [NEXT])
         assert len(victims.all) == people
 
 
 def test_two_whom_one_frame_shows_apart_are_two_though_they_touch_later() -> None:
-    victims, near = Victims(), (2.0, -0.4, 0.2, 0.25)
-    with constants(victim_map, chi2_gate=lambda dimensions: 1e6):
-        walk(victims, [(0, 0)], [PERSON, LEGS], [PERSON, LEGS])
-        assert len(victims.all) == 2
-        walk(victims, [(0, 0.4)], [PERSON, near], [near])
+    victims, near = Victims(PeoplePolicy(gate=1e6)), (2.0, -0.4, 0.2, 0.25)
+    walk(victims, [(0, 0)], [PERSON, LEGS], [PERSON, LEGS])
+    assert len(victims.all) == 2
+    walk(victims, [(0, 0.4)], [PERSON, near], [near])
     assert len(victims.all) == 2
 
 
@@ -249,7 +248,7 @@ def test_the_wall_behind_a_person_that_fills_the_image_is_not_the_person() -> No
     T = camera_at(2.7, 0)
     near: Ball = (3.7, 0.0, 0.6, 0.28)
     result = observe(step(T, [near]), Detection((4, 2, 156, 118), 0.9), T)
-    assert isinstance(result, PersonObservation)
+    assert isinstance(result, Observation)
     np.testing.assert_allclose(np.linalg.norm(result.points - near[:3], axis=1), 0.28, atol=0.02)
 
 
@@ -257,7 +256,7 @@ def test_of_what_stands_one_behind_the_other_the_nearest_is_the_person() -> None
     T = camera_at(0, 0)
     behind: Ball = (3.0, 0.0, 0.3, 0.3)
     result = observe(step(T, [PERSON, behind]), detection_of(T, (2.0, 0.0, 0.3, 0.4)), T)
-    assert isinstance(result, PersonObservation)
+    assert isinstance(result, Observation)
     assert result.points[:, 0].max() < 2.1
 
 
@@ -276,7 +275,7 @@ def test_victims_follow_the_keyframes_that_showed_them() -> None:
     np.testing.assert_allclose(new.covariance, old.covariance, atol=1e-4)
     np.testing.assert_allclose(np.array(new.cameras) - old.cameras, np.tile((2, -1, 0.1), (3, 1)), atol=1e-9)
     np.testing.assert_allclose(new.tried_at, [(3, -1, 0.1)], atol=1e-9)
-    assert (new.confidences, new.missed) == (old.confidences, old.missed)
+    assert (new.confidence, new.missed) == (old.confidence, old.missed)
 
 
 def test_a_person_that_drift_has_doubled_is_one_after_the_correction() -> None:

@@ -35,16 +35,16 @@ def test_a_find_is_matched_with_the_thing_whose_text_it_has_even_if_another_is_n
 
 
 def test_what_is_far_from_any_thing_of_its_kind_is_a_false_alarm(score):
-    told = [
+    reported = [
         find("hazmat_sign", "poison", 0.0, 3.0),
         find("april_tag", "8", 0.0, 3.0),
         find("april_tag", "7", -2, 0.1),
     ]
-    figures = score.report(told, False)
+    figures = score.report(reported, False)
     assert figures["hazmat_sign"]["false_alarms"] == 1 and figures["hazmat_sign"]["found"] == 0
     tags = figures["april_tag"]
     assert (tags["found"], tags["read"], tags["false_alarms"]) == (1, 0, 0)  # the last is a fiducial's
-    assert score.errors(told)["april_tag"] == pytest.approx([0.0])
+    assert score.errors(reported)["april_tag"] == pytest.approx([0.0])
 
 
 def test_heat_is_scored_with_a_thermal_camera_alone(score):

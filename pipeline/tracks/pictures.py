@@ -1,4 +1,4 @@
-"""Images as the readers of finds take them: three channels, and not too large."""
+"""Images as the readers of finds take them, three channels and not too large, and parts of them to show."""
 
 import cv2
 import numpy as np
@@ -29,3 +29,11 @@ def bounded(rgb: NDArray[np.uint8]) -> tuple[NDArray[np.uint8], float]:
         return image, scale
     size = tuple(max(1, round(scale * n)) for n in rgb.shape[1::-1])
     return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8), scale
+
+
+def photo_of(rgb: NDArray[np.uint8], box: tuple[float, float, float, float], margin: float) -> NDArray[np.uint8]:
+    """A copy of an image (H, W, 3) within a box, pixels, and a margin around it, a share of its longer side."""
+    x0, y0, x1, y1 = box
+    more = margin * max(x1 - x0, y1 - y0)
+    rows = slice(max(0, int(y0 - more)), int(np.ceil(y1 + more)))
+    return rgb[rows, max(0, int(x0 - more)) : int(np.ceil(x1 + more))].copy()

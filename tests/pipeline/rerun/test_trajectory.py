@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 from pipeline.localisation.odometry import OdometryLocalisation
-from pipeline.rerun.track import GRAIN, EstimatedTrack, Track
+from pipeline.rerun.trajectory import GRAIN, CorrectedTrajectory, DrawnTrajectory
 from pipeline.transforms import from_yaw
 
 
 def test_a_track_keeps_the_whole_distance_and_few_points():
-    track = Track()
+    track = DrawnTrajectory()
     kept = [track.add(np.array([0.01 * k, 0, 0])) for k in range(101)]
     assert track.distance == pytest.approx(1.0)
     gaps = np.linalg.norm(np.diff(track.positions, axis=0), axis=1)
@@ -23,7 +23,7 @@ def pose(x=0.0, y=0.0, yaw=0.0):
 
 
 def test_each_point_follows_the_keyframe_before_it():
-    localisation, track = OdometryLocalisation(), EstimatedTrack()
+    localisation, track = OdometryLocalisation(), CorrectedTrajectory()
     for x in (0.0, 1.0):
         localisation.add(None, pose(x))
         for way in (0.0, 0.5):
@@ -36,7 +36,7 @@ def test_each_point_follows_the_keyframe_before_it():
 
 
 def test_the_odometrys_origin_counts_as_the_newest_keyframe_has_it():
-    localisation, track = OdometryLocalisation(), EstimatedTrack()
+    localisation, track = OdometryLocalisation(), CorrectedTrajectory()
     track.add(np.eye(4), None)
     localisation.add(None, pose(0, 2))
     localisation.T_map_odom = pose(0, 2, np.pi / 2)

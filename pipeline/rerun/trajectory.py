@@ -1,4 +1,4 @@
-"""The track of a robot, thinned for drawings."""
+"""The trajectory of a robot, thinned for drawings."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,8 +8,8 @@ from pipeline.rerun.drawings import GRAIN
 from pipeline.transforms import inverse
 
 
-class Track:
-    """The track driven so far.
+class DrawnTrajectory:
+    """The trajectory driven so far.
 
     Attributes:
         distance: its length, m.
@@ -22,7 +22,7 @@ class Track:
         self._last: NDArray[np.float64] | None = None
 
     def add(self, position: NDArray[np.float64]) -> bool:
-        """Extend the track to ``position`` (3,) m; returns whether it became one of :attr:`positions`."""
+        """Extend the trajectory to ``position`` (3,) m; returns whether it became one of :attr:`positions`."""
         if self._last is not None:
             self.distance += float(np.linalg.norm(position - self._last))
         self._last = position.copy()
@@ -32,11 +32,11 @@ class Track:
         return True
 
 
-class EstimatedTrack:
-    """The track driven so far; when keyframes are corrected, each point moves with the keyframe before it."""
+class CorrectedTrajectory:
+    """The trajectory driven so far; when keyframes are corrected, each point moves with the keyframe before it."""
 
     def __init__(self) -> None:
-        self._odometry = Track()
+        self._odometry = DrawnTrajectory()
         self._keyframes: list[int] = []
         self._positions: list[NDArray[np.float64]] = []
 
@@ -46,7 +46,7 @@ class EstimatedTrack:
         return self._odometry.distance
 
     def add(self, T_odom_base: NDArray[np.float64], localisation: Localisation | None) -> None:
-        """Extend the track to a 4×4 pose; before the first keyframe only the distance grows."""
+        """Extend the trajectory to a 4×4 pose; before the first keyframe only the distance grows."""
         if not self._odometry.add(T_odom_base[:3, 3]) or localisation is None:
             return
         keyframe = len(localisation.poses) - 1

@@ -1,0 +1,79 @@
+"""Places what was read in an image: by the depth in its outline, or without depth in its direction alone."""
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+from scipy.special import expit, logit
+
+from pipeline.finds.objects import ObjectPolicy
+from pipeline.frame import Frame
+from pipeline.geometry.thinning import first_in_voxels
+from pipeline.tracks.find import Reading
+from pipeline.tracks.likelihood import EXTENTS, weigh
+from pipeline.tracks.pictures import photo_of
+from pipeline.tracks.track import Observation
+from pipeline.transforms import transform_points
+
+
+def sight(
+    frame: Frame, reading: Reading, keyframe: int, T_map_base: NDArray[np.float64], policy: ObjectPolicy
+) -> Observation:
+    """A reading of a frame's image as an observation in ``map``, with the robot at a 4×4 pose.
+
+    A flat object's depth is the median within its outline. Of another object the middle of its own returns
+    is taken, and parts of it may be hidden. Without depth, it may be anywhere in its direction; so may what gives no
+    return from most of its outline, for the rest is the rim of something nearer.
+    """
+    outline = _inside(frame, reading)
+    inside = outline & frame.returns
+    inside &= inside.sum() > outline.sum() / 2
+    depth = frame.depth[inside]
+    z = float(np.median(depth)) if depth.size else frame.sensor.farthest
+    k, (u, v) = frame.intrinsics, reading.corners.mean(axis=0)
+    in_camera = np.array([(u - k.cx) / k.fx, (v - k.cy) / k.fy, 1.0]) * z
+    # Along the ray as uncertain as the depth, or as its whole range; across it by a pixel.
+    along = frame.sensor.sigma(z) if depth.size else z
+    ray = in_camera / np.linalg.norm(in_camera)
+    covariance = np.outer(ray, ray) * along**2 + np.eye(3) * ((z / k.fx) ** 2 + policy.pose_sigma**2)
+    T_map_camera = T_map_base @ frame.T_base_camera
+    points = k.rays[inside] * depth[:, None]
+    if depth.size:
+        reading, belongs = _weighed(reading, transform_points(T_map_camera, points), T_map_camera, T_map_base[2, 3])
+        if not policy.is_flat:
+            points = points[belongs if belongs.any() else np.abs(depth - z) < policy.gap]
+            own = points.astype(np.float64)
+            in_camera = (own.min(axis=0) + own.max(axis=0)) / 2
+            covariance += np.diag(np.ptp(own, axis=0) / 2) ** 2
+    points = points.astype(np.float32)
+    seen = Observation(
+        reading=reading,
+        keyframe=keyframe,
+        position=in_camera,
+        information=np.linalg.inv(covariance).astype(np.float64),
+        camera=np.zeros(3),
+        has_depth=depth.size > 0,
+        time=frame.time,
+        photo=photo_of(frame.rgb, reading.box, policy.photo_margin),
+        points=points[first_in_voxels(points, 1 / policy.kept_voxel)],
+    )
+    return seen.moved(T_map_camera)
+
+
+def _weighed(
+    reading: Reading, points: NDArray[np.float32], T_map_camera: NDArray[np.float64], ground: float
+) -> tuple[Reading, NDArray[np.bool_]]:
+    """A reading, as sure as its points (N, 3) in ``map`` make it, and which (N,) belong to the object."""
+    if reading.kind not in EXTENTS:
+        return reading, np.zeros(len(points), np.bool_)
+    weighed = weigh(reading.kind, points, ground, camera=T_map_camera[:3, 3])
+    return replace(reading, confidence=float(expit(logit(reading.confidence) + weighed.log_ratio))), weighed.belongs
+
+
+def _inside(frame: Frame, reading: Reading) -> NDArray[np.bool_]:
+    """(H, W) bool, the pixels within an outline."""
+    mask = np.zeros(frame.depth.shape, np.uint8)
+    outline = cv2.convexHull(reading.corners.astype(np.float32) - np.float32(0.5))
+    cv2.fillConvexPoly(mask, np.round(outline).astype(np.int32), 1)
+    return mask.astype(np.bool_)

@@ -1,0 +1,307 @@
+"""What the robot follows over frames: an object as keyframes have shown it, and the rules of its kind."""
+
+from abc import ABC, abstractmethod
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.frame import Frame
+from pipeline.geometry.cells_kernels import moved
+from pipeline.keyframes import Places
+from pipeline.localisation.gates import chi2_gate
+from pipeline.sensor import SensorModel
+from pipeline.tracks.find import Find, Reading
+from pipeline.tracks.likelihood import extents_of
+
+
+@dataclass(frozen=True, eq=False)
+class Observation:
+    """An object as one keyframe shows it, in ``base_link`` of the keyframe or, placed, in ``map``.
+
+    Attributes:
+        reading: what the image shows.
+        keyframe: its number.
+        position: (3,) float64 middle of the object, m; without depth, where the camera's range ends in its direction.
+        information: (3, 3) float64 inverse of the position's covariance, 1/m².
+        camera: (3,) float64 position of the camera, m.
+        points: (N, 3) float32 the object's own returns, thinned, m.
+        photo: (h, w, 3) uint8 that shows it; empty where another of its observations shows more.
+        time: of the frame, s; NaN in an earlier run.
+        has_depth: whether its distance was measured.
+    """
+
+    reading: Reading
+    keyframe: int
+    position: NDArray[np.float64]
+    information: NDArray[np.float64]
+    camera: NDArray[np.float64]
+    points: NDArray[np.float32]
+    photo: NDArray[np.uint8]
+    time: float = np.nan
+    has_depth: bool = True
+
+    def moved(self, T: NDArray[np.float64]) -> "Observation":
+        """The same observation moved by the 4×4 transform ``T``."""
+        R, t = T[:3, :3], T[:3, 3]
+        information = R @ self.information @ R.T
+        position, camera, points = R @ self.position + t, R @ self.camera + t, moved(T, self.points)
+        return replace(self, position=position, camera=camera, information=information, points=points)
+
+
+@dataclass(frozen=True, eq=False)
+class Location:
+    """Where an object is by all of its observations, in ``map``.
+
+    Attributes:
+        position: (3,) float64 m.
+        covariance: (3, 3) float64 of the position, m².
+        points: (N, 3) float32 what is there of the object, m.
+    """
+
+    position: NDArray[np.float64]
+    covariance: NDArray[np.float64]
+    points: NDArray[np.float32]
+
+
+@dataclass(frozen=True, kw_only=True)
+class Confirmation:
+    """When a track is reported: of its detections each has a confidence from 0 to 1, and each miss one of 0.
+
+    Attributes:
+        confidence: the mean over detections and misses must be greater; at 0.5 it is likelier than not.
+        evidence: least sum of the confidences.
+        whole: m across; of most objects of the kind at least this much is seen, and less may be a part of anything.
+        evidence_of_part: least sum of the confidences if less than ``whole`` is seen.
+        misses: there must be fewer for each detection.
+        baseline: m, least distance between the farthest two places from which it was seen.
+    """
+
+    confidence: float = 0.0
+    evidence: float = 0.0
+    whole: float = 0.0
+    evidence_of_part: float = 0.0
+    misses: float = np.inf
+    baseline: float = 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class TrackPolicy(ABC):
+    """How one kind of object is followed.
+
+    Attributes:
+        kind: one of ``KINDS``.
+        confirmation: when a track is reported.
+        gate: greatest squared Mahalanobis distance between two places of one object: 99 % of them are nearer.
+        misses: a track that was missed more often for each detection is given up.
+        across: m of the object that are to be in the image when it is looked at again.
+        photo_margin: margin of a photo around the box of the object, as a share of the longer side.
+        is_flat: whether it shows the same from wherever it is seen, so that only a nearer view shows more.
+        has_checksum: whether it is read rightly or not at all: what was read is sure, the rest is not reported.
+    """
+
+    kind: str
+    confirmation: Confirmation
+    gate: float = chi2_gate(3)
+    misses: float = 2.0
+    across: float
+    photo_margin: float
+    is_flat: bool = False
+    has_checksum: bool = False
+
+    @abstractmethod
+    def locate(self, placed: Sequence[Observation]) -> Location:
+        """Where an object is by its observations in ``map``, at least one."""
+
+    def joined(self, one: "Track", other: "Track") -> Location:
+        """Where an object is by the observations of both tracks."""
+        return self.locate([*one.placed, *other.placed])
+
+    @abstractmethod
+    def shows(self, observation: Observation) -> float:
+        """How much a photo of the object shows of it."""
+
+    @abstractmethod
+    def distance(self, track: "Track", new: "Track") -> float:
+        """Squared Mahalanobis distance of a new observation; infinite if it is of another object."""
+
+    @abstractmethod
+    def separation(self, one: "Track", other: "Track") -> float:
+        """How far apart two tracks are that may have turned out to be of one object; infinite if they are of two."""
+
+    @abstractmethod
+    def should_show(self, track: "Track", frame: Frame, T_camera_map: NDArray[np.float64]) -> bool:
+        """Whether a frame should have shown the object: if it did not, it is missed once more."""
+
+    @abstractmethod
+    def is_worth_a_look(self, track: "Track") -> bool:
+        """Whether the robot should look at the object again."""
+
+    @abstractmethod
+    def distances(self, track: "Track", sensor: SensorModel) -> tuple[float, float]:
+        """Least and greatest horizontal distance, m, from which a camera would show enough of it."""
+
+    def has_shape(self, track: "Track") -> bool:
+        """Whether all that was seen of the object, together, has the shape of its kind."""
+        return True
+
+
+@dataclass(eq=False)
+class Track:
+    """An object on the map, reported or not.
+
+    Attributes:
+        policy: of its kind.
+        seen: its observations, in ``base_link`` of their keyframes.
+        placed: the same in ``map``.
+        ground: height of the lowest ground from which it was seen, m in ``map``.
+        missed: number of keyframes that should have shown it and did not.
+        tried: the places on the ground from which it was to be seen again, one each.
+        tried_at: (3,) float64 each, these places, m in ``map``.
+        where: its location by all observations.
+    """
+
+    policy: TrackPolicy
+    seen: list[Observation]
+    placed: list[Observation]
+    ground: float = 0.0
+    missed: int = 0
+    tried: list[Places] = field(default_factory=list)
+    tried_at: list[NDArray[np.float64]] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        self.where = self.policy.locate(self.placed)
+
+    def place(self, poses: NDArray[np.float64]) -> None:
+        """Locate it anew, with the keyframes at (K, 4, 4) poses in ``map``."""
+        self.placed = [seen.moved(poses[seen.keyframe]) for seen in self.seen]
+        self.ground = min(float(poses[seen.keyframe][2, 3]) for seen in self.seen)
+        self.tried_at = list(Places.joined(self.tried).at(poses))
+        self.where = self.policy.locate(self.placed)
+
+    def take(self, other: "Track") -> None:
+        """Add the observations of what has turned out to be the same object."""
+        self.where = self.policy.joined(self, other)
+        self.seen += other.seen
+        self.placed += other.placed
+        self.ground = min(self.ground, other.ground)
+        self.missed = min(self.missed, other.missed)
+        self.tried += other.tried
+        self.tried_at += other.tried_at
+        best = self.best
+        for each in (self.seen, self.placed):
+            each[:] = [o if k == best else replace(o, photo=o.photo[:0]) for k, o in enumerate(each)]
+
+    @property
+    def position(self) -> NDArray[np.float64]:
+        """(3,) float64 m in ``map``."""
+        return self.where.position
+
+    @property
+    def covariance(self) -> NDArray[np.float64]:
+        """(3, 3) float64 of the position, m²."""
+        return self.where.covariance
+
+    @property
+    def points(self) -> NDArray[np.float32]:
+        """(N, 3) float32 what is there of it, m in ``map``."""
+        return self.where.points
+
+    @property
+    def cameras(self) -> list[NDArray[np.float64]]:
+        """(3,) float64 each, positions of the camera in the frames that show it, m in ``map``."""
+        return [observation.camera for observation in self.placed]
+
+    @property
+    def keyframes(self) -> set[int]:
+        """Numbers of the keyframes that show it."""
+        return {observation.keyframe for observation in self.seen}
+
+    @property
+    def best(self) -> int:
+        """Index of the observation whose photo shows most."""
+        return int(np.argmax([self.policy.shows(observation) for observation in self.seen]))
+
+    @property
+    def photo(self) -> NDArray[np.uint8]:
+        """(h, w, 3) uint8 that shows it best."""
+        return self.seen[self.best].photo
+
+    @property
+    def times(self) -> list[float]:
+        """s, when this run's frames that show it were taken, the first one first."""
+        return sorted(observation.time for observation in self.seen if np.isfinite(observation.time))
+
+    @property
+    def text(self) -> str:
+        """What most observations say, weighted by their confidences; empty if none could be read."""
+        votes = defaultdict[str, float](float)
+        for observation in self.seen:
+            votes[observation.reading.text] += observation.reading.confidence if observation.reading.text else 0.0
+        return max(votes, key=lambda text: (votes[text], text))
+
+    @property
+    def evidence(self) -> float:
+        """Sum of the confidences of all detections."""
+        return sum(observation.reading.confidence for observation in self.seen)
+
+    @property
+    def confidence(self) -> float:
+        """1 if it was decoded; else the mean confidence over the detections and the misses, which count as 0."""
+        return 1.0 if self.is_decoded else self.evidence / (len(self.seen) + self.missed)
+
+    @property
+    def baseline(self) -> float:
+        """m between the farthest two places from which it was seen."""
+        each = np.array(self.cameras)
+        return float(np.linalg.norm(each[:, None] - each[None], axis=2).max())
+
+    @property
+    def size(self) -> float:
+        """m, diagonal of the box of the extents of its points."""
+        return float(np.linalg.norm(extents_of(self.points)))
+
+    @property
+    def is_placed(self) -> bool:
+        """Whether any observation had depth."""
+        return any(observation.has_depth for observation in self.seen)
+
+    @property
+    def is_decoded(self) -> bool:
+        """Whether it was read, and rightly: it has a check sum."""
+        return self.policy.has_checksum and bool(self.text)
+
+    @property
+    def is_given_up(self) -> bool:
+        """Whether it was missed too often; what was decoded stays."""
+        return self.missed > self.policy.misses * len(self.seen) and not self.is_decoded
+
+    @property
+    def is_confirmed(self) -> bool:
+        """Whether it is reported."""
+        least = self.policy.confirmation
+        if not self.is_placed or (self.policy.has_checksum and not self.is_decoded):
+            return False
+        if self.missed >= least.misses * len(self.seen):
+            return False
+        if self.evidence < least.evidence or self.confidence <= least.confidence:
+            return False
+        # Distances and sizes come last: they take longest, and this is called several times a step.
+        if self.baseline < least.baseline or (self.evidence < least.evidence_of_part and self.size < least.whole):
+            return False
+        return self.policy.has_shape(self)
+
+    def find(self) -> Find:
+        """What is reported of it."""
+        first = min(observation.time for observation in self.seen)
+        return Find(
+            self.policy.kind, self.text, self.position, self.covariance, first, min(1.0, self.confidence), self.photo
+        )
+
+
+def mahalanobis(one: Track, other: Track) -> float:
+    """Squared Mahalanobis distance of the positions of two tracks."""
+    apart = one.position - other.position
+    return float(apart @ np.linalg.solve(one.covariance + other.covariance, apart))

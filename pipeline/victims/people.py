@@ -1,0 +1,147 @@
+"""How people are followed: where one is by all observations, which are of one person, and what is none."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import reduce
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.spatial import cKDTree
+
+from pipeline.frame import Frame
+from pipeline.sensor import SensorModel
+from pipeline.tracks.find import VICTIM
+from pipeline.tracks.likelihood import weigh
+from pipeline.tracks.track import Confirmation, Location, Observation, Track, TrackPolicy, mahalanobis
+from pipeline.transforms import transform_points
+from pipeline.victims.person_voxels import PersonVoxels
+
+FROM_TWO_PLACES = Confirmation(evidence=0.75, whole=0.85, evidence_of_part=1.2, misses=1.0, baseline=0.3)
+
+
+@dataclass(frozen=True, kw_only=True)
+class PeoplePolicy(TrackPolicy):
+    """Several observations of one frame may be of one person, whose parts touch.
+
+    Attributes:
+        evidence_to_look: least sum of the confidences for which a person who is not confirmed is worth a drive.
+        touch: m; what is no farther apart touches: three times the error of a keyframe's pose.
+        open_share: a person is in view if for this share of the points no return is nearer by more than ``touch``.
+        voxel: m, edge of the voxels of a person.
+        agreed: least share of the frames with a person that show a voxel of it.
+        skin_to_middle: m, standard deviation due to the distance from the visible skin to the middle of the body.
+    """
+
+    kind: str = VICTIM
+    confirmation: Confirmation = FROM_TWO_PLACES
+    across: float = 0.85
+    photo_margin: float = 0.2  # surroundings help to recognise a person
+    evidence_to_look: float = 0.5
+    touch: float = 0.15
+    open_share: float = 0.7
+    voxel: float = 0.03
+    agreed: float = 0.2
+    skin_to_middle: float = 0.08
+
+    def locate(self, placed: Sequence[Observation]) -> "PersonBody":
+        """By all voxels, and the information of all."""
+        voxels = PersonVoxels.joined([PersonVoxels.of(seen.points, self.voxel) for seen in placed])
+        information = reduce(self.informed, [seen.information for seen in placed])
+        return self.body(voxels, information, frozenset(seen.keyframe for seen in placed))
+
+    def joined(self, one: Track, other: Track) -> "PersonBody":
+        """By all voxels, and the information of both tracks."""
+        a, b = one.where, other.where
+        assert isinstance(a, PersonBody) and isinstance(b, PersonBody)
+        voxels, information = PersonVoxels.joined([a.voxels, b.voxels]), self.informed(a.information, b.information)
+        return self.body(voxels, information, a.keyframes | b.keyframes)
+
+    def body(self, voxels: PersonVoxels, information: NDArray[np.float64], keyframes: frozenset[int]) -> "PersonBody":
+        """A person whom keyframes show in voxels, with (3, 3) information, 1/m²; few keyframes show other objects."""
+        points = voxels.agreed(self.agreed * len(keyframes))
+        return PersonBody(middle(points), _inverse(information), points, voxels, information, keyframes)
+
+    def informed(self, one: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:
+        """(3, 3) information of both; one place's errors are correlated, so the covariance has a floor."""
+        return _inverse(_inverse(one + other) + np.eye(3) * (self.skin_to_middle / 2) ** 2)
+
+    def shows(self, observation: Observation) -> float:
+        """Voxels of the person, times the confidence."""
+        return len(observation.points) * observation.reading.confidence
+
+    def distance(self, track: Track, new: Track) -> float:
+        """Within the gate or in touch, and not two people in one frame."""
+        distance = mahalanobis(track, new)
+        is_near = distance <= self.gate or self._touch(track.points, new.points)
+        return distance if is_near and not self._are_seen_apart(track, new) else np.inf
+
+    def separation(self, one: Track, other: Track) -> float:
+        """0 if they touch, and no frame shows them apart."""
+        return 0.0 if self._touch(one.points, other.points) and not self._are_seen_apart(one, other) else np.inf
+
+    def _touch(self, one: NDArray[np.float32], other: NDArray[np.float32]) -> bool:
+        """Whether the nearest of (N, 3) and (M, 3) points touch."""
+        small, large = sorted((one, other), key=len)
+        return bool(cKDTree(small).query(large, distance_upper_bound=self.touch)[0].min() <= self.touch)
+
+    def _are_seen_apart(self, one: Track, other: Track) -> bool:
+        """Whether a frame shows both, and there they do not touch: two people, however near."""
+        both = one.keyframes & other.keyframes
+        return any(not self._touch(_in_frame(one, keyframe), _in_frame(other, keyframe)) for keyframe in both)
+
+    def should_show(self, track: Track, frame: Frame, T_camera_map: NDArray[np.float64]) -> bool:
+        """The person is near enough, and most points lie in the image with nothing in front of them."""
+        points = transform_points(T_camera_map, track.points)
+        depth = np.maximum(points[:, 2], 1e-6)
+        _, farthest = self.distances(track, frame.sensor)
+        if np.median(depth) > farthest:
+            return False
+        pixels, inside = frame.intrinsics.project(points)
+        depth, (row, column) = depth[inside], pixels[inside].T
+        measured = frame.depth[row, column]
+        is_open = (measured > 0) & (measured > depth - self.touch)
+        return bool(is_open.sum() > self.open_share * len(points))
+
+    def is_worth_a_look(self, track: Track) -> bool:
+        """There is evidence, but not enough."""
+        return track.evidence >= self.evidence_to_look and not track.is_confirmed
+
+    def distances(self, track: Track, sensor: SensorModel) -> tuple[float, float]:
+        """From there a person is whole in the image, and in the camera's range."""
+        return sensor.nearest + self.across / 2, sensor.farthest - self.across / 2
+
+    def has_shape(self, track: Track) -> bool:
+        """All that was seen, together, is more like a person than like background."""
+        return weigh(self.kind, track.points, track.ground).log_ratio > 0
+
+
+PEOPLE = PeoplePolicy()
+
+
+@dataclass(frozen=True, eq=False)
+class PersonBody(Location):
+    """Where a person is.
+
+    Attributes:
+        voxels: that the observations show.
+        information: (3, 3) float64 inverse of the position's covariance, 1/m².
+        keyframes: numbers of those that show the person.
+    """
+
+    voxels: PersonVoxels
+    information: NDArray[np.float64]
+    keyframes: frozenset[int]
+
+
+def middle(points: NDArray[np.floating]) -> NDArray[np.float64]:
+    """(3,) middle, m, of a box around (N, 3) points without the outermost 2 % at each end of each axis."""
+    return np.percentile(points, [2, 98], axis=0).mean(axis=0)
+
+
+def _in_frame(track: Track, keyframe: int) -> NDArray[np.float32]:
+    """(N, 3) float32 points that a keyframe shows, m in its ``base_link``; it must show some."""
+    return np.concatenate([seen.points for seen in track.seen if seen.keyframe == keyframe])
+
+
+def _inverse(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.linalg.inv(matrix).astype(np.float64)

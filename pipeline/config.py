@@ -2,8 +2,15 @@
 
 from dataclasses import dataclass
 
+from pipeline.elevation_map.config import ElevationConfig
+from pipeline.exploration.config import ExplorationConfig
 from pipeline.localisation.config import LocalisationConfig
+from pipeline.metric_map.config import MetricMapConfig
 from pipeline.navigation.config import NavigationConfig
+from pipeline.segments.config import SegmentsConfig
+from pipeline.semantic_map.config import SemanticMapConfig
+from pipeline.topological_map.config import TopologicalMapConfig
+from pipeline.tracks.config import TracksConfig
 
 
 @dataclass(frozen=True)
@@ -24,5 +31,12 @@ class PipelineConfig:
     """The numbers of all rooms; a run writes them into config.yaml, and ``--config`` changes any of them."""
 
     localisation: LocalisationConfig = LocalisationConfig()
+    metric_map: MetricMapConfig = MetricMapConfig()
+    elevation_map: ElevationConfig = ElevationConfig()
+    semantic_map: SemanticMapConfig = SemanticMapConfig()
+    segments: SegmentsConfig = SegmentsConfig()
+    tracks: TracksConfig = TracksConfig()
+    topological_map: TopologicalMapConfig = TopologicalMapConfig()
+    exploration: ExplorationConfig = ExplorationConfig()
     navigation: NavigationConfig = NavigationConfig()
     explorer: ExplorerConfig = ExplorerConfig()

@@ -7,8 +7,8 @@ import numpy as np
 from pipeline.arrays import Points, Pose
 from pipeline.exploration.frontiers import find_frontiers
 from pipeline.exploration.mission import Mission
-from pipeline.exploration.next_best_view import Exploration
-from pipeline.exploration.viewpoint import Context, Strategy, Viewpoint
+from pipeline.exploration.next_best_view import NextBestView
+from pipeline.exploration.viewpoint import Context, Strategy, Viewpoint, ViewpointRewards
 from pipeline.finds.reobservation import Reobservation
 from pipeline.labels import Label
 from pipeline.mapper import Keyframe, Mapper
@@ -38,11 +38,11 @@ class Explorer:
     ):
         """Begin where the robot stands, with the maps as they are; by default with the next best view."""
         self.mapper = mapper
-        self.reobservation = Reobservation((mapper.victims, mapper.finds), mapper.metric_map, mapper.keyframes)
-        exploration = exploration or Exploration(robot.model, mapper.elevation_map.grid.cell)
-        if isinstance(exploration, Exploration) and exploration.takes_rewards:
-            exploration.rewards = self.reobservation
-        self.mission, self._planner, self._config = Mission(exploration), planner, mapper.config
+        self.reobservation = Reobservation(
+            (mapper.victims, mapper.finds), mapper.metric_map, mapper.keyframes, mapper.config.tracks.reobservation
+        )
+        self._planner, self._config, numbers = planner, mapper.config, mapper.config.exploration
+        self.mission = Mission(exploration or NextBestView(robot.model, config=numbers), config=numbers)
         self._sinks: list[Sink] = []
         self.pilot = Pilot(robot, mapper, self._sinks)
         self.steps = 0
@@ -100,7 +100,8 @@ class Explorer:
 
     def _choose(self, keyframe: Keyframe) -> tuple[Viewpoint | None, Context]:
         # After failed drives clearance weighs more, so that the same way is not tried again.
-        context = context_of(self.mapper, keyframe, 1.0 + self._failed_drives, self.mission.is_tight)
+        caution, is_tight = 1.0 + self._failed_drives, self.mission.is_tight
+        context = context_of(self.mapper, keyframe, caution, is_tight, self.reobservation)
         self.mission.observe(context)
         return None if self.is_held else self.mission.choose(context), context
 
@@ -156,12 +157,15 @@ class Explorer:
         self.mapper.add_drive(self.pilot.track, obstacles, touched)
 
 
-def context_of(mapper: Mapper, keyframe: Keyframe, caution: float, is_tight: bool) -> Context:
+def context_of(
+    mapper: Mapper, keyframe: Keyframe, caution: float, is_tight: bool, rewards: ViewpointRewards
+) -> Context:
     """What the robot knows at a keyframe when it decides where to go; see :class:`PosePaths` for ``caution``.
 
-    ``is_tight``: ways need no margin.
+    ``is_tight``: ways need no margin. ``rewards``: of viewpoints that confirm what was found.
     """
     ground = mapper.traversability.without_margin if is_tight else mapper.traversability
     T_map_base = keyframe.T_map_base
     paths = PosePaths(ground, T_map_base[:2, 3], yaw_of(T_map_base), caution)
-    return Context(keyframe.frame, T_map_base, mapper.elevation_map.measured, paths, mapper.keyframes.poses)
+    measured = mapper.elevation_map.measured
+    return Context(keyframe.frame, T_map_base, measured, paths, mapper.keyframes.poses, rewards)

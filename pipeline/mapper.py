@@ -25,7 +25,6 @@ from pipeline.keyframes import Keyframes, Moves, Seen, nearest
 from pipeline.localisation.belief import Belief
 from pipeline.localisation.localisation import Localisation, Localised
 from pipeline.localisation.slam import Slam
-from pipeline.metric_map.config import MetricMapConfig
 from pipeline.metric_map.isolated_returns import without_isolated_returns
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.planning.pose_paths import PosePaths
@@ -92,7 +91,6 @@ class Mapper:
         robot: RobotModel,
         classifier: PointClassifier,
         detector: Detector | None = None,
-        voxel_size: float = 0.1,
         graph: Literal["mst", "roadmap"] = "roadmap",
         seed: int = 0,
         localisation: Localisation | None = None,
@@ -105,7 +103,6 @@ class Mapper:
             robot: decides what is traversable.
             classifier: labels the points.
             detector: of victims; without a detector the maps hold no victims.
-            voxel_size: of the metric map, m.
             graph: what plans are made on: ``mst``, the thesis's tree, or ``roadmap``, which adds loops.
             seed: of RANSAC.
             localisation: gives the poses of frames; by default odometry corrected by registration (SLAM).
@@ -117,15 +114,16 @@ class Mapper:
         self.classifier, self.detector, self.readers = classifier, detector, readers
         self._background = BackgroundReader(detector, readers)
         self.localisation: Localisation = localisation or Slam(config=config.localisation)
-        self.metric_map = MetricMap(MetricMapConfig(voxel_size))
-        self.elevation_map = ElevationMap(robot)
+        self.metric_map = MetricMap(config.metric_map)
+        self.elevation_map = ElevationMap(robot, config.elevation_map)
         self._traversability_layer = TraversabilityLayer()
         is_certain = getattr(classifier, "is_certain", False)  # a classifier of one's own may lack it
-        self.semantic_map = SemanticMap() if is_certain else SemanticMap(self._is_inaccessible, self._revised)
-        self.segments = Segments(self.metric_map.is_surface)
-        self.topological_map = TopologicalMap(graph)
-        self.victims = Victims()
-        self.finds = Finds(self.victims)
+        revisions = () if is_certain else (self._is_inaccessible, self._revised)
+        self.semantic_map = SemanticMap(*revisions, config=config.semantic_map)
+        self.segments = Segments(self.metric_map.is_surface, config=config.segments)
+        self.topological_map = TopologicalMap(graph, config=config.topological_map)
+        self.victims = Victims(config.tracks.victim)
+        self.finds = Finds(self.victims, config.tracks)
         self.stopwatch = Stopwatch()
         self.keyframes = Keyframes(robot, self.metric_map.max_range, self.elevation_map.grid.cell)
         self._set_down: NDArray[np.float64] | None = None

@@ -1,19 +1,19 @@
-"""Baselines of exploration, behind the interface of :class:`pipeline.exploration.next_best_view.Exploration`."""
+"""Baselines of exploration, behind the interface of :class:`pipeline.exploration.viewpoint.Strategy`."""
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.exploration.next_best_view import Exploration
-from pipeline.exploration.viewpoint import Context, Viewpoint
+from pipeline.exploration.next_best_view import NextBestView
+from pipeline.exploration.viewpoint import Context, Strategy, Viewpoint
 from pipeline.robot import RobotModel
 from pipeline.transforms import wrap_angle
 
 
-class NearestFrontier(Exploration):
+class NearestFrontier(NextBestView):
     """Drives to the place that costs least to reach and from which unseen ground should show (Yamauchi 1997).
 
     There it takes the heading with the greatest gain. What counts as unseen, what a keyframe should show and when a
-    cell is given up are as in :class:`Exploration`, but the gain per second and the turn at the place do not count.
+    cell is given up are as in :class:`NextBestView`, but the gain per second and the turn at the place do not count.
     As with Yamauchi, frontiers smaller than the robot come last.
     """
 
@@ -28,33 +28,26 @@ class NearestFrontier(Exploration):
         return np.where(large & near[:, None], gains, 0.0)
 
 
-class RandomWalk(Exploration):
-    """Takes a given number of keyframes in random directions from random places nearby."""
-
-    takes_rewards = False
+class RandomWalk(Strategy):
+    """Takes a given number of keyframes in random directions from random places nearby; it looks for nothing."""
 
     def __init__(self, robot: RobotModel, seed: int = 0, stride: float = 2.0, steps: int = 300):
         """``stride``: greatest length of the way to the next place, m; ``steps``: number of keyframes to take."""
-        super().__init__(robot)
-        self._rng = np.random.default_rng(seed)
-        self._farthest, self._steps_left, self._draw = stride, steps, np.zeros(2)
+        self._rng, self._draw = np.random.default_rng(seed), np.zeros(2)
+        self._most_seconds, self._steps_left = stride / robot.speed, steps
 
     def observe(self, context: Context) -> None:
         """Draw the random numbers that choose the next viewpoint."""
-        super().observe(context)
         self._steps_left -= 1
         self._draw = self._rng.random(2)
 
     def next_viewpoint(self, context: Context) -> Viewpoint | None:
         """The viewpoint that was drawn; None after the last step, or if the robot can drive nowhere."""
-        cells = np.argwhere(
-            context.traversability.turnable & (context.paths.cost <= self._farthest / self._robot.speed)
-        )
+        cells = np.argwhere(context.traversability.turnable & (context.paths.cost <= self._most_seconds))
         if not len(cells) or self._steps_left < 0:
             return None
         place = context.traversability.grid.centre_of(cells[int(self._draw[0] * len(cells))])
         return Viewpoint(place, wrap_angle(2 * np.pi * self._draw[1]), True, 0.0)
 
-    def left(self, context: Context) -> list[Viewpoint]:
-        """Nothing: it looks for nothing."""
-        return []
+    def commit(self, viewpoint: Viewpoint, context: Context) -> None:
+        """Nothing is to be remembered."""

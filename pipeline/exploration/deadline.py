@@ -5,9 +5,10 @@ from dataclasses import dataclass
 from typing import Literal, Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
-from pipeline.exploration.viewpoint import ARRIVED, Context
+from pipeline.arrays import Place, Places
+from pipeline.exploration.config import ExplorationConfig
+from pipeline.exploration.viewpoint import Context
 from pipeline.planning.pose_paths import PosePaths
 
 
@@ -20,8 +21,8 @@ class PlacedFind(Protocol):
         ...
 
     @property
-    def position(self) -> NDArray[np.float64]:
-        """(3,) m in ``map``."""
+    def position(self) -> Place:
+        """Where it is, (3,)."""
         ...
 
 
@@ -35,7 +36,7 @@ class Retreat:
     """
 
     task: Literal["home", "park"]
-    position: NDArray[np.float64]
+    position: Place
 
 
 class Deadline:
@@ -54,6 +55,8 @@ class Deadline:
         finds: Callable[[], Iterable[PlacedFind]],
         home: bool = False,
         beside: float | None = None,
+        *,
+        config: ExplorationConfig = ExplorationConfig(),
     ):
         """Start the clock.
 
@@ -62,12 +65,15 @@ class Deadline:
             finds: returns what was found so far.
             home: whether the robot is to be back at its start by then.
             beside: m; by then the robot is to be this close to living victims, if it has found any; None if not.
+            config: of the exploration.
         """
         self.end = end
         self.retreat: Retreat | None = None
         self.has_called = False
-        self._begin, self._finds, self._wants_home, self._beside = begin, finds, home, beside
-        self._home: NDArray[np.float64] | None = None
+        self._begin, self._finds, self._wants_home = begin, finds, home
+        # By the distance at which a place counts as reached the robot may stop short of it.
+        self._near = None if beside is None else beside - config.arrived
+        self._home: Place | None = None
         self._planned, self._last, self._late = 0.0, (begin, 0.0), 0.0
 
     def observe(self, context: Context) -> None:
@@ -78,16 +84,16 @@ class Deadline:
         self._late = max(self._late, context.frame.time - begin - seconds)
         self._last = context.frame.time, 0.0
         place = None
-        if self._beside is not None:
+        if self._near is not None:
             victims = [find.position[:2] for find in self._finds() if find.kind == "heat"]
-            place = parking_place(np.array(victims).reshape(-1, 2), context.paths, self._beside)
+            place = parking_place(np.array(victims).reshape(-1, 2), context.paths, self._near)
         if place is not None:
             self.retreat = Retreat("park", place)
         elif self._wants_home:
             self.retreat = Retreat("home", self._home)
 
-    def allows(self, position: NDArray[np.float64], context: Context) -> bool:
-        """Whether a drive to a place (2,), m in ``map``, leaves time for the way from there to the retreat.
+    def allows(self, position: Place, context: Context) -> bool:
+        """Whether a drive to a place (2,) leaves time for the way from there to the retreat.
 
         The ways are multiplied by how much longer than planned the drives took so far, and one more drive may be as
         late as the latest so far. Where the map shows no way back, it takes as long as the robot has been under way.
@@ -104,8 +110,8 @@ class Deadline:
         self.has_called = not can_do
         return can_do
 
-    def set_out(self, position: NDArray[np.float64], context: Context) -> None:
-        """Remember the planned time of a drive to a place (2,), m in ``map``."""
+    def set_out(self, position: Place, context: Context) -> None:
+        """Remember the planned time of a drive to a place (2,)."""
         seconds = _finite(context.paths.without_risk.cost_to(position), 0.0)
         self._planned += seconds
         self._last = context.frame.time, seconds
@@ -115,18 +121,14 @@ def _finite(seconds: float, otherwise: float) -> float:
     return seconds if np.isfinite(seconds) else otherwise
 
 
-def parking_place(victims: NDArray[np.float64], paths: PosePaths, beside: float) -> NDArray[np.float64] | None:
-    """(2,) m, the place near most victims (N, 2), m in ``map``, and of these the soonest reached; None if none is.
-
-    Near is within ``beside`` m, less the distance at which a place counts as reached.
-    """
+def parking_place(victims: Places, paths: PosePaths, near: float) -> Place | None:
+    """The place within ``near`` m of most victims, (N, 2), and of these the soonest reached; None if none is near."""
     if not len(victims) or paths.start is None:
         return None
     grid = paths.traversability.grid
     cells = np.argwhere(paths.reachable)
     places = grid.centre_of(cells)
-    near = np.linalg.norm(places[:, None] - victims, axis=2) <= beside - ARRIVED
-    count = near.sum(axis=1)
+    count = (np.linalg.norm(places[:, None] - victims, axis=2) <= near).sum(axis=1)
     if not count.any():
         return None
     best = np.flatnonzero(count == count.max())

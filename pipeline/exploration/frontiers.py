@@ -1,15 +1,15 @@
-"""Where known ground borders on unseen ground, whatever strategy explores."""
+"""Where seen ground borders on unseen ground, whatever strategy explores."""
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 
+from pipeline.arrays import MaskLayer, Places
 from pipeline.exploration.viewpoint import Context
 
 
-def unseen(context: Context) -> NDArray[np.bool_]:
-    """(nx, ny) cells that were not seen and may be traversable.
+def unseen(context: Context) -> MaskLayer:
+    """The cells that were not seen and may be traversable.
 
     Unknown ground nearer to a hazard than half of the robot is only worth a look if ways may be tight: then it can be
     under a wheel.
@@ -19,15 +19,15 @@ def unseen(context: Context) -> NDArray[np.bool_]:
     return np.isnan(context.measured) & (traversability.to_hazard >= nearest)
 
 
-def near_ground(context: Context, cells: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """(nx, ny) where the robot's corners may touch any of these (nx, ny) cells."""
+def near_ground(context: Context, cells: MaskLayer) -> MaskLayer:
+    """Where the robot's corners may touch any of these cells."""
     side = 2 * round(context.traversability.robot.corner_radius / context.traversability.grid.cell) + 1
     # Many times as fast as SciPy's filter.
     return cv2.dilate(cells.view(np.uint8), np.ones((side, side), np.uint8)).view(np.bool_)
 
 
-def find_frontiers(context: Context) -> NDArray[np.float64]:
-    """(N, 3) centres of the connected pieces of reachable ground that border on unseen ground, m in ``map``."""
+def find_frontiers(context: Context) -> Places:
+    """Centres of the connected pieces of reachable ground that border on unseen ground."""
     traversability, target = context.traversability, unseen(context)
     pieces, _ = ndimage.label(near_ground(context, target) & context.paths.reachable & ~target, np.ones((3, 3)))
     centres = []

@@ -1,15 +1,13 @@
 """Looks at walls that no keyframe has shown near and straight enough to read what may hang on them."""
 
-from dataclasses import dataclass
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from pipeline.arrays import Place, Poses
 from pipeline.elevation_map.pose_kernels import ANGLES
-from pipeline.exploration.next_best_view import KEYFRAME_TIME
-from pipeline.exploration.viewpoint import Context, Viewpoint
-from pipeline.exploration.visibility import PLACE_STRIDE
+from pipeline.exploration.config import ExplorationConfig, InspectionConfig
+from pipeline.exploration.viewpoint import Context, Strategy, Viewpoint
 from pipeline.exploration.walls import WallPieces
 from pipeline.frame import Frame
 from pipeline.grid_map import best_of_blocks
@@ -19,39 +17,25 @@ from pipeline.planning.pose_paths import bits
 from pipeline.transforms import wrap_angle
 
 
-@dataclass(frozen=True)
-class InspectionConfig:
-    """How closely walls are looked at.
-
-    Attributes:
-        readable: pixels along a side from which signs and codes are surely read: two for a module of a small QR code.
-        spacing: m between the pieces of walls that are looked at.
-        margin: m before a wall at which the line of sight to it may end.
-        beside_camera: m of a line of sight that count as free because the robot itself will stand there.
-    """
-
-    readable: float = 60.0
-    spacing: float = 0.3
-    margin: float = 0.3
-    beside_camera: float = 0.3
-
-
-class Inspection:
+class Inspection(Strategy):
     """A strategy that goes to where the next such wall can be looked at soonest; each wall is aimed at once."""
 
-    def __init__(self, keyframes: Keyframes, metric_map: MetricMap, config: InspectionConfig = InspectionConfig()):
+    def __init__(
+        self, keyframes: Keyframes, metric_map: MetricMap, *, config: ExplorationConfig = ExplorationConfig()
+    ):
         """Inspect the walls that the keyframes show, along lines of sight that are free in the map."""
-        self._keyframes, self._map, self._config = keyframes, metric_map, config
+        self._keyframes, self._map = keyframes, metric_map
+        self._config, self._walls = config, config.inspection
         self._shown: list[WallPieces] = []
         self._aimed: list[Places] = []
 
     def observe(self, context: Context) -> None:
-        """Nothing is to be noted: the keyframes hold what they have shown."""
+        """Nothing is to be noted: the keyframes keep what they have shown."""
 
     def next_viewpoint(self, context: Context) -> Viewpoint | None:
         """The soonest pose from which a wall that is left is readable; None if there is none."""
         left, paths = self._left(context), context.paths
-        cells = best_of_blocks(np.bitwise_count(paths.headings), PLACE_STRIDE)
+        cells = best_of_blocks(np.bitwise_count(paths.headings), self._config.visibility.stride)
         if not len(left.points) or not len(cells):
             return None
         places = context.traversability.on_ground(context.traversability.grid.centre_of(cells))
@@ -65,7 +49,8 @@ class Inspection:
                 break
             if self._is_free(cameras[place], left.points[wall]):
                 heading = wrap_angle(float(ANGLES[ahead[wall, place]]))
-                return Viewpoint(places[place, :2], heading, True, 0.0, KEYFRAME_TIME + float(cost[wall, place]))
+                seconds_there = self._config.keyframe_time + float(cost[wall, place])
+                return Viewpoint(places[place, :2], heading, True, 0.0, seconds_there)
         return None
 
     def commit(self, viewpoint: Viewpoint, context: Context) -> None:
@@ -78,41 +63,43 @@ class Inspection:
         before = left.where(is_aimed).before
         self._aimed.append(Places.anchored(before, context.poses, len(context.poses) - 1))
 
-    def _is_free(self, camera: NDArray[np.float64], point: NDArray[np.float64]) -> bool:
-        """Whether nothing is between a camera (3,) and a point (3,) of a wall."""
-        margin, skip = self._config.margin, self._config.beside_camera
-        return self._map.is_free_along(camera, point, cKDTree(point[None]), margin, skip)
+    def _is_free(self, camera: Place, point: Place) -> bool:
+        """Whether nothing is between a camera and a point of a wall."""
+        free = self._walls.depth, self._walls.beside_camera
+        return self._map.is_free_along(camera, point, cKDTree(point[None]), *free)
 
     def _left(self, context: Context) -> WallPieces:
-        """Walls that were neither shown well enough nor aimed at, one piece in each square of the spacing."""
+        """Walls that were neither shown well enough nor aimed at, thinned."""
         for seen in self._keyframes.seen[len(self._shown) :]:
-            self._shown.append(WallPieces.of(seen, context.frame))
-        walls = _at(self._shown, context.poses)
-        is_read, spacing = walls.sides >= self._config.readable, self._config.spacing
+            self._shown.append(WallPieces.of(seen, context.frame, self._walls))
+        walls = _at(self._shown, context.poses, self._walls)
+        is_read = walls.sides >= self._walls.readable
         done = np.concatenate([walls.before[is_read], Places.joined(self._aimed).at(context.poses)])[:, :2]
         left = walls.where(~is_read)
         if len(done) and len(left.points):
-            left = left.where(cKDTree(done).query(left.before[:, :2])[0] > spacing)
-        _, first = np.unique(np.floor(left.before[:, :2] / spacing), axis=0, return_index=True)
+            left = left.where(cKDTree(done).query(left.before[:, :2])[0] > self._walls.spacing)
+        _, first = np.unique(np.floor(left.before[:, :2] / self._walls.spacing), axis=0, return_index=True)
         return left.where(first)
 
     def _shows(self, walls: WallPieces, places: NDArray[np.float64], frame: Frame) -> NDArray[np.bool_]:
         """(N, M) whether walls are readable and in range from places (M, 3) on the ground."""
         cameras = places + _height(frame)
         far = np.linalg.norm(cameras - walls.points[:, None], axis=2) >= frame.sensor.nearest + frame.sensor.margin
-        return far & (walls.sides_from(cameras, frame) >= self._config.readable)
+        return far & (walls.sides_from(cameras, frame) >= self._walls.readable)
 
 
-def _at(shown: list[WallPieces], poses: NDArray[np.float64]) -> WallPieces:
-    """Walls of keyframes, each in ``base_link``, in ``map`` with the keyframes at (K, 4, 4) poses."""
+def _at(shown: list[WallPieces], poses: Poses, config: InspectionConfig) -> WallPieces:
+    """Walls of keyframes, each in ``base_link``, in ``map``."""
     T = np.repeat(poses, [len(walls.points) for walls in shown], axis=0)
-    points, normals, sides = (np.concatenate(parts) for parts in zip(*shown, strict=True))
+    points, normals, sides = (
+        np.concatenate([getattr(walls, name) for walls in shown]) for name in ("points", "normals", "sides")
+    )
     R, t = T[:, :3, :3], T[:, :3, 3]
-    return WallPieces(np.einsum("nij,nj->ni", R, points) + t, np.einsum("nij,nj->ni", R, normals), sides)
+    return WallPieces(np.einsum("nij,nj->ni", R, points) + t, np.einsum("nij,nj->ni", R, normals), sides, config)
 
 
-def _height(frame: Frame) -> NDArray[np.float64]:
-    """(3,) m from the ground to a camera."""
+def _height(frame: Frame) -> Place:
+    """From the ground up to a camera, (3,)."""
     return np.array([0.0, 0.0, frame.T_base_camera[2, 3]])
 
 

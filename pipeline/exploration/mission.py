@@ -5,24 +5,22 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from pipeline.arrays import Place, Pose
+from pipeline.exploration.config import ExplorationConfig
 from pipeline.exploration.deadline import Deadline
-from pipeline.exploration.next_best_view import Exploration
-from pipeline.exploration.viewpoint import ARRIVED, Context, Strategy, Viewpoint
+from pipeline.exploration.viewpoint import Context, Strategy, Viewpoint
 from pipeline.planning.path_plan import goal_name, obstacle_to, order_goals
 from pipeline.planning.pose_paths import PosePaths
-
-PATIENCE = 5
-"""Drives in vain after which a goal is given up, and failed drives from one place after which the robot stays."""
 
 
 class RobotState(Protocol):
     """What a mission must know of the robot that it sends."""
 
     @property
-    def T_map_start(self) -> NDArray[np.float64] | None:
-        """4×4 pose at which the robot began; None if it has not."""
+    def T_map_start(self) -> Pose | None:
+        """Where the robot began; None if it has not."""
         ...
 
     @property
@@ -44,15 +42,15 @@ class Mission:
         inspection: what is done when nothing is left to explore; None for nothing.
     """
 
-    def __init__(self, exploration: Strategy):
+    def __init__(self, exploration: Strategy, *, config: ExplorationConfig = ExplorationConfig()):
         """``exploration``: the strategy to begin with."""
-        self.exploration = exploration
+        self.exploration, self._config = exploration, config
         self.goals: Goals | None = None
         self.may_explore = True
         self.deadline: Deadline | None = None
         self.inspection: Strategy | None = None
         self._visited: dict[str, Goals] = {}
-        self._told: dict[str, int] = {}
+        self._reported: dict[str, int] = {}
 
     @property
     def strategies(self) -> list[Strategy]:
@@ -117,8 +115,8 @@ class Mission:
         return True
 
     def left(self, context: Context) -> list[Viewpoint]:
-        """What :class:`Exploration` does not find worth the drive; nothing by a strategy that does not say."""
-        return self.exploration.left(context) if isinstance(self.exploration, Exploration) else []
+        """What would show more of the unseen ground but is not worth the drive."""
+        return self.exploration.leftovers(context)
 
     def tasks(self, goals: Sequence[ArrayLike], home: bool, robot: RobotState) -> Iterator[str]:
         """Begin one task after the other: explore, drive to goals (2,) m in ``map``, drive home.
@@ -130,12 +128,15 @@ class Mission:
         """
         yield "exploring"
         if goals:
-            yield from self._visit("goals", Goals(goals), robot)
+            yield from self._visit("goals", self._goals(goals), robot)
         if self.deadline is not None and self.deadline.retreat is not None:
             retreat = self.deadline.retreat
-            yield from self._visit(retreat.task, Goals([retreat.position], may_be_near=True), robot)
+            yield from self._visit(retreat.task, self._goals([retreat.position], may_be_near=True), robot)
         elif home and robot.T_map_start is not None:
-            yield from self._visit("home", Goals([robot.T_map_start[:2, 3]], may_be_near=True), robot)
+            yield from self._visit("home", self._goals([robot.T_map_start[:2, 3]], may_be_near=True), robot)
+
+    def _goals(self, goals: Sequence[ArrayLike], may_be_near: bool = False) -> "Goals":
+        return Goals(goals, may_be_near, config=self._config)
 
     def _visit(self, name: str, goals: "Goals", robot: RobotState) -> Iterator[str]:
         self.goals = self._visited[name] = goals
@@ -145,10 +146,10 @@ class Mission:
     def new_outcomes(self) -> Iterator[tuple[str, bool]]:
         """A line for each goal visited or given up since the last call, and whether it was reached."""
         for name, goals in self._visited.items():
-            for visit in goals.visits[self._told.get(name, 0) :]:
+            for visit in goals.visits[self._reported.get(name, 0) :]:
                 place = "home" if name == "home" else goal_name(visit.goal)
                 yield visit.obstacle or f"{place} is reached", visit.obstacle is None
-            self._told[name] = len(goals.visits)
+            self._reported[name] = len(goals.visits)
 
     def report(self) -> dict[str, Any]:
         """Figures of each task after exploring, and why goals were not reached."""
@@ -167,15 +168,15 @@ class Visit:
     """The outcome of a goal.
 
     Attributes:
-        goal: (2,) m in ``map``.
+        goal: (2,).
         obstacle: why the robot did not reach it, in a line for the log; None if it did.
     """
 
-    goal: NDArray[np.float64]
+    goal: Place
     obstacle: str | None
 
 
-class Goals:
+class Goals(Strategy):
     """Drives to goals in an order that keeps the drive short, computed anew at every step.
 
     Attributes:
@@ -185,7 +186,13 @@ class Goals:
             way is left.
     """
 
-    def __init__(self, goals: Sequence[ArrayLike], may_be_near: bool = False):
+    def __init__(
+        self,
+        goals: Sequence[ArrayLike],
+        may_be_near: bool = False,
+        *,
+        config: ExplorationConfig = ExplorationConfig(),
+    ):
         """Goals (2,), m in ``map``.
 
         ``may_be_near``: the nearest reachable ground within the robot's length stands for one, as where it was set
@@ -194,9 +201,9 @@ class Goals:
         self.left = [np.asarray(goal, np.float64) for goal in goals]
         self.visits: list[Visit] = []
         self.is_tight = False
-        self._may_be_near = may_be_near
+        self._may_be_near, self._config = may_be_near, config
         self._context: Context | None = None
-        self._goal: NDArray[np.float64] | None = None
+        self._goal: Place | None = None
         # By a goal's id: s of the shortest way to it so far, and how many drives since did not shorten it.
         self._tries: dict[int, tuple[float, int]] = {}
 
@@ -205,12 +212,11 @@ class Goals:
         self._context = context
         for goal in list(self.left):
             place = self._place(goal, context.paths)
-            if np.linalg.norm(place - context.T_map_base[:2, 3]) <= ARRIVED:
+            if np.linalg.norm(place - context.T_map_base[:2, 3]) <= self._config.arrived:
                 self._end(goal, None)
-            elif goal is self._goal and self._was_in_vain(
-                goal, context.paths.cost_to(place), context.traversability.config.costs.stop
-            ):
-                self._end(goal, f"{goal_name(goal)} is given up: {PATIENCE} drives brought the robot no nearer")
+            elif goal is self._goal and self._is_hopeless(goal, context.paths.cost_to(place)):
+                drives = self._config.patience
+                self._end(goal, f"{goal_name(goal)} is given up: {drives} drives brought the robot no nearer")
         self._goal = None
 
     def next_viewpoint(self, context: Context) -> Viewpoint | None:
@@ -233,21 +239,21 @@ class Goals:
             obstacle = obstacle_to(self._context.paths, goal) if why is None and self._context else None
             self._end(goal, obstacle or f"{goal_name(goal)} was not reached: {why or 'the episode ended'}")
 
-    def _place(self, goal: NDArray[np.float64], paths: PosePaths) -> NDArray[np.float64]:
-        """(2,) m, the place to drive to for a goal: the nearest reachable one near it, or else the goal."""
+    def _place(self, goal: Place, paths: PosePaths) -> Place:
+        """The place to drive to for a goal: the nearest reachable one near it, or else the goal."""
         if not np.isfinite(goal).all():
             return goal
         t = paths.traversability
         place = t.grid.nearest(paths.reachable, goal, t.robot.length if self._may_be_near else 0.0)
         return goal if place is None else place
 
-    def _was_in_vain(self, goal: NDArray[np.float64], way_left: float, least: float) -> bool:
-        """Whether ``PATIENCE`` drives to a goal, this one included, shortened the way by less than ``least`` s."""
-        shortest, in_vain = self._tries[id(goal)]
-        is_shorter = way_left < shortest - least
-        self._tries[id(goal)] = (way_left, 0) if is_shorter else (shortest, in_vain + 1)
-        return self._tries[id(goal)][1] >= PATIENCE
+    def _is_hopeless(self, goal: Place, way_left: float) -> bool:
+        """Whether the ``patience`` latest drives to a goal brought the robot no nearer to it."""
+        shortest, drives = self._tries[id(goal)]
+        is_nearer = way_left < shortest - self._config.progress
+        self._tries[id(goal)] = (way_left, 0) if is_nearer else (shortest, drives + 1)
+        return self._tries[id(goal)][1] >= self._config.patience
 
-    def _end(self, goal: NDArray[np.float64], obstacle: str | None) -> None:
+    def _end(self, goal: Place, obstacle: str | None) -> None:
         self.left = [other for other in self.left if other is not goal]
         self.visits.append(Visit(goal, obstacle))

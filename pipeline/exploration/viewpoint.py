@@ -1,17 +1,17 @@
-"""A place to look from, and what the robot knows when it chooses one."""
+"""A place to look from, what the robot knows when it chooses one, and what chooses it."""
 
+from abc import abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import Layer, Place, Places, Pose, Poses, Values
 from pipeline.elevation_map.traversability import Traversability
 from pipeline.frame import Frame
 from pipeline.planning.pose_paths import PosePaths
-
-ARRIVED = 0.15
-"""m; a robot this close to a viewpoint or goal has reached it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,13 +24,32 @@ class Viewpoint:
         turn: whether the robot turns to the heading when it is there.
         gain: m² of ground expected to be seen for the first time, and the rewards of the viewpoint.
         seconds: expected until the keyframe is taken.
+        falls: whether the gain assumes that unknown ground behind crests falls.
     """
 
-    position: NDArray[np.float64]
+    position: Place
     heading: float
     turn: bool
     gain: float
     seconds: float = 0.0
+    falls: bool = True
+
+
+class ViewpointRewards(Protocol):
+    """Rewards that make a viewpoint worth a drive besides unseen ground."""
+
+    @property
+    def wanted(self) -> Sequence[object]:
+        """What is to be seen; empty if there are no rewards."""
+        ...
+
+    def gains(self, places: Places, bearings: Values) -> NDArray[np.float64]:
+        """(N, M) m², rewards of keyframes from N places on the ground along M bearings (rad)."""
+        ...
+
+    def aim(self, place: Place, heading: float) -> None:
+        """Remember that the next keyframe is to be taken from a place (3,) on the ground along a heading (rad)."""
+        ...
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,17 +58,19 @@ class Context:
 
     Attributes:
         frame: the newest frame.
-        T_map_base: 4×4 pose of the robot.
-        measured: (nx, ny) float32 height of the ground where it was seen, m; NaN elsewhere.
+        T_map_base: of the robot.
+        measured: float32 height of the ground where it was seen, m; NaN elsewhere.
         paths: cheapest ways from where the robot stands.
-        poses: (K, 4, 4) ``T_map_base`` of all keyframes, the newest last.
+        poses: ``T_map_base`` of all keyframes, the newest last.
+        rewards: of viewpoints, besides unseen ground; None for no such rewards.
     """
 
     frame: Frame
-    T_map_base: NDArray[np.float64]
-    measured: NDArray[np.float32]
+    T_map_base: Pose
+    measured: Layer
     paths: PosePaths
-    poses: NDArray[np.float64]
+    poses: Poses
+    rewards: ViewpointRewards | None = None
 
     @property
     def traversability(self) -> Traversability:
@@ -58,16 +79,23 @@ class Context:
 
 
 class Strategy(Protocol):
-    """One way to decide where to go."""
+    """One way to decide where to go; what is not abstract need not be overridden."""
 
+    @abstractmethod
     def observe(self, context: Context) -> None:
-        """Take into account what the newest keyframe shows; called once a step, before anything is asked."""
+        """Take into account what the newest keyframe shows; called once a step, before any other method."""
         ...
 
+    @abstractmethod
     def next_viewpoint(self, context: Context) -> Viewpoint | None:
         """Where to go next; None if this strategy has no viewpoint. The call changes nothing."""
         ...
 
+    @abstractmethod
     def commit(self, viewpoint: Viewpoint, context: Context) -> None:
         """Remember that the robot sets out for a viewpoint that this strategy has named."""
         ...
+
+    def leftovers(self, context: Context) -> list[Viewpoint]:
+        """Viewpoints that would show more, whether or not they are worth the drive; the call changes nothing."""
+        return []

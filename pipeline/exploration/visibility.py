@@ -6,169 +6,163 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from pipeline.arrays import Cells, Indices, MaskLayer, Place, Places, Poses, Values
 from pipeline.elevation_map.pose_kernels import ANGLES
 from pipeline.exploration import visibility_kernels as kernels
-from pipeline.exploration.visibility_kernels import RAY_STEP, RAYS
+from pipeline.exploration.config import VisibilityConfig
 from pipeline.frame import Frame
 from pipeline.grid_map import blocks
-from pipeline.localisation.localisation import KEYFRAME_WAY
 from pipeline.transforms import yaw_of
 
-PLACE_STRIDE = 5
-"""Cells along each side of the blocks, each of which has one place for viewpoints."""
 
-
-def camera_view(frame: Frame) -> kernels.CameraView:
-    """What the camera that took a frame sees of the ground, from up to ``KEYFRAME_WAY`` short of a viewpoint.
+def camera_view(frame: Frame, config: VisibilityConfig) -> kernels.CameraView:
+    """What the camera that took a frame sees of the ground, from up to ``short_by`` before a viewpoint.
 
     Nothing is expected within half a ray's step of the image's lower and upper edge, and within one of its sides.
     Values are rounded to 1 mm and 0.1°, so that a camera that trembles on its mount stays the same.
     """
-    lens, T = frame.intrinsics, frame.T_base_camera
+    lens, T, step = frame.intrinsics, frame.T_base_camera, 2 * np.pi / config.rays
     pitch = np.arcsin(T[2, 2])
     left, right = np.arctan([lens.cx / lens.fx, (lens.width - lens.cx) / lens.fx])
     up, down = np.arctan([lens.cy / lens.fy, (lens.height - lens.cy) / lens.fy])
     sensor = frame.sensor
-    lengths = T[2, 3], T[0, 3], sensor.nearest + sensor.margin, sensor.farthest - sensor.margin - KEYFRAME_WAY
-    angles = pitch - down + RAY_STEP / 2, pitch + up - RAY_STEP / 2, left + right - 2 * RAY_STEP
+    lengths = T[2, 3], T[0, 3], sensor.nearest + sensor.margin, sensor.farthest - sensor.margin - config.short_by
+    angles = pitch - down + step / 2, pitch + up - step / 2, left + right - 2 * step
     rounded = [round(float(metres), 3) for metres in lengths]
     edges = np.deg2rad(np.degrees(angles).round(1)).tolist()
-    return kernels.CameraView(*rounded, *edges)._replace(grazing=sensor.grazing)
+    return kernels.CameraView(*[*rounded, *edges, sensor.grazing, config.rays])
 
 
-def gains(
-    places: NDArray[np.float64], camera: kernels.CameraView, terrain: kernels.SearchedTerrain
-) -> NDArray[np.float64]:
-    """(N, 16) m² that viewpoints at (N, 2) places, m, along each heading should show."""
-    shape = len(places), RAYS
+def gains(places: Places, camera: kernels.CameraView, terrain: kernels.SearchedTerrain) -> NDArray[np.float64]:
+    """(N, 16) m² that viewpoints at places along each heading should show."""
+    shape = len(places), camera.rays
     return _by_heading(kernels.ray_gains(places, camera, terrain, np.ones(shape, np.bool_), np.zeros(shape)), camera)
 
 
 def _by_heading(rays: NDArray[np.float64], camera: kernels.CameraView) -> NDArray[np.float64]:
-    """(N, 16) sums of the values of (N, RAYS) rays over the field of view along each heading."""
-    half, first = _rays_in_view(camera) // 2, np.rint(ANGLES / RAY_STEP).astype(int)
+    """(N, 16) sums of the values of (N, R) rays over the field of view along each heading."""
+    half, first = _rays_in_view(camera) // 2, np.rint(ANGLES / camera.step).astype(int)
     sums = np.cumsum(np.hstack([np.zeros((len(rays), 1)), rays[:, -half:], rays, rays[:, :half]]), axis=1)
     return sums[:, first + 2 * half + 1] - sums[:, first]
 
 
 def cells_in_view(
-    position: NDArray[np.float64], heading: float, camera: kernels.CameraView, terrain: kernels.SearchedTerrain
-) -> NDArray[np.bool_]:
-    """(nx, ny) the target cells that a viewpoint at (2,) m with a heading (rad) should show."""
+    position: Place, heading: float, camera: kernels.CameraView, terrain: kernels.SearchedTerrain
+) -> MaskLayer:
+    """The target cells that a viewpoint with a heading (rad) should show."""
     return kernels.cells_in_view(*position, _bearings(heading, camera), camera, terrain)
 
 
 def count_misses(
-    poses: NDArray[np.float64],
+    poses: Poses,
     camera: kernels.CameraView,
     terrain: kernels.SearchedTerrain,
     misses: NDArray[np.uint8],
-    missed: NDArray[np.int64],
+    missed: Indices,
 ) -> None:
     """Count the target cells that keyframes should have shown and did not, in the order of their poses.
 
-    Args:
-        poses: (K, 4, 4) of the keyframes.
-        camera: its view of the ground.
-        terrain: the ground as known; ``missed_from`` is renewed in place.
-        misses: (nx, ny) number of keyframes that missed each cell; renewed in place.
-        missed: (256,) number of cells that were missed, by how often they had been missed before; added to in place.
+    Renewed in place: ``terrain.missed_from``, ``misses`` (nx, ny), the number of keyframes that missed each cell, and
+    ``missed`` (256,), the number of cells that were missed, by how often they had been missed before.
     """
     for T in poses:
         kernels.count_misses(*T[:2, 3], _bearings(yaw_of(T), camera), camera, terrain, misses, missed)
 
 
-def _bearings(heading: float, camera: kernels.CameraView) -> NDArray[np.float64]:
-    """(M,) rad, bearings of rays all over the field of view along a heading, rad."""
-    half = _rays_in_view(camera) // 2
-    middle = round(heading / (2 * np.pi) * RAYS)
+def _bearings(heading: float, camera: kernels.CameraView) -> Values:
+    """Bearings (rad) of rays all over the field of view along a heading, rad."""
+    half, middle = _rays_in_view(camera) // 2, round(heading / (2 * np.pi) * camera.rays)
     # The rays from which the gain was computed, bit for bit, for one may slip through where two cells meet at a
     # corner; and rays in between, for the cells that lie between them.
-    first = np.arange(middle - half, middle + half + 1) % RAYS * RAY_STEP
-    return np.asarray(first[:, None] + np.arange(3) / 3 * RAY_STEP).ravel()
+    first = np.arange(middle - half, middle + half + 1) % camera.rays * camera.step
+    return np.asarray(first[:, None] + np.arange(3) / 3 * camera.step).ravel()
 
 
 class ViewpointGains:
-    """Gains of viewpoints; casts only those rays again that may meet changed cells, if they may meet targets."""
+    """Gains of viewpoints; only those rays are cast again that may meet changed cells, if they may meet targets."""
 
-    def __init__(self) -> None:
+    def __init__(self, stride: int) -> None:
+        """``stride``: cells along each side of the blocks by which rays that need not be cast are found."""
+        self._stride = stride
         self._camera: kernels.CameraView | None = None
-        self._origin, self._falls = np.full(2, np.nan), True
-        self._cells = np.zeros((0, 2), np.int64)
-        self._rays, self._gains = np.zeros((1, RAYS)), np.zeros((1, len(ANGLES)))
+        self._terrain: kernels.SearchedTerrain | None = None
 
-    def of(
-        self,
-        cells: NDArray[np.int64],
-        camera: kernels.CameraView,
-        terrain: kernels.SearchedTerrain,
-        changed: NDArray[np.bool_],
-    ) -> NDArray[np.float64]:
-        """(N, 16) m² that viewpoints along each heading should show.
-
-        Args:
-            cells: (N, 2) elements of the viewpoints.
-            camera: its view of the ground.
-            terrain: the ground as known.
-            changed: (nx, ny) cells of the terrain that changed since the last call. All rays are cast anew if the
-                camera is another, if the grid begins elsewhere, or if the ground behind crests is guessed otherwise.
-        """
-        if camera != self._camera or terrain.falls != self._falls or (terrain.origin != self._origin).any():
-            self._camera, self._origin, self._falls = camera, terrain.origin, terrain.falls
-            changed = np.ones_like(changed)
+    def of(self, cells: Cells, camera: kernels.CameraView, terrain: kernels.SearchedTerrain) -> NDArray[np.float64]:
+        """(N, 16) m² that viewpoints along each heading should show, ``cells`` being elements of the terrain."""
+        if self._terrain is None or camera != self._camera or not _is_alike(self._terrain, terrain):
+            # What was kept is of no use.
+            self._camera, self._terrain, self._cells = camera, terrain, np.zeros((0, 2), np.int64)
+            self._rays, self._gains = np.zeros((1, camera.rays)), np.zeros((1, len(ANGLES)))
+        changed = _changed(self._terrain, terrain)
         rows = np.full(changed.shape, -1, np.int32)
         rows[tuple(self._cells.T)] = np.arange(len(self._cells))
         row = rows[tuple(cells.T)]
         # New cells have row -1: they first get the rays of any other cell, which are then renewed.
-        rays, sums = (known.take(row, axis=0, mode="clip") for known in (self._rays, self._gains))
-        renewed = _towards(changed, cells, camera, terrain)
+        rays, sums = (earlier.take(row, axis=0, mode="clip") for earlier in (self._rays, self._gains))
+        renewed = self._towards(changed, cells, camera, terrain.cell)
         renewed[row < 0] = True
         rays[renewed] = 0.0
         some = renewed.any(axis=1)
-        wanted = renewed[some] & _towards(terrain.target, cells[some], camera, terrain)
-        rays[some] = kernels.ray_gains(_places(cells[some], terrain), camera, terrain, wanted, rays[some])
+        wanted = renewed[some] & self._towards(terrain.target, cells[some], camera, terrain.cell)
+        places = terrain.origin + (cells[some] + 0.5) * terrain.cell
+        rays[some] = kernels.ray_gains(places, camera, terrain, wanted, rays[some])
         sums[some] = _by_heading(rays[some], camera)
-        self._cells = cells
+        self._terrain, self._cells = terrain, cells
         if len(cells):
             self._rays, self._gains = rays, sums
         return sums
 
+    def _towards(self, mask: MaskLayer, cells: Cells, camera: kernels.CameraView, cell: float) -> NDArray[np.bool_]:
+        """(N, R) the rays from cells that may meet a cell of a mask."""
+        stride, wanted = self._stride, np.zeros((len(cells), camera.rays), np.bool_)
+        parts, side = np.asarray(blocks(mask, stride).any(axis=0)), stride * cell
+        here = tuple(cells.T // stride)
+        # For an empty mask the distances mean nothing, but then no ray meets a square either.
+        near = (ndimage.distance_transform_edt(~parts) <= camera.reach / side + 2)[here]
+        # From outside, a ray enters a piece of the mask through its rim.
+        rim = parts & ~ndimage.binary_erosion(parts, np.ones((3, 3)))
+        rays = _rays_by_offset(camera.reach, cell, stride, camera.rays)
+        wanted[near] = kernels.rays_towards(cells[near], rim, rays, stride, camera.rays)
+        wanted[parts[here]] = True
+        return wanted
 
-def _towards(
-    mask: NDArray[np.bool_], cells: NDArray[np.int64], camera: kernels.CameraView, terrain: kernels.SearchedTerrain
-) -> NDArray[np.bool_]:
-    """(N, RAYS) the rays from cells (N, 2) that may meet a cell of a mask (nx, ny)."""
-    wanted = np.zeros((len(cells), RAYS), np.bool_)
-    parts, side = np.asarray(blocks(mask, PLACE_STRIDE).any(axis=0)), PLACE_STRIDE * terrain.cell
-    here = tuple(cells.T // PLACE_STRIDE)
-    # For an empty mask the distances mean nothing, but then no ray meets a square either.
-    near = (ndimage.distance_transform_edt(~parts) <= camera.reach / side + 2)[here]
-    # From outside, a ray enters a piece of the mask through its rim.
-    rim = parts & ~ndimage.binary_erosion(parts, np.ones((3, 3)))
-    wanted[near] = kernels.rays_towards(cells[near], rim, _rays_by_offset(camera.reach, terrain.cell), PLACE_STRIDE)
-    wanted[parts[here]] = True
-    return wanted
+
+def _is_alike(before: kernels.SearchedTerrain, terrain: kernels.SearchedTerrain) -> bool:
+    """Whether two terrains have the same cells and guesses, whatever their layers hold."""
+    same = before.target.shape == terrain.target.shape and (before.origin == terrain.origin).all()
+    return bool(same) and all(a == b for a, b in zip(before, terrain, strict=True) if not isinstance(a, np.ndarray))
+
+
+def _changed(before: kernels.SearchedTerrain, terrain: kernels.SearchedTerrain) -> MaskLayer:
+    """The cells in which any layer of two terrains alike differs."""
+    changed = np.zeros(terrain.target.shape, np.bool_)
+    layers = "elevation", "gradient", "target", "probability", "missed_from"
+    for old, new in ((getattr(before, name), getattr(terrain, name)) for name in layers):
+        if old is not new:
+            differs = _bits(old) != _bits(new)
+            changed |= differs if differs.ndim == 2 else differs[..., 0] | differs[..., 1]
+    return changed
+
+
+def _bits(values: NDArray) -> NDArray:
+    """The values as integers, so that NaN is equal to NaN."""
+    return values.view(f"u{values.itemsize}")
 
 
 @cache
-def _rays_by_offset(reach: float, cell: float) -> NDArray[np.int16]:
+def _rays_by_offset(reach: float, cell: float, stride: int, count: int) -> NDArray[np.int16]:
     """(S, S, 2) the first ray, and the first after the last, from a cell to a block within ``reach`` m of it.
 
     Indices are those of the block's middle cell, from the corner of a square around the cell; rays may be beyond 0 to
-    ``RAYS``, and are none if the block is farther away.
+    ``count``, and are none if the block is farther away.
     """
-    most, radius = int(reach / cell) + PLACE_STRIDE, PLACE_STRIDE * cell / np.sqrt(2)
+    most, radius, step = int(reach / cell) + stride, stride * cell / np.sqrt(2), 2 * np.pi / count
     i, j = cell * (np.indices((2 * most + 1,) * 2) - most)
     distance, bearing = np.hypot(i, j), np.arctan2(j, i)
     half = np.where(distance > radius, np.arcsin(radius / np.maximum(distance, radius)), np.pi)
-    first, last = np.floor((bearing - half) / RAY_STEP), np.ceil((bearing + half) / RAY_STEP)
+    first, last = np.floor((bearing - half) / step), np.ceil((bearing + half) / step)
     return np.stack([first, np.where(distance <= reach + radius, last + 1, first)], axis=-1).astype(np.int16)
 
 
-def _places(cells: NDArray[np.int64], terrain: kernels.SearchedTerrain) -> NDArray[np.float64]:
-    """(N, 2) m, the middles of cells."""
-    return terrain.origin + (cells + 0.5) * terrain.cell
-
-
 def _rays_in_view(camera: kernels.CameraView) -> int:
-    return round(camera.field_of_view / (2 * np.pi) * RAYS)
+    return round(camera.field_of_view / (2 * np.pi) * camera.rays)

@@ -6,19 +6,8 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from pipeline.arrays import MaskLayer, Place
 from pipeline.elevation_map.elevation_kernels import cell_at
-from pipeline.labels import RAMP_TILT
-from pipeline.localisation.localisation import KEYFRAME_WAY
-from pipeline.sensor import XTION
-
-RAYS = 180
-"""Number of directions around a viewpoint."""
-RAY_STEP = 2 * np.pi / RAYS
-"""rad, from one ray to the next."""
-RAMP = np.tan(RAMP_TILT)
-"""Slope above which ground that rises is a ramp; a NIST ramp has twice this slope."""
-MAX_UNKNOWN = 1.0
-"""m; a ray is expected to see no farther into unknown terrain, and as much level ground ends a ramp's fall."""
 
 
 class CameraView(NamedTuple):
@@ -30,6 +19,7 @@ class CameraView(NamedTuple):
         lower_edge, upper_edge: of the image, rad above the horizon.
         field_of_view: along the horizon, rad.
         grazing: least angle between a ray and ground that gives a return, rad.
+        rays: number of directions all around in which rays are cast.
     """
 
     height: float
@@ -39,7 +29,13 @@ class CameraView(NamedTuple):
     lower_edge: float
     upper_edge: float
     field_of_view: float
-    grazing: float = XTION.grazing
+    grazing: float
+    rays: int
+
+    @property
+    def step(self) -> float:
+        """rad from one ray to the next."""
+        return 2 * np.pi / self.rays
 
     @property
     def reach(self) -> float:
@@ -48,38 +44,43 @@ class CameraView(NamedTuple):
 
 
 class SearchedTerrain(NamedTuple):
-    """The ground as known, and the targets of keyframes; layers are (nx, ny) on one grid.
+    """The ground that was seen, and the targets of keyframes; layers are (nx, ny) on one grid.
 
     Attributes:
-        origin: (2,) corner of cell [0, 0], m.
+        origin: corner of cell [0, 0].
         cell: side of a cell, m.
         elevation: float32 m, NaN where unknown.
         gradient: (nx, ny, 2) float32 slope along x and y.
-        target: bool, unseen ground that counts.
+        target: unseen ground that counts.
         probability: float32, probability that a cell in view can be seen at all.
         missed_from: (nx, ny, 2) float32 m, where the last keyframe that missed the cell was taken; inf if none did.
-            From within ``KEYFRAME_WAY`` of this place the cell is not expected to be seen.
         falls: whether unknown ground behind the crest of a ramp is assumed to fall as the ramp rose.
+        ramp_slope, nist_slope, most_unknown, level_run, new_view: see ``VisibilityConfig``.
     """
 
-    origin: NDArray[np.float64]
+    origin: Place
     cell: float
     elevation: NDArray[np.float32]
     gradient: NDArray[np.float32]
-    target: NDArray[np.bool_]
+    target: MaskLayer
     probability: NDArray[np.float32]
     missed_from: NDArray[np.float32]
-    falls: bool = True
+    falls: bool
+    ramp_slope: float
+    nist_slope: float
+    most_unknown: float
+    level_run: float
+    new_view: float
 
 
 @njit(cache=True)
 def cast_ray(x, y, bearing, view, terrain, seen):
     """What a ray of the camera of a robot at (x, y) is expected to show for the first time.
 
-    The ray runs over the known ground; a cell is hidden if something before it rises higher in the view. Unknown
-    ground is assumed to continue at the last known height, but if ``terrain.falls``, to fall behind the crest of a
-    ramp as the ramp rose; ground that a keyframe missed is assumed to fall as well. Ground that is met at a grazing
-    angle gives no return.
+    The ray runs over the ground that was seen; a cell is hidden if something before it rises higher in the view.
+    Unknown ground is assumed to continue at the last height seen, but if ``terrain.falls``, to fall behind the crest
+    of a ramp as the ramp rose; ground that a keyframe missed is assumed to fall as well. Ground that is met at a
+    grazing angle gives no return.
 
     Unknown ground is no likelier than any unknown ground right before it, past which the ray must lead.
 
@@ -91,15 +92,13 @@ def cast_ray(x, y, bearing, view, terrain, seen):
     i, j = cell_at(x, y, origin, cell)
     level = terrain.elevation[i, j]
     dx, dy = np.cos(bearing), np.sin(bearing)
-    # On a slope the camera points up or down along it.
-    tilt = np.arctan(rise_along(i, j, dx, dy, terrain))
-    camera = level + view.height * np.cos(tilt) + view.ahead * np.sin(tilt)
-    ahead = view.ahead * np.cos(tilt) - view.height * np.sin(tilt)
-    horizon, ceiling = np.tan(tilt + view.lower_edge), np.tan(tilt + view.upper_edge)
-    unknown, fall = 0.0, fall_after(np.tan(tilt), terrain)
-    total, count, chance = 0.0, 0, 1.0
+    tilt = np.arctan(rise_along(i, j, dx, dy, terrain.gradient))
+    camera, ahead, horizon, ceiling = camera_on(level, tilt, view)
+    unknown, fall = 0.0, fall_after(np.tan(tilt), terrain.falls, terrain.ramp_slope)
+    levelling = terrain.nist_slope * cell / terrain.level_run
+    total, count, probability = 0.0, 0, 1.0
     d = 0.5 * cell
-    while d < view.far and unknown < MAX_UNKNOWN:
+    while d < view.far and unknown < terrain.most_unknown:
         d += cell
         i, j = cell_at(x + (d + ahead) * dx, y + (d + ahead) * dy, origin, cell)
         if not (0 <= i < nx and 0 <= j < ny):
@@ -110,10 +109,10 @@ def cast_ray(x, y, bearing, view, terrain, seen):
             rise = -fall
         else:
             level = terrain.elevation[i, j]
-            rise = rise_along(i, j, dx, dy, terrain)
-            fall = max(fall_after(rise, terrain), fall - 2 * RAMP * cell / MAX_UNKNOWN)
+            rise = rise_along(i, j, dx, dy, terrain.gradient)
+            fall = max(fall_after(rise, terrain.falls, terrain.ramp_slope), fall - levelling)
         # Also where it is below the view: what did not show from farther away does not go on out of sight.
-        chance = min(chance, terrain.probability[i, j]) if is_unknown else 1.0
+        probability = min(probability, terrain.probability[i, j]) if is_unknown else 1.0
         slope = (level - camera) / d
         if slope > ceiling:
             break
@@ -122,62 +121,77 @@ def cast_ray(x, y, bearing, view, terrain, seen):
         horizon = max(horizon, slope)
         if is_unknown:
             unknown += cell
-        if is_shown(x, y, i, j, d, slope, rise, view, terrain):
-            total += d * min(chance, terrain.probability[i, j])
+        from_miss = x - terrain.missed_from[i, j, 0], y - terrain.missed_from[i, j, 1]
+        if terrain.target[i, j] and is_shown(from_miss, d, slope, rise, view, terrain.new_view, terrain.nist_slope):
+            total += d * min(probability, terrain.probability[i, j])
             seen[count] = i * ny + j
             count += 1
     return total, count
 
 
 @njit(cache=True)
-def rise_along(i, j, dx, dy, terrain):
-    """Slope of the ground in cell (i, j) along the unit direction (dx, dy)."""
-    return terrain.gradient[i, j, 0] * dx + terrain.gradient[i, j, 1] * dy
+def camera_on(level, tilt, view):
+    """Height of the camera and its distance before the robot, m, and the slopes of its lowest and highest ray.
 
-
-@njit(cache=True)
-def fall_after(rise, terrain):
-    """Slope at which unknown ground is assumed to fall behind ground that rises with the slope ``rise``."""
-    return rise if terrain.falls and rise > RAMP else 0.0
-
-
-@njit(cache=True)
-def is_shown(x, y, i, j, d, slope, rise, view, terrain):
-    """Whether a ray from (x, y) that meets cell (i, j) shows a target there.
-
-    The ray has the ``slope``, and at a horizontal distance of ``d`` m meets ground with the slope ``rise`` along it.
+    The robot stands at the height ``level`` on a slope, by whose ``tilt`` the camera points up or down along it.
     """
-    ex, ey = x - terrain.missed_from[i, j, 0], y - terrain.missed_from[i, j, 1]
-    if not terrain.target[i, j] or ex * ex + ey * ey < KEYFRAME_WAY**2:
+    height = level + view.height * np.cos(tilt) + view.ahead * np.sin(tilt)
+    ahead = view.ahead * np.cos(tilt) - view.height * np.sin(tilt)
+    return height, ahead, np.tan(tilt + view.lower_edge), np.tan(tilt + view.upper_edge)
+
+
+# What is called for each cell gets numbers and layers: passing the whole terrain would take four times as long.
+@njit(cache=True)
+def rise_along(i, j, dx, dy, gradient):
+    """Slope of the ground in cell (i, j) along the unit direction (dx, dy), by its ``gradient`` (nx, ny, 2)."""
+    return gradient[i, j, 0] * dx + gradient[i, j, 1] * dy
+
+
+@njit(cache=True)
+def fall_after(rise, falls, ramp_slope):
+    """Slope at which unknown ground is assumed to fall behind ground that rises with the slope ``rise``."""
+    return rise if falls and rise > ramp_slope else 0.0
+
+
+@njit(cache=True)
+def is_shown(from_miss, d, slope, rise, view, new_view, nist_slope):
+    """Whether a ray shows what it meets at a horizontal distance of ``d`` m.
+
+    The ray has the ``slope``, and the ground that it meets ``rise`` along it. The keyframe that last missed this
+    ground was taken ``from_miss`` (2,) m away; inf if none was.
+    """
+    ex, ey = from_miss
+    if ex * ex + ey * ey < new_view * new_view:
         return False
     if np.isfinite(ex):
         # It may fall away as a NIST ramp does.
-        rise = min(rise, -2 * RAMP)
+        rise = min(rise, -nist_slope)
     grazing = np.arctan(rise) - np.arctan(slope)
     return grazing >= view.grazing and d * np.sqrt(1 + slope * slope) >= view.near
 
 
 @njit(cache=True)
-def ray_gains(places, view, terrain, wanted, known):
-    """(N, RAYS) m² that each ray from (N, 2) points should show: cast if ``wanted``, otherwise as ``known``."""
-    result = known.copy()
+def ray_gains(places, view, terrain, wanted, earlier):
+    """(N, R) m² that each ray from (N, 2) points should show: cast if ``wanted``, otherwise as ``earlier``."""
+    result = earlier.copy()
+    step = 2 * np.pi / view.rays
     seen = np.zeros(int(view.far / terrain.cell) + 2, np.int64)
     for n in range(len(places)):
-        for m in range(RAYS):
+        for m in range(view.rays):
             if wanted[n, m]:
-                total, _ = cast_ray(places[n, 0], places[n, 1], m * RAY_STEP, view, terrain, seen)
-                result[n, m] = total * terrain.cell * RAY_STEP
+                total, _ = cast_ray(places[n, 0], places[n, 1], m * step, view, terrain, seen)
+                result[n, m] = total * terrain.cell * step
     return result
 
 
 @njit(cache=True)
-def rays_towards(cells, mask, rays, side):
-    """(N, RAYS) bool, the rays from cells (N, 2) that come through blocks of a mask (I, J).
+def rays_towards(cells, mask, rays, side, count):
+    """(N, R) bool, which of ``count`` rays from cells (N, 2) that come through blocks of a mask (I, J).
 
     Blocks have ``side`` cells to each side, an odd number. ``rays`` (S, S, 2) are the first ray, and the first after
     the last, by the offset of a block's middle from the cell, which is in the middle of this square.
     """
-    wanted = np.zeros((len(cells), RAYS), np.bool_)
+    wanted = np.zeros((len(cells), count), np.bool_)
     most = len(rays) // 2
     for n in range(len(cells)):
         i, j = cells[n, 0] - side // 2, cells[n, 1] - side // 2
@@ -186,7 +200,7 @@ def rays_towards(cells, mask, rays, side):
                 if mask[a, b]:
                     first, last = rays[side * a - i + most, side * b - j + most]
                     for m in range(first, last):
-                        wanted[n, m % RAYS] = True
+                        wanted[n, m % count] = True
     return wanted
 
 

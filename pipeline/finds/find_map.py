@@ -5,10 +5,11 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.finds.objects import OBJECTS, ObjectPolicy, shown
+from pipeline.finds.objects import policies_of, shown
 from pipeline.finds.observation import sight
 from pipeline.finds.warm_victims import one_per_person
 from pipeline.frame import Frame
+from pipeline.tracks.config import TracksConfig
 from pipeline.tracks.find import Find, Reading
 from pipeline.tracks.track import Track
 from pipeline.tracks.tracks import Tracks, join_one_to_one
@@ -23,10 +24,10 @@ class Finds(Tracks):
         readings: in the last frame.
     """
 
-    def __init__(self, people: Tracks, policies: Sequence[ObjectPolicy] = OBJECTS) -> None:
+    def __init__(self, people: Tracks, config: TracksConfig = TracksConfig()) -> None:
         """Begin with none; ``people`` are those on the map, who give off heat."""
         super().__init__(join_one_to_one)
-        self.policies = {policy.kind: policy for policy in policies}
+        self.policies = policies_of(config)
         self.readings: list[Reading] = []
         self._people = people
 

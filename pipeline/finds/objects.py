@@ -2,49 +2,26 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from math import radians
 
 import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frame import Frame
 from pipeline.sensor import SensorModel
-from pipeline.tracks.find import HEAT, SHAPED
-from pipeline.tracks.track import Confirmation, Location, Observation, Track, TrackPolicy, mahalanobis
+from pipeline.tracks.config import ObjectConfig, TracksConfig
+from pipeline.tracks.find import FIND_KINDS
+from pipeline.tracks.track import Location, Observation, Track, TrackPolicy, mahalanobis
 from pipeline.transforms import inverse, transform_points
 
-FROM_ONE_PLACE = Confirmation(confidence=0.5)
-FROM_TWO_PLACES = Confirmation(confidence=0.5, baseline=0.3)
-"""From one place, the edge of an object may look like another object."""
+FLAT = ("hazmat_sign", "qr_code", "april_tag")
+"""Kinds that show the same from wherever they are seen."""
+CHECKED = ("qr_code", "april_tag")
+"""Kinds that are read rightly or not at all, for they carry check sums."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class ObjectPolicy(TrackPolicy):
-    """A frame shows an object once; what is small in the image, or has no depth, is looked at from nearer.
-
-    Attributes:
-        across: m, the largest signs.
-        readable: pixels along a side from which signs and codes are surely read: two for a module of a small QR code.
-        nearer: least distance of another look, as a share of the nearest so far.
-        same_side: rad around earlier lines of sight; from farther aside a sign is narrower, or not to be seen at all.
-        sigmas: standard deviations of the position within which a return is of the object, not in front of it.
-        gap: m of depth between an object and others in front of or behind it.
-        pose_sigma: m, standard deviation of a keyframe's position: of trajectories in the benchmark's arenas.
-        kept_voxel: m, edge of the voxels in each of which one of an observation's points is kept.
-        of_person: m; what is no farther from what was seen of a person is of the person.
-    """
-
-    confirmation: Confirmation = FROM_ONE_PLACE
-    across: float = 0.3
-    photo_margin: float = 0.5
-    readable: float = 60.0
-    nearer: float = 0.5
-    same_side: float = radians(40)
-    sigmas: float = 3.0
-    gap: float = 0.3
-    pose_sigma: float = 0.03
-    kept_voxel: float = 0.025
-    of_person: float = 0.0
+class ObjectPolicy(ObjectConfig, TrackPolicy):
+    """A frame shows an object once; what is small in the image, or has no depth, is looked at from nearer."""
 
     def locate(self, placed: Sequence[Observation]) -> Location:
         """The mean by the information; the covariance is that of one, for observations from one place err alike."""
@@ -120,9 +97,11 @@ def shown(track: Track) -> NDArray[np.float32]:
     return max(with_depth(track.placed), key=track.policy.shows).points
 
 
-SIGN = ObjectPolicy(kind="hazmat_sign", is_flat=True)
-QR_CODE = ObjectPolicy(kind="qr_code", is_flat=True, has_checksum=True)
-APRIL_TAG = ObjectPolicy(kind="april_tag", is_flat=True, has_checksum=True)
-WARM = ObjectPolicy(kind=HEAT, of_person=0.4)
-SHAPES = tuple(ObjectPolicy(kind=kind, confirmation=FROM_TWO_PLACES, of_person=0.15) for kind in SHAPED)
-OBJECTS = (SIGN, QR_CODE, APRIL_TAG, *SHAPES, WARM)
+def policies_of(config: TracksConfig) -> dict[str, ObjectPolicy]:
+    """The policy of each kind of finds but people."""
+    return {
+        kind: ObjectPolicy(
+            kind=kind, is_flat=kind in FLAT, has_checksum=kind in CHECKED, **vars(getattr(config, kind))
+        )
+        for kind in FIND_KINDS
+    }

@@ -1,8 +1,6 @@
 """Re-observation: rewards for viewpoints that would show again what is not confirmed, or could not be read."""
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from math import radians
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,31 +9,10 @@ from scipy.spatial import cKDTree
 from pipeline.frame import Frame
 from pipeline.keyframes import Keyframes, Places
 from pipeline.metric_map.metric_map import MetricMap
+from pipeline.tracks.config import ReobservationConfig
 from pipeline.tracks.track import Track
 from pipeline.tracks.tracks import Tracks
 from pipeline.transforms import wrap_angle
-
-
-@dataclass(frozen=True)
-class ReobservationConfig:
-    """What another look is worth, and from where.
-
-    Attributes:
-        reward: m² of unseen ground to which a viewpoint towards an object is equivalent.
-        new_side: rad, least angle between a viewpoint and earlier ones, seen from the object, for the full reward. No
-            viewpoint so near one that showed nothing has any: a person in a box is seen only from its open side.
-        spacing: m; viewpoints that are nearer to each other show the same.
-        most_tries: to see an object again.
-        margin: m before the object at which the line of sight to it may end.
-        beside_camera: m of a line of sight that count as free because the robot itself will stand there.
-    """
-
-    reward: float = 1.0
-    new_side: float = radians(40)
-    spacing: float = 0.3
-    most_tries: int = 4
-    margin: float = 0.3
-    beside_camera: float = 0.3
 
 
 class Reobservation:

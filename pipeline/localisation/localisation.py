@@ -11,8 +11,6 @@ from pipeline.localisation.belief import Belief
 from pipeline.localisation.config import OdometryConfig
 from pipeline.transforms import are_poses
 
-KEYFRAME_WAY, KEYFRAME_TURN = 0.3, np.deg2rad(15)
-
 
 @dataclass(frozen=True, eq=False)
 class Localised:

@@ -6,8 +6,9 @@ from typing import Literal, Protocol
 
 import networkx as nx
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from pipeline.arrays import Mask, Place, Places
 from pipeline.elevation_map.traversability import Traversability
 from pipeline.planning.pose_paths import PosePaths, Way
 from pipeline.planning.visiting_order import visiting_order
@@ -21,14 +22,14 @@ class PathPlan:
     """A way to a goal: straight drives and turns in place.
 
     Attributes:
-        way_points: (N, 3) m in ``map``, from the first place to drive to up to the goal.
-        backwards: (N,) which of the drives lead backwards.
+        way_points: (N, 3) from the first place to drive to up to the goal.
+        backwards: which of the drives lead backwards.
         nodes: ids of the nodes that the way leads over or past.
         length: m along the ground plan, from where the robot is.
     """
 
-    way_points: NDArray[np.float64]
-    backwards: NDArray[np.bool_]
+    way_points: Places
+    backwards: Mask
     nodes: list[int]
     length: float
 
@@ -37,8 +38,8 @@ class PlaceOnGround(Protocol):
     """A node of the graph."""
 
     @property
-    def position(self) -> NDArray[np.float64]:
-        """(3,) m in ``map``, on the ground."""
+    def position(self) -> Place:
+        """Where it is on the ground, (3,)."""
         ...
 
 
@@ -58,8 +59,8 @@ class PlanningGraph(Protocol):
         """The nodes by their ids."""
         ...
 
-    def links_from(self, xy: NDArray[np.float64], traversability: Traversability) -> dict[int, float]:
-        """Seconds of the straight drives from a place ``xy`` (2,), m, to nodes, by the nodes' ids."""
+    def links_from(self, xy: Place, traversability: Traversability) -> dict[int, float]:
+        """Seconds of the straight drives from a place ``xy`` (2,) to nodes, by the nodes' ids."""
         ...
 
 
@@ -118,9 +119,7 @@ def plan_path(
     return PathPlan(traversability.on_ground(places), np.concatenate([w.backwards for w in ways]), nodes, length)
 
 
-def _ways_over(
-    places: Sequence[NDArray[np.float64]], paths: PosePaths, goal: NDArray[np.float64], heading: float | None
-) -> list[Way]:
+def _ways_over(places: Sequence[Place], paths: PosePaths, goal: Place, heading: float | None) -> list[Way]:
     """The ways from place (2,) to place and on to the goal; none if one of the places cannot be reached."""
     ways: list[Way] = []
     for place in [*places, goal]:
@@ -155,13 +154,13 @@ def obstacle_to(paths: PosePaths, goal: ArrayLike) -> str | None:
     return f"{name} cannot be reached from ({paths.start[0]:.2f}, {paths.start[1]:.2f}) m"
 
 
-def goal_name(goal: NDArray[np.float64]) -> str:
+def goal_name(goal: Place) -> str:
     """The name of a goal (2,) in the log."""
     return f"the goal {place_name(goal)}"
 
 
-def place_name(xy: NDArray[np.float64]) -> str:
-    """The name of a place (2,), m, in the log."""
+def place_name(xy: Place) -> str:
+    """The name of a place (2,) in the log."""
     x, y = np.round(xy, 2) + 0.0  # which makes 0 of -0
     return f"({x:.2f}, {y:.2f}) m"
 
@@ -183,9 +182,7 @@ def order_goals(paths: PosePaths, goals: Sequence[ArrayLike]) -> list[int]:
     return [wanted[k - 1] for k in visiting_order(np.maximum(seconds, seconds.T))]
 
 
-def _nodes_between(
-    topology: PlanningGraph, traversability: Traversability, start: NDArray[np.float64], goal: NDArray[np.float64]
-) -> list[int]:
+def _nodes_between(topology: PlanningGraph, traversability: Traversability, start: Place, goal: Place) -> list[int]:
     """Ids of the nodes on the quickest way, by Dijkstra's algorithm; none if no way leads over nodes."""
     graph = topology.graph.copy()
     for name, xy in (("start", start), ("goal", goal)):

@@ -8,6 +8,7 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pipeline.arrays import Cells, Mask, MaskLayer, Place, Places, Values
 from pipeline.elevation_map.pose_kernels import ANGLES, BUCKETS, HEADINGS, STANDING, VECTORS
 from pipeline.elevation_map.traversability import Traversability, least_clearance
 from pipeline.planning import pose_paths_kernels as kernels
@@ -18,13 +19,13 @@ class Way:
     """Straight drives and turns in place.
 
     Attributes:
-        places: (N, 2) m in ``map``, ends of the drives; a way that is only a turn has one place.
-        backwards: (N,) which of the drives lead backwards.
+        places: (N, 2) ends of the drives; a way that is only a turn has one place.
+        backwards: which of the drives lead backwards.
         heading: rad, to turn to at the end.
     """
 
-    places: NDArray[np.float64]
-    backwards: NDArray[np.bool_]
+    places: Places
+    backwards: Mask
     heading: float
 
 
@@ -65,7 +66,7 @@ class PosePaths:
         if not places or (self._search.escape > 0 and not self.reachable.any()):
             self.start = None
 
-    def _states(self, places: list[NDArray[np.float64]]) -> NDArray[np.int64]:
+    def _states(self, places: list[Place]) -> NDArray[np.int64]:
         """(K, 3) the cells and headings to start with."""
         cells = self._grid.cell_of(np.array(places).reshape(-1, 2))
         if self._heading is not None:
@@ -121,13 +122,13 @@ class PosePaths:
         is_known = (cost > 0) & ((cost <= self._search.now[0]) | self.is_complete)
         return np.where(is_known, (cost - 1) * np.float32(self._costs.tick), np.float32(np.inf))
 
-    def seconds_to(self, cells: NDArray[np.int64], until: float = np.inf) -> NDArray[np.float32]:
-        """(N, 16) s to be at cells (N, 2) with each heading; inf if no way of up to ``until`` s leads there."""
+    def seconds_to(self, cells: Cells, until: float = np.inf) -> NDArray[np.float32]:
+        """(N, 16) s to be at cells with each heading; inf if no way of up to ``until`` s leads there."""
         self._extend(until)
         return self._known(tuple(cells.T))
 
-    def least_seconds_to(self, cells: NDArray[np.int64]) -> NDArray[np.float64]:
-        """(N,) s, lower bound of the cost of a way from the only start to cells (N, 2)."""
+    def least_seconds_to(self, cells: Cells) -> Values:
+        """Lower bound, s, of the cost of a way from the only start to cells."""
         # Nothing is quicker than to drive forward with much room.
         ticks = (self._search.level[kernels.Move.FORWARD, :, -1] / np.linalg.norm(VECTORS, axis=1)).min()
         return ticks * self._costs.tick * np.linalg.norm(cells - self._search.starts[0, :2], axis=1)
@@ -160,16 +161,16 @@ class PosePaths:
         return kernels.flood(seeds, free, is_open) & (free[..., 0].astype(np.uint16) * np.uint16(257))
 
     @cached_property
-    def reachable(self) -> NDArray[np.bool_]:
-        """(nx, ny) cells to which a way leads, and where the robot may stand."""
+    def reachable(self) -> MaskLayer:
+        """Cells to which a way leads, and where the robot may stand."""
         return self.headings != 0
 
     def cost_to(self, xy: ArrayLike) -> float:
         """Cost to a point, s; inf where no way leads."""
         return float(self._settle(xy).min())
 
-    def nearest(self, places: NDArray[np.float64]) -> int | None:
-        """Index of the place (N, 2 or 3) on the grid, m, that costs least to reach; None if no way leads to any."""
+    def nearest(self, places: Places) -> int | None:
+        """Index of the place on the grid that costs least to reach; None if no way leads to any."""
         cost = self._settle(places).min(axis=1)
         return int(cost.argmin()) if np.isfinite(cost).any() else None
 
@@ -195,8 +196,8 @@ class PosePaths:
         best = np.take_along_axis(source, seconds.argmin(axis=2)[..., None], axis=2)[..., 0]
         return flat[np.where(np.isfinite(self.cost), best, -1)]
 
-    def path_to(self, xy: ArrayLike) -> NDArray[np.float64]:
-        """(N, 2) cell centres from the (nearest) start to a reachable point, m."""
+    def path_to(self, xy: ArrayLike) -> Places:
+        """Centres of cells from the (nearest) start to a reachable point (2,)."""
         states = self._states_to(self._grid.cell_of(xy), int(self._settle(xy).argmin()))
         moved = np.append(True, (np.diff(states[:, :2], axis=0) != 0).any(axis=1))
         return self._grid.centre_of(states[moved, :2])
@@ -222,7 +223,7 @@ class PosePaths:
         end = float(ANGLES[last]) if heading is None else heading
         return Way(places[bends[ends]], backwards[ends], end)
 
-    def _states_to(self, cell: NDArray[np.int64], heading: int) -> NDArray[np.int64]:
+    def _states_to(self, cell: Cells, heading: int) -> NDArray[np.int64]:
         """(N, 3) cells and headings from the start to a reachable pose."""
         came_by = self._search.came_by.reshape(*self._grid.shape, HEADINGS)
         states = kernels.trace(came_by, int(cell[0]), int(cell[1]), heading)
@@ -239,8 +240,8 @@ def nearest_heading(heading: float) -> int:
     return int(np.cos(ANGLES - heading).argmax())
 
 
-def simplify(path: NDArray[np.float64], traversability: Traversability) -> NDArray[np.float64]:
-    """(M, 2) few points of a path (N, 2), m; a straight drive costs at most a stop more than what it replaces."""
+def simplify(path: Places, traversability: Traversability) -> Places:
+    """Few points of a path (N, 2); a straight drive costs at most a stop more than what it replaces."""
     seconds = traversability.line_seconds(path[:-1], path[1:])
     reached = np.append(0.0, np.cumsum(np.where(np.isfinite(seconds), seconds, 1e3)))
     bends = [0]

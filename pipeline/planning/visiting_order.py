@@ -5,17 +5,15 @@ from itertools import combinations, permutations
 import numpy as np
 from numpy.typing import NDArray
 
-EXACT = 7
-"""Greatest number of places for which the order is optimal; for more, it is one that 2-opt cannot improve."""
 
-
-def visiting_order(cost: NDArray[np.float64]) -> list[int]:
+def visiting_order(cost: NDArray[np.float64], exact: int = 7) -> list[int]:
     """The order of the places 1 … N - 1 that makes the way from place 0 over all of them cheap; any may be the last.
 
     Args:
         cost: (N, N) finite cost of the way from each place to each other, m or s.
+        exact: up to so many places the order is the best of all; for more, one that 2-opt cannot improve.
     """
-    if len(cost) - 1 <= EXACT:
+    if len(cost) - 1 <= exact:
         return _best_order(cost)
     return _two_opt(cost, _nearest_first(cost))
 

@@ -8,15 +8,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from pipeline.arrays import Cells, Indices, Mask, MaskLayer, Place, Places
 from pipeline.elevation_map.traversability import Traversability
 from pipeline.grid_map import Box, Grid, GridMap, Layer, best_of_blocks, box_around
 from pipeline.segments.segment import Segment
 from pipeline.topological_map import sight_kernels as kernels
-
-SIGHT = 2.0
-"""m, greatest distance at which a node sees ground."""
-_BLOCK = 4
-"""Cells along each side of a block that has one candidate for a node."""
+from pipeline.topological_map.config import TopologicalMapConfig
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,14 +21,14 @@ class VisibleCells:
     """The cells that K places see.
 
     Attributes:
-        places: (K, 2) m in ``map``.
-        seen: (K, S, S) bool, cells of a square window around each place.
-        corners: (K, 2) int64 absolute indices of the windows' first cells.
+        places: (K, 2).
+        seen: (K, S, S) cells of a square window around each place.
+        corners: absolute indices of the windows' first cells.
     """
 
-    places: NDArray[np.float64]
+    places: Places
     seen: NDArray[np.bool_]
-    corners: NDArray[np.int64]
+    corners: Cells
 
 
 class NodeCover:
@@ -43,7 +40,8 @@ class NodeCover:
 
     traversability: Traversability
 
-    def __init__(self) -> None:
+    def __init__(self, config: TopologicalMapConfig) -> None:
+        self._config = config
         self._seen_by: dict[int, VisibleCells] = {}
 
     @cached_property
@@ -54,18 +52,21 @@ class NodeCover:
         kinds = {"target": mask, "standable": mask, "walls": mask, "count": count, "left": left}
         return GridMap(self.traversability.grid.cell, kinds)
 
-    def update(
-        self, traversability: Traversability, reachable: NDArray[np.bool_], walls: Sequence[Segment]
-    ) -> NDArray[np.bool_]:
+    @property
+    def _reach(self) -> int:
+        """Cells that a node sees far."""
+        return round(self._config.sight / self.grid.cell)
+
+    def update(self, traversability: Traversability, reachable: MaskLayer, walls: Sequence[Segment]) -> MaskLayer:
         """Update the layers; what a node sees is computed again only if a cell in its window changed.
 
         Args:
             traversability: of the ground.
-            reachable: (nx, ny) cells that the robot can reach, which nodes must see.
+            reachable: cells that the robot can reach, which nodes must see.
             walls: they hide what is behind them, as do tall hazards.
 
         Returns:
-            (nx, ny) bool, the cells that changed.
+            The cells that changed.
         """
         self.traversability = traversability
         layers, revision = self._layers, self._layers.revision
@@ -89,18 +90,13 @@ class NodeCover:
         return self._layers.grid
 
     @property
-    def _reach(self) -> int:
-        """Cells to each side of the window that a node sees."""
-        return round(SIGHT / self.grid.cell)
-
-    @property
-    def target(self) -> NDArray[np.bool_]:
-        """(nx, ny) traversable cells that the robot can reach, which nodes must see."""
+    def target(self) -> MaskLayer:
+        """Traversable cells that the robot can reach, which nodes must see."""
         return self._layers["target"]
 
     @property
-    def standable(self) -> NDArray[np.bool_]:
-        """(nx, ny) cells that the robot can reach and where it can turn."""
+    def standable(self) -> MaskLayer:
+        """Cells that the robot can reach and where it can turn."""
         return self._layers["standable"]
 
     @property
@@ -109,27 +105,27 @@ class NodeCover:
         return self._layers["count"]
 
     @property
-    def missing(self) -> NDArray[np.bool_]:
-        """(nx, ny) target cells that no node sees."""
+    def missing(self) -> MaskLayer:
+        """Target cells that no node sees."""
         return self.target & (self.count == 0)
 
     @property
-    def wanted(self) -> NDArray[np.bool_]:
-        """(nx, ny) missing cells, except those left as not worth a node since the ground around them last changed."""
+    def wanted(self) -> MaskLayer:
+        """Missing cells, except those left as not worth a node since the ground around them last changed."""
         return self.missing & ~self._layers["left"]
 
     def leave_rest(self) -> None:
         """Mark the cells that no node sees as not worth a node."""
         self._layers["left"][:] = self.missing
 
-    def visible_from(self, places: NDArray[np.float64]) -> VisibleCells:
-        """The cells that (K, 2) places, m, see."""
-        cells = self.grid.cell_of(places)
-        seen = kernels.visible_cells(cells, self.target, self._layers["walls"], ray_tree(self._reach), self._reach)
-        return VisibleCells(places, seen, cells - self._reach + self.grid.low)
+    def visible_from(self, places: Places) -> VisibleCells:
+        """The cells that (K, 2) places see."""
+        cells, reach = self.grid.cell_of(places), self._reach
+        seen = kernels.visible_cells(cells, self.target, self._layers["walls"], ray_tree(reach), reach)
+        return VisibleCells(places, seen, cells - reach + self.grid.low)
 
-    def add(self, node: int, place: NDArray[np.float64]) -> None:
-        """Count the cells that a new node at ``place`` (2,), m, sees."""
+    def add(self, node: int, place: Place) -> None:
+        """Count the cells that a new node at ``place`` (2,) sees."""
         self._seen_by[node] = self.visible_from(place[None])
         self._count(node, 1)
 
@@ -138,12 +134,12 @@ class NodeCover:
         self._count(node, -1)
         del self._seen_by[node]
 
-    def gains(self, visible: VisibleCells) -> NDArray[np.int64]:
-        """(K,) number of missing cells that each of the places sees."""
+    def gains(self, visible: VisibleCells) -> Indices:
+        """Number of missing cells that each of the places sees."""
         return kernels.count_in(visible.seen, visible.corners - self.grid.low, self.missing)
 
-    def lost_without(self, nodes: Collection[int]) -> NDArray[np.int64]:
-        """(M, 2) the cells that only these nodes see, outermost first."""
+    def lost_without(self, nodes: Collection[int]) -> Cells:
+        """The cells that only these nodes see, outermost first."""
         seen = np.concatenate([self._seen_by[n].seen for n in nodes])
         corners = np.concatenate([self._seen_by[n].corners for n in nodes]) - self.grid.low
         cells = kernels.only_seen_by(seen, corners, self.count)
@@ -151,32 +147,33 @@ class NodeCover:
             return cells
         return cells[np.argsort(-np.linalg.norm(cells - cells.mean(axis=0), axis=1), kind="stable")]
 
-    def see_all(self, visible: VisibleCells, cells: NDArray[np.int64], spare: int) -> NDArray[np.bool_]:
-        """(K,) which of the places see all but ``spare`` of the cells (M, 2)."""
+    def see_all(self, visible: VisibleCells, cells: Cells, spare: int) -> Mask:
+        """Which of the places see all but ``spare`` of the cells."""
         return kernels.see_all(visible.seen, visible.corners - self.grid.low, cells, spare)
 
-    def is_near(self, node: int, mask: NDArray[np.bool_]) -> bool:
-        """Whether a mask (nx, ny) has a cell in a node's window."""
+    def is_near(self, node: int, mask: MaskLayer) -> bool:
+        """Whether a mask has a cell in a node's window."""
         return bool(mask[self._window(self._seen_by[node])].any())
 
-    def candidates(self, mask: NDArray[np.bool_], within: float, fewest: int = 1) -> NDArray[np.float64]:
-        """(K, 2) m, places near a mask: of every block of standable cells the one farthest from hazards.
+    def candidates(self, mask: MaskLayer, within: float, fewest: int = 1) -> Places:
+        """Places (K, 2) near a mask: of every block of standable cells the one farthest from hazards.
 
         In the square around it that reaches ``within`` m to each side are ``fewest`` cells of the mask or more.
         """
         if not mask.any():
             return np.zeros((0, 2))
         # The window begins at the corner of a block.
-        reach = round(within / self.grid.cell)
+        cell, block = self.grid.cell, self._config.block
+        reach = round(within / cell)
         i, j = box_around(mask, reach)
-        window = slice(i.start // _BLOCK * _BLOCK, i.stop), slice(j.start // _BLOCK * _BLOCK, j.stop)
-        near = ndimage.distance_transform_edt(~mask[window]) * self.grid.cell <= within
+        window = slice(i.start // block * block, i.stop), slice(j.start // block * block, j.stop)
+        near = ndimage.distance_transform_edt(~mask[window]) * cell <= within
         if fewest > 1:
             share = ndimage.uniform_filter(mask[window].astype(np.float32), 2 * reach + 1, mode="constant")
             near &= share * (2 * reach + 1) ** 2 > fewest - 0.5
         room = np.where(near & self.standable[window], self.traversability.to_hazard[window], 0)
         corner = np.array([side.start for side in window])
-        return self.grid.centre_of(corner + best_of_blocks(room, _BLOCK))
+        return self.grid.centre_of(corner + best_of_blocks(room, block))
 
     def _count(self, node: int, by: int) -> None:
         """Add ``by`` to the counts of the cells that a node sees."""

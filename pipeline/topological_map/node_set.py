@@ -5,16 +5,14 @@ from dataclasses import dataclass
 
 import networkx as nx
 import numpy as np
-from numpy.typing import NDArray
 
+from pipeline.arrays import Cells, MaskLayer, Place, Places
 from pipeline.elevation_map.traversability import Traversability
 from pipeline.labels import Label
 from pipeline.segments.segment import Segment
+from pipeline.topological_map.config import TopologicalMapConfig
 from pipeline.topological_map.cover import NodeCover
 from pipeline.topological_map.links import StraightDrives, drive_seconds
-
-NODE_SNAP = 0.3
-"""m, greatest distance by which a node is moved to where the robot can stand and turn."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,12 +22,12 @@ class Node:
     Attributes:
         id: unique in its map, never used again.
         label: of the segment that it lies on, or before whose bottom it lies.
-        position: (3,) m in ``map``, on the ground.
+        position: (3,) on the ground.
     """
 
     id: int
     label: Label
-    position: NDArray[np.float64]
+    position: Place
 
 
 class NodeSet:
@@ -44,23 +42,22 @@ class NodeSet:
 
     links: StraightDrives
 
-    def __init__(self) -> None:
+    def __init__(self, config: TopologicalMapConfig) -> None:
+        self._config = config
         self.nodes: dict[int, Node] = {}
         self.free = nx.Graph()
-        self.cover = NodeCover()
+        self.cover = NodeCover(config)
         self._next_id = 0
         self._have_moved = False
 
-    def renew(
-        self, traversability: Traversability, reachable: NDArray[np.bool_], walls: Sequence[Segment]
-    ) -> NDArray[np.bool_]:
-        """Update the nodes to the ground; if the robot cannot turn there, they move up to ``NODE_SNAP`` or go.
+    def renew(self, traversability: Traversability, reachable: MaskLayer, walls: Sequence[Segment]) -> MaskLayer:
+        """Update the nodes to the ground; if the robot cannot turn there, they move up to ``snap`` m or go.
 
-        See :meth:`NodeCover.update` for the arguments and the result: (nx, ny) the cells that changed.
+        See :meth:`NodeCover.update` for the arguments and the result, the cells that changed.
         """
         changed = self.cover.update(traversability, reachable, walls) | self._have_moved
         self._have_moved = False
-        self.links = StraightDrives(traversability, walls)
+        self.links = StraightDrives(traversability, walls, self._config.wall_gap)
         nodes = list(self.nodes.values())
         stand = self.cover.grid.at(self.cover.standable, np.array([n.position for n in nodes]).reshape(-1, 3))
         for k in np.flatnonzero(~stand):
@@ -71,7 +68,7 @@ class NodeSet:
     def _settle(self, node: Node) -> None:
         """Move a node to where the robot can turn; one that joins others stays, in a passage too narrow for that."""
         cover = self.cover
-        xy = cover.grid.nearest(cover.standable, node.position, NODE_SNAP)
+        xy = cover.grid.nearest(cover.standable, node.position, self._config.snap)
         parts = len(self.parts())
         self.remove(node.id)
         if xy is not None:
@@ -81,15 +78,15 @@ class NodeSet:
                 self.remove(node.id)
             self._put(node.id, node.label, node.position[:2])
 
-    def place(self, positions: NDArray[np.float64]) -> None:
-        """Move the nodes to (N, 3) positions, m; the next :meth:`renew` tests which drives join them."""
+    def place(self, positions: Places) -> None:
+        """Move the nodes to (N, 3) positions; the next :meth:`renew` tests which drives join them."""
         for node, position in zip(list(self.nodes.values()), positions, strict=True):
             self.cover.remove(node.id)
             self.cover.add(node.id, position[:2])
             self.nodes[node.id] = Node(node.id, node.label, position)
         self._have_moved = bool(self.nodes)
 
-    def add(self, label: Label, xy: NDArray[np.float64]) -> int:
+    def add(self, label: Label, xy: Place) -> int:
         """Add a node at (2,) m; returns its id."""
         node, self._next_id = self._next_id, self._next_id + 1
         self._put(node, label, xy)
@@ -101,8 +98,8 @@ class NodeSet:
         self.free.remove_node(node)
         self.cover.remove(node)
 
-    def links_from(self, places: NDArray[np.float64], without: Collection[int] = ()) -> list[list[int]]:
-        """For each place (K, 2), m, the ids of the nodes, except ``without``, that a straight drive joins to it."""
+    def links_from(self, places: Places, without: Collection[int] = ()) -> list[list[int]]:
+        """For each place (K, 2) the ids of the nodes, except ``without``, that a straight drive joins to it."""
         ids = [n for n in self.nodes if n not in without]
         ends = np.array([self.nodes[n].position for n in ids]).reshape(-1, 3)
         starts = self.cover.traversability.on_ground(places)
@@ -123,15 +120,15 @@ class NodeSet:
             parts.append(part)
         return sorted(parts, key=lambda part: (-len(part), min(part)))
 
-    def _put(self, node: int, label: Label, xy: NDArray[np.float64]) -> None:
+    def _put(self, node: int, label: Label, xy: Place) -> None:
         linked = self.links_from(xy[None])[0]
         self.nodes[node] = Node(node, label, self.cover.traversability.on_ground(xy[None])[0])
         self.cover.add(node, xy)
         self.free.add_node(node)
         self._add_edges(np.array([(node, n) for n in linked], np.int64).reshape(-1, 2))
 
-    def _retest(self, changed: NDArray[np.bool_]) -> None:
-        """Test the edges again whose bounding box meets that of the ``changed`` cells (nx, ny)."""
+    def _retest(self, changed: MaskLayer) -> None:
+        """Test the edges again whose bounding box meets that of the ``changed`` cells."""
         if not changed.any() or len(self.nodes) < 2:
             return
         cells = np.argwhere(changed)
@@ -147,7 +144,7 @@ class NodeSet:
         self.free.remove_edges_from(pairs[~free].tolist())
         self._add_edges(pairs[free])
 
-    def _add_edges(self, pairs: NDArray[np.int64]) -> None:
+    def _add_edges(self, pairs: Cells) -> None:
         starts, ends = (np.array([self.nodes[n].position for n in side]).reshape(-1, 3) for side in pairs.T)
         length = np.linalg.norm((ends - starts)[:, :2], axis=1)
         seconds = drive_seconds(self.links.traversability, starts, ends)

@@ -4,20 +4,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pipeline.arrays import Place, Places
 from pipeline.labels import Label
 from pipeline.robot import RobotModel
 from pipeline.segments.planes import PlanePatch
 from pipeline.segments.segment import Segment
 from pipeline.segments.segments import Segments
+from pipeline.topological_map.config import TopologicalMapConfig
 from pipeline.topological_map.cover import NodeCover
-from pipeline.topological_map.node_set import NODE_SNAP
-
-SAME_LEVEL = 0.12
-"""m; ground that differs more in height from a segment does not belong to it."""
-LARGE_RAMP = 1.8
-"""m; a longer straight ramp has a node in each half."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -25,61 +20,62 @@ class NodePlace:
     """Where the thesis wants a node.
 
     Attributes:
-        xy: (2,) m in ``map``.
+        xy: (2,).
         label: of its segment.
     """
 
-    xy: NDArray[np.float64]
+    xy: Place
     label: Label
 
 
-def thesis_places(patches: Sequence[PlanePatch], segments: Segments, cover: NodeCover) -> list[NodePlace]:
+def thesis_places(
+    patches: Sequence[PlanePatch], segments: Segments, cover: NodeCover, config: TopologicalMapConfig
+) -> list[NodePlace]:
     """The places of all segments and of terrain patches, moved to where the robot can stand and turn."""
-    ground = cover.traversability
-    wanted = [(p, s.label) for s in segments for p in segment_nodes(s, ground.robot, ground.config.ramp_margin)]
+    wanted = [(p, s.label) for s in segments for p in segment_nodes(s, cover.traversability.robot, config)]
     wanted += [(np.median(p.points.astype(np.float64), axis=0), p.label) for p in patches if p.label is Label.TERRAIN]
     places = []
     for place, label in wanted:
-        level = np.abs(ground.elevation - place[2]) < SAME_LEVEL
-        xy = cover.grid.nearest(cover.standable & level, place, NODE_SNAP)
+        level = np.abs(cover.traversability.elevation - place[2]) < config.same_level
+        xy = cover.grid.nearest(cover.standable & level, place, config.snap)
         if xy is not None:
             places.append(NodePlace(xy, label))
     return places
 
 
-def label_at(point: NDArray[np.float64], segments: Segments) -> Label:
-    """The label of a node at a point (3,) of the ground, m: a straight ramp, or else the terrain."""
+def label_at(point: Place, segments: Segments, same_level: float) -> Label:
+    """The label of a node at a point of the ground: a straight ramp within ``same_level`` m, or else the terrain."""
     for segment in segments.of(Label.STRAIGHT_RAMP):
-        if segment.tree.query(point)[0] <= SAME_LEVEL:
+        if segment.tree.query(point)[0] <= same_level:
             return Label.STRAIGHT_RAMP
     return Label.TERRAIN
 
 
-def segment_nodes(segment: Segment, robot: RobotModel, ramp_margin: float) -> NDArray[np.float64]:
-    """(N, 3) places in ``map`` for the nodes of a straight or an inclined ramp; none on other segments.
+def segment_nodes(segment: Segment, robot: RobotModel, config: TopologicalMapConfig) -> Places:
+    """Places (N, 3) for the nodes of a straight or an inclined ramp; none on other segments.
 
     A segment smaller than the robot has none, nor has one too steep to be driven on, as the side of a ramp.
     """
     if segment.box.area >= robot.length * robot.width and segment.plane.normal[2] >= np.cos(robot.max_tilt):
         if segment.label is Label.STRAIGHT_RAMP:
-            return _middles(segment)
+            return _middles(segment, config.large_ramp)
         if segment.label is Label.INCLINED_RAMP:
-            return _bottom(segment, robot.half_length + ramp_margin)[None]
+            return _bottom(segment, robot.half_length + config.before_ramp)[None]
     return np.zeros((0, 3))
 
 
-def _middles(segment: Segment) -> NDArray[np.float64]:
-    """The middle of a straight ramp, or the middles of the two halves of a large one."""
+def _middles(segment: Segment, large: float) -> Places:
+    """The middle of a straight ramp, or the middles of the two halves of one longer than ``large``, m."""
     T, extent = segment.box.T_map_box, segment.box.extent
     long = int(np.argmax(extent[:2]))
-    if extent[long] <= LARGE_RAMP:
+    if extent[long] <= large:
         return T[None, :3, 3]
     quarter = T[:3, long] * extent[long] / 4
     return np.stack([T[:3, 3] - quarter, T[:3, 3] + quarter])
 
 
-def _bottom(segment: Segment, distance: float) -> NDArray[np.float64]:
-    """(3,) ``distance`` m before the bottom edge of an inclined ramp, where the whole robot stands level."""
+def _bottom(segment: Segment, distance: float) -> Place:
+    """The place ``distance`` m before the bottom edge of an inclined ramp, where the whole robot stands level."""
     box = segment.box
     downhill = np.array([*segment.plane.normal[:2], 0.0])
     downhill /= np.linalg.norm(downhill)

@@ -6,12 +6,11 @@ from typing import Any
 
 import networkx as nx
 import numpy as np
-from numpy.typing import NDArray
 
+from pipeline.arrays import Cells, MaskLayer, Place
 from pipeline.elevation_map.traversability import Traversability
 from pipeline.grid_map import box_around
 from pipeline.planning.pose_paths import PosePaths, simplify
-from pipeline.topological_map.cover import SIGHT
 from pipeline.topological_map.links import StraightDrives, drive_seconds
 from pipeline.topological_map.node_set import Node
 
@@ -19,26 +18,26 @@ from pipeline.topological_map.node_set import Node
 class Passages:
     """The shortest ways between nodes whose regions touch; a cell belongs to the region of the nearest node."""
 
-    def __init__(self) -> None:
+    def __init__(self, sight: float) -> None:
+        """``sight``: m, greatest distance at which a node sees ground."""
+        self._sight = sight
         self._edges: dict[tuple[int, int], dict[str, Any]] = {}
-        self._known: dict[int, Node] = {}
+        self._nodes: dict[int, Node] = {}
 
-    def renew(
-        self, nodes: Mapping[int, Node], links: StraightDrives, drives: nx.Graph, changed: NDArray[np.bool_]
-    ) -> None:
-        """Find passages anew around ``changed`` (nx, ny) ground and around nodes that came, went or moved.
+    def renew(self, nodes: Mapping[int, Node], links: StraightDrives, drives: nx.Graph, changed: MaskLayer) -> None:
+        """Find passages anew around ``changed`` ground and around nodes that came, went or moved.
 
         There are none between nodes that straight ``drives`` join.
         """
         grid = links.traversability.grid
-        before, self._known = self._known, dict(nodes)
+        before, self._nodes = self._nodes, dict(nodes)
         pairs = (before, nodes), (nodes, before)
-        moved = [known[n].position for known, other in pairs for n in known if known[n] is not other.get(n)]
+        moved = [some[n].position for some, other in pairs for n in some if some[n] is not other.get(n)]
         mask = changed | grid.mask_of(np.array(moved).reshape(-1, 3))
         if not mask.any():
             return
         # A node sees no ground farther away, so the nodes whose regions changed are in this box.
-        part = links.traversability.part(box_around(mask, round(SIGHT / grid.cell)))
+        part = links.traversability.part(box_around(mask, round(self._sight / grid.cell)))
         here = {n: node for n, node in nodes.items() if part.grid.holds(part.grid.cell_of(node.position))}
         kept = {pair: edge for pair, edge in self._edges.items() if all(nodes.get(n) is before[n] for n in pair)}
         self._edges = _free(kept, nodes, links) | _between(here, links, drives, part)
@@ -87,12 +86,12 @@ def _between(
     return edges
 
 
-def _nearest(nodes: Mapping[int, Node], xy: NDArray[np.float64]) -> int:
+def _nearest(nodes: Mapping[int, Node], xy: Place) -> int:
     return min(nodes, key=lambda n: float(np.linalg.norm(nodes[n].position[:2] - xy)))
 
 
-def _meetings(paths: PosePaths) -> list[tuple[NDArray[np.int64], NDArray[np.int64]]]:
-    """For every two touching regions the two neighbouring cells (2,) where the way between the nodes is shortest."""
+def _meetings(paths: PosePaths) -> list[tuple[Cells, Cells]]:
+    """For every two touching regions the two neighbouring cells where the way between the nodes is shortest."""
     source = paths.sources()
     cells, costs, keys = [], [], []
     for step in ((1, 0), (0, 1)):

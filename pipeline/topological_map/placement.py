@@ -8,54 +8,48 @@ from collections import deque
 from collections.abc import Collection, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
+from pipeline.arrays import Indices, Place, Places
 from pipeline.labels import Label
 from pipeline.planning.pose_paths import PosePaths, simplify
 from pipeline.segments.segments import Segments
-from pipeline.topological_map.cover import SIGHT
-from pipeline.topological_map.node_set import NODE_SNAP, NodeSet
+from pipeline.topological_map.config import TopologicalMapConfig
+from pipeline.topological_map.node_set import NodeSet
 from pipeline.topological_map.nodes import NodePlace, label_at
-
-SPARE = 4
-"""Greatest number of cells, 1 dm², that are not worth a node."""
-PLACE_GAIN = 1.0
-"""m² of ground that a place of the thesis's rules must add to become a node."""
-LINKED = 0.7
-"""Share of the greatest gain; a place with at least this gain is preferred if a straight drive joins it to a node."""
 
 
 class Placement:
     """Places nodes on the ground as of one step."""
 
-    def __init__(self, nodes: NodeSet, places: Sequence[NodePlace], segments: Segments):
+    def __init__(self, nodes: NodeSet, places: Sequence[NodePlace], segments: Segments, config: TopologicalMapConfig):
         """``places``: where the thesis's rules want nodes; they come before all others."""
         self._nodes, self._cover, self._places, self._segments = nodes, nodes.cover, places, segments
+        self._config = config
 
     def add_places(self) -> None:
-        """Add nodes at the places of the thesis's rules that gain at least ``PLACE_GAIN``."""
-        least = PLACE_GAIN / self._cover.grid.cell**2
+        """Add nodes at the places of the thesis's rules that gain at least ``place_gain``."""
+        least = self._config.place_gain / self._cover.grid.cell**2
         for place in self._places:
             if self._cover.gains(self._cover.visible_from(place.xy[None]))[0] >= least:
                 self._nodes.add(place.label, place.xy)
 
     def cover_rest(self) -> None:
         """Add nodes for the cells that no node sees, the node with the greatest gain first."""
-        cover = self._cover
-        visible = cover.visible_from(cover.candidates(cover.wanted, SIGHT, SPARE + 1))
+        cover, spare = self._cover, self._config.spare
+        visible = cover.visible_from(cover.candidates(cover.wanted, self._config.sight, spare + 1))
         while len(visible.places):
             gains = cover.gains(visible)
-            if gains.max() <= SPARE:
+            if gains.max() <= spare:
                 break
             xy = visible.places[self._best(visible.places, gains)]
             self._nodes.add(self._label(xy), xy)
         cover.leave_rest()
 
-    def _best(self, places: NDArray[np.float64], gains: NDArray[np.int64]) -> int:
+    def _best(self, places: Places, gains: Indices) -> int:
         """The row of the place with the greatest gain, or of one with a little less that is linked to a node."""
         order = np.argsort(-gains, kind="stable")
-        for k in order[gains[order] >= LINKED * gains.max()]:
+        for k in order[gains[order] >= self._config.linked * gains.max()]:
             if self._nodes.links_from(places[[k]])[0]:
                 return int(k)
         return int(order[0])
@@ -72,8 +66,8 @@ class Placement:
             if len(self._nodes.parts()) >= len(parts):
                 return
 
-    def _joints(self, part: set[int], others: Sequence[set[int]]) -> NDArray[np.float64]:
-        """(N, 2) places that join a group of nodes to another one: a single one, or else the bends of the way."""
+    def _joints(self, part: set[int], others: Sequence[set[int]]) -> Places:
+        """Places (N, 2) that join a group of nodes to another one: a single one, or else the bends of the way."""
         traversability, nodes = self._cover.traversability, self._nodes.nodes
         # From the smaller groups, since the search then has a smaller front.
         paths = PosePaths(traversability, [nodes[n].position for other in others for n in sorted(other)])
@@ -82,7 +76,7 @@ class Placement:
         if nearest is None:
             return np.zeros((0, 2))
         way = paths.path_to(targets[nearest])
-        places = self._cover.candidates(self._cover.grid.mask_of(way), 2 * NODE_SNAP)
+        places = self._cover.candidates(self._cover.grid.mask_of(way), self._config.joint)
         room = traversability.grid.at(traversability.to_hazard, places)
         places = places[np.argsort(-room, kind="stable")]
         for xy, links in zip(places, self._nodes.links_from(places), strict=True):
@@ -92,16 +86,17 @@ class Placement:
 
     def thin_out(self, active: set[int]) -> None:
         """Remove and merge ``active`` nodes and their neighbours as long as no ground and no connection is lost."""
-        cover = self._cover
+        cover, sight = self._cover, self._config.sight
         for n in sorted(active, key=lambda n: len(cover.lost_without([n]))):
-            if len(cover.lost_without([n])) <= SPARE and len(self._nodes.parts({n})) <= len(self._nodes.parts()):
+            is_spare = len(cover.lost_without([n])) <= self._config.spare
+            if is_spare and len(self._nodes.parts({n})) <= len(self._nodes.parts()):
                 self._nodes.remove(n)
         active = active & self._nodes.nodes.keys()
         if len(self._nodes.nodes) < 2 or not active:
             return
         candidates = self._candidates(active)
         ids = list(self._nodes.nodes)
-        near = KDTree([self._nodes.nodes[n].position[:2] for n in ids]).query_pairs(2 * SIGHT)
+        near = KDTree([self._nodes.nodes[n].position[:2] for n in ids]).query_pairs(2 * sight)
         pairs = deque(pair for i, j in sorted(near) if active & set(pair := (ids[i], ids[j])))
         while pairs:
             pair = pairs.popleft()
@@ -109,16 +104,16 @@ class Placement:
             if new is not None:
                 pairs.extend((new, n) for n in self._nodes.nodes if n != new)
 
-    def _candidates(self, active: Collection[int]) -> NDArray[np.float64]:
-        """(K, 2) m, the places of the thesis's rules and candidates around the active nodes."""
+    def _candidates(self, active: Collection[int]) -> Places:
+        """The places (K, 2) of the thesis's rules and candidates around the active nodes."""
         around = self._cover.grid.mask_of([self._nodes.nodes[n].position for n in active])
-        lattice = self._cover.candidates(around, SIGHT)
+        lattice = self._cover.candidates(around, self._config.sight)
         return np.vstack([*(place.xy[None] for place in self._places), lattice])
 
-    def _merge(self, pair: tuple[int, int], candidates: NDArray[np.float64]) -> int | None:
-        """Replace two nodes by one; returns its id, or None if none of the candidates (K, 2) replaces both."""
+    def _merge(self, pair: tuple[int, int], candidates: Places) -> int | None:
+        """Replace two nodes by one; returns its id, or None if none of the candidates replaces both."""
         a, b = (self._nodes.nodes[n].position[:2] for n in pair)
-        if np.linalg.norm(a - b) > 2 * SIGHT:
+        if np.linalg.norm(a - b) > 2 * self._config.sight:
             return None
         good = self._stand_ins(pair, candidates)
         if not len(good):
@@ -132,26 +127,26 @@ class Placement:
                 return self._nodes.add(self._label(xy), xy)
         return None
 
-    def _stand_ins(self, pair: tuple[int, int], places: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(K, 2) the places that see the cells only these two nodes see; first the thesis's, then by cells seen."""
+    def _stand_ins(self, pair: tuple[int, int], places: Places) -> Places:
+        """The places (K, 2) that see the cells only these two nodes see; first the thesis's, then by cells seen."""
+        sight, spare, cell = self._config.sight, self._config.spare, self._cover.grid.cell
         lost = self._cover.lost_without(pair)
         middle = np.mean([self._nodes.nodes[n].position[:2] for n in pair], axis=0)
         centre = self._cover.grid.centre_of(lost.mean(axis=0)) if len(lost) else middle
-        near = np.linalg.norm(places - centre, axis=1) <= SIGHT
-        if len(lost) > 2 * SPARE:
-            # No place sees farther than SIGHT to any side.
-            low, high = self._cover.grid.centre_of(np.sort(lost, axis=0)[[SPARE, -1 - SPARE]])
-            cell = self._cover.grid.cell
-            near &= ((places >= high - SIGHT - cell) & (places <= low + SIGHT + cell)).all(axis=1)
+        near = np.linalg.norm(places - centre, axis=1) <= sight
+        if len(lost) > 2 * spare:
+            # No place sees farther than its sight to any side.
+            low, high = self._cover.grid.centre_of(np.sort(lost, axis=0)[[spare, -1 - spare]])
+            near &= ((places >= high - sight - cell) & (places <= low + sight + cell)).all(axis=1)
         rows = np.flatnonzero(near)
         visible = self._cover.visible_from(places[rows])
-        good = self._cover.see_all(visible, lost, SPARE)
+        good = self._cover.see_all(visible, lost, spare)
         is_other, seen = rows[good] >= len(self._places), visible.seen[good].sum(axis=(1, 2))
         return visible.places[good][np.lexsort([-seen, is_other])]
 
-    def _label(self, xy: NDArray[np.float64]) -> Label:
+    def _label(self, xy: Place) -> Label:
         """The label of a place (2,): of the thesis's place there, if there is one, or else of the ground."""
         for place in self._places:
             if (place.xy == xy).all():
                 return place.label
-        return label_at(self._cover.traversability.on_ground(xy[None])[0], self._segments)
+        return label_at(self._cover.traversability.on_ground(xy[None])[0], self._segments, self._config.same_level)

@@ -7,8 +7,9 @@ from typing import Literal
 
 import networkx as nx
 import numpy as np
-from numpy.typing import NDArray
 
+from pipeline.arrays import MaskLayer, Place, Poses
+from pipeline.arrays import Places as Points
 from pipeline.elevation_map.traversability import Traversability
 from pipeline.files import whole_file
 from pipeline.keyframes import Places
@@ -16,6 +17,7 @@ from pipeline.labels import Label
 from pipeline.planning.pose_paths import PosePaths
 from pipeline.segments.planes import PlanePatch
 from pipeline.segments.segments import Segments
+from pipeline.topological_map.config import TopologicalMapConfig
 from pipeline.topological_map.links import drive_seconds
 from pipeline.topological_map.node_set import Node, NodeSet
 from pipeline.topological_map.nodes import thesis_places
@@ -25,8 +27,6 @@ from pipeline.topological_map.roadmap import collision_free_tree, roadmap
 
 GraphKind = Literal["mst", "roadmap"]
 """The graph for plans: the thesis's minimum spanning tree, or the tree and the loops that shorten detours."""
-MAX_DETOUR = 1.1
-"""Greatest ratio of the shortest way over the roadmap to that over all possible drives."""
 
 
 class TopologicalMap:
@@ -38,10 +38,11 @@ class TopologicalMap:
         graph: the graph for plans, the tree itself or the roadmap, whose loops may have ``bends`` as well.
     """
 
-    def __init__(self, graph: GraphKind = "roadmap"):
+    def __init__(self, graph: GraphKind = "roadmap", *, config: TopologicalMapConfig = TopologicalMapConfig()):
+        self._config = config
         self.kind: GraphKind = graph
         self.tree = self.graph = nx.Graph()
-        self._set, self._passages = NodeSet(), Passages()
+        self._set, self._passages = NodeSet(config), Passages(config.sight)
         self._places, self._bends = Places.joined([]), dict[tuple[int, int], Places]()
 
     @property
@@ -59,7 +60,8 @@ class TopologicalMap:
         """
         nodes, walls = self._set, segments.of(Label.WALL)
         changed = nodes.renew(paths.traversability, self._reachable(paths), walls)
-        placement = Placement(nodes, thesis_places(patches, segments, nodes.cover), segments)
+        places = thesis_places(patches, segments, nodes.cover, self._config)
+        placement = Placement(nodes, places, segments, self._config)
         old = set(nodes.nodes)
         placement.add_places()
         placement.cover_rest()
@@ -71,10 +73,10 @@ class TopologicalMap:
             drives = nodes.free.copy()
             self._passages.renew(nodes.nodes, nodes.links, nodes.free, changed)
             self._passages.add_to(drives)
-            self.graph = roadmap(self.tree, drives, MAX_DETOUR)
+            self.graph = roadmap(self.tree, drives, self._config.max_detour)
 
-    def anchor(self, poses: NDArray[np.float64]) -> None:
-        """Anchor nodes and ways to the keyframes, at (K, 4, 4) poses in ``map``, that stood nearest to them."""
+    def anchor(self, poses: Poses) -> None:
+        """Anchor nodes and ways to the keyframes that stood nearest to them."""
         positions = np.array([node.position for node in self.nodes.values()]).reshape(-1, 3)
         self._places = Places.anchored(positions, poses)
         self._bends = {
@@ -83,19 +85,19 @@ class TopologicalMap:
             if "bends" in edge
         }
 
-    def place(self, poses: NDArray[np.float64]) -> None:
-        """Move nodes and ways along with (K, 4, 4) keyframes in ``map``; :meth:`update` fits them to the ground."""
+    def place(self, poses: Poses) -> None:
+        """Move nodes and ways along with the keyframes; :meth:`update` fits them to the ground."""
         self._set.place(self._places.at(poses))
         for edge, bends in self._bends.items():
             self.graph.edges[edge]["bends"] = bends.at(poses)
 
-    def way(self, a: int, b: int) -> NDArray[np.float64]:
-        """(N, 3) m, the points that an edge leads over, from node ``a`` to node ``b``."""
+    def way(self, a: int, b: int) -> Points:
+        """The points (N, 3) that an edge leads over, from node ``a`` to node ``b``."""
         bends = self.graph.edges[a, b].get("bends", np.zeros((0, 3)))
         return np.vstack([self.nodes[a].position, bends if a < b else bends[::-1], self.nodes[b].position])
 
-    def links_from(self, xy: NDArray[np.float64], traversability: Traversability) -> dict[int, float]:
-        """Seconds to each of the nodes, by id, that a straight drive joins to a point (2,), m."""
+    def links_from(self, xy: Place, traversability: Traversability) -> dict[int, float]:
+        """Seconds to each of the nodes, by id, that a straight drive joins to a point (2,)."""
         ends = np.array([node.position[:2] for node in self.nodes.values()]).reshape(-1, 2)
         seconds = drive_seconds(traversability, xy[None], ends)
         return {n: float(s) for n, s in zip(self.nodes, seconds, strict=True) if np.isfinite(s)}
@@ -119,8 +121,8 @@ class TopologicalMap:
         with whole_file(path) as partial:
             partial.write_text(json.dumps({"nodes": nodes, "edges": edges}, indent=1) + "\n")
 
-    def _reachable(self, paths: PosePaths) -> NDArray[np.bool_]:
-        """(nx, ny) cells that the robot can reach; if it reaches no node, also cells reachable from the nodes."""
+    def _reachable(self, paths: PosePaths) -> MaskLayer:
+        """Cells that the robot can reach; if it reaches no node, also cells reachable from the nodes."""
         places = [node.position for node in self.nodes.values()]
         if not places or paths.traversability.grid.at(paths.reachable, np.array(places)).any():
             return paths.reachable

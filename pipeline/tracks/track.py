@@ -13,6 +13,7 @@ from pipeline.geometry.cells_kernels import moved
 from pipeline.keyframes import Places
 from pipeline.localisation.gates import chi2_gate
 from pipeline.sensor import SensorModel
+from pipeline.tracks.config import TrackConfig
 from pipeline.tracks.find import Find, Reading
 from pipeline.tracks.likelihood import extents_of
 
@@ -67,47 +68,18 @@ class Location:
 
 
 @dataclass(frozen=True, kw_only=True)
-class Confirmation:
-    """When a track is reported: of its detections each has a confidence from 0 to 1, and each miss one of 0.
-
-    Attributes:
-        confidence: the mean over detections and misses must be greater; at 0.5 it is likelier than not.
-        evidence: least sum of the confidences.
-        whole: m across; of most objects of the kind at least this much is seen, and less may be a part of anything.
-        evidence_of_part: least sum of the confidences if less than ``whole`` is seen.
-        misses: there must be fewer for each detection.
-        baseline: m, least distance between the farthest two places from which it was seen.
-    """
-
-    confidence: float = 0.0
-    evidence: float = 0.0
-    whole: float = 0.0
-    evidence_of_part: float = 0.0
-    misses: float = np.inf
-    baseline: float = 0.0
-
-
-@dataclass(frozen=True, kw_only=True)
-class TrackPolicy(ABC):
-    """How one kind of object is followed.
+class TrackPolicy(TrackConfig, ABC):
+    """How one kind of object is followed: its numbers, and what differs from kind to kind.
 
     Attributes:
         kind: one of ``KINDS``.
-        confirmation: when a track is reported.
         gate: greatest squared Mahalanobis distance between two places of one object: 99 % of them are nearer.
-        misses: a track that was missed more often for each detection is given up.
-        across: m of the object that are to be in the image when it is looked at again.
-        photo_margin: margin of a photo around the box of the object, as a share of the longer side.
         is_flat: whether it shows the same from wherever it is seen, so that only a nearer view shows more.
         has_checksum: whether it is read rightly or not at all: what was read is sure, the rest is not reported.
     """
 
     kind: str
-    confirmation: Confirmation
     gate: float = chi2_gate(3)
-    misses: float = 2.0
-    across: float
-    photo_margin: float
     is_flat: bool = False
     has_checksum: bool = False
 

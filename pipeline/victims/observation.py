@@ -13,7 +13,7 @@ from pipeline.tracks.track import Observation
 from pipeline.transforms import inverse, transform_points
 from pipeline.victims.detection.background import background_planes, near_plane
 from pipeline.victims.detection.detection import Detection
-from pipeline.victims.people import PEOPLE, PeoplePolicy, middle
+from pipeline.victims.people import PeoplePolicy, middle
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ def observe(
     detection: Detection,
     T_map_camera: NDArray[np.float64],
     keyframe: int = 0,
-    policy: PeoplePolicy = PEOPLE,
+    policy: PeoplePolicy = PeoplePolicy(),
 ) -> Observation | Refusal:
     """Observe the person of a detection by the frame's depth, in ``map``, or refuse the detection.
 

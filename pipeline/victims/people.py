@@ -10,38 +10,19 @@ from scipy.spatial import cKDTree
 
 from pipeline.frame import Frame
 from pipeline.sensor import SensorModel
+from pipeline.tracks.config import PeopleConfig
 from pipeline.tracks.find import VICTIM
 from pipeline.tracks.likelihood import weigh
-from pipeline.tracks.track import Confirmation, Location, Observation, Track, TrackPolicy, mahalanobis
+from pipeline.tracks.track import Location, Observation, Track, TrackPolicy, mahalanobis
 from pipeline.transforms import transform_points
 from pipeline.victims.person_voxels import PersonVoxels
 
-FROM_TWO_PLACES = Confirmation(evidence=0.75, whole=0.85, evidence_of_part=1.2, misses=1.0, baseline=0.3)
-
 
 @dataclass(frozen=True, kw_only=True)
-class PeoplePolicy(TrackPolicy):
-    """Several observations of one frame may be of one person, whose parts touch.
-
-    Attributes:
-        evidence_to_look: least sum of the confidences for which a person who is not confirmed is worth a drive.
-        touch: m; what is no farther apart touches: three times the error of a keyframe's pose.
-        open_share: a person is in view if for this share of the points no return is nearer by more than ``touch``.
-        voxel: m, edge of the voxels of a person.
-        agreed: least share of the frames with a person that show a voxel of it.
-        skin_to_middle: m, standard deviation due to the distance from the visible skin to the middle of the body.
-    """
+class PeoplePolicy(PeopleConfig, TrackPolicy):
+    """Several observations of one frame may be of one person, whose parts touch."""
 
     kind: str = VICTIM
-    confirmation: Confirmation = FROM_TWO_PLACES
-    across: float = 0.85
-    photo_margin: float = 0.2  # surroundings help to recognise a person
-    evidence_to_look: float = 0.5
-    touch: float = 0.15
-    open_share: float = 0.7
-    voxel: float = 0.03
-    agreed: float = 0.2
-    skin_to_middle: float = 0.08
 
     def locate(self, placed: Sequence[Observation]) -> "PersonBody":
         """By all voxels, and the information of all."""
@@ -113,9 +94,6 @@ class PeoplePolicy(TrackPolicy):
     def has_shape(self, track: Track) -> bool:
         """All that was seen, together, is more like a person than like background."""
         return weigh(self.kind, track.points, track.ground).log_ratio > 0
-
-
-PEOPLE = PeoplePolicy()
 
 
 @dataclass(frozen=True, eq=False)

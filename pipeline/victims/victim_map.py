@@ -7,13 +7,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.frame import Frame
+from pipeline.tracks.config import PeopleConfig
 from pipeline.tracks.find import VICTIM
 from pipeline.tracks.track import Observation, Track
 from pipeline.tracks.tracks import Tracks, join_nearest
 from pipeline.transforms import inverse
 from pipeline.victims.detection.detection import Detection
 from pipeline.victims.observation import Refusal, observe
-from pipeline.victims.people import PEOPLE, PeoplePolicy
+from pipeline.victims.people import PeoplePolicy
 from pipeline.victims.person_voxels import PersonVoxels
 
 
@@ -25,10 +26,9 @@ class Victims(Tracks):
         refusals: detections of the last frame that are no person.
     """
 
-    def __init__(self, policy: PeoplePolicy = PEOPLE) -> None:
-        """Begin with none, whom the robot follows by a policy."""
+    def __init__(self, config: PeopleConfig = PeopleConfig()) -> None:
         super().__init__(join_nearest)
-        self.policy = policy
+        self.policy = PeoplePolicy(**vars(config))
         self.refusals: list[Refusal] = []
 
     def update(

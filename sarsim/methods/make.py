@@ -112,6 +112,9 @@ def _own(flag: str, name: str, protocol: type, *args: RobotModel) -> Any:
         if member.startswith("_") or member in attributes:
             continue
         if member not in dir(method):
+            if inspect.isabstract(protocol) and not getattr(wanted, "__isabstractmethod__", False):
+                setattr(method, member, wanted.__get__(method))  # the protocol's default
+                continue
             what = "method" if inspect.isfunction(wanted) else "attribute"
             raise InputError(f"{where}: has no {what} {member}, see {protocol.__module__}.{protocol.__name__}")
         if inspect.isfunction(wanted):

@@ -13,10 +13,9 @@ from scipy import sparse
 from pipeline.elevation_map.config import TraversabilityConfig
 from pipeline.elevation_map.pose_kernels import ANGLES
 from pipeline.elevation_map.traversability import Traversability, assess
-from pipeline.exploration.next_best_view import KEYFRAME_TIME
-from pipeline.exploration.visibility import PLACE_STRIDE
+from pipeline.exploration.config import ExplorationConfig
 from pipeline.grid_map import best_of_blocks
-from pipeline.localisation.localisation import KEYFRAME_TURN, KEYFRAME_WAY
+from pipeline.localisation.keyframe_policy import KeyframePolicy
 from pipeline.planning.pose_paths import PosePaths, bits
 from pipeline.robot import RobotModel
 from pipeline.transforms import wrap_angle
@@ -24,6 +23,9 @@ from sarsim.ground_truth.true_surface import TrueSurface
 from sarsim.scoring.set_cover import cells_shown
 from sarsim.scoring.sight import Sight
 from sarsim.scoring.view_tours import Leg, ViewTours
+
+SPACING = KeyframePolicy()
+"""Of the keyframes on the oracle's way: those of the robot, by default."""
 
 
 def true_traversability(surface: TrueSurface, robot: RobotModel) -> Traversability:
@@ -43,12 +45,14 @@ class Oracle(ViewTours):
         sight: of its camera.
         start: (3,) pose: x and y in m, heading in rad.
         share: of the drivable ground that is to be seen, 0 to 1.
+        config: of the robot's exploration.
     """
 
     ground: Traversability
     sight: Sight
     start: NDArray[np.float64]
     share: float
+    config: ExplorationConfig = field(default_factory=ExplorationConfig)
     _from: dict[int, PosePaths] = field(default_factory=dict)
     _legs: dict[tuple[int, int], Leg] = field(default_factory=dict)
 
@@ -56,7 +60,7 @@ class Oracle(ViewTours):
     def poses(self) -> NDArray[np.float64]:
         """(V, 3) the start, and of each block of 0.25 m the cell with most headings, with each of these."""
         headings = self.paths(0).headings
-        cells = best_of_blocks(np.bitwise_count(headings), PLACE_STRIDE)
+        cells = best_of_blocks(np.bitwise_count(headings), self.config.visibility.stride)
         n, m = np.nonzero(bits(headings[tuple(cells.T)]))
         return np.vstack([self.start, np.column_stack([self.ground.grid.centre_of(cells[n]), wrap_angle(ANGLES[m])])])
 
@@ -89,7 +93,7 @@ class Oracle(ViewTours):
         poses = self.poses[there]
         cells, heading = self.ground.grid.cell_of(poses), np.cos(ANGLES - poses[:, 2:]).argmax(axis=1)
         seconds = self.paths(here).seconds_to(cells)[np.arange(len(poses)), heading]
-        return KEYFRAME_TIME + seconds.astype(np.float64)
+        return self.config.keyframe_time + seconds.astype(np.float64)
 
     def leg(self, here: int, there: int) -> Leg:
         """The drive between two viewpoints; keyframes on the way are as frequent as those of the robot."""
@@ -138,11 +142,11 @@ def _keyframes(
 def _turn(place: NDArray[np.float64], first: float, last: float) -> list[NDArray[np.float64]]:
     """The poses of keyframes in a turn in place."""
     turn = float(wrap_angle(last - first))
-    steps = np.arange(1, int(abs(turn) / KEYFRAME_TURN) + 1) * KEYFRAME_TURN * np.sign(turn)
+    steps = np.arange(1, int(abs(turn) / SPACING.turn) + 1) * SPACING.turn * np.sign(turn)
     return [np.array([*place, first + step]) for step in steps]
 
 
 def _drive(a: NDArray[np.float64], b: NDArray[np.float64], heading: float) -> list[NDArray[np.float64]]:
     """The poses of keyframes on a straight drive, with one at its end."""
-    count = ceil(np.linalg.norm(b - a) / KEYFRAME_WAY)
+    count = ceil(np.linalg.norm(b - a) / SPACING.way)
     return [np.array([*place, heading]) for place in np.linspace(a, b, count + 1)[1:]]

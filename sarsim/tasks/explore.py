@@ -8,7 +8,7 @@ from dm_control.rl.control import PhysicsError
 from numpy.typing import NDArray
 
 from pipeline.errors import InputError
-from pipeline.exploration.next_best_view import KEYFRAME_TIME, Exploration
+from pipeline.exploration.next_best_view import NextBestView
 from pipeline.exploration.viewpoint import Viewpoint
 from pipeline.explorer import Explorer
 from pipeline.localisation.localisation import LostError
@@ -114,7 +114,7 @@ class Explore(ExplorationTask):
         else:
             self._free()
             self._robot = SimulatedRobot(load_arena(self._begun["arena"]), self._simulation, self._begun["seed"])
-        self._strategy = Exploration(self._robot.model)
+        self._strategy = NextBestView(self._robot.model)
         self.explorer = Explorer(self._robot, self._mapper(self._robot.model), self._strategy)
         self._achieved = Achievements(self._robot, self.explorer)
         self.explorer.watch(self._achieved)
@@ -205,8 +205,9 @@ class Explore(ExplorationTask):
         T, robot = self._seen.keyframe.T_map_base, self._robot.model
         reach = self._seen.keyframe.frame.sensor.farthest
         left = sum(viewpoint.gain for viewpoint in self._offered)
+        keyframe_time = self._strategy.config.keyframe_time
         rows = [
-            (*(v.position - T[:2, 3]) / reach, (v.seconds - KEYFRAME_TIME) * robot.speed / reach, v.gain / left)
+            (*(v.position - T[:2, 3]) / reach, (v.seconds - keyframe_time) * robot.speed / reach, v.gain / left)
             for v in self._offered
         ]
         place = T[:2, 3] - self.explorer.T_map_start[:2, 3]

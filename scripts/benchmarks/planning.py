@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from pipeline.elevation_map.elevation_map import ElevationMap
 from pipeline.elevation_map.traversability_layer import TraversabilityLayer
 from pipeline.exploration.frontiers import find_frontiers
-from pipeline.exploration.next_best_view import Exploration
+from pipeline.exploration.next_best_view import NextBestView
 from pipeline.exploration.viewpoint import Context
 from pipeline.planning.path_plan import plan_path
 from pipeline.planning.pose_paths import PosePaths
@@ -69,7 +69,7 @@ class _Floor:
         self._elevation_map, self._rng = ElevationMap(model), np.random.default_rng(seed)
         self._show(np.vstack([self._ground, np.column_stack([walls, tops])]))
         self._layer, self._topology = TraversabilityLayer(), TopologicalMap()
-        self._exploration = Exploration(model)
+        self._exploration = NextBestView(model)
 
     def steps(self, count: int) -> dict[str, list[float]]:
         """Seconds of each stage in each of ``count`` steps, at places all over the floor."""

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pipeline.errors import InputError
-from pipeline.finds.objects import QR_CODE, shown
+from pipeline.finds.objects import shown
 from pipeline.keyframes import Places
 from pipeline.labels import Label
 from pipeline.localisation.odometry import OdometryLocalisation
@@ -15,10 +15,11 @@ from pipeline.localisation.slam import Slam
 from pipeline.map_file import LAYOUT, MANY, load_elevation_map, load_keyframes, save_keyframes
 from pipeline.mapper import Mapper
 from pipeline.semantic_map.classifier import TruthClassifier
+from pipeline.tracks.config import TracksConfig
 from pipeline.tracks.find import Reading, box_corners
 from pipeline.tracks.track import Observation, Track
 from pipeline.transforms import from_yaw
-from pipeline.victims.people import PEOPLE
+from pipeline.victims.people import PeoplePolicy
 from tests.pipeline.polygon_scene import floor, look, pose, wall, wedge
 from tests.pipeline.robot_model import PIONEER
 
@@ -56,10 +57,10 @@ def mapper() -> Mapper:
         for k, sure in ((0, 0.7), (2, 0.8))
     ]
     tried = [Places.anchored(np.ones((1, 3)), poses)]
-    mapper.victims.all = [Track(PEOPLE, seen, list(seen), missed=1, tried=tried)]
+    mapper.victims.all = [Track(PeoplePolicy(), seen, list(seen), missed=1, tried=tried)]
     reading = Reading("qr_code", "Ausgang \N{RIGHTWARDS ARROW}", box_corners((1, 2, 3, 4)), 0.9)
     code = Observation(reading, 2, np.ones(3), 9 * np.eye(3), np.zeros(3), points[:7], photo, 1.0)
-    mapper.finds.all = [Track(QR_CODE, [code], [code], missed=1, tried=list(tried))]
+    mapper.finds.all = [Track(policies_of(TracksConfig())["qr_code"], [code], [code], missed=1, tried=list(tried))]
     mapper.correct(poses @ from_yaw(0.02, 0, 0, 0.01))
     mapper.localisation.graph.poses = mapper.keyframes.poses
     mapper.localisation.local_map.place(mapper.keyframes.poses)

@@ -1,5 +1,6 @@
 """How the tests ask an exploration for viewpoints, and its camera."""
 
+from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -7,8 +8,8 @@ import numpy as np
 from pipeline.elevation_map.elevation_map import ElevationMap
 from pipeline.elevation_map.traversability import assess_map
 from pipeline.exploration.frontiers import find_frontiers
-from pipeline.exploration.next_best_view import Exploration
-from pipeline.exploration.viewpoint import Context, Viewpoint
+from pipeline.exploration.next_best_view import NextBestView
+from pipeline.exploration.viewpoint import Context, Strategy, Viewpoint, ViewpointRewards
 from pipeline.exploration.visibility_kernels import CameraView
 from pipeline.frame import Frame, Intrinsics
 from pipeline.planning.pose_paths import PosePaths
@@ -22,8 +23,19 @@ CAMERA = CameraView(
     lower_edge=np.deg2rad(-34),
     upper_edge=np.deg2rad(9),
     field_of_view=np.deg2rad(54),
+    grazing=np.deg2rad(8.5),
+    rays=180,
 )
 """An Xtion on the mast of a Pioneer, 12° down."""
+GUESSES: dict[str, Any] = {
+    "falls": True,
+    "ramp_slope": 0.14,
+    "nist_slope": 0.28,
+    "most_unknown": 1.0,
+    "level_run": 1.0,
+    "new_view": 0.3,
+}
+"""How unknown ground may go on, for a searched terrain."""
 
 
 def frame() -> Frame:
@@ -41,25 +53,29 @@ def frame() -> Frame:
     )
 
 
-_keyframes: WeakKeyDictionary[Exploration, np.ndarray] = WeakKeyDictionary()
+_keyframes: WeakKeyDictionary[Strategy, np.ndarray] = WeakKeyDictionary()
 
 
-def context(world: ElevationMap, pose: np.ndarray, earlier: np.ndarray | None = None) -> Context:
+def context(
+    world: ElevationMap, pose: np.ndarray, earlier: np.ndarray | None = None, rewards: ViewpointRewards | None = None
+) -> Context:
     """What a robot at a pose (4×4) knows, with ``earlier`` (K, 4, 4) keyframes."""
     traversability = assess_map(world)
     paths = PosePaths(traversability, pose[:2, 3], yaw_of(pose))
     poses = np.concatenate([np.zeros((0, 4, 4)) if earlier is None else earlier, pose[None]])
-    return Context(frame(), pose, world.measured, paths, poses)
+    return Context(frame(), pose, world.measured, paths, poses, rewards)
 
 
-def correct(exploration: Exploration, T_new_old: np.ndarray) -> None:
-    """Move all keyframes so far by a 4×4 transform; the next step tells it."""
+def correct(exploration: NextBestView, T_new_old: np.ndarray) -> None:
+    """Move all keyframes so far by a 4×4 transform; the next step notices it."""
     _keyframes[exploration] = T_new_old @ _keyframes[exploration]
 
 
-def next_viewpoint(exploration: Exploration, world: ElevationMap, pose: np.ndarray) -> Viewpoint | None:
+def next_viewpoint(
+    exploration: Strategy, world: ElevationMap, pose: np.ndarray, rewards: ViewpointRewards | None = None
+) -> Viewpoint | None:
     """One step: the viewpoint for which the robot sets out from a pose (4×4), where it has taken a keyframe."""
-    here = context(world, pose, _keyframes.get(exploration))
+    here = context(world, pose, _keyframes.get(exploration), rewards)
     _keyframes[exploration] = here.poses
     exploration.observe(here)
     viewpoint = exploration.next_viewpoint(here)

@@ -7,7 +7,7 @@ import pytest
 
 from pipeline.elevation_map.traversability import assess_map
 from pipeline.exploration.baselines import NearestFrontier, RandomWalk
-from pipeline.exploration.next_best_view import Exploration
+from pipeline.exploration.next_best_view import NextBestView
 from pipeline.transforms import from_yaw
 from tests.pipeline.exploration.asking import CAMERA, frontiers, next_viewpoint
 from tests.pipeline.robot_model import PIONEER
@@ -52,7 +52,7 @@ def test_what_is_larger_does_not_draw_it_away_from_what_is_nearer():
     world.update(wall_points((1.5, 2), (-4, 2)))
     pose = from_yaw(0, 0, 0, np.pi)
     assert abs(next_viewpoint(NearestFrontier(PIONEER), world, pose).heading) < np.deg2rad(30)
-    assert abs(next_viewpoint(Exploration(PIONEER), world, pose).heading) > np.deg2rad(90)
+    assert abs(next_viewpoint(NextBestView(PIONEER), world, pose).heading) > np.deg2rad(90)
 
 
 def test_a_frontier_smaller_than_the_robot_comes_last_but_comes(monkeypatch):
@@ -70,7 +70,7 @@ def test_a_frontier_smaller_than_the_robot_comes_last_but_comes(monkeypatch):
 def test_where_the_robot_can_not_turn_the_frontier_behind_it_is_left_for_later():
     world = room((-2, 0.33), (2, 0.33), x=(-2, 2), y=(-0.33, 0.33))
     world.update(wall_points((-2, -0.33), (2, -0.33)))
-    for exploration in (Exploration(PIONEER), NearestFrontier(PIONEER)):
+    for exploration in (NextBestView(PIONEER), NearestFrontier(PIONEER)):
         assert next_viewpoint(exploration, world, from_yaw(0, 0, 0, 0)) is not None
 
 

@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.elevation_map.config import ElevationConfig
+from pipeline.exploration.config import InspectionConfig
 from pipeline.exploration.inspection import Inspection
 from pipeline.exploration.viewpoint import Context
 from pipeline.exploration.walls import WallPieces
@@ -22,17 +22,17 @@ T_BASE_CAMERA = pose(0.1, 0, 0.65, 0, 0.1)
 CORNERS = [(-2, -2), (2, -2), (2, 2), (-2, 2)]
 ROOM = [floor(-2, 2, -2, 2), *(wall(b, a) for a, b in zip(CORNERS, CORNERS[1:] + CORNERS[:1], strict=True))]
 MOST_LOOKS = 40
-READABLE = 60  # px
+READABLE = 60  # pixels
 
 
 def frame_at(T):
     return replace(look(ROOM, T @ T_BASE_CAMERA, 0.002), T_base_camera=T_BASE_CAMERA, T_odom_base=T)
 
 
-def test_pieces_of_a_wall_lie_on_it_and_tell_how_large_a_sign_was():
+def test_pieces_of_a_wall_lie_on_it_with_how_large_a_sign_was():
     frame = frame_at(from_yaw(0.5, 0, 0, 0))  # the camera is 1.4 m before a wall
-    seen = Seen.of(frame, frame.points(frame.T_base_camera), None, 4, 0.02, ElevationConfig())
-    found = WallPieces.of(seen, frame)
+    seen = Seen.of(frame, frame.points(frame.T_base_camera), None, stride=4)
+    found = WallPieces.of(seen, frame, InspectionConfig())
     ahead = found.where(np.abs(found.points[:, 1]) < 0.1)
     assert len(ahead.points) >= 10
     assert ahead.points[:, 0] == pytest.approx(1.5, abs=0.01)

@@ -6,14 +6,17 @@ import numpy as np
 import pytest
 
 from pipeline.exploration import mission
-from pipeline.exploration.mission import PATIENCE, Goals
-from pipeline.exploration.viewpoint import ARRIVED, Context
+from pipeline.exploration.config import ExplorationConfig
+from pipeline.exploration.mission import Goals
+from pipeline.exploration.viewpoint import Context
 from pipeline.planning.pose_paths import PosePaths
 from pipeline.transforms import from_yaw
 from tests.pipeline.still_robot import StillRobot
 from tests.pipeline.topological_map.grounds import U_TURN, room
 
 START = (-2.4, -1.5)
+PATIENCE = 6
+PATIENT = ExplorationConfig(patience=PATIENCE)
 
 
 @pytest.fixture(scope="module")
@@ -54,21 +57,21 @@ def test_goals_are_visited_in_a_short_order(world):
 def test_what_cannot_be_reached_is_refused_with_a_reason_and_the_rest_visited(world):
     goals = Goals([(9.0, 9.0), (-1.0, -1.4), (0.02, -1.0), (np.nan, 0.0)])
     assert drive(world, goals) == [(-1.0, -1.4)]
-    told = {tuple(visit.goal): visit.obstacle for visit in goals.visits}
-    assert told[-1.0, -1.4] is None
-    assert "off the map" in told[9.0, 9.0]
-    assert "in a wall" in told[0.02, -1.0]
-    assert sum("not a place" in str(obstacle) for obstacle in told.values()) == 1
+    outcomes = {tuple(visit.goal): visit.obstacle for visit in goals.visits}
+    assert outcomes[-1.0, -1.4] is None
+    assert "off the map" in outcomes[9.0, 9.0]
+    assert "in a wall" in outcomes[0.02, -1.0]
+    assert sum("not a place" in str(obstacle) for obstacle in outcomes.values()) == 1
 
 
 def test_a_robot_that_is_held_gives_a_goal_up(world):
-    goals = Goals([(-1.0, -1.4)])
+    goals = Goals([(-1.0, -1.4)], config=PATIENT)
     assert len(drive(world, goals, share=0.0)) == PATIENCE
     assert "given up" in str(goals.visits[0].obstacle)
 
 
 def test_a_robot_that_comes_nearer_is_patient(world):
-    goals = Goals([(-1.0, -1.4)])
+    goals = Goals([(-1.0, -1.4)], config=PATIENT)
     assert len(drive(world, goals, share=0.15)) > PATIENCE
     assert goals.visits[0].obstacle is None
 
@@ -76,7 +79,7 @@ def test_a_robot_that_comes_nearer_is_patient(world):
 def test_goals_that_take_turns_are_given_up_too(world, monkeypatch):
     turns = count()
     monkeypatch.setattr(mission, "order_goals", lambda *given: [next(turns) % len(given[1])] if given[1] else [])
-    goals = Goals([(-1.0, -1.4), (1.5, -1.5)])
+    goals = Goals([(-1.0, -1.4), (1.5, -1.5)], config=PATIENT)
     assert len(drive(world, goals, share=0.0)) <= 2 * PATIENCE
     assert all("given up" in str(visit.obstacle) for visit in goals.visits)
 
@@ -92,7 +95,7 @@ def test_home_may_be_beside_where_the_robot_can_drive(world):
 
 
 def test_a_goal_where_the_robot_stands_is_reached_without_a_drive(world):
-    goals = Goals([(START[0] + ARRIVED / 2, START[1])])
+    goals = Goals([(START[0] + 0.07, START[1])])
     assert drive(world, goals) == []
     assert goals.visits[0].obstacle is None
 

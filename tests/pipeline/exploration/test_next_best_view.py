@@ -7,9 +7,9 @@ from pipeline.elevation_map.elevation_map import ElevationMap
 from pipeline.elevation_map.pose_kernels import ANGLES
 from pipeline.exploration import visibility
 from pipeline.exploration import visibility_kernels as kernels
-from pipeline.exploration.next_best_view import KEYFRAME_TIME, Exploration
+from pipeline.exploration.next_best_view import NextBestView
 from pipeline.transforms import from_yaw, wrap_angle
-from tests.pipeline.exploration.asking import CAMERA, context, correct, frontiers, next_viewpoint
+from tests.pipeline.exploration.asking import CAMERA, GUESSES, context, correct, frontiers, next_viewpoint
 from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.worlds import RUN, flat, ground_points, ridge, surface_of, wall_points
 
@@ -24,14 +24,14 @@ def test_it_looks_where_the_known_ground_ends():
     world = surface_of(ground_points(flat, (-2, 2), (-1, 1)), wall_points((-2, -1), (-2, 1)))
     for y in (-1, 1):
         world.update(wall_points((-2, y), (2, y)))
-    viewpoint = next_viewpoint(Exploration(PIONEER), world, from_yaw(0, 0, 0, np.pi))
+    viewpoint = next_viewpoint(NextBestView(PIONEER), world, from_yaw(0, 0, 0, np.pi))
     assert viewpoint is not None
     assert abs(viewpoint.heading) < np.deg2rad(30)
     assert viewpoint.gain > 0.5
 
 
 def test_nothing_is_left_in_a_closed_room():
-    exploration = Exploration(PIONEER)
+    exploration = NextBestView(PIONEER)
     assert next_viewpoint(exploration, closed_room(), from_yaw(0, 0, 0, 0)) is None
     assert len(frontiers(closed_room(), from_yaw(0, 0, 0, 0))) == 0
 
@@ -39,14 +39,14 @@ def test_nothing_is_left_in_a_closed_room():
 def test_walls_hide_what_lies_behind_them():
     world = closed_room()
     world.update(ground_points(flat, (4, 6), (-2, 2)))  # an island of known ground outside
-    assert next_viewpoint(Exploration(PIONEER), world, from_yaw(0, 0, 0, 0)) is None
+    assert next_viewpoint(NextBestView(PIONEER), world, from_yaw(0, 0, 0, 0)) is None
 
 
 def test_the_nearer_of_two_equal_openings_is_looked_at_first():
     world = surface_of(ground_points(flat, (-4, 2), (-1, 1)))
     for y in (-1, 1):
         world.update(wall_points((-4, y), (2, y)))
-    viewpoint = next_viewpoint(Exploration(PIONEER), world, from_yaw(0.5, 0, 0, np.pi / 2))
+    viewpoint = next_viewpoint(NextBestView(PIONEER), world, from_yaw(0.5, 0, 0, np.pi / 2))
     assert viewpoint.position[0] > -1
     assert abs(viewpoint.heading) < np.deg2rad(30)
 
@@ -60,12 +60,12 @@ def test_frontiers_are_where_reachable_ground_meets_the_unknown():
     np.testing.assert_allclose(found[0], (1.7, 0, 0), atol=0.2)
 
 
-def test_ground_that_a_keyframe_missed_is_sought_from_elsewhere_and_then_given_up():
+def test_ground_that_a_keyframe_missed_is_looked_for_from_elsewhere_and_then_given_up():
     world = surface_of(ground_points(flat, (-3, 1.5), (-1, 1)))
     for y in (-1, 1):
         world.update(wall_points((-3, y), (1.5, y)))
     world.update(wall_points((-3, -1), (-3, 1)))
-    exploration = Exploration(PIONEER)
+    exploration = NextBestView(PIONEER)
     pose, viewpoints = from_yaw(0, 0, 0, np.pi), []
     for _ in range(100):
         viewpoint = next_viewpoint(exploration, world, pose)  # nothing new ever comes into view
@@ -79,7 +79,7 @@ def test_ground_that_a_keyframe_missed_is_sought_from_elsewhere_and_then_given_u
 
 def test_what_was_given_up_stays_so_when_the_map_moves():
     world, moved = (surface_of(ground_points(flat, (x - 1, x + 1), (-1, 1))) for x in (0.0, 0.5))
-    exploration, pose, there = Exploration(PIONEER), from_yaw(0, 0, 0, 0), from_yaw(0.5, 0, 0, 0)
+    exploration, pose, there = NextBestView(PIONEER), from_yaw(0, 0, 0, 0), from_yaw(0.5, 0, 0, 0)
     here = context(world, pose)
     for _ in range(200):
         if (viewpoint := next_viewpoint(exploration, world, pose)) is None:
@@ -89,7 +89,7 @@ def test_what_was_given_up_stays_so_when_the_map_moves():
     correct(exploration, there)
     moved.layers.match(here.traversability.grid)
     assert next_viewpoint(exploration, moved, there @ pose) is None
-    assert next_viewpoint(Exploration(PIONEER), moved, there @ pose) is not None
+    assert next_viewpoint(NextBestView(PIONEER), moved, there @ pose) is not None
 
 
 @pytest.mark.parametrize("seed", range(40))
@@ -105,6 +105,7 @@ def test_cells_are_in_view_wherever_a_gain_is_expected(seed):
         target=np.hypot(*(np.indices(shape) - 70)) > 45,
         probability=np.ones(shape, np.float32),
         missed_from=np.full((*shape, 2), np.inf, np.float32),
+        **GUESSES,
     )
     place = np.array([0.025, 0.025])
     for m in np.flatnonzero(visibility.gains(place[None], camera, terrain)[0]):
@@ -117,7 +118,7 @@ def test_from_a_ramp_it_without_room_it_looks_along_its_way_only():
     for y in (-0.5, 0.5):
         world.update(wall_points((-2.5, y), (0.05, y)))
     world.update(wall_points((-2.5, -0.5), (-2.5, 0.5)))
-    exploration, pose = Exploration(PIONEER), from_yaw(-1.5, 0, 0, 0)
+    exploration, pose = NextBestView(PIONEER), from_yaw(-1.5, 0, 0, 0)
     for _ in range(20):  # what lies behind the crest is not seen from below it
         viewpoint = next_viewpoint(exploration, world, pose)
         if viewpoint is None or viewpoint.position[0] > -RUN - 0.25:
@@ -137,7 +138,7 @@ def ridge_seen_up_to_its_crest() -> ElevationMap:
 
 
 def test_behind_a_crest_it_looks_from_where_rays_do_not_graze_the_slope():
-    viewpoint = next_viewpoint(Exploration(PIONEER), ridge_seen_up_to_its_crest(), from_yaw(-3, 0, 0, 0))
+    viewpoint = next_viewpoint(NextBestView(PIONEER), ridge_seen_up_to_its_crest(), from_yaw(-3, 0, 0, 0))
     # A slope of 16° gives returns of rays that fall by at least 24.5°: these pass a crest of 0.17 m within 0.95 m of
     # the camera. From the ramp itself the camera looks up.
     assert -0.95 - 0.17 < viewpoint.position[0] < -RUN
@@ -148,7 +149,7 @@ def test_behind_a_high_crest_from_where_no_falling_ground_would_show_it_looks_fo
     world = surface_of(ground_points(lambda x, _: 0.36 + 0.28 * np.clip(x, -1.3, 0), (-4, 0.05), (-0.6, 0.6)))
     for a, b in pairwise([(2, -0.6), (-4, -0.6), (-4, 0.6), (2, 0.6)]):
         world.update(wall_points(a, b))
-    viewpoint = next_viewpoint(Exploration(PIONEER), world, from_yaw(-3, 0, 0, 0))
+    viewpoint = next_viewpoint(NextBestView(PIONEER), world, from_yaw(-3, 0, 0, 0))
     assert viewpoint is not None
     assert viewpoint.position[0] < 0
     assert abs(viewpoint.heading) < np.deg2rad(25)
@@ -158,7 +159,7 @@ def test_ground_that_a_keyframe_missed_may_fall_away():
     deck = surface_of(ground_points(flat, (-3, 1), (-0.6, 0.6)), wall_points((-3, -0.6), (-3, 0.6)))
     for y in (-0.6, 0.6):
         deck.update(wall_points((-3, y), (1, y)))
-    exploration = Exploration(PIONEER)
+    exploration = NextBestView(PIONEER)
     first = next_viewpoint(exploration, deck, from_yaw(-1, 0, 0, np.pi))
     second = next_viewpoint(exploration, deck, from_yaw(*first.position, 0, first.heading))
     assert first.position[0] < 0
@@ -169,20 +170,20 @@ def test_where_it_cannot_turn_it_looks_as_it_stands():
     world = surface_of(ground_points(flat, (-0.33, 0.33), (-2, 2)))
     for x in (-0.33, 0.33):
         world.update(wall_points((x, -2), (x, 2)))
-    viewpoint = next_viewpoint(Exploration(PIONEER), world, from_yaw(0, 0, 0, np.pi / 2))
+    viewpoint = next_viewpoint(NextBestView(PIONEER), world, from_yaw(0, 0, 0, np.pi / 2))
     assert viewpoint is not None
     assert abs(np.sin(viewpoint.heading)) > 0.9
 
 
 def test_no_view_from_where_the_robot_cannot_stand():
     world = surface_of(ground_points(flat, (0, 0.3), (0, 0.3)))
-    assert next_viewpoint(Exploration(PIONEER), world, from_yaw(0.1, 0.1, 0, 0)) is None
+    assert next_viewpoint(NextBestView(PIONEER), world, from_yaw(0.1, 0.1, 0, 0)) is None
 
 
 @pytest.mark.parametrize("yaw", [0.0, 2.0, -3.0])
 def test_the_choice_does_not_depend_on_chance(yaw):
     world = surface_of(ground_points(flat, (-2, 2), (-2, 2)))
-    viewpoints = [next_viewpoint(Exploration(PIONEER), world, from_yaw(0, 0, 0, yaw)) for _ in range(2)]
+    viewpoints = [next_viewpoint(NextBestView(PIONEER), world, from_yaw(0, 0, 0, yaw)) for _ in range(2)]
     assert viewpoints[0].heading == viewpoints[1].heading
     np.testing.assert_array_equal(viewpoints[0].position, viewpoints[1].position)
 
@@ -195,7 +196,7 @@ def test_ground_taken_for_flat_in_a_small_room_is_seen_with_the_back_to_the_wall
     # From where the robot can turn, its camera sees nothing nearer than 1.04 m.
     seen = seen[np.abs(seen[:, 1] + 0.375) > 0.025]
     world.update(np.vstack([seen, *(wall_points(a, b) for a, b in pairwise(corners))]))
-    viewpoint = next_viewpoint(Exploration(PIONEER), world, from_yaw(0, 0, 0, 0))
+    viewpoint = next_viewpoint(NextBestView(PIONEER), world, from_yaw(0, 0, 0, 0))
     assert viewpoint is not None
     away = np.array([0.0, -0.375]) - viewpoint.position
     assert away @ (np.cos(viewpoint.heading), np.sin(viewpoint.heading)) > 0
@@ -208,7 +209,7 @@ def test_ground_taken_for_flat_before_a_ramp_is_seen_by_backing_up_the_ramp():
     seen = ground_points(ridge, (-2.2, 0.5), (-0.6, 0.6))
     seen = seen[np.hypot(seen[:, 0] + 1.6, seen[:, 1]) > 0.3]
     world.update(np.vstack([seen, *(wall_points(a, b) for a, b in pairwise(corners))]))
-    viewpoint = next_viewpoint(Exploration(PIONEER), world, from_yaw(-1.6, 0, 0, 0))
+    viewpoint = next_viewpoint(NextBestView(PIONEER), world, from_yaw(-1.6, 0, 0, 0))
     assert viewpoint is not None
     assert viewpoint.position[0] > -RUN
     assert abs(abs(viewpoint.heading) - np.pi) < np.deg2rad(30)
@@ -230,14 +231,14 @@ class Reward:
 
 
 def test_a_reward_makes_a_viewpoint_worth_a_drive():
-    exploration = Exploration(PIONEER)
-    exploration.rewards = Reward(1.0)
-    viewpoint = next_viewpoint(exploration, closed_room(), from_yaw(0, 0, 0, 0))
+    exploration, reward, pose = NextBestView(PIONEER), Reward(1.0), from_yaw(0, 0, 0, 0)
+    viewpoint = next_viewpoint(exploration, closed_room(), pose, reward)
     assert np.linalg.norm(viewpoint.position - (1, 0)) < 0.3
     assert abs(viewpoint.heading) < 0.2
     assert viewpoint.gain == pytest.approx(1.0)
-    exploration.rewards.wanted = []
-    assert next_viewpoint(exploration, closed_room(), from_yaw(0, 0, 0, 0)) is None
+    np.testing.assert_array_equal(reward.aimed[0], (*viewpoint.position, 0))
+    reward.wanted = []
+    assert next_viewpoint(exploration, closed_room(), pose, reward) is None
 
 
 def test_it_is_weighed_with_the_ground_left_to_see():
@@ -246,44 +247,43 @@ def test_it_is_weighed_with_the_ground_left_to_see():
         world.update(wall_points((-4, y), (2, y)))
     viewpoints = []
     for worth in (0.01, 100.0):
-        exploration = Exploration(PIONEER)
-        exploration.rewards = Reward(worth)
-        viewpoints.append(next_viewpoint(exploration, world, from_yaw(-2.5, 0, 0, np.pi / 2)))
-    assert abs(viewpoints[0].heading) > 2  # the nearer end of the known ground
+        pose = from_yaw(-2.5, 0, 0, np.pi / 2)
+        viewpoints.append(next_viewpoint(NextBestView(PIONEER), world, pose, Reward(worth)))
+    assert abs(viewpoints[0].heading) > 2  # the nearer end of the ground
     assert np.linalg.norm(viewpoints[1].position - (1, 0)) < 0.3
 
 
 def test_15_percent_more_time_must_show_0_2_percent_more_ground():
-    exploration, world = Exploration(PIONEER), closed_room()
+    exploration, world = NextBestView(PIONEER), closed_room()
     next_viewpoint(exploration, world, from_yaw(0, 0, 0, 0))
     area = np.isfinite(world.measured).sum() * 0.05**2
-    look_around = 2 * np.pi / PIONEER.turn_rate + KEYFRAME_TIME
+    look_around = 2 * np.pi / PIONEER.turn_rate + 2.0
     assert exploration.needed(0.15 * look_around) == pytest.approx(0.002 * area)  # no time has passed yet
     assert exploration.needed(0.0) == 0
     assert 1 < exploration.needed(4 * look_around) / exploration.needed(2 * look_around) < 2
 
 
-def test_what_is_left_is_told_each_patch_once_and_stays_to_be_looked_for():
+def test_what_is_left_comes_each_patch_once_and_stays_to_be_looked_for():
     world = surface_of(ground_points(flat, (-4, 2), (-1, 1)))
     for y in (-1, 1):
         world.update(wall_points((-4, y), (2, y)))
-    exploration, here = Exploration(PIONEER), context(world, from_yaw(0.5, 0, 0, np.pi / 2))
+    exploration, here = NextBestView(PIONEER), context(world, from_yaw(0.5, 0, 0, np.pi / 2))
     exploration.observe(here)
-    first, *others = exploration.left(here)
+    first, *others = exploration.leftovers(here)
     again = exploration.next_viewpoint(here)
     assert (first.gain, first.seconds, first.heading) == (again.gain, again.seconds, again.heading)
     assert any(np.cos(other.heading) * np.cos(first.heading) < 0 for other in others)  # the other end
     assert all(view.gain >= PIONEER.width * 0.05 for view in others)  # nothing smaller than a strip of that width
-    exploration, here = Exploration(PIONEER), context(closed_room(), from_yaw(0, 0, 0, 0))
-    exploration.rewards = Reward(1.0)  # is no ground
+    exploration = NextBestView(PIONEER)
+    here = context(closed_room(), from_yaw(0, 0, 0, 0), rewards=Reward(1.0))  # which is no ground
     exploration.observe(here)
-    assert exploration.left(here) == []
+    assert exploration.leftovers(here) == []
     assert exploration.next_viewpoint(here) is not None
 
 
 def test_what_is_offered_begins_with_the_best_and_is_worth_the_drive():
     world = surface_of(ground_points(flat, (-4, 2), (-1, 1)), *(wall_points((-4, y), (2, y)) for y in (-1, 1)))
-    exploration, here = Exploration(PIONEER), context(world, from_yaw(0.5, 0, 0, np.pi / 2))
+    exploration, here = NextBestView(PIONEER), context(world, from_yaw(0.5, 0, 0, np.pi / 2))
     exploration.observe(here)
     best = exploration.next_viewpoint(here)
     offered = exploration.offers(here, best, 32)
@@ -295,16 +295,16 @@ def test_what_is_offered_begins_with_the_best_and_is_worth_the_drive():
 
 def test_what_a_drive_that_failed_on_its_way_should_have_shown_is_not_missed():
     world = surface_of(ground_points(flat, (-6, 2), (-1, 1)), *(wall_points((-6, y), (2, y)) for y in (-1, 1)))
-    exploration = Exploration(PIONEER)
+    exploration = NextBestView(PIONEER)
     first = next_viewpoint(exploration, world, from_yaw(-5, 0, 0, 0))
     there = from_yaw(*np.mean([first.position, (-5, 0)], axis=0), 0, first.heading)
-    anew = next_viewpoint(Exploration(PIONEER), world, there)
+    anew = next_viewpoint(NextBestView(PIONEER), world, there)
     assert next_viewpoint(exploration, world, there).gain == anew.gain
 
 
 def test_a_robot_that_can_not_set_out_turns_to_something_else():
     world = surface_of(ground_points(flat, (-6, 2), (-1, 1)), *(wall_points((-6, y), (2, y)) for y in (-1, 1)))
-    exploration, pose = Exploration(PIONEER), from_yaw(-1, 0, 0, np.pi / 2)
+    exploration, pose = NextBestView(PIONEER), from_yaw(-1, 0, 0, np.pi / 2)
     first, second = (next_viewpoint(exploration, world, pose) for _ in range(2))
     assert first.position[0] > -1 > second.position[0]
 
@@ -314,26 +314,26 @@ def test_a_robot_that_finds_nothing_beyond_rims_expects_less_there_than_one_that
     end, more = (surface_of(ground_points(flat, (-6, x), (-1, 1)), *walls) for x in (2, 6))
     chances = []
     for known in (end, more):
-        exploration, earlier = Exploration(PIONEER), np.zeros((0, 4, 4))
+        exploration, earlier = NextBestView(PIONEER), np.zeros((0, 4, 4))
         for x in (0.0, 0.6, 1.2):  # it drives up to a rim
             here = context(known if x else end, from_yaw(x, 0, 0, 0), earlier)
             exploration.observe(here)
             earlier = here.poses
-        chances.append(exploration.posterior.chances)
+        chances.append(exploration.sightings.chances)
     assert chances[0][0] == chances[1][0] == 1
     assert chances[0][1] < 1 / 3
     assert chances[1][1] > 2 / 3
 
 
-def test_also_keyframes_on_the_way_tell_where_no_ground_is():
+def test_also_keyframes_on_the_way_show_where_no_ground_is():
     world = surface_of(ground_points(flat, (-6, 2), (-1, 1)), *(wall_points((-6, y), (2, y)) for y in (-1, 1)))
     gains = []
     for on_the_way in ((), (0.5, 1.0)):
         poses = [from_yaw(x, 0, 0, 0) for x in on_the_way]
         here = context(world, from_yaw(-1, 0, 0, np.pi), np.array(poses).reshape(-1, 4, 4))
-        exploration = Exploration(PIONEER)
+        exploration = NextBestView(PIONEER)
         exploration.observe(here)
-        gains.append(sum(view.gain for view in exploration.left(here) if view.position[0] > -1))
+        gains.append(sum(view.gain for view in exploration.leftovers(here) if view.position[0] > -1))
     assert gains[1] < 0.5 * gains[0]
 
 
@@ -344,7 +344,7 @@ def test_a_patch_that_is_not_worth_the_drive_is_looked_at_if_it_bars_the_way_to_
     corners = [(-3, -1), (beyond, -1), (beyond, 1), (-3, 1), (-3, -1)]
     posts = [wall_points((0, side), (0, side / 2)) for side in (-1, 1)]
     world = surface_of(ground[~in_door], *posts, *(wall_points(a, b) for a, b in pairwise(corners)))
-    exploration, pose = Exploration(PIONEER), from_yaw(-2.5, 0, 0, np.pi)
+    exploration, pose = NextBestView(PIONEER), from_yaw(-2.5, 0, 0, np.pi)
     here = context(world, pose)
     assert not here.paths.reachable[tuple(here.traversability.grid.cell_of(np.array([0.5, 0.0])))]
     viewpoint = next_viewpoint(exploration, world, pose)

@@ -100,7 +100,7 @@ def test_goals_come_in_a_short_order_and_those_out_of_reach_not_at_all(u_turn):
     assert order_goals(PosePaths(traversability, (30.0, 30.0)), goals) == []
 
 
-def test_a_robot_that_stands_too_near_to_a_wall_may_still_be_told_to_stay():
+def test_a_robot_that_stands_too_near_to_a_wall_may_still_stay():
     traversability, segments = room((-3, 3), (-2, 2), [((1.0, -2), (1.0, 2))])
     topology, here = topology_of(traversability, segments, (-1, 0)), (0.78, 0.0)
     assert not traversability.grid.at(traversability.traversable, np.array(here))

@@ -99,7 +99,7 @@ def test_no_way_leads_where_there_is_no_room(blocks, heading):
 
 @settings(max_examples=25, deadline=None)
 @given(arrays(np.int64, (5, 2), elements=st.integers(0, 39)), st.integers(0, 15), st.floats(0.5, 30.0))
-def test_a_search_up_to_a_horizon_tells_the_same_as_a_whole_one(blocks, heading, horizon):
+def test_a_search_up_to_a_horizon_gives_the_same_as_a_whole_one(blocks, heading, horizon):
     traversability = scattered(blocks)
     start = (1.025, 1.025), float(pose_kernels.ANGLES[heading])
     whole, part = PosePaths(traversability, *start), PosePaths(traversability, *start)
@@ -113,11 +113,11 @@ def test_a_search_up_to_a_horizon_tells_the_same_as_a_whole_one(blocks, heading,
 
 @settings(max_examples=25, deadline=None)
 @given(arrays(np.int64, (6, 2), elements=st.integers(0, 39)), st.integers(0, 15))
-def test_the_poses_told_before_the_search_are_those_that_it_reaches(blocks, heading):
+def test_the_poses_named_before_the_search_are_those_that_it_reaches(blocks, heading):
     traversability = scattered(blocks)
     paths = PosePaths(traversability, (1.025, 1.025), float(pose_kernels.ANGLES[heading]))
-    told = bits(paths.headings)
-    np.testing.assert_array_equal(told, np.isfinite(paths.seconds) & stands_in(traversability))
+    named = bits(paths.headings)
+    np.testing.assert_array_equal(named, np.isfinite(paths.seconds) & stands_in(traversability))
 
 
 @settings(max_examples=15, deadline=None)

@@ -10,7 +10,7 @@ from pipeline.semantic_map.classifier import TruthClassifier
 from pipeline.tracks.find import Reading, box_corners
 from pipeline.tracks.track import Observation, Track
 from pipeline.victims.detection.detection import Detection
-from pipeline.victims.people import PEOPLE
+from pipeline.victims.people import PeoplePolicy
 from pipeline.victims.person_voxels import PersonVoxels
 from pipeline.victims.victim_map import Victims
 from tests.pipeline.robot_model import PIONEER
@@ -41,8 +41,8 @@ def victim(points: NDArray[np.float32], cameras: int = 2) -> Track:
     reading, information = Reading("victim", "", box_corners((0, 0, 30, 40)), 0.9), np.eye(3) * 100
     places = [np.array([0.0, float(k), 0.6]) for k in range(cameras)]
     seen = [Observation(reading, 0, points[0], information, place, points, photo) for place in places]
-    track = Track(PEOPLE, seen, list(seen))
-    track.where = PEOPLE.body(PersonVoxels.of(points, 0.03), information, frozenset([0]))
+    track = Track(PeoplePolicy(), seen, list(seen))
+    track.where = PeoplePolicy().body(PersonVoxels.of(points, 0.03), information, frozenset([0]))
     return track
 
 

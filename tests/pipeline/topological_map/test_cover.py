@@ -6,11 +6,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from pipeline.topological_map import sight_kernels as kernels
+from pipeline.topological_map.config import TopologicalMapConfig
 from pipeline.topological_map.cover import NodeCover, ray_tree
 from sarsim.scoring.topology_kernels import line_is_free
 from tests.pipeline.topological_map.grounds import U_TURN, room
 
 REACH = 12
+CONFIG = TopologicalMapConfig(sight=2.0)
 
 
 def seen_by_lines(place, walls, reach):
@@ -49,7 +51,7 @@ def update(cover, traversability, segments):
 
 @pytest.fixture
 def cover():
-    cover = NodeCover()
+    cover = NodeCover(CONFIG)
     assert update(cover, *room((-3, 3), (-2, 2), U_TURN)).any()
     return cover
 
@@ -81,7 +83,11 @@ def test_what_is_renewed_is_what_is_made_anew(cover):
     places = [(-1.0, 0.0), (1.0, 1.0), (2.4, -1.4)]
     for n, place in enumerate(places):
         cover.add(n, np.array(place))
-    grown, anew, shape = room((-3, 7), (-5, 9), [*U_TURN, ((1.5, -2), (1.5, 0))]), NodeCover(), cover.grid.shape
+    grown, anew, shape = (
+        room((-3, 7), (-5, 9), [*U_TURN, ((1.5, -2), (1.5, 0))]),
+        NodeCover(CONFIG),
+        cover.grid.shape,
+    )
     update(cover, *grown)
     assert cover.grid.shape != shape
     update(anew, *grown)

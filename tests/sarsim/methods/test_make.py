@@ -175,6 +175,11 @@ def test_a_subclass_of_a_shipped_one_is_a_method() -> None:
     assert isinstance(make.make_exploration(name, PIONEER), NearestFrontier)
 
 
+def test_what_the_protocol_has_a_default_for_may_be_missing() -> None:
+    strategy = make.make_exploration(f"{__name__}:Silent", PIONEER)
+    assert strategy is not None and strategy.leftovers(level_context(PIONEER)) == []
+
+
 @pytest.mark.usefixtures("page")
 def test_the_trial_leaves_no_trace() -> None:
     strategy, context, named = make.make_exploration("page:Ahead", PIONEER), level_context(PIONEER), []

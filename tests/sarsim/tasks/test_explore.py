@@ -7,7 +7,7 @@ import pytest
 from gymnasium.utils.env_checker import check_env
 
 from pipeline.errors import InputError
-from pipeline.exploration.next_best_view import Exploration
+from pipeline.exploration.next_best_view import NextBestView
 from pipeline.explorer import Explorer
 from pipeline.mapper import Mapper
 from pipeline.semantic_map.classifier import TruthClassifier
@@ -61,7 +61,7 @@ def test_an_agent_that_takes_the_robots_own_choice_explores_as_the_robot_does(ar
 
 
 def test_an_episode_ends_where_nothing_is_worth_the_drive(arena: str, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(Exploration, "next_viewpoint", lambda *_: None)
+    monkeypatch.setattr(NextBestView, "next_viewpoint", lambda *_: None)
     env = Explore(arena)
     assert env.reset(seed=0)[1]["action_mask"].sum() == 1
     *_, is_over, is_cut, info = env.step(0)

@@ -59,13 +59,13 @@ class ReportFile(Sink):
         """Write it, of a run without a step only if the robot was lost; InputError if that is impossible."""
         if not result.is_reported:
             return
+        settings = {name: value for name, value in asdict(self._settings).items() if name != "pipeline"}
         result.report |= {
             "arena": _plain(self._place),
             "seed": self._seed,
             "steps": result.steps,
             "version": version("sarsim"),
-            "config": {name: _plain(value) for name, value in asdict(self._settings).items()}
-            | {"out": _plain(result.folder)},
+            "config": {name: _plain(value) for name, value in settings.items()} | {"out": _plain(result.folder)},
             "sim_time_s": result.sim_time,
             "wall_time_s": result.wall_time,
             "real_time_factor": result.sim_time / result.wall_time,

@@ -225,11 +225,14 @@ class ExplorerRun(Run, ABC):
         if (brief := self.parts.brief) is not None:
             mapper, mission = self.mapper, self.explorer.mission
             finds, end = mapper.finds, begin + timedelta(minutes=brief.minutes).total_seconds()
+            numbers = mapper.config.exploration
             beside = LIMITS["beside"] if "park" in brief.tasks else None
-            mission.deadline = Deadline(begin, end, lambda: finds.reported, "home" in brief.tasks, beside)
+            mission.deadline = Deadline(
+                begin, end, lambda: finds.reported, "home" in brief.tasks, beside, config=numbers
+            )
             self.explorer.watch(_Clock(end))
             if "find" in brief.tasks and mapper.readers is not None:
-                mission.inspection = Inspection(mapper.keyframes, mapper.metric_map)
+                mission.inspection = Inspection(mapper.keyframes, mapper.metric_map, config=numbers)
 
     def _may_step(self) -> bool:
         """Whether the task continues: the steps of exploration are limited, those of a drive to goals are not."""

@@ -29,24 +29,24 @@ def make_mapper(
     seed: int = 0,
     localisation: Localisation | None = None,
     earlier: Path | None = None,
-    **kinds: Any,
+    graph: Literal["mst", "roadmap"] = "roadmap",
 ) -> Mapper:
     """The maps of a robot.
 
     Args:
-        perception: what labels points and finds people.
+        perception: what labels points and finds people, with the numbers of all rooms.
         robot: decides what is traversable.
         seed: of all random numbers.
         localisation: by default SLAM.
         earlier: folder of an earlier run, in whose map this one goes on; None to begin with empty maps.
-        kinds: ``voxel_size`` and ``graph`` of :class:`pipeline.mapper.Mapper`.
+        graph: what plans are made on.
 
     Raises:
         InputError: the labels, the detector or the earlier map are not available.
     """
     classifier, detector = make_perception(perception)
-    readers = make_readers(perception)
-    mapper = Mapper(robot, classifier, detector, seed=seed, localisation=localisation, readers=readers, **kinds)
+    readers, config = make_readers(perception), perception.pipeline
+    mapper = Mapper(robot, classifier, detector, graph, seed, localisation, readers, config)
     if earlier is not None:
         load_keyframes(earlier / KEYFRAMES, mapper)
     return mapper

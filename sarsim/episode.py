@@ -74,9 +74,9 @@ class Episode(ExplorerRun):
 
     def _mapper(self) -> Mapper:
         config, model = self.config, self.robot.model
-        localisation = make_localisation(config.localisation, model, config.odometry == "truth")
-        kinds = {"voxel_size": config.voxel_size, "graph": config.graph}
-        return make_mapper(config, model, config.seed, localisation, config.map, **kinds)
+        numbers, is_true = config.pipeline.localisation, config.odometry == "truth"
+        localisation = make_localisation(config.localisation, model, numbers, is_true)
+        return make_mapper(config, model, config.seed, localisation, config.map, config.graph)
 
     def _recorded(self, mapper: Mapper) -> tuple[Robot, list[Sink]]:
         """The robot, wrapped so that what it senses and does is recorded, and the wanted bag and TUM sequence."""

@@ -1,11 +1,13 @@
 """Settings of episodes, recordings and ROS 2 robots, in a module of their own: ``--help`` needs nothing else."""
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Annotated, Literal, get_args
 
 import tyro
+from tyro.conf import Fixed
 
+from pipeline.config import PipelineConfig
 from pipeline.errors import InputError
 from pipeline.ros.live.topic_names import TopicNames
 from sarsim.arenas.settings import RandomArenaConfig, StartPose
@@ -77,12 +79,14 @@ class PerceptionConfig:
         weights: weights file of the network, from train.py; by default the shipped one.
         detector: YOLO: .cfg and weights, or .safetensors beside .cfg; None: off.
         detector_class: detector of your own, MODULE:CLASS.
+        pipeline: all numbers of the robot's software; a run writes them, and only ``--config`` changes them.
     """
 
     labels: Labels = NETWORK
     weights: Path | None = None
     detector: Networks = DETECTOR if all(path.exists() for path in DETECTOR) else None
     detector_class: str | None = None
+    pipeline: Fixed[PipelineConfig] = PipelineConfig()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -134,7 +138,7 @@ class EpisodeConfig(PerceptionConfig, MissionConfig, SimulatorConfig):
         tyre_error: relative error of the wheels' radius that the odometry does not know.
         fiducials: AprilTags on the walls, which measure the map.
         oracle: compare with the best tour of one who knows the ground; takes seconds, minutes in large arenas.
-        voxel_size: side of the metric map's voxels, m.
+        voxel_size: side of the metric map's voxels, m; by default 0.1, or as a --config file says.
         graph: graph for path planning: the thesis's minimum spanning tree (mst), or with loops (roadmap).
         bag: new folder for a ROS 2 bag of the robot's sensor data, commands and maps.
         bag_images: depth in whole mm (16UC1) or in m (32FC1); colour raw or as JPEG.
@@ -153,13 +157,20 @@ class EpisodeConfig(PerceptionConfig, MissionConfig, SimulatorConfig):
     tyre_error: float = 0.0
     fiducials: int = 0
     oracle: bool = False
-    voxel_size: float = 0.1
+    voxel_size: float | None = None
     graph: Literal["mst", "roadmap"] = "roadmap"
     bag: Path | None = None
     bag_images: Literal["16UC1", "32FC1", "16UC1-jpeg", "32FC1-jpeg"] = "16UC1"
     tum: Path | None = None
     out: Path | None = None
     random: RandomArenaConfig = field(default_factory=RandomArenaConfig)
+
+    def __post_init__(self) -> None:
+        """Let the flag set the voxels of the metric map."""
+        super().__post_init__()
+        if self.voxel_size is not None:
+            metric_map = replace(self.pipeline.metric_map, voxel_size=self.voxel_size)
+            object.__setattr__(self, "pipeline", replace(self.pipeline, metric_map=metric_map))
 
     @property
     def folder(self) -> Path:

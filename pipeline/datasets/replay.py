@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from pipeline.datasets.recording import Recording
 from pipeline.errors import InputError
 from pipeline.frame import Frame
+from pipeline.localisation.config import LocalisationConfig
 from pipeline.localisation.depth_odometry import DepthOdometry
 from pipeline.localisation.localisation import Localisation, LostError
 from pipeline.localisation.odometry import OdometryLocalisation
@@ -48,10 +49,12 @@ def default_poses(recording: Recording) -> PoseSource:
     return "registration" if recording.odometry is None else "slam"
 
 
-def localisation_of(poses: PoseSource) -> Localisation:
+def localisation_of(poses: PoseSource, config: LocalisationConfig = LocalisationConfig()) -> Localisation:
     """The mapper's localisation for a source of poses."""
+    if poses not in ("slam", "registration"):
+        return OdometryLocalisation(config=config)
     # Without odometry the camera may be in a hand.
-    return Slam(on_ground=poses == "slam") if poses in ("slam", "registration") else OdometryLocalisation()
+    return Slam(on_ground=poses == "slam", config=config)
 
 
 class Replay:
@@ -69,7 +72,7 @@ class Replay:
         Raises:
             InputError: the recording has no such poses.
         """
-        self.recording, self.mapper = recording, mapper
+        self.recording, self.mapper, self._numbers = recording, mapper, mapper.config.localisation
         self._T_base_camera = T_base_camera
         self._is_on_ground = T_base_camera is not None or recording.has_camera_pose
         self._known = self._known_poses(poses)
@@ -128,7 +131,7 @@ class Replay:
         up = self._up(frame, T_base_camera) if self._is_on_ground else np.array([0.0, 0.0, 1.0])
         T_map_base = from_rotation(level(up / np.linalg.norm(up)), np.zeros(3))
         if self._known is None:
-            self._odometry = DepthOdometry(T_map_base)
+            self._odometry = DepthOdometry(T_map_base, config=self._numbers)
         else:
             self._known = self._upright(self._known.of_base(T_base_camera), up, T_map_base, frame.time)
         truth = self.recording.truth
@@ -158,20 +161,20 @@ class Replay:
             InputError: neither tells which way is up.
         """
         if self.recording.up is not None:
-            return T_lowest_camera(first, self.recording.up)
-        odometry = DepthOdometry(np.eye(4))
+            return T_lowest_camera(first, self.recording.up, self._numbers.vertical)
+        odometry = DepthOdometry(np.eye(4), config=self._numbers)
         with suppress(LostError):
             for frame in dropwhile(lambda frame: frame.time < first.time, self.recording.frames()):
-                T_first_frame, up = odometry.pose(frame), vertical(frame)
+                T_first_frame, up = odometry.pose(frame), vertical(frame, self._numbers)
                 if up is not None:
-                    return T_lowest_camera(first, T_first_frame[:3, :3] @ up)
+                    return T_lowest_camera(first, T_first_frame[:3, :3] @ up, self._numbers.vertical)
         raise InputError(f"{self.recording.path}: neither an accelerometer nor floor and walls tell which way is up")
 
     def _up(self, frame: Frame, T_base_camera: NDArray[np.float64]) -> NDArray[np.float64]:
         """(3,) the vertical in ``base_link`` by the accelerometer, else by the surfaces, else for a level robot."""
         if self.recording.up is not None:
             return self.recording.up
-        up = vertical(replace(frame, T_base_camera=T_base_camera))
+        up = vertical(replace(frame, T_base_camera=T_base_camera), self._numbers)
         return np.array([0.0, 0.0, 1.0]) if up is None else up
 
     def _take(self, frame: Frame) -> Keyframe | None:

@@ -1,6 +1,7 @@
 """When a frame on the way becomes a keyframe."""
 
 from dataclasses import dataclass
+from math import radians
 
 import numpy as np
 
@@ -19,7 +20,7 @@ class KeyframePolicy:
     """
 
     way: float = 0.3
-    turn: float = np.deg2rad(15)
+    turn: float = radians(15)
     labelled_every: int = 6
 
     def is_due(self, T_odom_keyframe: Pose, T_odom_base: Pose) -> bool:

@@ -1,8 +1,7 @@
 """The numbers of navigation."""
 
 from dataclasses import dataclass
-
-import numpy as np
+from math import radians
 
 
 @dataclass(frozen=True)
@@ -25,11 +24,11 @@ class FollowerConfig:
 
     turn_gain: float = 1.5
     position_tolerance: float = 0.04
-    heading_tolerance: float = np.deg2rad(2)
-    lean: float = np.deg2rad(6)
+    heading_tolerance: float = radians(2)
+    lean: float = radians(6)
     ramp_margin: float = 0.2
-    pivot_level: float = np.deg2rad(5)
-    pivot_ramp: float = np.deg2rad(35)
+    pivot_level: float = radians(5)
+    pivot_ramp: float = radians(35)
     widest_return: float = 0.5
     hold_gain: float = 1.0
     carried_way: float = 0.3
@@ -49,8 +48,8 @@ class RecoveryConfig:
     tilt_lead: float = 0.1
     most_way: float = 0.3
     least_way: float = 0.02
-    most_turn: float = np.deg2rad(15)
-    least_turn: float = np.deg2rad(2)
+    most_turn: float = radians(15)
+    least_turn: float = radians(2)
     enough: float = 0.5
 
 
@@ -76,7 +75,7 @@ class ProgressConfig:
     held_share: float = 0.35
     patience: float = 4.0
     still_way: float = 0.02
-    still_turn: float = np.deg2rad(2)
+    still_turn: float = radians(2)
     overdue: float = 60.0
     overdue_ramp: float = 4.0
     least_v: float = 0.04
@@ -126,7 +125,7 @@ class AttitudeConfig:
 
     time_constant: float = 0.5
     most_disturbance: float = 2.0
-    most_change: float = np.deg2rad(8)
+    most_change: float = radians(8)
 
 
 @dataclass(frozen=True)

@@ -1,8 +1,7 @@
 """Numbers of the segments: how planes are found in a frame, and when they become one segment."""
 
 from dataclasses import dataclass, field
-
-import numpy as np
+from math import radians
 
 from pipeline.geometry.config import CellConfig
 
@@ -50,7 +49,7 @@ class RegionConfig:
         rounds: how often surfels go to the nearest plane and planes are fitted to them again.
     """
 
-    angle: float = np.deg2rad(20)
+    angle: float = radians(20)
     step: float = 0.025
     distance: float = 0.025
     fewest_surfels: int = 10
@@ -97,6 +96,6 @@ class SegmentsConfig:
     cells: CellConfig = field(default_factory=CellConfig)
     flatness: float = 0.05
     least_cosine: float = 0.5
-    ascent: float = np.deg2rad(8)
+    ascent: float = radians(8)
     thickness: float = 4.0
     checkpoint: int = 64

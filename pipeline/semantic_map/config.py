@@ -1,8 +1,7 @@
 """Numbers of the semantic map: how points get classes, and how the map revises them."""
 
 from dataclasses import dataclass, field
-
-import numpy as np
+from math import radians
 
 from pipeline.segments.config import RegionConfig, SurfelConfig
 
@@ -23,9 +22,9 @@ class RuleConfig:
 
     voxel: float = 0.03
     neighbours: int = 30
-    wall_tilt: float = np.deg2rad(60)
+    wall_tilt: float = radians(60)
     roughness: float = 0.03
-    ramp_tilt: float = np.deg2rad(8)
+    ramp_tilt: float = radians(8)
     deck: float = 0.08
     ceiling: float = 2.0
 
@@ -48,14 +47,14 @@ class PlanarVoteConfig:
     """
 
     surfels: SurfelConfig = field(default_factory=SurfelConfig)
-    regions: RegionConfig = field(default_factory=lambda: RegionConfig(angle=np.deg2rad(6)))
+    regions: RegionConfig = field(default_factory=lambda: RegionConfig(angle=radians(6)))
     shift: float = 0.02
     noise: float = 0.008
     window: int = 2
     weight: float = 2.0
     least_probability: float = 1e-3
-    lean: float = np.deg2rad(15)
-    least_ramp: float = np.deg2rad(4)
+    lean: float = radians(15)
+    least_ramp: float = radians(4)
 
 
 @dataclass(frozen=True)

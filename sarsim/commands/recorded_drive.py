@@ -45,7 +45,7 @@ class RecordedDrive(MappingRun):
         """Raises InputError if the recording lacks the wanted poses, or the output folder cannot be written."""
         self.recording, self.config = recording, config
         poses, model = config.poses or default_poses(recording), robot_model(config.robot)
-        mapper = make_mapper(config, model, localisation=localisation_of(poses))
+        mapper = make_mapper(config, model, localisation=localisation_of(poses, config.pipeline.localisation))
         camera = config.camera and CameraPose(*config.camera).T_base_camera
         self._replay = Replay(recording, mapper, poses, camera)
         self.frames, self.error = 0, ""

@@ -29,6 +29,8 @@ MISSIONS = ("league", "virtual")
 """Names of the missions that sarsim ships."""
 MOST_SETTINGS, DEEPEST = 100_000, 8
 """Size and levels of a file of settings; one that a run writes has 1,500 bytes and 3 levels."""
+SCALARS: dict[Any, tuple[type, ...]] = {float: (int, float), int: (int,), bool: (bool,), str: (str,)}
+"""Types of settings that YAML knows, with those of their values."""
 Settings = TypeVar("Settings")
 
 
@@ -197,6 +199,8 @@ def _value(hint: Any, value: Any, where: str) -> Any:
     """A value of a YAML file, converted to the type of its setting."""
     if is_dataclass(hint):
         return _settings(hint, value, where)
+    if hint in SCALARS and type(value) in SCALARS[hint]:
+        return hint(value)
     if isinstance(value, dict):
         raise InputError(f"{where}: has no settings of its own")
     one = make_dataclass("One", [("value", hint)])
@@ -230,4 +234,6 @@ def _plain(settings: Any) -> dict[str, Any]:
 def _plain_value(value: Any) -> Any:
     if isinstance(value, tuple):
         return [_plain_value(item) for item in value]
+    if isinstance(value, float):
+        return float(value)  # NumPy's own are none to YAML
     return str(value) if isinstance(value, Path) else value

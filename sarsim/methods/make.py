@@ -17,6 +17,7 @@ import numpy as np
 from pipeline.errors import InputError
 from pipeline.exploration.baselines import NearestFrontier, RandomWalk
 from pipeline.exploration.viewpoint import Strategy
+from pipeline.localisation.config import LocalisationConfig
 from pipeline.localisation.localisation import Localisation, LostError
 from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.localisation.slam import Slam
@@ -50,19 +51,21 @@ def make_exploration(name: str, robot: RobotModel, seed: int = 0) -> Strategy | 
     return _own("exploration", name, Strategy, robot)
 
 
-def make_localisation(name: str, robot: RobotModel, is_told: bool = False) -> Localisation:
-    """The localisation that ``--localisation`` names; ``is_told``: the odometry has the true pose already.
+def make_localisation(
+    name: str, robot: RobotModel, config: LocalisationConfig, is_true: bool = False
+) -> Localisation:
+    """The localisation that ``--localisation`` names; ``is_true``: the odometry has the true pose already.
 
     Raises:
         InputError: there is no such class, or it is no localisation, as its first keyframe shows.
     """
-    if name == "odometry" or (name == "slam" and is_told):
-        return OdometryLocalisation()
+    if name == "odometry" or (name == "slam" and is_true):
+        return OdometryLocalisation(config=config)
     if name == "slam":
-        return Slam()
+        return Slam(config=config)
     frame = level_frame()
     tried = _own("localisation", name, Localisation, robot)
-    tried.add(frame, tried.localise(frame))
+    tried.add(tried.localise(frame))
     tried.optimise()
     answers.check_poses(tried.poses, _where("localisation", name))
     return _own("localisation", name, Localisation, robot)

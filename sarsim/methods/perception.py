@@ -5,6 +5,7 @@ from pathlib import Path
 from pipeline.errors import InputError
 from pipeline.finds.readers import FindReaders
 from pipeline.semantic_map.classifier import PointClassifier, TruthClassifier
+from pipeline.semantic_map.config import SemanticMapConfig
 from pipeline.semantic_map.networks.classifier import NetworkClassifier
 from pipeline.semantic_map.rules import RuleClassifier
 from pipeline.victims.detection.detection import Detector
@@ -16,7 +17,7 @@ from sarsim.settings import POINT_NETWORKS, Labels, PerceptionConfig
 
 def make_perception(config: PerceptionConfig) -> tuple[PointClassifier, Detector | None]:
     """The classifier and the victim detector, if any, of a command; InputError if they cannot be used."""
-    classifier = make_classifier(config.labels, config.weights)
+    classifier = make_classifier(config.labels, config.weights, config.pipeline.semantic_map)
     if config.detector_class:
         return classifier, own_detector(config.detector_class)
     return classifier, VictimDetector.load(*config.detector) if config.detector else None
@@ -29,7 +30,9 @@ def make_readers(config: PerceptionConfig) -> FindReaders | None:
     return FindReaders.load(*(asset("weights", f"{name}.safetensors") for name in ("hazmat", "shapes")))
 
 
-def make_classifier(labels: Labels, weights: Path | None) -> PointClassifier:
+def make_classifier(
+    labels: Labels, weights: Path | None, config: SemanticMapConfig = SemanticMapConfig()
+) -> PointClassifier:
     """The classifier that ``--labels`` names, with ``weights`` or the shipped ones.
 
     Raises:
@@ -38,10 +41,10 @@ def make_classifier(labels: Labels, weights: Path | None) -> PointClassifier:
     if labels == "truth":
         return TruthClassifier()
     if labels == "rules":
-        return RuleClassifier()
+        return RuleClassifier(config=config.rules)
     if labels not in POINT_NETWORKS:
         return own_classifier(labels)
     weights = weights or asset("weights", f"{labels}.safetensors")
     if not weights.exists():
         raise InputError(f"--weights {weights}: no such file; train.py {labels} makes one, --labels truth needs none")
-    return NetworkClassifier(weights, network=labels)
+    return NetworkClassifier(weights, network=labels, config=config.network)

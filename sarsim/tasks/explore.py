@@ -123,7 +123,9 @@ class Explore(ExplorationTask):
         return self._observation(), self._info()
 
     def _mapper(self, model: RobotModel) -> Mapper:
-        localisation = make_localisation("slam", model, self._simulation.odometry == "truth")
+        localisation = make_localisation(
+            "slam", model, self._perception.pipeline.localisation, self._simulation.odometry == "truth"
+        )
         return make_mapper(self._perception, model, self._begun["seed"], localisation)
 
     def step(self, action: Action) -> tuple[Maps, float, bool, bool, dict[str, Any]]:

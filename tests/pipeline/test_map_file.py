@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pipeline.errors import InputError
-from pipeline.finds.objects import shown
+from pipeline.finds.objects import policies_of, shown
 from pipeline.keyframes import Places
 from pipeline.labels import Label
 from pipeline.localisation.odometry import OdometryLocalisation

@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from pipeline.elevation_map import pose_kernels
+from pipeline.elevation_map.config import ElevationConfig, PathCosts, TraversabilityConfig
 from pipeline.elevation_map.elevation_map import ElevationMap
 from pipeline.elevation_map.traversability import assess_map
 from pipeline.errors import InputError
@@ -226,3 +227,16 @@ def test_a_passage_that_needs_no_daring_is_the_same_without_margin():
     ground, middle = passage(1.2, 0.01)
     ways = [PosePaths(g, (-0.6, middle)).path_to((1.6, middle)) for g in (ground, ground.without_margin)]
     np.testing.assert_array_equal(*ways)
+
+
+def test_other_numbers_hold_in_the_map_on_the_ground_and_for_the_way():
+    clouds = ground_points(flat, (-2, 2), (-2, 2)), wall_points((0, -2), (0, 0.4))
+    costs = PathCosts(stop=3.0, narrow_speed=0.1)
+    world = ElevationMap(PIONEER, ElevationConfig(cell=0.1, traversability=TraversabilityConfig(costs=costs)))
+    world.update(np.vstack(clouds))
+    slow, usual = (PosePaths(assess_map(w), (-1.0, -1.0), 0.0) for w in (world, surface_of(*clouds)))
+    assert slow.traversability.grid.cell == 0.1
+    assert slow.way_to((1.0, -1.0)).places[:, 1].max() > 0.4  # around the end of the wall
+    assert np.isfinite(slow.cost_to((1.0, -1.0))) and np.isfinite(usual.cost_to((1.0, -1.0)))
+    beside = (np.array([[-0.35, -1.0]]), np.array([[-0.35, 0.0]]))
+    assert slow.traversability.line_seconds(*beside) > usual.traversability.line_seconds(*beside)

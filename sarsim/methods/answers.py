@@ -8,6 +8,7 @@ import numpy as np
 from pipeline.errors import InputError
 from pipeline.exploration.viewpoint import Context, Viewpoint
 from pipeline.labels import Label
+from pipeline.localisation.localisation import Localised
 from pipeline.planning.path_plan import PathPlan, obstacle_to
 from pipeline.tracks.find import KINDS
 from pipeline.transforms import are_poses
@@ -48,9 +49,11 @@ def _check_detections(answer: Any, told: str, rgb: object) -> None:
             raise InputError(f"{told}: {one.kind!r} at {one.confidence}: none of {', '.join(KINDS)} at 0 to 1")
 
 
-def _check_pose(answer: Any, told: str, frame: object) -> None:
-    if np.shape(answer) != (4, 4) or not are_poses(answer):
-        raise InputError(f"{told} gave {_kind(answer)}, not a pose (4, 4)")
+def _check_localised(answer: Any, told: str, frame: object) -> None:
+    if not isinstance(answer, Localised):
+        raise InputError(f"{told} gave {_kind(answer)}, not a Localised")
+    if np.shape(answer.T_map_base) != (4, 4) or not are_poses(answer.T_map_base):
+        raise InputError(f"{told}: T_map_base is {_kind(answer.T_map_base)}, not a pose (4, 4)")
 
 
 def check_poses(answer: Any, where: str) -> None:
@@ -75,7 +78,7 @@ CHECKS: Mapping[str, Callable[..., None]] = {
     "next_viewpoint": _check_viewpoint,
     "classify": _check_probabilities,
     "detect": _check_detections,
-    "localise": _check_pose,
+    "localise": _check_localised,
     "plan": _check_plan,
 }
 """Checks of answers, by the method's name; arguments: the answer, how to begin the line, and the method's own."""

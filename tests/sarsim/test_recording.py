@@ -9,12 +9,13 @@ import pytest
 import rerun as rr
 from scipy.spatial.transform import Rotation
 
-from pipeline.explorer import Explorer, Observer
+from pipeline.explorer import Explorer
 from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.localisation.slam import Slam
 from pipeline.mapper import Mapper
 from pipeline.robot import Velocity
 from pipeline.semantic_map.classifier import TruthClassifier
+from pipeline.sink import Sink
 from pipeline.transforms import inverse
 from sarsim.arenas.load import load_arena
 from sarsim.recording import EpisodeRecorder
@@ -35,7 +36,7 @@ def path(tmp_path_factory) -> Path:
     robot = SimulatedRobot(load_arena("nist_6x4"), SimulationConfig(odometry="wheel"), seed=3)
     explorer = Explorer(robot, Mapper(robot.model, TruthClassifier(), seed=3, localisation=OdometryLocalisation()))
     recorder = EpisodeRecorder(robot, path)
-    explorer.observers.append(recorder)
+    explorer.watch(recorder)
     explorer.step()
     for _ in range(round(DRIVING_TIME / robot.control_period)):
         recorder.on_motion(robot.drive(Velocity(SPEED)))
@@ -115,7 +116,7 @@ def test_while_it_drives_the_robot_is_where_its_newest_keyframe_has_it(tmp_path)
     recorder = EpisodeRecorder(robot, tmp_path / "episode.rrd")
     believed, true = {}, {}
 
-    class Watch(Observer):
+    class Watch(Sink):
         def on_keyframe(self, keyframe):
             self.T_odom_keyframe = keyframe.frame.T_odom_base
 
@@ -124,7 +125,7 @@ def test_while_it_drives_the_robot_is_where_its_newest_keyframe_has_it(tmp_path)
             believed[round(motion.time, 3)] = T_map_base[:3, 3]
             true[round(motion.time, 3)] = robot.trajectory[-1].T_world_base[:3, 3]
 
-    explorer.observers += [recorder, Watch()]
+    explorer.watch(recorder, Watch())
     for _ in range(2):
         explorer.drive(explorer.step())
     recorder.close()

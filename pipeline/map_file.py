@@ -1,7 +1,7 @@
 """The map of an episode as a file from which a later episode continues: what its keyframes have shown, as numbers."""
 
 import zipfile
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
 from itertools import chain
@@ -27,7 +27,7 @@ from pipeline.metric_map.io.npz import save_metric_map
 from pipeline.robot import RobotModel
 from pipeline.segments.members import Member
 from pipeline.semantic_map.class_shares import ClassShares
-from pipeline.tracks.find import FIND_KINDS, VICTIM, Reading
+from pipeline.tracks.find import VICTIM, Reading, is_find_kind
 from pipeline.tracks.track import Observation, Track, TrackPolicy
 from pipeline.transforms import POSE, are_poses
 from pipeline.victims.people import middle
@@ -196,7 +196,7 @@ def load_keyframes(path: Path, mapper: Mapper) -> None:
         mapper.segments.members = [_member_of(row) for row in rows["member"]]
         seen, of_find = iter(rows["sighting"]), iter(rows["find_sighting"])
         mapper.victims.all = [_person_of(row, _next(row, seen), mapper.victims.policy) for row in rows["victim"]]
-        mapper.finds.all = [_find_of(row, _next(row, of_find), mapper.finds.policies) for row in rows["find"]]
+        mapper.finds.all = [_find_of(row, _next(row, of_find), mapper.finds.policy_of) for row in rows["find"]]
         mapper.restore()
 
 
@@ -297,7 +297,7 @@ def _check(rows: dict[str, list[Row]]) -> None:
         row["sightings"] < 1 for kind in ("victim", "find") for row in rows[kind]
     ):
         raise ValueError("a segment, a victim or a find was seen nowhere")
-    if not {_text_of(row["kind"]) for row in rows["find"]} <= set(FIND_KINDS):
+    if not all(is_find_kind(_text_of(row["kind"])) for row in rows["find"]):
         raise ValueError("a find is of no kind")
 
 
@@ -420,10 +420,10 @@ def _person_of(row: Row, rows: list[Row], policy: TrackPolicy) -> Track:
     return track
 
 
-def _find_of(row: Row, rows: list[Row], policies: Mapping[str, TrackPolicy]) -> Track:
+def _find_of(row: Row, rows: list[Row], policy_of: Callable[[str], TrackPolicy]) -> Track:
     kind, seen = _text_of(row["kind"]), []
     for s in rows:
         reading = Reading(kind, _text_of(s["text"]), s["corners"], s["confidence"])
         where, photo = (s["position"], s["information"], s["camera"]), s["photo"].reshape(s["photo_shape"])
         seen.append(Observation(reading, s["keyframe"], *where, s["points"], photo, has_depth=s["has_depth"]))
-    return _track_of(row, policies[kind], seen)
+    return _track_of(row, policy_of(kind), seen)

@@ -18,7 +18,7 @@ from pipeline.elevation_map.traversability_layer import TraversabilityLayer
 from pipeline.errors import InputError
 from pipeline.finds.background_reader import BackgroundReader
 from pipeline.finds.find_map import Finds
-from pipeline.finds.readers import FindReaders
+from pipeline.finds.readers import FindReader
 from pipeline.frame import Frame
 from pipeline.geometry.moving_kernels import moved
 from pipeline.keyframes import Keyframes, Moves, Seen, nearest
@@ -94,7 +94,7 @@ class Mapper:
         graph: Literal["mst", "roadmap"] = "roadmap",
         seed: int = 0,
         localisation: Localisation | None = None,
-        readers: FindReaders | None = None,
+        readers: FindReader | None = None,
         config: PipelineConfig = PipelineConfig(),
     ):
         """Begin with empty maps.

@@ -2,7 +2,7 @@
 
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 from pipeline.files import make_folder
 from pipeline.league.brief import MissionBrief
@@ -16,8 +16,9 @@ from pipeline.results import result_sinks
 from pipeline.robot import RobotModel
 from pipeline.run import RunParts
 from pipeline.sink import Sink
+from sarsim.methods.make import own_sink
 from sarsim.methods.perception import make_perception, make_readers
-from sarsim.settings import PerceptionConfig
+from sarsim.settings import PerceptionConfig, SinkConfig
 
 TRUE_LABELS = PerceptionConfig(labels="truth", detector=None)
 """The simulator's labels; nobody looks for people or finds."""
@@ -53,7 +54,7 @@ def make_mapper(
 
 
 def compose(
-    settings: Any,
+    settings: SinkConfig,
     mapper: Mapper,
     folder: Path,
     place: str,
@@ -66,7 +67,7 @@ def compose(
     """The parts of a run that leaves results in a folder, which is made last, so that a refusal leaves none behind.
 
     Args:
-        settings: of the command, a dataclass, for report.json.
+        settings: of the command, for report.json, with the user's own sinks, which take the result last.
         mapper: with all maps.
         folder: for files.
         place: name of the place that is mapped.
@@ -77,11 +78,12 @@ def compose(
         brief: of a mission whose files are handed in.
 
     Raises:
-        InputError: the viewer or the folder is not available.
+        InputError: a sink of the user's own, the viewer or the folder is not available.
     """
+    own = [own_sink(name) for name in settings.sink]
     viewer = Viewer(view) if view != "none" else None
     make_folder(folder)
     recording = recorder(folder / "episode.rrd", viewer)
     rescue_report = RescueReport(recording)
     sinks = result_sinks(settings, place, seed, recording, rescue_report, brief, others)
-    return RunParts(mapper, folder, place, recording, rescue_report, sinks, brief)
+    return RunParts(mapper, folder, place, recording, rescue_report, [*sinks, *own], brief)

@@ -17,8 +17,8 @@ from pipeline.ros.topics import Joints
 from pipeline.run import ExplorerRun
 from pipeline.sink import Sink
 from sarsim.arenas.fiducials import hang_fiducials
-from sarsim.arenas.load import load_arena
 from sarsim.composition import compose, make_mapper
+from sarsim.methods.arena import make_arena
 from sarsim.methods.make import make_exploration, make_localisation, make_planner
 from sarsim.recording import EpisodeRecorder
 from sarsim.robots.skid_steered import WHEELS
@@ -45,7 +45,7 @@ class Episode(ExplorerRun):
         if not np.isfinite(config.goals).all():
             raise InputError(f"--goals {' '.join(f'{x:g} {y:g}' for x, y in config.goals)}: no place is there")
         check_folder(config.folder)
-        arena = load_arena(config.arena, config.start, config.random)
+        arena = make_arena(config.arena, config.start, config.random, config.seed)
         fiducials = hang_fiducials(arena, config.fiducials, config.seed)
         simulation = SimulationConfig(
             config.odometry,

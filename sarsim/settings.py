@@ -1,6 +1,8 @@
 """Settings of episodes, recordings and ROS 2 robots, in a module of their own: ``--help`` needs nothing else."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from importlib.metadata import entry_points
 from pathlib import Path
 from typing import Annotated, Literal, get_args
 
@@ -29,9 +31,15 @@ METHODS = {
         "localisation": Localisation,
         "planner": Planner,
         "methods": str,
+        "sink": str,
+        "reader": str,
+        "arena": str,
+        "arenas": str,
     }.items()
 }
-"""Names of the methods that sarsim ships, by the flags that take MODULE:CLASS too."""
+"""Names of the methods that sarsim ships, by the flags that take MODULE:CLASS or MODULE:FUNCTION too."""
+OwnClasses = Annotated[tuple[str, ...], tyro.conf.UseAppendAction, tyro.conf.arg(metavar="MODULE:CLASS")]
+"""Classes of the user's own, by a flag that may be repeated."""
 Robot = Literal["pioneer3at", "jackal"] | str
 """A robot that sarsim ships, or the path of an MJCF file structured like theirs."""
 Odometry = Literal["truth", "wheel"]
@@ -51,12 +59,52 @@ Networks = Annotated[  # the hint keeps the place of the installation out of --h
 ]
 
 
+def is_own_arena(name: str) -> bool:
+    """Whether ``--arena`` names a function of the user's own, MODULE:FUNCTION or an entry point."""
+    return _is_function(name) or name in entry_points(group="sarsim.arena").names
+
+
+def _is_function(name: str) -> bool:
+    module, colon, function = name.partition(":")
+    return bool(colon) and module != "random" and all(map(str.isidentifier, [*module.split("."), function]))
+
+
+def names_code(flag: str, value: object) -> bool:
+    """Whether a value of one of ``METHODS`` names code of the user's own, be it a single word or a list of words."""
+    if flag in ("sink", "reader"):
+        return bool(value)
+    if flag in ("arena", "arenas"):
+        return any(map(is_own_arena, words(value)))
+    return ":" in str(value)
+
+
+def words(value: object) -> Iterator[str]:
+    """A YAML value as the words of a command line."""
+    if isinstance(value, list):
+        for item in value:
+            yield from words(item)
+    else:
+        yield str(value)
+
+
+@dataclass(frozen=True, kw_only=True)
+class SinkConfig:
+    """Settings of everything that leaves the files of a run.
+
+    Attributes:
+        sink: class of your own that watches the run and writes into its folder.
+    """
+
+    sink: OwnClasses = ()
+
+
 @dataclass(frozen=True, kw_only=True)
 class SimulatorConfig:
     """Settings of everything that simulates a robot in an arena.
 
     Attributes:
-        arena: nist_6x4, esogu_52x15, lanes/NAME, random:SEED, or the path of a .raf, MJCF, SDF or map file.
+        arena: nist_6x4, esogu_52x15, lanes/NAME, random:SEED, the path of a .raf, MJCF, SDF or map file, or
+            MODULE:FUNCTION of your own.
         robot: pioneer3at, jackal, or the path of an MJCF file structured like theirs.
         start: start pose: x and y in m, yaw in degrees; by default the arena's own.
         seed: seed of all random numbers.
@@ -79,6 +127,7 @@ class PerceptionConfig:
         weights: weights file of the network, from train.py; by default the shipped one.
         detector: YOLO: .cfg and weights, or .safetensors beside .cfg; None: off.
         detector_class: detector of your own, MODULE:CLASS.
+        reader: class of your own that finds objects in images.
         pipeline: all numbers of the robot's software; a run writes them, and only ``--config`` changes them.
     """
 
@@ -86,6 +135,7 @@ class PerceptionConfig:
     weights: Path | None = None
     detector: Networks = DETECTOR if all(path.exists() for path in DETECTOR) else None
     detector_class: str | None = None
+    reader: OwnClasses = ()
     pipeline: Fixed[PipelineConfig] = PipelineConfig()
 
 
@@ -124,7 +174,7 @@ class MissionConfig:
 
 
 @dataclass(frozen=True, kw_only=True)
-class EpisodeConfig(PerceptionConfig, MissionConfig, SimulatorConfig):
+class EpisodeConfig(SinkConfig, PerceptionConfig, MissionConfig, SimulatorConfig):
     """Settings of an episode.
 
     Attributes:
@@ -175,18 +225,21 @@ class EpisodeConfig(PerceptionConfig, MissionConfig, SimulatorConfig):
     @property
     def folder(self) -> Path:
         """Folder for the results."""
-        return self.out or self.resume or Path("runs") / f"{Path(self.arena).stem}-{self.seed}"
+        name = self.arena if _is_function(self.arena) else Path(self.arena).stem
+        return self.out or self.resume or Path("runs") / f"{name}-{self.seed}"
 
 
 @dataclass(frozen=True)
-class TeleopConfig:
+class TeleopConfig(SinkConfig):
     """Settings of a drive by a person.
 
     Attributes:
-        arena: nist_6x4, esogu_52x15, lanes/NAME, random:SEED, or the path of a .raf, MJCF, SDF or map file.
+        arena: nist_6x4, esogu_52x15, lanes/NAME, random:SEED, the path of a .raf, MJCF, SDF or map file, or
+            MODULE:FUNCTION of your own.
         start: start pose: x and y in m, yaw in degrees; by default the arena's own.
         robot: pioneer3at, jackal, or the path of an MJCF file structured like theirs.
         labels: source of the points' labels if --out is given, as in run_episode.py.
+        reader: class of your own that finds objects in images if --out is given, as --sink.
         out: folder for the recording, the maps, the report and the page of the drive, the same files as an episode's
             but config.yaml; Rerun shows them during the drive. By default nothing is mapped.
         gamepad: joystick device of Linux, such as /dev/input/js0, whose left stick drives the robot as the keys do.
@@ -196,12 +249,13 @@ class TeleopConfig:
     start: StartPose | None = None
     robot: Robot = "pioneer3at"
     labels: Labels = "truth"
+    reader: OwnClasses = ()
     out: Path | None = None
     gamepad: Path | None = None
 
 
 @dataclass(frozen=True, kw_only=True)
-class MapRecording(PerceptionConfig):
+class MapRecording(SinkConfig, PerceptionConfig):
     """A recording to map, and facts that it does not contain itself.
 
     Attributes:
@@ -254,7 +308,7 @@ class RosRobotConfig(SimulatorConfig):
 
 
 @dataclass(frozen=True, kw_only=True)
-class RosExploration(PerceptionConfig, MissionConfig):
+class RosExploration(SinkConfig, PerceptionConfig, MissionConfig):
     """Settings of the exploration with a ROS 2 robot.
 
     Attributes:

@@ -202,7 +202,7 @@ class MappedDrive(MappingRun):
         self._robot = robot = SimulatedRobot(arena, SimulationConfig(robot=config.robot), seed=0)
         self.physics, self.base_body, self.control_period = robot.physics, robot.base_body, robot.control_period
         self.limits = robot.robot.drive.limits
-        mapper = make_mapper(PerceptionConfig(labels=config.labels), robot.model)
+        mapper = make_mapper(PerceptionConfig(labels=config.labels, reader=config.reader), robot.model)
         self._trajectory = TrajectoryScore(mapper.localisation, robot.trajectory)
         recorder = partial(EpisodeRecorder, robot)
         view: Literal["spawn", "none"] = "spawn" if is_shown else "none"
@@ -214,7 +214,8 @@ class MappedDrive(MappingRun):
     def drive(self, command: Velocity) -> None:
         """Follow ``command`` for one control period, and take a keyframe if the robot has moved far enough."""
         motion = self._robot.drive(command)
-        self.recorder.on_motion(motion)
+        for sink in self.parts.sinks:
+            sink.on_motion(motion)
         if self.mapper.is_due(motion.T_odom_base):
             self._take()
 

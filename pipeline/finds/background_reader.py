@@ -3,7 +3,7 @@
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
 
-from pipeline.finds.readers import FindReaders
+from pipeline.finds.readers import FindReader
 from pipeline.frame import Frame
 from pipeline.tracks.find import Reading
 from pipeline.victims.detection.detection import Detection, Detector
@@ -29,7 +29,7 @@ class ReadFrame:
 class BackgroundReader:
     """Reads one frame at a time; its caller decides when it takes the result, so that episodes repeat exactly."""
 
-    def __init__(self, detector: Detector | None, readers: FindReaders | None):
+    def __init__(self, detector: Detector | None, readers: FindReader | None):
         """With a detector of people, and readers of finds; without either, it finds none."""
         self._detector, self._readers, self._thread = detector, readers, ThreadPoolExecutor(1)
         self._begun: Future[ReadFrame] | None = None

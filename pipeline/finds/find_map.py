@@ -5,12 +5,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.finds.objects import policies_of, shown
+from pipeline.finds.objects import ObjectPolicy, policy_of, shown
 from pipeline.finds.observation import sight
 from pipeline.finds.warm_victims import one_per_person
 from pipeline.frame import Frame
 from pipeline.tracks.config import TracksConfig
-from pipeline.tracks.find import Find, Reading
+from pipeline.tracks.find import FIND_KINDS, Find, Reading
 from pipeline.tracks.track import Track
 from pipeline.tracks.tracks import Tracks, join_one_to_one
 from pipeline.transforms import inverse
@@ -20,14 +20,14 @@ class Finds(Tracks):
     """All finds but people, confirmed or not.
 
     Attributes:
-        policies: how each kind is followed.
         readings: in the last frame.
     """
 
     def __init__(self, people: Tracks, config: TracksConfig = TracksConfig()) -> None:
         """Begin with none; ``people`` are those on the map, who give off heat."""
         super().__init__(join_one_to_one)
-        self.policies = policies_of(config)
+        self._config = config
+        self._policies = {kind: policy_of(kind, config) for kind in FIND_KINDS}
         self.readings: list[Reading] = []
         self._people = people
 
@@ -35,7 +35,7 @@ class Finds(Tracks):
     def reported(self) -> list[Find]:
         """What is reported; what is warm of a person as one find, and no shape that a person has."""
         found = [track.find() for track in self.confirmed]
-        reach = {kind: policy.of_person for kind, policy in self.policies.items() if policy.of_person}
+        reach = {kind: policy.of_person for kind, policy in self._policies.items() if policy.of_person}
         if not any(find.kind in reach for find in found):
             return found  # whether people are confirmed takes long, and this is asked at every step
         return list(one_per_person(found, self._people.confirmed, self._people.unconfirmed, reach))
@@ -47,6 +47,12 @@ class Finds(Tracks):
         What hangs flat on a wall looks like the wall; other finds stand out of it.
         """
         return [shown(track) for track in self.all if track.policy.is_flat and track.is_confirmed]
+
+    def policy_of(self, kind: str) -> ObjectPolicy:
+        """How a kind is followed, also one of a reader of one's own."""
+        if kind not in self._policies:
+            self._policies[kind] = policy_of(kind, self._config)
+        return self._policies[kind]
 
     def update(
         self, frame: Frame, readings: Sequence[Reading], T_map_base: NDArray[np.float64], keyframe: int
@@ -62,7 +68,7 @@ class Finds(Tracks):
         self.readings = list(readings)
         new, T_base_map = [], inverse(T_map_base)
         for reading in readings:
-            policy = self.policies[reading.kind]
+            policy = self.policy_of(reading.kind)
             seen = sight(frame, reading, keyframe, T_map_base, policy)
             new.append(Track(policy, [seen.moved(T_base_map)], [seen], float(T_map_base[2, 3])))
         self.add(new, frame, T_map_base @ frame.T_base_camera)

@@ -97,11 +97,7 @@ def shown(track: Track) -> NDArray[np.float32]:
     return max(with_depth(track.placed), key=track.policy.shows).points
 
 
-def policies_of(config: TracksConfig) -> dict[str, ObjectPolicy]:
-    """The policy of each kind of finds but people."""
-    return {
-        kind: ObjectPolicy(
-            kind=kind, is_flat=kind in FLAT, has_checksum=kind in CHECKED, **vars(getattr(config, kind))
-        )
-        for kind in FIND_KINDS
-    }
+def policy_of(kind: str, config: TracksConfig) -> ObjectPolicy:
+    """The policy of a kind of finds but people."""
+    numbers: ObjectConfig = getattr(config, kind) if kind in FIND_KINDS else config.other
+    return ObjectPolicy(kind=kind, is_flat=kind in FLAT, has_checksum=kind in CHECKED, **vars(numbers))

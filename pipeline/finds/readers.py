@@ -35,6 +35,29 @@ class Detected(Protocol):
         ...
 
 
+class FindReader(Protocol):
+    """Finds objects of some kinds in a frame; may be one's own."""
+
+    def read(self, frame: Frame, detections: Sequence[Detected]) -> list[Reading]:
+        """What a frame shows, given a detector's boxes in its image; may be called in another thread."""
+        ...
+
+
+class SeveralReaders:
+    """Takes what several readers find, of each object what the first one says."""
+
+    def __init__(self, readers: Sequence[FindReader]):
+        """With readers, in the order in which they read."""
+        self._readers = readers
+
+    def read(self, frame: Frame, detections: Sequence[Detected]) -> list[Reading]:
+        """What a frame shows, given a detector's boxes in its image."""
+        found: list[Reading] = []
+        for reader in self._readers:
+            found += _others(reader.read(frame, detections), found)
+        return found
+
+
 class FindReaders:
     """Reads signs, codes, shapes and heat, and takes over what a detector has found."""
 

@@ -125,7 +125,11 @@ class ReobservationConfig:
 
 @dataclass(frozen=True)
 class TracksConfig:
-    """How each kind is followed, and when it is looked at again."""
+    """How each kind is followed, and when it is looked at again.
+
+    Attributes:
+        other: kinds of a reader of one's own.
+    """
 
     victim: PeopleConfig = PeopleConfig()
     hazmat_sign: ObjectConfig = ObjectConfig()
@@ -134,4 +138,5 @@ class TracksConfig:
     fire_extinguisher: ObjectConfig = SHAPE
     door_lever: ObjectConfig = SHAPE
     heat: ObjectConfig = ObjectConfig(of_person=0.4)
+    other: ObjectConfig = ObjectConfig()
     reobservation: ReobservationConfig = ReobservationConfig()

@@ -1,5 +1,6 @@
 """What is found: by a reader in one image, and on the map."""
 
+import re
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +13,8 @@ FIND_KINDS = KINDS[1:]
 """All but victims, who have figures of their own."""
 SHAPED = ("fire_extinguisher", "door_lever")
 """Kinds that are recognised by their shapes."""
+OWN_KIND = re.compile(r"[a-z][a-z0-9_]{0,39}")
+"""How the kinds of a reader of one's own are written, as those above."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,7 +22,7 @@ class Reading:
     """An object in an image.
 
     Attributes:
-        kind: one of ``KINDS``.
+        kind: one of ``KINDS``, or of a reader of one's own.
         text: the class of a sign or what a code says; empty if it cannot be read, or says nothing.
         corners: (N, 2) float32 of its outline, pixels from the image's upper left corner; none of a person of an
             earlier run.
@@ -71,3 +74,8 @@ def box_corners(box: tuple[float, float, float, float]) -> NDArray[np.float32]:
     """(4, 2) corners of a box x0, y0, x1, y1, clockwise from the upper left, pixels."""
     x0, y0, x1, y1 = box
     return np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]], np.float32)
+
+
+def is_find_kind(kind: str) -> bool:
+    """Whether it can be the kind of a find, also of a reader of one's own; people are no finds."""
+    return kind != VICTIM and OWN_KIND.fullmatch(kind) is not None

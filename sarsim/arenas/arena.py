@@ -16,16 +16,16 @@ class RescueArena(composer.Arena):
     def _build(self, root: mjcf.RootElement) -> None:
         """``root``: its MJCF; InputError if the site is missing."""
         self._mjcf_root = root
-        self._start = root.find("site", "start")
-        if self._start is None:
+        if root.find("site", "start") is None:
             raise InputError("the arena has no free start: a site named 'start' is missing")
 
     @property
     def T_world_start(self) -> NDArray[np.float64]:
         """4×4 pose at which the robot's ``base_link`` is set down."""
-        quat = np.array([1.0, 0, 0, 0] if self._start.quat is None else self._start.quat)
+        start = self._mjcf_root.find("site", "start")
+        quat = np.array([1.0, 0, 0, 0] if start.quat is None else start.quat)
         quat = quat / np.linalg.norm(quat)  # as MuJoCo does: a file has few digits
-        return from_rotation(rotation(quat), np.zeros(3) if self._start.pos is None else self._start.pos)
+        return from_rotation(rotation(quat), np.zeros(3) if start.pos is None else start.pos)
 
     def to_xml(self) -> str:
         """Its MJCF, which :func:`~sarsim.arenas.load.load_arena` reads again.

@@ -20,7 +20,7 @@ from sarsim.arenas.sdf.build import build_sdf
 from sarsim.arenas.settings import RandomArenaConfig, StartPose
 from sarsim.arenas.start import find_start, start_at
 from sarsim.assets import asset
-from sarsim.vetting.trial import vet_mjcf
+from sarsim.vetting.trial import check_model, vet_mjcf
 
 BUILT_IN = ("nist_6x4", "esogu_52x15", *(f"{LANES_FOLDER}{lane}" for lane in LANES))
 RANDOM = "random:"
@@ -57,6 +57,21 @@ def load_arena(name: str, start: StartPose | None = None, random: RandomArenaCon
     )
 
 
+def checked_arena(arena: object, name: str, start: StartPose | None = None) -> RescueArena:
+    """An arena that other code has made, with the wanted start or its own.
+
+    Raises:
+        InputError: it begins with ``name``; it is no arena, MuJoCo cannot build it, or the robot cannot stand there.
+    """
+    if not isinstance(arena, RescueArena):
+        raise InputError(f"{name} gave {type(arena).__name__}, not a {RescueArena.__name__}")
+    model = _compiled(name, arena.to_xml(), arena.mjcf_model.get_assets())
+    with _naming(name):
+        check_model(model)
+        _set_start(arena.mjcf_model, model, start)
+    return arena
+
+
 def _seed(name: str) -> int:
     text = name.removeprefix(RANDOM)
     if not text.isdecimal() or len(text) > MAX_DIGITS:
@@ -67,13 +82,18 @@ def _seed(name: str) -> int:
 def _from_mjcf(path: Path, wish: StartPose | None) -> RescueArena:
     model, root = _read(path)
     with _naming(str(path)):
-        world, site = _at_rest(model), root.find("site", "start")
-        if site is not None or wish is not None:
-            position, quat = _start_pose(*world, wish)
-            if site is not None:
-                site.remove()
-            root.worldbody.add("site", name="start", pos=position, quat=quat)
+        _set_start(root, model, wish)
         return RescueArena(root)
+
+
+def _set_start(root: mjcf.RootElement, model: mujoco.MjModel, wish: StartPose | None) -> None:
+    """Give MJCF, also as a model, the wanted start, or its own in the world; none if there is neither."""
+    world, site = _at_rest(model), root.find("site", "start")
+    if site is not None or wish is not None:
+        position, quat = _start_pose(*world, wish)
+        if site is not None:
+            site.remove()
+        root.worldbody.add("site", name="start", pos=position, quat=quat)
 
 
 def _start_pose(
@@ -91,16 +111,16 @@ def _start_pose(
 def _from_builder(name: str, builder: ArenaBuilder, wish: StartPose | None) -> RescueArena:
     """The arena of a builder, with the wanted start, its own start, or the best one."""
     if wish is not None or not builder.has_start:
-        world = _at_rest(_compiled(name, builder))
+        world = _at_rest(_compiled(name, builder.to_xml(), builder.files))
         with _naming(name):
             start = find_start(*world) if wish is None else start_at(*world, *wish)
         builder.set_start(*start)
     return RescueArena(mjcf.from_xml_string(builder.to_xml(), assets=builder.files))
 
 
-def _compiled(name: str, builder: ArenaBuilder) -> mujoco.MjModel:
+def _compiled(name: str, xml: str, files: dict[str, bytes]) -> mujoco.MjModel:
     try:
-        return mujoco.MjModel.from_xml_string(builder.to_xml(), builder.files)
+        return mujoco.MjModel.from_xml_string(xml, files)
     except (ValueError, mujoco.FatalError) as error:  # of a mesh of no volume, for one
         raise InputError(f"{name}: MuJoCo cannot build it: {' '.join(str(error).split())[:200]}") from error
 

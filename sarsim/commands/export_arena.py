@@ -17,7 +17,8 @@ class ExportArena:
     """What is written, and where.
 
     Attributes:
-        arena: nist_6x4, esogu_52x15, lanes/NAME, random:SEED, or the path of a .raf, MJCF, SDF or map file.
+        arena: nist_6x4, esogu_52x15, lanes/NAME, random:SEED, the path of a .raf, MJCF, SDF or map file, or
+            MODULE:FUNCTION of your own.
         out: MJCF file to write, .xml or .mjcf; files that the arena refers to are copied beside it.
         start: start pose: x and y in m, yaw in degrees; by default the arena's own.
         random: contents of a random arena, set in a --config file as run_episode.py writes it.
@@ -31,12 +32,12 @@ class ExportArena:
 
 def export_arena(settings: ExportArena) -> None:
     """Write an arena without the robot; view it with ``python -m mujoco.viewer --mjcf=FILE.xml``."""
-    from sarsim.arenas.load import load_arena
+    from sarsim.methods.arena import make_arena
 
     if settings.out.suffix not in (".xml", ".mjcf"):
         raise InputError(f"--out {settings.out}: MJCF is written, so the ending must be .xml or .mjcf")
     check_folder_of("out", settings.out)
-    arena = load_arena(settings.arena, settings.start, settings.random)
+    arena = make_arena(settings.arena, settings.start, settings.random)
     for name, content in (arena.mjcf_model.get_assets() | {settings.out.name: arena.to_xml().encode()}).items():
         with whole_file(settings.out.with_name(name)) as part:
             part.write_bytes(content)

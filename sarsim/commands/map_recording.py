@@ -25,13 +25,16 @@ def map_recording(config: MapRecording) -> None:
 
     brief = wanted_mission(config.mission)
     drive = RecordedDrive(open_recording(config), config, brief)
-    ended_by = run_watched(
-        lambda interrupted, on_frame: drive.run(interrupted, lambda line: on_frame(drive.frames, line)),
-        config.path.name,
-        "frames",
-    )
+    try:
+        ended_by = run_watched(
+            lambda interrupted, on_frame: drive.run(interrupted, lambda line: on_frame(drive.frames, line)),
+            config.path.name,
+            "frames",
+        )
+    finally:
+        if drive.report:
+            save_settings(config, config.out / "config.yaml")
     if drive.report:
-        save_settings(config, config.out / "config.yaml")
         Console().print(report_table(drive.report))
         told = f"Results in {config.out}; the page for rescuers: {config.out / 'report.html'}"
         Console().print(told, soft_wrap=True)

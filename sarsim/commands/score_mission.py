@@ -39,14 +39,14 @@ def score_mission(
     from dm_control import mjcf
 
     from pipeline.files import read_numbers
-    from sarsim.arenas.load import load_arena
     from sarsim.commands.settings import load_mission
+    from sarsim.methods.arena import make_arena
     from sarsim.robots.model import robot_model
     from sarsim.scoring.handed_in import score_handed_in, true_arena
 
     if min(resets, contacts) < 0:
         raise InputError(f"--resets {resets} --contacts {contacts}: numbers of at least 0")
-    brief, body, world = load_mission(mission), robot_model(robot), load_arena(arena, start)
+    brief, body, world = load_mission(mission), robot_model(robot), make_arena(arena, start)
     physics = mjcf.Physics.from_mjcf_model(world.mjcf_model)
     truth = true_arena(physics.model.ptr, physics.data.ptr, world.T_world_start, body)
     end, driven = None if parked is None else np.array(parked), path / "trajectory_true.tum"

@@ -2,7 +2,7 @@
 
 import argparse
 import sys
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import MISSING, field, fields, is_dataclass, make_dataclass, replace
 from difflib import get_close_matches
 from inspect import getdoc
@@ -17,7 +17,7 @@ from pipeline.files import read_text, whole_file
 from pipeline.league.brief import MissionBrief, Task
 from sarsim.assets import asset
 from sarsim.commands.cli import COMMON, common, guarded, parse
-from sarsim.settings import EXPLORE, METHODS
+from sarsim.settings import EXPLORE, METHODS, names_code, words
 
 CONFIG_HELP = "YAML file of settings, such as the one that every run writes; flags override its values."
 RESULTS = ("out", "resume", "bag", "tum", "json")
@@ -137,7 +137,7 @@ def wanted_mission(mission: str, minutes: float | None = None, home: bool = Fals
 def load_settings(kind: type[Settings], path: Path, args: Sequence[str] = (), flag: str = "config") -> Settings:
     """Settings from a YAML file; ``tyro.MISSING`` for fields without a value in the file and in ``kind``.
 
-    A class for one of ``METHODS`` is accepted only if ``args`` name it: a file must not choose code to run.
+    Code for one of ``METHODS`` is accepted only if ``args`` name it: a file must not choose code to run.
 
     Raises:
         InputError: the file cannot be read, or holds an unknown key or a value of a wrong type.
@@ -148,7 +148,7 @@ def load_settings(kind: type[Settings], path: Path, args: Sequence[str] = (), fl
         raise InputError(f"{where}: no file says where results go: give --{places[0]} as a flag")
     for key in list(content) if isinstance(content, dict) else []:
         name = str(key).replace("_", "-")
-        if name in METHODS and ":" in str(content[key]):
+        if name in METHODS and names_code(name, content[key]):
             if not any(word.split("=")[0].replace("_", "-") == f"--{name}" for word in args):
                 raise InputError(f"{where}: no file says what code runs: give --{name} as a flag")
             del content[key]
@@ -205,18 +205,9 @@ def _value(hint: Any, value: Any, where: str) -> Any:
         raise InputError(f"{where}: has no settings of its own")
     one = make_dataclass("One", [("value", hint)])
     try:
-        return parse(lambda: tyro.cli(one, args=["--value", *_words(value)])).value
+        return parse(lambda: tyro.cli(one, args=["--value", *words(value)])).value
     except InputError:
         raise InputError(f"{where}: {value!r} does not fit; --help says what does") from None
-
-
-def _words(value: Any) -> Iterator[str]:
-    """A YAML value as the words of a command line."""
-    if isinstance(value, list):
-        for item in value:
-            yield from _words(item)
-    else:
-        yield str(value)
 
 
 def _plain(settings: Any) -> dict[str, Any]:

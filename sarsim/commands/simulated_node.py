@@ -16,7 +16,7 @@ from pipeline.robot import Velocity
 from pipeline.ros.live.node import RosNode
 from pipeline.ros.messages import BASE, CAMERA, command_of, decode, time_of, transform
 from pipeline.ros.topics import Joints, OdometrySample, RobotTopics
-from sarsim.arenas.load import load_arena
+from sarsim.methods.arena import make_arena
 from sarsim.robots.skid_steered import WHEELS
 from sarsim.scoring.coverage import Coverage
 from sarsim.scoring.trajectory import motion_figures, write_true_tum
@@ -49,7 +49,7 @@ class SimulatedNode:
                 "negative seed"
             )
         self.config, self._node = config, node
-        arena = load_arena(config.arena, config.start)
+        arena = make_arena(config.arena, config.start, seed=config.seed)
         self.robot = SimulatedRobot(
             arena, SimulationConfig(lighting=config.lighting, robot=config.robot), config.seed
         )

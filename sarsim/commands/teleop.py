@@ -17,10 +17,10 @@ if TYPE_CHECKING:
 def teleop(config: Annotated[TeleopConfig, tyro.conf.arg(name="")]) -> None:
     """Drive the robot by keyboard or gamepad, to get to know an arena or the robot, or to map an arena by hand."""
     from pipeline.rerun.viewer import has_display
-    from sarsim.arenas.load import load_arena
+    from sarsim.methods.arena import make_arena
     from sarsim.teleoperation import KEYS, FreeDrive, Gamepad, drive_by_keyboard
 
-    arena, pad = load_arena(config.arena, config.start), Gamepad(config.gamepad) if config.gamepad else None
+    arena, pad = make_arena(config.arena, config.start), Gamepad(config.gamepad) if config.gamepad else None
     if not has_display():
         raise InputError("there is no display for MuJoCo's viewer (neither DISPLAY nor WAYLAND_DISPLAY is set)")
     mapped = map_drive(config, arena, config.out) if config.out else None

@@ -7,10 +7,11 @@ import numpy as np
 
 from pipeline.errors import InputError
 from pipeline.exploration.viewpoint import Context, Viewpoint
+from pipeline.frame import Frame
 from pipeline.labels import Label
 from pipeline.localisation.localisation import Localised
 from pipeline.planning.path_plan import PathPlan, obstacle_to
-from pipeline.tracks.find import KINDS
+from pipeline.tracks.find import KINDS, Reading, is_find_kind
 from pipeline.transforms import are_poses
 from pipeline.victims.detection.detection import Detection
 
@@ -49,6 +50,21 @@ def _check_detections(answer: Any, told: str, rgb: object) -> None:
             raise InputError(f"{told}: {one.kind!r} at {one.confidence}: none of {', '.join(KINDS)} at 0 to 1")
 
 
+def _check_readings(answer: Any, told: str, frame: Frame, detections: object) -> None:
+    """A list of readings, whose outlines lie in the image."""
+    if not isinstance(answer, list) or not all(isinstance(one, Reading) for one in answer):
+        raise InputError(f"{told} gave {_kind(answer)}, not a list of Reading")
+    for one in answer:
+        if not (isinstance(one.kind, str) and is_find_kind(one.kind) and isinstance(one.text, str)):
+            raise InputError(f"{told}: {one.kind!r} is no kind as red_square, or its text is no text")
+        _check_numbers(one.confidence, (), f"{told}: the confidence")
+        corners = f"{told}: the corners"
+        _check_numbers(one.corners, (max(3, len(np.atleast_1d(one.corners))), 2), corners)
+        is_inside = (one.corners >= 0).all() and (one.corners <= frame.rgb.shape[1::-1]).all()
+        if one.corners.dtype != np.float32 or not is_inside or not one.side or not 0 <= one.confidence <= 1:
+            raise InputError(f"{corners}: no float32 outline of an area in the image, with a confidence of 0 to 1")
+
+
 def _check_localised(answer: Any, told: str, frame: object) -> None:
     if not isinstance(answer, Localised):
         raise InputError(f"{told} gave {_kind(answer)}, not a Localised")
@@ -78,6 +94,7 @@ CHECKS: Mapping[str, Callable[..., None]] = {
     "next_viewpoint": _check_viewpoint,
     "classify": _check_probabilities,
     "detect": _check_detections,
+    "read": _check_readings,
     "localise": _check_localised,
     "plan": _check_plan,
 }

@@ -1,7 +1,7 @@
 """Methods of the user's own, by a flag: found, made, tried, and watched while they run.
 
-A name is MODULE:CLASS, looked for on PYTHONPATH and in the working folder, or an entry point of an installed package
-in the group ``sarsim.<flag>``, as ``sarsim.exploration``.
+A name is MODULE:CLASS, of an arena MODULE:FUNCTION, looked for on PYTHONPATH and in the working folder, or an entry
+point of an installed package in the group ``sarsim.<flag>``, as ``sarsim.exploration``.
 """
 
 import inspect
@@ -17,6 +17,7 @@ import numpy as np
 from pipeline.errors import InputError
 from pipeline.exploration.baselines import NearestFrontier, RandomWalk
 from pipeline.exploration.viewpoint import Strategy
+from pipeline.finds.readers import FindReader
 from pipeline.localisation.config import LocalisationConfig
 from pipeline.localisation.localisation import Localisation, LostError
 from pipeline.localisation.odometry import OdometryLocalisation
@@ -24,6 +25,7 @@ from pipeline.localisation.slam import Slam
 from pipeline.planning.path_plan import TOPOLOGICAL, Planner
 from pipeline.robot import RobotModel
 from pipeline.semantic_map.classifier import PointClassifier
+from pipeline.sink import Sink
 from pipeline.topological_map.topological_map import TopologicalMap
 from pipeline.victims.detection.detection import Detector
 from sarsim.methods import answers
@@ -106,6 +108,39 @@ def own_detector(name: str) -> Detector:
     return detector
 
 
+def own_reader(name: str) -> FindReader:
+    """A reader of finds that ``--reader`` names.
+
+    Raises:
+        InputError: there is no such class, or it is no reader, as a black image shows.
+    """
+    reader: FindReader = _own("reader", name, FindReader)
+    reader.read(level_frame(), [])
+    return reader
+
+
+def own_sink(name: str) -> Sink:
+    """A sink that ``--sink`` names; InputError if there is no such class, or it is no sink."""
+    sink: Sink = _own("sink", name, Sink)
+    return sink
+
+
+def own_arena(name: str, seed: int) -> Any:
+    """What the function that ``--arena`` names returns; it gets the seed if it has such a parameter.
+
+    Raises:
+        InputError: there is no such function, or it fails.
+    """
+    where, build = _where("arena", name), _loaded("arena", name, "MODULE:FUNCTION")
+    if not callable(build):
+        raise InputError(f"{where}: is no function")
+    try:
+        return build(seed=seed) if "seed" in inspect.signature(build).parameters else build()
+    except Exception as error:
+        said = str(error) if isinstance(error, InputError) else answers.one_line(error)
+        raise InputError(f"{where} failed: {said}") from error
+
+
 def _own(flag: str, name: str, protocol: type, *args: RobotModel) -> Any:
     """An instance of a class with the members of a protocol, whose answers are checked from then on."""
     where = _where(flag, name)
@@ -130,6 +165,14 @@ def _own(flag: str, name: str, protocol: type, *args: RobotModel) -> Any:
 
 def load_class(flag: str, name: str) -> Callable[..., Any]:
     """The class of that name; InputError if there is none."""
+    loaded = _loaded(flag, name, "MODULE:CLASS")
+    if ":" in name and not inspect.isclass(loaded):
+        raise InputError(f"{_where(flag, name)}: is no class")
+    return loaded
+
+
+def _loaded(flag: str, name: str, form: str) -> Any:
+    """What that name of a form stands for; InputError if there is nothing."""
     where, (module, colon, kind) = _where(flag, name), name.partition(":")
     sys.path.append(str(Path.cwd()))
     try:
@@ -137,18 +180,15 @@ def load_class(flag: str, name: str) -> Callable[..., Any]:
             group = f"sarsim.{flag.replace('-', '_')}"
             if not (found := entry_points(group=group, name=name)):
                 known = ", ".join([*METHODS[flag], *sorted(entry_points(group=group).names)])
-                raise InputError(f"{where}: none of {known}{' or ' if known else ''}MODULE:CLASS")
+                raise InputError(f"{where}: none of {known}{' or ' if known else ''}{form}")
             return next(iter(found)).load()
-        loaded = getattr(import_module(module), kind)
+        return getattr(import_module(module), kind)
     except InputError:
         raise
     except Exception as error:
         raise InputError(f"{where}: {answers.one_line(error)}") from error
     finally:
         sys.path.pop()
-    if not inspect.isclass(loaded):
-        raise InputError(f"{where}: is no class")
-    return loaded
 
 
 def _watch(method: Any, member: str, count: int, where: str) -> None:

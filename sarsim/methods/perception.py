@@ -3,7 +3,7 @@
 from pathlib import Path
 
 from pipeline.errors import InputError
-from pipeline.finds.readers import FindReaders
+from pipeline.finds.readers import FindReader, FindReaders, SeveralReaders
 from pipeline.semantic_map.classifier import PointClassifier, TruthClassifier
 from pipeline.semantic_map.config import SemanticMapConfig
 from pipeline.semantic_map.networks.classifier import NetworkClassifier
@@ -11,7 +11,7 @@ from pipeline.semantic_map.rules import RuleClassifier
 from pipeline.victims.detection.detection import Detector
 from pipeline.victims.detection.detector import VictimDetector
 from sarsim.assets import asset
-from sarsim.methods.make import own_classifier, own_detector
+from sarsim.methods.make import own_classifier, own_detector, own_reader
 from sarsim.settings import POINT_NETWORKS, Labels, PerceptionConfig
 
 
@@ -23,8 +23,14 @@ def make_perception(config: PerceptionConfig) -> tuple[PointClassifier, Detector
     return classifier, VictimDetector.load(*config.detector) if config.detector else None
 
 
-def make_readers(config: PerceptionConfig) -> FindReaders | None:
-    """The readers of all finds but people, if there is a detector; InputError if their weights are damaged."""
+def make_readers(config: PerceptionConfig) -> FindReader | None:
+    """The readers of all finds but people, the user's own last; InputError if they cannot be used."""
+    own, shipped = [own_reader(name) for name in config.reader], shipped_readers(config)
+    return SeveralReaders([*([shipped] if shipped else []), *own]) if own else shipped
+
+
+def shipped_readers(config: PerceptionConfig) -> FindReaders | None:
+    """The readers that sarsim ships, if there is a detector; InputError if their weights are damaged."""
     if not (config.detector or config.detector_class):
         return None
     return FindReaders.load(*(asset("weights", f"{name}.safetensors") for name in ("hazmat", "shapes")))

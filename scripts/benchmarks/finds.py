@@ -7,7 +7,7 @@ import numpy as np
 
 from pipeline.tracks.find import FIND_KINDS, VICTIM
 from pipeline.victims.detection.detector import VictimDetector
-from sarsim.methods.perception import make_readers
+from sarsim.methods.perception import shipped_readers
 from scripts.benchmarks.common import Result, at_least
 from scripts.benchmarks.episodes import Job, configs, run_jobs
 from scripts.benchmarks.finds_photos import photo_figures
@@ -20,7 +20,7 @@ def measure(settings: FindsSettings) -> Result:
     Raises:
         InputError: a number is too low, a network is broken, or a folder cannot be used.
     """
-    readers = make_readers(settings)
+    readers = shipped_readers(settings)
     if settings.photos is not None:
         assert readers is not None
         return Result(photo_figures(settings.photos, VictimDetector.load(*settings.detector), readers))

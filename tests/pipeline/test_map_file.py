@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pipeline.errors import InputError
-from pipeline.finds.objects import policies_of, shown
+from pipeline.finds.objects import policy_of, shown
 from pipeline.keyframes import Places
 from pipeline.labels import Label
 from pipeline.localisation.odometry import OdometryLocalisation
@@ -60,7 +60,7 @@ def mapper() -> Mapper:
     mapper.victims.all = [Track(PeoplePolicy(), seen, list(seen), missed=1, tried=tried)]
     reading = Reading("qr_code", "Ausgang \N{RIGHTWARDS ARROW}", box_corners((1, 2, 3, 4)), 0.9)
     code = Observation(reading, 2, np.ones(3), 9 * np.eye(3), np.zeros(3), points[:7], photo, 1.0)
-    mapper.finds.all = [Track(policies_of(TracksConfig())["qr_code"], [code], [code], missed=1, tried=list(tried))]
+    mapper.finds.all = [Track(policy_of("qr_code", TracksConfig()), [code], [code], missed=1, tried=list(tried))]
     mapper.correct(poses @ from_yaw(0.02, 0, 0, 0.01))
     mapper.localisation.graph.poses = mapper.keyframes.poses
     mapper.localisation.local_map.place(mapper.keyframes.poses)

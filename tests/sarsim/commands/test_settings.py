@@ -117,6 +117,22 @@ def test_a_file_names_no_code_that_runs(tmp_path: Path) -> None:
             InputError, match=f"no file says what code runs: give --{key.replace('_', '-')} as a flag"
         ):
             load_settings(EpisodeConfig, path)
+    for text in (
+        "sink: [os:getcwd]",
+        "sink: mine",
+        "reader: [[my:Own]]",
+        "arena: os:getcwd",
+        "arena: [os.path:join]",
+    ):
+        path.write_text(f"{text}\n")
+        with pytest.raises(InputError, match=f"give --{text.partition(':')[0]} as a flag"):
+            load_settings(EpisodeConfig, path)
+    path.write_text("arena: random:3\nsink: []\nreader: []\n")
+    assert load_settings(EpisodeConfig, path).arena == "random:3"
+    path.write_text("sink: [my:Own]\n")
+    flags = ["--sink", "my:Own", "--sink", "my:Other", "--arena", "my:hall", "--config", str(path)]
+    given = settings_from(EpisodeConfig, flags)
+    assert (given.sink, given.arena) == (("my:Own", "my:Other"), "my:hall")
     path.write_text("labels: os:getcwd\n")
     assert settings_from(EpisodeConfig, ["--labels", "my:Own"]).labels == "my:Own"
     assert settings_from(EpisodeConfig, ["--config", str(path), "--labels", "my:Own"]).labels == "my:Own"

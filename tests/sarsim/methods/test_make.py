@@ -7,17 +7,25 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from dm_control import mjcf
 
 from pipeline.errors import InputError
 from pipeline.exploration.baselines import NearestFrontier, RandomWalk
 from pipeline.exploration.viewpoint import Context, Viewpoint
-from pipeline.localisation.localisation import LostError
+from pipeline.localisation.config import LocalisationConfig
+from pipeline.localisation.localisation import Localised, LostError
 from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.localisation.slam import Slam
 from pipeline.planning.path_plan import TOPOLOGICAL
 from pipeline.robot import RobotModel
+from pipeline.sink import Sink
 from pipeline.topological_map.topological_map import TopologicalMap
+from pipeline.tracks.find import Reading
+from pipeline.transforms import from_yaw
+from sarsim import settings
+from sarsim.arenas.arena import RescueArena
 from sarsim.methods import make
+from sarsim.methods.arena import make_arena
 from sarsim.methods.level_ground import level_context, level_frame
 from tests.pipeline.robot_model import PIONEER
 
@@ -25,9 +33,12 @@ PAGE = Path(__file__).parents[3] / "docs" / "extend.md"
 MAKE = {
     "exploration": lambda name: make.make_exploration(name, PIONEER),
     "planner": lambda name: make.make_planner(name, PIONEER),
-    "localisation": lambda name: make.make_localisation(name, PIONEER),
+    "localisation": lambda name: make.make_localisation(name, PIONEER, LocalisationConfig()),
     "labels": make.own_classifier,
     "detector-class": make.own_detector,
+    "reader": make.own_reader,
+    "sink": make.own_sink,
+    "arena": lambda name: make_arena(name, seed=2),
 }
 
 
@@ -122,16 +133,81 @@ class Boxes:
         return self.answer
 
 
+class Readings:
+    kind, corners, confidence = "red_square", np.array([[1, 1], [9, 1], [9, 9]], np.float32), 0.5
+
+    def read(self, frame: object, detections: object) -> object:
+        return [Reading(self.kind, "", self.corners, self.confidence)]
+
+
+class Person(Readings):
+    kind = "victim"
+
+
+class Shouted(Readings):
+    kind = "Red!"
+
+
+class Outside(Readings):
+    corners = np.array([[1, 1], [9000, 1], [9, 9]], np.float32)
+
+
+class Flattened(Readings):
+    corners = np.array([[1, 1], [5, 1], [9, 1]], np.float32)
+
+
+class Double(Readings):
+    corners = np.array([[1, 1], [9, 1], [9, 9]], np.float64)  # type: ignore[assignment]
+
+
+class Sure(Readings):
+    confidence = 2.0
+
+
+class Deaf:
+    def finish(self, result: object) -> None:
+        pass
+
+
+class Loud(Sink):
+    def on_keyframe(self, keyframe: object) -> None:
+        raise ValueError("no\nkeyframe")
+
+
+def no_arena() -> str:
+    return "nist_6x4"
+
+
+def broken_arena(seed: int) -> None:
+    raise ValueError(f"no arena\n{seed}")
+
+
+def unbuilt_arena() -> RescueArena:
+    root = mjcf.RootElement()
+    root.worldbody.add("site", name="start")
+    root.worldbody.add("geom", type="box", size=[0.0, 1.0, 1.0])
+    return RescueArena(root)
+
+
+def shut_arena() -> RescueArena:
+    return RescueArena(mjcf.RootElement())
+
+
 class Adrift(OdometryLocalisation):
     def __init__(self, robot: RobotModel):
         super().__init__()
 
+    def localise(self, frame: object) -> Localised:  # type: ignore[override]
+        return Localised(frame, np.zeros((4, 4)))  # type: ignore[arg-type]
+
+
+class Bare(Adrift):
     def localise(self, frame: object) -> np.ndarray:  # type: ignore[override]
-        return np.zeros((4, 4))
+        return np.eye(4)
 
 
 class Lost(Adrift):
-    def localise(self, frame: object) -> np.ndarray:  # type: ignore[override]
+    def localise(self, frame: object) -> Localised:  # type: ignore[override]
         raise LostError("no pose")
 
 
@@ -152,6 +228,8 @@ class Wayless:
         ("localisation", "Flat"),
         ("labels", "Low"),
         ("detector-class", "Bright"),
+        ("reader", "Red"),
+        ("sink", "Poses"),
     ],
 )
 def test_the_examples_of_the_page_pass_the_trial(flag: str, name: str) -> None:
@@ -165,9 +243,9 @@ def test_shipped_methods_have_names() -> None:
     assert type(make.make_exploration("nearest_frontier", PIONEER)) is NearestFrontier
     assert type(make.make_exploration("random_walk", PIONEER, 3)) is RandomWalk
     assert make.make_planner("topological", PIONEER) is TOPOLOGICAL
-    assert type(make.make_localisation("slam", PIONEER)) is Slam
-    assert type(make.make_localisation("slam", PIONEER, is_told=True)) is OdometryLocalisation
-    assert type(make.make_localisation("odometry", PIONEER)) is OdometryLocalisation
+    assert type(make.make_localisation("slam", PIONEER, LocalisationConfig())) is Slam
+    assert type(make.make_localisation("slam", PIONEER, LocalisationConfig(), is_true=True)) is OdometryLocalisation
+    assert type(make.make_localisation("odometry", PIONEER, LocalisationConfig())) is OdometryLocalisation
 
 
 def test_a_subclass_of_a_shipped_one_is_a_method() -> None:
@@ -213,14 +291,29 @@ def test_the_trial_leaves_no_trace() -> None:
         ("detector-class", "Boxes", "gave str, not a list of Detection"),
         ("localisation", "Silent", "has no method localise|has no attribute"),
         ("localisation", "Adrift", "not a pose"),
+        ("localisation", "Bare", "ndarray|array"),
         ("planner", "Wayless", "gave list, not a PathPlan"),
+        ("reader", "Boxes", "has no method read"),
+        ("reader", "Person", "'victim'"),
+        ("reader", "Shouted", "'Red!'"),
+        ("reader", "Outside", "corners"),
+        ("reader", "Flattened", "corners"),
+        ("reader", "Double", "corners"),
+        ("reader", "Sure", "confidence"),
+        ("sink", "Deaf", "has no method on_"),
+        ("arena", f"{__name__}:no_arena", "str"),
+        ("arena", f"{__name__}:broken_arena", "no arena 2"),
+        ("arena", f"{__name__}:unbuilt_arena", "MuJoCo"),
+        ("arena", f"{__name__}:shut_arena", "'start'"),
+        ("arena", f"{__name__}:PAGE", "function"),
+        ("arena", "no_such_module:hall", "no_such_module"),
     ],
 )
 def test_what_is_no_method_is_refused_in_one_line(flag: str, name: str, said: str) -> None:
     name = name if ":" in name or name[0].islower() else f"{__name__}:{name}"
     with pytest.raises(InputError, match=said) as refused:
         MAKE[flag](name)
-    assert str(refused.value).startswith(f"--{flag} {name}:")
+    assert re.match(f"--{flag} {name}\\b", str(refused.value))
     assert "\n" not in str(refused.value)
 
 
@@ -232,9 +325,25 @@ def test_a_method_is_watched_after_the_trial() -> None:
         strategy.next_viewpoint(level_context(PIONEER))
 
 
+def test_a_sink_is_watched_and_what_it_does_not_override_is_ignored() -> None:
+    sink = make.own_sink(f"{__name__}:Loud")
+    sink.on_motion(None)  # type: ignore[arg-type]
+    with pytest.raises(InputError, match=f"^--sink {__name__}:Loud: on_keyframe .*no keyframe$"):
+        sink.on_keyframe(None)  # type: ignore[arg-type]
+
+
+@pytest.mark.usefixtures("page")
+def test_the_robot_is_set_down_where_it_is_asked_for_in_an_arena_of_ones_own() -> None:
+    np.testing.assert_array_equal(make_arena("page:hall", seed=1).T_world_start, np.eye(4))
+    moved = make_arena("page:hall", (0.5, 0.25, 90.0), seed=1).T_world_start
+    np.testing.assert_allclose(moved, from_yaw(0.5, 0.25, 0, np.pi / 2), atol=1e-9)
+    with pytest.raises(InputError, match="page:hall"):
+        make_arena("page:hall", (50.0, 0.0, 0.0), seed=1)
+
+
 def test_a_localisation_may_say_that_it_is_lost() -> None:
     with pytest.raises(LostError, match="no pose"):
-        make.make_localisation(f"{__name__}:Lost", PIONEER)
+        make.make_localisation(f"{__name__}:Lost", PIONEER, LocalisationConfig())
 
 
 def test_classes_come_from_installed_packages(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -247,6 +356,17 @@ def test_classes_come_from_installed_packages(monkeypatch: pytest.MonkeyPatch) -
     assert isinstance(make.make_exploration("silent", PIONEER), Silent)
     with pytest.raises(InputError, match="random_walk, silent or MODULE:CLASS"):
         make.make_exploration("loud", PIONEER)
+
+
+@pytest.mark.usefixtures("page")
+def test_arenas_come_from_installed_packages(monkeypatch: pytest.MonkeyPatch) -> None:
+    entries = EntryPoints([EntryPoint("hall", "page:hall", "sarsim.arena")])
+    for module in (make, settings):
+        monkeypatch.setattr(module, "entry_points", entries.select)
+    monkeypatch.syspath_prepend(".")
+    assert make_arena("hall").mjcf_model.model == "hall"
+    with pytest.raises(InputError, match="halls"):
+        make_arena("halls")
 
 
 def test_the_ground_of_the_trial_leaves_something_to_explore() -> None:

@@ -6,23 +6,29 @@ import numpy as np
 import pytest
 
 from pipeline.finds.find_map import Finds
-from pipeline.finds.objects import SIGN, WARM
+from pipeline.finds.objects import policy_of
 from pipeline.finds.observation import sight
 from pipeline.frame import Frame
 from pipeline.sensor import XTION
+from pipeline.tracks.config import Confirmation, ObjectConfig, TracksConfig
 from pipeline.tracks.find import Reading, box_corners
-from pipeline.tracks.track import Confirmation
 from pipeline.transforms import from_yaw
 from pipeline.victims.victim_map import Victims
 from tests.pipeline.victims.rooms import HEIGHT, INTRINSICS, WALL, camera_at, step
 
 START = np.eye(4)
+SIGN, WARM = (policy_of(kind, TracksConfig()) for kind in ("hazmat_sign", "heat"))
 
 
 def seen_from(x: float = 1.0, y: float = 0.0) -> tuple[Frame, np.ndarray]:
     """What the robot sees at a place, and its pose: the camera stands above the robot's middle."""
     frame = step(camera_at(x, y))
     return replace(frame, T_base_camera=camera_at(0, 0), time=x), from_yaw(x, y, 0, 0)
+
+
+def signs_if(confirmation: Confirmation) -> Finds:
+    """No finds yet; signs are reported by a rule."""
+    return Finds(Victims(), TracksConfig(hazmat_sign=ObjectConfig(confirmation=confirmation)))
 
 
 def on_wall(x: float, y: float, z: float, seen_x: float = 1.0, seen_y: float = 0.0, half: float = 6.0) -> np.ndarray:
@@ -237,7 +243,7 @@ def test_what_is_beyond_the_range_is_not_placed_on_a_rim_before_it() -> None:
     ("rule", "looks"), [({}, 1), ({"confidence": 1.0}, None), ({"evidence": 1.5}, 2), ({"baseline": 0.5}, 3)]
 )
 def test_the_policy_of_a_kind_decides_when_it_is_reported(rule: dict[str, float], looks: int | None) -> None:
-    finds, reported = Finds(Victims(), [replace(SIGN, confirmation=Confirmation(**rule))]), []
+    finds, reported = signs_if(Confirmation(**rule)), []
     for k, y in enumerate((0.0, 0.4, 0.8)):
         frame, T = seen_from(1.0, y)
         finds.update(frame, [sign("poison", on_wall(WALL, 0.5, 0.8, seen_y=y))], T, k)
@@ -247,7 +253,7 @@ def test_the_policy_of_a_kind_decides_when_it_is_reported(rule: dict[str, float]
 
 def test_as_many_misses_as_the_policy_allows_take_a_report_back() -> None:
     for misses, left in ((0.5, 0), (1.5, 1)):
-        finds = Finds(Victims(), [replace(SIGN, confirmation=Confirmation(misses=misses))])
+        finds = signs_if(Confirmation(misses=misses))
         for k, x in enumerate((1.0, 1.2)):
             frame, T = seen_from(x)
             finds.update(frame, [sign("poison", on_wall(WALL, 0.5, 0.8))][k:], T, k)

@@ -325,7 +325,7 @@ def moved_about(arena: Path, robot: Path) -> None:
     """What an episode does to a robot."""
     with closing(SimulatedRobot(load_arena(str(arena)), SimulationConfig(robot=str(robot)), 0)) as body:
         mapper, frame = Mapper(body.model, TruthClassifier()), body.sense()
-        mapper.add(frame, mapper.localise(frame))
+        mapper.add(mapper.localise(frame))
         body.drive(Velocity(0.2, 0.2))
 
 

@@ -10,6 +10,7 @@ from pipeline.errors import InputError
 from pipeline.finds.objects import policy_of, shown
 from pipeline.keyframes import Places
 from pipeline.labels import Label
+from pipeline.localisation.localisation import Localised
 from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.localisation.slam import Slam
 from pipeline.map_file import LAYOUT, MANY, load_elevation_map, load_keyframes, save_keyframes
@@ -36,10 +37,9 @@ def new_mapper() -> Mapper:
 def mapper() -> Mapper:
     """One that has met a person and driven into something, and whose poses were corrected."""
     mapper = new_mapper()
-    mapper.assume_ground(POSES[0])
     for k, T in enumerate(POSES):
         frame = replace(look(SCENE, T @ T_BASE_CAMERA, 0.004, k), T_base_camera=T_BASE_CAMERA, T_odom_base=T)
-        mapper.add(frame, mapper.localise(frame), labelled=k % 2 == 0)
+        mapper.add(mapper.localise(frame), labelled=k % 2 == 0, set_down=k == 0)
     mapper.add_drive(np.array([(0.1, 0.0, 0.2)]), np.full((9, 3), 0.5, np.float32), [np.array([(0.3, 0.2, 0.3)])])
     points = np.random.default_rng(0).uniform(1, 1.5, (50, 3)).astype(np.float32)
     poses = mapper.keyframes.poses
@@ -113,7 +113,7 @@ def test_new_keyframes_join_those_that_stay_where_they_were(mapper, file):
     T = mapper.keyframes.poses[1] @ from_yaw(0.1, 0, 0, 0.05)
     frame = replace(look(SCENE, T @ T_BASE_CAMERA, 0.004, 9), T_base_camera=T_BASE_CAMERA, T_odom_base=np.eye(4))
     loaded.localisation.set_down(from_yaw(0.05, 0.03, 0, 0) @ T)
-    loaded.add(frame, loaded.localise(frame))
+    loaded.add(loaded.localise(frame))
     loaded.settle()
     np.testing.assert_allclose(loaded.keyframes.poses[:4], mapper.keyframes.poses, atol=1e-3)
     np.testing.assert_allclose(loaded.keyframes.poses[4], loaded.T_map_start)
@@ -201,7 +201,7 @@ def test_nobody_finds_a_place_in_a_map_without_registered_points(tmp_path):
     frame = replace(
         look(SCENE, POSES[0] @ T_BASE_CAMERA, 0.004, 0), T_base_camera=T_BASE_CAMERA, T_odom_base=POSES[0]
     )
-    told.add(frame, POSES[0])
+    told.add(Localised(frame, POSES[0]))
     save_keyframes(told, tmp_path / "told.npz")
     with pytest.raises(InputError, match="registered nothing"):
         load_keyframes(tmp_path / "told.npz", new_mapper())

@@ -10,6 +10,7 @@ from pipeline.exploration.inspection import Inspection
 from pipeline.exploration.viewpoint import Context
 from pipeline.exploration.walls import WallPieces
 from pipeline.keyframes import Seen
+from pipeline.localisation.localisation import Localised
 from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.mapper import Mapper
 from pipeline.planning.pose_paths import PosePaths
@@ -45,13 +46,13 @@ def test_pieces_of_a_wall_lie_on_it_with_how_large_a_sign_was():
 
 def test_a_robot_looks_until_every_wall_was_seen_well_and_then_ends():
     mapper = Mapper(PIONEER, TruthClassifier(), localisation=OdometryLocalisation())
-    mapper.assume_ground(from_yaw(0, 0, 0, 0))
     inspection, T, looked = Inspection(mapper.keyframes, mapper.metric_map), from_yaw(0, 0, 0, 0), []
     for yaw in np.arange(8) * np.pi / 4:  # what exploring shows, from the middle
-        mapper.add(frame_at(from_yaw(0, 0, 0, yaw)), from_yaw(0, 0, 0, yaw), labelled=False)
+        around = from_yaw(0, 0, 0, yaw)
+        mapper.add(Localised(frame_at(around), around), labelled=False, set_down=not yaw)
     while len(looked) < MOST_LOOKS:
         frame = frame_at(T)
-        mapper.add(frame, T, labelled=False)
+        mapper.add(Localised(frame, T), labelled=False)
         paths = PosePaths(mapper.traversability, T[:2, 3], yaw_of(T))
         context = Context(frame, T, mapper.elevation_map.measured, paths, mapper.keyframes.poses)
         inspection.observe(context)

@@ -21,7 +21,7 @@ def score():
     robot = SimulatedRobot(load_arena("nist_6x4"), SimulationConfig(odometry="truth"), seed=0)
     explorer = Explorer(robot, Mapper(robot.model, TruthClassifier(), localisation=OdometryLocalisation()))
     score = EpisodeScore(robot, explorer, np.zeros((0, 4, 4)))
-    explorer.observers.append(score)
+    explorer.watch(score)
     for _ in range(3):
         explorer.drive(explorer.step())
     yield score

@@ -14,7 +14,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from pipeline.semantic_map.classifier import TruthClassifier
-from sarsim import teleoperation
+from sarsim import composition, teleoperation
 from sarsim.arenas.load import load_arena
 from sarsim.settings import TeleopConfig
 from sarsim.teleoperation import (
@@ -189,7 +189,7 @@ class Blind:
 
 def test_a_drive_is_mapped_and_leaves_the_files_of_an_episode(windows, tmp_path, monkeypatch):
     detector = Blind()
-    monkeypatch.setattr(teleoperation, "make_perception", lambda config: (TruthClassifier(), detector))
+    monkeypatch.setattr(composition, "make_perception", lambda config: (TruthClassifier(), detector))
     drive = MappedDrive(TeleopConfig(), load_arena("nist_6x4"), tmp_path)
     first = drive.physics.data.xpos[drive.base_body, 0]
     drive_by_keyboard(drive)

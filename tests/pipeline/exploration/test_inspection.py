@@ -5,6 +5,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from pipeline.elevation_map.config import ElevationConfig
 from pipeline.exploration.config import InspectionConfig
 from pipeline.exploration.inspection import Inspection
 from pipeline.exploration.viewpoint import Context
@@ -32,7 +33,7 @@ def frame_at(T):
 
 def test_pieces_of_a_wall_lie_on_it_with_how_large_a_sign_was():
     frame = frame_at(from_yaw(0.5, 0, 0, 0))  # the camera is 1.4 m before a wall
-    seen = Seen.of(frame, frame.points(frame.T_base_camera), None, stride=4)
+    seen = Seen.of(frame, frame.points(frame.T_base_camera), None, stride=4, voxel=0.05, config=ElevationConfig())
     found = WallPieces.of(seen, frame, InspectionConfig())
     ahead = found.where(np.abs(found.points[:, 1]) < 0.1)
     assert len(ahead.points) >= 10

@@ -1,4 +1,4 @@
-"""The map of an episode as a file from which a later episode continues: what its keyframes have shown, as numbers."""
+"""The map of a run as a file from which a later run continues: what its keyframes have shown, as numbers."""
 
 import zipfile
 from collections.abc import Callable, Iterator, Sequence
@@ -226,9 +226,9 @@ def load_elevation_map(
 @contextmanager
 def _opened(path: Path) -> Iterator[dict[str, list[Row]]]:
     """The checked rows of a file, by kind; an error in the block that uses them also becomes InputError."""
-    arrays = load_arrays(path, "map of an episode")
+    arrays = load_arrays(path, "map of a run")
     if str(arrays.pop("format", "")) != FORMAT:
-        raise InputError(f"{path}: not the map of an episode")
+        raise InputError(f"{path}: not the map of a run")
     if arrays.pop("version", np.array(0)).tolist() != VERSION:
         raise InputError(f"{path}: not of version {VERSION} of this format")
     try:

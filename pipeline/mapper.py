@@ -192,9 +192,11 @@ class Mapper:
     def localise(self, frame: Frame) -> Localised:
         """A new frame without isolated returns, and where it was taken; LostError if that is unknown."""
         with self.stopwatch("localisation"):
-            return self.localisation.localise(
-                without_isolated_returns(frame, self.metric_map.config.isolated_returns)
-            )
+            return self.localisation.localise(self.clean(frame))
+
+    def clean(self, frame: Frame) -> Frame:
+        """A frame without isolated returns."""
+        return without_isolated_returns(frame, self.metric_map.config.isolated_returns)
 
     def offer(self, localised: Localised, labelled: bool | None = None, set_down: bool = False) -> Keyframe | None:
         """Make a keyframe of the newest frame as :meth:`add` does; None if it only repeats one."""

@@ -3,37 +3,30 @@
 import json
 from collections.abc import Sequence
 from dataclasses import asdict
+from functools import partial
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from pipeline.files import whole_file
+from pipeline.files import each, whole_file
 from pipeline.league.brief import MissionBrief
 from pipeline.league.hand_in import hand_in
 from pipeline.map_file import save_maps
 from pipeline.rerun.recorder import Recorder
+from pipeline.rescue_report.finds import person_find
 from pipeline.rescue_report.report import RescuePage, RescueReport
 from pipeline.sink import Result, Sink
 
 
 class MapFiles(Sink):
-    """Writes every map."""
+    """Writes every map, and the estimated trajectory."""
 
     def finish(self, result: Result) -> None:
         """Write them, each by itself; InputError if one cannot be written."""
         if result.steps:
-            save_maps(result.mapper, result.folder)
-
-
-class TrajectoryFile(Sink):
-    """Writes trajectory_estimated.tum."""
-
-    def finish(self, result: Result) -> None:
-        """Write it; InputError if that is impossible."""
-        if result.steps:
-            result.trajectory.save(result.folder)
+            each(partial(save_maps, result.mapper, result.folder), partial(result.trajectory.save, result.folder))
 
 
 class HandIn(Sink):
@@ -45,7 +38,10 @@ class HandIn(Sink):
     def finish(self, result: Result) -> None:
         """Write them, each by itself; InputError if one cannot be written."""
         if result.steps:
-            hand_in(result.folder, self._brief, result.mapper.elevation_map.robot)
+            mapper, driven = result.mapper, np.array(result.trajectory.estimated())
+            finds = [*map(person_find, mapper.victims.confirmed), *mapper.finds.reported]
+            maps = mapper.metric_map, mapper.semantic_map, mapper.traversability
+            hand_in(result.folder, self._brief, driven, finds, *maps)
 
 
 class ReportFile(Sink):
@@ -59,6 +55,7 @@ class ReportFile(Sink):
         """Write it, of a run without a step only if the robot was lost; InputError if that is impossible."""
         if not result.is_reported:
             return
+        stopwatch = result.mapper.stopwatch
         settings = {name: value for name, value in asdict(self._settings).items() if name != "pipeline"}
         result.report |= {
             "arena": _plain(self._place),
@@ -69,7 +66,7 @@ class ReportFile(Sink):
             "sim_time_s": result.sim_time,
             "wall_time_s": result.wall_time,
             "real_time_factor": result.sim_time / result.wall_time,
-            "timing_ms": {stage: _percentiles(times) for stage, times in result.mapper.stopwatch.seconds.items()},
+            "timing_ms": {stage: _percentiles(times) for stage, times in stopwatch.seconds.items()},
             **result.figures,
         }
         write_report(result.report, result.folder)
@@ -110,7 +107,6 @@ def result_sinks(
     """
     return [
         MapFiles(),
-        TrajectoryFile(),
         rescue_report,
         *([HandIn(brief)] if brief is not None else []),
         recorder,

@@ -18,7 +18,6 @@ from pipeline.exploration.viewpoint import Viewpoint
 from pipeline.explorer import Explorer
 from pipeline.files import each, uninterrupted
 from pipeline.league.brief import MissionBrief
-from pipeline.league.rules import LIMITS
 from pipeline.localisation.localisation import LostError
 from pipeline.localisation.trajectory import EstimatedTrajectory
 from pipeline.mapper import Keyframe, Mapper
@@ -226,7 +225,7 @@ class ExplorerRun(Run, ABC):
             mapper, mission = self.mapper, self.explorer.mission
             finds, end = mapper.finds, begin + timedelta(minutes=brief.minutes).total_seconds()
             numbers = mapper.config.exploration
-            beside = LIMITS["beside"] if "park" in brief.tasks else None
+            beside = brief.rewards.beside if "park" in brief.tasks else None
             mission.deadline = Deadline(
                 begin, end, lambda: finds.reported, "home" in brief.tasks, beside, config=numbers
             )

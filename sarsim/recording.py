@@ -12,6 +12,7 @@ from pipeline.localisation.localisation import Localisation
 from pipeline.mapper import Mapper
 from pipeline.rerun import drawings
 from pipeline.rerun.blueprint import blueprint
+from pipeline.rerun.config import RerunConfig
 from pipeline.rerun.recorder import Recorder
 from pipeline.rerun.trajectory import DrawnTrajectory
 from pipeline.rerun.viewer import Viewer
@@ -26,13 +27,16 @@ from sarsim.simulated_robot import SimulatedRobot
 class EpisodeRecorder(Recorder):
     """Logs an episode; the robot is drawn at its estimated pose, the arena at its true pose."""
 
-    def __init__(self, robot: SimulatedRobot, path: Path, viewer: Viewer | None = None):
+    def __init__(
+        self, robot: SimulatedRobot, path: Path, viewer: Viewer | None = None, *, config: RerunConfig = RerunConfig()
+    ):
         """Begin the recording with the arena and the robot's shape.
 
         Args:
             robot: in its arena.
             path: of the file, which is written as the recording grows and can be read at any time.
             viewer: shows the recording while it grows.
+            config: how much is logged.
 
         Raises:
             InputError: the file cannot be written.
@@ -45,11 +49,11 @@ class EpisodeRecorder(Recorder):
         self._geoms = np.flatnonzero(drawn_geoms(self._model))
         has_joint = self._is_robot & (self._model.body_jntnum > 0) & (self._model.body_parentid > 0)
         self._jointed = [(body, self._entity(body)) for body in np.flatnonzero(has_joint).tolist()]
-        self._true_track = DrawnTrajectory()
+        self._true_track = DrawnTrajectory(config.grain)
         arena = self._arena_meshes()
         vertices = np.concatenate([mesh.vertices for mesh in arena.values()])
         layout = blueprint(vertices.min(axis=0), vertices.max(axis=0))
-        super().__init__(path, viewer, layout)
+        super().__init__(path, viewer, layout, config=config)
         for label, mesh in arena.items():
             self.stream.log(f"world/arena/{label.name.lower()}", _mesh3d(mesh), static=True)
         self._log_robot()

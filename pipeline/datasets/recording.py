@@ -6,9 +6,9 @@ from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from pipeline.arrays import Direction, Pose
 from pipeline.errors import InputError
 from pipeline.frame import Frame
 from pipeline.localisation.trajectory import Trajectory
@@ -26,14 +26,12 @@ class CameraPose(NamedTuple):
     yaw: float
 
     @property
-    def T_base_camera(self) -> NDArray[np.float64]:
-        """4×4 pose of ``camera_optical``; by REP 103 the pitch of a camera that looks down is positive."""
+    def T_base_camera(self) -> Pose:
+        """Pose of ``camera_optical``; by REP 103 the pitch of a camera that looks down is positive."""
         R = Rotation.from_euler("ZYX", [self.yaw, self.pitch, self.roll], degrees=True).as_matrix()
         return from_rotation(R @ LINK_OPTICAL, [self.x, self.y, self.z])
 
 
-AT_REST = 0.5
-"""s at the beginning during which an accelerometer measures the vertical."""
 LINK_OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 """Rotation of ``camera_optical`` in a body that looks along its x axis (REP 103)."""
 
@@ -50,7 +48,7 @@ class Recording:
         has_camera_pose: whether the frames have the camera's pose on the robot.
         odometry: ``T_odom_base``, if it was recorded.
         truth: true poses for comparison, in any frame.
-        up: (3,) the vertical in ``base_link`` at the beginning, by an accelerometer; in ``camera_optical`` if the
+        up: the vertical in ``base_link`` at the beginning, by an accelerometer; in ``camera_optical`` if the
             camera's pose is unknown.
         keyframes: the times of the frames of which the robot made keyframes, and whether it labelled them.
         steps: the times of those keyframes at which the robot stood, corrected its maps and planned.
@@ -62,7 +60,7 @@ class Recording:
     has_camera_pose: bool = False
     odometry: Trajectory | None = None
     truth: Trajectory | None = None
-    up: NDArray[np.float64] | None = None
+    up: Direction | None = None
     keyframes: Mapping[float, bool] | None = None
     steps: Set[float] = frozenset()
     left_out: dict[str, int] = field(default_factory=dict)
@@ -73,9 +71,8 @@ class Recording:
 
     def check_clocks(self, first: float, last: float) -> None:
         """Raise InputError if the times of known poses do not overlap those of the images, from first to last, s."""
-        for name, known in (("odometry", self.odometry), ("true poses", self.truth)):
-            if known is not None and (known.times[0] > last or known.times[-1] < first):
-                spans = (
-                    f"{first:.2f} to {last:.2f} s, the {name} from {known.times[0]:.2f} to {known.times[-1]:.2f} s"
-                )
+        for name, poses in (("odometry", self.odometry), ("true poses", self.truth)):
+            if poses is not None and (poses.times[0] > last or poses.times[-1] < first):
+                of_poses = f"{poses.times[0]:.2f} to {poses.times[-1]:.2f} s"
+                spans = f"{first:.2f} to {last:.2f} s, the {name} from {of_poses}"
                 raise InputError(f"{self.path}: its clocks differ: the images are from {spans}")

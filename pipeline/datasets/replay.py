@@ -7,8 +7,8 @@ from itertools import dropwhile
 from typing import Literal, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pipeline.arrays import Direction, Pose
 from pipeline.datasets.recording import Recording
 from pipeline.errors import InputError
 from pipeline.frame import Frame
@@ -20,7 +20,6 @@ from pipeline.localisation.slam import Slam
 from pipeline.localisation.trajectory import Trajectory
 from pipeline.localisation.vertical import T_lowest_camera, vertical
 from pipeline.mapper import Keyframe, Mapper
-from pipeline.metric_map.isolated_returns import without_isolated_returns
 from pipeline.transforms import from_rotation, inverse, level
 
 PoseSource = Literal["slam", "registration", "odometry", "truth"]
@@ -36,12 +35,12 @@ class Replayed(NamedTuple):
     Attributes:
         frame: with its ``T_odom_base`` and ``T_base_camera``.
         keyframe: the keyframe made of it; None if it is no keyframe.
-        T_world_base: 4×4 true pose; None if the recording has none.
+        T_world_base: the true pose; None if the recording has none.
     """
 
     frame: Frame
     keyframe: Keyframe | None
-    T_world_base: NDArray[np.float64] | None
+    T_world_base: Pose | None
 
 
 def default_poses(recording: Recording) -> PoseSource:
@@ -60,14 +59,8 @@ def localisation_of(poses: PoseSource, config: LocalisationConfig = Localisation
 class Replay:
     """Adds a recording's frames to the maps, one after the other."""
 
-    def __init__(
-        self,
-        recording: Recording,
-        mapper: Mapper,
-        poses: PoseSource,
-        T_base_camera: NDArray[np.float64] | None = None,
-    ):
-        """``T_base_camera`` (4×4) overrides the recording's; if neither is known, it is measured from the floor.
+    def __init__(self, recording: Recording, mapper: Mapper, poses: PoseSource, T_base_camera: Pose | None = None):
+        """``T_base_camera`` overrides the recording's; if neither is known, it is measured from the floor.
 
         Raises:
             InputError: the recording has no such poses.
@@ -75,18 +68,20 @@ class Replay:
         self.recording, self.mapper, self._numbers = recording, mapper, mapper.config.localisation
         self._T_base_camera = T_base_camera
         self._is_on_ground = T_base_camera is not None or recording.has_camera_pose
-        self._known = self._known_poses(poses)
+        self._given = self._given_poses(poses)
+        robot = mapper.elevation_map.robot
+        self._most_tilt = robot.max_tilt
         self._truth: Trajectory | None = None
         self._odometry: DepthOdometry | None = None
         self._has_begun = False
-        self._track: list[NDArray[np.float64]] = []
+        self._track: list[Pose] = []
 
-    def _known_poses(self, poses: PoseSource) -> Trajectory | None:
-        known = {"registration": None, "truth": self.recording.truth}.get(poses, self.recording.odometry)
-        if known is None and poses != "registration":
+    def _given_poses(self, poses: PoseSource) -> Trajectory | None:
+        given = {"registration": None, "truth": self.recording.truth}.get(poses, self.recording.odometry)
+        if given is None and poses != "registration":
             what = "true poses" if poses == "truth" else "odometry"
             raise InputError(f"{self.recording.path}: holds no {what}, which --poses {poses} needs")
-        return known
+        return given
 
     def __iter__(self) -> Iterator[Replayed]:
         """Add one frame after the other to the maps.
@@ -96,7 +91,7 @@ class Replay:
             LostError: the pose of a frame cannot be found any more; the frames before are mapped.
         """
         for frame in self.recording.frames():
-            if not self._has_begun and not self._begin(self._clean(frame)):
+            if not self._has_begun and not self._begin(self.mapper.clean(frame)):
                 continue
             if self._T_base_camera is not None:
                 frame = replace(frame, T_base_camera=self._T_base_camera)
@@ -108,20 +103,17 @@ class Replay:
             truth = self._truth.at(frame.time) if self._truth else None
             yield Replayed(frame, self._take(frame), truth)
 
-    def _clean(self, frame: Frame) -> Frame:
-        return without_isolated_returns(frame, self.mapper.metric_map.config.isolated_returns)
-
-    def _T_odom_base(self, frame: Frame) -> NDArray[np.float64] | None:
+    def _T_odom_base(self, frame: Frame) -> Pose | None:
         if self._odometry is not None:
-            return self._odometry.pose(self._clean(frame))
-        return self._known.at(frame.time) if self._known else None
+            return self._odometry.pose(self.mapper.clean(frame))
+        return self._given.at(frame.time) if self._given else None
 
     def _begin(self, frame: Frame) -> bool:
         """Find the poses of camera and robot by the first frame; False if it is blank."""
         if not frame.returns.any():
             self.recording.leave_out("blank frames at the beginning")
             return False
-        if self._known is not None and self._known.at(frame.time) is None:
+        if self._given is not None and self._given.at(frame.time) is None:
             self.recording.leave_out(POSELESS)
             return False
         self._has_begun = True
@@ -130,35 +122,33 @@ class Replay:
         T_base_camera = frame.T_base_camera if self._T_base_camera is None else self._T_base_camera
         up = self._up(frame, T_base_camera) if self._is_on_ground else np.array([0.0, 0.0, 1.0])
         T_map_base = from_rotation(level(up / np.linalg.norm(up)), np.zeros(3))
-        if self._known is None:
+        if self._given is None:
             self._odometry = DepthOdometry(T_map_base, config=self._numbers)
         else:
-            self._known = self._upright(self._known.of_base(T_base_camera), up, T_map_base, frame.time)
+            self._given = self._upright(self._given.of_base(T_base_camera), up, T_map_base, frame.time)
         truth = self.recording.truth
         self._truth = truth and truth.of_base(T_base_camera)
         return True
 
-    def _upright(
-        self, known: Trajectory, up: NDArray[np.float64], T_map_base: NDArray[np.float64], time: float
-    ) -> Trajectory:
-        """Known poses in ``map``: as they are if z is up there, within the tilt of ground that the robot drives on.
+    def _upright(self, given: Trajectory, up: Direction, T_map_base: Pose, time: float) -> Trajectory:
+        """Given poses in ``map``: as they are if z is up there, within the tilt of ground that the robot drives on.
 
         Args:
-            known: of ``base_link``, in any frame.
-            up: (3,) the vertical in ``base_link`` at ``time``, s.
-            T_map_base: 4×4 pose at that time in a ``map`` that begins there.
+            given: of ``base_link``, in any frame.
+            up: the vertical in ``base_link`` at ``time``, s.
+            T_map_base: pose at that time in a ``map`` that begins there.
         """
-        T = known.at(time)
+        T = given.at(time)
         assert T is not None
-        if T[2, :3] @ up >= np.cos(self.mapper.elevation_map.robot.max_tilt) * np.linalg.norm(up):
-            return known
-        return known.moved(T_map_base @ inverse(T))
+        if T[2, :3] @ up >= np.cos(self._most_tilt) * np.linalg.norm(up):
+            return given
+        return given.moved(T_map_base @ inverse(T))
 
-    def _above_floor(self, first: Frame) -> NDArray[np.float64]:
-        """4×4 pose of the first frame's camera over the floor, by the accelerometer, else by the surfaces in view.
+    def _above_floor(self, first: Frame) -> Pose:
+        """Pose of the first frame's camera over the floor, by the accelerometer, else by the surfaces in view.
 
         Raises:
-            InputError: neither tells which way is up.
+            InputError: neither shows which way is up.
         """
         if self.recording.up is not None:
             return T_lowest_camera(first, self.recording.up, self._numbers.vertical)
@@ -168,10 +158,10 @@ class Replay:
                 T_first_frame, up = odometry.pose(frame), vertical(frame, self._numbers)
                 if up is not None:
                     return T_lowest_camera(first, T_first_frame[:3, :3] @ up, self._numbers.vertical)
-        raise InputError(f"{self.recording.path}: neither an accelerometer nor floor and walls tell which way is up")
+        raise InputError(f"{self.recording.path}: neither an accelerometer nor floor and walls show which way is up")
 
-    def _up(self, frame: Frame, T_base_camera: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(3,) the vertical in ``base_link`` by the accelerometer, else by the surfaces, else for a level robot."""
+    def _up(self, frame: Frame, T_base_camera: Pose) -> Direction:
+        """The vertical in ``base_link`` by the accelerometer, else by the surfaces, else for a level robot."""
         if self.recording.up is not None:
             return self.recording.up
         up = vertical(replace(frame, T_base_camera=T_base_camera), self._numbers)

@@ -8,10 +8,11 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from rosbags.highlevel import AnyReader
 
-from pipeline.datasets.recording import AT_REST, Recording
+from pipeline.arrays import Direction, Pose
+from pipeline.datasets.config import DatasetsConfig
+from pipeline.datasets.recording import Recording
 from pipeline.errors import InputError
 from pipeline.files import check_regular
 from pipeline.frame import SAME_TIME, Calibration, Frame
@@ -21,20 +22,26 @@ from pipeline.ros.links import FrameTree
 from pipeline.ros.messages import BASE, NANO, ODOM, STORE, Message, pose_matrix, seconds, vector_of
 from pipeline.ros.pinhole import Pinhole
 
-BUFFERED = 15  # Depth images that are buffered: they may come out of order, and colour images may lag
 KEYFRAME_TOPIC, LABELLED_TOPIC, STEP_TOPIC = "/keyframe", "/semantic_cloud", "/map"
 TRUTH, LABELS = "/ground_truth/pose", "/camera/label/image_raw"  # Topics of sarsim's own bags
 INFRARED = re.compile("/(infra|ir/)")  # In names of topics of infrared images
 IMAGE_TYPES = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 
 
-def read_ros_bag(path: Path, topics: Sequence[str] = (), calibration: Calibration | None = None) -> Recording:
+def read_ros_bag(
+    path: Path,
+    topics: Sequence[str] = (),
+    calibration: Calibration | None = None,
+    *,
+    config: DatasetsConfig = DatasetsConfig(),
+) -> Recording:
     """A bag's images, odometry, transforms and accelerometer; from sarsim's own bags also keyframes and ground truth.
 
     Args:
         path: of the bag's folder or file.
         topics: to use, if the bag has several of a kind.
         calibration: of the camera; overrides that of ``camera_info``.
+        config: how recordings are read.
 
     Raises:
         InputError: the bag is missing or broken, or lacks necessary data.
@@ -44,12 +51,12 @@ def read_ros_bag(path: Path, topics: Sequence[str] = (), calibration: Calibratio
         beside = _Beside(reader, chosen)
         span = reader.duration / NANO
     camera = Pinhole(path, beside.camera_info, calibration)
-    recording = Recording(path, lambda: _frames(recording, chosen, camera, beside, span))
+    recording = Recording(path, lambda: _frames(recording, chosen, camera, beside, span, config.buffered))
     recording.odometry, recording.truth = beside.odometry(), beside.trajectory(beside.true_poses)
     recording.keyframes = {time: time in beside.labelled for time in beside.keyframes} or None
     recording.steps = beside.steps
     recording.has_camera_pose = beside.links.T_base(beside.camera_frame) is not None
-    recording.up = beside.up()
+    recording.up = beside.up(config.at_rest)
     return recording
 
 
@@ -127,11 +134,11 @@ class _Beside:
         self.keyframes: list[float] = []
         self.labelled: set[float] = set()
         self.steps: set[float] = set()
-        self.true_poses: list[tuple[float, NDArray[np.float64]]] = []
-        self._odometry: list[tuple[float, NDArray[np.float64]]] = []
-        self._by_tf: list[tuple[float, NDArray[np.float64]]] = []
+        self.true_poses: list[tuple[float, Pose]] = []
+        self._odometry: list[tuple[float, Pose]] = []
+        self._by_tf: list[tuple[float, Pose]] = []
         self.links = FrameTree()
-        self._felt: list[tuple[float, NDArray[np.float64]]] = []
+        self._felt: list[tuple[float, Pose]] = []
         self._imu_frame = ""
         takers: dict[str | None, Callable[[Any], None]] = {
             topics.camera_info: self._take_camera_info,
@@ -170,30 +177,32 @@ class _Beside:
         """The odometry by its own topic, or else by the transforms from ``odom``."""
         return self.trajectory(self._odometry or self._by_tf)
 
-    def trajectory(self, poses: list[tuple[float, NDArray[np.float64]]]) -> Trajectory | None:
-        """The trajectory of 4×4 poses at their times, s, without poses that are not finite."""
+    def trajectory(self, poses: list[tuple[float, Pose]]) -> Trajectory | None:
+        """The trajectory of poses at their times, s, without poses that are not finite."""
         good = [(time, T) for time, T in poses if np.isfinite(T).all()]
         return Trajectory(np.array([t for t, _ in good]), np.array([T for _, T in good])) if good else None
 
-    def up(self) -> NDArray[np.float64] | None:
-        """(3,) the vertical at the beginning, by the accelerometer, in the robot's frame or else in the camera's."""
-        felt = np.array([a for time, a in self._felt if time <= self._felt[0][0] + AT_REST]).reshape(-1, 3)
+    def up(self, at_rest: float) -> Direction | None:
+        """The vertical by the accelerometer in the first s, in the robot's frame or else in the camera's."""
+        felt = np.array([a for time, a in self._felt if time <= self._felt[0][0] + at_rest]).reshape(-1, 3)
         in_base = self.links.T_base(self.camera_frame) is not None
         T = self.links.T_base(self._imu_frame) if in_base else self.links.between(self.camera_frame, self._imu_frame)
         mean = felt.mean(axis=0) if len(felt) and np.isfinite(felt).all() else np.zeros(3)
         return None if T is None or not mean.any() else T[:3, :3] @ mean / np.linalg.norm(mean)
 
 
-def _stamped(message: Message, pose: Message) -> tuple[float, NDArray[np.float64]]:
+def _stamped(message: Message, pose: Message) -> tuple[float, Pose]:
     return seconds(message.header.stamp), pose_matrix(pose.position, pose.orientation)
 
 
-def _frames(recording: Recording, topics: Topics, camera: Pinhole, beside: _Beside, span: float) -> Iterator[Frame]:
+def _frames(
+    recording: Recording, topics: Topics, camera: Pinhole, beside: _Beside, span: float, buffered: int
+) -> Iterator[Frame]:
     """Frames of each depth image and the colour image nearest in time, in the order of their stamps."""
     T_base_camera = beside.links.T_base(beside.camera_frame)
     place, last = np.eye(4) if T_base_camera is None else T_base_camera, -np.inf
     with _opened(recording.path) as reader:
-        for time, depth, found in _matched(reader, topics):
+        for time, depth, found in _matched(reader, topics, buffered):
             if last == -np.inf:
                 recording.check_clocks(time, time + span)
             if time <= last:
@@ -213,7 +222,7 @@ def _frames(recording: Recording, topics: Topics, camera: Pinhole, beside: _Besi
 Found = Callable[[str | None], Message | None]
 
 
-def _matched(reader: AnyReader, topics: Topics) -> Iterator[tuple[float, Message, Found]]:
+def _matched(reader: AnyReader, topics: Topics, buffered: int) -> Iterator[tuple[float, Message, Found]]:
     """Depth images with their times, and for each a function that returns its other image of a topic."""
     wanted = [c for c in reader.connections if c.topic in (topics.depth, topics.colour, LABELS)]
     depths: list[tuple[float, int, Message]] = []
@@ -234,7 +243,7 @@ def _matched(reader: AnyReader, topics: Topics) -> Iterator[tuple[float, Message
             heapq.heappush(depths, (time, number, message))
         else:
             others[connection.topic][time] = message
-        if len(depths) > BUFFERED:
+        if len(depths) > buffered:
             first, _, depth = heapq.heappop(depths)
             yield first, depth, finder(first)
             for images in others.values():

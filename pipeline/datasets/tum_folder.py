@@ -8,20 +8,25 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.datasets.recording import AT_REST, Recording
+from pipeline.arrays import Depth, Direction
+from pipeline.datasets.config import DatasetsConfig
+from pipeline.datasets.recording import Recording
 from pipeline.errors import InputError
 from pipeline.files import MOST_MEMORY, read_bytes, read_numbers, read_text
 from pipeline.frame import SAME_TIME, Calibration, Frame, Intrinsics, decoded
 from pipeline.localisation.trajectory import Trajectory, read_trajectory
 
-DEPTH_UNITS = 5000.0
-"""Units of depth images per metre, by default."""
 IMAGE_ENDINGS = (".png", ".jpg", ".jpeg", ".ppm", ".pgm", ".tif", ".tiff")
 Listed = list[tuple[float, Path]]
 
 
 def read_tum_folder(
-    path: Path, calibration: Calibration | None = None, depth_scale: float | None = None, fps: float | None = None
+    path: Path,
+    calibration: Calibration | None = None,
+    depth_scale: float | None = None,
+    fps: float | None = None,
+    *,
+    config: DatasetsConfig = DatasetsConfig(),
 ) -> Recording:
     """A folder with ``depth.txt`` and ``rgb.txt``, or with numbered images in ``depth`` and ``rgb`` or ``color``.
 
@@ -34,6 +39,7 @@ def read_tum_folder(
         calibration: of the camera; overrides that of ``calibration.txt``.
         depth_scale: units of the depth images per metre; 5000 if not given.
         fps: frames per second of images without times.
+        config: how recordings are read.
 
     Raises:
         InputError: a file is missing or broken.
@@ -46,13 +52,13 @@ def read_tum_folder(
         path,
         lambda: (
             replace(frame, T_base_camera=T_base_camera)
-            for frame in _frames(recording, depth, colour, calibration, depth_scale or DEPTH_UNITS)
+            for frame in _frames(recording, depth, colour, calibration, depth_scale or config.depth_units)
         ),
         has_camera_pose=place is not None,
     )
     recording.truth = _trajectory(path / "groundtruth.txt")
     recording.odometry = _trajectory(path / "odometry.txt")
-    recording.up = _up(path / "accelerometer.txt", recording.has_camera_pose)
+    recording.up = _up(path / "accelerometer.txt", recording.has_camera_pose, config.at_rest)
     recording.check_clocks(depth[0][0], depth[-1][0])
     if (path / "keyframes.txt").exists():
         rows = read_numbers(path / "keyframes.txt", "time labelled stood")
@@ -65,12 +71,12 @@ def _trajectory(path: Path) -> Trajectory | None:
     return read_trajectory(path, of_camera=True) if path.exists() else None
 
 
-def _up(path: Path, in_base: bool) -> NDArray[np.float64] | None:
-    """(3,) the vertical at the beginning, in ``base_link`` or else in ``camera_optical``; None if it was not felt."""
+def _up(path: Path, in_base: bool, at_rest: float) -> Direction | None:
+    """The vertical in the first s, in ``base_link`` or else in ``camera_optical``; None if it was not felt."""
     if not path.exists():
         return None
     rows = read_numbers(path, "time ax ay az")
-    felt = rows[rows[:, 0] <= rows[0, 0] + AT_REST, 1:].mean(axis=0)
+    felt = rows[rows[:, 0] <= rows[0, 0] + at_rest, 1:].mean(axis=0)
     if not felt.any():
         return None
     up = felt / np.linalg.norm(felt)
@@ -80,7 +86,7 @@ def _up(path: Path, in_base: bool) -> NDArray[np.float64] | None:
 def _calibration(path: Path) -> Calibration:
     file = path / "calibration.txt"
     if not file.exists():
-        raise InputError(f"{path}: has no calibration.txt; --intrinsics fx fy cx cy tells the camera's")
+        raise InputError(f"{path}: has no calibration.txt; --intrinsics fx fy cx cy gives the camera's")
     rows = read_numbers(file, "fx fy cx cy")
     if len(rows) != 1 or not (rows > 0).all():
         raise InputError(f"{file}: it must be one line of fx fy cx cy, all positive")
@@ -96,7 +102,7 @@ def _listed(path: Path, names: tuple[str, ...], fps: float | None) -> Listed:
         files = sorted(file for file in (path / name).glob("*") if file.suffix.lower() in IMAGE_ENDINGS)
         if files:
             if fps is None:
-                raise InputError(f"{path / name}: its images have no times; --fps tells how many there are a second")
+                raise InputError(f"{path / name}: its images have no times; --fps says how many there are a second")
             return [(k / fps, file) for k, file in enumerate(files)]
     missing = " nor ".join(f"{name}.txt nor images in {name}/" for name in names)
     raise InputError(f"{path}: no recording: it has neither {missing}")
@@ -139,7 +145,7 @@ def _frames(
         yield Frame(time, rgb, metres, intrinsics, np.eye(4), np.eye(4))
 
 
-def _depth(file: Path, scale: float) -> NDArray[np.float32]:
+def _depth(file: Path, scale: float) -> Depth:
     image = _image(file, cv2.IMREAD_UNCHANGED)
     if image.ndim != 2 or image.dtype not in (np.uint16, np.float32):
         raise InputError(f"{file}: not a depth image: it has {image.dtype} pixels of the shape {image.shape}")

@@ -6,7 +6,6 @@ from datetime import datetime
 from typing import Literal
 
 from pipeline.errors import InputError
-from pipeline.league.rules import LIMITS, POINTS
 
 HANDED_IN = "handed_in"  # The folder of the files, in that of the run
 Task = Literal["explore", "find", "home", "park"]
@@ -25,14 +24,16 @@ class Rewards:
         teleoperated, autonomous: factors of a run by who drives, Rescue Robot League 2026D.
         beta: share of the portals in the score, Virtual Robot 2022: above 0.1 and below 1, by the map's designer.
         alpha: difficulty of the map, Virtual Robot 2022: above 0.1 and below 2, by the map's designer.
+        beside: m from a victim within which marks and robots count, Virtual Robot 2022.
     """
 
-    detection: float = POINTS["detection"]
-    extra: float = POINTS["extra"]
-    teleoperated: float = POINTS["teleoperated"]
-    autonomous: float = POINTS["autonomous"]
-    beta: float = POINTS["beta"]
-    alpha: float = POINTS["alpha"]
+    detection: float = 1.0
+    extra: float = 0.1
+    teleoperated: float = 1.0
+    autonomous: float = 5.0
+    beta: float = 0.5
+    alpha: float = 1.0
+    beside: float = 1.5
 
 
 @dataclass(frozen=True)
@@ -45,9 +46,9 @@ class Penalties:
         reset: points lost at each reset in the labyrinth; 0, for the summary of the rules names none.
     """
 
-    contact: float = POINTS["contact"]
-    wrong: float = POINTS["wrong"]
-    reset: float = POINTS["reset"]
+    contact: float = 0.2
+    wrong: float = 0.5
+    reset: float = 0.0
 
 
 @dataclass(frozen=True)
@@ -57,7 +58,7 @@ class MissionBrief:
     Attributes:
         team, country, name: for names and headers of files; ``name`` is the mission's.
         start: when the clock starts.
-        minutes: that the clock runs, simulated or real.
+        minutes: that the clock runs, simulated or real; 20 in both leagues.
         tasks: what counts.
         rewards, penalties: in points.
     """
@@ -66,7 +67,7 @@ class MissionBrief:
     country: str = "none"
     name: str = "mission"
     start: datetime = DEFAULT_START
-    minutes: float = LIMITS["minutes"]
+    minutes: float = 20.0
     tasks: tuple[Task, ...] = ("explore", "find")
     rewards: Rewards = field(default_factory=Rewards)
     penalties: Penalties = field(default_factory=Penalties)

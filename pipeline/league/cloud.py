@@ -10,13 +10,12 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 from scipy.special import expit
 
+from pipeline.arrays import Directions, Places, Points, Pose, Values
 from pipeline.files import MOST_MEMORY, read_bytes, whole_file
 from pipeline.league.brief import MissionBrief
 from pipeline.metric_map.metric_map import LOG_ODDS, MetricMap
 from pipeline.transforms import inverse, transform_points
 
-NORMAL_NEIGHBOURS = 20
-"""Number of neighbours from which a point's normal is estimated."""
 PLACE, NORMAL, RGB = ("x", "y", "z"), ("nx", "ny", "nz"), ("red", "green", "blue")
 PROPERTIES = dict.fromkeys((*PLACE, *NORMAL, "confidence", "temp"), "float") | dict.fromkeys(RGB, "uchar")
 """Type of each property; ``confidence`` from 0 to 1, an assumption."""
@@ -31,12 +30,12 @@ class CloudFile:
 
     Attributes:
         comments: of the header.
-        columns: (N,) float64 by property; x, y and z in m.
+        columns: by property; x, y and z in m.
         faults: a line each.
     """
 
     comments: list[str] = field(default_factory=list)
-    columns: dict[str, NDArray[np.float64]] = field(default_factory=dict)
+    columns: dict[str, Values] = field(default_factory=dict)
     faults: list[str] = field(default_factory=list)
 
     def points(self, names: tuple[str, ...] = PLACE) -> NDArray[np.float64]:
@@ -49,29 +48,31 @@ class CloudFile:
 def write_cloud(
     path: Path,
     brief: MissionBrief,
-    points: NDArray[np.floating],
+    points: Points,
     colours: NDArray[np.uint8],
-    cameras: NDArray[np.float64],
+    cameras: Places,
     metric_map: MetricMap,
-    T_map_league: NDArray[np.float64],
+    T_map_league: Pose,
+    neighbours: int,
 ) -> None:
     """Write a cloud, whole or not at all.
 
     Args:
         path: of the file.
         brief: names for the comments.
-        points: (N, 3) m in ``map``.
+        points: of surfaces.
         colours: (N, 3) RGB.
-        cameras: (K, 3) m in ``map``, where the robot was; a normal points to the nearest.
+        cameras: where the robot was; a normal points to the nearest.
         metric_map: whose probability that a point's voxel is occupied is its confidence.
-        T_map_league: 4×4 pose of the league's frame.
+        T_map_league: pose of the league's frame.
+        neighbours: number of neighbours from which a point's normal is estimated.
 
     Raises:
         InputError: it cannot be written.
     """
     confidence = expit(LOG_ODDS * metric_map.log_odds_at(metric_map.voxel_index(points)))
     T = inverse(T_map_league)
-    moved, normals = transform_points(T, points), _normals(points, cameras) @ T[:3, :3].T
+    moved, normals = transform_points(T, points), _normals(points, cameras, neighbours) @ T[:3, :3].T
     comments = (brief.team, f"{brief.start:%Y-%m-%d %H:%M:%S}", brief.name)
     lines = ["ply", "format ascii 1.0"]
     lines += [f"comment {name}: {value}" for name, value in zip(COMMENTS, comments, strict=True)]
@@ -86,13 +87,13 @@ def write_cloud(
         np.savetxt(partial, table, form, header="\n".join(lines), comments="", encoding="utf-8")
 
 
-def _normals(points: NDArray[np.floating], cameras: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(N, 3) unit normals in ``map``, each towards the nearest place where the robot was, (K, 3) m."""
+def _normals(points: Points, cameras: Places, neighbours: int) -> Directions:
+    """Normals, each towards the nearest place where the robot was."""
     if not len(points):
         return np.zeros((0, 3))
     cloud = small_gicp.PointCloud(np.asarray(points, np.float64))
-    small_gicp.estimate_normals(cloud, num_neighbors=NORMAL_NEIGHBOURS)
-    normals: NDArray[np.float64] = cloud.normals()[:, :3]
+    small_gicp.estimate_normals(cloud, num_neighbors=neighbours)
+    normals: Directions = cloud.normals()[:, :3]
     length = np.linalg.norm(normals, axis=1, keepdims=True)
     # A point with too few neighbours has no normal: up is as good as any.
     normals = np.where(length > 0, normals / np.maximum(length, np.finfo(float).tiny), [0.0, 0.0, 1.0])

@@ -2,6 +2,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import cv2
@@ -9,10 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.special import expit
 
+from pipeline.arrays import Cells, Layer, MaskLayer, Place, Places, Points, Pose, Rgb
 from pipeline.elevation_map.traversability import Traversability
 from pipeline.grid_map import Grid, check_memory
 from pipeline.league.pois import PointOfInterest
 from pipeline.league.rules import LENGTHS, MAP_COLOURS, pixels
+from pipeline.metric_map.io.plans import write_geotiff
 from pipeline.metric_map.metric_map import LOG_ODDS, MetricMap
 from pipeline.ros.ros_map import LETHAL, costs
 from pipeline.transforms import inverse, transform_points
@@ -22,21 +25,21 @@ FONT = cv2.FONT_HERSHEY_SIMPLEX
 
 @dataclass(frozen=True, eq=False)
 class SearchedGround:
-    """What was searched; layers are (nx, ny).
+    """What was searched.
 
     Attributes:
         grid: of the layers, in ``map``.
-        walls: bool, walls and obstacles.
-        confidence: float64 from ½, the probability that the map is right about the ground; 0 where nothing is known.
+        walls: walls and obstacles.
+        confidence: from ½, the probability that the map is right about the ground; 0 where nothing is known.
     """
 
     grid: Grid
-    walls: NDArray[np.bool_]
-    confidence: NDArray[np.float64]
+    walls: MaskLayer
+    confidence: Layer
 
 
-def searched_ground(ground: Traversability, metric_map: MetricMap, places: NDArray[np.float64]) -> SearchedGround:
-    """The ground that is connected to places (N, 2) m in ``map`` where the robot was, and what stands on it."""
+def searched_ground(ground: Traversability, metric_map: MetricMap, places: Places) -> SearchedGround:
+    """The ground that is connected to places where the robot was, and what stands on it."""
     cost, grid = costs(ground, places), ground.grid
     i, j = np.nonzero(cost >= 0)
     points = np.column_stack([grid.centre_of(np.stack([i, j], axis=1)), np.nan_to_num(ground.elevation[i, j])])
@@ -50,47 +53,42 @@ class Plan:
     """A 2D map in the league's frame: x to the right, y up.
 
     Attributes:
-        image: (H, W, 3) uint8 RGB, a pixel being ``LENGTHS["pixel"]`` m wide.
-        corner: (2,) float64 m, its upper left corner.
+        image: a pixel is ``LENGTHS["pixel"]`` m wide.
+        corner: its upper left corner.
     """
 
-    image: NDArray[np.uint8]
-    corner: NDArray[np.float64]
+    image: Rgb
+    corner: Place
 
-    def pixel_of(self, points: NDArray[np.floating]) -> NDArray[np.int64]:
+    def pixel_of(self, points: NDArray[np.floating]) -> Cells:
         """(..., 2) column and row of points (..., 2 or 3), m in the league's frame."""
         return np.floor((points[..., :2] - self.corner) * [1, -1] / LENGTHS["pixel"]).astype(np.int64)
 
 
 def draw_plan(
-    title: str,
-    ground: SearchedGround,
-    T_map_league: NDArray[np.float64],
-    path: NDArray[np.floating],
-    pois: Sequence[PointOfInterest],
+    title: str, ground: SearchedGround, T_map_league: Pose, way: Places, pois: Sequence[PointOfInterest]
 ) -> Plan:
     """Draw the 2D map.
 
     Args:
         title: the file's name.
         ground: what was searched.
-        T_map_league: 4×4 pose of the league's frame, level: the robot's front at the start, y forward.
-        path: (N, 3) m in ``map``; the first is the start.
+        T_map_league: pose of the league's frame, level: the robot's front at the start, y forward.
+        way: of the robot; it began at the first.
         pois: what was found.
 
     Raises:
         InputError: the map is so large that the picture takes too much memory.
     """
-    way = transform_points(inverse(T_map_league), path)
-    known = ground.grid.centre_of(np.argwhere(ground.confidence > 0))
-    corners = transform_points(inverse(T_map_league), np.column_stack([known, np.zeros(len(known))]))
-    plan = _empty_plan(np.concatenate([corners, way, *(poi.position[None] for poi in pois)])[:, :2], len(title))
+    driven = transform_points(inverse(T_map_league), way)
+    searched = ground.grid.centre_of(np.argwhere(ground.confidence > 0))
+    corners = transform_points(inverse(T_map_league), np.column_stack([searched, np.zeros(len(searched))]))
+    plan = _empty_plan(np.concatenate([corners, driven, *(poi.position[None] for poi in pois)])[:, :2], len(title))
     _draw_ground(plan, ground, T_map_league)
-    _draw_start(plan, way[0])
+    _draw_start(plan, driven[0])
     # On top of the start, for of a robot that could not leave it the path is a dot there.
-    cv2.polylines(
-        plan.image, [plan.pixel_of(way)[:, None].astype(np.int32)], False, MAP_COLOURS["path"], pixels("path")
-    )
+    line = plan.pixel_of(driven)[:, None].astype(np.int32)
+    cv2.polylines(plan.image, [line], False, MAP_COLOURS["path"], pixels("path"))
     for poi in pois:
         if poi.type in MAP_COLOURS:
             _draw_find(plan, poi)
@@ -98,8 +96,20 @@ def draw_plan(
     return plan
 
 
-def _empty_plan(points: NDArray[np.floating], letters: int) -> Plan:
-    """A checkerboard around points (N, 2) m, wide enough for a title of so many letters beside the scale."""
+def write_plan(
+    path: Path, ground: SearchedGround, T_map_league: Pose, way: Places, pois: Sequence[PointOfInterest]
+) -> None:
+    """Draw the 2D map as :func:`draw_plan` does, and write it, georeferenced in the league's frame.
+
+    Raises:
+        InputError: it cannot be written, or takes too much memory.
+    """
+    plan = draw_plan(path.name, ground, T_map_league, way, pois)
+    write_geotiff(path, plan.image, LENGTHS["pixel"], plan.corner)
+
+
+def _empty_plan(points: Places, letters: int) -> Plan:
+    """A checkerboard around points, wide enough for a title of so many letters beside the scale."""
     pixel, margin = LENGTHS["pixel"], LENGTHS["margin"]
     low, high = points.min(axis=0) - margin, points.max(axis=0) + margin
     high += [max(0.0, letters * LENGTHS["title"] + 2 * LENGTHS["scale"] - (high - low)[0]), margin]
@@ -112,7 +122,7 @@ def _empty_plan(points: NDArray[np.floating], letters: int) -> Plan:
     return Plan(np.array([MAP_COLOURS["light"], MAP_COLOURS["dark"]], np.uint8)[is_dark], corner)
 
 
-def _draw_ground(plan: Plan, ground: SearchedGround, T_map_league: NDArray[np.float64]) -> None:
+def _draw_ground(plan: Plan, ground: SearchedGround, T_map_league: Pose) -> None:
     """Draw the searched area by confidence, the grid on it, and walls."""
     confidence, is_wall = (_as_seen(plan, layer, ground.grid, T_map_league) for layer in _layers(ground))
     is_known = confidence > 0
@@ -130,9 +140,7 @@ def _layers(ground: SearchedGround) -> tuple[NDArray[np.uint8], NDArray[np.uint8
     return np.where(ground.confidence > 0, greys, 0).astype(np.uint8), ground.walls.astype(np.uint8)
 
 
-def _as_seen(
-    plan: Plan, layer: NDArray[np.uint8], grid: Grid, T_map_league: NDArray[np.float64]
-) -> NDArray[np.uint8]:
+def _as_seen(plan: Plan, layer: NDArray[np.uint8], grid: Grid, T_map_league: Pose) -> NDArray[np.uint8]:
     """(H, W) a layer (nx, ny) of a grid in ``map`` at the pixels of a plan; 0 beyond it."""
     pixel, flat = LENGTHS["pixel"], np.delete(np.delete(T_map_league, 2, 0), 2, 1)
     x, y = plan.corner + np.array([pixel, -pixel]) / 2
@@ -144,8 +152,8 @@ def _as_seen(
     return cv2.warpAffine(np.ascontiguousarray(layer.T), M, plan.image.shape[1::-1], flags=flags).astype(np.uint8)
 
 
-def _draw_start(plan: Plan, start: NDArray[np.floating]) -> None:
-    """Draw an arrow up the map, in the middle of the robot at its start (3,) m."""
+def _draw_start(plan: Plan, start: Points) -> None:
+    """Draw an arrow up the map, in the middle of the robot at its start."""
     x, y = plan.pixel_of(start).tolist()
     half = pixels("arrow", 0.5)
     side = half // 2

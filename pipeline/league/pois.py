@@ -1,21 +1,19 @@
 """Points of interest: what was found, as the league wants it listed (``pois.csv``, version 1.3)."""
 
 import csv
-import json
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
 from datetime import datetime, timedelta
 from pathlib import Path
-from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from pipeline.errors import InputError
-from pipeline.files import MOST_TEXT, read_text, whole_file
+from pipeline.arrays import Place, Pose
+from pipeline.files import read_text, whole_file
 from pipeline.league.brief import DEFAULT_START, MissionBrief
 from pipeline.league.rules import LENGTHS
+from pipeline.tracks.find import Find
 from pipeline.transforms import inverse, transform_points
 
 POI_TYPES = ("ar_code", "hazmat_sign", "real_object", "heat_sig")
@@ -27,8 +25,6 @@ TYPE_OF = {
 }
 """The league's type of each kind of find; QR codes have none. That victims are objects is an assumption."""
 POI_COLUMNS = "detection,time,type,name,x,y,z,robot,mode"
-USED = ("kind", "text", "position", "time_s", "confidence")
-"""What counts of a find."""
 MODES = {"A": "autonomous", "T": "teleoperated"}
 HEADER = ("pois", "1.3", "team", "country", "date", "time", "mission")
 """The quoted lines before the columns: two fixed words and five of the mission's own."""
@@ -47,7 +43,7 @@ class PointOfInterest:
         time: of the detection, ``HH:MM:SS``.
         type: one of ``POI_TYPES``.
         name: of a tag, a class or an object.
-        position: (3,) float64 m, in the frame of the 3D map.
+        position: in the frame of the 3D map.
         robot: that found it.
         mode: a key of ``MODES``.
     """
@@ -55,7 +51,7 @@ class PointOfInterest:
     time: str
     type: str
     name: str
-    position: NDArray[np.float64]
+    position: Place
     robot: str = "robot1"
     mode: str = "A"
 
@@ -75,51 +71,23 @@ class PoiFile:
     faults: list[str] = field(default_factory=list)
 
 
-def found_in(folder: Path) -> list[dict[str, Any]]:
-    """The finds of an episode (finds.json), and the confirmed people (victims.json) if no victim is among them.
-
-    Raises:
-        InputError: one of the files is damaged.
-    """
-    finds = _rows(folder / "finds.json", lambda content: [{key: find[key] for key in USED} for find in content])
-    people = _rows(folder / "victims.json", lambda content: [_victim(p) for p in content["people"] if p["confirmed"]])
-    return finds if any(find["kind"] == "victim" for find in finds) else finds + people
-
-
-def _victim(person: dict[str, Any]) -> dict[str, Any]:
-    """A person as a find."""
-    own = {key: person[key] for key in ("position", "confidence")}
-    return own | {"kind": "victim", "text": "", "time_s": min(person["times"], default=0.0)}
-
-
-def _rows(path: Path, rows_of: Callable[[Any], list[dict[str, Any]]]) -> list[dict[str, Any]]:
-    """What is taken from a JSON file; nothing if there is none."""
-    try:
-        return rows_of(json.loads(read_text(path))) if path.exists() else []
-    except InputError:
-        raise
-    except (ValueError, KeyError, TypeError) as error:
-        raise InputError(f"{path}: not as a run writes it: {' '.join(repr(error).split())}") from error
-
-
-def points_of_interest(
-    finds: Iterable[dict[str, Any]], T_map_league: NDArray[np.float64], start: datetime
-) -> list[PointOfInterest]:
-    """What the league counts of an episode's finds, each object once and the surest first kept, in order of time.
+def points_of_interest(finds: Iterable[Find], T_map_league: Pose, start: datetime) -> list[PointOfInterest]:
+    """What the league counts of finds, each object once and the surest first kept, in order of time.
 
     Args:
-        finds: as finds.json has them, position m in ``map``.
-        T_map_league: 4×4 pose of the frame of the 3D map.
-        start: of the mission, to which time_s is added.
+        finds: confirmed people are among them.
+        T_map_league: pose of the frame of the 3D map.
+        start: of the mission; a find from an earlier run counts as found then.
     """
     kept: list[PointOfInterest] = []
-    for find in sorted(finds, key=lambda find: -find["confidence"]):
-        if find["kind"] in TYPE_OF:
-            place = transform_points(inverse(T_map_league), np.array([find["position"]], np.float64))[0].astype(float)
-            time = f"{start + timedelta(seconds=find['time_s']):%H:%M:%S}"
-            name = name_of(find["kind"], find["text"])
-            poi = PointOfInterest(time, TYPE_OF[find["kind"]], name, place.round(2))  # as it is written
-            kept += [] if any(is_same_thing(poi, other) for other in kept) else [poi]
+    for find in sorted(finds, key=lambda find: -find.confidence):
+        if find.kind in TYPE_OF:
+            place = transform_points(inverse(T_map_league), find.position[None])[0].astype(float)
+            time = f"{start + timedelta(seconds=float(np.nan_to_num(find.time_s))):%H:%M:%S}"
+            poi = PointOfInterest(
+                time, TYPE_OF[find.kind], name_of(find.kind, find.text), place.round(2)
+            )  # as it is written
+            kept += [] if any(is_same_object(poi, other) for other in kept) else [poi]
     return sorted(kept, key=lambda poi: (poi.time, poi.type, poi.name))
 
 
@@ -128,7 +96,7 @@ def name_of(kind: str, text: str) -> str:
     return " ".join(text.split()) or kind
 
 
-def is_same_thing(a: PointOfInterest, b: PointOfInterest) -> bool:
+def is_same_object(a: PointOfInterest, b: PointOfInterest) -> bool:
     """Whether two finds are of one object: of one name, and nearer than two of them can hang side by side."""
     return (a.type, a.name) == (b.type, b.name) and bool(np.linalg.norm(a.position - b.position) < LENGTHS["diamond"])
 
@@ -156,7 +124,7 @@ def read_pois(path: Path) -> PoiFile:
     Raises:
         InputError: no regular file, or no text.
     """
-    read, lines = PoiFile(), read_text(path, MOST_TEXT).splitlines()
+    read, lines = PoiFile(), read_text(path).splitlines()
     for number, (name, line) in enumerate(zip(HEADER, lines, strict=False), 1):
         _read_header(read, number, name, line)
     if len(lines) <= len(HEADER):
@@ -207,9 +175,9 @@ def _read_row(read: PoiFile, number: int, at: int, line: str) -> None:
         "name: is empty": not name.strip(),
         f"mode {mode}: must be one of {', '.join(MODES)}": mode not in MODES,
     }
-    same = next((k for k, other in enumerate(read.pois, 1) if is_same_thing(poi, other)), None)
+    same = next((k for k, other in enumerate(read.pois, 1) if is_same_object(poi, other)), None)
     if same is not None:
-        wrong[f"{kind} {name}: the same thing as a row before it; each counts once"] = True
+        wrong[f"{kind} {name}: the same object as a row before it; each counts once"] = True
     read.faults += [f"line {at}: {text}" for text, is_wrong in wrong.items() if is_wrong]
     if not any(wrong.values()):
         read.pois.append(poi)

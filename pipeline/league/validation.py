@@ -5,14 +5,15 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 from PIL import Image
 
+from pipeline.arrays import PixelMask, Places, Rgb, Values
 from pipeline.errors import InputError
 from pipeline.league.brief import HANDED_IN
 from pipeline.league.cloud import COMMENTS, NORMAL, RGB, CloudFile, read_cloud
+from pipeline.league.config import ValidationConfig
 from pipeline.league.pois import PoiFile, read_pois
-from pipeline.league.rules import LENGTHS, LIMITS, MAP_COLOURS
+from pipeline.league.rules import LENGTHS, MAP_COLOURS
 from pipeline.metric_map.io.plans import GeoTag
 
 HANDED_FILES = {".tiff": "2D map", ".ply": "3D map", ".csv": "list of finds"}
@@ -38,7 +39,7 @@ def handed_in_files(folder: Path) -> dict[str, list[Path]]:
     return found
 
 
-def validate(folder: Path) -> list[str]:
+def validate(folder: Path, *, config: ValidationConfig = ValidationConfig()) -> list[str]:
     """Everything that a judge would reject, a line each that begins with the file's name.
 
     Raises:
@@ -51,10 +52,10 @@ def validate(folder: Path) -> list[str]:
     for path, read in lists.items():
         faults += _of(path, [*_wrong_list_name(path, read), *read.faults])
     for path in files[".ply"]:
-        faults += _of(path, [*_wrong_name(path, headers), *wrong_cloud(read_cloud(path), headers)])
+        faults += _of(path, [*_wrong_name(path, headers), *wrong_cloud(read_cloud(path), headers, config)])
     types = {poi.type for read in lists.values() for poi in read.pois}
     for path in files[".tiff"]:
-        faults += _of(path, [*_wrong_name(path, headers), *wrong_plan(path, types)])
+        faults += _of(path, [*_wrong_name(path, headers), *wrong_plan(path, types, config)])
     return faults
 
 
@@ -89,7 +90,7 @@ def _wrong_name(path: Path, headers: list[dict[str, str]]) -> Iterator[str]:
         yield "its name is of another year, team or mission than the list of finds"
 
 
-def wrong_cloud(read: CloudFile, headers: list[dict[str, str]]) -> list[str]:
+def wrong_cloud(read: CloudFile, headers: list[dict[str, str]], config: ValidationConfig) -> list[str]:
     """What is wrong with a 3D map; ``headers`` of the lists beside it hold what its comments must name."""
     faults = list(read.faults)
     comments = " ".join(read.comments)
@@ -99,39 +100,39 @@ def wrong_cloud(read: CloudFile, headers: list[dict[str, str]]) -> list[str]:
             faults.append(f"no comment names the {name}")
     points = read.points()
     if len(points):
-        faults += [*_wrong_place(points), *_wrong_extras(read)]
+        faults += [*_wrong_place(points, config), *_wrong_extras(read, config.unit)]
     elif not faults:
         faults.append("no points")
     return faults
 
 
-def _wrong_place(points: NDArray[np.float64]) -> Iterator[str]:
-    """Whether (N, 3) points, m, are in metres, and the origin is on the floor among them."""
+def _wrong_place(points: Places, config: ValidationConfig) -> Iterator[str]:
+    """Whether points are in metres, and the origin is on the floor among them."""
     extent = float(np.ptp(points, axis=0).max())
-    if not LIMITS["smallest"] <= extent <= LIMITS["largest"]:
-        unit = ", as in millimetres" if extent > LIMITS["largest"] else ""
+    if not config.smallest <= extent <= config.largest:
+        unit = ", as in millimetres" if extent > config.largest else ""
         yield f"its points extend over {extent:.4g} m{unit}: metres are wanted"
         return
-    near = points[np.linalg.norm(points[:, :2], axis=1) < LIMITS["around"], 2]
+    near = points[np.linalg.norm(points[:, :2], axis=1) < config.around, 2]
     if not len(near):
-        yield f"no point within {LIMITS['around']:g} m of the origin: it must be at the front of the robot's start"
-    elif abs(floor := float(np.quantile(near, LIMITS["lowest_share"]))) > LIMITS["floor"]:
+        yield f"no point within {config.around:g} m of the origin: it must be at the front of the robot's start"
+    elif abs(floor := float(np.quantile(near, config.lowest_share))) > config.floor:
         yield f"the floor around the origin is at z = {floor:.2f} m: the origin must be on it, and z must point up"
 
 
-def _wrong_extras(read: CloudFile) -> Iterator[str]:
+def _wrong_extras(read: CloudFile, error: float) -> Iterator[str]:
     """Whether colours, normals and confidences are in their ranges."""
     rgb, normals = read.points(RGB), read.points(NORMAL)
     confidence = read.columns.get("confidence", np.zeros(0))
     if ((rgb < 0) | (rgb > np.iinfo(np.uint8).max) | (rgb % 1 > 0)).any():
         yield "colours are not whole numbers from 0 to 255"
-    if (abs(np.linalg.norm(normals, axis=1) - 1) > LIMITS["unit"]).any():
+    if (abs(np.linalg.norm(normals, axis=1) - 1) > error).any():
         yield "normals are not of length 1"
     if ((confidence < 0) | (confidence > 1)).any():
         yield "confidences are not from 0 to 1"
 
 
-def wrong_plan(path: Path, types: set[str]) -> list[str]:
+def wrong_plan(path: Path, types: set[str], config: ValidationConfig) -> list[str]:
     """What is wrong with a 2D map; ``types`` of the finds that must be on it."""
     try:
         with Image.open(path, formats=["TIFF"]) as picture:
@@ -142,10 +143,10 @@ def wrong_plan(path: Path, types: set[str]) -> list[str]:
         return ["not a picture of red, green and blue of 8 bits each"]
     image = image[..., :3]
     scale = np.atleast_1d(tags.get(GeoTag.PIXEL_SCALE, ()))
-    return [*_wrong_scale(image, scale), *_missing_elements(image, types)]
+    return [*_wrong_scale(image, scale), *_missing_elements(image, types, config.rarest)]
 
 
-def _wrong_scale(image: NDArray[np.uint8], scale: NDArray[np.float64]) -> Iterator[str]:
+def _wrong_scale(image: Rgb, scale: Values) -> Iterator[str]:
     """Whether the size of a pixel is given, and agrees with the scale at the top right."""
     if len(scale) < 2 or not (np.isfinite(scale[:2]) & (scale[:2] > 0)).all():
         yield "no size of a pixel: tag ModelPixelScale of a GeoTIFF is missing or wrong"
@@ -160,20 +161,20 @@ def _wrong_scale(image: NDArray[np.uint8], scale: NDArray[np.float64]) -> Iterat
         yield f"its scale is {line} pixels of {scale[0]:g} m, which is {line * scale[0]:.3f} m and not 1 m"
 
 
-def _is_of(image: NDArray[np.uint8], element: str) -> NDArray[np.bool_]:
-    """(H, W) the pixels of an image (H, W, 3) that have the colour of an element."""
+def _is_of(image: Rgb, element: str) -> PixelMask:
+    """The pixels of an image that have the colour of an element."""
     return np.asarray((image == np.array(MAP_COLOURS[element], np.uint8)).all(axis=-1))
 
 
-def _longest_run(mask: NDArray[np.bool_]) -> int:
-    """Pixels of the longest row of neighbours in a mask (H, W)."""
+def _longest_run(mask: PixelMask) -> int:
+    """Pixels of the longest row of neighbours in a mask."""
     ends = np.diff(np.pad(mask, ((0, 0), (1, 1))).astype(np.int8), axis=1).ravel()
     runs = np.flatnonzero(ends < 0) - np.flatnonzero(ends > 0)
     return int(runs.max(initial=0))
 
 
-def _missing_elements(image: NDArray[np.uint8], types: set[str]) -> Iterator[str]:
-    """The elements that an image (H, W, 3) lacks by their colours."""
+def _missing_elements(image: Rgb, types: set[str], rarest: float) -> Iterator[str]:
+    """The elements that an image lacks by their colours."""
     for element in (*ALWAYS, *sorted(types & MAP_COLOURS.keys())):
         if not _is_of(image, element).any():
             yield f"no {element.replace('_', ' ')}: nothing is of the colour {MAP_COLOURS[element]}"
@@ -185,6 +186,6 @@ def _missing_elements(image: NDArray[np.uint8], types: set[str]) -> Iterator[str
         yield f"no searched area: nothing is from {MAP_COLOURS['searched']} to {MAP_COLOURS['text']}"
     frame = np.concatenate([image[0], image[-1], image[:, 0], image[:, -1]])
     colours, counts = np.unique(frame, axis=0, return_counts=True)
-    greys = np.ptp(colours[counts >= LIMITS["rarest"] * len(frame)].astype(int), axis=1) <= 2
+    greys = np.ptp(colours[counts >= rarest * len(frame)].astype(int), axis=1) <= 2
     if greys.sum() < 2:
         yield "no checkerboard of two greys along the picture's edges, where nothing is explored"

@@ -3,7 +3,9 @@
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
+
+from pipeline.arrays import Place
 
 _SCENE = (
     "+ $origin/**",
@@ -61,8 +63,8 @@ def _scene(name: str, low: ArrayLike, high: ArrayLike, hidden: list[str]) -> rrb
     )
 
 
-def eye(low: NDArray[np.float64], high: NDArray[np.float64]) -> rrb.EyeControls3D:
-    """The eye, at negative y of and above the box from ``low`` to ``high``, (3,) m, which fills the window.
+def eye(low: Place, high: Place) -> rrb.EyeControls3D:
+    """The eye, at negative y of and above the box from ``low`` to ``high``, which fills the window.
 
     It is so high that a wall hides only a third of its height behind it.
     """

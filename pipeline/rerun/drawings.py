@@ -7,10 +7,11 @@ from typing import Any
 import cv2
 import numpy as np
 import rerun as rr
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 from PIL import ImageColor
 from scipy.spatial.transform import Rotation
 
+from pipeline.arrays import Labels, Places, Points, Pose, Poses, Rgb
 from pipeline.explorer import Step
 from pipeline.frame import Frame, jpeg
 from pipeline.geometry.thinning import first_in_voxels
@@ -32,10 +33,8 @@ LOOP_COLOUR = ImageColor.getrgb("red")
 FREE_COLOUR = ImageColor.getrgb("lightskyblue")
 
 FONT = cv2.FONT_HERSHEY_SIMPLEX, 0.5  # Of pictures: its face, and its size relative to the face's own
-GRAIN = 0.04
-"""m between the drawn points of the semantic map, for all would make a large file, and of tracks; marks are twice as
-large."""
-ABOVE_GROUND = np.array([0, 0, 2 * GRAIN])
+MARK = 0.08  # m, radius of marks
+ABOVE_GROUND = np.array([0, 0, 0.08])
 """m; drawings on the ground are raised by this, so that points and voxels do not hide them."""
 
 
@@ -46,8 +45,8 @@ def annotations() -> rr.AnnotationContext:
     )
 
 
-def transform(T: NDArray[np.float64]) -> rr.Transform3D:
-    """A 4×4 pose, in m."""
+def transform(T: Pose) -> rr.Transform3D:
+    """A pose."""
     return rr.Transform3D(translation=T[:3, 3], mat3x3=T[:3, :3])
 
 
@@ -62,8 +61,8 @@ def pinhole(frame: Frame) -> rr.Pinhole:
     )
 
 
-def colour_image(rgb: NDArray[np.uint8]) -> rr.EncodedImage:
-    """(H, W, 3) uint8 RGB as JPEG."""
+def colour_image(rgb: Rgb) -> rr.EncodedImage:
+    """An image as JPEG."""
     return rr.EncodedImage(contents=jpeg(rgb), media_type="image/jpeg")
 
 
@@ -81,24 +80,24 @@ def depth_image(frame: Frame) -> rr.EncodedDepthImage:
     )
 
 
-def label_image(frame: Frame, labels: NDArray[np.uint8]) -> rr.SegmentationImage:
-    """The classes (N,) uint8 of a frame's returns as an image; pixels without a return are unlabelled."""
+def label_image(frame: Frame, labels: Labels) -> rr.SegmentationImage:
+    """The classes of a frame's returns as an image; pixels without a return are unlabelled."""
     image = np.full(frame.depth.shape, Label.UNLABELLED, np.uint8)
     image[frame.returns] = labels
     return rr.SegmentationImage(image)
 
 
-def occupied_voxels(metric_map: MetricMap, centres: NDArray[np.float32]) -> rr.VoxelGridMap:
-    """Voxels of the map, given by their (N, 3) centres in m, coloured by height from 0 to 1 m."""
+def occupied_voxels(metric_map: MetricMap, centres: Points) -> rr.VoxelGridMap:
+    """Voxels of the map, given by their centres, coloured by height from 0 to 1 m."""
     return _voxels(metric_map, centres, values=centres[:, 2].clip(0, 1), colormap="viridis")
 
 
-def free_voxels(metric_map: MetricMap, centres: NDArray[np.float32]) -> rr.VoxelGridMap:
-    """Voxels of the map, given by their (N, 3) centres in m, nearly transparent."""
+def free_voxels(metric_map: MetricMap, centres: Points) -> rr.VoxelGridMap:
+    """Voxels of the map, given by their centres, nearly transparent."""
     return _voxels(metric_map, centres, colors=[FREE_COLOUR] * len(centres), opacity=0.03)
 
 
-def _voxels(metric_map: MetricMap, centres: NDArray[np.float32], **style: Any) -> rr.VoxelGridMap:
+def _voxels(metric_map: MetricMap, centres: Points, **style: Any) -> rr.VoxelGridMap:
     size = metric_map.voxel_size
     return rr.VoxelGridMap(
         metric_map.voxel_index(centres).astype(np.int32),
@@ -108,11 +107,11 @@ def _voxels(metric_map: MetricMap, centres: NDArray[np.float32], **style: Any) -
     )
 
 
-def labelled_points(semantic_map: SemanticMap) -> rr.Points3D:
-    """The semantic map, thinned to its oldest point in every cube of side ``GRAIN``; points cover their cubes."""
+def labelled_points(semantic_map: SemanticMap, side: float) -> rr.Points3D:
+    """The semantic map, thinned to its oldest point in every cube of a ``side``, m; points cover their cubes."""
     points = semantic_map.points()
-    oldest = first_in_voxels(points, 1 / GRAIN)
-    return rr.Points3D(points[oldest], class_ids=semantic_map.labels()[oldest], radii=GRAIN * sqrt(3) / 2)
+    oldest = first_in_voxels(points, 1 / side)
+    return rr.Points3D(points[oldest], class_ids=semantic_map.labels()[oldest], radii=side * sqrt(3) / 2)
 
 
 def segment_boxes(segments: Segments) -> rr.Boxes3D:
@@ -139,7 +138,7 @@ def nodes(topology: TopologicalMap) -> rr.Points3D:
         class_ids=[int(node.label) for node in topology.nodes.values()],
         labels=[str(n) for n in topology.nodes],
         show_labels=False,
-        radii=2 * GRAIN,
+        radii=MARK,
     )
 
 
@@ -161,24 +160,24 @@ def path(step: Step) -> rr.LineStrips3D:
     return rr.LineStrips3D([strip + 2 * ABOVE_GROUND for strip in strips], colors=PLAN_COLOUR)
 
 
-def frontier_points(frontiers: NDArray[np.float64]) -> rr.Points3D:
-    """(N, 3) m, the middles of the frontiers."""
-    return rr.Points3D(frontiers + ABOVE_GROUND, colors=FRONTIER_COLOUR, radii=2 * GRAIN)
+def frontier_points(frontiers: Places) -> rr.Points3D:
+    """The middles of the frontiers."""
+    return rr.Points3D(frontiers + ABOVE_GROUND, colors=FRONTIER_COLOUR, radii=MARK)
 
 
-def keyframes(poses: NDArray[np.float64]) -> rr.Arrows3D:
-    """An arrow ahead at each of (K, 4, 4) poses in ``map``."""
+def keyframes(poses: Poses) -> rr.Arrows3D:
+    """An arrow ahead at each keyframe's pose."""
     return rr.Arrows3D(
         origins=poses[:, :3, 3] + ABOVE_GROUND,
-        vectors=3 * GRAIN * poses[:, :3, 0],
+        vectors=0.12 * poses[:, :3, 0],
         colors=KEYFRAME_COLOUR,
         labels=[f"keyframe {k}" for k in range(len(poses))],
         show_labels=False,
     )
 
 
-def loops(found: Sequence[Loop], poses: NDArray[np.float64]) -> rr.LineStrips3D:
-    """Lines between the keyframes that loops connect, given the keyframes' (K, 4, 4) poses in ``map``."""
+def loops(found: Sequence[Loop], poses: Poses) -> rr.LineStrips3D:
+    """Lines between the keyframes that loops connect, at these poses."""
     ends = [(loop.first, loop.second) for loop in found]
     return rr.LineStrips3D(
         [poses[list(pair), :3, 3] + ABOVE_GROUND for pair in ends],

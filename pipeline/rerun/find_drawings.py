@@ -7,7 +7,7 @@ import rerun as rr
 from PIL import ImageColor
 
 from pipeline.finds.codes import plain_text
-from pipeline.rerun.drawings import GRAIN
+from pipeline.rerun.drawings import MARK
 from pipeline.rerun.photo_sheet import sheet
 from pipeline.tracks.find import Find, Reading
 
@@ -20,14 +20,14 @@ def marks(finds: Sequence[Find]) -> rr.Points3D:
         np.array([find.position for find in finds]).reshape(-1, 3),
         labels=[_name(find) for find in finds],
         colors=FIND_COLOUR,
-        radii=2 * GRAIN,
+        radii=MARK,
         show_labels=True,
     )
 
 
-def photo_sheet(finds: Sequence[Find]) -> rr.EncodedImage:
-    """The photos of all finds."""
-    return sheet([(f"{k} {_name(find)}", find.photo, FIND_COLOUR) for k, find in enumerate(finds, start=1)])
+def photo_sheet(finds: Sequence[Find], side: int) -> rr.EncodedImage:
+    """The photos of all finds; ``side`` in pixels as :func:`sheet` has it."""
+    return sheet([(f"{k} {_name(find)}", find.photo, FIND_COLOUR) for k, find in enumerate(finds, start=1)], side)
 
 
 def outlines(readings: Sequence[Reading]) -> rr.LineStrips2D:

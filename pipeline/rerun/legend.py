@@ -2,9 +2,9 @@
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from PIL import ImageColor
 
+from pipeline.arrays import Rgb
 from pipeline.labels import COLOURS, Label
 from pipeline.rerun import drawings
 from pipeline.rerun.drawings import FONT
@@ -27,8 +27,8 @@ MEANINGS = {
 """RGB colour of each meaning."""
 
 
-def legend() -> NDArray[np.uint8]:
-    """(H, W, 3) uint8 RGB, in two columns of lines twice as high as their text."""
+def legend() -> Rgb:
+    """The legend, in two columns of lines twice as high as their text."""
     sizes = [cv2.getTextSize(meaning, *FONT, thickness=1)[0] for meaning in MEANINGS]
     width, height = np.max(sizes, axis=0).tolist()
     line, rows = 2 * height, (len(MEANINGS) + 1) // 2

@@ -7,8 +7,8 @@ from typing import Literal
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
-from numpy.typing import NDArray
 
+from pipeline.arrays import Places, Pose
 from pipeline.errors import InputError
 from pipeline.finds.find_map import Finds
 from pipeline.keyframes import Moves
@@ -16,18 +16,16 @@ from pipeline.localisation.localisation import Localisation
 from pipeline.mapper import Keyframe, Mapper
 from pipeline.rerun import drawings, find_drawings, victim_drawings
 from pipeline.rerun.blueprint import blueprint
+from pipeline.rerun.config import RerunConfig
 from pipeline.rerun.legend import legend
 from pipeline.rerun.trajectory import CorrectedTrajectory
-from pipeline.rerun.viewer import VIEWER_TIME, Viewer, start_rerun
+from pipeline.rerun.viewer import Viewer, start_rerun
 from pipeline.robot import Motion
 from pipeline.sink import Result, Sink, Step
 from pipeline.transforms import tilt_of
 from pipeline.victims.victim_map import Victims
 
 Level = Literal["INFO", "WARN", "ERROR"]
-
-GROWTH = 0.05  # Share by which a cloud has to grow to be logged again; all are logged at the end
-MOTION_PERIOD = 0.2  # s between two logged poses of the moving robot
 
 
 class Recorder(Sink):
@@ -38,22 +36,30 @@ class Recorder(Sink):
         viewer: shows the recording while it grows; None if there is none.
     """
 
-    def __init__(self, path: Path, viewer: Viewer | None = None, layout: rrb.Blueprint | None = None):
+    def __init__(
+        self,
+        path: Path,
+        viewer: Viewer | None = None,
+        layout: rrb.Blueprint | None = None,
+        *,
+        config: RerunConfig = RerunConfig(),
+    ):
         """Begin a recording named after its folder.
 
         Args:
             path: of the file, which is written as the recording grows and can be read at any time.
             viewer: shows the recording while it grows.
             layout: with which a viewer opens the recording.
+            config: how much is logged.
 
         Raises:
             InputError: the file cannot be written.
         """
-        self._path, self.viewer = path, viewer
+        self._path, self.viewer, self._config = path, viewer, config
         self.stream = _new_stream(path, viewer)
         self._step = 0
         self._time = 0.0
-        self._track = CorrectedTrajectory()
+        self._track = CorrectedTrajectory(config.grain)
         self._T_odom_base = np.eye(4)
         self._times_run: dict[str, int] = {}
         self._moved: tuple[float, float] | None = None
@@ -90,16 +96,16 @@ class Recorder(Sink):
             self.stream.log("world/robot/camera/finds", find_drawings.outlines(mapper.finds.readings))
         self._log_progress(mapper)
 
-    def log_pose(self, time: float, T_odom_base: NDArray[np.float64]) -> bool:
+    def log_pose(self, time: float, T_odom_base: Pose) -> bool:
         """Log the robot's pose between steps, thinned to 5 per second; returns whether this one was logged.
 
         Args:
             time: s.
-            T_odom_base: 4×4 by the odometry; the newest keyframe's correction takes it to ``map``.
+            T_odom_base: by the odometry; the newest keyframe's correction takes it to ``map``.
         """
         self._move(T_odom_base)
         # To the millisecond: times are sums of many control periods.
-        if self._moved is not None and round(time - self._moved[0], 3) < MOTION_PERIOD:
+        if self._moved is not None and round(time - self._moved[0], 3) < self._config.motion_period:
             return False
         self._set_time(time, on_a_step=False)
         self._log_robot_pose()
@@ -127,8 +133,8 @@ class Recorder(Sink):
         self._set_time(self._time)
         self.stream.log("log", rr.TextLog(text, level=level))
 
-    def log_ways(self, ways: Sequence[NDArray[np.float64]]) -> None:
-        """Log the paths, (N, 3) points in ``map`` each, from the entrance to the victims."""
+    def log_ways(self, ways: Sequence[Places]) -> None:
+        """Log the paths from the entrance to the victims."""
         self._set_time(self._time)
         self.stream.log("world/victims/ways", victim_drawings.ways(ways))
 
@@ -144,7 +150,7 @@ class Recorder(Sink):
             self._log_maps(self._mapper)
             self._log_robot_pose()
         try:
-            self.stream.flush(timeout_sec=VIEWER_TIME)
+            self.stream.flush(timeout_sec=self._config.patience)
         except RuntimeError as error:
             # A window that was closed in the meantime takes no more data, but the file is still complete.
             if self.viewer is None:
@@ -163,16 +169,16 @@ class Recorder(Sink):
             self.stream.disable_timeline("step")
 
     @property
-    def T_map_base(self) -> NDArray[np.float64]:
-        """4×4 estimate of the robot's present pose; before the first step ``map`` is the odometry's frame."""
-        return self._mapper.localisation.T_map_odom @ self._T_odom_base if self._mapper else self._T_odom_base
+    def T_map_base(self) -> Pose:
+        """The robot's present pose as estimated; before the first step ``map`` is the odometry's frame."""
+        return self._mapper.T_map_odom @ self._T_odom_base if self._mapper else self._T_odom_base
 
     def log_trajectory(self, localisation: Localisation) -> None:
         """Log the present estimate of the track driven so far."""
         way = [*self._track.positions(localisation.poses), self.T_map_base[:3, 3]]
         self.stream.log("world/trajectory/estimated", drawings.trajectory(way, drawings.TRAJECTORY_COLOUR))
 
-    def _move(self, T_odom_base: NDArray[np.float64]) -> None:
+    def _move(self, T_odom_base: Pose) -> None:
         self._T_odom_base = T_odom_base
         self._track.add(T_odom_base, self._mapper.localisation if self._mapper else None)
 
@@ -214,14 +220,14 @@ class Recorder(Sink):
         log = self.stream.log
         log("world/victims", victim_drawings.boxes(victims))
         log("world/victims/certainty", victim_drawings.certainty(victims))
-        log("world/victims/photos", victim_drawings.photo_sheet(victims))
+        log("world/victims/photos", victim_drawings.photo_sheet(victims, self._config.photo))
         confirmed, unconfirmed = len(victims.confirmed), len(victims.unconfirmed)
         self._log_metrics("victims/", confirmed=confirmed, unconfirmed=unconfirmed)
 
     def _log_finds(self, finds: Finds) -> None:
         confirmed = finds.reported
         self.stream.log("world/finds", find_drawings.marks(confirmed))
-        self.stream.log("world/finds/photos", find_drawings.photo_sheet(confirmed))
+        self.stream.log("world/finds/photos", find_drawings.photo_sheet(confirmed, self._config.photo))
         self._log_metrics("finds/", confirmed=len(confirmed), unconfirmed=len(finds.unconfirmed))
 
     def _log_clouds(self, mapper: Mapper) -> None:
@@ -230,10 +236,10 @@ class Recorder(Sink):
         occupied, free = metric_map.occupied_centres(), metric_map.free_centres()
         if self._has_changed("occupied", len(occupied), 0.0):
             self.stream.log("world/metric_map/occupied", drawings.occupied_voxels(metric_map, occupied))
-        if self._has_changed("free", len(free), GROWTH):
+        if self._has_changed("free", len(free), self._config.growth):
             self.stream.log("world/metric_map/free", drawings.free_voxels(metric_map, free))
-        if self._has_changed("semantic", len(semantic_map), GROWTH):
-            self.stream.log("world/semantic_map", drawings.labelled_points(semantic_map))
+        if self._has_changed("semantic", len(semantic_map), self._config.growth):
+            self.stream.log("world/semantic_map", drawings.labelled_points(semantic_map, self._config.grain))
         self._log_metrics(
             "map/", occupied_voxels=len(occupied), free_voxels=len(free), semantic_points=len(semantic_map)
         )
@@ -247,11 +253,12 @@ class Recorder(Sink):
         return True
 
     def _log_progress(self, mapper: Mapper) -> None:
-        seen = np.count_nonzero(~np.isnan(mapper.elevation_map.measured))
-        self._log_metrics(explored_area_m2=seen * mapper.elevation_map.grid.cell**2)
+        elevation_map, stopwatch = mapper.elevation_map, mapper.stopwatch
+        seen = np.count_nonzero(~np.isnan(elevation_map.measured))
+        self._log_metrics(explored_area_m2=seen * elevation_map.grid.cell**2)
         nodes = len(mapper.topological_map.nodes)
         self._log_metrics("map/", segments=len(mapper.segments), nodes=nodes)
-        for stage, seconds in mapper.stopwatch.seconds.items():
+        for stage, seconds in stopwatch.seconds.items():
             if len(seconds) > self._times_run.get(stage, 0):
                 self._log_metrics("time_ms/", **{stage: 1e3 * seconds[-1]})
             self._times_run[stage] = len(seconds)

@@ -4,10 +4,10 @@ from collections.abc import Sequence
 
 import numpy as np
 import rerun as rr
-from numpy.typing import NDArray
 from PIL import ImageColor
 from scipy.spatial.transform import Rotation
 
+from pipeline.arrays import Places
 from pipeline.rerun.drawings import ABOVE_GROUND, Colour
 from pipeline.rerun.photo_sheet import sheet
 from pipeline.tracks.track import Track
@@ -61,14 +61,15 @@ def certainty(victims: Tracks) -> rr.Ellipsoids3D:
     )
 
 
-def ways(strips: Sequence[NDArray[np.float64]]) -> rr.LineStrips3D:
-    """Paths of (N, 3) points each, m, from the entrance to the victims."""
+def ways(strips: Sequence[Places]) -> rr.LineStrips3D:
+    """Paths from the entrance to the victims."""
     return rr.LineStrips3D([strip + 2 * ABOVE_GROUND for strip in strips], colors=CONFIRMED)
 
 
-def photo_sheet(victims: Tracks) -> rr.EncodedImage:
-    """The victims' photos with their display ids."""
-    return sheet([(f"{_name(id)}  {v.confidence:.0%}", v.photo, _colour(id)) for id, v in _displayed(victims)])
+def photo_sheet(victims: Tracks, side: int) -> rr.EncodedImage:
+    """The victims' photos with their display ids; ``side`` in pixels as :func:`sheet` has it."""
+    photos = [(f"{_name(id)}  {v.confidence:.0%}", v.photo, _colour(id)) for id, v in _displayed(victims)]
+    return sheet(photos, side)
 
 
 def _displayed(victims: Tracks) -> list[tuple[str, Track]]:

@@ -31,7 +31,6 @@ LOCAL = "default-src 'self' data: blob: 'unsafe-inline' 'unsafe-eval' 'wasm-unsa
 """Content security policy: the page may load only from its own server."""
 HOP_BY_HOP = ("connection", "content-length", "date", "server", "transfer-encoding", "content-security-policy")
 """Headers that are not passed on."""
-VIEWER_TIME = 30.0  # s that a viewer may take until it listens, and at the end for the remaining data
 
 
 class Viewer:
@@ -41,8 +40,13 @@ class Viewer:
         page: address of a ``web`` viewer; None for a window.
     """
 
-    def __init__(self, kind: ViewerKind, *recordings: Path):
+    def __init__(self, kind: ViewerKind, *recordings: Path, patience: float = 30.0):
         """Start a viewer that shows recordings and data logged to its sink; a page's address is printed.
+
+        Args:
+            kind: of the viewer.
+            recordings: that it shows.
+            patience: s that it may take until it listens.
 
         Raises:
             InputError: there is no display for a window, or the viewer does not start.
@@ -56,7 +60,7 @@ class Viewer:
         self.page: str | None = None
         self._local: LocalPage | None = None
         self._process = self._start(kind, recordings)
-        self._await_port()
+        self._await_port(patience)
         if self.page:
             print(f"shown at {self.page}", flush=True)
 
@@ -94,8 +98,8 @@ class Viewer:
             atexit.register(process.terminate)
         return process
 
-    def _await_port(self) -> None:
-        deadline = time.monotonic() + VIEWER_TIME
+    def _await_port(self, patience: float) -> None:
+        deadline = time.monotonic() + patience
         while time.monotonic() < deadline and self._process.poll() is None:
             try:
                 socket.create_connection((HOST, self._port), timeout=1).close()

@@ -10,8 +10,9 @@ import numpy as np
 from pipeline.files import whole_file
 from pipeline.frame import jpeg
 from pipeline.rescue_report.people import Row, photo_name, plain
-from pipeline.rescue_report.situation import Person, Situation
+from pipeline.rescue_report.situation import Situation
 from pipeline.tracks.find import Find
+from pipeline.tracks.track import Track
 
 
 def finds_data(situation: Situation) -> list[Row]:
@@ -28,7 +29,7 @@ def _row(find: Find, photo: str) -> Row:
         "text": find.text,
         "position": plain(find.position),
         "covariance": plain(find.covariance),
-        "time_s": plain(find.time_s) if np.isfinite(find.time_s) else 0.0,  # in an earlier episode
+        "time_s": plain(find.time_s) if np.isfinite(find.time_s) else 0.0,  # in an earlier run
         "confidence": round(find.confidence, 4),
         "photo": photo,
     }
@@ -36,13 +37,13 @@ def _row(find: Find, photo: str) -> Row:
 
 def _named(situation: Situation) -> Iterator[tuple[Find, str]]:
     """Each find with the name of the file of its photo."""
-    yield from ((_person(person), photo_name(person)) for person in situation.people)
+    yield from ((person_find(person.victim), photo_name(person)) for person in situation.people)
     yield from ((find, f"find_{k}.jpg") for k, find in enumerate(situation.finds, start=1))
 
 
-def _person(person: Person) -> Find:
-    """A confirmed person as a find."""
-    return replace(person.victim.find(), time_s=min(person.victim.times, default=np.nan))
+def person_find(victim: Track) -> Find:
+    """A confirmed person as a find; the time is that of this run's first frame that shows the person."""
+    return replace(victim.find(), time_s=min(victim.times, default=np.nan))
 
 
 def write_finds(folder: Path, situation: Situation) -> None:

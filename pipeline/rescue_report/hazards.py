@@ -4,92 +4,86 @@ from dataclasses import dataclass
 from math import ceil
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import ndimage
 
+from pipeline.arrays import Cells, Layer, MaskLayer, Points, Values
 from pipeline.elevation_map.traversability import Traversability
 from pipeline.grid_map import Grid
-from pipeline.labels import RAMP_TILT
+from pipeline.rescue_report.config import HazardConfig
 from pipeline.rescue_report.places import ReportedPlace, places
 from pipeline.robot import RobotModel
-
-DROP = 0.1
-"""m, least height of a drop: a robot that takes stairs climbs lower steps back up. The edge of a drop differs by less
-in height from the ground in front of it; a kerb differs by more."""
-UPRIGHT_ROOM = 2.0
-"""m of headroom below which a person must stoop."""
 
 
 @dataclass(frozen=True, eq=False)
 class Hazards:
-    """Hazards of the ground that the robot can reach; layers are (nx, ny) on the grid of the traversability.
+    """Hazards of the ground that the robot can reach; layers are on the grid of the traversability.
 
     Attributes:
         slope: rad, inclination of the ground.
-        is_steep: bool, whether a cell is on a slope.
+        is_steep: whether a cell is on a slope.
         drop: m that the ground falls at a cell; 0 where it does not.
         slopes: steepest first, in rad.
         drops: deepest first, in m.
         ceilings: lowest first, in m of headroom.
     """
 
-    slope: NDArray[np.float64]
-    is_steep: NDArray[np.bool_]
-    drop: NDArray[np.float64]
+    slope: Layer
+    is_steep: MaskLayer
+    drop: Layer
     slopes: list[ReportedPlace]
     drops: list[ReportedPlace]
     ceilings: list[ReportedPlace]
 
 
 def find_hazards(
-    traversability: Traversability, reachable: NDArray[np.bool_], points: NDArray[np.float32], robot: RobotModel
+    traversability: Traversability, reachable: MaskLayer, points: Points, robot: RobotModel, config: HazardConfig
 ) -> Hazards:
     """The hazards of the ground that the robot can reach.
 
     Args:
         traversability: of the robot's map.
-        reachable: (nx, ny) cells that the robot can reach.
-        points: (N, 3) m, of the semantic map.
+        reachable: cells that the robot can reach.
+        points: of the semantic map.
         robot: drops within its length are beside it, its gaps are none, points lower than its headroom are obstacles,
             not ceilings, and hazards nearer to each other than its width are one place.
+        config: what counts as a hazard.
     """
+    grid = traversability.grid
     slope = np.arctan(np.linalg.norm(traversability.gradient.astype(np.float64), axis=-1))
     # Opening removes single noisy cells.
-    is_steep = ndimage.binary_opening((slope > RAMP_TILT) & ~traversability.hazard, np.ones((3, 3))) & reachable
-    drop = _drops(traversability, reachable, robot)
+    is_steep = ndimage.binary_opening((slope > config.steep) & ~traversability.hazard, np.ones((3, 3))) & reachable
+    drop = _drops(traversability, reachable, robot, config)
     headroom = _headroom(traversability, points, robot.headroom)
-    low = reachable & (headroom < UPRIGHT_ROOM)
-    lowest_first = places(traversability.grid, low, -headroom, robot.width)
+    low = reachable & (headroom < config.upright)
+    lowest_first = places(grid, low, -headroom, robot.width)
     return Hazards(
         slope=slope,
         is_steep=is_steep,
         drop=drop,
-        slopes=places(traversability.grid, is_steep, slope, 0),
-        drops=places(traversability.grid, drop > 0, drop, robot.width),
+        slopes=places(grid, is_steep, slope, 0),
+        drops=places(grid, drop > 0, drop, robot.width),
         ceilings=[ReportedPlace(place.position, place.area, -place.value) for place in lowest_first],
     )
 
 
-def _drops(traversability: Traversability, reachable: NDArray[np.bool_], robot: RobotModel) -> NDArray[np.float64]:
-    """(nx, ny) m that the ground falls at edges of the reachable ground; 0 elsewhere."""
-    elevation, cell = traversability.elevation.astype(np.float64), traversability.grid.cell
+def _drops(traversability: Traversability, reachable: MaskLayer, robot: RobotModel, config: HazardConfig) -> Layer:
+    """By how many m the ground falls at edges of the reachable ground; 0 elsewhere."""
+    grid, elevation = traversability.grid, traversability.elevation.astype(np.float64)
     # Steps are not traversable, so ground above and below a step is in different pieces.
     pieces, _ = ndimage.label(~traversability.hazard & ~np.isnan(elevation))
     connected = np.isin(pieces, np.unique(pieces[reachable]))
-    two_cells = 1 + 2 * 2  # the greatest width of an edge
-    highest = ndimage.maximum_filter(np.where(connected, elevation, -np.inf), two_cells)
-    is_edge = traversability.hazard & (np.abs(elevation - highest) < DROP)
-    is_edge &= traversability.grid.distance_to(reachable) <= robot.length
-    drop = np.zeros(traversability.grid.shape)
-    drop[is_edge] = elevation[is_edge] - _lowest_beyond(traversability.grid, elevation, np.argwhere(is_edge), robot)
+    highest = ndimage.maximum_filter(np.where(connected, elevation, -np.inf), config.edge)
+    is_edge = traversability.hazard & (np.abs(elevation - highest) < config.drop)
+    is_edge &= grid.distance_to(reachable) <= robot.length
+    drop = np.zeros(grid.shape)
+    lowest = _lowest_beyond(grid, elevation, np.argwhere(is_edge), robot, config.drop)
+    drop[is_edge] = elevation[is_edge] - lowest
     # Shorter edges than half of the robot are seams between the arena's parts.
-    return np.where(_long(drop >= DROP, round(robot.half_width / cell)), drop, 0.0)
+    return np.where(_long(drop >= config.drop, round(robot.half_width / grid.cell)), drop, 0.0)
 
 
-def _lowest_beyond(
-    grid: Grid, elevation: NDArray[np.float64], edges: NDArray[np.int64], robot: RobotModel
-) -> NDArray[np.float64]:
-    """(E,) m, height of the lowest ground within the robot's length beyond each of the cells (E, 2).
+def _lowest_beyond(grid: Grid, elevation: Layer, edges: Cells, robot: RobotModel, least_drop: float) -> Values:
+    """Height, m, of the lowest ground within the robot's length beyond each of the edges.
 
     The camera often misses the nearest part of it, and of a gap that the robot rolls over no wheel finds the ground.
     The search in a direction ends where the map is no lower than the edge: at more of the same ground, or at a wall,
@@ -105,27 +99,27 @@ def _lowest_beyond(
     for distance in np.arange(grid.cell / 2, robot.length, grid.cell / 2):
         there = middles + distance * ahead
         has_left = (grid.cell_of(there) != edges[:, None]).any(axis=-1)
-        is_open &= ~(has_left & (grid.at(elevation, there, outside=np.nan) > height - DROP))
+        is_open &= ~(has_left & (grid.at(elevation, there, outside=np.nan) > height - least_drop))
         lowest = np.fmin(lowest, np.where(is_open, grid.at(ground, there, outside=np.nan), np.nan))
     return lowest.min(axis=1)
 
 
-def _without_slits(elevation: NDArray[np.float64], cells: int) -> NDArray[np.float64]:
-    """(nx, ny) m, raised where low ground is narrower than ``cells``: a grey closing that ignores NaN."""
+def _without_slits(elevation: Layer, cells: int) -> Layer:
+    """The heights, m, raised where low ground is narrower than ``cells``: a grey closing that ignores NaN."""
     raised = ndimage.maximum_filter(np.nan_to_num(elevation, nan=-np.inf), cells)
     closed = ndimage.minimum_filter(np.where(np.isneginf(raised), np.inf, raised), cells)
     return np.where(np.isnan(elevation), np.nan, closed)
 
 
-def _long(edges: NDArray[np.bool_], cells: int) -> NDArray[np.bool_]:
-    """The connected edges (nx, ny) of at least ``cells`` cells."""
+def _long(edges: MaskLayer, cells: int) -> MaskLayer:
+    """The connected edges of at least ``cells`` cells."""
     pieces, _ = ndimage.label(edges, np.ones((3, 3)))
     sizes = np.bincount(pieces.ravel())
     return edges & (sizes[pieces] >= cells)
 
 
-def _headroom(traversability: Traversability, points: NDArray[np.float32], at_least: float) -> NDArray[np.float64]:
-    """(nx, ny) m from the ground to the lowest point that is at least ``at_least`` m above it; inf without one."""
+def _headroom(traversability: Traversability, points: Points, at_least: float) -> Layer:
+    """m from the ground to the lowest point that is at least ``at_least`` m above it; inf without one."""
     headroom = np.full(traversability.grid.shape, np.inf)
     above = points[:, 2] - traversability.grid.at(traversability.elevation, points, outside=np.nan)
     hangs = above >= at_least

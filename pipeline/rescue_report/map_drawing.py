@@ -7,24 +7,15 @@ from numpy.typing import ArrayLike, NDArray
 from PIL import ImageColor
 from scipy import ndimage
 
+from pipeline.arrays import MaskLayer, Place
 from pipeline.grid_map import Grid
 from pipeline.labels import COLOURS, Label
+from pipeline.rescue_report.config import DrawingConfig
 from pipeline.rescue_report.rendering import TEMPLATES
 from pipeline.rescue_report.situation import Situation
 
 UNNAMED = ImageColor.getrgb("linen")
 """RGB of ground whose class is not known."""
-MOST_NAMED = 10
-"""Most places of one kind that are numbered on the drawing and listed on the page, the worst first."""
-MIN_LINES = 6
-"""Least number of lines of round coordinates along the longer side."""
-EXTENT = 1000.0
-"""Units, width and height into which the drawing fits, unless the arena is so large that a metre would be narrower
-than a symbol."""
-SYMBOL = 30.0
-"""Units, the width of symbols."""
-BORDER = 0.4
-"""m around the known cells."""
 
 
 class Paper:
@@ -32,22 +23,22 @@ class Paper:
 
     Attributes:
         window: rows and columns of the grid.
-        low: (2,) m, the window's lower left corner.
+        low: the window's lower left corner.
         scale: units per m.
         width, height: of the drawing, units.
         cell: units along a cell of the grid.
     """
 
-    def __init__(self, grid: Grid, known: NDArray[np.bool_]):
-        """A drawing with room for the cells that are ``known`` (nx, ny), or for all cells if none is."""
-        cells = np.argwhere(known) if known.any() else np.array([[0, 0], np.subtract(grid.shape, 1)])
-        margin = round(BORDER / grid.cell)
+    def __init__(self, grid: Grid, mapped: MaskLayer, config: DrawingConfig):
+        """A drawing with room for the cells that are mapped, or for all cells if none is."""
+        cells = np.argwhere(mapped) if mapped.any() else np.array([[0, 0], np.subtract(grid.shape, 1)])
+        margin = round(config.border / grid.cell)
         low = np.maximum(cells.min(axis=0) - margin, 0)
         high = np.minimum(cells.max(axis=0) + 1 + margin, grid.shape)
         self.window = slice(low[0], high[0]), slice(low[1], high[1])
         self.low = grid.origin + low * grid.cell
         width, height = (high - low) * grid.cell
-        self.scale = float(max(EXTENT / max(width, height), SYMBOL))
+        self.scale = float(max(config.extent / max(width, height), config.symbol))
         self.width, self.height = float(width * self.scale), float(height * self.scale)
         self.cell = grid.cell * self.scale
 
@@ -60,9 +51,10 @@ class Paper:
 def draw_map(situation: Situation) -> str:
     """The semantic map with people, ways and hazards: an SVG element and a mark for narrow screens."""
     grid = situation.traversability.grid
-    paper = Paper(grid, ~np.isnan(situation.traversability.elevation))
+    config = situation.config.drawing
+    paper = Paper(grid, ~np.isnan(situation.traversability.elevation), config)
     size = np.array([paper.width, paper.height]) / paper.scale
-    apart = _round_length(float(size.max()) / MIN_LINES)
+    apart = _round_length(float(size.max()) / config.lines)
     return TEMPLATES.get_template("map.svg").render(
         situation=situation,
         paper=paper,
@@ -74,8 +66,8 @@ def draw_map(situation: Situation) -> str:
         digits=0 if apart >= 1 else 1,
         drops=paper(grid.centre_of(np.argwhere(situation.hazards.drop > 0))) - paper.cell / 2,
         arrows=_arrows(paper, situation),
-        MOST_NAMED=MOST_NAMED,
-        bar=_round_length(0.25 * paper.width / paper.scale),
+        most_named=config.most_named,
+        bar=_round_length(config.bar * paper.width / paper.scale),
     )
 
 
@@ -115,13 +107,14 @@ def _ground(paper: Paper, situation: Situation) -> NDArray[np.uint8]:
     return np.ascontiguousarray(drawing.repeat(sharp, axis=0).repeat(sharp, axis=1))
 
 
-def _arrows(paper: Paper, situation: Situation) -> Iterator[tuple[NDArray[np.float64], float]]:
-    """Positions (2,) in units and headings in rad of arrows up the slopes, from each slope's middle outwards."""
+def _arrows(paper: Paper, situation: Situation) -> Iterator[tuple[Place, float]]:
+    """Positions in units and headings in rad of arrows up the slopes, from each slope's middle outwards."""
     grid, hazards = situation.traversability.grid, situation.hazards
     inner = ndimage.distance_transform_edt(np.pad(hazards.is_steep, 1))[1:-1, 1:-1]
     cells = np.argwhere(hazards.is_steep)
-    apart = 3 / 2 * SYMBOL / paper.cell
-    for place in hazards.slopes[:MOST_NAMED]:  # keep free: the place's number is drawn there
+    config = situation.config.drawing
+    apart = config.arrows / paper.cell
+    for place in hazards.slopes[: config.most_named]:  # keep free: the place's number is drawn there
         cells = cells[np.linalg.norm(cells - grid.cell_of(place.position), axis=1) > apart]
     while len(cells):
         cell = cells[inner[tuple(cells.T)].argmax()]

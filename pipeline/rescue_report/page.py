@@ -9,7 +9,7 @@ import numpy as np
 
 from pipeline.labels import Label
 from pipeline.rescue_report.figures import figures
-from pipeline.rescue_report.map_drawing import MOST_NAMED, classes_from_above, draw_map, pale
+from pipeline.rescue_report.map_drawing import classes_from_above, draw_map, pale
 from pipeline.rescue_report.people import people_data
 from pipeline.rescue_report.rendering import TEMPLATES
 from pipeline.rescue_report.scores import league_scores
@@ -36,7 +36,7 @@ def page(situation: Situation, report: Mapping[str, Any], written: datetime | No
             in a mission's scores, which say so.
         written: time of writing, for the head of the page.
     """
-    drawn = np.unique(classes_from_above(situation))
+    config, drawn = situation.config, np.unique(classes_from_above(situation))
     return TEMPLATES.get_template("page.html").render(
         situation=situation,
         report=report,
@@ -49,7 +49,7 @@ def page(situation: Situation, report: Mapping[str, Any], written: datetime | No
         run=_tables({key: report[key] for key in RUN if key in report}, "run"),
         scores=_tables({key: report[key] for key in report if key not in (*RUN, SETTINGS)}, ""),
         settings=_tables(report.get(SETTINGS, {}), "command"),
-        MOST_NAMED=MOST_NAMED,
+        most_named=config.drawing.most_named,
     )
 
 
@@ -64,13 +64,13 @@ def _tables(content: Mapping[str, Any], rest: str) -> dict[str, list[tuple[str, 
     nested = {key: value for key, value in content.items() if isinstance(value, Mapping)}
     parts = {rest: {key: content[key] for key in content if key not in nested}, **nested}
     return {
-        caption: [(name, _told(value)) for key in part for name, value in figures(key, part[key])]
+        caption: [(name, _shown(value)) for key in part for name, value in figures(key, part[key])]
         for caption, part in parts.items()
         if part
     }
 
 
-def _told(value: Any) -> str:
+def _shown(value: Any) -> str:
     """A value in words."""
     if isinstance(value, float):
         return f"{value:.4g}".replace("-", "−")

@@ -90,6 +90,6 @@ def _row(person: Row) -> Row:
     if way:
         depths = [drop["depth"] for drop in way["drops"]]
         along = [way["arrives"], way["length"], way["steepest"], way["gap"], len(depths), max(depths, default="")]
-    known = (person[key] for key in ("posture", "confidence", "keyframes"))
-    head = (person["id"], person["confirmed"], *person["position"], *upper, *person["size"], *known)
+    rest = (person[key] for key in ("posture", "confidence", "keyframes"))
+    head = (person["id"], person["confirmed"], *person["position"], *upper, *person["size"], *rest)
     return dict(zip(COLUMNS, (*head, *first_last, person["photo"], *along), strict=True))

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from pipeline.arrays import MaskLayer, Place
 from pipeline.grid_map import Grid
 
 
@@ -14,22 +15,22 @@ class ReportedPlace:
     """A group of cells near each other.
 
     Attributes:
-        position: (2,) m in ``map``, centre of the cell nearest to the mean of all the cells.
+        position: centre of the cell nearest to the mean of all the cells.
         area: m².
         value: greatest of the cells' values.
     """
 
-    position: NDArray[np.float64]
+    position: Place
     area: float
     value: float
 
 
-def places(grid: Grid, mask: NDArray[np.bool_], values: NDArray, apart: float) -> list[ReportedPlace]:
+def places(grid: Grid, mask: MaskLayer, values: NDArray, apart: float) -> list[ReportedPlace]:
     """The places formed by the cells of a mask, sorted by value, the greatest first.
 
     Args:
         grid: grid of the cells.
-        mask: (nx, ny) the cells.
+        mask: the cells.
         values: (nx, ny) a number for every cell.
         apart: m; cells nearer to each other belong to one place, neighbours always.
     """

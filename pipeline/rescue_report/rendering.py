@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from PIL import Image
 
 from pipeline import frame
+from pipeline.arrays import Rgb
 from pipeline.rescue_report import words
 
 
@@ -27,8 +28,8 @@ def png(rgba: NDArray[np.uint8]) -> str:
     return _data_uri("png", content.getvalue())
 
 
-def jpeg(rgb: NDArray[np.uint8]) -> str:
-    """(H, W, 3) uint8 RGB as a data URI of a JPEG."""
+def jpeg(rgb: Rgb) -> str:
+    """An image as a data URI of a JPEG."""
     return _data_uri("jpeg", frame.jpeg(rgb))
 
 

@@ -9,6 +9,7 @@ from pipeline.exploration.viewpoint import Viewpoint
 from pipeline.files import whole_file
 from pipeline.mapper import Keyframe, Mapper
 from pipeline.rerun.recorder import Recorder
+from pipeline.rescue_report.config import RescueReportConfig
 from pipeline.rescue_report.finds import write_finds
 from pipeline.rescue_report.page import page
 from pipeline.rescue_report.people import write_people
@@ -24,10 +25,12 @@ class RescueReport(Sink):
         situation: the robot's knowledge at the end; None before.
     """
 
-    def __init__(self, recorder: Recorder | None = None) -> None:
+    def __init__(
+        self, recorder: Recorder | None = None, *, config: RescueReportConfig = RescueReportConfig()
+    ) -> None:
         self.finished = False
         self.situation: Situation | None = None
-        self._recorder = recorder
+        self._recorder, self._config = recorder, config
         self._camera_height = 0.0
         self._left: list[Viewpoint] = []
 
@@ -42,8 +45,7 @@ class RescueReport(Sink):
 
     def situation_in(self, mapper: Mapper) -> Situation:
         """The present knowledge, by maps that hold at least one keyframe of this run."""
-        robot = mapper.elevation_map.robot
-        return situation_of(mapper, robot, self._camera_height, self.finished, self._left)
+        return situation_of(mapper, self._camera_height, self.finished, self._left, self._config)
 
     def finish(self, result: Result) -> None:
         """Write the data; InputError if a file cannot be written."""

@@ -6,25 +6,19 @@ from itertools import pairwise
 from math import sqrt
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
+from pipeline.arrays import Place, Places, Points
 from pipeline.elevation_map.traversability import Traversability
-from pipeline.labels import RAMP_TILT
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.planning.path_plan import plan_path
 from pipeline.planning.pose_paths import PosePaths
+from pipeline.rescue_report.config import RouteConfig
 from pipeline.rescue_report.hazards import Hazards
 from pipeline.rescue_report.places import ReportedPlace, places
-from pipeline.rescue_report.words import STRAIGHT
 from pipeline.robot import RobotModel
 from pipeline.topological_map.topological_map import TopologicalMap
 from pipeline.transforms import wrap_angle
-
-ARRIVAL = 1.0
-"""m, greatest distance from the robot's middle to a person's points at which the robot is beside the person."""
-VIEWS_CHECKED = 400
-"""Most cells whose line of sight to a person is checked: the nearest, and ever fewer of those farther off."""
 
 
 @dataclass(frozen=True)
@@ -35,16 +29,13 @@ class RouteLeg:
         turn: rad to the left at its beginning, from the heading so far.
         length: m along the ground.
         steepest: rad, greatest inclination of the ground under it.
+        is_steep: whether it leads over a slope.
     """
 
     turn: float
     length: float
     steepest: float
-
-    @property
-    def is_steep(self) -> bool:
-        """Whether it leads over a slope."""
-        return self.steepest > RAMP_TILT
+    is_steep: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,34 +43,31 @@ class Route:
     """A way to the reachable place nearest to a person, in sight of the person if possible.
 
     Attributes:
-        way: (N, 3) m in ``map``, its bends from the entrance to the nearest place.
-        trace: (M, 3) m, the same way with points of the ground between the bends.
+        way: its bends from the entrance to the nearest place.
+        trace: the same way with points of the ground between the bends.
         length: m along the ground.
         steepest: rad, greatest inclination of the ground under it.
         drops: beside it, the deepest first, in m.
         gap: horizontal m from its end to the person's points.
         in_sight: whether the robot's map has nothing between its end and the person.
+        arrives: whether it ends beside the person.
         legs: parts of it, for directions.
     """
 
-    way: NDArray[np.float64]
-    trace: NDArray[np.float64]
+    way: Places
+    trace: Places
     length: float
     steepest: float
     drops: list[ReportedPlace]
     gap: float
     in_sight: bool
+    arrives: bool
     legs: list[RouteLeg]
 
     @property
-    def end(self) -> NDArray[np.float64]:
-        """(2,) m in ``map``, the end of the way."""
+    def end(self) -> Place:
+        """The end of the way, x and y."""
         return self.way[-1, :2]
-
-    @property
-    def arrives(self) -> bool:
-        """Whether the way ends beside the person."""
-        return self.in_sight and self.gap <= ARRIVAL
 
 
 class Router:
@@ -95,6 +83,7 @@ class Router:
         robot: RobotModel,
         heading: float,
         camera_height: float,
+        config: RouteConfig,
     ):
         """Ways begin at the start of ``paths``, at a ``heading`` in rad; people are seen from ``camera_height`` m.
 
@@ -103,10 +92,11 @@ class Router:
         self._traversability, self._paths, self._topology = traversability, paths, topology
         self._metric_map, self._hazards = metric_map, hazards
         self._robot, self._heading, self._camera_height = robot, heading, camera_height
+        self._config = config
         self._cells = np.argwhere(paths.reachable)
 
-    def to(self, points: NDArray[np.float32]) -> Route | None:
-        """The way to the person with (N, 3) points, m; None if the robot cannot leave the entrance."""
+    def to(self, points: Points) -> Route | None:
+        """The way to the person with these points; None if the robot cannot leave the entrance."""
         if not len(self._cells):
             return None
         grid = self._traversability.grid
@@ -115,7 +105,7 @@ class Router:
         person = KDTree(points)
         # Of cells in a ring of two cells around the person, the one with the cheapest way is preferred.
         order = np.lexsort((self._paths.cost[tuple(self._cells.T)], np.ceil(gaps / (2 * grid.cell))))
-        checked = order[np.unique(np.geomspace(1, len(order), VIEWS_CHECKED).astype(int)) - 1]
+        checked = order[np.unique(np.geomspace(1, len(order), self._config.views).astype(int)) - 1]
         seeing = next((k for k in checked if self._sees(centres[k], person)), None)
         end = order[0] if seeing is None else seeing
         plan = plan_path(self._topology, self._paths, centres[end])
@@ -123,15 +113,15 @@ class Router:
         start = self._traversability.on_ground(self._paths.start[None])
         return self._route(np.vstack([start, plan.way_points]), float(gaps[end]), seeing is not None)
 
-    def _sees(self, place: NDArray[np.float64], person: KDTree) -> bool:
-        """Whether the metric map has nothing between the camera at a place (2,) and the middle of a person."""
+    def _sees(self, place: Place, person: KDTree) -> bool:
+        """Whether the metric map has nothing between the camera at a place and the middle of a person."""
         ground = float(self._traversability.grid.at(self._traversability.elevation, place))
         eye = np.append(place, ground + self._camera_height)
         middle = person.data.mean(axis=0)
         of_person = self._metric_map.voxel_size * sqrt(3)  # the person's points lie in voxels so far off at most
         return self._metric_map.is_free_along(eye, middle, person, of_person, may_be_unknown=True)
 
-    def _route(self, way: NDArray[np.float64], gap: float, in_sight: bool) -> Route:
+    def _route(self, way: Places, gap: float, in_sight: bool) -> Route:
         legs = list(self._legs(way))
         trace = self._trace(way[:, :2])
         return Route(
@@ -142,19 +132,21 @@ class Router:
             drops=self._drops_beside(trace),
             gap=gap,
             in_sight=in_sight,
+            arrives=in_sight and gap <= self._config.arrival,
             legs=legs,
         )
 
-    def _legs(self, way: NDArray[np.float64]) -> Iterator[RouteLeg]:
+    def _legs(self, way: Places) -> Iterator[RouteLeg]:
         heading = self._heading
-        for points in straight_parts(way[:, :2]):
+        for points in straight_parts(way[:, :2], self._config.bend):
             first, last = np.diff(points, axis=0)[[0, -1]]
             bearing = float(np.arctan2(first[1], first[0]))
-            yield RouteLeg(wrap_angle(bearing - heading), *self._measure(points))
+            length, steepest = self._measure(points)
+            yield RouteLeg(wrap_angle(bearing - heading), length, steepest, steepest > self._config.steep)
             heading = float(np.arctan2(last[1], last[0]))
 
-    def _measure(self, points: NDArray[np.float64]) -> tuple[float, float]:
-        """Length, m along the ground, and greatest inclination, rad, of a way over (N, 2) points."""
+    def _measure(self, points: Places) -> tuple[float, float]:
+        """Length, m along the ground, and greatest inclination, rad, of a way over these points."""
         grid, gradient, length, steepest = self._traversability.grid, self._traversability.gradient, 0.0, 0.0
         for a, b in pairwise(points):
             level = float(np.linalg.norm(b - a))
@@ -166,13 +158,13 @@ class Router:
             steepest = max(steepest, float(grid.at(self._hazards.slope, middles).max()))
         return length, steepest
 
-    def _trace(self, way: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(M, 3) points of the ground under a way (N, 2), at most a cell apart."""
+    def _trace(self, way: Places) -> Places:
+        """Points of the ground under a way, at most a cell apart."""
         cell = self._traversability.grid.cell
         parts = [np.linspace(a, b, 1 + int(np.ceil(np.linalg.norm(b - a) / cell))) for a, b in pairwise(way)]
         return self._traversability.on_ground(np.vstack(parts))
 
-    def _drops_beside(self, trace: NDArray[np.float64]) -> list[ReportedPlace]:
+    def _drops_beside(self, trace: Places) -> list[ReportedPlace]:
         drop, grid = self._hazards.drop, self._traversability.grid
         edges = np.argwhere(drop > 0)
         if not len(edges):
@@ -183,12 +175,12 @@ class Router:
         return places(grid, beside, drop, self._robot.width)
 
 
-def straight_parts(way: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:
-    """The parts (M, 2) of a way (N, 2), m, between bends of more than STRAIGHT."""
+def straight_parts(way: Places, bend: float) -> Iterator[Places]:
+    """The parts of a way between bends of more than ``bend`` rad."""
     steps = np.diff(way, axis=0)
     way = way[np.append(True, np.linalg.norm(steps, axis=1) > 0)]
     bearings = np.arctan2(*np.diff(way, axis=0).T[::-1])
-    bends = 1 + np.flatnonzero(np.abs(wrap_angle(np.diff(bearings))) > STRAIGHT)
+    bends = 1 + np.flatnonzero(np.abs(wrap_angle(np.diff(bearings))) > bend)
     for a, b in pairwise([0, *bends.tolist(), len(way) - 1]):
         if b > a:
             yield way[a : b + 1]

@@ -30,7 +30,7 @@ def league_scores(report: Mapping[str, Any]) -> list[LeagueScore]:
         LeagueScore(
             name,
             report[key]["total"]["points"],
-            {rule: _told(figures) for rule, figures in report[key].items() if rule != "total"},
+            {rule: _shown(figures) for rule, figures in report[key].items() if rule != "total"},
             list(_losses(report[key])),
         )
         for key, name in LEAGUES.items()
@@ -38,7 +38,7 @@ def league_scores(report: Mapping[str, Any]) -> list[LeagueScore]:
     ]
 
 
-def _told(figures: Mapping[str, float]) -> str:
+def _shown(figures: Mapping[str, float]) -> str:
     """Points and what they follow from, as in ``0.74: coverage 0.571, bonus 1.3``."""
     causes = ", ".join(f"{name.replace('_', ' ')} {value:.3g}" for name, value in figures.items() if name != "points")
     return f"{figures['points']:.2f}: {causes}".replace("-", "−")

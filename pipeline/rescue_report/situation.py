@@ -1,15 +1,16 @@
-"""The robot's knowledge at the end of an episode, as a rescue team needs it."""
+"""The robot's knowledge at the end of a run, as a rescue team needs it."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pipeline.arrays import Labels, MaskLayer, Place, Places, Points, Pose
 from pipeline.elevation_map.traversability import Traversability
 from pipeline.exploration.viewpoint import Viewpoint
 from pipeline.mapper import Mapper
 from pipeline.planning.pose_paths import PosePaths
+from pipeline.rescue_report.config import RescueReportConfig
 from pipeline.rescue_report.hazards import Hazards, find_hazards
 from pipeline.rescue_report.posture import Posture, posture_of
 from pipeline.rescue_report.routes import Route, Router
@@ -65,12 +66,12 @@ class Situation:
 
     Attributes:
         robot: size and abilities of the robot for which the ways are planned.
-        T_map_entrance: 4×4 pose at which the robot was set down.
-        positions: (N, 2) m in ``map``, positions of the run's keyframes.
+        T_map_entrance: where the robot was set down.
+        positions: of the run's keyframes, x and y.
         traversability: of the ground.
-        is_seen: (nx, ny) whether the ground was measured, not merely assumed, at a cell.
-        points: (N, 3) float32 m, of the semantic map.
-        labels: (N,) uint8 of these points.
+        is_seen: whether the ground was measured, not merely assumed, at a cell.
+        points: of the semantic map.
+        labels: of these points.
         hazards: of the ground that the robot can reach.
         unseen: ground that was not seen.
         people: confirmed.
@@ -80,15 +81,16 @@ class Situation:
         finished: whether no viewpoint was left that was worth a keyframe.
         left: viewpoints that would have shown more ground but were not worth the drive.
         trust: how far the map can be trusted.
+        config: of the report.
     """
 
     robot: RobotModel
-    T_map_entrance: NDArray[np.float64]
-    positions: NDArray[np.float64]
+    T_map_entrance: Pose
+    positions: Places
     traversability: Traversability
-    is_seen: NDArray[np.bool_]
-    points: NDArray[np.float32]
-    labels: NDArray[np.uint8]
+    is_seen: MaskLayer
+    points: Points
+    labels: Labels
     hazards: Hazards
     unseen: Unseen
     people: list[Person]
@@ -98,6 +100,7 @@ class Situation:
     finished: bool
     left: Sequence[Viewpoint]
     trust: Trust
+    config: RescueReportConfig
 
     @property
     def everyone(self) -> list[Person]:
@@ -105,8 +108,8 @@ class Situation:
         return [*self.people, *self.sightings]
 
     @property
-    def entrance(self) -> NDArray[np.float64]:
-        """(2,) m in ``map``, the place at which the robot was set down."""
+    def entrance(self) -> Place:
+        """Where the robot was set down, x and y."""
         return self.T_map_entrance[:2, 3]
 
     @property
@@ -114,30 +117,31 @@ class Situation:
         """Heading, rad, in which the robot was set down."""
         return yaw_of(self.T_map_entrance)
 
-    def from_entrance(self, position: NDArray[np.float64]) -> tuple[float, float]:
-        """Distance, m, and bearing, rad from the entrance's heading, of a position (2 or 3,) in ``map``."""
+    def from_entrance(self, position: Place) -> tuple[float, float]:
+        """Distance, m, and bearing, rad from the entrance's heading, of a position."""
         x, y = position[:2] - self.entrance
         return float(np.hypot(x, y)), float(np.arctan2(y, x)) - self.entrance_yaw
 
 
 def situation_of(
-    mapper: Mapper, robot: RobotModel, camera_height: float, finished: bool, left: Sequence[Viewpoint] = ()
+    mapper: Mapper, camera_height: float, finished: bool, left: Sequence[Viewpoint], config: RescueReportConfig
 ) -> Situation:
     """The situation by a mapper's maps, which hold at least one keyframe of this run; the first is at the entrance.
 
     Args:
         mapper: with the maps and the victims; without a detector no person was searched for.
-        robot: the robot that drives.
         camera_height: m above the ground under the robot.
         finished: whether no viewpoint was left that was worth a keyframe.
         left: viewpoints that would have shown more ground but were not worth the drive.
+        config: of the report.
     """
     traversability, measured = mapper.traversability, mapper.elevation_map.measured
+    robot = traversability.robot
     poses = mapper.keyframes.poses[mapper.keyframes.loaded :]
     paths, points = PosePaths(traversability, poses[0][:2, 3]), mapper.semantic_map.points()
-    hazards = find_hazards(traversability, paths.reachable, points, robot)
+    hazards = find_hazards(traversability, paths.reachable, points, robot, config.hazards)
     maps = traversability, paths, mapper.topological_map, mapper.metric_map
-    router = Router(*maps, hazards, robot, yaw_of(poses[0]), camera_height)
+    router = Router(*maps, hazards, robot, yaw_of(poses[0]), camera_height, config.routes)
     return Situation(
         robot=robot,
         T_map_entrance=poses[0],
@@ -147,16 +151,17 @@ def situation_of(
         points=points,
         labels=mapper.semantic_map.labels(),
         hazards=hazards,
-        unseen=find_unseen(traversability, measured, paths.reachable, robot),
-        people=[_person(*found, router) for found in confirmed_ids(mapper.victims)],
-        sightings=[_person(*found, router) for found in unconfirmed_ids(mapper.victims)],
+        unseen=find_unseen(traversability, measured, paths.reachable, robot, config.unseen),
+        people=[_person(*found, router, config) for found in confirmed_ids(mapper.victims)],
+        sightings=[_person(*found, router, config) for found in unconfirmed_ids(mapper.victims)],
         finds=mapper.finds.reported,
         searched=mapper.detector is not None,
         finished=finished,
         left=left,
-        trust=trust_in(mapper),
+        trust=trust_in(mapper, config.trust),
+        config=config,
     )
 
 
-def _person(display_id: str, victim: Track, router: Router) -> Person:
-    return Person(display_id, victim, posture_of(victim.points), router.to(victim.points))
+def _person(display_id: str, victim: Track, router: Router, config: RescueReportConfig) -> Person:
+    return Person(display_id, victim, posture_of(victim.points, config.posture), router.to(victim.points))

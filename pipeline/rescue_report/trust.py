@@ -5,14 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.localisation.agreement import Agreement, agreement
-from pipeline.localisation.gates import CONFIDENCE
 from pipeline.localisation.slam import Slam
 from pipeline.mapper import Mapper
-
-MOST_CHECKED = 100
-"""Most keyframes that are compared with the map, evenly spread over the drive."""
-MOST_DEVIATION = 0.3
-"""m, standard deviation at which a place may be mistaken for the next one: a robot's way is 0.6 m wide."""
+from pipeline.rescue_report.config import TrustConfig
 
 
 @dataclass(frozen=True)
@@ -24,23 +19,22 @@ class Trust:
             wall stands twice, keyframes see through one copy, and see surfaces in front of the other.
         deviation: m, standard deviation of the least certain keyframe's place relative to the newest keyframe; 0 for
             a robot that relies on its odometry alone.
+        config: when this is good enough.
     """
 
     contradicted: float
     deviation: float
+    config: TrustConfig = TrustConfig()
 
     @property
     def is_consistent(self) -> bool:
-        """Whether the map agrees with its keyframes.
-
-        The share is 0.002 with poses right to 2 cm, 0.018 with a heading that drifts by 8° in 28 m, 0.10 with 16°.
-        """
-        return self.contradicted <= 1 - CONFIDENCE
+        """Whether the map agrees with its keyframes."""
+        return self.contradicted <= 1 - self.config.agreement
 
     @property
     def is_certain(self) -> bool:
         """Whether every keyframe's place is certain enough."""
-        return self.deviation <= MOST_DEVIATION
+        return self.deviation <= self.config.deviation
 
     @property
     def is_good(self) -> bool:
@@ -48,11 +42,11 @@ class Trust:
         return self.is_consistent and self.is_certain
 
 
-def trust_in(mapper: Mapper) -> Trust:
+def trust_in(mapper: Mapper, config: TrustConfig) -> Trust:
     """Check a mapper's map by its keyframes and its localisation."""
     kept = list(zip(mapper.keyframes.seen, mapper.keyframes.poses, strict=True))
-    checked = kept[:: 1 + len(kept) // MOST_CHECKED]
-    slam, metric_map, config = mapper.localisation, mapper.metric_map, mapper.localisation.belief.config
-    whole = Agreement.of(agreement(seen.frame, T @ seen.T_base_camera, metric_map, config) for seen, T in checked)
+    checked = kept[:: 1 + len(kept) // config.checked]
+    slam, metric_map, belief = mapper.localisation, mapper.metric_map, mapper.belief.config
+    whole = Agreement.of(agreement(seen.frame, T @ seen.T_base_camera, metric_map, belief) for seen, T in checked)
     deviations = slam.deviations if isinstance(slam, Slam) and len(slam.graph) else np.zeros(1)
-    return Trust(1 - whole.share, float(deviations.max()))
+    return Trust(1 - whole.share, float(deviations.max()), config)

@@ -4,9 +4,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pipeline.finds.codes import plain_text
-from pipeline.labels import RAMP_TILT
 from pipeline.transforms import wrap_angle
 
+LEVEL = np.deg2rad(4)
+"""rad; ground that is nowhere steeper is called level."""
 STRAIGHT = np.deg2rad(20)
 """rad; a direction at most this far to a side is straight ahead, one at most this far from the opposite is behind."""
 
@@ -50,7 +51,7 @@ def minutes(seconds: float) -> str:
 
 
 def counted(count: int, one: str, many: str = "") -> str:
-    """A number of things: ``counted(2, "drop")`` is "2 drops"."""
+    """A number with its noun: ``counted(2, "drop")`` is "2 drops"."""
     return f"{count or 'no'} {one if count == 1 else many or one + 's'}"
 
 
@@ -61,7 +62,7 @@ def shown(text: str) -> str:
 
 def slope(angle: float) -> str:
     """The steepness of a way, given its greatest inclination in rad."""
-    return f"steepest ground {degrees(angle)}" if angle >= RAMP_TILT / 2 else "level ground"
+    return f"steepest ground {degrees(angle)}" if angle >= LEVEL else "level ground"
 
 
 def side(angle: float) -> str:

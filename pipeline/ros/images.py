@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import Depth, Rgb
 from pipeline.errors import InputError
 from pipeline.frame import decoded
 from pipeline.ros.messages import Message
@@ -27,8 +28,8 @@ CONFIG = struct.Struct("<iff")
 """Header of a depth image of compressed_depth_image_transport: a format and two parameters."""
 
 
-def depth_of(message: Message) -> NDArray[np.float32]:
-    """(H, W) m of a depth image, 0 = no return; InputError if its encoding is not of depth or it is broken."""
+def depth_of(message: Message) -> Depth:
+    """The content of a depth image; InputError if its encoding is not of depth or it is broken."""
     if hasattr(message, "format"):
         return _compressed_depth(message)
     if message.encoding in MILLIMETRES:
@@ -38,8 +39,8 @@ def depth_of(message: Message) -> NDArray[np.float32]:
     raise InputError(f"depth images in {message.encoding!r}; {', '.join((*MILLIMETRES, '32FC1'))} can be read")
 
 
-def colour_of(message: Message) -> NDArray[np.uint8]:
-    """(H, W, 3) RGB of a colour image; InputError if its encoding is unknown or it is broken."""
+def colour_of(message: Message) -> Rgb:
+    """The content of a colour image; InputError if its encoding is unknown or it is broken."""
     if hasattr(message, "format"):
         return np.ascontiguousarray(decoded(message.data, cv2.IMREAD_COLOR)[..., ::-1])
     if message.encoding not in TO_RGB:
@@ -71,8 +72,8 @@ def _pixels(message: Message, kind: np.dtype, channels: int) -> NDArray:
     return pixels.reshape(height, width, channels) if channels > 1 else pixels
 
 
-def _compressed_depth(message: Message) -> NDArray[np.float32]:
-    """(H, W) m of a compressed_depth_image_transport image: PNG of mm, or of inverse depth with two parameters."""
+def _compressed_depth(message: Message) -> Depth:
+    """The content of a compressed_depth_image_transport image: PNG of mm, or of inverse depth with two parameters."""
     if "compressedDepth" not in message.format or len(message.data) <= CONFIG.size:
         raise InputError(f"depth images in {message.format!r}; compressedDepth can be read")
     _, a, b = CONFIG.unpack(message.data[: CONFIG.size].tobytes())

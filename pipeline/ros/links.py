@@ -3,8 +3,8 @@
 from collections.abc import Iterator
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pipeline.arrays import Pose
 from pipeline.ros.messages import BASE, Message, pose_matrix
 from pipeline.transforms import inverse
 
@@ -18,26 +18,26 @@ class FrameTree:
 
     def __init__(self) -> None:
         self.base = BASE
-        self._links: dict[str, tuple[str, NDArray[np.float64]]] = {}
+        self._links: dict[str, tuple[str, Pose]] = {}
 
-    def take(self, message: Message) -> tuple[str, NDArray[np.float64]]:
-        """Store a TransformStamped; returns the name of its parent frame and the 4×4 pose of its child in it."""
+    def take(self, message: Message) -> tuple[str, Pose]:
+        """Store a TransformStamped; returns the name of its parent frame and the pose of its child in it."""
         T = pose_matrix(message.transform.translation, message.transform.rotation)
         parent = message.header.frame_id.strip("/")
         self._links[message.child_frame_id.strip("/")] = parent, T
         return parent, T
 
-    def T_base(self, frame: str) -> NDArray[np.float64] | None:
-        """4×4 pose of a frame in the robot's; None if no chain of transforms connects them."""
+    def T_base(self, frame: str) -> Pose | None:
+        """Pose of a frame in the robot's; None if no chain of transforms connects them."""
         return next((T for name, T in self._above(frame) if name == self.base.strip("/")), None)
 
-    def between(self, frame: str, other: str) -> NDArray[np.float64] | None:
-        """4×4 pose of another frame in a frame; None if they hang on no common one."""
+    def between(self, frame: str, other: str) -> Pose | None:
+        """Pose of another frame in a frame; None if they hang on no common one."""
         above = dict(self._above(frame))
         return next((inverse(above[name]) @ T for name, T in self._above(other) if name in above), None)
 
-    def _above(self, frame: str) -> Iterator[tuple[str, NDArray[np.float64]]]:
-        """The names of a frame and of those that it hangs on, and the frame's 4×4 pose in each."""
+    def _above(self, frame: str) -> Iterator[tuple[str, Pose]]:
+        """The names of a frame and of those that it hangs on, and the frame's pose in each."""
         name, T = frame.strip("/"), np.eye(4)
         yield name, T
         for _ in range(len(self._links)):

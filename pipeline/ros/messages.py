@@ -14,6 +14,7 @@ from PIL import ImageColor
 from rosbags.typesys import Stores, get_typestore
 from scipy.spatial.transform import Rotation
 
+from pipeline.arrays import Labels, Places, Points, Pose, Values
 from pipeline.frame import Intrinsics
 from pipeline.grid_map import Grid
 from pipeline.robot import Motion, Velocity
@@ -74,21 +75,21 @@ def header(time: float, frame: str) -> Message:
     return make("std_msgs/Header", stamp(time), frame)
 
 
-def pose(T: NDArray[np.float64]) -> Message:
-    """A 4×4 pose as geometry_msgs/Pose."""
+def pose(T: Pose) -> Message:
+    """A pose as geometry_msgs/Pose."""
     point = make("geometry_msgs/Point", *T[:3, 3].tolist())
     return make("geometry_msgs/Pose", point, _quaternion(T))
 
 
-def pose_matrix(position: Message, quaternion: Message) -> NDArray[np.float64]:
-    """The 4×4 pose of a position and a quaternion; all NaN if the quaternion is no rotation."""
+def pose_matrix(position: Message, quaternion: Message) -> Pose:
+    """The pose of a position and a quaternion; all NaN if the quaternion is no rotation."""
     q = np.array([quaternion.x, quaternion.y, quaternion.z, quaternion.w])
     if not np.isfinite(q).all() or not q.any():
         return np.full((4, 4), np.nan)
     return from_rotation(Rotation.from_quat(q).as_matrix(), [position.x, position.y, position.z])
 
 
-def _quaternion(T: NDArray[np.float64]) -> Message:
+def _quaternion(T: Pose) -> Message:
     return make("geometry_msgs/Quaternion", *_quaternion_of(T[:3, :3].tobytes()))
 
 
@@ -102,24 +103,24 @@ def _vector(values: ArrayLike) -> Message:
     return make("geometry_msgs/Vector3", *np.asarray(values, np.float64).tolist())
 
 
-def pose_stamped(time: float, frame: str, T: NDArray[np.float64]) -> Message:
-    """A 4×4 pose in a frame at a time, s, as geometry_msgs/PoseStamped."""
+def pose_stamped(time: float, frame: str, T: Pose) -> Message:
+    """A pose in a frame at a time, s, as geometry_msgs/PoseStamped."""
     return make("geometry_msgs/PoseStamped", header(time, frame), pose(T))
 
 
-def path(time: float, places: NDArray[np.float64]) -> Message:
-    """A path over (N, 3) points in ``map``, m, as nav_msgs/Path."""
+def path(time: float, places: Places) -> Message:
+    """A path over places as nav_msgs/Path."""
     poses = [pose_stamped(time, MAP, from_rotation(np.eye(3), place)) for place in places]
     return make("nav_msgs/Path", header(time, MAP), poses)
 
 
-def transforms(time: float, links: Mapping[tuple[str, str], NDArray[np.float64]]) -> Message:
-    """4×4 poses of frames by the names of parent and child, as tf2_msgs/TFMessage."""
+def transforms(time: float, links: Mapping[tuple[str, str], Pose]) -> Message:
+    """Poses of frames by the names of parent and child, as tf2_msgs/TFMessage."""
     return make("tf2_msgs/TFMessage", [transform(time, parent, child, T) for (parent, child), T in links.items()])
 
 
-def transform(time: float, parent: str, child: str, T_parent_child: NDArray[np.float64]) -> Message:
-    """A 4×4 pose of one frame in another as geometry_msgs/TransformStamped."""
+def transform(time: float, parent: str, child: str, T_parent_child: Pose) -> Message:
+    """A pose of one frame in another as geometry_msgs/TransformStamped."""
     place = make("geometry_msgs/Transform", _vector(T_parent_child[:3, 3]), _quaternion(T_parent_child))
     return make("geometry_msgs/TransformStamped", header(time, parent), child, place)
 
@@ -154,8 +155,8 @@ def camera_info(time: float, k: Intrinsics) -> Message:
     )
 
 
-def odometry(time: float, T_odom_base: NDArray[np.float64], twist: Velocity) -> Message:
-    """A 4×4 pose and the velocity in ``base_link`` as nav_msgs/Odometry."""
+def odometry(time: float, T_odom_base: Pose, twist: Velocity) -> Message:
+    """A pose and the velocity in ``base_link`` as nav_msgs/Odometry."""
     unknown = np.zeros((6, 6)).ravel()  # covariance
     return make(
         "nav_msgs/Odometry",
@@ -203,10 +204,8 @@ def imu(motion: Motion) -> Message:
     )
 
 
-def joint_states(
-    time: float, names: Sequence[str], position: NDArray[np.float64], speed: NDArray[np.float64]
-) -> Message:
-    """Angles (N,) in rad and speeds (N,) in rad/s of joints as sensor_msgs/JointState."""
+def joint_states(time: float, names: Sequence[str], position: Values, speed: Values) -> Message:
+    """Angles in rad and speeds in rad/s of joints as sensor_msgs/JointState."""
     return make("sensor_msgs/JointState", header(time, BASE), list(names), position, speed, np.zeros(0))
 
 
@@ -215,8 +214,8 @@ def clock(time: float) -> Message:
     return make("rosgraph_msgs/Clock", stamp(time))
 
 
-def labelled_cloud(time: float, points: NDArray[np.float32], labels: NDArray[np.uint8]) -> Message:
-    """Points (N, 3) in ``map``, m, with labels (N,) as sensor_msgs/PointCloud2."""
+def labelled_cloud(time: float, points: Points, labels: Labels) -> Message:
+    """Points with their labels as sensor_msgs/PointCloud2."""
     layout = np.dtype([("x", np.float32), ("y", np.float32), ("z", np.float32), ("label", np.uint8)])
     data = np.empty(len(points), layout)
     data["x"], data["y"], data["z"] = points.T
@@ -238,8 +237,8 @@ def occupancy_grid(time: float, grid: Grid, values: NDArray[np.int8]) -> Message
     return make("nav_msgs/OccupancyGrid", header(time, MAP), info, np.ascontiguousarray(values.T, np.int8).ravel())
 
 
-def marker(time: float, name: str, kind: str, points: NDArray[np.float64], size: float, colour: str) -> Message:
-    """A ``SPHERE_LIST`` or ``LINE_LIST`` of (N, 3) points in ``map``, m, of a size in m and one of CSS's colours."""
+def marker(time: float, name: str, kind: str, points: Places, size: float, colour: str) -> Message:
+    """A ``SPHERE_LIST`` or ``LINE_LIST`` of places, of a size in m and one of CSS's colours."""
     form: Any = TYPES["visualization_msgs/msg/Marker"]
     return form(
         header=header(time, MAP),

@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import Depth, Rgb
 from pipeline.errors import InputError
 from pipeline.frame import Calibration, Intrinsics
 from pipeline.ros.messages import Message
@@ -51,12 +52,12 @@ class Pinhole:
         fx, fy, cx, cy = self._values
         return Intrinsics(self._size[1], self._size[0], fx, fy, cx + 0.5, cy + 0.5)
 
-    def depth(self, image: NDArray[np.float32]) -> NDArray[np.float32]:
-        """(H, W) m, rectified; InputError if its size differs from that of the images before."""
+    def depth(self, image: Depth) -> Depth:
+        """A rectified depth image; InputError if its size differs from that of the images before."""
         return self._rectified("depth", image, cv2.INTER_NEAREST)
 
-    def colour(self, image: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """(H, W, 3) rectified; InputError if its size differs from that of the depth images."""
+    def colour(self, image: Rgb) -> Rgb:
+        """A rectified colour image; InputError if its size differs from that of the depth images."""
         return self._rectified("colour", image, cv2.INTER_LINEAR)
 
     def _rectified(self, kind: str, image: NDArray, interpolation: int) -> NDArray:

@@ -6,17 +6,18 @@ from pathlib import Path
 from typing import Protocol
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pipeline.arrays import Pose
 from pipeline.frame import Frame
 from pipeline.mapper import Keyframe, Mapper
 from pipeline.robot import Motion, Robot, Velocity
 from pipeline.ros.bag import Bag
+from pipeline.ros.config import RosConfig
 from pipeline.ros.topics import ImageFormat, Joints, MapTopics, OdometrySample, RobotTopics
 from pipeline.sink import Result, Sink, Step
 
-CurrentPose = Callable[[], NDArray[np.float64] | None]
-"""Returns a 4×4 pose; None while it is not known."""
+CurrentPose = Callable[[], Pose | None]
+"""Returns a pose; None while it is not known."""
 TICK = 1e-6  # s added between frames that were taken at the same time: bags identify them by their times
 
 
@@ -59,14 +60,14 @@ class RecordedRobot:
         self.robot, self.model, self.control_period = robot, robot.model, robot.control_period
         self._topics, self._joints = topics, joints
         self._T_map_odom, self._T_world_base = T_map_odom, T_world_base
-        self._told = self._seen = -np.inf
+        self._reported = self._seen = -np.inf
 
     def sense(self) -> Frame:
         """Take a frame at the robot's present pose."""
         frame = self.robot.sense()
         self._seen = max(frame.time, self._seen + TICK)
         frame = replace(frame, time=self._seen)
-        self._tell(frame.time, frame.T_odom_base, Velocity())
+        self._report(frame.time, frame.T_odom_base, Velocity())
         self._topics.frame(frame)
         return frame
 
@@ -76,14 +77,14 @@ class RecordedRobot:
         self._topics.motion(motion, command)
         if joints is not None:
             self._topics.joints(motion.time, joints)
-        self._tell(motion.time, motion.T_odom_base, motion.twist)
+        self._report(motion.time, motion.T_odom_base, motion.twist)
         return motion
 
-    def _tell(self, time: float, T_odom_base: NDArray[np.float64], twist: Velocity) -> None:
+    def _report(self, time: float, T_odom_base: Pose, twist: Velocity) -> None:
         """Report the robot's pose, once for each time."""
-        if time > self._told:
+        if time > self._reported:
             self._topics.odometry(OdometrySample(time, T_odom_base, twist, self._T_map_odom(), self._T_world_base()))
-            self._told = time
+            self._reported = time
 
 
 class ExplorerBag(Bag, Sink):
@@ -101,6 +102,8 @@ class ExplorerBag(Bag, Sink):
         mapper: Mapper,
         T_world_base: CurrentPose = lambda: None,
         joints: Callable[[], Joints | None] = lambda: None,
+        *,
+        config: RosConfig = RosConfig(),
     ):
         """Begin a bag of a robot that drives by the maps of ``mapper``; InputError if it cannot be written.
 
@@ -109,11 +112,11 @@ class ExplorerBag(Bag, Sink):
         super().__init__(path)
         topics = RobotTopics(self.write, images)
 
-        def T_map_odom() -> NDArray[np.float64] | None:
-            return None if mapper.T_map_start is None else mapper.localisation.T_map_odom
+        def T_map_odom() -> Pose | None:
+            return None if mapper.T_map_start is None else mapper.T_map_odom
 
         self.robot = RecordedRobot(robot, topics, T_map_odom, T_world_base, joints)
-        self._maps = MapTopics(self.write)
+        self._maps = MapTopics(self.write, config=config)
 
     def on_keyframe(self, keyframe: Keyframe) -> None:
         """Write the newest keyframe."""

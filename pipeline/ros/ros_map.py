@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
 
+from pipeline.arrays import Place
 from pipeline.elevation_map.traversability import Traversability
 from pipeline.metric_map.io.exports import PGM_FREE, PGM_OCCUPIED, PGM_UNKNOWN, write_map_server
 
@@ -41,7 +42,7 @@ def save_ros_map(path: Path, traversability: Traversability, places: ArrayLike) 
     return files + write_map_server(path.with_name(f"{path.stem}_cost.png"), scaled, cell, origin, "scale", SCALED)
 
 
-def known_costs(traversability: Traversability, places: ArrayLike) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
+def known_costs(traversability: Traversability, places: ArrayLike) -> tuple[NDArray[np.int64], Place]:
     """The part of :func:`costs` (nx, ny) that is known, and the corner (2,) of its first cell, m."""
     cost, grid = costs(traversability, places), traversability.grid
     found = ndimage.find_objects((cost >= 0).astype(np.int8))

@@ -5,20 +5,20 @@ from typing import Literal, NamedTuple
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 
+from pipeline.arrays import Pose, Values
 from pipeline.frame import Frame
 from pipeline.geometry.thinning import VoxelCloud
 from pipeline.mapper import Keyframe, Mapper
 from pipeline.planning.path_plan import PathPlan
 from pipeline.robot import Motion, Velocity
 from pipeline.ros import messages
+from pipeline.ros.config import RosConfig
 from pipeline.ros.messages import BASE, CAMERA, MAP, ODOM, Message
 
 ImageFormat = Literal["16UC1", "32FC1", "16UC1-jpeg", "32FC1-jpeg"]
 """Depth in whole mm or in m (REP 118), and whether colours are compressed."""
 Send = Callable[[str, float, Message], None]  # Takes a topic, the time in s and a message
-CLOUD_VOXEL = 0.02  # m, to which clouds are thinned before they are sent
 STILL = 1e-6  # m by which a camera's pose may change without being sent again: a simulator's rounding moves it too
 
 
@@ -27,25 +27,25 @@ class OdometrySample(NamedTuple):
 
     Attributes:
         time: s.
-        T_odom_base: 4×4, by its odometry.
+        T_odom_base: by its odometry.
         twist: its velocity.
-        T_map_odom: 4×4 pose of ``odom`` in ``map``; None if it is not known.
-        T_world_base: 4×4 true pose; None if it is not known.
+        T_map_odom: None if it is not known.
+        T_world_base: the true pose; None if it is not known.
     """
 
     time: float
-    T_odom_base: NDArray[np.float64]
+    T_odom_base: Pose
     twist: Velocity
-    T_map_odom: NDArray[np.float64] | None = None
-    T_world_base: NDArray[np.float64] | None = None
+    T_map_odom: Pose | None = None
+    T_world_base: Pose | None = None
 
 
 class Joints(NamedTuple):
-    """State of the wheels: N names, angles (N,) in rad and speeds (N,) in rad/s."""
+    """State of the wheels: names, angles in rad and speeds in rad/s."""
 
     names: tuple[str, ...]
-    position: NDArray[np.float64]
-    speed: NDArray[np.float64]
+    position: Values
+    speed: Values
 
 
 class RobotTopics:
@@ -53,14 +53,12 @@ class RobotTopics:
 
     def __init__(self, send: Send, images: ImageFormat = "16UC1"):
         self._send, self._depth_encoding, self._is_jpeg = send, images[:5], images.endswith("jpeg")
-        self._T_base_camera: NDArray[np.float64] | None = None
+        self._T_base_camera: Pose | None = None
 
     def frame(self, frame: Frame) -> None:
         """Send both images, their intrinsics, true labels if there are any, and the camera's pose if it changed."""
-        time = frame.time
-        if self._T_base_camera is None or not np.allclose(
-            self._T_base_camera, frame.T_base_camera, rtol=0, atol=STILL
-        ):
+        time, before = frame.time, self._T_base_camera
+        if before is None or not np.allclose(before, frame.T_base_camera, rtol=0, atol=STILL):
             self._T_base_camera = frame.T_base_camera
             self._send("/tf_static", time, messages.transforms(time, {(BASE, CAMERA): frame.T_base_camera}))
         for kind in ("color", "depth"):
@@ -102,15 +100,15 @@ class RobotTopics:
 class MapTopics:
     """Sends a mapper's keyframes and maps."""
 
-    def __init__(self, send: Send):
-        self._send = send
+    def __init__(self, send: Send, *, config: RosConfig = RosConfig()):
+        self._send, self._config = send, config
 
     def keyframe(self, keyframe: Keyframe) -> None:
         """Send a keyframe's pose and, if it was labelled, its points as ``semantic_cloud``."""
         time = keyframe.frame.time
         self._send("/keyframe", time, messages.pose_stamped(time, MAP, keyframe.T_map_base))
         if len(keyframe.labels):
-            cloud = VoxelCloud.of(keyframe.points, CLOUD_VOXEL)
+            cloud = VoxelCloud.of(keyframe.points, self._config.cloud_voxel)
             labels = cloud.means(np.eye(int(keyframe.labels.max()) + 1, dtype=np.float32)[keyframe.labels])
             named = labels.argmax(axis=1).astype(np.uint8)
             self._send("/semantic_cloud", time, messages.labelled_cloud(time, cloud.points, named))

@@ -15,7 +15,6 @@ from pipeline.league.brief import MissionBrief
 from pipeline.league.cloud import NORMAL, RGB, CloudFile, read_cloud
 from pipeline.league.hand_in import league_frame
 from pipeline.league.pois import TYPE_OF, PointOfInterest, name_of, read_pois
-from pipeline.league.rules import LIMITS
 from pipeline.league.validation import handed_in_files
 from pipeline.robot import RobotModel
 from pipeline.transforms import transform_points
@@ -28,7 +27,6 @@ from sarsim.scoring.leagues import LeagueRun, VirtualRun, league, virtual
 from sarsim.scoring.portals import portals
 from sarsim.scoring.victims import NEAR, pairs_of_least
 
-BESIDE = LIMITS["beside"]
 SHOWN = 0.1  # m from a cell within which a point of the 3D map covers it: a voxel of a coarse map
 ALIKE = 0.5  # m; points farther from every true surface do not take part in the registration
 MOST_POINTS = 20_000  # of a cloud that are compared; the mean distance of so many is exact to 1 %
@@ -188,7 +186,7 @@ def score_handed_in(
     moved = transform_points(arena.T_world_league, _places(pois)).astype(np.float64)
     shown = covered(points, arena.surface)
     run = league_run(cloud, points, shown, pois, moved, arena, resets)
-    by_rules = virtual_run(shown, pois, moved, arena, parked, contacts)
+    by_rules = virtual_run(shown, pois, moved, arena, parked, contacts, brief.rewards.beside)
     return {
         "league": league(run, brief.rewards, brief.penalties),
         "virtual": virtual(by_rules, brief.rewards, brief.penalties),
@@ -239,8 +237,11 @@ def virtual_run(
     arena: TrueArena,
     parked: NDArray[np.float64] | None,
     contacts: int,
+    reach: float,
 ) -> VirtualRun:
-    """Measure what the Virtual Robot competition counts; places (M, 3) of finds, m in the world.
+    """Measure what the Virtual Robot competition counts.
+
+    Marks and the robot count within ``reach``, m, of a victim; places (M, 3) of finds, m in the world.
 
     Assumed: an object named victim and a source of heat are marks of a victim, a source of heat that of a living one;
     the robot beside a living one must have marked it too.
@@ -249,9 +250,9 @@ def virtual_run(
     true, is_living = _places(victims)[:, :2], np.array([thing.is_living for thing in victims], np.bool_)
     is_heat = np.array([poi.type == "heat_sig" for poi in pois], np.bool_)
     is_mark = is_heat | np.array([poi.name == "victim" for poi in pois], np.bool_)
-    near = np.linalg.norm(places[:, None, :2] - true, axis=2) <= BESIDE
+    near = np.linalg.norm(places[:, None, :2] - true, axis=2) <= reach
     called_alive = near[is_heat].any(axis=0) & is_living
-    beside = np.zeros(len(true), np.bool_) if parked is None else np.linalg.norm(true - parked, axis=1) <= BESIDE
+    beside = np.zeros(len(true), np.bool_) if parked is None else np.linalg.norm(true - parked, axis=1) <= reach
     cells = arena.surface.grid.cell_of(arena.portals)
     return VirtualRun(
         portals=len(arena.portals),

@@ -12,16 +12,8 @@ from warnings import filterwarnings
 
 from pipeline.errors import InputError
 from pipeline.ros.bag import LATCHED
+from pipeline.ros.config import LiveConfig
 from pipeline.ros.messages import Message, encode, type_of
-
-DISCOVERY = 1.0
-"""s within which nodes of one machine discover one another, and acknowledge messages."""
-IDLE = 0.02
-"""s, the longest time between two calls of a node's ``idle``."""
-QUEUE = 100
-"""Messages of a topic that are queued while a program computes: odometry of some seconds."""
-DEPTH = 10
-"""Messages of a topic that are queued for a listener, as is ROS's default."""
 
 
 class RosNode:
@@ -33,12 +25,13 @@ class RosNode:
         received: condition that is held while a message is handled and notified afterwards.
     """
 
-    def __init__(self, name: str, network: bool = False):
+    def __init__(self, name: str, network: bool = False, *, config: LiveConfig = LiveConfig()):
         """Join the network under a name.
 
         Args:
             name: of the node.
             network: whether other machines may discover it; else discovery is limited to this machine.
+            config: times and queues.
 
         Raises:
             InputError: rclpy is not installed, or the network already has a node of this name.
@@ -49,7 +42,7 @@ class RosNode:
             os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
         rclpy = _rclpy()
         self.idle: Callable[[], None] = lambda: None
-        self.now = monotonic
+        self.now, self._config = monotonic, config
         self._publishers: dict[str, Any] = {}
         self.received, self._closing = Condition(), Event()
         context = rclpy.Context()
@@ -64,18 +57,18 @@ class RosNode:
             thread.start()
             stack.callback(thread.join)
             stack.callback(self._closing.set)
-            if self.wait(lambda: self._node.get_node_names().count(name) > 1, DISCOVERY):
+            if self.wait(lambda: self._node.get_node_names().count(name) > 1, config.discovery):
                 raise InputError(f"there is a node {name!r} on the network already; --name gives this one another")
             self._stack = stack.pop_all()
 
     def _listen(self) -> None:
         while not self._closing.is_set():
-            self._executor.spin_once(timeout_sec=IDLE)
+            self._executor.spin_once(timeout_sec=self._config.idle)
             self.idle()
 
     def close(self) -> None:
-        """Leave the network, after waiting up to DISCOVERY s until sent messages are acknowledged."""
-        timeout = import_module("rclpy.duration").Duration(seconds=DISCOVERY)
+        """Leave the network, after waiting until sent messages are acknowledged, but not for long."""
+        timeout = import_module("rclpy.duration").Duration(seconds=self._config.discovery)
         for publisher in self._publishers.values():
             if publisher is not None:
                 publisher.wait_for_all_acked(timeout)
@@ -96,7 +89,7 @@ class RosNode:
         """
         qos, kind = import_module("rclpy.qos"), message_type(name)
         durability = qos.DurabilityPolicy.TRANSIENT_LOCAL if topic in LATCHED else qos.DurabilityPolicy.VOLATILE
-        profile = qos.QoSProfile(depth=1 if topic in LATCHED else DEPTH, durability=durability)
+        profile = qos.QoSProfile(depth=1 if topic in LATCHED else self._config.queue, durability=durability)
         self._publishers[topic] = kind and self._node.create_publisher(kind, topic, profile)
 
     def listen(self, topic: str, take: Callable[[bytes], None], name: str | None = None) -> None:
@@ -114,11 +107,11 @@ class RosNode:
         kind = message_type(name)
         if kind is None:
             raise InputError(f"{topic}: its type {name} is not installed here")
-        known = bool(self.senders(topic))
+        is_offered = bool(self.senders(topic))
         profile = qos.QoSProfile(
-            depth=QUEUE,
-            reliability=qos.ReliabilityPolicy.BEST_AVAILABLE if known else qos.ReliabilityPolicy.BEST_EFFORT,
-            durability=qos.DurabilityPolicy.BEST_AVAILABLE if known else qos.DurabilityPolicy.VOLATILE,
+            depth=self._config.odometry_queue,
+            reliability=qos.ReliabilityPolicy.BEST_AVAILABLE if is_offered else qos.ReliabilityPolicy.BEST_EFFORT,
+            durability=qos.DurabilityPolicy.BEST_AVAILABLE if is_offered else qos.DurabilityPolicy.VOLATILE,
         )
 
         def heard(data: bytes) -> None:
@@ -136,7 +129,7 @@ class RosNode:
                 left = end - self.now()
                 if left <= 0:
                     return False
-                self.received.wait(min(left, IDLE))
+                self.received.wait(min(left, self._config.idle))
         return True
 
     def types(self) -> dict[str, list[str]]:
@@ -158,8 +151,8 @@ def _rclpy() -> Any:
     try:
         return import_module("rclpy")
     except ImportError as error:
-        told = "source an installation of ROS 2, or pip install 'sarsim[ros]' (Python 3.11 to 3.13)"
-        raise InputError(f"there is no rclpy here: {told}; {error}") from error
+        remedy = "source an installation of ROS 2, or pip install 'sarsim[ros]' (Python 3.11 to 3.13)"
+        raise InputError(f"there is no rclpy here: {remedy}; {error}") from error
 
 
 def message_type(name: str) -> Any:

@@ -6,31 +6,21 @@ from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pipeline.arrays import Pose
 from pipeline.errors import InputError
 from pipeline.frame import SAME_TIME, Frame
 from pipeline.robot import Motion, RobotModel, Velocity
 from pipeline.ros import messages
-from pipeline.ros.live.node import DISCOVERY, RosNode
+from pipeline.ros.config import LiveConfig
+from pipeline.ros.live.node import RosNode
 from pipeline.ros.live.senses import Senses
 from pipeline.ros.live.topic_names import TopicNames
 from pipeline.ros.pinhole import Pinhole
 from pipeline.transforms import angle_of, inverse
 
 _log = logging.getLogger(__name__)
-LEAST_COMMAND = np.array([0.04, 0.15])
-"""m/s and rad/s; a robot may ignore slower commands."""
-LEAST_MOTION = 0.02, np.deg2rad(3)
-"""m and rad by which a robot that follows a command moves at least."""
-LEAST_PERIOD = 0.04
-"""s, least control period."""
-HOLD = 0.2
-"""s of the robot's time without a new command after which it is stopped: the pipeline is computing. A frame may be
-half as much older than the newest odometry."""
 STAMPED = "geometry_msgs/msg/TwistStamped"
-STARTING = 5
-"""Messages of odometry from which its period is estimated."""
 
 
 class RosRobot:
@@ -46,10 +36,12 @@ class RosRobot:
         node: RosNode,
         model: RobotModel,
         topics: TopicNames,
-        T_base_camera: NDArray[np.float64] | None = None,
+        T_base_camera: Pose | None = None,
         patience: float = 5.0,
         wait: float = 0.0,
         on_motion: Callable[[Motion], object] = lambda motion: None,
+        *,
+        config: LiveConfig = LiveConfig(),
     ):
         """Find the robot.
 
@@ -57,18 +49,19 @@ class RosRobot:
             node: on the robot's network.
             model: its size and abilities.
             topics: their names.
-            T_base_camera: 4×4; by default taken from ``/tf_static`` or ``/camera/transform``.
+            T_base_camera: by default taken from ``/tf_static`` or ``/camera/transform``.
             patience: s by the wall clock that a topic may be silent; in twice as many it must heed commands.
             wait: s by the wall clock, beyond these, that a robot which is not there yet may take to start.
-            on_motion: called with every motion; an exception that it raises ends the drive.
+            on_motion: called with every motion; an exception that it raises ends the run.
+            config: times, and what a robot follows at least.
 
         Raises:
             InputError: a necessary topic, listener or transform is missing.
         """
         self.model, self.topics = model, topics
-        self._on_motion = on_motion
+        self._on_motion, self._config = on_motion, config
         self._node, self._patience = node, patience
-        self._senses = Senses(model.half_width)
+        self._senses = Senses(model.half_width, config)
         self._heard: dict[str, float] = {}
         self._last, self._commanded, self._is_driving = Velocity(), -np.inf, False
         self._frame_time = -np.inf
@@ -76,7 +69,7 @@ class RosRobot:
         self._find(wait)
         self._camera = Pinhole(Path(topics.camera_info), self._senses.info)
         self._T_base_camera = self._camera_pose() if T_base_camera is None else T_base_camera
-        self.control_period = round(max(LEAST_PERIOD, self._senses.period), 4)
+        self.control_period = round(max(config.least_period, self._senses.period), 4)
         node.idle = self._rest
 
     def _find(self, wait: float) -> None:
@@ -104,12 +97,12 @@ class RosRobot:
         self._listen(topics.odom, senses.take_odometry)
         places = {"/tf_static": senses.take_transforms, "/camera/transform": senses.take_transform}
         # Optional topics may not be discovered yet.
-        node.wait(lambda: bool(node.senders(topics.imu)) and any(map(node.senders, places)), DISCOVERY)
+        node.wait(lambda: bool(node.senders(topics.imu)) and any(map(node.senders, places)), self._config.discovery)
         for topic, take in {topics.imu: senses.take_imu, **places}.items():
             with suppress(InputError):  # the packages of PyPI have no type for /tf_static
                 if node.senders(topic):
                     self._listen(topic, take)
-        self._wait(lambda: senses.info is not None and senses.poses >= STARTING and self._sees(-np.inf))
+        self._wait(lambda: senses.info is not None and senses.poses >= self._config.starting and self._sees(-np.inf))
 
     def _listen(self, topic: str, take: Callable[[bytes], None]) -> None:
         def heard(data: bytes) -> None:
@@ -119,26 +112,26 @@ class RosRobot:
         self._node.listen(topic, heard)
         self._heard.setdefault(topic, -np.inf)
 
-    def _camera_pose(self) -> NDArray[np.float64]:
+    def _camera_pose(self) -> Pose:
         frame = self._senses.camera_frame
         self._node.wait(lambda: self._senses.links.T_base(frame) is not None, self._patience)
         T = self._senses.links.T_base(frame)
         if T is None:
-            told = "--camera x y z roll pitch yaw does"
-            raise InputError(f"no transform tells where {frame or 'the camera'} is on the robot; {told}")
+            remedy = "--camera x y z roll pitch yaw does"
+            raise InputError(f"no transform says where {frame or 'the camera'} is on the robot; {remedy}")
         return T
 
     def sense(self) -> Frame:
-        """The newest frame, at most half of HOLD older than the newest odometry.
+        """The newest frame, hardly older than the newest odometry.
 
-        A robot that drives repeats its last command meanwhile, for HOLD s at most.
+        A robot that drives repeats its last command meanwhile, but not for long.
 
         Raises:
             InputError: a topic fell silent, or its images cannot be used.
         """
-        senses, start = self._senses, self._senses.time
-        after = max(start - HOLD / 2, self._frame_time)
-        while self._last != Velocity() and not self._sees(after) and senses.time - start < HOLD:
+        senses, start, hold = self._senses, self._senses.time, self._config.hold
+        after = max(start - hold / 2, self._frame_time)
+        while self._last != Velocity() and not self._sees(after) and senses.time - start < hold:
             self.drive(self._last)
         self._wait(lambda: self._sees(after))
         with self._node.received:
@@ -183,19 +176,20 @@ class RosRobot:
 
     def _rest(self) -> None:
         """Stop a robot that gets no commands because the pipeline computes; the node's ``idle``."""
-        if not self._is_driving and self._last != Velocity() and self._senses.time - self._commanded > HOLD:
+        silence = self._senses.time - self._commanded
+        if not self._is_driving and self._last != Velocity() and silence > self._config.hold:
             self._send(Velocity())
 
     def _check_heeded(self, command: Velocity, motion: Motion, elapsed: float) -> None:
-        moved = inverse(self._anchor) @ motion.T_odom_base
-        if np.linalg.norm(moved[:3, 3]) > LEAST_MOTION[0] or angle_of(moved) > LEAST_MOTION[1]:
+        moved, config = inverse(self._anchor) @ motion.T_odom_base, self._config
+        if np.linalg.norm(moved[:3, 3]) > config.least_way or angle_of(moved) > config.least_turn:
             self._anchor, self._unheeded = motion.T_odom_base, 0.0
-        elif (np.abs([command.v, command.omega]) > LEAST_COMMAND).any():
+        elif abs(command.v) > config.least_speed or abs(command.omega) > config.least_turn_rate:
             self._unheeded += elapsed
         if self._unheeded > 2 * self._patience:
             self.stop()
-            told = f"the robot ignores it, for it has not moved for {2 * self._patience:g} s"
-            raise InputError(f"{self.topics.cmd_vel}: {told}")
+            why = f"the robot ignores it, for it has not moved for {2 * self._patience:g} s"
+            raise InputError(f"{self.topics.cmd_vel}: {why}")
 
     def _wait(self, until: Callable[[], bool]) -> None:
         """Wait for messages; if they do not come, stop the robot and raise InputError."""
@@ -213,5 +207,5 @@ class RosRobot:
         if abs(senses.image_time - senses.time) > self._patience / 2:
             times = f"images are of {senses.image_time:.2f} s, the odometry of {senses.time:.2f} s"
             return f"the robot's clocks differ: {times}"
-        told = f"no newer odometry, or no depth image with a colour image {SAME_TIME:g} s near"
-        return f"the robot's stamps make no sense: for {self._patience:g} s {told}"
+        missing = f"no newer odometry, or no depth image with a colour image {SAME_TIME:g} s near"
+        return f"the robot's stamps make no sense: for {self._patience:g} s {missing}"

@@ -7,12 +7,13 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.constants import g
 
+from pipeline.arrays import Pose
 from pipeline.frame import SAME_TIME, Frame
 from pipeline.localisation.trajectory import Trajectory
 from pipeline.robot import Motion
+from pipeline.ros.config import LiveConfig
 from pipeline.ros.images import colour_of, depth_of
 from pipeline.ros.links import FrameTree
-from pipeline.ros.live.node import DEPTH, QUEUE
 from pipeline.ros.messages import Message, decode, pose_matrix, seconds, time_of, vector_of
 from pipeline.ros.pinhole import Pinhole
 
@@ -26,15 +27,15 @@ class Senses:
         imu_frame: name of the frame in which the inertial sensors measure; empty before their first message.
     """
 
-    def __init__(self, half_width: float):
+    def __init__(self, half_width: float, config: LiveConfig):
         """``half_width``: m from the robot's middle to its wheels."""
         self.links = FrameTree()
         self.info: Message | None = None
         self.imu_frame = ""
         self._half_width = half_width
-        self._depth: deque[tuple[float, str, bytes]] = deque(maxlen=DEPTH)
-        self._colour: deque[tuple[float, str, bytes]] = deque(maxlen=DEPTH)
-        self._poses: deque[tuple[float, NDArray[np.float64]]] = deque(maxlen=QUEUE)
+        self._depth: deque[tuple[float, str, bytes]] = deque(maxlen=config.queue)
+        self._colour: deque[tuple[float, str, bytes]] = deque(maxlen=config.queue)
+        self._poses: deque[tuple[float, Pose]] = deque(maxlen=config.odometry_queue)
         self._twist = np.zeros(2)
         self._felt: list[NDArray[np.float64]] = []
         self._inertial: NDArray[np.float64] | None = None
@@ -54,14 +55,12 @@ class Senses:
     def take_odometry(self, data: bytes) -> None:
         """Take an Odometry; it is left out if it is not newer than the last."""
         message = decode(data, "nav_msgs/msg/Odometry")
-        time, T = (
-            seconds(message.header.stamp),
-            pose_matrix(message.pose.pose.position, message.pose.pose.orientation),
-        )
+        time, pose, twist = seconds(message.header.stamp), message.pose.pose, message.twist.twist
+        T = pose_matrix(pose.position, pose.orientation)
         if np.isfinite(T).all() and (not self._poses or time > self._poses[-1][0]):
             self.links.base = message.child_frame_id or self.links.base
             self._poses.append((time, T))
-            self._twist = np.array([message.twist.twist.linear.x, message.twist.twist.angular.z])
+            self._twist = np.array([twist.linear.x, twist.angular.z])
 
     def take_imu(self, data: bytes) -> None:
         """Take an Imu."""
@@ -115,8 +114,8 @@ class Senses:
                 return time
         return None
 
-    def frame(self, time: float, camera: Pinhole, T_base_camera: NDArray[np.float64]) -> Frame:
-        """The frame at a time in s that :meth:`newest` returned, of a camera at a 4×4 pose on the robot.
+    def frame(self, time: float, camera: Pinhole, T_base_camera: Pose) -> Frame:
+        """The frame at a time in s that :meth:`newest` returned, of a camera at a pose on the robot.
 
         Raises:
             InputError: its images have an unknown encoding or a wrong size, or are broken.
@@ -144,5 +143,5 @@ class Senses:
         gyro, accelerometer = by_odometry if self._inertial is None else self._inertial
         return Motion(time, T, gyro, accelerometer, np.array([v, v]) + self._half_width * omega * np.array([-1, 1]))
 
-    def _pose(self, time: float) -> NDArray[np.float64] | None:
+    def _pose(self, time: float) -> Pose | None:
         return Trajectory(np.array([t for t, _ in self._poses]), np.array([T for _, T in self._poses])).at(time)

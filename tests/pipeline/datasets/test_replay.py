@@ -52,9 +52,9 @@ def test_odometry_is_corrected_or_taken_at_its_word() -> None:
     assert default_poses(recording()) == "registration"
     mapper, found = replayed(recording(odometry=odometry), "slam")
     assert np.linalg.norm((mapper.keyframes.poses[-1] - WAY[last_keyframe(found)])[:3, 3]) < 0.018
-    told, found = replayed(recording(odometry=odometry), "odometry")
-    np.testing.assert_allclose(told.keyframes.poses[-1], ODOMETRY[last_keyframe(found)], atol=1e-12)
-    assert np.linalg.norm((told.keyframes.poses[-1] - WAY[last_keyframe(found)])[:3, 3]) > 0.025
+    trusted, found = replayed(recording(odometry=odometry), "odometry")
+    np.testing.assert_allclose(trusted.keyframes.poses[-1], ODOMETRY[last_keyframe(found)], atol=1e-12)
+    assert np.linalg.norm((trusted.keyframes.poses[-1] - WAY[last_keyframe(found)])[:3, 3]) > 0.025
 
 
 def last_keyframe(found: list[Replayed]) -> int:
@@ -123,13 +123,11 @@ def test_frames_before_the_first_true_pose_are_left_out() -> None:
     assert source.left_out == {"frames at times of which no pose is known": 3}
 
 
-def test_what_shows_no_vertical_is_told_so() -> None:
+def test_what_shows_no_vertical_is_refused() -> None:
     blank = [replace(frame, depth=np.where(frame.depth > 0, np.float32(2), 0)) for frame in hand_held().frames()]
     source = replace(hand_held(truth=Trajectory(TIMES, np.array(WAY), of_camera=True)), frames=lambda: iter(blank))
     for poses in ("truth", "registration"):
-        with pytest.raises(
-            InputError, match="room: neither an accelerometer nor floor and walls tell which way is up"
-        ):
+        with pytest.raises(InputError, match=r"room: .* up"):
             replayed(source, poses)
 
 
@@ -150,9 +148,9 @@ def test_frames_in_a_gap_of_the_odometry_are_left_out() -> None:
 
 
 def test_poses_that_are_not_there_are_refused() -> None:
-    with pytest.raises(InputError, match="room: holds no true poses, which --poses truth needs"):
+    with pytest.raises(InputError, match=r"room: .*--poses truth"):
         replayed(recording(), "truth")
-    with pytest.raises(InputError, match="room: holds no odometry, which --poses slam needs"):
+    with pytest.raises(InputError, match=r"room: .*--poses slam"):
         replayed(recording(), "slam")
 
 

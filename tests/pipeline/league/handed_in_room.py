@@ -8,23 +8,29 @@ from pipeline.grid_map import Grid
 from pipeline.league.brief import MissionBrief
 from pipeline.league.cloud import write_cloud
 from pipeline.league.hand_in import league_frame
-from pipeline.league.plan import SearchedGround, draw_plan
+from pipeline.league.plan import SearchedGround, write_plan
 from pipeline.league.pois import points_of_interest, write_pois
-from pipeline.league.rules import LENGTHS
-from pipeline.metric_map.io.plans import write_geotiff
 from pipeline.metric_map.metric_map import MetricMap
+from pipeline.tracks.find import Find
 
 BRIEF = MissionBrief(team="Team, 'B'", country='Côte "d\'Or"', name="lab", start=datetime(2026, 1, 26, 14, 30))
 FRONT = 0.25
 T_MAP_LEAGUE = league_frame(np.eye(4), FRONT)
 PATH = np.array([(0.0, 0, 0), (1.0, 0, 0)])
+
+
+def found(kind, text, position, time, confidence):
+    photo = np.zeros((1, 1, 3), np.uint8)
+    return Find(kind, text, np.array(position), 0.01 * np.eye(3), time, confidence, photo)
+
+
 FINDS = [
-    {"kind": "april_tag", "text": "12", "position": [1.0, 1.0, 0.3], "time_s": 10.0, "confidence": 1.0},
-    {"kind": "hazmat_sign", "text": "poison", "position": [-1.0, 1.0, 0.3], "time_s": 8.4, "confidence": 0.8},
-    {"kind": "hazmat_sign", "text": "poison", "position": [-1.1, 1.0, 0.3], "time_s": 7.0, "confidence": 0.6},
-    {"kind": "victim", "text": "", "position": [1.0, -1.0, 0.2], "time_s": 20.0, "confidence": 0.9},
-    {"kind": "heat", "text": "", "position": [1.0, -1.0, 0.2], "time_s": 20.0, "confidence": 0.9},
-    {"kind": "qr_code", "text": 'a,"b"', "position": [0.0, 1.9, 0.5], "time_s": 5.0, "confidence": 1.0},
+    found("april_tag", "12", [1.0, 1.0, 0.3], 10.0, 1.0),
+    found("hazmat_sign", "poison", [-1.0, 1.0, 0.3], 8.4, 0.8),
+    found("hazmat_sign", "poison", [-1.1, 1.0, 0.3], 7.0, 0.6),
+    found("victim", "", [1.0, -1.0, 0.2], 20.0, 0.9),
+    found("heat", "", [1.0, -1.0, 0.2], 20.0, 0.9),
+    found("qr_code", 'a,"b"', [0.0, 1.9, 0.5], 5.0, 1.0),
 ]
 
 
@@ -61,9 +67,8 @@ def hand_in_room(folder, points=None, brief=BRIEF):
     """Write the three files into a folder; returns their paths."""
     points = room_points() if points is None else points
     plan, cloud, pois = (folder / name for name in (brief.plan_name, brief.cloud_name, brief.pois_name))
-    drawn = draw_plan(plan.name, room_ground(), T_MAP_LEAGUE, PATH, room_pois())
-    write_geotiff(plan, drawn.image, LENGTHS["pixel"], drawn.corner)
+    write_plan(plan, room_ground(), T_MAP_LEAGUE, PATH, room_pois())
     colours = np.full(points.shape, 200, np.uint8)
-    write_cloud(cloud, brief, points, colours, np.array([[0, 0, 0.6]]), room_map(), T_MAP_LEAGUE)
+    write_cloud(cloud, brief, points, colours, np.array([[0, 0, 0.6]]), room_map(), T_MAP_LEAGUE, 20)
     write_pois(pois, brief, room_pois())
     return plan, cloud, pois

@@ -1,11 +1,11 @@
-import json
+import re
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
-from pipeline.errors import InputError
-from pipeline.league.pois import found_in, points_of_interest, read_pois, write_pois
-from tests.pipeline.league.handed_in_room import BRIEF, FINDS, T_MAP_LEAGUE, room_pois
+from pipeline.league.pois import points_of_interest, read_pois, write_pois
+from tests.pipeline.league.handed_in_room import BRIEF, FINDS, T_MAP_LEAGUE, found, room_pois
 
 TEXT = """\
 "pois"
@@ -29,7 +29,7 @@ def path(tmp_path):
     return tmp_path / "pois.csv"
 
 
-def test_a_list_is_as_the_league_has_it_with_each_thing_once(path):
+def test_a_list_is_as_the_league_has_it_with_each_object_once(path):
     assert path.read_text() == TEXT
 
 
@@ -46,49 +46,41 @@ def test_what_is_written_is_read(path):
     ("old", "new", "fault"),
     [
         ('"pois"', "pois", "line 1"),
-        ('"1.3"', '"1.2"', 'line 2: must be "1.3"'),
-        ("2026-01-26", "26.1.2026", "line 5: 26.1.2026 is no date as in 2026-01-26"),
+        ('"1.3"', '"1.2"', 'line 2: .*"1.3"'),
+        ("2026-01-26", "26.1.2026", "line 5: 26.1.2026"),
         ('"14:30:00"', '"14:30"', "line 6"),
-        ('"lab"', '""', "line 7: the mission is empty"),
+        ('"lab"', '""', "line 7: .*mission"),
         ("detection,time", "id,time", "line 8"),
-        ("1,14:30:08", "7,14:30:08", "line 9: detection 7: must be 1"),
+        ("1,14:30:08", "7,14:30:08", "line 9: detection 7"),
         ("14:30:08", "14:61:08", "line 9: time 14:61:08"),
         ('"ar_code"', '"tag"', "line 10: type tag"),
-        ('"12"', "12", "line 10: must be detection,time"),
-        ('"12",-1.00', '"a"b",-1.00', "line 10: must be detection,time"),
-        ("0.75,0.30", "nan,0.30", "line 10: must be detection,time"),
+        ('"12"', "12", "line 10: .*detection,time"),
+        ('"12",-1.00', '"a"b",-1.00', "line 10: .*detection,time"),
+        ("0.75,0.30", "nan,0.30", "line 10: .*detection,time"),
         ('0.20,"robot1",A', '0.20,"robot1",X', "line 11: mode X"),
-        ('"ar_code","12",-1.00,0.75', '"hazmat_sign","poison",-1.00,-1.05', "line 10: hazmat_sign poison: the same"),
+        ('"ar_code","12",-1.00,0.75', '"hazmat_sign","poison",-1.00,-1.05', "line 10: hazmat_sign poison"),
     ],
 )
-def test_faults_are_told_line_by_line(path, old, new, fault):
+def test_faults_are_reported_line_by_line(path, old, new, fault):
     path.write_text(TEXT.replace(old, new, 1))
-    (told,) = read_pois(path).faults
-    assert told.startswith(fault)
+    (line,) = read_pois(path).faults
+    assert re.match(fault, line)
 
 
 def test_a_list_that_ends_in_its_header_is_refused(path):
     path.write_text('"pois"\n')
-    assert read_pois(path).faults == ["ends after 1 lines; 7 of a header and the columns are wanted"]
+    (line,) = read_pois(path).faults
+    assert "1 lines" in line
 
 
-def test_confirmed_people_are_finds(tmp_path):
-    person = {"position": [1, 2, 0], "covariance": [], "confidence": 0.9, "times": [7.0, 5.0]}
-    people = [person | {"confirmed": True}, person | {"confirmed": False}]
-    (tmp_path / "victims.json").write_text(json.dumps({"people": people}))
-    (find,) = found_in(tmp_path)
-    assert (find["kind"], find["time_s"], find["position"]) == ("victim", 5.0, [1, 2, 0])
-
-
-@pytest.mark.parametrize("text", ["[", '[{"kind": "heat"}]', "3"])
-def test_damaged_finds_are_refused(tmp_path, text):
-    (tmp_path / "finds.json").write_text(text)
-    with pytest.raises(InputError, match=r"finds\.json"):
-        found_in(tmp_path)
+def test_a_find_of_an_earlier_run_was_found_at_the_start():
+    earlier = found("heat", "", [0.0, 1.0, 0.2], np.nan, 0.9)
+    (poi,) = points_of_interest([earlier], T_MAP_LEAGUE, BRIEF.start)
+    assert poi.time == "14:30:00"
 
 
 @pytest.mark.parametrize("apart", [0.2951, 0.2999, 0.3001, 0.3049])
-def test_no_list_of_ones_own_has_a_thing_twice_once_it_is_rounded(tmp_path, apart):
-    finds = [FINDS[1] | {"position": [x, 1.0, 0.3]} for x in (-1.0021, -1.0021 - apart)]
+def test_no_list_of_ones_own_has_an_object_twice_once_it_is_rounded(tmp_path, apart):
+    finds = [replace(FINDS[1], position=np.array([x, 1.0, 0.3])) for x in (-1.0021, -1.0021 - apart)]
     write_pois(tmp_path / "pois.csv", BRIEF, points_of_interest(finds, T_MAP_LEAGUE, BRIEF.start))
     assert read_pois(tmp_path / "pois.csv").faults == []

@@ -41,7 +41,7 @@ def rows(tmp_path_factory):
     step = explorer.step()
     explorer.mapper.victims.all = [BOB, ALICE]
     recorder = Recorder(path)
-    recorder.on_step(explorer, step)
+    recorder.on_step(explorer.mapper, step)
     recorder.log_ways([WAY])
     recorder.close()
     return read(path)
@@ -98,6 +98,6 @@ def test_ways_are_drawn_over_the_ground(rows):
 def test_no_victims_can_be_drawn():
     assert len(victim_drawings.boxes(victims()).centers) == 0
     assert len(victim_drawings.certainty(victims()).centers) == 0
-    (blob,) = victim_drawings.photo_sheet(victims()).blob.as_arrow_array().to_pylist()
+    (blob,) = victim_drawings.photo_sheet(victims(), 240).blob.as_arrow_array().to_pylist()
     empty = cv2.imdecode(np.array(blob, np.uint8), cv2.IMREAD_COLOR)
     assert empty.shape == WHOLE  # as with victims

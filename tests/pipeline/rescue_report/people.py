@@ -5,6 +5,7 @@ from numpy.typing import NDArray
 
 from pipeline.explorer import Explorer
 from pipeline.mapper import Mapper
+from pipeline.rescue_report.config import RescueReportConfig
 from pipeline.rescue_report.situation import Situation, situation_of
 from pipeline.semantic_map.classifier import TruthClassifier
 from pipeline.tracks.find import Reading, box_corners
@@ -64,4 +65,4 @@ def before_a_wall(found: Victims | None, *, finished: bool = True) -> Situation:
     explorer = Explorer(StillRobot(), mapper)
     explorer.step()
     explorer.mapper.victims = found or Victims()
-    return situation_of(explorer.mapper, PIONEER, HEIGHT, finished)
+    return situation_of(explorer.mapper, HEIGHT, finished, (), RescueReportConfig())

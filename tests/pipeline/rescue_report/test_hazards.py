@@ -6,6 +6,7 @@ from numpy.typing import NDArray
 
 from pipeline.elevation_map.traversability import assess_map
 from pipeline.planning.pose_paths import PosePaths
+from pipeline.rescue_report.config import HazardConfig
 from pipeline.rescue_report.hazards import Hazards, find_hazards
 from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.worlds import RISE, RUN, flat, ground_points, ridge, surface_of, wall_points
@@ -17,7 +18,7 @@ NO_POINTS = np.zeros((0, 3), np.float32)
 def hazards_of(*clouds: NDArray[np.float32], start=(-1.0, 0.0), above: NDArray[np.float32] = NO_POINTS) -> Hazards:
     traversability = assess_map(surface_of(*clouds))
     reachable = PosePaths(traversability, start).reachable
-    return find_hazards(traversability, reachable, np.vstack([*clouds, above]), PIONEER)
+    return find_hazards(traversability, reachable, np.vstack([*clouds, above]), PIONEER, HazardConfig())
 
 
 def terrace(x: NDArray, y: NDArray) -> NDArray:

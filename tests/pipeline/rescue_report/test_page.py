@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 
 from pipeline.labels import Label
-from pipeline.rescue_report.map_drawing import MOST_NAMED
 from pipeline.rescue_report.page import page
 from pipeline.rescue_report.people import people_data
 from pipeline.rescue_report.places import ReportedPlace
@@ -139,20 +138,20 @@ def test_a_run_that_was_cut_short_says_so(root: Tag) -> None:
 
 
 @pytest.mark.parametrize(
-    ("trust", "is_good", "told"),
+    ("trust", "is_good", "said"),
     [
         (Trust(0.002, 0.05), True, "and all that joins it"),
         (Trust(0.05, 0.05), False, "the map contradicts itself"),
         (Trust(0.002, 0.8), False, "parts of the map may lie elsewhere"),
     ],
 )
-def test_green_is_earned_by_a_map_that_can_be_trusted(trust: Trust, is_good: bool, told: str) -> None:
+def test_green_is_earned_by_a_map_that_can_be_trusted(trust: Trust, is_good: bool, said: str) -> None:
     situation = before_a_wall(victims())
     seen = replace(situation.unseen, places=[])
     root = read(page(replace(situation, unseen=seen, trust=trust), {"arena": "a"}))
     tile = next(tile for tile in root.all("div", "tile") if "Explored" in tile.text)
     assert ("good" in tile.attributes["class"]) == is_good
-    assert told in tile.text
+    assert said in tile.text
     assert ("contradicts itself: 5 %" in root.text) == (trust.contradicted == 0.05)
     assert ("may lie 1.6 m from where they are drawn" in root.text) == (trust.deviation == 0.8)
 
@@ -236,12 +235,12 @@ def test_the_same_episode_gives_the_same_page(html: str) -> None:
 
 
 def test_the_worst_places_are_listed_and_the_others_counted() -> None:
-    places = [ReportedPlace(np.array([1.0, -2.0]), 0.5, 0.1 * (20 - k)) for k in range(MOST_NAMED + 2)]
+    places = [ReportedPlace(np.array([1.0, -2.0]), 0.5, 0.1 * (20 - k)) for k in range(12)]
     situation = before_a_wall(None)
     hazards = replace(situation.hazards, slopes=places, drops=places[:1], ceilings=places[:1])
     text = read(page(replace(situation, hazards=hazards), {"arena": "a"})).text
     assert "115° at (1.0, −2.0) m, 0.5 m²" in text
-    assert text.count(" at (1.0, −2.0) m, 0.5 m²") == MOST_NAMED
+    assert text.count(" at (1.0, −2.0) m, 0.5 m²") == 10
     assert "and 2 more" in text
     assert "200 cm deep at (1.0, −2.0) m" in text
     assert "Low ceilings: the lowest leaves 2.0 m." in text

@@ -10,8 +10,10 @@ from pipeline.errors import InputError
 from pipeline.exploration.viewpoint import Viewpoint
 from pipeline.explorer import Explorer
 from pipeline.mapper import Mapper
+from pipeline.rescue_report.finds import write_finds
 from pipeline.rescue_report.page import page
-from pipeline.rescue_report.report import RescueReport, write_found, write_page
+from pipeline.rescue_report.people import write_people
+from pipeline.rescue_report.report import RescueReport, write_page
 from pipeline.semantic_map.classifier import TruthClassifier
 from pipeline.transforms import from_yaw
 from tests.pipeline.rescue_report.html_page import read
@@ -29,16 +31,16 @@ def test_the_page_lists_what_was_not_worth_the_drive() -> None:
     )
 
 
-def test_the_last_step_tells_whether_a_viewpoint_is_left() -> None:
+def test_the_last_step_says_whether_a_viewpoint_is_left() -> None:
     explorer = Explorer(StillRobot(), Mapper(PIONEER, TruthClassifier()))
     report, step = RescueReport(), explorer.step()
-    report.on_step(explorer, step)
+    report.on_step(explorer.mapper, step)
     assert step.viewpoint is not None
-    assert not report.situation(explorer).finished
-    report.on_step(explorer, replace(step, viewpoint=None, can_drive=False))  # held, not done
-    assert not report.situation(explorer).finished
-    report.on_step(explorer, replace(step, viewpoint=None))
-    situation = report.situation(explorer)
+    assert not report.situation_in(explorer.mapper).finished
+    report.on_step(explorer.mapper, replace(step, viewpoint=None, can_drive=False))  # held, not done
+    assert not report.situation_in(explorer.mapper).finished
+    report.on_step(explorer.mapper, replace(step, viewpoint=None))
+    situation = report.situation_in(explorer.mapper)
     assert situation.finished
     np.testing.assert_array_equal(situation.T_map_entrance, np.eye(4))
     assert situation.positions.shape == (1, 2)  # a keyframe, whatever the number of steps
@@ -48,22 +50,23 @@ def test_the_last_step_tells_whether_a_viewpoint_is_left() -> None:
 def test_marks_and_entrance_follow_a_correction_of_the_poses() -> None:
     explorer = Explorer(StillRobot(), Mapper(PIONEER, TruthClassifier()))
     report = RescueReport()
-    report.on_step(explorer, explorer.step())
+    report.on_step(explorer.mapper, explorer.step())
     T_after_before = from_yaw(0.4, -0.2, 0.0, 0.3)
     corrected = T_after_before @ explorer.mapper.keyframes.poses
     explorer.mapper.correct(corrected)
-    situation = report.situation(explorer)
+    situation = report.situation_in(explorer.mapper)
     np.testing.assert_array_equal(situation.T_map_entrance, corrected[0])
     np.testing.assert_array_equal(situation.positions, corrected[-1:, :2, 3])
 
 
 def test_the_page_is_a_file(tmp_path: Path) -> None:
     write_page(tmp_path / "report.html", before_a_wall(None), {"arena": "Fußweg"})
-    write_found(tmp_path, before_a_wall(None))
+    write_people(tmp_path, before_a_wall(None))
+    write_finds(tmp_path, before_a_wall(None))
     assert "Fußweg" in read((tmp_path / "report.html").read_text(encoding="utf-8")).text
     assert {path.name for path in tmp_path.iterdir()} == {"report.html", "victims.json", "victims.csv", "finds.json"}
 
 
 def test_a_page_that_cannot_be_written_is_bad_input(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"missing/report\.html: cannot be written"):
+    with pytest.raises(InputError, match=r"missing/report\.html"):
         write_page(tmp_path / "missing" / "report.html", before_a_wall(None), {"arena": "a"})

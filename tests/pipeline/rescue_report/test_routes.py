@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from pipeline.elevation_map.traversability import assess_map
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.planning.pose_paths import PosePaths
+from pipeline.rescue_report.config import HazardConfig, RouteConfig
 from pipeline.rescue_report.hazards import find_hazards
 from pipeline.rescue_report.routes import Route, Router, straight_parts
 from pipeline.topological_map.topological_map import TopologicalMap
@@ -23,9 +24,9 @@ def route(
 ) -> Route | None:
     traversability = assess_map(surface_of(*clouds))
     paths = PosePaths(traversability, start)
-    hazards = find_hazards(traversability, paths.reachable, np.vstack(clouds), PIONEER)
+    hazards = find_hazards(traversability, paths.reachable, np.vstack(clouds), PIONEER, HazardConfig())
     metric_map = metric_map or MetricMap()
-    router = Router(traversability, paths, TopologicalMap(), metric_map, hazards, PIONEER, 0.0, HEIGHT)
+    router = Router(traversability, paths, TopologicalMap(), metric_map, hazards, PIONEER, 0.0, HEIGHT, RouteConfig())
     return router.to(person)
 
 
@@ -67,7 +68,7 @@ def test_no_person_is_reached_behind_a_wall() -> None:
     assert not way.arrives
 
 
-def test_a_wall_between_is_told_however_near_the_person_is() -> None:
+def test_a_wall_between_counts_however_near_the_person_is() -> None:
     person, wall = block((0.6, 0, 0.2), (0.1, 0.1, 0.4)), wall_points((0.3, -1), (0.3, 1))
     metric_map = MetricMap()
     for _ in range(5):
@@ -81,7 +82,7 @@ def test_a_wall_between_is_told_however_near_the_person_is() -> None:
     assert along.gap < 0.7
 
 
-def test_around_a_wall_the_bends_are_told() -> None:
+def test_around_a_wall_there_are_bends() -> None:
     wall = wall_points((0, -1), (0, 0.3))
     way = route(block((1.0, -0.5, 0.2), (0.1, 0.1, 0.4)), ground_points(flat, *HALL), wall, start=(-1.0, -0.5))
     assert way is not None
@@ -91,7 +92,7 @@ def test_around_a_wall_the_bends_are_told() -> None:
     assert sum(leg.length for leg in way.legs) == pytest.approx(way.length)
 
 
-def test_drops_beside_the_way_are_told() -> None:
+def test_drops_beside_the_way_are_named() -> None:
     def terrace(x: NDArray, y: NDArray) -> NDArray:
         return np.where(y > 0.5, -0.3, 0.0) + 0 * x
 
@@ -114,6 +115,6 @@ def test_a_robot_that_stands_there_already_has_no_legs() -> None:
 
 def test_small_bends_make_no_parts() -> None:
     way = np.array([[0, 0], [1, 0], [1, 0], [2, 0.1], [2, 1]], float)
-    parts = list(straight_parts(way))
+    parts = list(straight_parts(way, np.deg2rad(20)))
     assert [part.tolist() for part in parts] == [[[0, 0], [1, 0], [2, 0.1]], [[2, 0.1], [2, 1]]]
-    assert list(straight_parts(way[1:3])) == []
+    assert list(straight_parts(way[1:3], np.deg2rad(20))) == []

@@ -6,7 +6,8 @@ from numpy.typing import NDArray
 
 from pipeline.elevation_map.traversability import assess_map
 from pipeline.planning.pose_paths import PosePaths
-from pipeline.rescue_report.unseen import EXPECTED_AHEAD, Unseen, find_unseen
+from pipeline.rescue_report.config import UnseenConfig
+from pipeline.rescue_report.unseen import Unseen, find_unseen
 from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.worlds import flat, ground_points, surface_of, wall_points
 
@@ -22,7 +23,7 @@ def unseen(*clouds: NDArray[np.float32]) -> Unseen:
     elevation_map = surface_of(*clouds, *WALLS)
     traversability = assess_map(elevation_map)
     reachable = PosePaths(traversability, (-1.5, 0.0)).reachable
-    return find_unseen(traversability, elevation_map.measured, reachable, PIONEER)
+    return find_unseen(traversability, elevation_map.measured, reachable, PIONEER, UnseenConfig(ahead=1.0))
 
 
 def without(low: float, high: float) -> NDArray[np.float32]:
@@ -56,7 +57,7 @@ def test_a_small_hole_is_a_patch() -> None:
 
 def test_ground_is_expected_ahead_where_no_wall_is() -> None:
     (place,) = unseen(ground_points(flat, *ROOM)).places
-    reach = EXPECTED_AHEAD - 0.25  # the robot's middle keeps off unknown ground
+    reach = 1.0 - 0.25  # the robot's middle keeps off unknown ground
     assert 2 < place.position[0] < 2 + reach
     assert 2.4 * reach < place.area < 4 * reach  # as wide as the robot's middle can go, or as the room and more
 

@@ -104,7 +104,7 @@ def test_intrinsics_are_those_of_ros() -> None:
 
 
 def test_a_bag_overwrites_nothing(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="already there"):
+    with pytest.raises(InputError, match=tmp_path.name):
         Bag(tmp_path)
-    with pytest.raises(InputError, match="cannot be written"):
+    with pytest.raises(InputError, match="/proc/bag"):
         Bag(Path("/proc/bag"))

@@ -63,7 +63,7 @@ def test_a_late_listener_gets_the_map(pair: tuple[RosNode, RosNode]) -> None:
 
 
 def test_of_two_nodes_with_one_name_the_second_is_refused(pair: tuple[RosNode, RosNode]) -> None:
-    with pytest.raises(InputError, match="there is a node 'test_robot' on the network already; --name"):
+    with pytest.raises(InputError, match=r"'test_robot'.*--name"):
         RosNode("test_robot")
-    with pytest.raises(InputError, match="--name a b: letters, digits and _"):
+    with pytest.raises(InputError, match="--name a b"):
         RosNode("a b")

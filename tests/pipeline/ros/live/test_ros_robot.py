@@ -8,14 +8,14 @@ import pytest
 from scipy.constants import g
 
 from pipeline.errors import InputError
-from pipeline.navigation.navigator import Navigator
 from pipeline.robot import Velocity
 from pipeline.ros import messages
-from pipeline.ros.live.ros_robot import HOLD, RosRobot
+from pipeline.ros.live.ros_robot import RosRobot
 from pipeline.ros.live.topic_names import TopicNames
 from pipeline.ros.messages import command_of
 from pipeline.transforms import from_rotation
 from tests.pipeline.localisation.driving_robot import T_BASE_CAMERA
+from tests.pipeline.navigation.follower import Follower
 from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.ros.live.loopback import Change, End, RoomRobot, Wire, unchanged
 
@@ -47,8 +47,7 @@ def pair() -> Pair:
 
 
 def test_a_navigator_drives_it(pair: Pair) -> None:
-    navigator = Navigator(pair.robot)
-    assert navigator.follow(np.array([(1.8, 1.0), (1.8, 1.5)]), 0.5)
+    assert Follower(pair.robot).drive(np.array([(1.8, 1.0), (1.8, 1.5)]), 0.5)
     np.testing.assert_allclose(pair.room.body.T[:2, 3], (1.8, 1.5), atol=0.06)
     assert pair.commands[-1] == Velocity()
 
@@ -58,7 +57,7 @@ def test_it_senses_what_the_robot_sent_and_where_that_was(pair: Pair) -> None:
         pair.robot.drive(command)
     frame = pair.robot.sense()
     sent = pair.room.frames[frame.time]
-    assert pair.robot.time - frame.time <= HOLD / 2
+    assert pair.robot.time - frame.time <= 0.1
     np.testing.assert_array_equal(frame.depth, sent.depth)
     np.testing.assert_array_equal(frame.rgb, sent.rgb)
     np.testing.assert_allclose(frame.T_odom_base, sent.T_odom_base, atol=1e-6)
@@ -75,7 +74,7 @@ def test_motions_tell_what_is_felt(pair: Pair) -> None:
     assert pair.robot.control_period == pytest.approx(pair.room.body.control_period)
 
 
-def test_without_inertial_sensors_the_odometry_tells_whether_it_leans() -> None:
+def test_without_inertial_sensors_the_odometry_says_whether_it_leans() -> None:
     wire, lean = Wire(), 0.2
     wire.change = silent("/imu")
     room, end = RoomRobot(wire), End(wire, "explorer")
@@ -99,7 +98,7 @@ def test_it_stands_while_what_drives_it_computes(pair: Pair) -> None:
     before = pair.room.body.T[0, 3]
     pair.pass_time(3.0)
     assert pair.commands[-1] == Velocity()
-    assert pair.room.body.T[0, 3] - before < 0.2 * (HOLD + 0.15)
+    assert pair.room.body.T[0, 3] - before < 0.2 * (0.2 + 0.15)
 
 
 def test_stamped_commands_are_sent_to_what_listens_to_them() -> None:
@@ -111,12 +110,12 @@ def test_stamped_commands_are_sent_to_what_listens_to_them() -> None:
 
 
 @pytest.mark.parametrize("topic", ["/tf_static", "/camera/transform"])
-def test_a_transform_tells_where_the_camera_is(topic: str) -> None:
+def test_a_transform_says_where_the_camera_is(topic: str) -> None:
     wire = Wire()
     room, end = RoomRobot(wire), End(wire, "explorer")
     end.work = room.period
     wire.change = silent("/tf_static")
-    with pytest.raises(InputError, match=r"no transform tells where camera_optical is .* --camera"):
+    with pytest.raises(InputError, match=r"camera_optical.*--camera"):
         RosRobot(end, PIONEER, TopicNames(), patience=2.0)
     link = messages.transform(0.0, "base_link", "camera_optical", T_BASE_CAMERA)
     message = messages.make("tf2_msgs/TFMessage", [link]) if topic == "/tf_static" else link
@@ -169,22 +168,24 @@ def still(topic: str, time: float, message: Any) -> list[tuple[str, float, Any]]
 
 
 @pytest.mark.parametrize(
-    ("change", "told"),
+    ("change", "fault"),
     [
-        (silent(DEPTH), f"{DEPTH}: silent for 2 s"),
-        (silent(COLOUR), f"{COLOUR}: silent for 2 s"),
-        (silent(ODOM), f"{ODOM}: silent for 2 s"),
-        (other_clock, "clocks differ: images are of 1700000"),
-        (smaller, "depth images of 20 × 10 pixels where 320 × 240 are expected"),
-        (still, "clocks differ: images are of .* the odometry of 1.00 s"),
-        (late, "stamps make no sense: for 2 s .* no depth image with a colour image 0.02 s near"),
+        (silent(DEPTH), DEPTH),
+        (silent(COLOUR), COLOUR),
+        (silent(ODOM), ODOM),
+        (other_clock, "clocks.* 1700000"),
+        (smaller, "20 × 10 .* 320 × 240"),
+        (still, "clocks.* 1.00 s"),
+        (late, "stamps.* 0.02 s"),
     ],
 )
-def test_what_goes_wrong_while_it_drives_is_said_and_the_robot_stopped(pair: Pair, change: Change, told: str) -> None:
+def test_what_goes_wrong_while_it_drives_is_said_and_the_robot_stopped(
+    pair: Pair, change: Change, fault: str
+) -> None:
     pair.robot.drive(Velocity(0.2))
     pair.robot.sense()
     pair.wire.change = change
-    with pytest.raises(InputError, match=told):
+    with pytest.raises(InputError, match=fault):
         for _ in range(50):
             pair.robot.drive(Velocity(0.2))
             pair.robot.sense()
@@ -194,13 +195,13 @@ def test_what_goes_wrong_while_it_drives_is_said_and_the_robot_stopped(pair: Pai
 
 def test_a_robot_that_ignores_commands_is_given_up(pair: Pair) -> None:
     pair.wire.takers["/cmd_vel"] = [("robot", lambda data: None)]
-    with pytest.raises(InputError, match="/cmd_vel: the robot ignores it, for it has not moved for 4 s"):
+    with pytest.raises(InputError, match="/cmd_vel: "):
         for _ in range(500):
             pair.robot.drive(Velocity(0.2))
     assert pair.commands[-1] == Velocity()
 
 
-def test_a_robot_that_turns_in_place_or_is_told_to_stand_does_not_ignore_commands(pair: Pair) -> None:
+def test_a_robot_that_turns_in_place_or_is_to_stand_does_not_ignore_commands(pair: Pair) -> None:
     for command in [Velocity(0.0, 0.3)] * 300 + [Velocity()] * 300:
         pair.robot.drive(command)
 
@@ -211,7 +212,7 @@ def test_what_is_not_there_is_named(topic: str) -> None:
     wire.change = silent(topic)
     room, end = RoomRobot(wire), End(wire, "explorer")
     end.work = room.period
-    with pytest.raises(InputError, match=f"no robot after 2 s: nothing sends {topic}$"):
+    with pytest.raises(InputError, match=f" {topic}$"):
         RosRobot(end, PIONEER, TopicNames(), T_BASE_CAMERA, patience=2.0)
 
 
@@ -221,9 +222,9 @@ def test_a_robot_that_starts_later_is_waited_for(caplog: pytest.LogCaptureFixtur
     wire.change = lambda topic, time, message: [(topic, time, message)] if wire.time > start else []
     room, end = RoomRobot(wire), End(wire, "explorer")
     end.work = room.period
-    with pytest.raises(InputError, match="no robot after 3 s: nothing sends"):
+    with pytest.raises(InputError, match=r"3 s: .*/odom"):
         RosRobot(end, PIONEER, TopicNames(), T_BASE_CAMERA, patience=2.0, wait=1.0)
-    assert "no robot yet: nothing sends" in caplog.text
+    assert "/odom" in caplog.text
     assert RosRobot(end, PIONEER, TopicNames(), T_BASE_CAMERA, patience=2.0, wait=9.0).time > 0
 
 
@@ -232,7 +233,7 @@ def test_two_robots_or_none_that_listens_are_refused() -> None:
     room, end = RoomRobot(wire), End(wire, "explorer")
     end.work = room.period
     wire.senders[ODOM] = ["another"]
-    with pytest.raises(InputError, match="/odom: several nodes send it, another and robot"):
+    with pytest.raises(InputError, match=r"/odom: .*another and robot"):
         RosRobot(end, PIONEER, TopicNames(), T_BASE_CAMERA, patience=2.0)
-    with pytest.raises(InputError, match="nothing listens to /drive"):
+    with pytest.raises(InputError, match="/drive"):
         RosRobot(end, PIONEER, TopicNames(cmd_vel="/drive"), T_BASE_CAMERA, patience=2.0)

@@ -56,7 +56,7 @@ def test_it_does_not_grow_beyond_the_memory():
     grid_map = GridMap(0.05, LAYERS)
     grid_map.cover(np.zeros((1, 2)))
     before = grid_map.grid
-    with pytest.raises(InputError, match=r"a map of 1.... × 1.... m would take 1.* GB; at most 1.07 GB are used"):
+    with pytest.raises(InputError, match=r"1.... × 1.... m .*GB"):
         grid_map.cover(np.array([(1e4, 1e4)]))
     assert grid_map.grid is before
 

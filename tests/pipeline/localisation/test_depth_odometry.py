@@ -52,10 +52,10 @@ def test_it_says_so_when_it_is_lost() -> None:
     first, *_ = frames()
     odometry.pose(first)
     stripes = np.where(np.arange(320) % 64 < 32, 0.7, 1.1) * np.ones((240, 1))
-    with pytest.raises(LostError, match=r"the frame at 9\.00 s shows little that was seen before"):
+    with pytest.raises(LostError, match=r"9\.00 s"):
         odometry.pose(replace(first, time=9.0, depth=stripes.astype(np.float32), rgb=np.zeros_like(first.rgb)))
     black = replace(blind(first), rgb=np.zeros_like(first.rgb))
     for _ in range(30):
         odometry.pose(black)
-    with pytest.raises(LostError, match="has seen nothing for 30 frames"):
+    with pytest.raises(LostError, match="30 frames"):
         odometry.pose(black)

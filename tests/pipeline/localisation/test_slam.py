@@ -159,7 +159,7 @@ def test_a_first_frame_without_a_return_is_a_keyframe_as_well() -> None:
 def test_a_camera_that_has_stopped_is_noticed() -> None:
     slam = driven(3)
     stopped = replace(frames()[3], depth=frames()[2].depth.copy())
-    with pytest.raises(LostError, match=r"the camera has stopped: at 3\.00 s"):
+    with pytest.raises(LostError, match=r"3\.00 s"):
         slam.localise(stopped)
 
 
@@ -175,7 +175,7 @@ def test_an_odometry_that_is_not_finite_is_refused(value: float) -> None:
     T = frames()[2].T_odom_base.copy()
     T[0, 3] = value
     for localisation in (slam, Slam(), OdometryLocalisation()):
-        with pytest.raises(LostError, match=r"the odometry at 2\.00 s is not finite"):
+        with pytest.raises(LostError, match=r"odometry at 2\.00 s"):
             localisation.localise(replace(frames()[2], T_odom_base=T))
     assert distance(slam.localise(frames()[2]).T_map_base, AROUND[2]) < 0.01
 

@@ -59,6 +59,6 @@ def test_another_number_of_vertices_is_one_line(
     path = tmp_path / "semantic_map.ply"
     semantic_map.save(path)
     path.write_bytes(path.read_bytes().replace(b"vertex 500", b"vertex " + count))
-    with pytest.raises(InputError, match=r"semantic_map.ply: not a cloud with labels"):
+    with pytest.raises(InputError, match=r"semantic_map\.ply"):
         read_ply(path)
     assert not capfd.readouterr().err

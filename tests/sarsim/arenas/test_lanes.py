@@ -114,6 +114,6 @@ def test_a_pioneer_cannot_climb_steps(lane, reason):
 
 def test_other_bodies_have_other_limits():
     tender, wide = replace(PIONEER, max_tilt=math.radians(10)), replace(PIONEER, width=0.6)
-    assert LANES["crossing_ramps"].cannot(tender) == "a slope of 15°, at most 10° are driven on"
-    assert LANES["traverse"].cannot(wide) == "a passage of 0.597 m, the robot is 0.6 m wide"
+    assert "15°" in LANES["crossing_ramps"].cannot(tender)
+    assert "0.597 m" in LANES["traverse"].cannot(wide)
     assert LANES["krails"].cannot(replace(PIONEER, max_step=0.1)) is None

@@ -322,5 +322,5 @@ def test_missing_and_huge_files_are_refused(tmp_path):
 
 def test_an_arena_all_of_whose_tiles_are_taken_has_no_start(tmp_path):
     stepfields = [f'type="stepfield_red_diagonal" x="{i}" y="{j}" rotation="0"' for i in range(2) for j in range(2)]
-    with pytest.raises(InputError, match=r"arena\.raf: the arena has no free start"):
+    with pytest.raises(InputError, match=r"arena\.raf: .*start"):
         load_arena(str(write(tmp_path, *stepfields)))

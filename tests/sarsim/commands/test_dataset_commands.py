@@ -49,7 +49,7 @@ def test_bad_flags_are_status_2_and_one_line(
 
 def test_ray_is_asked_for_where_it_is_missing(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "ray", None)
-    with pytest.raises(InputError, match=r"Ray is not installed: pip install 'sarsim\[ray\]'"):
+    with pytest.raises(InputError, match=r"Ray .*pip install 'sarsim\[ray\]'"):
         make_engine("ray", None)
     assert isinstance(make_engine("local", None), LocalEngine)
 
@@ -82,7 +82,7 @@ def test_colours_are_of_blocks_alone(
     toys(tmp_path / "data", 1)
     flags = ["--colours", "--data", str(tmp_path / "data"), "--out", str(tmp_path / "out")]
     monkeypatch.setattr(sys, "argv", ["export_dataset.py", "s3dis", *flags])
-    assert "--colours: s3dis has no such setting" in refusal(capsys, export_dataset.main)
+    assert "--colours" in refusal(capsys, export_dataset.main)
     monkeypatch.setattr(sys, "argv", ["export_dataset.py", "blocks", *flags])
     export_dataset.main()
     with h5py.File(tmp_path / "out" / "ply_data_all_0.h5") as file:

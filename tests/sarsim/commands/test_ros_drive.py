@@ -109,7 +109,7 @@ def test_where_the_robot_falls_silent_what_was_mapped_is_kept(tmp_path: Path) ->
         return [] if gone else [(topic, time, message)]
 
     pair.wire.change = falls_silent
-    with pytest.raises(InputError, match="/odom: silent for 1 s; the robot was stopped"):
+    with pytest.raises(InputError, match=r"/odom: .*1 s"):
         pair.drive.run()
     assert {path.name for path in pair.out.iterdir()} == FILES | {HANDED_IN}
     assert validate(pair.out) == []

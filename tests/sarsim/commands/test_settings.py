@@ -113,9 +113,7 @@ def test_a_file_names_no_code_that_runs(tmp_path: Path) -> None:
     path = tmp_path / "config.yaml"
     for key in ("exploration", "labels", "detector_class", "detector-class", "localisation", "planner"):
         path.write_text(f"{key}: os:getcwd\n")
-        with pytest.raises(
-            InputError, match=f"no file says what code runs: give --{key.replace('_', '-')} as a flag"
-        ):
+        with pytest.raises(InputError, match=f"--{key.replace('_', '-')}"):
             load_settings(EpisodeConfig, path)
     for text in (
         "sink: [os:getcwd]",

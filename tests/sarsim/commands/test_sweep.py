@@ -56,7 +56,7 @@ def test_what_was_run_is_kept_and_another_version_refused(
     assert file.stat().st_mtime_ns == before and len(list(file.parent.iterdir())) == 2
     manifest = few.out / "sweep.json"
     manifest.write_text(json.dumps(json.loads(manifest.read_text()) | {"version": "0.0.1"}))
-    with pytest.raises(InputError, match=r"holds results of version 0\.0\.1, not .*: choose another folder"):
+    with pytest.raises(InputError, match=r"0\.0\.1"):
         sweep(few)
 
 

@@ -58,7 +58,7 @@ def test_any_network_is_trained_and_told_what_it_will_not_know(
     assert "ceiling" in told
     assert NetworkClassifier(out, network="pointnext")
     other = ["pointnet", "--data", dataset, "--out", tmp_path / "v.safetensors", "--init", out]
-    assert "weights of pointnext, not of pointnet" in refusal(capsys, call, monkeypatch, *other)
+    assert "pointnext" in refusal(capsys, call, monkeypatch, *other)
 
 
 def test_colours_make_nine_channels_and_go_on_with_them(
@@ -115,7 +115,7 @@ def test_a_missing_scene_is_noticed_before_any_is_read(
     (copy / "scenes" / "00003.h5").unlink()
     (copy / "scenes" / "00000.h5").write_bytes(b"")
     flags = ["dgcnn", "--data", copy, "--out", tmp_path / "w.safetensors"]
-    assert "00003.h5: missing, 1 of 5 scenes are" in refusal(capsys, call, monkeypatch, *flags)
+    assert "00003.h5" in refusal(capsys, call, monkeypatch, *flags)
 
 
 def test_a_dataset_without_scenes_to_learn_from_is_refused(
@@ -137,7 +137,7 @@ def test_a_dataset_of_another_version_is_refused(
     content = json.loads((dataset / "dataset.json").read_text())
     (tmp_path / "dataset.json").write_text(json.dumps(content | {"version": 9}))
     flags = ["dgcnn", "--data", tmp_path, "--out", tmp_path / "w.safetensors"]
-    assert "format version 9; this program reads version 1" in refusal(capsys, call, monkeypatch, *flags)
+    assert "version 9" in refusal(capsys, call, monkeypatch, *flags)
 
 
 def test_tensorboard_reads_the_validations(

@@ -23,10 +23,10 @@ def test_the_command_leaves_weights_that_follow_the_seed(tmp_path: Path, capsys:
 
 
 def test_what_is_wrong_is_told_before(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    with pytest.raises(InputError, match=r"explorer\.pth: a name that ends with \.safetensors"):
+    with pytest.raises(InputError, match=r"explorer\.pth: .*\.safetensors"):
         train_explorer(TrainExplorer(out=tmp_path / "explorer.pth"))
     monkeypatch.delitem(sys.modules, "sarsim.tasks.ppo", raising=False)
     monkeypatch.delattr(sarsim.tasks, "ppo", raising=False)
     monkeypatch.setitem(sys.modules, "stable_baselines3", None)
-    with pytest.raises(InputError, match=r"^Stable-Baselines3 is missing: pip install stable-baselines3$"):
+    with pytest.raises(InputError, match=r"pip install stable-baselines3$"):
         train_explorer(TrainExplorer(out=tmp_path / "explorer.safetensors"))

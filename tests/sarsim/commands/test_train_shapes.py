@@ -25,5 +25,5 @@ def test_the_command_leaves_weights_that_the_robot_can_use(
 def test_data_that_lack_a_kind_are_refused(tmp_path: Path) -> None:
     write_things_dataset(tmp_path / "data", "bottle")
     settings = train.TrainShapes(data=(tmp_path / "data",), out=tmp_path / "shapes.safetensors")
-    with pytest.raises(InputError, match="data: shows no door_lever"):
+    with pytest.raises(InputError, match=r"data: .*door_lever"):
         train.train_shapes(settings)

@@ -44,7 +44,7 @@ def test_two_workers_make_the_same_bytes_as_this_process(tmp_path: Path, referen
 
 def test_what_goes_wrong_in_a_worker_is_told(tmp_path: Path) -> None:
     recipe = replace(RECIPE, arenas=(str(tmp_path / "missing.xml"),))
-    with pytest.raises(InputError, match=r"missing.xml: No such file"):
+    with pytest.raises(InputError, match=r"missing\.xml"):
         generate(recipe, 1, tmp_path / "data", LocalEngine(1))
     assert set(files(tmp_path / "data")) == {"dataset.json"}
 
@@ -93,7 +93,7 @@ def test_whole_scenes_are_kept_and_changed_ones_made_again(tmp_path: Path, caplo
     (folder / scene_path(2)).unlink()
     assert toys(folder) == [1, 2]
     assert files(folder) == before
-    assert "00001.h5: missing or changed" in caplog.text
+    assert "00001.h5" in caplog.text
 
 
 def test_a_scene_that_the_manifest_does_not_know_is_made_again(tmp_path: Path) -> None:
@@ -126,13 +126,13 @@ def test_leftovers_are_removed(tmp_path: Path) -> None:
 
 def test_another_recipe_needs_another_folder(tmp_path: Path) -> None:
     toys(tmp_path / "data")
-    with pytest.raises(InputError, match=r"holds a dataset with frames 3, not 5: choose another folder"):
+    with pytest.raises(InputError, match=r"frames 3, not 5"):
         toys(tmp_path / "data", recipe=replace(RECIPE, frames=5))
 
 
 def test_a_folder_with_something_else_in_it_is_left_alone(tmp_path: Path) -> None:
     (tmp_path / "thesis.txt").write_text("precious")
-    with pytest.raises(InputError, match=r"not empty: it holds thesis.txt and no dataset.json"):
+    with pytest.raises(InputError, match=r"thesis\.txt .*dataset\.json"):
         toys(tmp_path)
     assert [path.name for path in tmp_path.iterdir()] == ["thesis.txt"]
     with pytest.raises(InputError, match=r"thesis.txt: "):
@@ -189,7 +189,7 @@ def test_scenes_of_another_version_of_the_program_are_not_mixed(tmp_path: Path) 
     toys(tmp_path / "data")
     path = tmp_path / "data" / "dataset.json"
     path.write_text(json.dumps(json.loads(path.read_text()) | {"generator": "sarsim 0.0.1"}))
-    with pytest.raises(InputError, match=r"made by sarsim 0.0.1, this is sarsim "):
+    with pytest.raises(InputError, match=r"0\.0\.1"):
         toys(tmp_path / "data")
 
 
@@ -202,5 +202,5 @@ def test_one_generator_at_a_time(tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 
 def test_a_folder_that_cannot_be_made(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
-    with pytest.raises(InputError, match=r"file/data: Not a directory"):
+    with pytest.raises(InputError, match=r"file/data"):
         toys(tmp_path / "file" / "data")

@@ -99,24 +99,24 @@ def test_any_hdf5_reads_noisy_images(image: np.ndarray) -> None:
 
 
 def test_a_missing_file(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"nowhere.h5: No such file"):
+    with pytest.raises(InputError, match=r"nowhere\.h5"):
         Scene(tmp_path / "nowhere.h5")
 
 
 def test_another_kind_of_file(tmp_path: Path) -> None:
     (tmp_path / "text.h5").write_text("not HDF5")
-    with pytest.raises(InputError, match=r"text.h5: not a readable HDF5 file"):
+    with pytest.raises(InputError, match=r"text\.h5"):
         Scene(tmp_path / "text.h5")
     with h5py.File(tmp_path / "other.h5", "w") as other:
         other["rgb"] = [1, 2]
-    with pytest.raises(InputError, match=r"other.h5: not a scene of a dataset"):
+    with pytest.raises(InputError, match=r"other\.h5"):
         Scene(tmp_path / "other.h5")
 
 
 def test_another_version(file: Path) -> None:
     with h5py.File(file, "r+") as scene:
         scene.attrs["version"] = 7
-    with pytest.raises(InputError, match=r"format version 7; this program reads version 1"):
+    with pytest.raises(InputError, match=r"version 7"):
         Scene(file)
 
 
@@ -132,7 +132,7 @@ def test_images_that_do_not_fit_each_other(file: Path) -> None:
     with h5py.File(file, "r+") as scene:
         del scene["depth"]
         scene["depth"] = np.zeros((3, 6, 7), np.uint16)
-    with pytest.raises(InputError, match=r"broken: depth has the shape \(3, 6, 7\)"):
+    with pytest.raises(InputError, match=r"broken: depth .*\(3, 6, 7\)"):
         Scene(file)
 
 
@@ -168,7 +168,7 @@ def test_numbers_of_a_stranger_that_make_no_sense(file: Path, name: str, new: di
 def test_images_of_terabytes_are_refused_before_they_are_read(file: Path) -> None:
     for name, pixel, kind in (("rgb", (3,), "u1"), ("depth", (), "u2"), ("label", (), "u1"), ("instance", (), "i2")):
         replaced(file, name, shape=(3, 10**6, 10**6, *pixel), dtype=kind, chunks=(1, 8, 8, *pixel))
-    with pytest.raises(InputError, match="broken: rgb is absurdly large"):
+    with pytest.raises(InputError, match="broken: rgb"):
         Scene(file)
 
 
@@ -177,7 +177,7 @@ def test_a_link_to_another_file_is_not_followed(file: Path, tmp_path: Path) -> N
     with h5py.File(file, "r+") as scene:
         del scene["rgb"]
         scene["rgb"] = h5py.ExternalLink(tmp_path / "secret.h5", "/rgb")
-    with pytest.raises(InputError, match="rgb is in another file"):
+    with pytest.raises(InputError, match="rgb"):
         Scene(file)
 
 
@@ -205,7 +205,7 @@ def test_a_flipped_bit_in_an_image(file: Path) -> None:
     file.write_bytes(data)
     with Scene(file) as scene:
         scene.frame(0)
-        with pytest.raises(InputError, match="broken: depth of frame 1 cannot be read"):
+        with pytest.raises(InputError, match="broken: depth of frame 1"):
             scene.frame(1)
 
 
@@ -243,7 +243,7 @@ def test_a_full_disk_is_told_and_leaves_nothing(tmp_path: Path, monkeypatch: pyt
 
     monkeypatch.setattr(hdf5, "FileSink", FullDisk)
     with (
-        pytest.raises(InputError, match=r"scene.h5: cannot be written: No space left on device"),
+        pytest.raises(InputError, match=r"scene\.h5: .*No space left on device"),
         whole_file(tmp_path / "scene.h5") as partial,
     ):
         write_scene(partial)

@@ -374,7 +374,7 @@ def test_a_file_that_is_no_robot_is_refused(tmp_path, old, new, wrong):
     bad.write_text(text.replace(old, new))
     with pytest.raises(InputError, match=wrong):
         SkidSteered(str(bad))
-    with pytest.raises(InputError, match="known are pioneer3at, jackal"):
+    with pytest.raises(InputError, match="pioneer3at, jackal"):
         SkidSteered("pioneer")
 
 

@@ -174,9 +174,9 @@ def test_stature_scales_and_room_limits() -> None:
 
 
 def test_what_cannot_be_is_refused() -> None:
-    with pytest.raises(InputError, match="victim 1: no one can be lying in placement 'box'"):
+    with pytest.raises(InputError, match=r"victim 1: .*'box'"):
         make_victim("1", np.random.default_rng(0), "lying", "box")
-    with pytest.raises(InputError, match=r"victim 1: no prone person fits into 0\.5 × 0\.5 m"):
+    with pytest.raises(InputError, match=r"victim 1: .*prone .*0\.5 × 0\.5 m"):
         make_victim("1", np.random.default_rng(0), "prone", room=(0.5, 0.5))
 
 

@@ -76,7 +76,7 @@ def test_directions_alternate_and_a_reset_sets_up_anew(monkeypatch):
 def test_lanes_that_no_pioneer_can_drive_are_not_tried():
     result = measure(LanesSettings(lanes=("krails", "hurdles")))
     assert result.figures["krails.attempted"] == result.figures["hurdles.successful"] == 0
-    assert result.details["cannot"]["hurdles"] == "a step of 0.2 m, at most 0.04 m are driven over"
+    assert "0.2 m" in result.details["cannot"]["hurdles"]
 
 
 @pytest.mark.parametrize(

@@ -83,5 +83,5 @@ def test_the_same_seed_gives_the_same_anchors() -> None:
 
 
 def test_too_few_sizes_are_refused() -> None:
-    with pytest.raises(InputError, match="1 boxes of different size: too few to fit 2"):
+    with pytest.raises(InputError, match="1 boxes"):
         fit_anchors(np.array([[4.0, 6.0], [4.0, 6.0]]), 2, np.random.default_rng(0))

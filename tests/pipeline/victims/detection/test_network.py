@@ -111,7 +111,7 @@ def test_safetensors_keep_kernels_in_half_precision(tmp_path: Path) -> None:
     for name, tensor in network.state_dict().items():
         torch.testing.assert_close(loaded[name], tensor.half().float() if tensor.ndim > 1 else tensor)
     wider = random_network(SMALL.replace("size=3", "size=5"))
-    with pytest.raises(InputError, match=r"weights of another network: layers.0.conv.weight is \(2, 3, 3, 3\)"):
+    with pytest.raises(InputError, match=r"layers\.0\.conv\.weight"):
         read_weights(path, wider)
 
 
@@ -124,7 +124,7 @@ def test_weights_must_have_the_hash_that_is_written_beside_them(ending: str, tmp
     read_weights(path, network)
     for wrong in (64 * "0", ""):
         beside.write_text(wrong)
-        with pytest.raises(InputError, match=rf"SHA-256 .* not {wrong} as n.{ending}.sha256 has it"):
+        with pytest.raises(InputError, match=rf"{wrong} .*n\.{ending}\.sha256"):
             read_weights(path, network)
 
 

@@ -121,7 +121,7 @@ def test_a_training_that_was_left_ends_with_the_same_weights(tmp_path: Path) -> 
 def test_another_training_does_not_take_it_up(tmp_path: Path) -> None:
     out = tmp_path / "w.weights"
     trainer(out).run()
-    with pytest.raises(InputError, match=r"w\.checkpoint is of a training with other"):
+    with pytest.raises(InputError, match=r"w\.checkpoint"):
         trainer(out, images=40)
 
 
@@ -143,5 +143,5 @@ def test_what_cannot_be_done_is_refused(tmp_path: Path) -> None:
     for wrong in ({"width": 100}, {"height": 0}):
         with pytest.raises(InputError, match="multiples of 32"):
             trainer(tmp_path / "w.weights", replace(CONFIG, **wrong))
-    with pytest.raises(InputError, match="images to validate with show no people"):
+    with pytest.raises(InputError, match="validate"):
         trainer(tmp_path / "w.weights", validated=0)

@@ -39,7 +39,7 @@ def test_a_rotation_may_be_a_quaternion():
 
 @pytest.mark.parametrize("text", ["0 0 0 0 0", "0 0 0 0 0 nan", "0 0 inf 0 0 0", "a b c d e f", "0 0 9000 0 0 0"])
 def test_a_pose_is_six_finite_numbers(text):
-    with pytest.raises(InputError, match=r"^here, <pose>: .* is not 6 numbers"):
+    with pytest.raises(InputError, match=r"^here, <pose>: "):
         pose(text)
 
 
@@ -83,9 +83,9 @@ def test_a_circle_and_an_unknown_frame_are_refused():
     for a, b in ("ab", "bc", "ca"):
         frames.add(a, np.eye(4), b)
     frames.add("d", np.eye(4), "nowhere")
-    with pytest.raises(InputError, match="here: the poses of a, b, c go in a circle"):
+    with pytest.raises(InputError, match=r"here: .*a, b, c"):
         frames.pose("a")
-    with pytest.raises(InputError, match="here: there is no frame 'nowhere'"):
+    with pytest.raises(InputError, match=r"here: .*'nowhere'"):
         frames.pose("d")
     with pytest.raises(InputError, match="there is no frame"):
         frames.pose("d::e")

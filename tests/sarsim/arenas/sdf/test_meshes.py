@@ -53,7 +53,7 @@ def test_a_submesh_is_chosen_by_name_and_centred(tmp_path):
     chosen = "<submesh><name>slab</name><center>true</center></submesh>"
     arena = Compiled(write(tmp_path, PLANE, model("m", mesh("b.dae", chosen), pose="0 0 1.5 0 0 0")))
     assert arena.ray(-9, 0, 1.5, along=X) == pytest.approx(8, abs=MM)
-    with pytest.raises(InputError, match=r"b\.dae has no submesh 'roof'"):
+    with pytest.raises(InputError, match=r"b\.dae .*'roof'"):
         build.build_sdf(write(tmp_path, model("m", mesh("b.dae", "<submesh><name>roof</name></submesh>"))))
 
 
@@ -83,7 +83,7 @@ def test_what_is_too_detailed_is_as_solid_as_its_hull(tmp_path, monkeypatch, cap
     monkeypatch.setattr(build, "MOST_PIECES", 10)
     with caplog.at_level(logging.WARNING):
         arena = Compiled(write(tmp_path, PLANE, model("m", mesh("room.stl"))))
-    assert "1 detailed pieces of meshes are as solid as their convex hulls" in caplog.text
+    assert "convex hull" in caplog.text
     assert arena.model.ngeom == 2
     assert arena.ray(0, 0, 0.5, along=(-1, 0, 0)) == pytest.approx(1.8, abs=MM)  # seen as it is
 

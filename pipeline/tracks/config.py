@@ -1,7 +1,7 @@
 """The numbers by which people and finds are followed over frames."""
 
 from dataclasses import dataclass
-from math import inf, radians
+from math import radians
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -13,7 +13,7 @@ class Confirmation:
         evidence: least sum of the confidences.
         whole: m across; of most objects of the kind at least this much is seen, and less may be a part of anything.
         evidence_of_part: least sum of the confidences if less than ``whole`` is seen.
-        misses: there must be fewer for each detection.
+        misses: there must be fewer for each detection; None for any number.
         baseline: m, least distance between the farthest two places from which it was seen: from one place, the edge
             of an object may look like another object.
     """
@@ -22,7 +22,7 @@ class Confirmation:
     evidence: float = 0.0
     whole: float = 0.0
     evidence_of_part: float = 0.0
-    misses: float = inf
+    misses: float | None = None
     baseline: float = 0.0
 
 

@@ -256,7 +256,7 @@ class Track:
         least = self.policy.confirmation
         if not self.is_placed or (self.policy.has_checksum and not self.is_decoded):
             return False
-        if self.missed >= least.misses * len(self.seen):
+        if least.misses is not None and self.missed >= least.misses * len(self.seen):
             return False
         if self.evidence < least.evidence or self.confidence <= least.confidence:
             return False

@@ -12,13 +12,14 @@ from numpy.typing import NDArray
 
 from pipeline.errors import InputError
 from pipeline.frame import Frame
-from pipeline.navigation.navigator import Navigator
+from pipeline.navigation.config import FollowerConfig, NavigationConfig
 from pipeline.robot import Motion, Velocity
 from pipeline.transforms import from_rotation, inverse, tilt_of, wrap_angle, yaw_of
 from sarsim.robots.model import ROBOTS, robot_file, robot_model
 from sarsim.robots.skid_steer import SkidSteer
 from sarsim.robots.skid_steered import WHEELS, SkidSteered
 from sarsim.sensors.odometry import WheelOdometry
+from tests.pipeline.navigation.follower import Follower
 from tests.sarsim.sensors.no_noise import NoNoise
 
 
@@ -418,10 +419,11 @@ class Body:
 def strays(name: str, first: float, last: float, hold_gain: float) -> float:
     """m that the robot moves at most when it turns from one heading to another, degrees, on a slope of 16°."""
     drive = Drive(name, Slope(16), z=0.2, pitch=-np.radians(16))
-    navigator, here = Navigator(Body(drive), hold_gain=hold_gain), drive.pose[:2, 3]
-    assert navigator.follow(here[None], np.radians(first))
+    numbers = NavigationConfig(follower=FollowerConfig(hold_gain=hold_gain))
+    follower, here = Follower(Body(drive), numbers), drive.pose[:2, 3]
+    assert follower.drive(here[None], np.radians(first))
     drive.start, drive.poses = drive.pose, []
-    assert navigator.follow(drive.pose[None, :2, 3], np.radians(last))
+    assert follower.drive(drive.pose[None, :2, 3], np.radians(last))
     assert abs(wrap_angle(yaw_of(drive.pose) - np.radians(last))) < np.radians(4)
     return drive.strayed
 

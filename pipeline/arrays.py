@@ -35,7 +35,7 @@ Boxes: TypeAlias = NDArray[np.float64]
 Covariance: TypeAlias = NDArray[np.float64]
 """(D, D) float64; of a pose (6, 6) in its tangent, rotation (rad) before translation (m), of a place in m²."""
 Information: TypeAlias = NDArray[np.float64]
-"""(6, 6) float64 inverse of a pose's covariance; 1/rad² and 1/m²."""
+"""(D, D) float64 inverse of a covariance: of a pose's (6, 6), 1/rad² and 1/m², of a place's in 1/m²."""
 
 Mask: TypeAlias = NDArray[np.bool_]
 """(N,) bool, one for each item."""

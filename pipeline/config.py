@@ -4,6 +4,7 @@ from dataclasses import dataclass
 
 from pipeline.elevation_map.config import ElevationConfig
 from pipeline.exploration.config import ExplorationConfig
+from pipeline.finds.config import FindsConfig
 from pipeline.localisation.config import LocalisationConfig
 from pipeline.metric_map.config import MetricMapConfig
 from pipeline.navigation.config import NavigationConfig
@@ -11,6 +12,7 @@ from pipeline.segments.config import SegmentsConfig
 from pipeline.semantic_map.config import SemanticMapConfig
 from pipeline.topological_map.config import TopologicalMapConfig
 from pipeline.tracks.config import TracksConfig
+from pipeline.victims.config import VictimsConfig
 
 
 @dataclass(frozen=True)
@@ -35,6 +37,8 @@ class PipelineConfig:
     elevation_map: ElevationConfig = ElevationConfig()
     semantic_map: SemanticMapConfig = SemanticMapConfig()
     segments: SegmentsConfig = SegmentsConfig()
+    victims: VictimsConfig = VictimsConfig()
+    finds: FindsConfig = FindsConfig()
     tracks: TracksConfig = TracksConfig()
     topological_map: TopologicalMapConfig = TopologicalMapConfig()
     exploration: ExplorationConfig = ExplorationConfig()

@@ -122,7 +122,7 @@ class Mapper:
         self.semantic_map = SemanticMap(*revisions, config=config.semantic_map)
         self.segments = Segments(self.metric_map.is_surface, config=config.segments)
         self.topological_map = TopologicalMap(graph, config=config.topological_map)
-        self.victims = Victims(config.tracks.victim)
+        self.victims = Victims(config.tracks.victim, config.tracks.likelihood, config.victims.background)
         self.finds = Finds(self.victims, config.tracks)
         self.stopwatch = Stopwatch()
         self.keyframes = Keyframes(robot, self.metric_map.max_range, self.elevation_map.grid.cell)

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 from pipeline.frame import Frame
 from pipeline.tracks.track import Observation
 from pipeline.transforms import inverse, transform_points
+from pipeline.victims.config import DetectorConfig
 from pipeline.victims.detection.detector import VictimDetector
 from pipeline.victims.observation import observe
 from sarsim.dataset.render import World, find_scene
@@ -32,7 +33,7 @@ FOUND, REFUSED = (60, 220, 60), (255, 140, 0)
 def main() -> None:
     """Draw the detections of a detector, the shipped one if none is given, in each lighting."""
     cfg, weights = (Path(name) for name in sys.argv[1:3] or DETECTOR)
-    detector = VictimDetector.load(cfg, weights, confidence=0.5)
+    detector = VictimDetector.load(cfg, weights, config=DetectorConfig(confidence=0.5))
     rows = [np.hstack([picture(frame, detector) for frame in frames(light)]) for light in Lighting]
     cv2.imwrite(str(IMAGE), cv2.cvtColor(np.vstack(rows), cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, 85])
 

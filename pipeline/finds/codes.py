@@ -8,18 +8,20 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.finds.squares import PATCH, Squares, corners_in, is_same, rectified
+from pipeline.arrays import Pixels
+from pipeline.finds.config import CodesConfig
+from pipeline.finds.squares import Squares, corners_in, is_same, rectified
 from pipeline.tracks.find import Reading
 
 FAMILY = cv2.aruco.DICT_APRILTAG_36h11
-SHOWN = 40  # Most characters of what a code says in maps and lists
 
 
 class CodeReader:
     """Finds QR codes and AprilTags."""
 
-    def __init__(self) -> None:
+    def __init__(self, config: CodesConfig = CodesConfig()) -> None:
         """With OpenCV's two decoders of QR codes, and its detector of tags."""
+        self._config = config
         self._decoders = cv2.QRCodeDetector(), cv2.QRCodeDetectorAruco()
         self._tags = cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(FAMILY))
 
@@ -33,7 +35,7 @@ class CodeReader:
         found = [*self._read_tags(grey), *self._read_codes(grey)]
         for quad in squares.quads:
             is_read = any(reading.text and is_same(reading.corners, quad) for reading in found)
-            if not is_read and _may_be_code(rectified(grey, quad)):
+            if not is_read and self._may_be_code(rectified(grey, quad, self._config.checked_side)):
                 found += self._read_rectified(grey, quad)
         found = [replace(reading, corners=reading.corners / np.float32(squares.scale)) for reading in found]
         return _distinct(sorted(found, key=lambda reading: -reading.confidence))
@@ -46,36 +48,33 @@ class CodeReader:
     def _read_codes(self, grey: NDArray[np.uint8]) -> Iterator[Reading]:
         """Codes, those that were located but not decoded too: they are to be looked at from nearer."""
         for decoder in self._decoders:
-            for text, quad in _decoded(decoder, grey):
-                yield Reading("qr_code", text, quad.astype(np.float32), 1.0 if text else 0.5)
+            for text, quad in _decoded(decoder, grey, self._config.least_area):
+                yield Reading("qr_code", text, quad.astype(np.float32), 1.0 if text else self._config.undecoded)
 
-    def _read_rectified(self, grey: NDArray[np.uint8], quad: NDArray[np.float32]) -> Iterator[Reading]:
-        """The codes in a rectified quadrilateral, (4, 2) pixels."""
-        side = 2**2 * PATCH  # three pixels and more a module up to version 10
+    def _may_be_code(self, patch: NDArray[np.uint8]) -> bool:
+        """Whether the pixels of a row or column of a grey patch change as much as those of a code."""
+        grey = patch.astype(np.float32) / np.iinfo(np.uint8).max
+        changes = np.mean([np.abs(np.diff(grey, axis=k)).sum(axis=k).mean() for k in (0, 1)])
+        return bool(changes > self._config.changes)
+
+    def _read_rectified(self, grey: NDArray[np.uint8], quad: Pixels) -> Iterator[Reading]:
+        """The codes in a rectified quadrilateral."""
+        side = self._config.read_side
         patch = rectified(grey, quad, side, cv2.INTER_CUBIC)
         T = cv2.getPerspectiveTransform(corners_in(side), quad)
         for code in self._read_codes(patch):
             yield replace(code, corners=np.asarray(cv2.perspectiveTransform(code.corners[None], T)[0], np.float32))
 
 
-def _decoded(decoder: Any, grey: NDArray[np.uint8]) -> Iterator[tuple[str, NDArray[np.float32]]]:
-    """What codes say, and their (4, 2) corners; what OpenCV fails at was not read."""
+def _decoded(decoder: Any, grey: NDArray[np.uint8], least_area: float) -> Iterator[tuple[str, Pixels]]:
+    """What codes say, and their four corners; what OpenCV fails at was not read."""
     try:
         _, texts, quads, _ = decoder.detectAndDecodeMulti(grey)
     except (cv2.error, UnicodeDecodeError):
         return
     for text, quad in zip(texts, () if quads is None else quads, strict=True):
-        if np.isfinite(quad).all() and cv2.contourArea(quad.astype(np.float32)) > 1:
+        if np.isfinite(quad).all() and cv2.contourArea(quad.astype(np.float32)) > least_area:
             yield text, quad
-
-
-def _may_be_code(patch: NDArray[np.uint8]) -> bool:
-    """Whether the pixels of a row or column of a grey patch change as much as those of a code.
-
-    Of the 21 modules of the smallest code, half differ from the one before: 10 changes by 30 % of the range of grey.
-    """
-    grey = patch.astype(np.float32) / np.iinfo(np.uint8).max
-    return bool(np.mean([np.abs(np.diff(grey, axis=k)).sum(axis=k).mean() for k in (0, 1)]) > 3)
 
 
 def _distinct(readings: Sequence[Reading]) -> list[Reading]:
@@ -89,7 +88,7 @@ def _distinct(readings: Sequence[Reading]) -> list[Reading]:
     return kept
 
 
-def plain_text(text: str, most: int = SHOWN) -> str:
+def plain_text(text: str, most: int = 40) -> str:
     """What a code says on one line of printable characters, ``most`` at most; what is cut ends with "…"."""
     shown = "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text[: most + 1])
     return shown if len(shown) <= most else shown[: most - 1] + "…"

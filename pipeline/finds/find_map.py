@@ -2,9 +2,7 @@
 
 from collections.abc import Sequence
 
-import numpy as np
-from numpy.typing import NDArray
-
+from pipeline.arrays import Points, Pose
 from pipeline.finds.objects import ObjectPolicy, policy_of, shown
 from pipeline.finds.observation import sight
 from pipeline.finds.warm_victims import one_per_person
@@ -41,8 +39,8 @@ class Finds(Tracks):
         return list(one_per_person(found, self._people.confirmed, self._people.unconfirmed, reach))
 
     @property
-    def shown(self) -> list[NDArray[np.float32]]:
-        """(N, 3) float32 points of every flat find that is reported, m in ``map``.
+    def shown(self) -> list[Points]:
+        """The points of every flat find that is reported.
 
         What hangs flat on a wall looks like the wall; other finds stand out of it.
         """
@@ -54,15 +52,13 @@ class Finds(Tracks):
             self._policies[kind] = policy_of(kind, self._config)
         return self._policies[kind]
 
-    def update(
-        self, frame: Frame, readings: Sequence[Reading], T_map_base: NDArray[np.float64], keyframe: int
-    ) -> None:
+    def update(self, frame: Frame, readings: Sequence[Reading], T_map_base: Pose, keyframe: int) -> None:
         """Add what was read in a keyframe, and count what was missed.
 
         Args:
             frame: with its depth.
             readings: in its image.
-            T_map_base: 4×4 pose of the robot.
+            T_map_base: pose of the robot.
             keyframe: its number.
         """
         self.readings = list(readings)

@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pipeline.arrays import Points, Pose
 from pipeline.frame import Frame
 from pipeline.sensor import SensorModel
 from pipeline.tracks.config import ObjectConfig, TracksConfig
@@ -48,7 +48,7 @@ class ObjectPolicy(ObjectConfig, TrackPolicy):
         distance = self.distance(one, other)
         return distance if distance <= self.gate else np.inf
 
-    def should_show(self, track: Track, frame: Frame, T_camera_map: NDArray[np.float64]) -> bool:
+    def should_show(self, track: Track, frame: Frame, T_camera_map: Pose) -> bool:
         """The object is in the image at least as large as before, from about the same side, with nothing in front."""
         if not track.is_placed:
             return False
@@ -92,12 +92,14 @@ def with_depth(placed: Sequence[Observation]) -> Sequence[Observation]:
     return [seen for seen in placed if seen.has_depth] or placed
 
 
-def shown(track: Track) -> NDArray[np.float32]:
-    """(N, 3) float32 returns of an object in the best of the photos with depth, m in ``map``."""
+def shown(track: Track) -> Points:
+    """Returns of an object in the best of the photos with depth."""
     return max(with_depth(track.placed), key=track.policy.shows).points
 
 
 def policy_of(kind: str, config: TracksConfig) -> ObjectPolicy:
     """The policy of a kind of finds but people."""
     numbers: ObjectConfig = getattr(config, kind) if kind in FIND_KINDS else config.other
-    return ObjectPolicy(kind=kind, is_flat=kind in FLAT, has_checksum=kind in CHECKED, **vars(numbers))
+    return ObjectPolicy(
+        kind=kind, is_flat=kind in FLAT, has_checksum=kind in CHECKED, likelihood=config.likelihood, **vars(numbers)
+    )

@@ -4,23 +4,22 @@ from dataclasses import replace
 
 import cv2
 import numpy as np
-from numpy.typing import NDArray
 from scipy.special import expit, logit
 
+from pipeline.arrays import Mask, PixelMask, Points, Pose
 from pipeline.finds.objects import ObjectPolicy
 from pipeline.frame import Frame
 from pipeline.geometry.thinning import first_in_voxels
+from pipeline.tracks.config import WEIGHED, LikelihoodConfig
 from pipeline.tracks.find import Reading
-from pipeline.tracks.likelihood import EXTENTS, weigh
+from pipeline.tracks.likelihood import weigh
 from pipeline.tracks.pictures import photo_of
 from pipeline.tracks.track import Observation
 from pipeline.transforms import transform_points
 
 
-def sight(
-    frame: Frame, reading: Reading, keyframe: int, T_map_base: NDArray[np.float64], policy: ObjectPolicy
-) -> Observation:
-    """A reading of a frame's image as an observation in ``map``, with the robot at a 4×4 pose.
+def sight(frame: Frame, reading: Reading, keyframe: int, T_map_base: Pose, policy: ObjectPolicy) -> Observation:
+    """A reading of a frame's image as an observation in ``map``.
 
     A flat object's depth is the median within its outline. Of another object the middle of its own returns
     is taken, and parts of it may be hidden. Without depth, it may be anywhere in its direction; so may what gives no
@@ -40,7 +39,9 @@ def sight(
     T_map_camera = T_map_base @ frame.T_base_camera
     points = k.rays[inside] * depth[:, None]
     if depth.size:
-        reading, belongs = _weighed(reading, transform_points(T_map_camera, points), T_map_camera, T_map_base[2, 3])
+        reading, belongs = _weighed(
+            reading, transform_points(T_map_camera, points), T_map_camera, T_map_base[2, 3], policy.likelihood
+        )
         if not policy.is_flat:
             points = points[belongs if belongs.any() else np.abs(depth - z) < policy.gap]
             own = points.astype(np.float64)
@@ -62,17 +63,17 @@ def sight(
 
 
 def _weighed(
-    reading: Reading, points: NDArray[np.float32], T_map_camera: NDArray[np.float64], ground: float
-) -> tuple[Reading, NDArray[np.bool_]]:
-    """A reading, as sure as its points (N, 3) in ``map`` make it, and which (N,) belong to the object."""
-    if reading.kind not in EXTENTS:
+    reading: Reading, points: Points, T_map_camera: Pose, ground: float, config: LikelihoodConfig
+) -> tuple[Reading, Mask]:
+    """A reading, as sure as its points make it, and which of them belong to the object."""
+    if reading.kind not in WEIGHED:
         return reading, np.zeros(len(points), np.bool_)
-    weighed = weigh(reading.kind, points, ground, camera=T_map_camera[:3, 3])
+    weighed = weigh(reading.kind, points, ground, config, camera=T_map_camera[:3, 3])
     return replace(reading, confidence=float(expit(logit(reading.confidence) + weighed.log_ratio))), weighed.belongs
 
 
-def _inside(frame: Frame, reading: Reading) -> NDArray[np.bool_]:
-    """(H, W) bool, the pixels within an outline."""
+def _inside(frame: Frame, reading: Reading) -> PixelMask:
+    """The pixels within an outline."""
     mask = np.zeros(frame.depth.shape, np.uint8)
     outline = cv2.convexHull(reading.corners.astype(np.float32) - np.float32(0.5))
     cv2.fillConvexPoly(mask, np.round(outline).astype(np.int32), 1)

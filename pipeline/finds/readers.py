@@ -8,11 +8,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.finds.codes import CodeReader
+from pipeline.finds.config import FindsConfig
 from pipeline.finds.hazmat import HazmatReader
 from pipeline.finds.heat import warm_regions
 from pipeline.finds.shapes import ShapeReader
 from pipeline.finds.squares import Squares, is_same
 from pipeline.frame import Frame
+from pipeline.tracks.config import LikelihoodConfig
 from pipeline.tracks.find import FIND_KINDS, Reading, box_corners
 
 
@@ -61,18 +63,27 @@ class SeveralReaders:
 class FindReaders:
     """Reads signs, codes, shapes and heat, and takes over what a detector has found."""
 
-    def __init__(self, hazmat: HazmatReader, shapes: ShapeReader):
+    def __init__(self, hazmat: HazmatReader, shapes: ShapeReader, config: FindsConfig = FindsConfig()):
         """With readers of hazmat signs, and of extinguishers and levers."""
-        self._hazmat, self._shapes, self._codes = hazmat, shapes, CodeReader()
+        self._hazmat, self._shapes, self._codes = hazmat, shapes, CodeReader(config.codes)
+        self._config = config
 
     @classmethod
-    def load(cls, hazmat: Path, shapes: Path) -> "FindReaders":
+    def load(
+        cls,
+        hazmat: Path,
+        shapes: Path,
+        config: FindsConfig = FindsConfig(),
+        likelihood: LikelihoodConfig = LikelihoodConfig(),
+    ) -> "FindReaders":
         """With the weights of both classifiers; InputError as :meth:`HazmatReader.load`."""
-        return cls(HazmatReader.load(hazmat), ShapeReader.load(shapes))
+        shape_reader = ShapeReader.load(shapes, config.shapes, likelihood)
+        return cls(HazmatReader.load(hazmat, config.hazmat), shape_reader, config)
 
     def read(self, frame: Frame, detections: Sequence[Detected]) -> list[Reading]:
         """What a frame shows, given a detector's boxes in its image."""
-        heat = [] if frame.thermal is None else list(warm_regions(frame.thermal, len(frame.rgb)))
+        thermal, config = frame.thermal, self._config.heat
+        heat = [] if thermal is None else warm_regions(thermal, len(frame.rgb), config)
         shapes = self._shapes.read(frame)
         return [*shapes, *_others(self.read_image(frame.rgb, detections), shapes), *heat]
 
@@ -83,7 +94,7 @@ class FindReaders:
             InputError: the image is empty or of another type.
         """
         others = [d for d in detections if d.kind in FIND_KINDS]
-        squares = Squares.of(rgb)
+        squares = Squares.of(rgb, self._config.squares)
         signs = self._hazmat.read(squares)
         boxes = [Reading(d.kind, "", box_corners(d.box), d.confidence) for d in others]
         return [*signs, *self._codes.read(squares), *_others(boxes, signs)]

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from pipeline.arrays import Place, Values
 from pipeline.frame import Frame
 from pipeline.keyframes import Keyframes, Places
 from pipeline.metric_map.metric_map import MetricMap
@@ -40,15 +41,15 @@ class Reobservation:
         unconfirmed = (track for tracks in self._tracks for track in tracks.unconfirmed)
         return [track for track in unconfirmed if len(track.tried) < self._config.most_tries]
 
-    def gains(self, places: NDArray[np.float64], bearings: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(N, M) float64 rewards, m², of viewpoints at (N, 3) places on the ground along (M,) bearings, rad."""
+    def gains(self, places: NDArray[np.float64], bearings: Values) -> NDArray[np.float64]:
+        """(N, M) float64 rewards, m², of viewpoints at (N, 3) places on the ground along bearings, rad."""
         total = np.zeros((len(places), len(bearings)))
         for track in self.wanted:
             total += self._gains(track, places, bearings)
         return total
 
-    def aim(self, place: NDArray[np.float64], heading: float) -> None:
-        """Note that the next frame is to be taken from a place (3,) on the ground along a heading, rad."""
+    def aim(self, place: Place, heading: float) -> None:
+        """Note that the next frame is to be taken from a place on the ground along a heading, rad."""
         bearing = np.array([heading])
         aimed = [track for track in self.wanted if self._gains(track, place[None], bearing).any()]
         poses = self._keyframes.poses
@@ -63,7 +64,7 @@ class Reobservation:
             track.tried_at += list(place.at(self._keyframes.poses))
         self._aimed = []
 
-    def _gains(self, track: Track, places: NDArray[np.float64], bearings: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _gains(self, track: Track, places: NDArray[np.float64], bearings: Values) -> NDArray[np.float64]:
         """(N, M) rewards, m², for one object."""
         assert self.camera is not None
         config, sensor, height = self._config, self.camera.sensor, float(self.camera.T_base_camera[2, 3])
@@ -88,20 +89,18 @@ def half_view(frame: Frame, track: Track) -> float:
     return float(frame.intrinsics.half_view - np.arctan2(track.policy.across / 2, most))
 
 
-def _newness(
-    track: Track, places: NDArray[np.float64], target: NDArray[np.float64], config: ReobservationConfig
-) -> NDArray[np.float64]:
-    """(N,) share of the reward: 0 beside earlier viewpoints, and on the side of viewpoints that showed nothing.
+def _newness(track: Track, places: NDArray[np.float64], target: Place, config: ReobservationConfig) -> Values:
+    """Share of the reward: 0 beside earlier viewpoints, and on the side of viewpoints that showed nothing.
 
     Of a flat object another side shows no more.
     """
     found, tried = (np.reshape(p, (-1, 3))[:, :2] for p in (track.cameras, track.tried_at))
     if track.policy.is_flat:
         return np.where(_distances(places, np.vstack([found, tried])).min(axis=1) > config.spacing, 1.0, 0.0)
-    in_vain = tried[_distances(tried, found).min(axis=1) > config.spacing]
+    useless = tried[_distances(tried, found).min(axis=1) > config.spacing]
     share = np.clip(_angles(places, found, target).min(axis=1) / config.new_side, 0.0, 1.0)
     is_new = _distances(places, np.vstack([found, tried])).min(axis=1) > config.spacing
-    is_new &= _angles(places, in_vain, target).min(axis=1, initial=np.inf) >= config.new_side
+    is_new &= _angles(places, useless, target).min(axis=1, initial=np.inf) >= config.new_side
     return np.where(is_new, share, 0.0)
 
 
@@ -110,8 +109,8 @@ def _distances(a: NDArray[np.float64], b: NDArray[np.float64]) -> NDArray[np.flo
     return np.linalg.norm(a[:, None, :2] - b, axis=2)
 
 
-def _angles(a: NDArray[np.float64], b: NDArray[np.float64], target: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(N, M) horizontal angles, rad, between places (N, 2 or 3) and (M, 2) as seen from a target (3,)."""
+def _angles(a: NDArray[np.float64], b: NDArray[np.float64], target: Place) -> NDArray[np.float64]:
+    """(N, M) horizontal angles, rad, between places (N, 2 or 3) and (M, 2) as seen from a target."""
     to_a, to_b = a[:, :2] - target[:2], b - target[:2]
     bearing_a, bearing_b = np.arctan2(to_a[:, 1], to_a[:, 0]), np.arctan2(to_b[:, 1], to_b[:, 0])
     return np.abs(wrap_angle(bearing_a[:, None] - bearing_b))

@@ -4,28 +4,37 @@ from pathlib import Path
 
 import numpy as np
 
+from pipeline.finds.config import ShapesConfig
 from pipeline.finds.patch_network import PatchNetwork
 from pipeline.finds.protrusions import Protrusions, outline, square_around
 from pipeline.finds.squares import is_same, rectified
 from pipeline.frame import Frame
+from pipeline.tracks.config import LikelihoodConfig
 from pipeline.tracks.find import SHAPED, Reading
 
 
 class ShapeReader:
     """Finds the kinds that are recognised by their shapes."""
 
-    def __init__(self, network: PatchNetwork):
-        """Read by a trained network."""
-        self._network = network
+    def __init__(
+        self,
+        network: PatchNetwork,
+        config: ShapesConfig = ShapesConfig(),
+        likelihood: LikelihoodConfig = LikelihoodConfig(),
+    ):
+        """Read by a trained network; ``likelihood`` says how large the objects are."""
+        self._network, self._config, self._likelihood = network, config, likelihood
 
     @classmethod
-    def load(cls, weights: Path) -> "ShapeReader":
+    def load(
+        cls, weights: Path, config: ShapesConfig = ShapesConfig(), likelihood: LikelihoodConfig = LikelihoodConfig()
+    ) -> "ShapeReader":
         """A reader with the weights of a safetensors file; InputError as :meth:`PatchNetwork.load`."""
-        return cls(PatchNetwork.load(weights, len(SHAPED), has_relief=True))
+        return cls(PatchNetwork.load(weights, len(SHAPED), has_relief=True), config, likelihood)
 
     def read(self, frame: Frame) -> list[Reading]:
-        """The objects in a frame that are likelier there than not, the surest first, each once."""
-        seen = Protrusions.of(frame)
+        """The objects in a frame that are sure enough, the surest first, each once."""
+        seen = Protrusions.of(frame, self._config, self._likelihood)
         if not seen.regions:
             return []
         patches = np.stack([rectified(seen.picture, square_around(region)) for region in seen.regions])
@@ -33,6 +42,7 @@ class ShapeReader:
         found: list[Reading] = []
         for best in chances[:, -1].argsort(kind="stable"):
             kind, corners = int(chances[best, :-1].argmax()), outline(seen.regions[best])
-            if chances[best, kind] > 1 / 2 and not any(is_same(corners, other.corners) for other in found):
+            is_sure = chances[best, kind] > self._config.confidence
+            if is_sure and not any(is_same(corners, other.corners) for other in found):
                 found.append(Reading(SHAPED[kind], "", corners, float(chances[best, kind])))
         return found

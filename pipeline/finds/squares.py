@@ -6,11 +6,13 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import Pixels, Rgb
+from pipeline.errors import InputError
+from pipeline.finds.config import SquaresConfig
 from pipeline.finds.quads import find_quads
-from pipeline.tracks.pictures import bounded
 
 PATCH, SURROUNDINGS = 64, 0.1
-"""Pixels along a patch, and the share of it that surrounds what it shows on each side."""
+"""Pixels along a patch, and the share of it that surrounds what it shows on each side; networks have learned so."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -18,35 +20,56 @@ class Squares:
     """An image and what may be squares in it.
 
     Attributes:
-        image: (H, W, 3) uint8.
+        image: in three channels.
         scale: its pixels over those of the original along a side.
         quads: (N, 4, 2) float32 corners in ``image``, pixels, clockwise.
     """
 
-    image: NDArray[np.uint8]
+    image: Rgb
     scale: float
     quads: NDArray[np.float32]
 
     @classmethod
-    def of(cls, rgb: NDArray[np.uint8]) -> "Squares":
+    def of(cls, rgb: NDArray[np.uint8], config: SquaresConfig) -> "Squares":
         """Those of an (H, W, 3) or grey (H, W) uint8 image; InputError if it is empty or of another type."""
-        image, scale = bounded(rgb)
-        return cls(image, scale, find_quads(image))
+        image, scale = _bounded(rgb, config.most_pixels)
+        return cls(image, scale, find_quads(image, config))
 
 
-def corners_in(side: int) -> NDArray[np.float32]:
-    """(4, 2) corners of the square that a patch of ``side`` pixels shows."""
+def _bounded(rgb: NDArray[np.uint8], most: int) -> tuple[Rgb, float]:
+    """An (H, W, 3) or grey (H, W) or (H, W, 1) uint8 image in three channels of ``most`` pixels at most.
+
+    Returns:
+        The image, and its pixels over those of the original along a side.
+
+    Raises:
+        InputError: it is empty, of another shape or type.
+    """
+    if rgb.dtype != np.uint8 or rgb.size == 0 or rgb.ndim not in (2, 3) or rgb.shape[2:] not in ((), (1,), (3,)):
+        raise InputError(
+            f"image: {rgb.dtype} of shape {rgb.shape}, not uint8 of (height, width) or (height, width, 3)"
+        )
+    image = np.repeat(rgb.reshape(*rgb.shape[:2], 1), 3, axis=2) if rgb.shape[2:] != (3,) else rgb
+    scale = min(1.0, (most / (rgb.shape[0] * rgb.shape[1])) ** 0.5)
+    if scale == 1.0:
+        return image, scale
+    size = tuple(max(1, round(scale * n)) for n in rgb.shape[1::-1])
+    return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8), scale
+
+
+def corners_in(side: int) -> Pixels:
+    """Four corners of the square that a patch of ``side`` pixels shows."""
     low, high = SURROUNDINGS * side, (1 - SURROUNDINGS) * side
     return np.array([[low, low], [high, low], [high, high], [low, high]], np.float32)
 
 
 def rectified(
-    image: NDArray[np.uint8], quad: NDArray[np.float32], side: int = PATCH, interpolation: int = cv2.INTER_LINEAR
+    image: NDArray[np.uint8], quad: Pixels, side: int = PATCH, interpolation: int = cv2.INTER_LINEAR
 ) -> NDArray[np.uint8]:
-    """(side, side, ...) uint8 a quadrilateral of (4, 2) corners, pixels, as a square with a margin."""
+    """(side, side, ...) uint8 a quadrilateral of four corners, pixels, as a square with a margin."""
     T = cv2.getPerspectiveTransform(quad, corners_in(side))
     shrunk = side / max(*cv2.boundingRect(quad)[2:], side)
-    if shrunk < 1 / 2:  # by areas, for a perspective transform takes single pixels
+    if shrunk < 0.5:  # by areas, for a perspective transform takes single pixels
         size = max(1, round(shrunk * image.shape[1] * 2)), max(1, round(shrunk * image.shape[0] * 2))
         part = np.diag([image.shape[1] / size[0], image.shape[0] / size[1], 1])
         image, T = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8), T @ part
@@ -54,13 +77,13 @@ def rectified(
     return np.asarray(patch, np.uint8)
 
 
-def is_same(one: NDArray[np.float32], other: NDArray[np.float32]) -> bool:
-    """Whether more than half of the smaller of two quadrilaterals, (4, 2) pixels, lies in the other."""
-    return overlap(one, other)[1] > 1 / 2
+def is_same(one: Pixels, other: Pixels) -> bool:
+    """Whether more than half of the smaller of two outlines lies in the other."""
+    return overlap(one, other)[1] > 0.5
 
 
-def overlap(one: NDArray[np.float32], other: NDArray[np.float32]) -> tuple[float, float]:
-    """The area that two quadrilaterals, (4, 2) pixels, share, over that of both together and over the smaller."""
+def overlap(one: Pixels, other: Pixels) -> tuple[float, float]:
+    """The area that two outlines share, over that of both together and over the smaller."""
     common, _ = cv2.intersectConvexConvex(cv2.convexHull(one), cv2.convexHull(other))
     areas = cv2.contourArea(one), cv2.contourArea(other)
     return common / max(sum(areas) - common, 1), common / max(min(areas), 1)

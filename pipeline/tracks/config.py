@@ -1,7 +1,7 @@
 """The numbers by which people and finds are followed over frames."""
 
 from dataclasses import dataclass
-from math import radians
+from math import log, radians
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -101,6 +101,42 @@ class ObjectConfig(TrackConfig):
 SHAPE = ObjectConfig(confirmation=Confirmation(confidence=0.5, baseline=0.3), of_person=0.15)
 
 
+Extents = tuple[float, float, float]
+"""m, the longest first."""
+WEIGHED = ("victim", "hazmat_sign", "fire_extinguisher", "door_lever")
+"""Kinds that are weighed against background; what codes say needs no such check."""
+
+
+@dataclass(frozen=True)
+class LikelihoodConfig:
+    """What objects measure, and what background does.
+
+    Attributes:
+        victim: medians of an object's extents; of people who stand or lie: stature, shoulder breadth, chest depth;
+            who sit: sitting height, half of it and a thigh before them, shoulder breadth (NASA-STD-3000, section
+            3.3); of dolls, as the RoboCup Rescue arena designer has them.
+        hazmat_sign: the same of labels as the leagues print them, 0.1 to 0.3 m.
+        fire_extinguisher: the same as the arena designer has them.
+        door_lever: the same of levers with their plates.
+        thinnest: m, noise of a depth camera at its usual range; nothing seems thinner.
+        spread: standard deviation of an extent's logarithm: 95 % lie within a factor of 1.5.
+        highest: m over the ground up to which people lie and stand, and signs hang; background is up to twice as high
+            and long.
+    """
+
+    victim: tuple[Extents, ...] = ((1.7, 0.5, 0.25), (0.9, 0.7, 0.5), (0.45, 0.2, 0.14))
+    hazmat_sign: tuple[Extents, ...] = ((0.2, 0.2, 0.02),)
+    fire_extinguisher: tuple[Extents, ...] = ((0.45, 0.16, 0.14),)
+    door_lever: tuple[Extents, ...] = ((0.22, 0.14, 0.06),)
+    thinnest: float = 0.02
+    spread: float = log(1.5) / 2
+    highest: float = 2.0
+
+    def extents(self, kind: str) -> tuple[Extents, ...]:
+        """The extents, m, that objects of a kind may have; none of a kind that is not weighed."""
+        return getattr(self, kind) if kind in WEIGHED else ()
+
+
 @dataclass(frozen=True)
 class ReobservationConfig:
     """What another look is worth, and from where.
@@ -128,6 +164,7 @@ class TracksConfig:
     """How each kind is followed, and when it is looked at again.
 
     Attributes:
+        likelihood: weighs what was seen against background.
         other: kinds of a reader of one's own.
     """
 
@@ -139,4 +176,5 @@ class TracksConfig:
     door_lever: ObjectConfig = SHAPE
     heat: ObjectConfig = ObjectConfig(of_person=0.4)
     other: ObjectConfig = ObjectConfig()
+    likelihood: LikelihoodConfig = LikelihoodConfig()
     reobservation: ReobservationConfig = ReobservationConfig()

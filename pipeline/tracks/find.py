@@ -4,7 +4,8 @@ import re
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
+
+from pipeline.arrays import Covariance, Pixels, Place, Rgb
 
 VICTIM, HEAT = "victim", "heat"
 KINDS = (VICTIM, "hazmat_sign", "qr_code", "april_tag", "fire_extinguisher", "door_lever", HEAT)
@@ -24,14 +25,13 @@ class Reading:
     Attributes:
         kind: one of ``KINDS``, or of a reader of one's own.
         text: the class of a sign or what a code says; empty if it cannot be read, or says nothing.
-        corners: (N, 2) float32 of its outline, pixels from the image's upper left corner; none of a person of an
-            earlier run.
+        corners: of its outline; none of a person of an earlier run.
         confidence: 0 to 1.
     """
 
     kind: str
     text: str
-    corners: NDArray[np.float32]
+    corners: Pixels
     confidence: float
 
     @property
@@ -54,24 +54,24 @@ class Find:
     Attributes:
         kind: one of ``KINDS``.
         text: a class, or what a code says.
-        position: (3,) float64 m in ``map``.
-        covariance: (3, 3) float64 of the position, m².
+        position: in ``map``.
+        covariance: of the position.
         time_s: s, when it was first seen.
         confidence: 0 to 1.
-        photo: (h, w, 3) uint8 that shows it best.
+        photo: that shows it best.
     """
 
     kind: str
     text: str
-    position: NDArray[np.float64]
-    covariance: NDArray[np.float64]
+    position: Place
+    covariance: Covariance
     time_s: float
     confidence: float
-    photo: NDArray[np.uint8]
+    photo: Rgb
 
 
-def box_corners(box: tuple[float, float, float, float]) -> NDArray[np.float32]:
-    """(4, 2) corners of a box x0, y0, x1, y1, clockwise from the upper left, pixels."""
+def box_corners(box: tuple[float, float, float, float]) -> Pixels:
+    """Four corners of a box x0, y0, x1, y1, clockwise from the upper left, pixels."""
     x0, y0, x1, y1 = box
     return np.array([[x0, y0], [x1, y0], [x1, y1], [x0, y1]], np.float32)
 

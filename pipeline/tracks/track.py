@@ -6,14 +6,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pipeline.arrays import Covariance, Information, Place, Points, Pose, Poses, Rgb
 from pipeline.frame import Frame
 from pipeline.geometry.cells_kernels import moved
 from pipeline.keyframes import Places
 from pipeline.localisation.gates import chi2_gate
 from pipeline.sensor import SensorModel
-from pipeline.tracks.config import TrackConfig
+from pipeline.tracks.config import LikelihoodConfig, TrackConfig
 from pipeline.tracks.find import Find, Reading
 from pipeline.tracks.likelihood import extents_of
 
@@ -25,27 +25,27 @@ class Observation:
     Attributes:
         reading: what the image shows.
         keyframe: its number.
-        position: (3,) float64 middle of the object, m; without depth, where the camera's range ends in its direction.
-        information: (3, 3) float64 inverse of the position's covariance, 1/m².
-        camera: (3,) float64 position of the camera, m.
-        points: (N, 3) float32 the object's own returns, thinned, m.
-        photo: (h, w, 3) uint8 that shows it; empty where another of its observations shows more.
+        position: middle of the object; without depth, where the camera's range ends in its direction.
+        information: inverse of the position's covariance.
+        camera: position of the camera.
+        points: the object's own returns, thinned.
+        photo: that shows it; empty where another of its observations shows more.
         time: of the frame, s; NaN in an earlier run.
         has_depth: whether its distance was measured.
     """
 
     reading: Reading
     keyframe: int
-    position: NDArray[np.float64]
-    information: NDArray[np.float64]
-    camera: NDArray[np.float64]
-    points: NDArray[np.float32]
-    photo: NDArray[np.uint8]
+    position: Place
+    information: Information
+    camera: Place
+    points: Points
+    photo: Rgb
     time: float = np.nan
     has_depth: bool = True
 
-    def moved(self, T: NDArray[np.float64]) -> "Observation":
-        """The same observation moved by the 4×4 transform ``T``."""
+    def moved(self, T: Pose) -> "Observation":
+        """The same observation moved by the transform ``T``."""
         R, t = T[:3, :3], T[:3, 3]
         information = R @ self.information @ R.T
         position, camera, points = R @ self.position + t, R @ self.camera + t, moved(T, self.points)
@@ -57,14 +57,14 @@ class Location:
     """Where an object is by all of its observations, in ``map``.
 
     Attributes:
-        position: (3,) float64 m.
-        covariance: (3, 3) float64 of the position, m².
-        points: (N, 3) float32 what is there of the object, m.
+        position: of its middle.
+        covariance: of the position.
+        points: what is there of the object.
     """
 
-    position: NDArray[np.float64]
-    covariance: NDArray[np.float64]
-    points: NDArray[np.float32]
+    position: Place
+    covariance: Covariance
+    points: Points
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -76,12 +76,14 @@ class TrackPolicy(TrackConfig, ABC):
         gate: greatest squared Mahalanobis distance between two places of one object: 99 % of them are nearer.
         is_flat: whether it shows the same from wherever it is seen, so that only a nearer view shows more.
         has_checksum: whether it is read rightly or not at all: what was read is sure, the rest is not reported.
+        likelihood: weighs what was seen against background.
     """
 
     kind: str
     gate: float = chi2_gate(3)
     is_flat: bool = False
     has_checksum: bool = False
+    likelihood: LikelihoodConfig = LikelihoodConfig()
 
     @abstractmethod
     def locate(self, placed: Sequence[Observation]) -> Location:
@@ -104,7 +106,7 @@ class TrackPolicy(TrackConfig, ABC):
         """How far apart two tracks are that may have turned out to be of one object; infinite if they are of two."""
 
     @abstractmethod
-    def should_show(self, track: "Track", frame: Frame, T_camera_map: NDArray[np.float64]) -> bool:
+    def should_show(self, track: "Track", frame: Frame, T_camera_map: Pose) -> bool:
         """Whether a frame should have shown the object: if it did not, it is missed once more."""
 
     @abstractmethod
@@ -131,7 +133,7 @@ class Track:
         ground: height of the lowest ground from which it was seen, m in ``map``.
         missed: number of keyframes that should have shown it and did not.
         tried: the places on the ground from which it was to be seen again, one each.
-        tried_at: (3,) float64 each, these places, m in ``map``.
+        tried_at: these places in ``map``.
         where: its location by all observations.
     """
 
@@ -141,13 +143,13 @@ class Track:
     ground: float = 0.0
     missed: int = 0
     tried: list[Places] = field(default_factory=list)
-    tried_at: list[NDArray[np.float64]] = field(default_factory=list)
+    tried_at: list[Place] = field(default_factory=list)
 
     def __post_init__(self) -> None:
         self.where = self.policy.locate(self.placed)
 
-    def place(self, poses: NDArray[np.float64]) -> None:
-        """Locate it anew, with the keyframes at (K, 4, 4) poses in ``map``."""
+    def place(self, poses: Poses) -> None:
+        """Locate it anew, with the keyframes at these poses in ``map``."""
         self.placed = [seen.moved(poses[seen.keyframe]) for seen in self.seen]
         self.ground = min(float(poses[seen.keyframe][2, 3]) for seen in self.seen)
         self.tried_at = list(Places.joined(self.tried).at(poses))
@@ -167,23 +169,23 @@ class Track:
             each[:] = [o if k == best else replace(o, photo=o.photo[:0]) for k, o in enumerate(each)]
 
     @property
-    def position(self) -> NDArray[np.float64]:
-        """(3,) float64 m in ``map``."""
+    def position(self) -> Place:
+        """Of its middle."""
         return self.where.position
 
     @property
-    def covariance(self) -> NDArray[np.float64]:
-        """(3, 3) float64 of the position, m²."""
+    def covariance(self) -> Covariance:
+        """Of the position."""
         return self.where.covariance
 
     @property
-    def points(self) -> NDArray[np.float32]:
-        """(N, 3) float32 what is there of it, m in ``map``."""
+    def points(self) -> Points:
+        """What is there of it."""
         return self.where.points
 
     @property
-    def cameras(self) -> list[NDArray[np.float64]]:
-        """(3,) float64 each, positions of the camera in the frames that show it, m in ``map``."""
+    def cameras(self) -> list[Place]:
+        """Positions of the camera in the frames that show it."""
         return [observation.camera for observation in self.placed]
 
     @property
@@ -197,8 +199,8 @@ class Track:
         return int(np.argmax([self.policy.shows(observation) for observation in self.seen]))
 
     @property
-    def photo(self) -> NDArray[np.uint8]:
-        """(h, w, 3) uint8 that shows it best."""
+    def photo(self) -> Rgb:
+        """The one that shows it best."""
         return self.seen[self.best].photo
 
     @property

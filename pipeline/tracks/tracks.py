@@ -3,9 +3,9 @@
 from collections.abc import Callable, Sequence
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
+from pipeline.arrays import Pose, Poses
 from pipeline.frame import Frame
 from pipeline.tracks.track import Track
 from pipeline.transforms import inverse
@@ -22,7 +22,7 @@ class Tracks:
     """
 
     def __init__(self, join: Join) -> None:
-        """Begin with none; ``join`` decides which observations of a frame are of known objects."""
+        """Begin with none; ``join`` decides which observations of a frame are of objects that it has."""
         self.all: list[Track] = []
         self._join = join
 
@@ -36,19 +36,19 @@ class Tracks:
         """Those worth another look."""
         return [track for track in self.all if track.policy.is_worth_a_look(track)]
 
-    def place(self, poses: NDArray[np.float64]) -> None:
-        """Move all with their keyframes, at (K, 4, 4) poses in ``map``, and merge what proves to be one object."""
+    def place(self, poses: Poses) -> None:
+        """Move all with their keyframes, at these poses in ``map``, and merge what proves to be one object."""
         for track in self.all:
             track.place(poses)
         self._merge()
 
-    def add(self, new: Sequence[Track], frame: Frame, T_map_camera: NDArray[np.float64]) -> None:
+    def add(self, new: Sequence[Track], frame: Frame, T_map_camera: Pose) -> None:
         """Add what a keyframe shows, count what it should have shown as missed, and give up what is missed too often.
 
         Args:
             new: a track of each observation.
             frame: of the keyframe, with its depth.
-            T_map_camera: 4×4 pose of ``camera_optical``.
+            T_map_camera: pose of ``camera_optical``.
         """
         before, T_camera_map = list(self.all), inverse(T_map_camera)
         seen = self._join(self.all, new)

@@ -3,14 +3,15 @@
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pipeline.arrays import Mask, PixelMask, Points, Pose
 from pipeline.frame import Frame
 from pipeline.tracks.find import VICTIM, Reading, box_corners
 from pipeline.tracks.likelihood import extents_of, weigh
 from pipeline.tracks.pictures import photo_of
 from pipeline.tracks.track import Observation
 from pipeline.transforms import inverse, transform_points
+from pipeline.victims.config import BackgroundConfig
 from pipeline.victims.detection.background import background_planes, near_plane
 from pipeline.victims.detection.detection import Detection
 from pipeline.victims.people import PeoplePolicy, middle
@@ -27,35 +28,37 @@ class Refusal:
 def observe(
     frame: Frame,
     detection: Detection,
-    T_map_camera: NDArray[np.float64],
+    T_map_camera: Pose,
     keyframe: int = 0,
     policy: PeoplePolicy = PeoplePolicy(),
+    background: BackgroundConfig = BackgroundConfig(),
 ) -> Observation | Refusal:
     """Observe the person of a detection by the frame's depth, in ``map``, or refuse the detection.
 
     Args:
         frame: with its depth.
         detection: in its image.
-        T_map_camera: 4×4 pose of ``camera_optical`` in ``map``.
+        T_map_camera: pose of ``camera_optical``.
         keyframe: number of the frame's.
         policy: how people are followed.
+        background: which planes are background.
     """
     returns = frame.returns & _window(frame, detection)
     if not returns.any():
         return Refusal(detection, "no depth where it is")
     in_camera = frame.intrinsics.rays[returns] * frame.depth[returns, None]
-    is_background = ~_stands_out(frame, detection, in_camera)
+    is_background = ~_stands_out(frame, detection, in_camera, background)
     if is_background.all():
         return Refusal(detection, "flat: nothing stands out of the plane around it, as of a picture")
     points, camera = transform_points(T_map_camera, in_camera), T_map_camera[:3, 3]
     ground = float((T_map_camera @ inverse(frame.T_base_camera))[2, 3])
-    weighed = weigh(VICTIM, points, ground, is_background, camera)
+    weighed = weigh(VICTIM, points, ground, policy.likelihood, is_background, camera)
     person = points[weighed.belongs]
     if weighed.log_ratio <= 0:
         extents = " × ".join(f"{extent:.2f}" for extent in extents_of(person))
         return Refusal(detection, f"{extents} m: less like a person than like background")
     # The middle's standard deviation is half that of the points, because parts of the person may be hidden.
-    spread = np.cov(person.T.astype(np.float64)) / 2**2 + np.eye(3) * policy.skin_to_middle**2
+    spread = np.cov(person.T.astype(np.float64)) / 4 + np.eye(3) * policy.skin_to_middle**2
     return Observation(
         reading=Reading(VICTIM, "", box_corners(detection.box), detection.confidence),
         keyframe=keyframe,
@@ -68,16 +71,16 @@ def observe(
     )
 
 
-def _window(frame: Frame, detection: Detection) -> NDArray[np.bool_]:
-    """(H, W) bool: the pixels of the box."""
+def _window(frame: Frame, detection: Detection) -> PixelMask:
+    """The pixels of the box."""
     x0, y0, x1, y1 = detection.box
     u, v = np.arange(frame.intrinsics.width) + 0.5, np.arange(frame.intrinsics.height) + 0.5
     return ((v >= y0) & (v <= y1))[:, None] & (u >= x0) & (u <= x1)
 
 
-def _stands_out(frame: Frame, detection: Detection, points: NDArray[np.float32]) -> NDArray[np.bool_]:
-    """(N,) bool: the points in the box that lie on no plane of the background."""
+def _stands_out(frame: Frame, detection: Detection, points: Points, config: BackgroundConfig) -> Mask:
+    """Which points in the box, in ``camera_optical``, lie on no plane of the background."""
     result = np.ones(len(points), np.bool_)
-    for plane in background_planes(frame, detection.box, np.random.default_rng(0)):
-        result &= ~near_plane(points, plane, frame.sensor)
+    for plane in background_planes(frame, detection.box, np.random.default_rng(0), config):
+        result &= ~near_plane(points, plane, frame.sensor, config)
     return result

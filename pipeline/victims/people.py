@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from functools import reduce
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
+from pipeline.arrays import Covariance, Information, Place, Points, Pose
 from pipeline.frame import Frame
 from pipeline.sensor import SensorModel
 from pipeline.tracks.config import PeopleConfig
@@ -37,13 +37,13 @@ class PeoplePolicy(PeopleConfig, TrackPolicy):
         voxels, information = PersonVoxels.joined([a.voxels, b.voxels]), self.informed(a.information, b.information)
         return self.body(voxels, information, a.keyframes | b.keyframes)
 
-    def body(self, voxels: PersonVoxels, information: NDArray[np.float64], keyframes: frozenset[int]) -> "PersonBody":
-        """A person whom keyframes show in voxels, with (3, 3) information, 1/m²; few keyframes show other objects."""
+    def body(self, voxels: PersonVoxels, information: Information, keyframes: frozenset[int]) -> "PersonBody":
+        """A person whom keyframes show in voxels, with this information; few keyframes show other objects."""
         points = voxels.agreed(self.agreed * len(keyframes))
         return PersonBody(middle(points), _inverse(information), points, voxels, information, keyframes)
 
-    def informed(self, one: NDArray[np.float64], other: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(3, 3) information of both; one place's errors are correlated, so the covariance has a floor."""
+    def informed(self, one: Information, other: Information) -> Information:
+        """The information of both; one place's errors are correlated, so the covariance has a floor."""
         return _inverse(_inverse(one + other) + np.eye(3) * (self.skin_to_middle / 2) ** 2)
 
     def shows(self, observation: Observation) -> float:
@@ -60,8 +60,8 @@ class PeoplePolicy(PeopleConfig, TrackPolicy):
         """0 if they touch, and no frame shows them apart."""
         return 0.0 if self._touch(one.points, other.points) and not self._are_seen_apart(one, other) else np.inf
 
-    def _touch(self, one: NDArray[np.float32], other: NDArray[np.float32]) -> bool:
-        """Whether the nearest of (N, 3) and (M, 3) points touch."""
+    def _touch(self, one: Points, other: Points) -> bool:
+        """Whether the nearest points of both touch."""
         small, large = sorted((one, other), key=len)
         return bool(cKDTree(small).query(large, distance_upper_bound=self.touch)[0].min() <= self.touch)
 
@@ -70,7 +70,7 @@ class PeoplePolicy(PeopleConfig, TrackPolicy):
         both = one.keyframes & other.keyframes
         return any(not self._touch(_in_frame(one, keyframe), _in_frame(other, keyframe)) for keyframe in both)
 
-    def should_show(self, track: Track, frame: Frame, T_camera_map: NDArray[np.float64]) -> bool:
+    def should_show(self, track: Track, frame: Frame, T_camera_map: Pose) -> bool:
         """The person is near enough, and most points lie in the image with nothing in front of them."""
         points = transform_points(T_camera_map, track.points)
         depth = np.maximum(points[:, 2], 1e-6)
@@ -93,7 +93,7 @@ class PeoplePolicy(PeopleConfig, TrackPolicy):
 
     def has_shape(self, track: Track) -> bool:
         """All that was seen, together, is more like a person than like background."""
-        return weigh(self.kind, track.points, track.ground).log_ratio > 0
+        return weigh(self.kind, track.points, track.ground, self.likelihood).log_ratio > 0
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,24 +102,24 @@ class PersonBody(Location):
 
     Attributes:
         voxels: that the observations show.
-        information: (3, 3) float64 inverse of the position's covariance, 1/m².
+        information: inverse of the position's covariance.
         keyframes: numbers of those that show the person.
     """
 
     voxels: PersonVoxels
-    information: NDArray[np.float64]
+    information: Information
     keyframes: frozenset[int]
 
 
-def middle(points: NDArray[np.floating]) -> NDArray[np.float64]:
-    """(3,) middle, m, of a box around (N, 3) points without the outermost 2 % at each end of each axis."""
+def middle(points: Points) -> Place:
+    """Middle of a box around points without the outermost 2 % at each end of each axis."""
     return np.percentile(points, [2, 98], axis=0).mean(axis=0)
 
 
-def _in_frame(track: Track, keyframe: int) -> NDArray[np.float32]:
-    """(N, 3) float32 points that a keyframe shows, m in its ``base_link``; it must show some."""
+def _in_frame(track: Track, keyframe: int) -> Points:
+    """The points that a keyframe shows, in its ``base_link``; it must show some."""
     return np.concatenate([seen.points for seen in track.seen if seen.keyframe == keyframe])
 
 
-def _inverse(matrix: NDArray[np.float64]) -> NDArray[np.float64]:
+def _inverse(matrix: Covariance | Information) -> Covariance | Information:
     return np.linalg.inv(matrix).astype(np.float64)

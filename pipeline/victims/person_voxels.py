@@ -4,8 +4,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pipeline.arrays import Indices, Points
 from pipeline.geometry.thinning import first_in_voxels
 from pipeline.geometry.voxel_hash import first_of, voxels_of
 
@@ -16,17 +16,17 @@ class PersonVoxels:
 
     Attributes:
         edge: of a voxel, m.
-        seen: (N, 3) float32 a point in each voxel, m in ``map``.
-        shown: (N,) int64 in how many observations each is.
+        seen: a point in each voxel.
+        shown: in how many observations each is.
     """
 
     edge: float
-    seen: NDArray[np.float32]
-    shown: NDArray[np.int64]
+    seen: Points
+    shown: Indices
 
     @classmethod
-    def of(cls, points: NDArray[np.float32], edge: float) -> "PersonVoxels":
-        """Of one observation's points (N, 3), m in ``map``."""
+    def of(cls, points: Points, edge: float) -> "PersonVoxels":
+        """Of one observation's points; ``edge`` in m."""
         first = first_in_voxels(points / edge)
         return cls(edge, points[first], np.ones(len(first), np.int64))
 
@@ -38,7 +38,7 @@ class PersonVoxels:
         shown = np.bincount(voxel, np.concatenate([voxels.shown for voxels in observations])).astype(np.int64)
         return cls(edge, seen[first_of(voxel, len(keys))], shown)
 
-    def agreed(self, frames: float) -> NDArray[np.float32]:
-        """(M, 3) float32 of the person in at least so many observations, m in ``map``; all if none is in so many."""
+    def agreed(self, frames: float) -> Points:
+        """The person's in at least so many observations; all if none is in so many."""
         is_agreed = self.shown >= frames
         return self.seen[is_agreed] if is_agreed.any() else self.seen

@@ -3,15 +3,14 @@
 from collections.abc import Sequence
 from dataclasses import replace
 
-import numpy as np
-from numpy.typing import NDArray
-
+from pipeline.arrays import Pose
 from pipeline.frame import Frame
-from pipeline.tracks.config import PeopleConfig
+from pipeline.tracks.config import LikelihoodConfig, PeopleConfig
 from pipeline.tracks.find import VICTIM
 from pipeline.tracks.track import Observation, Track
 from pipeline.tracks.tracks import Tracks, join_nearest
 from pipeline.transforms import inverse
+from pipeline.victims.config import BackgroundConfig
 from pipeline.victims.detection.detection import Detection
 from pipeline.victims.observation import Refusal, observe
 from pipeline.victims.people import PeoplePolicy
@@ -26,29 +25,35 @@ class Victims(Tracks):
         refusals: detections of the last frame that are no person.
     """
 
-    def __init__(self, config: PeopleConfig = PeopleConfig()) -> None:
+    def __init__(
+        self,
+        config: PeopleConfig = PeopleConfig(),
+        likelihood: LikelihoodConfig = LikelihoodConfig(),
+        background: BackgroundConfig = BackgroundConfig(),
+    ) -> None:
         super().__init__(join_nearest)
-        self.policy = PeoplePolicy(**vars(config))
+        self.policy = PeoplePolicy(likelihood=likelihood, **vars(config))
+        self._background = background
         self.refusals: list[Refusal] = []
 
-    def update(
-        self, frame: Frame, detections: Sequence[Detection], T_map_camera: NDArray[np.float64], keyframe: int = 0
-    ) -> None:
+    def update(self, frame: Frame, detections: Sequence[Detection], T_map_camera: Pose, keyframe: int = 0) -> None:
         """Add the observations of a keyframe's detections, and count who was missed.
 
         Args:
             frame: with its depth.
             detections: in its image; may be empty; those of other kinds are ignored.
-            T_map_camera: 4×4 pose of ``camera_optical`` in ``map``.
+            T_map_camera: pose of ``camera_optical`` in ``map``.
             keyframe: its number.
         """
         people = [detection for detection in detections if detection.kind == VICTIM]
-        seen = [observe(frame, detection, T_map_camera, keyframe, self.policy) for detection in people]
+        seen = [
+            observe(frame, detection, T_map_camera, keyframe, self.policy, self._background) for detection in people
+        ]
         self.refusals = [item for item in seen if isinstance(item, Refusal)]
         T_map_base = T_map_camera @ inverse(frame.T_base_camera)
         self.add([self._track(o, T_map_base) for o in seen if isinstance(o, Observation)], frame, T_map_camera)
 
-    def _track(self, observation: Observation, T_map_base: NDArray[np.float64]) -> Track:
+    def _track(self, observation: Observation, T_map_base: Pose) -> Track:
         """Of a single observation in ``map``."""
         thinned = replace(observation, points=PersonVoxels.of(observation.points, self.policy.voxel).seen)
         seen = thinned.moved(inverse(T_map_base))

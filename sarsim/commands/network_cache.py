@@ -15,8 +15,9 @@ from pipeline.frame import Frame
 from pipeline.labels import Label
 from pipeline.semantic_map.classifier import PointClassifier
 from pipeline.tracks.find import KINDS
-from pipeline.victims.detection.boxes import MOST_BOXES
 from pipeline.victims.detection.detection import Detection, Detector
+
+MOST_ROWS = 3000  # Most detections in an image: a damaged file must not fill the memory
 
 
 class OutputCache:
@@ -48,7 +49,7 @@ class OutputCache:
             digest.update(np.asarray(part).tobytes())
         path = self.folder / digest.hexdigest()
         with suppress(OSError, zlib.error, ValueError):
-            stream, rows = zlib.decompressobj(), MOST_BOXES if shape[0] < 0 else shape[0]
+            stream, rows = zlib.decompressobj(), MOST_ROWS if shape[0] < 0 else shape[0]
             content = stream.decompress(path.read_bytes(), rows * shape[1] * np.dtype(kind).itemsize + 1)
             kept = np.frombuffer(content, kind).reshape(shape).copy()
             if stream.eof and np.isfinite(kept).all():

@@ -7,6 +7,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.finds.config import SquaresConfig
 from pipeline.finds.hazmat import SIGN_SIDE
 from pipeline.finds.hazmat_classes import HAZMAT_CLASSES
 from pipeline.finds.quads import find_quads
@@ -62,8 +63,10 @@ class PatchSource:
     @classmethod
     def make(cls, each: int, backgrounds: Sequence[Picture], rng: np.random.Generator) -> "PatchSource":
         """``each`` labels of every class, and what looks square in the pictures."""
+        config = SquaresConfig()
         squares = [np.stack([label_square(name, rng) for _ in range(each)]) for name in HAZMAT_CLASSES]
-        return cls(squares, backgrounds, [(image, quad) for image in backgrounds for quad in find_quads(image)])
+        others = [(image, quad) for image in backgrounds for quad in find_quads(image, config)]
+        return cls(squares, backgrounds, others)
 
     def one(self, kind: int, rng: np.random.Generator) -> Picture:
         """A label of a class."""

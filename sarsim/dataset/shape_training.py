@@ -9,9 +9,11 @@ from numpy.typing import NDArray
 from torch import Tensor, nn
 
 from pipeline.errors import InputError
+from pipeline.finds.config import ShapesConfig
 from pipeline.finds.patch_network import PatchNetwork, to_input
 from pipeline.finds.protrusions import Protrusions, square_around
 from pipeline.finds.squares import rectified
+from pipeline.tracks.config import LikelihoodConfig
 from pipeline.tracks.find import SHAPED
 from sarsim.dataset.folder import Dataset
 from sarsim.dataset.hazmat_patches import photographed
@@ -132,7 +134,7 @@ def _labelled(scene: Scene) -> list[tuple[Protrusions, NDArray[np.int64], int]]:
     of_geom, found = np.array([*kinds, len(SHAPED)]), []  # the last one is of no geom, -1
     for frame in scene:
         assert frame.instance is not None
-        seen = Protrusions.of(frame)
+        seen = Protrusions.of(frame, ShapesConfig(), LikelihoodConfig())
         for region in seen.regions:
             shown = of_geom[frame.instance[tuple(region.T)]]
             found.append((seen, region, int(np.bincount(shown).argmax())))

@@ -20,7 +20,8 @@ def make_perception(config: PerceptionConfig) -> tuple[PointClassifier, Detector
     classifier = make_classifier(config.labels, config.weights, config.pipeline.semantic_map)
     if config.detector_class:
         return classifier, own_detector(config.detector_class)
-    return classifier, VictimDetector.load(*config.detector) if config.detector else None
+    numbers = config.pipeline.victims.detector
+    return classifier, VictimDetector.load(*config.detector, config=numbers) if config.detector else None
 
 
 def make_readers(config: PerceptionConfig) -> FindReader | None:
@@ -33,7 +34,8 @@ def shipped_readers(config: PerceptionConfig) -> FindReaders | None:
     """The readers that sarsim ships, if there is a detector; InputError if their weights are damaged."""
     if not (config.detector or config.detector_class):
         return None
-    return FindReaders.load(*(asset("weights", f"{name}.safetensors") for name in ("hazmat", "shapes")))
+    hazmat, shapes = (asset("weights", f"{name}.safetensors") for name in ("hazmat", "shapes"))
+    return FindReaders.load(hazmat, shapes, config.pipeline.finds, config.pipeline.tracks.likelihood)
 
 
 def make_classifier(

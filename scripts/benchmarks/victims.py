@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from rich.table import Table
 
 from pipeline.semantic_map.networks.threads import torch_threads
+from pipeline.victims.config import DetectorConfig
 from pipeline.victims.detection.darknet_cfg import DarknetCfg, adapted
 from pipeline.victims.detection.detector import VictimDetector
 from pipeline.victims.detection.inference import FusedNetwork, to_tensor
@@ -56,7 +57,9 @@ def measure(settings: VictimsSettings) -> Result:
     figures = speed(network, rounds) if rounds else {}
     if rounds:
         figures |= {f"tiny.{name}": value for name, value in speed(tiny(), rounds).items()}
-    precision, by = _precision(_frames(VictimDetector(network, LEAST_CONFIDENCE), settings))
+    precision, by = _precision(
+        _frames(VictimDetector(network, DetectorConfig(confidence=LEAST_CONFIDENCE)), settings)
+    )
     figures |= precision
     episodes, failed = _episodes(jobs, settings)
     figures |= episodes

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from pipeline.errors import InputError
+from pipeline.victims.config import ExposureConfig
 from pipeline.victims.detection.boxes import areas
 from pipeline.victims.detection.input_image import GREY, evenly_exposed, scaled
 from pipeline.victims.detection.labelled_image import TrainingImage, TrainingImages
@@ -50,7 +51,7 @@ class CanvasSampler:
     def _image(self, index: int) -> TrainingImage:
         """An image with its light compensated, as the detector passes it to the network."""
         image = self._images[index]
-        return replace(image, rgb=evenly_exposed(image.rgb))
+        return replace(image, rgb=evenly_exposed(image.rgb, ExposureConfig()))
 
     def _draw(self, rng: np.random.Generator) -> int:
         empty = len(self._empty) > 0 and rng.random() < self._odds

@@ -10,8 +10,6 @@ from pipeline.victims.detection.darknet_cfg import OBJECTNESS, YoloHead
 
 LARGEST_EXPONENT = 20.0
 """Bound of the exponent that scales an anchor: no box in an image is so large, and its square still fits float32."""
-MOST_BOXES = 3000
-"""Most boxes that are compared; a network that sees a person in every cell would otherwise take minutes an image."""
 
 
 def decode(
@@ -57,12 +55,14 @@ def overlaps(a: NDArray[np.floating], b: NDArray[np.floating]) -> NDArray[np.flo
     return np.divide(common, union, out=np.zeros_like(common), where=union > 0)
 
 
-def suppress(boxes: NDArray[np.floating], scores: NDArray[np.floating], overlap: float) -> NDArray[np.intp]:
+def suppress(
+    boxes: NDArray[np.floating], scores: NDArray[np.floating], overlap: float, most: int
+) -> NDArray[np.intp]:
     """(M,) indices, the best first, of the (N, 4) boxes that overlap no kept box of a higher score (N,) by more.
 
-    Greedy non-maximum suppression; ``overlap`` is intersection over union. Only the best MOST_BOXES are considered.
+    Greedy non-maximum suppression; ``overlap`` is intersection over union. Only the ``most`` best are considered.
     """
-    order = np.argsort(-scores, kind="stable")[:MOST_BOXES]
+    order = np.argsort(-scores, kind="stable")[:most]
     kept: list[int] = []
     while len(order):
         best, order = order[0], order[1:]

@@ -3,9 +3,7 @@
 from dataclasses import dataclass
 from typing import Protocol
 
-import numpy as np
-from numpy.typing import NDArray
-
+from pipeline.arrays import Rgb
 from pipeline.tracks.find import VICTIM
 
 
@@ -25,8 +23,8 @@ class Detection:
 
 
 class Detector(Protocol):
-    """Finds things in images."""
+    """Finds objects in images."""
 
-    def detect(self, rgb: NDArray[np.uint8]) -> list[Detection]:
-        """Things of the kinds that it knows in an (H, W, 3) image, the most confident first."""
+    def detect(self, rgb: Rgb) -> list[Detection]:
+        """Objects of its kinds in an image, the most confident first."""
         ...

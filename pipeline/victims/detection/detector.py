@@ -1,4 +1,4 @@
-"""The detector of people, and of other things if its network knows them, in a camera's image."""
+"""The detector of people, and of other kinds of objects if its network has classes of them, in a camera's image."""
 
 from collections.abc import Callable, Iterable, Sequence
 from functools import cache
@@ -8,9 +8,11 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import Mask, Rgb
 from pipeline.errors import InputError
 from pipeline.files import read_text
 from pipeline.tracks.find import KINDS, VICTIM
+from pipeline.victims.config import DetectorConfig
 from pipeline.victims.detection.boxes import areas, decode, overlaps, suppress
 from pipeline.victims.detection.detection import Detection
 from pipeline.victims.detection.inference import FusedNetwork
@@ -22,27 +24,17 @@ PERSON = {1: 0, 20: 14, 80: 0}
 """Number of the class ``person`` by the number of classes, if they have no names: victims, Pascal VOC, COCO."""
 KIND_OF = {kind: kind for kind in KINDS} | dict.fromkeys(("person", "doll"), VICTIM)
 """Kind of the classes of networks by their names, spaces as underscores; other classes are ignored."""
-CONFIDENCE = 0.25  # Least confidence of a detection; one this low only helps to find a known victim again
-SUPPRESSING_IOU = 0.45  # Intersection over union above which the less confident of two boxes is dropped
-WITNESS, WITNESS_IOU = 0.05, 0.3
-"""Least confidence of a box that bears witness to one of another [yolo], and least overlap of the two: so uncertain a
-network sees people in hardly any image without people, and where two networks see them by chance is not the same."""
-SMALLER, LARGE_BOX = 0.6, 0.15
-"""Size of a second input relative to the network's own, for people who are so near that they are too large for the
-network; and least length of the longer side of a box found in it, relative to the image's longer side."""
-
-
 Boxes = tuple[NDArray[np.float32], NDArray[np.float32]]
 """(N, 4) boxes and their (N, classes) confidences."""
 
 
 class VictimDetector:
-    """Finds people, and what else its network knows, by a network of the YOLO family."""
+    """Finds people, and other objects that its network has classes of, by a network of the YOLO family."""
 
     def __init__(
         self,
         network: DarknetNetwork,
-        confidence: float = CONFIDENCE,
+        config: DetectorConfig = DetectorConfig(),
         make_fast: Callable[[DarknetNetwork], FusedNetwork] = FusedNetwork,
         names: Sequence[str] = (),
     ) -> None:
@@ -50,23 +42,23 @@ class VictimDetector:
 
         Args:
             network: network for images of three channels.
-            confidence: least confidence of a detection, between 0 and 1.
+            config: which boxes are detections.
             make_fast: turns the network into one for inference on this processor.
             names: of the network's classes; by default one of people, or those of COCO or Pascal VOC.
 
         Raises:
-            InputError: a confidence out of range, or a network of other channels or classes.
+            InputError: a confidence that is not between 0 and 1, or a network of other channels or classes.
         """
-        if not 0 < confidence < 1:
-            raise InputError(f"detector: confidence {confidence}: between 0 and 1")
-        self._confidence, self._classes = confidence, _classes(network, names)
-        *_, smallest = networks = of_both_sizes(network)
+        if not 0 < config.confidence < 1:
+            raise InputError(f"detector: confidence {config.confidence}: between 0 and 1")
+        self._config, self._classes = config, _classes(network, names)
+        *_, smallest = networks = of_both_sizes(network, config.smaller)
         self._networks = [make_fast(n) for n in networks]
         witnesses, upended = network.witnesses(), (smallest.cfg.height, smallest.cfg.width)
         self._upended = make_fast(witnesses.resized(*upended)) if witnesses else None
 
     @classmethod
-    def load(cls, *files: Path, confidence: float = CONFIDENCE) -> "VictimDetector":
+    def load(cls, *files: Path, config: DetectorConfig = DetectorConfig()) -> "VictimDetector":
         """A detector from ``.cfg`` and weights, or from weights with the ``.cfg`` beside them.
 
         A file beside the ``.cfg`` with the ending ``.names`` has the names of the classes, one a line.
@@ -75,16 +67,17 @@ class VictimDetector:
             InputError: as :func:`load_network`, or no class is of a kind that the robot looks for.
         """
         names = network_files(*files)[0].with_suffix(".names")
-        return cls(load_network(*files), confidence, names=read_text(names).split("\n") if names.exists() else ())
+        return cls(load_network(*files), config, names=read_text(names).split("\n") if names.exists() else ())
 
-    def detect(self, rgb: NDArray[np.uint8]) -> list[Detection]:
-        """Things in an (H, W, 3) uint8 image of any size, the most confident first.
+    def detect(self, rgb: Rgb) -> list[Detection]:
+        """Objects in an image of any size, the most confident first.
 
         Raises:
             InputError: the image is grey, empty, or of another type.
         """
         check_image(rgb)
-        image, least = evenly_exposed(rgb), LARGE_BOX * max(rgb.shape)
+        config = self._config
+        image, least = evenly_exposed(rgb, config.exposure), config.large_box * max(rgb.shape)
         lying = cache(lambda: self._find_lying(image))
         parts = [self._find(self._networks[0], image, lying)]
         for network in self._networks[1:]:
@@ -93,24 +86,24 @@ class VictimDetector:
             parts.append((boxes[is_near], scores[is_near]))
         boxes, scores = _joined(parts)
         found = [self._best(kind, boxes, scores[:, numbers].max(axis=1)) for kind, numbers in self._classes.items()]
-        return sorted((thing for one in found for thing in one), key=lambda thing: -thing.confidence)
+        return sorted((detection for one in found for detection in one), key=lambda detection: -detection.confidence)
 
-    def _find(self, network: FusedNetwork, image: NDArray[np.uint8], lying: Callable[[], Boxes]) -> Boxes:
-        """(N, 4) boxes in the image, several of each thing, and their (N, classes) confidences.
+    def _find(self, network: FusedNetwork, image: Rgb, lying: Callable[[], Boxes]) -> Boxes:
+        """Boxes in the image, several of each object, and their confidences.
 
-        ``lying`` finds boxes that bear witness besides those of the network itself; asked only if something has none.
+        ``lying`` finds boxes that bear witness besides those of the network itself; asked only if a box has none.
         """
         parts = self._heads(network, image)
         for place, yolo in zip(network.cfg.places, network.cfg.heads, strict=True):
             if yolo.witnesses:
                 boxes, scores = parts[place]
-                known = _are_witnessed(boxes, _joined(parts[k] for k in yolo.witnesses))
-                if (scores[~known] >= self._confidence).any():
-                    known |= _are_witnessed(boxes, lying())
-                parts[place] = boxes[known], scores[known]
+                witnessed = self._are_witnessed(boxes, _joined(parts[k] for k in yolo.witnesses))
+                if (scores[~witnessed] >= self._config.confidence).any():
+                    witnessed |= self._are_witnessed(boxes, lying())
+                parts[place] = boxes[witnessed], scores[witnessed]
         return _joined(parts.values())
 
-    def _find_lying(self, image: NDArray[np.uint8]) -> Boxes:
+    def _find_lying(self, image: Rgb) -> Boxes:
         """Boxes of the witnesses in the image turned to either side: photos teach them few people who lie."""
         assert self._upended is not None
         parts = [(turns, self._heads(self._upended, np.rot90(image, turns))) for turns in (1, -1)]
@@ -118,9 +111,9 @@ class VictimDetector:
             (turned_back(b, turns, image.shape), scores) for turns, part in parts for b, scores in part.values()
         )
 
-    def _heads(self, network: FusedNetwork, image: NDArray[np.uint8]) -> dict[int, Boxes]:
+    def _heads(self, network: FusedNetwork, image: Rgb) -> dict[int, Boxes]:
         """The boxes in the image of each [yolo], by its number, and their confidences."""
-        cfg, least = network.cfg, min(self._confidence, WITNESS)
+        cfg, least = network.cfg, min(self._config.confidence, self._config.witness)
         letterbox, canvas = Letterbox.fit(image, cfg.width, cfg.height)
         parts = dict[int, Boxes]()
         for head, yolo, place in zip(network(canvas), cfg.heads, cfg.places, strict=True):
@@ -128,25 +121,27 @@ class VictimDetector:
             parts[place] = letterbox.to_image(boxes), scores
         return parts
 
+    def _are_witnessed(self, found: NDArray[np.float32], witnesses: Boxes) -> Mask:
+        """Which boxes (N, 4) of a [yolo] are where one of its witnesses sees something too."""
+        boxes, scores = witnesses
+        best = scores.max(axis=1, initial=0)
+        sure = best >= self._config.witness
+        seen = boxes[sure][self._suppress(boxes[sure], best[sure])]
+        return np.asarray(overlaps(found, seen).max(axis=1, initial=0) > self._config.witness_iou)
+
+    def _suppress(self, boxes: NDArray[np.float32], scores: NDArray[np.float32]) -> NDArray[np.intp]:
+        return suppress(boxes, scores, self._config.suppressing_iou, self._config.most_boxes)
+
     def _best(self, kind: str, boxes: NDArray[np.float32], scores: NDArray[np.float32]) -> list[Detection]:
-        good = (scores >= self._confidence) & (areas(boxes) > 0)
+        good = (scores >= self._config.confidence) & (areas(boxes) > 0)
         boxes, scores = boxes[good], scores[good]
-        kept = suppress(boxes, scores, SUPPRESSING_IOU)
+        kept = self._suppress(boxes, scores)
         return [Detection(tuple(boxes[i].tolist()), float(scores[i]), kind) for i in kept]
 
 
 def _joined(parts: Iterable[Boxes]) -> Boxes:
     boxes, scores = zip(*parts, strict=True)
     return np.concatenate(boxes), np.concatenate(scores)
-
-
-def _are_witnessed(found: NDArray[np.float32], witnesses: Boxes) -> NDArray[np.bool_]:
-    """(N,) bool, the boxes (N, 4) of a [yolo] where one of its witnesses sees something too."""
-    boxes, scores = witnesses
-    best = scores.max(axis=1, initial=0)
-    sure = best >= WITNESS
-    seen = boxes[sure][suppress(boxes[sure], best[sure], SUPPRESSING_IOU)]
-    return np.asarray(overlaps(found, seen).max(axis=1, initial=0) > WITNESS_IOU)
 
 
 def turned_back(boxes: NDArray[np.float32], turns: int, shape: Sequence[int]) -> NDArray[np.float32]:
@@ -156,15 +151,15 @@ def turned_back(boxes: NDArray[np.float32], turns: int, shape: Sequence[int]) ->
     return np.stack([width - y1, x0, width - y0, x1] if turns > 0 else [y0, height - x1, y1, height - x0], axis=1)
 
 
-def of_both_sizes(network: DarknetNetwork) -> list[DarknetNetwork]:
-    """The network, and its copy for an input SMALLER times as large, unless rounding to the stride undoes that."""
+def of_both_sizes(network: DarknetNetwork, smaller: float) -> list[DarknetNetwork]:
+    """The network, and its copy for an input ``smaller`` times as large unless rounding to the stride undoes it."""
     stride, cfg = network.stride, network.cfg
-    width, height = (stride * ceil(SMALLER * size / stride) for size in (cfg.width, cfg.height))
+    width, height = (stride * ceil(smaller * size / stride) for size in (cfg.width, cfg.height))
     is_smaller = width < cfg.width and height < cfg.height
     return [network, network.resized(width, height)] if is_smaller else [network]
 
 
-def check_image(rgb: NDArray[np.uint8]) -> None:
+def check_image(rgb: Rgb) -> None:
     """Raise InputError unless it is an (H, W, 3) uint8 image that is not empty."""
     if rgb.size == 0:
         raise InputError(f"image: empty, of shape {rgb.shape}")

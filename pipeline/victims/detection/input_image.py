@@ -12,26 +12,25 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-CELLS = (16, 12)  # Cells of the grid along x and y
-BLUR = 2.0
-"""cells, standard deviation of the Gaussian over the grid: dark objects stay dark, dark regions are brightened."""
-BRIGHTNESS = 130.0  # Brightness, of 255, to which the brightest channel is raised where it is less
-DARKEST = 12.0  # Brightness, of 255, below which the gain grows no further: there is only noise
+from pipeline.arrays import Rgb
+from pipeline.victims.config import ExposureConfig
+
 GREY = 128  # Brightness of the bars beside a fitted image, as in Darknet's letterbox_image
 
 
-def evenly_exposed(rgb: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """An (H, W, 3) uint8 image with uneven light compensated; a well-lit image is not changed."""
-    light = cv2.resize(rgb, CELLS, interpolation=cv2.INTER_AREA).max(axis=2).astype(np.float32)
-    light = cv2.GaussianBlur(light, (0, 0), BLUR, borderType=cv2.BORDER_REPLICATE)
-    gain = np.maximum(BRIGHTNESS / np.maximum(light, DARKEST), 1)
+def evenly_exposed(rgb: Rgb, config: ExposureConfig) -> Rgb:
+    """An image with uneven light compensated; a well-lit image is not changed."""
+    cells = config.columns, config.rows
+    light = cv2.resize(rgb, cells, interpolation=cv2.INTER_AREA).max(axis=2).astype(np.float32)
+    light = cv2.GaussianBlur(light, (0, 0), config.blur, borderType=cv2.BORDER_REPLICATE)
+    gain = np.maximum(config.brightness / np.maximum(light, config.darkest), 1)
     gain = cv2.resize(gain, rgb.shape[1::-1], interpolation=cv2.INTER_LINEAR)
     bright = cv2.multiply(rgb, cv2.merge([gain] * 3), dtype=cv2.CV_8U)
     return np.asarray(bright, np.uint8)
 
 
-def scaled(rgb: NDArray[np.uint8], ratio: float) -> NDArray[np.uint8]:
-    """An (H, W, 3) uint8 image ``ratio`` times as large, of at least one pixel."""
+def scaled(rgb: Rgb, ratio: float) -> Rgb:
+    """An image ``ratio`` times as large, of at least one pixel."""
     rows, columns = rgb.shape[:2]
     size = max(1, round(columns * ratio)), max(1, round(rows * ratio))
     how = cv2.INTER_AREA if ratio < 0.5 else cv2.INTER_LINEAR
@@ -53,8 +52,8 @@ class Letterbox:
     size: tuple[int, int]
 
     @classmethod
-    def fit(cls, image: NDArray[np.uint8], width: int, height: int) -> tuple[Self, NDArray[np.uint8]]:
-        """Fit an (H, W, 3) uint8 image into the middle of an input; also returns the (height, width, 3) input."""
+    def fit(cls, image: Rgb, width: int, height: int) -> tuple[Self, Rgb]:
+        """Fit an image into the middle of an input, width × height pixels, which it returns too."""
         rows, columns = image.shape[:2]
         small = scaled(image, min(width / columns, height / rows))
         h, w = small.shape[:2]

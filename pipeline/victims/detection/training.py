@@ -12,6 +12,7 @@ from torch import Tensor, nn
 from pipeline.errors import InputError
 from pipeline.files import read_text, whole_file
 from pipeline.semantic_map.networks.training_loop import Learner
+from pipeline.victims.config import DetectorConfig
 from pipeline.victims.detection.augmentation import CanvasSampler
 from pipeline.victims.detection.average_precision import AveragePrecision
 from pipeline.victims.detection.boxes import fit_anchors
@@ -129,7 +130,7 @@ def new_network(text: str, prior: float) -> DarknetNetwork:
 
 def validate(network: DarknetNetwork, images: TrainingImages, least: float) -> float:
     """Average precision, at an overlap of 0.5, of the robot's detections of ``least`` confidence or more."""
-    detector = VictimDetector(network, least)
+    detector = VictimDetector(network, DetectorConfig(confidence=least))
     result = AveragePrecision()
     for index in range(len(images)):
         image = images[index]

@@ -6,6 +6,7 @@ import pytest
 
 from pipeline.errors import InputError
 from pipeline.finds.codes import CodeReader, plain_text
+from pipeline.finds.config import SquaresConfig
 from pipeline.finds.squares import Squares
 from pipeline.tracks.find import Reading
 from sarsim.arenas.things.codes import qr_picture, tag_picture
@@ -14,7 +15,7 @@ READER = CodeReader()
 
 
 def read(image: np.ndarray) -> list[Reading]:
-    return READER.read(Squares.of(image))
+    return READER.read(Squares.of(image, SquaresConfig()))
 
 
 def photo(code: np.ndarray, side: int, turn: float = 0.0, at: tuple[int, int] = (200, 150)) -> np.ndarray:
@@ -59,7 +60,7 @@ def test_a_code_is_read_from_the_side_and_with_two_pixels_a_module(width, height
 def test_a_blank_square_is_no_code():
     image = np.full((300, 400, 3), 150, np.uint8)
     cv2.rectangle(image, (100, 100), (180, 180), (250, 250, 250), -1)
-    assert len(Squares.of(image).quads)
+    assert len(Squares.of(image, SquaresConfig()).quads)
     assert read(image) == []
 
 

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 
 from pipeline.errors import InputError
+from pipeline.finds.config import SquaresConfig
 from pipeline.finds.hazmat import HazmatReader
 from pipeline.finds.patch_network import PatchNetwork
-from pipeline.finds.squares import PATCH, SURROUNDINGS, Squares, rectified
+from pipeline.finds.squares import Squares, rectified
 from sarsim.arenas.things.hazmat import sign_face
 from sarsim.assets import asset
 
@@ -20,6 +21,10 @@ WALL = (140, 120, 90)
 @pytest.fixture(scope="module")
 def reader() -> HazmatReader:
     return HazmatReader.load(WEIGHTS)
+
+
+def squares_of(image: np.ndarray) -> Squares:
+    return Squares.of(image, SquaresConfig())
 
 
 def wall_with(*signs: tuple[str, tuple[float, float], float, float]) -> np.ndarray:
@@ -39,14 +44,14 @@ def wall_with(*signs: tuple[str, tuple[float, float], float, float]) -> np.ndarr
 
 @pytest.mark.parametrize("turn", [45, 10, 225])
 def test_a_sign_is_read_any_way_up(reader: HazmatReader, turn: float) -> None:
-    (sign,) = reader.read(Squares.of(wall_with(("radioactive", (160, 120), 90, turn))))
+    (sign,) = reader.read(squares_of(wall_with(("radioactive", (160, 120), 90, turn))))
     assert (sign.kind, sign.text) == ("hazmat_sign", "radioactive")
     np.testing.assert_allclose(sign.corners.mean(axis=0), (160, 120), atol=3)
 
 
 def test_two_alike_side_by_side_are_two(reader: HazmatReader) -> None:
     wall = wall_with(("corrosive", (110, 120), 80, 0), ("corrosive", (190, 120), 80, 0))
-    signs = reader.read(Squares.of(wall))
+    signs = reader.read(squares_of(wall))
     assert [sign.text for sign in signs] == ["corrosive"] * 2
 
 
@@ -54,24 +59,24 @@ def test_a_wall_and_coloured_squares_are_no_signs(reader: HazmatReader) -> None:
     image = wall_with()
     cv2.rectangle(image, (60, 60), (130, 130), (200, 30, 30), -1)
     cv2.rectangle(image, (180, 60), (260, 140), (250, 250, 250), -1)
-    assert reader.read(Squares.of(image)) == []
+    assert reader.read(squares_of(image)) == []
 
 
 def test_a_grey_image_is_searched_and_an_empty_one_refused(reader: HazmatReader) -> None:
-    assert isinstance(reader.read(Squares.of(wall_with()[..., 0])), list)
+    assert isinstance(reader.read(squares_of(wall_with()[..., 0])), list)
     with pytest.raises(InputError, match="image: "):
-        reader.read(Squares.of(np.zeros((0, 10, 3), np.uint8)))
+        reader.read(squares_of(np.zeros((0, 10, 3), np.uint8)))
 
 
 def test_squares_are_found_once_and_rectified() -> None:
     image = wall_with()
     square = np.array([[100, 60], [190, 80], [180, 170], [90, 150]], np.int32)
     cv2.fillConvexPoly(image, square, (30, 60, 220))
-    large = [q for q in Squares.of(image).quads if 5000 < cv2.contourArea(q) < 20000]
+    large = [q for q in squares_of(image).quads if 5000 < cv2.contourArea(q) < 20000]
     (quad,) = (q for q in large if np.abs(q.mean(axis=0) - square.mean(axis=0)).max() < 5)
     assert max(np.abs(quad - corner).sum(axis=1).min() for corner in square) < 6
     patch = rectified(image, quad)
-    inner = slice(round(SURROUNDINGS * PATCH) + 3, round((1 - SURROUNDINGS) * PATCH) - 3)
+    inner = slice(9, 55)  # of 64, without a tenth at each side
     assert (patch[inner, inner, 2] > 200).all()
     assert (patch[:3, :, 2] < 200).all()
 

@@ -4,8 +4,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
+from pipeline.finds.config import ShapesConfig
 from pipeline.finds.protrusions import Protrusions, outline, relief, square_around
 from pipeline.frame import Frame, Intrinsics
+from pipeline.tracks.config import LikelihoodConfig
 
 LENS = Intrinsics(640, 480, 570.0, 570.0, 320.0, 240.0)
 GREY = np.full((480, 640, 3), 90, np.uint8)
@@ -33,11 +35,15 @@ def frame(depth: NDArray[np.float32], rgb: NDArray[np.uint8] = GREY) -> Frame:
     return Frame(0.0, rgb, depth, LENS, np.eye(4), np.eye(4))
 
 
+def protrusions(seen: Frame) -> Protrusions:
+    return Protrusions.of(seen, ShapesConfig(), LikelihoodConfig())
+
+
 @pytest.mark.parametrize("turn", [0.0, 0.7])
 def test_a_bottle_before_a_wall_stands_out_and_the_room_does_not(turn: float) -> None:
-    assert Protrusions.of(frame(room(turn))).regions == []
+    assert protrusions(frame(room(turn))).regions == []
     alone = bottle(0.08, 0.45, WALL - 0.15)
-    seen = Protrusions.of(frame(np.minimum(room(turn), alone)))
+    seen = protrusions(frame(np.minimum(room(turn), alone)))
     (region,) = seen.regions
     own = np.isfinite(alone)
     assert own[tuple(region.T)].all()
@@ -46,14 +52,14 @@ def test_a_bottle_before_a_wall_stands_out_and_the_room_does_not(turn: float) ->
 
 
 def test_what_is_larger_than_a_bottle_is_none() -> None:
-    assert Protrusions.of(frame(np.minimum(room(), bottle(0.08, 0.8, WALL - 0.15)))).regions == []
-    assert Protrusions.of(frame(np.minimum(room(), bottle(0.3, 0.45, WALL - 0.4)))).regions == []
+    assert protrusions(frame(np.minimum(room(), bottle(0.08, 0.8, WALL - 0.15)))).regions == []
+    assert protrusions(frame(np.minimum(room(), bottle(0.3, 0.45, WALL - 0.4)))).regions == []
 
 
 def test_what_is_red_may_be_a_bottle_on_any_ground() -> None:
     red = GREY.copy()
     red[200:300, 300:340] = (150, 10, 8)
-    (region,) = Protrusions.of(frame(room(), red)).regions
+    (region,) = protrusions(frame(room(), red)).regions
     assert [*region.min(axis=0), *region.max(axis=0)] == pytest.approx([200, 300, 299, 339], abs=2)
     np.testing.assert_allclose(outline(region).mean(axis=0), (320, 250), atol=2)
     square = square_around(region)
@@ -64,10 +70,10 @@ def test_what_is_red_may_be_a_bottle_on_any_ground() -> None:
 def test_relief_is_the_way_to_what_is_above_and_below() -> None:
     depth = room()
     depth[235:245, 280:360] = 1.94
-    height = relief(depth, LENS, frame(depth).sensor)
+    height = relief(depth, LENS, frame(depth).sensor, 0.675, 1.5)
     np.testing.assert_allclose(height[237:243, 290:350], 0.06, atol=1e-4)
     np.testing.assert_allclose(height[:200], 0, atol=1e-4)
 
 
 def test_a_frame_without_returns_shows_nothing() -> None:
-    assert Protrusions.of(frame(np.full((480, 640), np.inf, np.float32))).regions == []
+    assert protrusions(frame(np.full((480, 640), np.inf, np.float32))).regions == []

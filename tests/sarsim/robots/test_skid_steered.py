@@ -12,7 +12,6 @@ from numpy.typing import NDArray
 
 from pipeline.errors import InputError
 from pipeline.frame import Frame
-from pipeline.navigation.config import FollowerConfig, NavigationConfig
 from pipeline.robot import Motion, Velocity
 from pipeline.transforms import from_rotation, inverse, tilt_of, wrap_angle, yaw_of
 from sarsim.robots.model import ROBOTS, robot_file, robot_model
@@ -419,8 +418,7 @@ class Body:
 def strays(name: str, first: float, last: float, hold_gain: float) -> float:
     """m that the robot moves at most when it turns from one heading to another, degrees, on a slope of 16°."""
     drive = Drive(name, Slope(16), z=0.2, pitch=-np.radians(16))
-    numbers = NavigationConfig(follower=FollowerConfig(hold_gain=hold_gain))
-    follower, here = Follower(Body(drive), numbers), drive.pose[:2, 3]
+    follower, here = Follower(Body(drive), hold_gain), drive.pose[:2, 3]
     assert follower.drive(here[None], np.radians(first))
     drive.start, drive.poses = drive.pose, []
     assert follower.drive(drive.pose[None, :2, 3], np.radians(last))

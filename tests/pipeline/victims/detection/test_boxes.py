@@ -42,7 +42,7 @@ def test_overlap_by_hand() -> None:
 @given(count=st.integers(0, 12), seed=st.integers(0, 999), overlap=st.sampled_from([0.2, 0.45, 0.7]))
 def test_one_box_is_left_for_each_thing(count: int, seed: int, overlap: float) -> None:
     boxes, scores = random_boxes(count, seed)
-    kept = suppress(boxes, scores, overlap)
+    kept = suppress(boxes, scores, overlap, 3000)
     between = overlaps(boxes[kept], boxes[kept]) - np.eye(len(kept))
     assert (between <= overlap).all()
     for dropped in set(range(count)) - set(kept.tolist()):

@@ -166,4 +166,4 @@ def best(boxes: np.ndarray, scores: np.ndarray) -> np.ndarray:
     """The boxes, one for each person; a person is the first class."""
     sure = scores[:, 0] >= CONFIDENCE
     boxes, scores = boxes[sure], scores[sure, 0]
-    return boxes[suppress(boxes, scores, 0.45)]
+    return boxes[suppress(boxes, scores, 0.45, 3000)]

@@ -8,11 +8,10 @@ import torch
 from scipy.special import logit
 
 from pipeline.errors import InputError
-from pipeline.victims.detection import detector
+from pipeline.victims.config import DetectorConfig
 from pipeline.victims.detection.detector import VictimDetector, of_both_sizes, turned_back
 from pipeline.victims.detection.network import DarknetNetwork
 from pipeline.victims.detection.weights import write_weights
-from tests.pipeline.victims.constants import constants
 from tests.pipeline.victims.detection.networks import SMALL, random_network
 
 
@@ -36,8 +35,7 @@ def bright_spot_network() -> DarknetNetwork:
 def test_a_white_spot_is_found_where_it_is() -> None:
     image = np.zeros((16, 32, 3), np.uint8)
     image[8:12, 16:20] = 255  # cell 4, 2 of 8 × 4 cells of 4 × 4 pixels
-    with constants(detector, SMALLER=1):
-        (found,) = VictimDetector(bright_spot_network()).detect(image)
+    (found,) = VictimDetector(bright_spot_network(), DetectorConfig(smaller=1.0)).detect(image)
     assert found.box == pytest.approx((18 - 4, 10 - 6, 18 + 4, 10 + 6))
     assert found.confidence == pytest.approx(1, abs=1e-3)
 
@@ -47,8 +45,8 @@ def test_a_smaller_input_finds_those_who_are_larger(near: float, widths: set[int
     image = np.zeros((32, 64, 3), np.uint8)
     image[8:24, 24:40] = 255
     # Boxes have 4 × 6 pixels, of an input of 16 × 8 and of one of 8 × 4, where they are higher than the image.
-    with constants(detector, SMALLER=0.5, LARGE_BOX=near, SUPPRESSING_IOU=0.99):
-        found = VictimDetector(bright_spot_network()).detect(image)
+    config = DetectorConfig(smaller=0.5, large_box=near, suppressing_iou=0.99)
+    found = VictimDetector(bright_spot_network(), config).detect(image)
     assert {round(d.box[2] - d.box[0]) for d in found} == widths
 
 
@@ -76,8 +74,8 @@ def test_a_box_needs_a_witness(seen: float, count: int, size: str, known: int) -
     """A witness with too wide boxes, 20 × 6, is one in the turned image, where they are high."""
     image = np.zeros((8, 16, 3), np.uint8)
     image[2:4, 8:10] = 255
-    with constants(detector, SMALLER=1):
-        assert len(VictimDetector(network_with_witness(seen, size)).detect(image)) == count * known
+    detector = VictimDetector(network_with_witness(seen, size), DetectorConfig(smaller=1.0))
+    assert len(detector.detect(image)) == count * known
 
 
 @pytest.mark.parametrize("turns", [1, -1])
@@ -95,9 +93,8 @@ def test_nothing_is_found_in_the_dark() -> None:
 
 def test_a_network_that_cannot_be_made_smaller_stays_alone() -> None:
     network = random_network(SMALL)
-    assert [n.cfg.width for n in of_both_sizes(network)] == [16, 10]
-    with constants(detector, SMALLER=0.95):
-        assert of_both_sizes(network) == [network]
+    assert [n.cfg.width for n in of_both_sizes(network, 0.6)] == [16, 10]
+    assert of_both_sizes(network, 0.95) == [network]
 
 
 def test_files_make_a_detector(tmp_path: Path) -> None:
@@ -170,4 +167,4 @@ def test_a_network_must_know_people() -> None:
     with pytest.raises(InputError, match="4 channels"):
         VictimDetector(random_network(SMALL.replace("channels=3", "channels=4")))
     with pytest.raises(InputError, match="between 0 and 1"):
-        VictimDetector(random_network(SMALL), confidence=1.0)
+        VictimDetector(random_network(SMALL), DetectorConfig(confidence=1.0))

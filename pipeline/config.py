@@ -16,6 +16,18 @@ from pipeline.victims.config import VictimsConfig
 
 
 @dataclass(frozen=True)
+class KeyframesConfig:
+    """When the maps follow the keyframes.
+
+    Attributes:
+        noticeable: m; keyframes of which nothing in view moves farther stay where they are in the maps, as in
+            RTAB-Map.
+    """
+
+    noticeable: float = 0.01
+
+
+@dataclass(frozen=True)
 class ExplorerConfig:
     """When the robot gives up.
 
@@ -33,6 +45,7 @@ class PipelineConfig:
     """The numbers of all rooms; a run writes them into config.yaml, and ``--config`` changes any of them."""
 
     localisation: LocalisationConfig = LocalisationConfig()
+    keyframes: KeyframesConfig = KeyframesConfig()
     metric_map: MetricMapConfig = MetricMapConfig()
     elevation_map: ElevationConfig = ElevationConfig()
     semantic_map: SemanticMapConfig = SemanticMapConfig()

@@ -35,18 +35,6 @@ FARTHEST_KEPT = np.iinfo(np.int16).max * UNIT
 """m along an axis; returns farther away, beyond the range of any depth camera indoors, are left out."""
 
 
-@dataclass(frozen=True)
-class KeyframesConfig:
-    """When the maps follow the keyframes.
-
-    Attributes:
-        noticeable: m; keyframes of which nothing in view moves farther stay where they are in the maps, as in
-            RTAB-Map.
-    """
-
-    noticeable: float = 0.01
-
-
 @dataclass(frozen=True, eq=False)
 class Seen:
     """What a keyframe has shown, relative to its own pose, thinned: enough to make every map again at other poses.
@@ -190,7 +178,7 @@ class Moves(NamedTuple):
         ways: m.
         turns: rad.
         reach: m, how far they see.
-        noticeable: see :class:`KeyframesConfig`.
+        noticeable: see :class:`pipeline.config.KeyframesConfig`.
     """
 
     ways: Values
@@ -221,15 +209,20 @@ class Keyframes:
         loaded: number of keyframes from an earlier episode.
     """
 
-    def __init__(
-        self, robot: RobotModel, reach: float, cell: float, config: KeyframesConfig = KeyframesConfig()
-    ) -> None:
-        """None yet, of a robot whose view frees space up to ``reach`` m of depth, on a grid of ``cell`` m."""
+    def __init__(self, robot: RobotModel, reach: float, cell: float, noticeable: float) -> None:
+        """None yet.
+
+        Args:
+            robot: on whose ground they stand.
+            reach: m of depth up to which a view frees space.
+            cell: m, edge of the cells of the ground.
+            noticeable: m; see :class:`pipeline.config.KeyframesConfig`.
+        """
         self.seen: list[Seen] = []
         self.ground: list[tuple[int, GroundEvidence]] = []
         self.poses = np.zeros((0, 4, 4))
         self.loaded = 0
-        self._reach, self._margin, self._noticeable = reach, robot.half_width + cell, config.noticeable
+        self._reach, self._margin, self._noticeable = reach, robot.half_width + cell, noticeable
         self._boxes = np.zeros((0, 2, 3))
 
     def __len__(self) -> int:

@@ -202,7 +202,7 @@ def load_keyframes(path: Path, mapper: Mapper) -> None:
 
 def read_keyframes(path: Path, robot: RobotModel, config: ElevationConfig = ElevationConfig()) -> Keyframes:
     """Only the keyframes of a map, with their evidence of the ground; InputError as :func:`load_keyframes`."""
-    keyframes = Keyframes(robot, 0.0, config.cell)
+    keyframes = Keyframes(robot, reach=0.0, cell=config.cell, noticeable=0.0)
     with _opened(path) as rows:
         _restore_keyframes(rows, keyframes)
     return keyframes

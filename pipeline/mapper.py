@@ -125,7 +125,8 @@ class Mapper:
         self.victims = Victims(config.tracks.victim, config.tracks.likelihood, config.victims.background)
         self.finds = Finds(self.victims, config.tracks)
         self.stopwatch = Stopwatch()
-        self.keyframes = Keyframes(robot, self.metric_map.max_range, self.elevation_map.grid.cell)
+        reach, cell = self.metric_map.max_range, self.elevation_map.grid.cell
+        self.keyframes = Keyframes(robot, reach, cell, config.keyframes.noticeable)
         self._set_down: NDArray[np.float64] | None = None
         self._newest_at_drive = 0
         self._T_odom_keyframe: Pose | None = None

@@ -35,7 +35,7 @@ class Pilot:
     def __init__(self, robot: Robot, mapper: Mapper, sinks: Sequence[Sink]):
         """``sinks``: notified of each motion; the list may grow."""
         localisation, navigation = mapper.config.localisation, mapper.config.navigation
-        self.robot, self.faults = robot, Faults(navigation.faults)
+        self.robot, self.faults = robot, Faults(navigation.faults, localisation.vertical)
         self.navigator = Navigator(robot.model, robot.control_period, navigation)
         maps = mapper.localisation, mapper.metric_map, mapper.elevation_map, mapper.keyframes
         self.pose_check = PoseCheck(*maps, robot.model, localisation)

@@ -63,7 +63,8 @@ class Episode(ExplorerRun):
             robot, recordings = self._recorded(mapper)
             model, seed = self.robot.model, config.seed
             planner = make_planner(config.planner, model)
-            explorer = Explorer(robot, mapper, make_exploration(config.exploration, model, seed), planner)
+            strategy = make_exploration(config.exploration, model, seed, config.pipeline.exploration)
+            explorer = Explorer(robot, mapper, strategy, planner)
             self.score = EpisodeScore(self.robot, explorer, fiducials, config.oracle)
             judge = [MissionScore(self.robot, brief)] if brief else []
             recorder, others = partial(EpisodeRecorder, self.robot), [self.score, *recordings, *judge]

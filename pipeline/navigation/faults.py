@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from pipeline.errors import InputError
 from pipeline.frame import Frame
 from pipeline.localisation.belief import Belief, MotionState
+from pipeline.localisation.config import VerticalConfig
 from pipeline.localisation.vertical import T_floor_camera
 from pipeline.navigation.config import FaultConfig
 
@@ -38,9 +39,10 @@ class Faults:
         all: in the order in which they were noticed.
     """
 
-    def __init__(self, config: FaultConfig = FaultConfig()) -> None:
+    def __init__(self, config: FaultConfig = FaultConfig(), vertical: VerticalConfig = VerticalConfig()) -> None:
+        """None yet; ``vertical`` says how the floor is found."""
         self.all: list[Fault] = []
-        self._config = config
+        self._config, self._vertical = config, vertical
 
     def note(self, kind: str, time: float, text: str) -> None:
         """Add a fault noticed at a time, s, unless it is the newest one, which lasts."""
@@ -56,7 +58,7 @@ class Faults:
         """Note if the floor before a robot that was just set down lies deeper or higher than its camera stands."""
         height = float(frame.T_base_camera[2, 3])
         try:
-            seen = float(T_floor_camera(frame)[2, 3])
+            seen = float(T_floor_camera(frame, self._vertical)[2, 3])
         except InputError:  # there is no floor in view
             return
         if abs(seen - height) > self._config.depth_scale * height:

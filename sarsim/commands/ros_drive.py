@@ -92,7 +92,8 @@ class RosDrive(ExplorerRun):
         model = replace(robot_model(config.robot), speed=config.speed)
         self.robot = RosRobot(node, model, config.topics, camera, config.patience, STARTING_TIME, self._log_motion)
         mapper = make_mapper(config, model, earlier=config.map)
-        explorer = Explorer(self.robot, mapper, make_exploration(config.exploration, model))
+        strategy = make_exploration(config.exploration, model, config=config.pipeline.exploration)
+        explorer = Explorer(self.robot, mapper, strategy)
         self._node, self._poses = node, list[TimedPose]()
         estimate = EstimatedTrajectory(mapper.localisation, self._poses)
         others = [_Topics(node, explorer, estimate)]

@@ -16,6 +16,7 @@ import numpy as np
 
 from pipeline.errors import InputError
 from pipeline.exploration.baselines import NearestFrontier, RandomWalk
+from pipeline.exploration.config import ExplorationConfig
 from pipeline.exploration.viewpoint import Strategy
 from pipeline.finds.readers import FindReader
 from pipeline.localisation.config import LocalisationConfig
@@ -33,7 +34,9 @@ from sarsim.methods.level_ground import level_context, level_frame
 from sarsim.settings import METHODS
 
 
-def make_exploration(name: str, robot: RobotModel, seed: int = 0) -> Strategy | None:
+def make_exploration(
+    name: str, robot: RobotModel, seed: int = 0, config: ExplorationConfig = ExplorationConfig()
+) -> Strategy | None:
     """The strategy that ``--exploration`` names; None for the explorer's own. ``seed``: of the random walk.
 
     Raises:
@@ -42,7 +45,7 @@ def make_exploration(name: str, robot: RobotModel, seed: int = 0) -> Strategy | 
     if name == "next_best_view":
         return None
     if name == "nearest_frontier":
-        return NearestFrontier(robot)
+        return NearestFrontier(robot, config=config)
     if name == "random_walk":
         return RandomWalk(robot, seed)
     tried = _own("exploration", name, Strategy, robot)  # for trial alone: a strategy remembers what it saw

@@ -114,8 +114,9 @@ class Explore(ExplorationTask):
         else:
             self._free()
             self._robot = SimulatedRobot(load_arena(self._begun["arena"]), self._simulation, self._begun["seed"])
-        self._strategy = NextBestView(self._robot.model)
-        self.explorer = Explorer(self._robot, self._mapper(self._robot.model), self._strategy)
+        mapper = self._mapper(self._robot.model)
+        self._strategy = NextBestView(self._robot.model, config=mapper.config.exploration)
+        self.explorer = Explorer(self._robot, mapper, self._strategy)
         self._achieved = Achievements(self._robot, self.explorer)
         self.explorer.watch(self._achieved)
         self._steps, self._ended = 0, ""

@@ -114,7 +114,7 @@ def test_moves_are_noticeable_by_the_way_or_by_what_is_at_the_end_of_the_view():
 
 
 def filled(poses: np.ndarray) -> Keyframes:
-    keyframes = Keyframes(PIONEER, REACH, 0.05)
+    keyframes = Keyframes(PIONEER, REACH, 0.05, 0.01)
     for T in poses:
         keyframes.add(seen(np.full((48, 64), 2.0)), T)
     return keyframes

@@ -45,7 +45,7 @@ def seen_once(
 
 
 def one_keyframe() -> Keyframes:
-    keyframes = Keyframes(PIONEER, reach=3.5, cell=0.05)
+    keyframes = Keyframes(PIONEER, reach=3.5, cell=0.05, noticeable=0.01)
     keyframes.poses = np.eye(4)[None]
     return keyframes
 

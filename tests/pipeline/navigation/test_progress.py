@@ -33,7 +33,7 @@ def seconds_until_stuck(command: Velocity, v: float, omega: float, on_ramp: bool
         (Turn(0.1, 0.3), 0.12, 0.0, CONFIG.patience),
     ],
 )
-def test_a_robot_is_stuck_when_what_it_was_told_to_change_does_not(command, v, omega, expected):
+def test_a_robot_is_stuck_when_what_it_was_commanded_to_change_does_not(command, v, omega, expected):
     assert seconds_until_stuck(command, v, omega) == pytest.approx(expected, abs=2 * DT)
 
 

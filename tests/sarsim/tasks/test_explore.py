@@ -53,7 +53,7 @@ def test_an_agent_that_takes_the_robots_own_choice_explores_as_the_robot_does(ar
         observation, reward, is_over, is_cut, info = env.step(info["own_choice"])
         assert env.observation_space.contains(observation) and not (is_over or is_cut)
         rewards += reward
-    assert np.array_equal([pose.T_world_base for pose in env.explorer.robot.trajectory], poses)
+    assert np.array_equal([pose.T_world_base for pose in env.explorer.pilot.robot.trajectory], poses)
     found = info["victims.visible"] - begun["victims.visible"]
     seen = info["exploration.explored_fraction"] - begun["exploration.explored_fraction"]
     assert 0.1 * seen < rewards - 10 * found < 3.2 * seen  # the room has 3.2 m²

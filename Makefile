@@ -44,7 +44,7 @@ leaderboard: setup ## compare all explorers on the frozen 2D maps, and write the
 	mkdir -p docs/results/leaderboard && cp runs/leaderboard/entries/*.json docs/results/leaderboard
 	$(PYTHON) scripts/results.py --write
 
-claims: setup ## run the claims of README's section Reproduce, and tell which hold
+claims: setup ## run the claims of README's section Reproduce, and report which hold
 	$(PYTHON) scripts/claims.py
 
 docs: setup .venv/docs-installed ## build the documentation's site in build/site

@@ -151,8 +151,8 @@ class Mapper:
     @property
     def T_map_start(self) -> NDArray[np.float64] | None:
         """4×4 pose of the first keyframe of this episode; None if it has none yet."""
-        known = self.keyframes
-        return known.poses[known.loaded] if len(known) > known.loaded else None
+        keyframes = self.keyframes
+        return keyframes.poses[keyframes.loaded] if len(keyframes) > keyframes.loaded else None
 
     def restore(self) -> None:
         """Make every map of the keyframes, segments and victims of an earlier episode, which were put in before."""
@@ -354,43 +354,43 @@ class Mapper:
             self.topological_map.place(poses)
 
     def _make_metric_map(self, boxes: NDArray[np.float64]) -> None:
-        known = self.keyframes
+        keyframes = self.keyframes
         with self.stopwatch("correction_metric_map"), self.metric_map.made_anew(boxes) as meets:
-            for k in np.flatnonzero(meets(known.boxes())):
-                known.seen[k].put_depth(self.metric_map, known.poses[k])
+            for k in np.flatnonzero(meets(keyframes.boxes())):
+                keyframes.seen[k].put_depth(self.metric_map, keyframes.poses[k])
 
     def _make_semantic_map(self, moving: NDArray[np.bool_]) -> None:
-        known = self.keyframes
-        if not any(known.seen[k].shares for k in np.flatnonzero(moving)):
+        keyframes = self.keyframes
+        if not any(keyframes.seen[k].shares for k in np.flatnonzero(moving)):
             return
         with self.stopwatch("correction_semantic_map"):
             self.semantic_map.clear()
-            for seen, T in zip(known.seen, known.poses, strict=True):
+            for seen, T in zip(keyframes.seen, keyframes.poses, strict=True):
                 seen.put_classes(self.semantic_map, T)
 
     def _make_elevation_map(self, boxes: NDArray[np.float64]) -> None:
-        known = self.keyframes
+        keyframes = self.keyframes
         with self.elevation_map.made_anew(boxes) as meets:
-            is_met = meets(known.boxes())
-            for k, evidence in known.ground:
+            is_met = meets(keyframes.boxes())
+            for k, evidence in keyframes.ground:
                 if is_met[k]:
-                    evidence.put(self.elevation_map, known.poses[k])
+                    evidence.put(self.elevation_map, keyframes.poses[k])
 
     def _add_ground(self, frame: Frame, points: NDArray[np.float32]) -> None:
         """Put the ground that a new keyframe shows into the elevation map; (N, 3) its returns, m in ``base_link``.
 
         While the robot stands where it was set down, ground near it is taken for level.
         """
-        robot, config, known = self.elevation_map.robot, self.elevation_map.config, self.keyframes
-        k = len(known) - 1
+        robot, config, keyframes = self.elevation_map.robot, self.elevation_map.config, self.keyframes
+        k = len(keyframes) - 1
         if self._set_down is not None:
-            T_base_start = inverse(known.poses[k]) @ self._set_down
+            T_base_start = inverse(keyframes.poses[k]) @ self._set_down
             if np.linalg.norm(T_base_start[:2, 3]) > config.start_radius:
                 self._set_down = None
             else:
                 self._put(k, Assumed.under(T_base_start, robot, config))
                 self._put(k, Assumed.before(frame, points, robot, config))
-        self._put(k, known.seen[k])
+        self._put(k, keyframes.seen[k])
 
     def _put(self, keyframe: int, evidence: GroundEvidence) -> None:
         evidence.put(self.elevation_map, self.keyframes.poses[keyframe])  # first: what does not fit is not kept
@@ -403,9 +403,9 @@ class Mapper:
             self.topological_map.anchor(self.keyframes.poses)
 
     def _is_inaccessible(self, points: NDArray[np.float32], is_deck: NDArray[np.bool_]) -> NDArray[np.bool_]:
-        ground, known = self._traversability_layer.update(self.elevation_map), self.keyframes
-        is_above = points[:, 2] > known.highest_camera
-        return is_inaccessible(ground, known.poses[:, :3, 3], points, is_deck & is_above)
+        ground, keyframes = self._traversability_layer.update(self.elevation_map), self.keyframes
+        is_above = points[:, 2] > keyframes.highest_camera
+        return is_inaccessible(ground, keyframes.poses[:, :3, 3], points, is_deck & is_above)
 
     def _find_victims(self, frame: Frame, T_map_camera: NDArray[np.float64]) -> list[Detection]:
         """Detect people in the image and place them on the map."""

@@ -121,7 +121,7 @@ class RescueEnvironment(dm_env.Environment):
 
 
 def _reconcile(arena: mjcf.RootElement, robot: mjcf.RootElement) -> None:
-    """Let two models be compiled as one: the robot's options win, and the arena says how things look."""
+    """Let two models be compiled as one: the robot's options win, and the arena says how everything looks."""
     for root in (arena, robot):
         for tag, names in OF_ITS_OWN.items():
             for name in names:
@@ -131,8 +131,8 @@ def _reconcile(arena: mjcf.RootElement, robot: mjcf.RootElement) -> None:
     given = arena.option.get_attributes()
     wanted = robot.option.get_attributes()
     if lost := [name for name in given.keys() & wanted if np.any(given[name] != wanted[name])]:
-        told = ", ".join(f"{name} {wanted[name]} instead of {given[name]}" for name in sorted(lost))
-        logging.getLogger(__name__).warning("the robot's options hold, not the arena's: %s", told)
+        changes = ", ".join(f"{name} {wanted[name]} instead of {given[name]}" for name in sorted(lost))
+        logging.getLogger(__name__).warning("the robot's options hold, not the arena's: %s", changes)
     for name in lost:
         setattr(arena.option, name, wanted[name])
 

@@ -4,8 +4,8 @@ from contextlib import ExitStack
 from functools import partial
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pipeline.arrays import Pose
 from pipeline.errors import InputError
 from pipeline.explorer import Explorer
 from pipeline.files import check_folder, each
@@ -85,7 +85,7 @@ class Episode(ExplorerRun):
         recorded: Robot = robot
         recordings: list[Sink] = []
 
-        def T_world_base() -> NDArray[np.float64]:
+        def T_world_base() -> Pose:
             return robot.trajectory[-1].T_world_base
 
         if config.bag:

@@ -15,7 +15,7 @@ FAILED = 1  # Status if a claim does not hold
 
 
 def claims() -> None:
-    """Run the commands of all claims, tell which claims hold, and end with status 1 unless all do."""
+    """Run the commands of all claims, report which claims hold, and end with status 1 unless all do."""
     content, failed = plan(), 0
     for name, group in groupby(content["claims"], lambda claim: claim["page"]):
         figures = measured(content["pages"][name]["command"], ROOT / "runs" / "claims" / name)["figures"]
@@ -36,8 +36,8 @@ def verdict(claim: Mapping[str, Any], figures: Mapping[str, float]) -> str:
     """A line on whether a claim holds."""
     word = "holds" if holds(claim, figures) else "FAILS"
     figure = figures.get(claim["figure"])
-    told = "missing" if figure is None else number(figure)
-    return f"{word}  {claim['claim']}: {told}, expected {expected(claim)}"
+    value = "missing" if figure is None else number(figure)
+    return f"{word}  {claim['claim']}: {value}, expected {expected(claim)}"
 
 
 def main() -> None:

@@ -153,7 +153,7 @@ def readme_parts(content: Mapping[str, Any], records: Mapping[str, Record | None
         "\n".join(["| what | here | peer | computed by | measured |", "|---|---|---|---|---|", *rows]),
         "[All results](docs/results/index.md)",
         "## Reproduce",
-        "`make claims` runs these commands, in so many minutes of processor time, and tells which claims hold:",
+        "`make claims` runs these commands, in so many minutes of processor time, and reports which claims hold:",
         "\n".join(["| claim | command | minutes | expected | measured |", "|---|---|---|---|---|", *claims]),
     ]
 
@@ -235,14 +235,14 @@ def line(cells: Iterable[str]) -> str:
 def readme_row(row: Mapping[str, str], record: Record | None) -> str:
     """A row of README's results: ``ours`` and ``peer`` with the figures that stand in braces."""
     try:
-        told = [
+        cells = [
             filled(row[who], record["figures"] if record else {}) if who in row else "–" for who in ("ours", "peer")
         ]
         when = f", {record['date']}, {record['commit']}" if record else ""
     except KeyError:
-        told, when = [NOT_MEASURED, "–"], f", `make results PAGE={row['page']}`"
+        cells, when = [NOT_MEASURED, "–"], f", `make results PAGE={row['page']}`"
     code = f"[{Path(row['code']).stem}]({row['code']})"
-    return line([row["what"], *told, code, f"[{row['page']}](docs/results/{row['page']}.md){when}"])
+    return line([row["what"], *cells, code, f"[{row['page']}](docs/results/{row['page']}.md){when}"])
 
 
 def filled(text: str, figures: Mapping[str, float]) -> str:
@@ -253,9 +253,9 @@ def filled(text: str, figures: Mapping[str, float]) -> str:
 def claim_row(claim: Mapping[str, Any], page: Mapping[str, Any], record: Record | None) -> str:
     """A row of README's claims."""
     figures = record["figures"] if record else {}
-    told = number(figures[claim["figure"]]) if claim["figure"] in figures else NOT_MEASURED
+    value = number(figures[claim["figure"]]) if claim["figure"] in figures else NOT_MEASURED
     command = f"`python scripts/{page['command']}`"
-    return line([claim["claim"], command, f"{seconds(page, record) / 60:.1f}", expected(claim), told])
+    return line([claim["claim"], command, f"{seconds(page, record) / 60:.1f}", expected(claim), value])
 
 
 def expected(claim: Mapping[str, Any]) -> str:

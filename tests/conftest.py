@@ -30,7 +30,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
 
 
 def pytest_collection_finish() -> None:
-    """Keep what was imported out of every later garbage collection, which would look through all of it in vain."""
+    """Keep what was imported out of every later garbage collection, which need not look through it."""
     gc.collect()
     gc.freeze()
 

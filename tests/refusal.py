@@ -1,4 +1,4 @@
-"""What a command says when it cannot do what it was told."""
+"""What a command says when it cannot do what it was asked."""
 
 from collections.abc import Callable
 

@@ -300,8 +300,8 @@ def test_datasets(kind: type[Export], tmp_path: Path) -> None:
         is_scene = rng.random() < 0.5
         scene.write_bytes(with_flips(content, rng) if is_scene else content)
         entry = about["scenes"][1]
-        told = about | {"scenes": [about["scenes"][0], entry | {"sha256": sha256_of(scene)}]}  # forged, not damaged
-        manifest.write_text(json.dumps(told if is_scene else mutated(about, rng)))
+        forged = about | {"scenes": [about["scenes"][0], entry | {"sha256": sha256_of(scene)}]}  # forged, not damaged
+        manifest.write_text(json.dumps(forged if is_scene else mutated(about, rng)))
         export = kind(tmp_path / "in" / "data", tmp_path / f"out{number}")
         results.append(refused(lambda: list(export.run())))  # noqa: B023
     assert {path for path in files_below(tmp_path) if not path.parts[0].startswith("out")} == before and any(results)

@@ -132,7 +132,7 @@ def test_requirements_are_what_the_project_begins_with() -> None:
         assert re.search("==|<", line), f"{line}: the next major version may break"
 
 
-def test_the_changes_of_this_version_are_told() -> None:
+def test_the_changes_of_this_version_are_reported() -> None:
     assert f"\n## {PROJECT['version']}" in (ROOT / "CHANGELOG.md").read_text()
 
 

@@ -49,11 +49,11 @@ def main() -> None:
 
 def growing(mapper: Mapper, robot: SimulatedRobot) -> Iterator[NDArray[np.uint8]]:
     """(H, W, 3) uint8 images after every n-th keyframe and the last one."""
-    known = mapper.keyframes
-    clouds = [labelled(seen, T) for seen, T in zip(known.seen, known.poses, strict=True)]
+    keyframes = mapper.keyframes
+    clouds = [labelled(seen, T) for seen, T in zip(keyframes.seen, keyframes.poses, strict=True)]
     every = 1 + len(clouds) // FRAMES
     for k in sorted({*range(0, len(clouds), every), len(clouds) - 1}):
-        T = known.poses[k]
+        T = keyframes.poses[k]
         robot.robot.set_pose(robot.physics, T[:3, 3], np.roll(Rotation.from_matrix(T[:3, :3]).as_quat(), 1))
         robot.physics.forward()
         points, colours = (np.concatenate(parts) for parts in zip(*clouds[: k + 1], strict=True))

@@ -70,10 +70,10 @@ def main() -> None:
         colour, depth, calibration = read(folder)
         labels = labels_of(colour, depth, calibration)
         counts = np.bincount(labels[labels > 0], minlength=len(Label))
-        told = ", ".join(
+        text = ", ".join(
             f"{label.name.lower()} {counts[label] / counts.sum():.3f}" for label in Label if counts[label]
         )
-        print(f"{read.__name__}: {told}", flush=True)
+        print(f"{read.__name__}: {text}", flush=True)
         tinted = np.where(labels[..., None] > 0, 0.45 * colour + 0.55 * COLOURS[labels][..., ::-1], colour / 3)
         picture = np.hstack([colour, tinted.astype(np.uint8)])[::2, ::2]
         cv2.imwrite(str(images / f"real-{read.__name__}.jpg"), picture, [cv2.IMWRITE_JPEG_QUALITY, 85])

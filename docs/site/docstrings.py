@@ -25,7 +25,7 @@ class Docstrings(griffe.Extension):
         """Add the names of ``A, B = 1, 2``, which griffe passes over, and comments behind constants."""
         for name, attribute in paired_constants(node):
             mod.set_member(name, attribute)
-        for name, text in told_behind(node, Path(mod.filepath)):
+        for name, text in comments_behind(node, Path(mod.filepath)):
             if name in mod.members and not mod.members[name].docstring:
                 mod.members[name].docstring = griffe.Docstring(text, parser="google")
 
@@ -49,7 +49,7 @@ def paired_constants(module: ast.Module) -> Iterator[tuple[str, griffe.Attribute
                 yield name.id, attribute
 
 
-def told_behind(module: ast.Module, path: Path) -> Iterator[tuple[str, str]]:
+def comments_behind(module: ast.Module, path: Path) -> Iterator[tuple[str, str]]:
     """The names of a module's constants and the comments that stand behind them on the same line."""
     with tokenize.open(path) as file:
         tokens = [t for t in tokenize.generate_tokens(file.readline) if t.type == tokenize.COMMENT]

@@ -38,7 +38,7 @@ class InspectionConfig:
         square: depths along each side of the squares of an image of which each is a piece of wall.
         flatness: deviation of a piece's points from its plane that is too much, in standard deviations of the depth.
         upright: greatest upward component of a piece's normal.
-        highest: m above the ground up to which things hang on walls.
+        highest: m above the ground up to which signs and other finds hang on walls.
         sign: m, side of the median sign, as the leagues print hazmat signs.
         readable: pixels across that sign at which it can be read.
         before: m from a wall to the places that stand for it: of its two sides they are as far apart as finds may be.

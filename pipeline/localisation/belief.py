@@ -1,6 +1,6 @@
 """What the robot believes of its motion and its place: a hidden Markov filter over five states.
 
-The states change at stated rates. Three observations tell them apart: how well a frame registers under what each
+The states change at stated rates. Three observations distinguish them: how well a frame registers under what each
 state says of the motion, how far the frame agrees with the map, and how far the wheels follow their command. Each is
 a vector of log-likelihoods, so the order of independent observations does not matter.
 """

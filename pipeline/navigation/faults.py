@@ -12,7 +12,7 @@ from pipeline.navigation.config import FaultConfig
 NOTICED = {
     MotionState.SLIPPING: "the wheels slip",
     MotionState.HELD: "the wheels spin and the robot stays",
-    MotionState.BLIND: "the camera tells nothing of where the robot is",
+    MotionState.BLIND: "the camera does not show where the robot is",
 }
 
 

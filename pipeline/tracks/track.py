@@ -72,7 +72,7 @@ class TrackPolicy(TrackConfig, ABC):
     """How one kind of object is followed: its numbers, and what differs from kind to kind.
 
     Attributes:
-        kind: one of ``KINDS``.
+        kind: one of :data:`pipeline.tracks.find.KINDS`.
         gate: greatest squared Mahalanobis distance between two places of one object: 99 % of them are nearer.
         is_flat: whether it shows the same from wherever it is seen, so that only a nearer view shows more.
         has_checksum: whether it is read rightly or not at all: what was read is sure, the rest is not reported.

@@ -3,8 +3,8 @@
 import numpy as np
 from dm_control import composer, mjcf
 from lxml import etree
-from numpy.typing import NDArray
 
+from pipeline.arrays import Pose
 from pipeline.errors import InputError
 from pipeline.transforms import from_rotation
 from sarsim.ground_truth.shapes import rotation
@@ -20,8 +20,8 @@ class RescueArena(composer.Arena):
             raise InputError("the arena has no free start: a site named 'start' is missing")
 
     @property
-    def T_world_start(self) -> NDArray[np.float64]:
-        """4×4 pose at which the robot's ``base_link`` is set down."""
+    def T_world_start(self) -> Pose:
+        """Pose at which the robot's ``base_link`` is set down."""
         start = self._mjcf_root.find("site", "start")
         quat = np.array([1.0, 0, 0, 0] if start.quat is None else start.quat)
         quat = quat / np.linalg.norm(quat)  # as MuJoCo does: a file has few digits

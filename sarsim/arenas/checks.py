@@ -7,6 +7,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import Places
 from pipeline.labels import Label
 from pipeline.sensor import XTION
 from sarsim.ground_truth.true_surface import CELL, FreeGround, Survey
@@ -55,8 +56,8 @@ def _cut_off(survey: Survey, ground: FreeGround, piece: int) -> Iterator[float]:
         yield from areas[areas > SPECK].tolist()
 
 
-def _places(ground: FreeGround, drivable: NDArray[np.bool_]) -> NDArray[np.float64]:
-    """(N, 3) m, positions of the camera above drivable ground."""
+def _places(ground: FreeGround, drivable: NDArray[np.bool_]) -> Places:
+    """Positions of the camera above drivable ground."""
     cells = np.argwhere(drivable)
     cells = cells[(cells % VIEW_SPACING == 0).all(axis=1)]
     return np.column_stack([ground.grid.centre_of(cells), ground.height[tuple(cells.T)] + CAMERA_HEIGHT])

@@ -16,6 +16,7 @@ import numpy as np
 from defusedxml import ElementTree
 from numpy.typing import ArrayLike, NDArray
 
+from pipeline.arrays import Place, Places, Rotation3
 from pipeline.tracks.find import VICTIM
 from sarsim.arenas.panels import covered_panels, numbers_of
 from sarsim.arenas.things.models import ThingModel
@@ -28,7 +29,7 @@ TILE_SIZE = 1.2  # m
 Attributes = Mapping[str, str | ArrayLike]
 """Attributes in MJCF by name, as text or as numbers."""
 DRAWN = ("hazmat_sign", "fire_extinguisher")
-"""Elements whose geoms only show how large the thing is that stands for them."""
+"""Elements whose geoms only show how large the object is that stands for them."""
 _LIGHTS = (
     # name, direction, diffuse, whether it casts shadows
     ("sun", (-0.35, 0.5, -0.8), (0.5, 0.5, 0.48), True),
@@ -115,7 +116,7 @@ class ArenaBuilder:
         if victim:
             self._add_victim(victim, pose)
 
-    def add_thing(self, thing: ThingModel, position: ArrayLike, R: NDArray[np.float64]) -> None:
+    def add_thing(self, thing: ThingModel, position: ArrayLike, R: Rotation3) -> None:
         """Set a thing to find down: its origin at ``position`` (3,) m, turned by ``R`` (3, 3)."""
         thing.add_to(self.root, position, R)
         self.files |= thing.files
@@ -281,11 +282,11 @@ class _Pose:
         turn: (4,) unit quaternion about z.
     """
 
-    position: NDArray[np.float64]
+    position: Place
     turn: NDArray[np.float64]
 
-    def points(self, xy: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(N, 2) m in the world of points (N, 2) in the element's frame."""
+    def points(self, xy: NDArray[np.float64]) -> Places:
+        """The places in the world of points (N, 2) in the element's frame."""
         w, _, _, z = self.turn
         cos, sin = w * w - z * z, 2 * w * z
         return xy @ np.array([(cos, sin), (-sin, cos)]) + self.position[:2]

@@ -9,6 +9,7 @@ import numpy as np
 from dm_control import mjcf
 from numpy.typing import NDArray
 
+from pipeline.arrays import Pose, Poses
 from pipeline.errors import InputError
 from pipeline.labels import Label
 from pipeline.transforms import from_rotation
@@ -23,16 +24,16 @@ THICK = 0.001  # m; a camera does not see the step
 TAG_SPACING = 0.5  # m, least distance between tags
 
 
-def hang_fiducials(arena: RescueArena, number: int, seed: int) -> NDArray[np.float64]:
+def hang_fiducials(arena: RescueArena, number: int, seed: int) -> Poses:
     """Hang tags 0 to ``number`` - 1 on walls in front of drivable ground, each as far from the others as possible.
 
     A tag is labelled as wall, and collides with nothing. It is a thing to find, of kind april_tag.
 
     Returns:
-        (number, 4, 4) poses T_world_tag: origin at its centre, x right and y up for a viewer, z towards the viewer.
+        Poses T_world_tag: origin at its centre, x right and y up for a viewer, z towards the viewer.
 
     Raises:
-        InputError: a number below 0 or above ``MOST``, or the walls have no room for so many.
+        InputError: a number below 0 or above ``MOST_TAGS``, or the walls have no room for so many.
     """
     if not 0 <= number <= MOST_TAGS:
         raise InputError(f"--fiducials {number}: 0 to {MOST_TAGS}")
@@ -44,7 +45,7 @@ def hang_fiducials(arena: RescueArena, number: int, seed: int) -> NDArray[np.flo
     return np.array(poses).reshape(-1, 4, 4)
 
 
-def _hang(root: mjcf.RootElement, tag: int, T: NDArray[np.float64]) -> None:
+def _hang(root: mjcf.RootElement, tag: int, T: Pose) -> None:
     name, half = f"fiducial_{tag}", TAG_SIDE / MODULES * (MODULES / 2 + 1)
     png = cv2.imencode(".png", cv2.cvtColor(tag_picture(tag), cv2.COLOR_GRAY2BGR))[1].tobytes()
     texture = root.asset.add("texture", name=name, type="2d", file=mjcf.Asset(png, ".png"))

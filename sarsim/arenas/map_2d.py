@@ -18,6 +18,7 @@ import yaml
 from numpy.typing import NDArray
 from PIL import Image
 
+from pipeline.arrays import PixelMask
 from pipeline.errors import InputError
 from pipeline.files import check_regular, read_text
 from pipeline.transforms import FARTHEST
@@ -38,14 +39,14 @@ class Map2D:
     """A 2D map.
 
     Attributes:
-        occupied: (H, W) bool; row 0 is the lowest, column 0 the leftmost.
-        free: (H, W) bool; pixels that are neither are unknown.
+        occupied: row 0 is the lowest, column 0 the leftmost.
+        free: pixels that are neither are unknown.
         resolution: m, side of a pixel.
         origin: x and y in m and yaw in rad of the corner of pixel (0, 0).
     """
 
-    occupied: NDArray[np.bool_]
-    free: NDArray[np.bool_]
+    occupied: PixelMask
+    free: PixelMask
     resolution: float
     origin: tuple[float, float, float]
 

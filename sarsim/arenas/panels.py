@@ -7,6 +7,8 @@ from xml.etree.ElementTree import Element
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import Values
+
 SLACK = 1e-4  # m by which a panel may protrude from another and still counts as inside it
 
 
@@ -43,7 +45,7 @@ def _covered(panels: list[tuple[Element, NDArray[np.float64]]]) -> list[Element]
     return [geom for (geom, _), covered in zip(panels, inside, strict=True) if covered]
 
 
-def numbers_of(element: Element, attribute: str, default: Sequence[float] = ()) -> NDArray[np.float64]:
-    """(N,) the numbers of an attribute."""
+def numbers_of(element: Element, attribute: str, default: Sequence[float] = ()) -> Values:
+    """The numbers of an attribute."""
     text = element.get(attribute)
     return np.array(default if text is None else text.split(), np.float64)

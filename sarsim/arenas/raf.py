@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import Place
 from pipeline.errors import InputError
 from sarsim.arenas.element_things import add_things
 from sarsim.arenas.elements import TILE_SIZE, ArenaBuilder, element_library
@@ -198,7 +199,7 @@ def _positions(elements: list[RafElement]) -> Iterator[tuple[RafElement, NDArray
         yield element, origin + _shift(element, walls.get(element.tile))
 
 
-def _shift(element: RafElement, mounts: NDArray[np.float64] | None) -> NDArray[np.float64]:
+def _shift(element: RafElement, mounts: NDArray[np.float64] | None) -> Place:
     """(3,) m from an element's tile to the mount point of its wall; 0 for elements that do not hang."""
     if mounts is None or not element.type.startswith(_HANGING) or element.mount_point >= len(mounts):
         return np.zeros(3)

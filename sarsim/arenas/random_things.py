@@ -7,6 +7,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import Rotation3
 from pipeline.finds.hazmat_classes import HAZMAT_CLASSES
 from sarsim.arenas.elements import ArenaBuilder
 from sarsim.arenas.fiducials import MOST_TAGS, TAG_SIDE
@@ -86,9 +87,7 @@ def _hang(
     builder.add_thing(thing, point + (kind != "door_lever") * THICK * normal, R @ about_z(tilt))
 
 
-def _hang_doll(
-    builder: ArenaBuilder, draws: RandomDraws, position: NDArray[np.float64], R: NDArray[np.float64]
-) -> None:
+def _hang_doll(builder: ArenaBuilder, draws: RandomDraws, position: NDArray[np.float64], R: Rotation3) -> None:
     """Hang a box with a doll in it, its origin at (3,) m, its axes ``R`` (3, 3)."""
     state = DEAD if draws.chance(DEAD_SHARE) else ALIVE
     builder.add_element("victim_with_box", position, float(np.degrees(np.arctan2(R[1, 0], R[0, 0]))))

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import Place
 from sarsim.arenas.elements import TILE_SIZE
 from sarsim.arenas.layout import NEIGHBOUR_TILES, SIDES, Layout, Side, Tile, opposite
 from sarsim.arenas.random_draws import RandomDraws
@@ -82,8 +83,8 @@ def _fits(layout: Layout, victim: VictimModel, spot: _Spot) -> bool:
     return (looks_out or victim.placement not in ("box", "hole")) and (leans or not victim.needs_wall)
 
 
-def _position(victim: VictimModel, spot: _Spot) -> NDArray[np.float64]:
-    """(3,) m, the victim's origin: at the foot of its wall, or such that its footprint is centred on the tiles."""
+def _position(victim: VictimModel, spot: _Spot) -> Place:
+    """The victim's origin: at the foot of its wall, or such that its footprint is centred on the tiles."""
     forward, left = np.array(NEIGHBOUR_TILES[spot.facing]), np.array(NEIGHBOUR_TILES[(spot.facing + 1) % 4])
     if victim.needs_wall:
         # Half the panel's thickness and a millimetre.

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from pipeline.arrays import Layer, MaskLayer, Values
 from pipeline.errors import InputError
 from pipeline.grid_map import Grid
 from pipeline.labels import Label
@@ -78,8 +79,8 @@ def _pieces(ground: FreeGround) -> Iterator[tuple[NDArray[np.bool_], float]]:
             yield floor, round(float(weight[cells].sum()), 3)
 
 
-def _is_inside(ground: FreeGround) -> NDArray[np.bool_]:
-    """(nx, ny) cells that have an obstacle on all four sides, along the axes."""
+def _is_inside(ground: FreeGround) -> MaskLayer:
+    """Cells that have an obstacle on all four sides, along the axes."""
     solid = ground.to_obstacle < CELL
     sides = np.zeros(solid.shape, np.int64)
     for axis in (0, 1):
@@ -114,16 +115,14 @@ def _thinned(cells: NDArray[np.int64]) -> NDArray[np.int64]:
     return cells
 
 
-def _clearance(ground: FreeGround, level: float) -> NDArray[np.float64]:
-    """(nx, ny) m from each cell to the nearest cell that is not free, level floor."""
+def _clearance(ground: FreeGround, level: float) -> Layer:
+    """Distance in m from each cell to the nearest cell that is not free, level floor."""
     free = (np.abs(ground.height - level) <= LEVEL_START) & (ground.to_obstacle >= CELL)
     return ndimage.distance_transform_edt(free) * CELL
 
 
-def _free_ahead(
-    grid: Grid, clearance: NDArray[np.float64], cells: NDArray[np.int64], heading: float
-) -> NDArray[np.float64]:
-    """(N,) m of free floor from cells (N, 2) in a direction, at most ``FAR``."""
+def _free_ahead(grid: Grid, clearance: Layer, cells: NDArray[np.int64], heading: float) -> Values:
+    """Free floor in m from cells (N, 2) in a direction, at most ``START_FAR``."""
     distance = np.arange(1, round(START_FAR / CELL) + 1) * CELL
     way = grid.centre_of(cells)[:, None] + distance[:, None] * [np.cos(heading), np.sin(heading)]
     free = grid.at(clearance, way) >= HALF_WIDTH

@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import Direction, Place, Rotation3
 from pipeline.labels import Label
 from sarsim.ground_truth.true_surface import Survey, TrueSurface
 from sarsim.sensors.camera import geom_labels
@@ -23,8 +24,8 @@ _SEEN = np.array([1, 1, 1, 0, 0, 0], np.uint8)  # the visible groups of geoms
 class Walls:
     """An arena's upright walls as seen from drivable ground."""
 
-    def __init__(self, model: mujoco.MjModel, start: NDArray[np.float64]) -> None:
-        """``start``: (3,) m, on the ground that is driven on."""
+    def __init__(self, model: mujoco.MjModel, start: Place) -> None:
+        """``start``: on the ground that is driven on."""
         self._model, self._data = model, mujoco.MjData(model)
         mujoco.mj_kinematics(model, self._data)
         self._is_wall = geom_labels(model) == Label.WALL
@@ -93,11 +94,11 @@ class Walls:
         return bool(geom[0] >= 0 and self._is_wall[geom[0]] and is_square)
 
 
-def along(normal: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(3,) direction to the right for a viewer who faces a wall with this horizontal normal (3,)."""
+def along(normal: NDArray[np.float64]) -> Direction:
+    """Direction to the right for a viewer who faces a wall with this horizontal normal (3,)."""
     return np.array([-normal[1], normal[0], 0.0])
 
 
-def facing(normal: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(3, 3) axes of what hangs on a wall with this horizontal normal (3,): right, up, and towards the viewer."""
+def facing(normal: NDArray[np.float64]) -> Rotation3:
+    """Axes of what hangs on a wall with this horizontal normal (3,): right, up, and towards the viewer."""
     return np.column_stack([along(normal), [0.0, 0.0, 1.0], normal])

@@ -115,8 +115,8 @@ def unboxed(text: str) -> str:
     missing = [flag for part in said if part.startswith("Missing") for flag in re.findall(r"--[\w.-]+", part)]
     # If a required flag is missing, tyro does not suggest it for an unknown one.
     flags = flags or [flag for word in wrong for flag in get_close_matches(word, missing)]
-    told = re.sub(r"\. Got errors: .*", "", "; ".join(" ".join(part.split()) for part in said if part))
-    return told + (f"; perhaps you meant {' or '.join(flags)}" if flags else "")
+    errors = re.sub(r"\. Got errors: .*", "", "; ".join(" ".join(part.split()) for part in said if part))
+    return errors + (f"; perhaps you meant {' or '.join(flags)}" if flags else "")
 
 
 class PlainProgress(Progress):
@@ -178,11 +178,11 @@ def announce_compilation() -> None:
     from numba.core import event
 
     class Announcer(event.Listener):
-        is_told = _quiet or not sys.stderr.isatty()
+        is_announced = _quiet or not sys.stderr.isatty()
 
         def on_start(self, event: event.Event) -> None:
-            if not self.is_told:
-                self.is_told = True
+            if not self.is_announced:
+                self.is_announced = True
                 print(
                     "compiling for this machine: a first run takes some minutes longer", file=sys.stderr, flush=True
                 )

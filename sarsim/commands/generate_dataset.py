@@ -52,8 +52,8 @@ def generate_dataset(settings: GenerateDataset) -> None:
             recipe, settings.scenes, settings.out, engine, lambda made: bars.update(bar, completed=made)
         )
     save_settings(settings, settings.out / "config.yaml")
-    told = f"{len(manifest.scenes)} scenes in {settings.out}; look at them in {settings.out / 'index.html'}"
-    Console().print(told, soft_wrap=True)
+    text = f"{len(manifest.scenes)} scenes in {settings.out}; look at them in {settings.out / 'index.html'}"
+    Console().print(text, soft_wrap=True)
 
 
 def main() -> None:

@@ -36,8 +36,8 @@ def map_recording(config: MapRecording) -> None:
             save_settings(config, config.out / "config.yaml")
     if drive.report:
         Console().print(report_table(drive.report))
-        told = f"Results in {config.out}; the page for rescuers: {config.out / 'report.html'}"
-        Console().print(told, soft_wrap=True)
+        text = f"Results in {config.out}; the page for rescuers: {config.out / 'report.html'}"
+        Console().print(text, soft_wrap=True)
     if drive.error:
         raise InputError(drive.error)
     end_by(ended_by)

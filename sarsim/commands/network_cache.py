@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 
+from pipeline.arrays import Pose, Rgb
 from pipeline.errors import InputError
 from pipeline.files import whole_file
 from pipeline.frame import Frame
@@ -67,9 +68,7 @@ class CachedClassifier(PointClassifier):
     def __init__(self, classifier: PointClassifier, cache: OutputCache, weights: Path):
         self._classifier, self._cache, self._weights = classifier, cache, _content(weights)
 
-    def classify(
-        self, frame: Frame, points: NDArray[np.float32], T_map_camera: NDArray[np.float64]
-    ) -> NDArray[np.float32]:
+    def classify(self, frame: Frame, points: NDArray[np.float32], T_map_camera: Pose) -> NDArray[np.float32]:
         """As :meth:`PointClassifier.classify`."""
         inputs = self._weights, frame.time, frame.depth, points, T_map_camera
         shape = len(points), len(Label)
@@ -85,7 +84,7 @@ class CachedDetector:
         """``files`` are those from which the detector was made."""
         self._detector, self._cache, self._files = detector, cache, _content(*files)
 
-    def detect(self, rgb: NDArray[np.uint8]) -> list[Detection]:
+    def detect(self, rgb: Rgb) -> list[Detection]:
         """As :meth:`Detector.detect`, of an (H, W, 3) image."""
         numbers = self._cache.get(
             (self._files, rgb),

@@ -4,9 +4,7 @@ from collections.abc import Callable
 from dataclasses import replace
 from typing import Any, NamedTuple
 
-import numpy as np
-from numpy.typing import NDArray
-
+from pipeline.arrays import Pose
 from pipeline.datasets.recording import CameraPose
 from pipeline.errors import InputError
 from pipeline.explorer import Explorer
@@ -39,7 +37,7 @@ class TimedPose(NamedTuple):
     """A 4×4 pose by odometry at a time in s."""
 
     time: float
-    T_odom_base: NDArray[np.float64]
+    T_odom_base: Pose
 
 
 class _Topics(Sink):

@@ -212,14 +212,14 @@ def _value(hint: Any, value: Any, where: str) -> Any:
 
 def _plain(settings: Any) -> dict[str, Any]:
     """A dataclass as values that YAML can hold."""
-    told = {}
+    plain = {}
     for f in fields(settings):
         value = getattr(settings, f.name)
         if is_dataclass(value):
-            told[f.name] = _plain(value)
+            plain[f.name] = _plain(value)
         elif f.name not in OUTPUTS and not ("Path" in str(f.type) and value == f.default):
-            told[f.name] = _plain_value(value)
-    return told
+            plain[f.name] = _plain_value(value)
+    return plain
 
 
 def _plain_value(value: Any) -> Any:

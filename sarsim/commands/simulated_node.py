@@ -84,14 +84,14 @@ class SimulatedNode:
                 if self.config.pace == "real-time":
                     self._node.wait(lambda: False, start + self.robot.control_period - self._node.now())
                 elif self.config.pace == "commands":
-                    self._node.wait(partial(self._is_told_since, commands), WAIT)
+                    self._node.wait(partial(self._is_commanded_since, commands), WAIT)
         finally:
             if self.config.out:
                 write_report(self.report(), self.config.out)
                 write_true_tum(self.config.out / "trajectory_true.tum", self.robot.trajectory)
             self.robot.close()
 
-    def _is_told_since(self, commands: int) -> bool:
+    def _is_commanded_since(self, commands: int) -> bool:
         return self.commands > commands
 
     def period(self) -> None:

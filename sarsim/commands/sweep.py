@@ -99,22 +99,22 @@ def begin(settings: SweepSettings) -> str:
     Raises:
         InputError: the folder holds results of another version or state of the code, or of other settings.
     """
-    file, told = settings.out / MANIFEST, {"version": importlib.metadata.version("sarsim"), "code": code()}
-    told |= {"steps": str(settings.steps)}
+    file, current = settings.out / MANIFEST, {"version": importlib.metadata.version("sarsim"), "code": code()}
+    current |= {"steps": str(settings.steps)}
     if not file.exists():
         with whole_file(file) as part:
-            part.write_text(json.dumps(told) + "\n")
-        return told["code"]
+            part.write_text(json.dumps(current) + "\n")
+        return current["code"]
     try:
         earlier = dict(json.loads(read_text(file)))
     except (ValueError, TypeError) as error:
         raise InputError(f"{file}: not the {MANIFEST} of a sweep: {error}") from error
-    for key, value in told.items():
+    for key, value in current.items():
         if earlier.get(key) != value:
             raise InputError(
                 f"--out {settings.out}: holds results of {key} {earlier.get(key)}, not {value}: choose another folder"
             )
-    return told["code"]
+    return current["code"]
 
 
 def code() -> str:
@@ -174,8 +174,8 @@ def show(settings: SweepSettings, entries: Sequence["Entry"], failed: dict["Swee
     """Print the tables, and a line on stderr for each way in which episodes failed."""
     from sarsim.commands.sweeps.leaderboard import boards
 
-    for (method, told), count in Counter((job.method, text) for job, text in failed.items()).items():
-        print(f"{method}: {count} of its episodes failed: {told}", file=sys.stderr)
+    for (method, error), count in Counter((job.method, text) for job, text in failed.items()).items():
+        print(f"{method}: {count} of its episodes failed: {error}", file=sys.stderr)
     for board in boards(entries):
         columns = [Column(head, overflow="fold") for head in board.heads[:-1]]
         table = Table(*columns, title=board.title, caption="interquartile means, 95 % intervals")

@@ -16,8 +16,8 @@ def report_table(report: dict[str, Any]) -> Table:
     for stage, content in report.items():
         if stage in SKIPPED:
             continue
-        if stage == "finds":  # kinds that are neither there nor reported have nothing to tell
-            content = {kind: told for kind, told in content.items() if any(told.values())}
+        if stage == "finds":  # kinds that are neither there nor reported have no figures
+            content = {kind: scores for kind, scores in content.items() if any(scores.values())}
         for name, value in figures(stage, content):
             table.add_row(name, f"{value:,.4g}" if isinstance(value, float) else str(value))
         if isinstance(content, dict):

@@ -122,7 +122,7 @@ class TrainShapes(ShapeTrainingConfig):
         data: folders of datasets to learn from.
         out: file for the weights, .safetensors; a checkpoint, a table and the settings lie beside it.
         init: file of initial weights; by default they are random.
-        usual: folders of datasets where things are as frequent as the robot meets them, to validate with; by default
+        usual: folders of datasets where objects are as frequent as the robot meets them, to validate with; by default
             the data.
     """
 
@@ -212,7 +212,7 @@ def train_explorer(settings: TrainExplorer) -> None:
 
 
 def train_shapes(settings: TrainShapes) -> None:
-    """Train the classifier of extinguishers and levers, and print how many it tells and the path of its weights."""
+    """Train the classifier of extinguishers and levers, and print how many it recognises and its weights' path."""
     _check_out(settings.out, ".safetensors")
     from pipeline.finds.patch_network import PatchNetwork
     from pipeline.semantic_map.networks.parallel import TrainingWorker
@@ -227,7 +227,7 @@ def train_shapes(settings: TrainShapes) -> None:
     learner = ShapeLearner(known, usual, config, worker.device, network)
     _train(TrainingLoop(learner, config, settings.out, worker), settings, "accuracy")
     for kind, counts in zip((*SHAPED, "neither"), learner.confusion(learner.network), strict=True):
-        Console().print(f"{kind}: told as {', as '.join(SHAPED)} or as neither: {counts}", soft_wrap=True)
+        Console().print(f"{kind}: classified as {', as '.join(SHAPED)} or as neither: {counts}", soft_wrap=True)
 
 
 def _config(kind: type[Config], settings: Any) -> Config:
@@ -281,8 +281,8 @@ def _clouds(
     seen = sum(cloud.counts.sum(axis=0, dtype=int) for cloud in clouds["train"])
     missing = [label.name.lower() for label, count in zip(CLASSES, seen, strict=True) if not count]
     if missing and worker.leads:
-        told = f"--data {folders}: no point of {', '.join(missing)}, which the network will not know"
-        Console(stderr=True).print(told, soft_wrap=True)
+        warning = f"--data {folders}: no point of {', '.join(missing)}, which the network will not know"
+        Console(stderr=True).print(warning, soft_wrap=True)
     return clouds
 
 

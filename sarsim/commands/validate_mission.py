@@ -1,4 +1,4 @@
-"""Tell what a judge would reject in a mission's files: ``validate_mission.py DIR``."""
+"""Report what a judge would reject in a mission's files: ``validate_mission.py DIR``."""
 
 import sys
 from pathlib import Path

@@ -58,8 +58,8 @@ def describe_dataset(folder: Path, manifest: Manifest) -> None:
     label_records = _records("labels", {"id": int, "name": str}, lambda column: {}) | {
         "data": [{"labels/id": int(label), "labels/name": label.name.lower()} for label in Label]
     }
-    told = f"Labelled RGB-D scenes of simulated rescue arenas, HDF5, made by {manifest.generator}."
-    _write(folder, folder.name, told, manifest.generator, files, [scene_records, label_records])
+    description = f"Labelled RGB-D scenes of simulated rescue arenas, HDF5, made by {manifest.generator}."
+    _write(folder, folder.name, description, manifest.generator, files, [scene_records, label_records])
 
 
 def describe_export(folder: Path, name: str, layout: str, generator: str) -> None:
@@ -73,9 +73,9 @@ def describe_export(folder: Path, name: str, layout: str, generator: str) -> Non
     files = [_file(path.name, sha256_of(path)) for path in top]
     sets = [_file_set(suffix) for suffix in below]
     columns = {"id": int, "name": str, "red": int, "green": int, "blue": int}
-    told = f"{' '.join(layout.split())} Made by {generator}."
+    description = f"{' '.join(layout.split())} Made by {generator}."
     records = _records("labels", columns, lambda column: _source("labels.csv", {"column": column}))
-    _write(folder, name, told, generator, [*files, *sets], [records])
+    _write(folder, name, description, generator, [*files, *sets], [records])
 
 
 def _write(

@@ -137,7 +137,7 @@ def _overlap(middle: NDArray[np.float64], size: float) -> float:
 
 
 def _scene(source: PatchSource, rng: np.random.Generator) -> Picture:
-    """(3 SPAN, 3 SPAN, 3) a background, with other things or signs in some cells around the middle."""
+    """(3 SPAN, 3 SPAN, 3) a background, with other objects or signs in some cells around the middle."""
     scene = _background(source.backgrounds, rng)
     if rng.random() < 0.5:
         for i, j in np.ndindex(3, 3):

@@ -11,6 +11,7 @@ import numpy as np
 import torch
 from numpy.typing import NDArray
 
+from pipeline.arrays import Rgb
 from pipeline.files import read_bytes
 from pipeline.finds.hazmat import SIGN_SIDE
 from pipeline.finds.hazmat_classes import HAZMAT_CLASSES
@@ -25,7 +26,7 @@ from sarsim.jobs.processes import connected
 PHOTO_SIDE = 900  # Pixels along the longer side of a photo: squares of which are as large as signs
 
 
-def pictures(data: Sequence[Path]) -> Iterator[NDArray[np.uint8]]:
+def pictures(data: Sequence[Path]) -> Iterator[Rgb]:
     """(H, W, 3) uint8 images of all scenes of datasets, which are folders, and photos; none must show signs.
 
     Raises:
@@ -47,7 +48,7 @@ class HazmatLearner(PatchLearner):
 
     def __init__(
         self,
-        pictures: Sequence[NDArray[np.uint8]],
+        pictures: Sequence[Rgb],
         config: HazmatTrainingConfig,
         device: torch.device,
         network: PatchNetwork | None = None,

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import Boxes, Labels, Pose, Poses, Rgb
 from pipeline.datasets.recording import Recording
 from pipeline.errors import InputError
 from pipeline.frame import Frame, Intrinsics
@@ -71,19 +72,19 @@ class SceneContent:
         geom_label: (G,) uint8.
         geom_victim: (G,) int16 index of the victim that a geom belongs to; -1 = none.
         victim_id: (V,) names.
-        victim_pose: (V, 4, 4) T_world_victim.
-        victim_box: (V, 2, 3) lowest and highest corner in the victim's own frame, m.
+        victim_pose: T_world_victim.
+        victim_box: lowest and highest corner in the victim's own frame, m.
     """
 
     settings: dict[str, Any]
     mjcf: str
     intrinsics: Intrinsics
     geom_name: list[str]
-    geom_label: NDArray[np.uint8]
+    geom_label: Labels
     geom_victim: NDArray[np.int16]
     victim_id: list[str]
-    victim_pose: NDArray[np.float64]
-    victim_box: NDArray[np.float64]
+    victim_pose: Poses
+    victim_box: Boxes
 
 
 @dataclass(frozen=True, eq=False)
@@ -92,14 +93,14 @@ class SceneFrame:
 
     Attributes:
         frame: with label and instance.
-        pose_true: 4×4 T_world_base.
+        pose_true: T_world_base.
         victim_pixels: (V, 4) int32 first column and row, last column and row + 1 (u0, v0, u1, v1) of the visible part
             of each victim; -1 if nothing is visible.
         victim_area: (V,) int32 pixels that show each victim.
     """
 
     frame: Frame
-    pose_true: NDArray[np.float64]
+    pose_true: Pose
     victim_pixels: NDArray[np.int32]
     victim_area: NDArray[np.int32]
 
@@ -282,16 +283,16 @@ class Scene(ExitStack):
             instance=self._numbers("instance", index, -1, self._geoms).astype(np.int32),
         )
 
-    def rgb(self, index: int) -> NDArray[np.uint8]:
-        """(H, W, 3) colour image of a frame; InputError if the file is broken."""
+    def rgb(self, index: int) -> Rgb:
+        """Colour image of a frame; InputError if the file is broken."""
         return self._image("rgb", index)
 
     def label(self, index: int) -> NDArray[np.uint8]:
         """(H, W) labels of a frame; InputError if the file is broken."""
         return self._numbers("label", index, 0, len(Label))
 
-    def T_world_camera(self, index: int) -> NDArray[np.float64]:
-        """4×4 true pose of ``camera_optical`` in a frame."""
+    def T_world_camera(self, index: int) -> Pose:
+        """True pose of ``camera_optical`` in a frame."""
         return self.pose_true[index] @ self.T_base_camera[index]
 
     @cached_property

@@ -192,7 +192,7 @@ class ShapeTrainingConfig(PatchTrainingConfig):
     """How to train the classifier of fire extinguishers and door levers.
 
     Attributes:
-        copies: patches of each thing, every one of another square.
+        copies: patches of each object, every one of another square.
         off: standard deviation of a square's middle, over its side.
         larger: standard deviation of the logarithm of a square's size.
     """

@@ -31,7 +31,7 @@ class ShapePatches:
     """
 
     def __init__(self, folders: Sequence[Path], rng: np.random.Generator, varied: ShapeTrainingConfig | None = None):
-        """One patch of each thing; if ``varied``, that many copies of what is of a shape, and of all another square.
+        """One patch of each object; if ``varied``, that many copies of what is of a shape, and of all another square.
 
         Raises:
             InputError: a dataset is missing or broken.
@@ -142,7 +142,7 @@ def _labelled(scene: Scene) -> list[tuple[Protrusions, NDArray[np.int64], int]]:
 
 
 def _moved(square: NDArray[np.float32], rng: np.random.Generator, config: ShapeTrainingConfig) -> NDArray[np.float32]:
-    """A square (4, 2) as it may lie about a thing that is seen in part."""
+    """A square (4, 2) as it may lie about an object that is seen in part."""
     middle, side = square.mean(axis=0), np.ptp(square[:, 0])
     scaled = (square - middle) * np.exp(config.larger * rng.normal())
     return (scaled + middle + config.off * side * rng.normal(size=2)).astype(np.float32)

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import Rgb
 from pipeline.files import whole_file
 from pipeline.labels import COLOURS, Label
 from pipeline.rescue_report.rendering import environment, jpeg
@@ -88,15 +89,15 @@ def _figures(dataset: Dataset) -> Iterator[dict[str, Any]]:
         }
 
 
-def with_boxes(rgb: NDArray[np.uint8], boxes: NDArray[np.int32]) -> NDArray[np.uint8]:
-    """(H, W, 3) the image with (N, 4) boxes u0, v0, u1, v1 in the colour of victims."""
+def with_boxes(rgb: Rgb, boxes: NDArray[np.int32]) -> Rgb:
+    """The image with (N, 4) boxes u0, v0, u1, v1 in the colour of victims."""
     picture, thickness = rgb.copy(), max(1, rgb.shape[1] // 200)
     for u0, v0, u1, v1 in boxes.tolist():
         cv2.rectangle(picture, (u0, v0), (u1 - 1, v1 - 1), COLOURS[Label.VICTIM].tolist(), thickness)
     return picture
 
 
-def depth_picture(depth: NDArray[np.float32]) -> NDArray[np.uint8]:
-    """(H, W, 3) uint8 RGB of depths (H, W) in m; near is blue, far red, no return black."""
+def depth_picture(depth: NDArray[np.float32]) -> Rgb:
+    """RGB of depths (H, W) in m; near is blue, far red, no return black."""
     bgr = cv2.applyColorMap((depth / XTION.farthest * 255).clip(0, 255).astype(np.uint8), cv2.COLORMAP_TURBO)
     return np.where((depth > 0)[..., None], bgr[..., ::-1], 0).astype(np.uint8)

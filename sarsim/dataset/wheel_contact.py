@@ -1,8 +1,8 @@
 """The pose of a Pioneer 3-AT at rest on the ground, from the contacts of its wheels."""
 
 import numpy as np
-from numpy.typing import NDArray
 
+from pipeline.arrays import Pose
 from pipeline.grid_map import Grid
 from pipeline.transforms import from_rotation
 from sarsim.dataset import wheel_contact_kernels as kernels
@@ -30,8 +30,8 @@ class WheelContact:
         listed = body[np.argsort(cell, kind="stable")]
         self._ground = kernels.Ground(bodies.planes, bodies.first, start, count, listed, grid.origin, grid.cell)
 
-    def stand(self, x: float, y: float, yaw: float, height: float) -> NDArray[np.float64] | None:
-        """4×4 pose of ``base_link`` at (x, y) m that faces along ``yaw`` rad, at rest and without play in the tyres.
+    def stand(self, x: float, y: float, yaw: float, height: float) -> Pose | None:
+        """Pose of ``base_link`` at (x, y) m that faces along ``yaw`` rad, at rest and without play in the tyres.
 
         None if the robot cannot stand: a wheel has no ground, or the chassis would touch the ground.
         ``height``: m of the ground near (x, y).

@@ -6,6 +6,7 @@ import numpy as np
 from numba import njit
 from numpy.typing import NDArray
 
+from pipeline.arrays import Indices, Place
 from sarsim.ground_truth.columns_kernels import vertical_cut
 
 _ITERATIONS = 20
@@ -24,8 +25,8 @@ class Ground(NamedTuple):
         planes: (M, 4) (n, d), n·p ≤ d inside.
         first: (N + 1,) index of each body's first plane.
         start, number: (nx, ny) first index and length of the part of ``bodies`` that lies over each cell.
-        bodies: (K,) indices of bodies.
-        origin: (2,) m, corner of cell [0, 0].
+        bodies: indices of bodies.
+        origin: corner of cell [0, 0].
         cell: m.
     """
 
@@ -33,8 +34,8 @@ class Ground(NamedTuple):
     first: NDArray[np.int64]
     start: NDArray[np.int64]
     number: NDArray[np.int64]
-    bodies: NDArray[np.int64]
-    origin: NDArray[np.float64]
+    bodies: Indices
+    origin: Place
     cell: float
 
 

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
+from pipeline.arrays import Indices, Labels, Places, Rotation3, Values
 from pipeline.grid_map import Grid
 from sarsim.ground_truth import columns_kernels as kernels
 from sarsim.ground_truth.shapes import CUBE, SQUARE, hull_planes, mesh_vertices, swept
@@ -26,7 +27,7 @@ class ConvexBodies:
     Attributes:
         planes: (M, 4) float64 (n, d), n·p ≤ d inside.
         first: (N + 1,) index of each body's first plane.
-        corners: (K, 2) float64 m, outlines seen from above, counter-clockwise.
+        corners: outlines seen from above, counter-clockwise.
         first_corner: (N + 1,) index of each outline's first corner.
         low, high: (N, 3) float64 m, the bounding box of each body.
         label: (N,) uint8.
@@ -34,11 +35,11 @@ class ConvexBodies:
 
     planes: NDArray[np.float64]
     first: NDArray[np.int64]
-    corners: NDArray[np.float64]
+    corners: Places
     first_corner: NDArray[np.int64]
-    low: NDArray[np.float64]
-    high: NDArray[np.float64]
-    label: NDArray[np.uint8]
+    low: Places
+    high: Places
+    label: Labels
 
     def windows(self, grid: Grid, margin: float = 0.0) -> NDArray[np.int64]:
         """(N, 4) cells i0, i1, j0, j1 (ends excluded) around each body and ``margin`` m more."""
@@ -80,16 +81,16 @@ class Columns:
     Attributes:
         start, count: (nx, ny) int64.
         bottom, top: (N,) float64 m.
-        normal_z: (N,) float64 z of the surface normal at the top.
-        owner: (N,) int64 index of the convex body that has this top.
+        normal_z: z of the surface normal at the top.
+        owner: index of the convex body that has this top.
     """
 
     start: NDArray[np.int64]
     count: NDArray[np.int64]
-    bottom: NDArray[np.float64]
-    top: NDArray[np.float64]
-    normal_z: NDArray[np.float64]
-    owner: NDArray[np.int64]
+    bottom: Values
+    top: Values
+    normal_z: Values
+    owner: Indices
 
 
 def columns(bodies: ConvexBodies, grid: Grid) -> Columns:
@@ -119,7 +120,7 @@ class _TurnedShape:
     high: NDArray[np.float64]
 
 
-def _turned_shapes(model: mujoco.MjModel, data: mujoco.MjData, geoms: NDArray[np.int64]) -> list[_TurnedShape]:
+def _turned_shapes(model: mujoco.MjModel, data: mujoco.MjData, geoms: Indices) -> list[_TurnedShape]:
     """The shape of each geom; an arena repeats few shapes and rotations, so each pair is computed once."""
     kinds = [model.geom_type[geoms], model.geom_dataid[geoms], model.geom_size[geoms], data.geom_xmat[geoms]]
     _, first, which = np.unique(np.column_stack(kinds), axis=0, return_index=True, return_inverse=True)
@@ -127,7 +128,7 @@ def _turned_shapes(model: mujoco.MjModel, data: mujoco.MjData, geoms: NDArray[np
     return [turned[k] for k in which.ravel()]
 
 
-def _turned(planes: NDArray[np.float64], vertices: NDArray[np.float64], R: NDArray[np.float64]) -> _TurnedShape:
+def _turned(planes: NDArray[np.float64], vertices: NDArray[np.float64], R: Rotation3) -> _TurnedShape:
     planes, vertices = np.column_stack([planes[:, :3] @ R.T, planes[:, 3]]), vertices @ R.T
     return _TurnedShape(planes, _outline(vertices[:, :2]), vertices.min(axis=0), vertices.max(axis=0))
 

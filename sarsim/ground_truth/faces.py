@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import Direction, Places
 from pipeline.labels import PLANAR, Label
 from sarsim.ground_truth.columns import ENDLESS
 from sarsim.ground_truth.shapes import CUBE, SQUARE, hull_planes, mesh_vertices
@@ -19,14 +20,14 @@ class Face:
     Attributes:
         geom: its id.
         label: of the geom.
-        normal: (3,) outward, of length 1.
-        outline: (N, 3) m in the world, in order around the face.
+        normal: outward.
+        outline: in the world, in order around the face.
     """
 
     geom: int
     label: Label
-    normal: NDArray[np.float64]
-    outline: NDArray[np.float64]
+    normal: Direction
+    outline: Places
 
 
 def true_faces(model: mujoco.MjModel, data: mujoco.MjData) -> list[Face]:

@@ -8,6 +8,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import Mask, Points, Pose
 from pipeline.transforms import from_rotation
 from sarsim.ground_truth.shapes import SQUARE, rotation, swept
 
@@ -33,7 +34,7 @@ class Mesh:
         colours: (N, 4) uint8 RGBA.
     """
 
-    vertices: NDArray[np.float32]
+    vertices: Points
     normals: NDArray[np.float32]
     triangles: NDArray[np.uint32]
     colours: NDArray[np.uint8]
@@ -52,13 +53,13 @@ class _Shape:
         return _Shape(self.vertices * scale, normals / np.linalg.norm(normals, axis=1, keepdims=True), self.triangles)
 
 
-def drawn_geoms(model: mujoco.MjModel) -> NDArray[np.bool_]:
-    """(ngeom,) bool, the visible geoms."""
+def drawn_geoms(model: mujoco.MjModel) -> Mask:
+    """The visible geoms."""
     colour = np.array([geom_colour(model, geom) for geom in range(model.ngeom)]).reshape(-1, 4)
     return np.isin(model.geom_group, DRAWN_GROUPS) & (colour[:, 3] > 0)
 
 
-def geom_poses(model: mujoco.MjModel, geoms: Iterable[int]) -> list[NDArray[np.float64]]:
+def geom_poses(model: mujoco.MjModel, geoms: Iterable[int]) -> list[Pose]:
     """4×4 poses of geoms in the frames of their bodies."""
     return [from_rotation(rotation(model.geom_quat[geom]), model.geom_pos[geom]) for geom in geoms]
 

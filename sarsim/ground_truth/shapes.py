@@ -7,21 +7,23 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull
 
+from pipeline.arrays import Places, Rotation3
+
 SQUARE = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], np.float64)
 """(4, 3) corners of a plane of half sizes 1, counter-clockwise from above."""
 CUBE = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], np.float64)
 """(8, 3) corners of a box of half sizes 1."""
 
 
-def rotation(quat: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(3, 3) rotation of a (4,) quaternion w x y z."""
+def rotation(quat: NDArray[np.float64]) -> Rotation3:
+    """Rotation of a (4,) quaternion w x y z."""
     matrix = np.empty(9)
     mujoco.mju_quat2Mat(matrix, quat)
     return matrix.reshape(3, 3)
 
 
-def mesh_vertices(model: mujoco.MjModel, geom: int) -> NDArray[np.float64]:
-    """(N, 3) m, the vertices of a mesh geom."""
+def mesh_vertices(model: mujoco.MjModel, geom: int) -> Places:
+    """The vertices of a mesh geom."""
     mesh = model.geom_dataid[geom]
     first = model.mesh_vertadr[mesh]
     return model.mesh_vert[first : first + model.mesh_vertnum[mesh]].astype(np.float64)

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from pipeline.arrays import Layer
 from pipeline.errors import InputError
 from pipeline.grid_map import Grid
 from pipeline.labels import Label
@@ -59,7 +60,7 @@ class FreeGround:
     height: NDArray[np.float64]
     label: NDArray[np.uint8]
     pieces: NDArray[np.int32]
-    to_obstacle: NDArray[np.float64]
+    to_obstacle: Layer
     walls: NDArray[np.bool_]
 
 
@@ -115,8 +116,8 @@ class Survey:
                     unseen &= np.isnan(ground.height)
                     cells &= unseen
 
-    def _lowest(self, label: Label) -> NDArray[np.float64]:
-        """(nx, ny) height in m of the lowest top with headroom and this label in each cell; NaN without one."""
+    def _lowest(self, label: Label) -> Layer:
+        """Height in m of the lowest top with headroom and this label in each cell; NaN without one."""
         c, height = self._columns, np.full(self.grid.shape, np.nan)
         chosen = self.bodies.label == label
         kernels.lowest_places(c.start, c.count, c.bottom, c.top, c.owner, chosen, self._robot.headroom, height)
@@ -172,8 +173,8 @@ class Survey:
         kernels.owners(c.start, c.count, c.top, c.owner, height, owner)
         return np.append(self.bodies.label, np.uint8(Label.UNLABELLED))[owner]
 
-    def _to_obstacle(self, height: NDArray[np.float64], chosen: NDArray[np.bool_]) -> NDArray[np.float64]:
-        """(nx, ny) m to the nearest of the chosen bodies that obstructs the ground; inf beyond the clearance."""
+    def _to_obstacle(self, height: NDArray[np.float64], chosen: NDArray[np.bool_]) -> Layer:
+        """Distance in m to the nearest of the chosen bodies that obstructs the ground; inf beyond the clearance."""
         b, distance = self.bodies, np.full(self.grid.shape, np.inf)
         windows = b.windows(self.grid, self._clearance + CELL)
         windows[~chosen, 1] = 0
@@ -202,8 +203,8 @@ def _grid_around(bodies: ConvexBodies) -> Grid:
     return Grid(first, CELL, (int(nx), int(ny)))
 
 
-def _tilt(height: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(nx, ny) tilt in rad; along each axis the gentler of both sides' slopes counts, so an edge adds no tilt."""
+def _tilt(height: NDArray[np.float64]) -> Layer:
+    """Tilt in rad; along each axis the gentler of both sides' slopes counts, so an edge adds no tilt."""
     slopes = []
     for axis in (0, 1):
         forward = np.diff(height, axis=axis, append=np.nan) / CELL

@@ -21,55 +21,55 @@ def one_line(error: BaseException) -> str:
     return f"{type(error).__name__}: {' '.join(str(error).split())}"
 
 
-def _check_viewpoint(answer: Any, told: str, context: Context) -> None:
+def _check_viewpoint(answer: Any, name: str, context: Context) -> None:
     """A viewpoint that can be driven to, or None."""
     if answer is None:
         return
     if not isinstance(answer, Viewpoint):
-        raise InputError(f"{told} gave {_kind(answer)}, not a Viewpoint or None")
-    _check_numbers(answer.position, (2,), f"{told}: the viewpoint's position")
-    _check_numbers(answer.heading, (), f"{told}: the viewpoint's heading")
+        raise InputError(f"{name} gave {_kind(answer)}, not a Viewpoint or None")
+    _check_numbers(answer.position, (2,), f"{name}: the viewpoint's position")
+    _check_numbers(answer.heading, (), f"{name}: the viewpoint's heading")
     if context.paths.start is not None and (obstacle := obstacle_to(context.paths, answer.position)):
-        raise InputError(f"{told}: {obstacle}")
+        raise InputError(f"{name}: {obstacle}")
 
 
-def _check_probabilities(answer: Any, told: str, frame: object, points: Any, T_map_camera: object) -> None:
+def _check_probabilities(answer: Any, name: str, frame: object, points: Any, T_map_camera: object) -> None:
     """(N, 8) class probabilities of N points."""
-    _check_numbers(answer, (len(points), len(Label)), f"{told}: the probabilities")
+    _check_numbers(answer, (len(points), len(Label)), f"{name}: the probabilities")
     if (answer < 0).any() or not np.allclose(answer.sum(axis=1), 1, atol=1e-3):
-        raise InputError(f"{told}: the probabilities of a point are negative or do not sum to 1")
+        raise InputError(f"{name}: the probabilities of a point are negative or do not sum to 1")
 
 
-def _check_detections(answer: Any, told: str, rgb: object) -> None:
+def _check_detections(answer: Any, name: str, rgb: object) -> None:
     """A list of detections of kinds that the robot looks for."""
     if not isinstance(answer, list) or not all(isinstance(one, Detection) for one in answer):
-        raise InputError(f"{told} gave {_kind(answer)}, not a list of Detection")
+        raise InputError(f"{name} gave {_kind(answer)}, not a list of Detection")
     for one in answer:
-        _check_numbers(np.asarray(one.box), (4,), f"{told}: a box")
+        _check_numbers(np.asarray(one.box), (4,), f"{name}: a box")
         if one.kind not in KINDS or not 0 <= one.confidence <= 1:
-            raise InputError(f"{told}: {one.kind!r} at {one.confidence}: none of {', '.join(KINDS)} at 0 to 1")
+            raise InputError(f"{name}: {one.kind!r} at {one.confidence}: none of {', '.join(KINDS)} at 0 to 1")
 
 
-def _check_readings(answer: Any, told: str, frame: Frame, detections: object) -> None:
+def _check_readings(answer: Any, name: str, frame: Frame, detections: object) -> None:
     """A list of readings, whose outlines lie in the image."""
     if not isinstance(answer, list) or not all(isinstance(one, Reading) for one in answer):
-        raise InputError(f"{told} gave {_kind(answer)}, not a list of Reading")
+        raise InputError(f"{name} gave {_kind(answer)}, not a list of Reading")
     for one in answer:
         if not (isinstance(one.kind, str) and is_find_kind(one.kind) and isinstance(one.text, str)):
-            raise InputError(f"{told}: {one.kind!r} is no kind as red_square, or its text is no text")
-        _check_numbers(one.confidence, (), f"{told}: the confidence")
-        corners = f"{told}: the corners"
+            raise InputError(f"{name}: {one.kind!r} is no kind as red_square, or its text is no text")
+        _check_numbers(one.confidence, (), f"{name}: the confidence")
+        corners = f"{name}: the corners"
         _check_numbers(one.corners, (max(3, len(np.atleast_1d(one.corners))), 2), corners)
         is_inside = (one.corners >= 0).all() and (one.corners <= frame.rgb.shape[1::-1]).all()
         if one.corners.dtype != np.float32 or not is_inside or not one.side or not 0 <= one.confidence <= 1:
             raise InputError(f"{corners}: no float32 outline of an area in the image, with a confidence of 0 to 1")
 
 
-def _check_localised(answer: Any, told: str, frame: object) -> None:
+def _check_localised(answer: Any, name: str, frame: object) -> None:
     if not isinstance(answer, Localised):
-        raise InputError(f"{told} gave {_kind(answer)}, not a Localised")
+        raise InputError(f"{name} gave {_kind(answer)}, not a Localised")
     if np.shape(answer.T_map_base) != (4, 4) or not are_poses(answer.T_map_base):
-        raise InputError(f"{told}: T_map_base is {_kind(answer.T_map_base)}, not a pose (4, 4)")
+        raise InputError(f"{name}: T_map_base is {_kind(answer.T_map_base)}, not a pose (4, 4)")
 
 
 def check_poses(answer: Any, where: str) -> None:
@@ -78,16 +78,16 @@ def check_poses(answer: Any, where: str) -> None:
         raise InputError(f"{where}: poses is {_kind(answer)}, not one pose (1, 4, 4) after the first keyframe")
 
 
-def _check_plan(answer: Any, told: str, *args: object) -> None:
+def _check_plan(answer: Any, name: str, *args: object) -> None:
     """A plan with way points, or None."""
     if answer is None:
         return
     if not isinstance(answer, PathPlan):
-        raise InputError(f"{told} gave {_kind(answer)}, not a PathPlan or None")
+        raise InputError(f"{name} gave {_kind(answer)}, not a PathPlan or None")
     count = len(np.atleast_1d(answer.way_points))
-    _check_numbers(answer.way_points, (count, 3), f"{told}: the way points")
+    _check_numbers(answer.way_points, (count, 3), f"{name}: the way points")
     if np.shape(answer.backwards) != (count,) or not count:
-        raise InputError(f"{told}: backwards is {_kind(answer.backwards)}, not one flag for each way point")
+        raise InputError(f"{name}: backwards is {_kind(answer.backwards)}, not one flag for each way point")
 
 
 CHECKS: Mapping[str, Callable[..., None]] = {

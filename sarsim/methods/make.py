@@ -196,19 +196,19 @@ def _loaded(flag: str, name: str, form: str) -> Any:
 
 def _watch(method: Any, member: str, count: int, where: str) -> None:
     """Replace a method of an instance by one whose errors and answers are checked."""
-    function, told = getattr(method, member), f"{where}: {member}"
+    function, name = getattr(method, member), f"{where}: {member}"
     try:
         inspect.signature(function).bind(*range(count))
     except (TypeError, ValueError) as error:
-        raise InputError(f"{told}: must take {count} arguments: {answers.one_line(error)}") from error
+        raise InputError(f"{name}: must take {count} arguments: {answers.one_line(error)}") from error
     try:
-        setattr(method, member, _guarded(function, told, answers.CHECKS.get(member)))
+        setattr(method, member, _guarded(function, name, answers.CHECKS.get(member)))
     except AttributeError as error:
         raise InputError(f"{where}: its methods cannot be watched: {answers.one_line(error)}") from error
 
 
-def _guarded(function: Callable[..., Any], told: str, check: Callable[..., None] | None = None) -> Callable[..., Any]:
-    """A function whose errors, and answers that ``check`` refuses, are InputErrors that begin with ``told``."""
+def _guarded(function: Callable[..., Any], name: str, check: Callable[..., None] | None = None) -> Callable[..., Any]:
+    """A function whose errors, and answers that ``check`` refuses, are InputErrors that begin with ``name``."""
 
     def guarded(*args: Any) -> Any:
         try:
@@ -216,9 +216,9 @@ def _guarded(function: Callable[..., Any], told: str, check: Callable[..., None]
         except (InputError, LostError):
             raise
         except Exception as error:
-            raise InputError(f"{told} failed: {answers.one_line(error)}") from error
+            raise InputError(f"{name} failed: {answers.one_line(error)}") from error
         if check is not None:
-            check(answer, told, *args)
+            check(answer, name, *args)
         return answer
 
     return guarded

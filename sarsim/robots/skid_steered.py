@@ -6,6 +6,7 @@ import numpy as np
 from dm_control import composer, mjcf
 from numpy.typing import NDArray
 
+from pipeline.arrays import Pose
 from pipeline.errors import InputError
 from pipeline.transforms import from_rotation
 from sarsim.robots.model import ROBOTS, drive_model, robot_file, robot_model
@@ -110,8 +111,8 @@ class SkidSteered(composer.Robot):
         """Set the target speed of the wheels of each side, rad/s."""
         physics.bind(self.actuators).ctrl = left, right
 
-    def T_world_base(self, physics: mjcf.Physics) -> NDArray[np.float64]:
-        """4×4 true pose of ``base_link``."""
+    def T_world_base(self, physics: mjcf.Physics) -> Pose:
+        """True pose of ``base_link``."""
         base = physics.bind(self.base)
         return from_rotation(base.xmat.reshape(3, 3), base.xpos)
 

@@ -6,6 +6,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import Places, Poses
 from pipeline.explorer import Explorer
 from pipeline.frame import Frame
 from pipeline.mapper import Keyframe, Mapper
@@ -39,15 +40,13 @@ class EpisodeScore(Sink):
         trajectory: the estimated trajectory against the true one.
     """
 
-    def __init__(
-        self, robot: SimulatedRobot, explorer: Explorer, T_world_tag: NDArray[np.float64], oracle: bool = False
-    ):
+    def __init__(self, robot: SimulatedRobot, explorer: Explorer, T_world_tag: Poses, oracle: bool = False):
         """Score a robot from its current pose on.
 
         Args:
             robot: in the arena.
             explorer: that drives it.
-            T_world_tag: (N, 4, 4) true poses of the tags on the arena's walls.
+            T_world_tag: true poses of the tags on the arena's walls.
             oracle: whether the report compares the robot with a tour of one who knows the ground.
         """
         self._robot = robot
@@ -140,12 +139,12 @@ class EpisodeScore(Sink):
     def report(self) -> dict[str, Any]:
         """The figures of all stages that have any; the commands add settings and times."""
         self._wait()
-        explorer, known = self._explorer, self._explorer.mapper.keyframes
+        explorer, keyframes = self._explorer, self._explorer.mapper.keyframes
         has_readers = explorer.mapper.readers is not None
         stages = {
             "metric_map": self._voxels.report(),
             "semantic_map": compared(self._semantics.map(), explorer.mapper.semantic_map)
-            | ({} if known.loaded else self._surfaces.report(explorer.mapper.semantic_map.points())),
+            | ({} if keyframes.loaded else self._surfaces.report(explorer.mapper.semantic_map.points())),
             "segments": self._segments.report(explorer.mapper.segments),
             "topological_map": score_topology(explorer.mapper.topological_map, self.surface),
             "path_plan": self._path_plan(),
@@ -153,7 +152,7 @@ class EpisodeScore(Sink):
             "exploration": self._exploration(),
             "localisation": self.trajectory.report()
             | {"relocalised": explorer.pilot.relocalised}
-            | self._fiducials.report(list(known.poses[known.loaded :])),
+            | self._fiducials.report(list(keyframes.poses[keyframes.loaded :])),
             **({"victims": self._victims.report(self._confirmed)} if explorer.mapper.detector else {}),
             **(
                 {"finds": self._finds.report(explorer.mapper.finds.reported, self._has_thermal)}
@@ -175,8 +174,8 @@ class EpisodeScore(Sink):
         return self._finds.errors(self._explorer.mapper.finds.reported)
 
     @property
-    def _confirmed(self) -> NDArray[np.float64]:
-        """(N, 3) m, positions of the victims that the robot confirmed."""
+    def _confirmed(self) -> Places:
+        """Positions of the victims that the robot confirmed."""
         return np.array([victim.position for victim in self._explorer.mapper.victims.confirmed]).reshape(-1, 3)
 
     def _optimum(self, start: NDArray[np.float64], goal: NDArray[np.float64]) -> float:

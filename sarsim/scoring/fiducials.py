@@ -11,6 +11,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import Place, Pose, Poses
 from pipeline.frame import Frame
 from pipeline.transforms import transform_points
 from sarsim.arenas.fiducials import TAG_SIDE
@@ -38,8 +39,8 @@ def read_fiducials(frame: Frame) -> list[tuple[int, NDArray[np.float64]]]:
     return [(int(tag), middle) for tag, middle in zip(ids.ravel(), middles, strict=True) if middle is not None]
 
 
-def _middle(corners: NDArray[np.float32], frame: Frame) -> NDArray[np.float64] | None:
-    """(3,) m in ``camera_optical``, where the diagonals of (4, 2) corners cross; pixel centres are at integers."""
+def _middle(corners: NDArray[np.float32], frame: Frame) -> Place | None:
+    """The place in ``camera_optical`` where the diagonals of (4, 2) corners cross; pixel centres are at integers."""
     a, b, c, d = np.column_stack([corners.astype(np.float64), np.ones(4)])
     middle = np.cross(np.cross(a, c), np.cross(b, d))
     u, v = middle[:2] / middle[2] + 0.5
@@ -57,13 +58,13 @@ def _middle(corners: NDArray[np.float32], frame: Frame) -> NDArray[np.float64] |
 class FiducialScore:
     """Collects the observations of tags, and compares the distances between tags with the true ones."""
 
-    def __init__(self, T_world_tag: NDArray[np.float64]) -> None:
-        """``T_world_tag``: (N, 4, 4) true poses of the tags 0 to N - 1."""
+    def __init__(self, T_world_tag: Poses) -> None:
+        """``T_world_tag``: true poses of the tags 0 to N - 1."""
         self._true = T_world_tag[:, :3, 3]
         self._poses: list[NDArray[np.float64]] = []
         self._seen: list[tuple[int, int, NDArray[np.float64], float]] = []
 
-    def add(self, frame: Frame, T_map_base: NDArray[np.float64]) -> None:
+    def add(self, frame: Frame, T_map_base: Pose) -> None:
         """Read the tags in the next keyframe; ``T_map_base``: its 4×4 pose as estimated now."""
         for tag, middle in read_fiducials(frame) if len(self._true) else ():
             if tag < len(self._true):
@@ -71,7 +72,7 @@ class FiducialScore:
                 self._seen.append((len(self._poses), tag, in_base, float(np.linalg.norm(middle))))
         self._poses.append(T_map_base)
 
-    def positions(self, T_map_base: Sequence[NDArray[np.float64]] | None = None) -> dict[int, NDArray[np.float64]]:
+    def positions(self, T_map_base: Sequence[Pose] | None = None) -> dict[int, NDArray[np.float64]]:
         """(3,) m in ``map`` of each tag that was seen: the mean, weighted by the inverse square of the distance.
 
         ``T_map_base``: 4×4 poses of all keyframes so far; by default those at which they were added.
@@ -82,7 +83,7 @@ class FiducialScore:
             views.setdefault(tag, []).append((transform_points(poses[keyframe], in_base[None])[0], distance**-2))
         return {tag: np.average([p for p, _ in v], axis=0, weights=[w for _, w in v]) for tag, v in views.items()}
 
-    def report(self, T_map_base: Sequence[NDArray[np.float64]] | None = None) -> dict[str, float]:
+    def report(self, T_map_base: Sequence[Pose] | None = None) -> dict[str, float]:
         """The number of tags found and the RMS error of the distances between them; empty if the arena has no tags.
 
         ``fiducial_error_m`` is missing if fewer than two were found. ``T_map_base`` as for :meth:`positions`.

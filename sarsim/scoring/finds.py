@@ -9,8 +9,8 @@ from typing import Any
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
+from pipeline.arrays import Places
 from pipeline.tracks.find import FIND_KINDS, HEAT, Find
 from sarsim.arenas.things.thing import Thing, of_kind, things_of
 from sarsim.scoring.victims import NEAR, pairs_of_least
@@ -21,8 +21,8 @@ from sarsim.sensors.camera import LabelledImage
 class FindScore:
     """Records which things come into view, and compares the reported finds with the true things."""
 
-    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, others: NDArray[np.float64]):
-        """``others``: (N, 3) m in the world, where something may be reported that counts neither way."""
+    def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, others: Places):
+        """``others``: in the world, where something may be reported that counts neither way."""
         self._things = things_of(model, data)
         self._visibility, self._others = Visibility(model, self._things), others
 

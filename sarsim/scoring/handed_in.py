@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from pipeline.arrays import MaskLayer, Place, Places, Pose, Values
 from pipeline.errors import InputError
 from pipeline.league.brief import MissionBrief
 from pipeline.league.cloud import NORMAL, RGB, CloudFile, read_cloud
@@ -34,28 +35,28 @@ ROUNDS = 30  # of the registration, which converges in fewer
 
 
 @dataclass(frozen=True, eq=False)
-class SoughtThing:
-    """A thing in the arena that counts.
+class TrueFind:
+    """An object in the arena that counts as a find.
 
     Attributes:
         type: one of the league's types.
         name: that a find must have.
-        position: (3,) m in the world.
+        position: in the world.
         is_victim, is_living: whether it is one, and whether it is alive.
     """
 
     type: str
     name: str
-    position: NDArray[np.float64]
+    position: Place
     is_victim: bool = False
     is_living: bool = False
 
 
-def sought_things(model: mujoco.MjModel, data: mujoco.MjData) -> list[SoughtThing]:
-    """What counts in an arena: things of a kind that the league lists, and the living as sources of heat too."""
+def true_finds(model: mujoco.MjModel, data: mujoco.MjData) -> list[TrueFind]:
+    """What counts in an arena: objects of a kind that the league lists, and the living as sources of heat too."""
     things = things_of(model, data)
     return [
-        SoughtThing(TYPE_OF[kind], name_of(kind, thing.text), thing.centre, kind == "victim", thing.is_warm)
+        TrueFind(TYPE_OF[kind], name_of(kind, thing.text), thing.centre, kind == "victim", thing.is_warm)
         for kind in TYPE_OF
         for thing in of_kind(things, kind)
     ]
@@ -67,25 +68,21 @@ class TrueArena:
 
     Attributes:
         surface: the true ground.
-        things: what counts.
+        finds: what counts.
         scene: Open3D's RaycastingScene of all visible surfaces.
-        T_world_league: 4×4 pose of the league's frame.
-        portals: (N, 2) m, doorways and junctions.
+        T_world_league: pose of the league's frame.
+        portals: doorways and junctions.
     """
 
     surface: TrueSurface
-    things: list[SoughtThing]
+    finds: list[TrueFind]
     scene: Any
-    T_world_league: NDArray[np.float64]
-    portals: NDArray[np.float64]
+    T_world_league: Pose
+    portals: Places
 
 
 def true_arena(
-    model: mujoco.MjModel,
-    data: mujoco.MjData,
-    T_world_start: NDArray[np.float64],
-    robot: RobotModel,
-    robot_body: int | None = None,
+    model: mujoco.MjModel, data: mujoco.MjData, T_world_start: Pose, robot: RobotModel, robot_body: int | None = None
 ) -> TrueArena:
     """Survey an arena for a robot that starts at the 4×4 pose; InputError if it cannot stand there.
 
@@ -94,7 +91,7 @@ def true_arena(
     surface = Survey(model, data, robot_body, robot).surface_from(T_world_start[:3, 3])
     return TrueArena(
         surface,
-        sought_things(model, data),
+        true_finds(model, data),
         true_scene(model, data, robot_body),
         league_frame(T_world_start, robot.half_length),
         portals(surface, clearance_of(robot)),
@@ -137,20 +134,20 @@ def _step(
     return np.asarray(step)
 
 
-def covered(points: NDArray[np.floating], surface: TrueSurface) -> NDArray[np.bool_]:
-    """(nx, ny) the cells of the true ground that points (N, 3), m in the world, show."""
+def covered(points: NDArray[np.floating], surface: TrueSurface) -> MaskLayer:
+    """The cells of the true ground that points (N, 3), m in the world, show."""
     seen = np.zeros(surface.grid.shape, np.bool_)
     see(np.asarray(points, np.float64), surface.grid.origin, surface.grid.cell, surface.height, SEEN_HEIGHT, seen)
     return np.asarray(surface.grid.distance_to(seen) <= SHOWN)
 
 
-def matched(places: NDArray[np.float64], things: NDArray[np.float64], within: float) -> NDArray[np.float64]:
-    """(K,) distances, m, of places (N, 3) and things (M, 3) of one name, matched one to one ``within`` m."""
+def matched(places: NDArray[np.float64], things: NDArray[np.float64], within: float) -> Values:
+    """Distances, m, of places (N, 3) and things (M, 3) of one name, matched one to one ``within`` m."""
     distance = np.linalg.norm(places[:, None] - things[None], axis=2)
     return np.array([distance[i, k] for i, k in pairs_of_least(np.where(distance <= within, distance, np.inf))])
 
 
-def _places(items: Sequence[SoughtThing] | Sequence[PointOfInterest]) -> NDArray[np.float64]:
+def _places(items: Sequence[TrueFind] | Sequence[PointOfInterest]) -> NDArray[np.float64]:
     return np.array([item.position for item in items]).reshape(-1, 3)
 
 
@@ -158,7 +155,7 @@ def score_handed_in(
     folder: Path,
     arena: TrueArena,
     brief: MissionBrief,
-    parked: NDArray[np.float64] | None = None,
+    parked: Place | None = None,
     resets: int = 0,
     contacts: int = 0,
 ) -> dict[str, dict[str, dict[str, float]]]:
@@ -168,7 +165,7 @@ def score_handed_in(
         folder: of the files, or an episode's that contains ``handed_in/``.
         arena: that the robot was in.
         brief: of the mission, for its rewards and penalties.
-        parked: (2,) m in the world, where the robot was at the end; None if nobody knows.
+        parked: in the world, where the robot was at the end; None if nobody knows.
         resets: how often the robot was touched.
         contacts: with living victims.
 
@@ -204,14 +201,14 @@ def league_run(
 ) -> LeagueRun:
     """Measure what the Rescue Robot League counts; points (N, 3) and places (M, 3) of finds, m in the world.
 
-    A find is right within ``NEAR`` of a thing of its type and name that no other find has. A run is
+    A find is right within ``NEAR`` of an object of its type and name that no other find has. A run is
     autonomous unless a find says otherwise.
     """
-    names = {(thing.type, thing.name) for thing in arena.things}
+    names = {(find.type, find.name) for find in arena.finds}
     errors = [
         matched(
             places[[(poi.type, poi.name) == name for poi in pois]],
-            _places([thing for thing in arena.things if (thing.type, thing.name) == name]),
+            _places([find for find in arena.finds if (find.type, find.name) == name]),
             NEAR,
         )
         for name in sorted(names)
@@ -246,8 +243,8 @@ def virtual_run(
     Assumed: an object named victim and a source of heat are marks of a victim, a source of heat that of a living one;
     the robot beside a living one must have marked it too.
     """
-    victims = [thing for thing in arena.things if thing.is_victim]
-    true, is_living = _places(victims)[:, :2], np.array([thing.is_living for thing in victims], np.bool_)
+    victims = [find for find in arena.finds if find.is_victim]
+    true, is_living = _places(victims)[:, :2], np.array([find.is_living for find in victims], np.bool_)
     is_heat = np.array([poi.type == "heat_sig" for poi in pois], np.bool_)
     is_mark = is_heat | np.array([poi.name == "victim" for poi in pois], np.bool_)
     near = np.linalg.norm(places[:, None, :2] - true, axis=2) <= reach

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
+from pipeline.arrays import Pose
 from pipeline.robot import RobotModel
 from sarsim.arenas.lanes import END_ZONE
 from sarsim.scoring.trajectory import is_tipped
@@ -34,7 +34,7 @@ class LaneJudge:
     crossed: float | None = None
     has_tipped: bool = False
 
-    def see(self, time: float, T_world_base: NDArray[np.float64]) -> bool:
+    def see(self, time: float, T_world_base: Pose) -> bool:
         """Judge a true 4×4 pose at a time, s: whether the try may go on; it may not after a fall or its time."""
         self.has_tipped |= is_tipped(T_world_base)
         may_go_on = not self.has_tipped and time <= self.begin + self.limit
@@ -48,7 +48,7 @@ class LaneJudge:
         return None if self.crossed is None else self.crossed - self.begin
 
 
-def is_in_end_zone(T_world_base: NDArray[np.float64], end: int, robot: RobotModel) -> bool:
+def is_in_end_zone(T_world_base: Pose, end: int, robot: RobotModel) -> bool:
     """Whether the whole footprint of a robot at a true 4×4 pose lies in the end zone at the ``end`` ±1 of x."""
     along, across = np.abs(T_world_base[0, :2]) * (robot.half_length, robot.half_width)
     return bool(end * T_world_base[0, 3] - along - across >= END_ZONE)

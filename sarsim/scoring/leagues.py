@@ -19,7 +19,7 @@ class LeagueRun:
         coverage: share of the drivable ground that the 3D map shows.
         global_error: of the 3D map, m.
         extras: how many of rgb, normals and confidence the 3D map has.
-        right, wrong: numbers of finds that are in the arena, each thing counted once, and of all others.
+        right, wrong: numbers of finds that are in the arena, each object counted once, and of all others.
         localisation_error: mean of the right finds, m.
         is_autonomous: whether nobody drove.
         resets: how often the robot was touched.
@@ -61,7 +61,7 @@ def league(run: LeagueRun, rewards: Rewards, penalties: Penalties) -> dict[str, 
     """The score of the Rescue Robot League 2026D: (map + detections) · autonomy − resets.
 
     map: ``coverage / (1 + global error) · bonus``. Assumed: errors in m, and a bonus of 1 + ``extra`` for each extra.
-    detections: ``DS / (1 + localisation error)``. Assumed: DS is a fixed number of points for each thing found, and a
+    detections: ``DS / (1 + localisation error)``. Assumed: DS is a fixed number of points for each object found; a
     wrong find costs nothing, as the summary names no price.
     autonomy: the sum of both × 5, or × 1 if teleoperated; what the factor adds are this rule's points.
     resets: the summary names no price in the labyrinth.

@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
+from pipeline.arrays import Mask, Values
 from pipeline.elevation_map.config import TraversabilityConfig
 from pipeline.elevation_map.pose_kernels import ANGLES
 from pipeline.elevation_map.traversability import Traversability, assess
@@ -75,8 +76,8 @@ class Oracle(ViewTours):
         return ceil(self.share * len(self.sight.cells))
 
     @cached_property
-    def at_start(self) -> NDArray[np.bool_]:
-        """(N,) the cells seen at once."""
+    def at_start(self) -> Mask:
+        """The cells seen at once."""
         seen = np.zeros(len(self.sight.cells), np.bool_)
         seen[cells_shown(self.views, 0)] = True
         return seen
@@ -88,8 +89,8 @@ class Oracle(ViewTours):
             self._from[view] = PosePaths(self.ground, [x, y], heading, caution=0.0)
         return self._from[view]
 
-    def seconds(self, here: int, there: Sequence[int] | slice = slice(None)) -> NDArray[np.float64]:
-        """(M,) s from one viewpoint to others, their keyframes included."""
+    def seconds(self, here: int, there: Sequence[int] | slice = slice(None)) -> Values:
+        """Seconds from one viewpoint to others, their keyframes included."""
         poses = self.poses[there]
         cells, heading = self.ground.grid.cell_of(poses), np.cos(ANGLES - poses[:, 2:]).argmax(axis=1)
         seconds = self.paths(here).seconds_to(cells)[np.arange(len(poses)), heading]

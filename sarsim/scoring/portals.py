@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from pipeline.arrays import MaskLayer, Places
 from sarsim.ground_truth.true_surface import CELL, TrueSurface
 
 DOORWAY = 0.9  # m, width of the leagues' doors
@@ -14,8 +15,8 @@ EIGHT = np.ones((3, 3), np.bool_)
 RING = ((0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1))  # Steps to the neighbours, around
 
 
-def portals(surface: TrueSurface, clearance: float) -> NDArray[np.float64]:
-    """(N, 2) m, the doorways and junctions of the ground between the walls; what lies in the way makes none.
+def portals(surface: TrueSurface, clearance: float) -> Places:
+    """The doorways and junctions of the ground between the walls; what lies in the way makes none.
 
     Args:
         surface: the true ground.
@@ -26,8 +27,8 @@ def portals(surface: TrueSurface, clearance: float) -> NDArray[np.float64]:
     return surface.grid.centre_of(np.array(cells).reshape(-1, 2))
 
 
-def _between_walls(surface: TrueSurface, clearance: float) -> NDArray[np.bool_]:
-    """(nx, ny) the cells farther than ``clearance`` m from walls, joined with drivable ones, whatever lies there."""
+def _between_walls(surface: TrueSurface, clearance: float) -> MaskLayer:
+    """The cells farther than ``clearance`` m from walls, joined with drivable ones, whatever lies there."""
     near = surface.grid.distance_to(surface.walls) <= clearance
     free = ndimage.binary_fill_holes(near | np.isfinite(surface.height)) & ~near
     pieces, _ = ndimage.label(free, EIGHT)
@@ -94,8 +95,8 @@ def _crossings(around: NDArray[np.bool_]) -> NDArray[np.int64]:
     return np.asarray((~around & np.roll(around, -1, axis=0)).sum(axis=0), np.int64)
 
 
-def skeleton(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
-    """(nx, ny) the lines, a cell wide, to which a mask is thinned from its edges (Zhang and Suen 1984)."""
+def skeleton(mask: MaskLayer) -> MaskLayer:
+    """The lines, a cell wide, to which a mask is thinned from its edges (Zhang and Suen 1984)."""
     thin, changes = mask.copy(), True
     while changes:
         changes = False

@@ -6,6 +6,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import Values
+
 MOST = {"t90_s": 0.9, "t99_s": 0.99}
 """Shares of the drivable area for which the time until they were seen is reported."""
 
@@ -14,14 +16,14 @@ class ExploredCurve(NamedTuple):
     """How much was seen when; a share holds until the next.
 
     Attributes:
-        time_s: (N,) s since the start at which something was seen, rising.
-        way_m: (N,) m that the robot had driven by then.
-        explored: (N,) share of the area that was seen by then.
+        time_s: s since the start at which something was seen, rising.
+        way_m: m that the robot had driven by then.
+        explored: share of the area that was seen by then.
     """
 
-    time_s: NDArray[np.float64]
-    way_m: NDArray[np.float64]
-    explored: NDArray[np.float64]
+    time_s: Values
+    way_m: Values
+    explored: Values
 
 
 def progress_figures(curve: ExploredCurve, end: tuple[float, float]) -> dict[str, float]:
@@ -46,10 +48,8 @@ def area_under(along: NDArray[np.float64], shares: NDArray[np.float64], end: flo
     return float(shares @ np.diff(along, append=end))
 
 
-def shares_at(
-    places: NDArray[np.float64], along: NDArray[np.float64], shares: NDArray[np.float64]
-) -> NDArray[np.float64]:
-    """(P,) shares at places (P,), s or m, where shares (N,) hold from their ``along`` (N,) on; 0 before the first."""
+def shares_at(places: NDArray[np.float64], along: NDArray[np.float64], shares: NDArray[np.float64]) -> Values:
+    """Shares at places (P,), s or m, where shares (N,) hold from their ``along`` (N,) on; 0 before the first."""
     held: NDArray[np.float64] = np.append(0.0, shares)[np.searchsorted(along, places, side="right")]
     return held
 

@@ -33,9 +33,9 @@ class KeyframeTruth:
 
     def map(self) -> SemanticMap:
         """The semantic map with the true labels at the present poses."""
-        truth, known = SemanticMap(config=SemanticMapConfig(voxel=self._voxel)), self._keyframes
+        truth, keyframes = SemanticMap(config=SemanticMapConfig(voxel=self._voxel)), self._keyframes
         for k, shares in self._shares.items():
-            seen, T = known.seen[k], known.poses[k]
+            seen, T = keyframes.seen[k], keyframes.poses[k]
             if shares is not None:
                 truth.update(seen.points_at(T), shares.probabilities, seen.hits)
             else:

@@ -7,8 +7,10 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.optimize import linprog
 
+from pipeline.arrays import Mask
 
-def greedy_cover(views: sparse.csr_array, wanted: int, shown: NDArray[np.bool_]) -> list[int]:
+
+def greedy_cover(views: sparse.csr_array, wanted: int, shown: Mask) -> list[int]:
     """The views that together show ``wanted`` cells, each the one that shows most of what those before it do not.
 
     Lazily, for no gain ever grows (Minoux 1978). Fewer cells are shown if all views together show fewer.
@@ -16,7 +18,7 @@ def greedy_cover(views: sparse.csr_array, wanted: int, shown: NDArray[np.bool_])
     Args:
         views: (V, N), not 0 where a view shows a cell.
         wanted: number of cells.
-        shown: (N,) which cells are shown already; not changed.
+        shown: which cells are shown already; not changed.
     """
     shown, chosen = shown.copy(), list[int]()
     heap = [(-int(count), view) for view, count in enumerate(np.diff(views.indptr))]

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 from scipy import sparse
 from scipy.spatial import cKDTree
 
+from pipeline.arrays import Pose, Poses
 from pipeline.elevation_map.traversability import Traversability
 from pipeline.frame import Frame
 from sarsim.ground_truth.true_surface import TrueSurface
@@ -41,8 +42,8 @@ class Sight:
         columns = np.concatenate([*rows, np.zeros(0, np.int64)])
         return sparse.csr_array((np.ones(len(columns), np.bool_), columns, ends), shape=(len(poses), len(self.cells)))
 
-    def _on_ground(self, poses: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(V, 4, 4) poses of a robot that stands on the ground and leans as the ground does."""
+    def _on_ground(self, poses: NDArray[np.float64]) -> Poses:
+        """Poses of a robot that stands on the ground and leans as the ground does."""
         where = tuple(self._grid.cell_of(poses).T)
         slope, ahead = self._ground.gradient[where], np.stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])], axis=1)
         x = np.column_stack([ahead, (slope * ahead).sum(axis=1)])
@@ -53,7 +54,7 @@ class Sight:
         T[:, :2, 3], T[:, 2, 3] = poses[:, :2], self._ground.elevation[where]
         return T
 
-    def _seen(self, T_world_camera: NDArray[np.float64]) -> NDArray[np.int64]:
+    def _seen(self, T_world_camera: Pose) -> NDArray[np.int64]:
         """The numbers of the cells that one image shows."""
         lens, sensor = self._frame.intrinsics, self._frame.sensor
         far = sensor.farthest * np.hypot(1, np.hypot(lens.width / lens.fx, lens.height / lens.fy))

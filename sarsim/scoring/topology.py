@@ -7,6 +7,7 @@ import networkx as nx
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import MaskLayer
 from pipeline.topological_map.sight_kernels import count_in
 from pipeline.topological_map.topological_map import TopologicalMap
 from sarsim.ground_truth.true_surface import CELL, TrueSurface
@@ -36,8 +37,8 @@ def score_topology(topology: TopologicalMap, truth: TrueSurface) -> dict[str, An
     }
 
 
-def _seen_from(positions: NDArray[np.float64], truth: TrueSurface) -> NDArray[np.bool_]:
-    """(nx, ny) the drivable cells that nodes at positions (P, 2), m, see."""
+def _seen_from(positions: NDArray[np.float64], truth: TrueSurface) -> MaskLayer:
+    """The drivable cells that nodes at positions (P, 2), m, see."""
     seen = np.zeros(truth.grid.shape, np.bool_)
     for window, corner in zip(*_views(positions, truth.drivable, truth), strict=True):
         seen[tuple((np.argwhere(window) + corner).T)] = True

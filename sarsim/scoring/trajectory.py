@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from pipeline.arrays import Values
 from pipeline.files import each
 from pipeline.localisation.localisation import Loop
 from pipeline.localisation.trajectory import EstimatedTrajectory, write_tum
@@ -65,12 +66,12 @@ def is_false(loop: Loop, T_world_first: NDArray[np.float64], T_world_second: NDA
 
 
 def driven(trajectory: Sequence[Pose]) -> float:
-    """Metres along the true trajectory."""
+    """Way in m along the true trajectory."""
     return float(ways_driven(trajectory)[-1])
 
 
-def ways_driven(trajectory: Sequence[Pose]) -> NDArray[np.float64]:
-    """(N,) m along the true trajectory up to each of its poses.
+def ways_driven(trajectory: Sequence[Pose]) -> Values:
+    """Way in m along the true trajectory up to each of its poses.
 
     Left out are steps below half a millimetre, which springs cause, not wheels, and steps beyond ``LIFT``.
     """

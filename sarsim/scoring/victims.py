@@ -1,7 +1,7 @@
 """Whether the robot has found the victims.
 
 A victim's position is the centre of the box around the whole person in its own frame, hidden parts included
-(:attr:`sarsim.victims.victims.Victim.centre`). Positions that the robot confirmed are matched with victims within
+(:attr:`sarsim.victims.victims.TrueVictim.centre`). Positions that the robot confirmed are matched with victims within
 ``NEAR``, one to one: a person reported twice counts as found once, and as one false alarm.
 """
 
@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linear_sum_assignment
 
+from pipeline.arrays import Mask, Places, Values
 from sarsim.scoring.visibility import Visibility
 from sarsim.sensors.camera import LabelledImage
 from sarsim.victims.victims import victims_of
@@ -40,24 +41,24 @@ class VictimScore:
         self._visibility = Visibility(model, victims)
 
     @property
-    def visible(self) -> NDArray[np.bool_]:
-        """(V,) bool, the victims that were visible in a frame so far."""
+    def visible(self) -> Mask:
+        """The victims that were visible in a frame so far."""
         return self._visibility.visible
 
     def add(self, image: LabelledImage) -> None:
         """Mark the victims in a noise-free image, clipped to the sensor's range."""
         self._visibility.add(image)
 
-    def matches(self, confirmed: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(V,) m from each victim to the confirmed position, of (N, 3), that is matched with it; NaN without one."""
+    def matches(self, confirmed: Places) -> Values:
+        """Distance in m from each victim to the confirmed position that is matched with it; NaN without one."""
         distance = np.linalg.norm(self.positions[:, None] - confirmed.reshape(1, -1, 3), axis=2)
         found = np.full(len(self.positions), np.nan)
         for i, k in pairs_of_least(np.where(distance <= NEAR, distance, np.inf)):
             found[i] = distance[i, k]
         return found
 
-    def report(self, confirmed: NDArray[np.float64]) -> dict[str, Any]:
-        """Figures of the confirmed positions (N, 3), m; ``position_error_m``: the median, None if none was found."""
+    def report(self, confirmed: Places) -> dict[str, Any]:
+        """Figures of the confirmed positions; ``position_error_m``: the median, None if none was found."""
         errors = self.matches(confirmed)
         found = np.isfinite(errors)
         return {

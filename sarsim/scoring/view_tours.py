@@ -8,9 +8,9 @@ from itertools import pairwise
 from math import inf
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy import sparse
 
+from pipeline.arrays import Mask, Values
 from pipeline.planning.visiting_order import visiting_order
 from sarsim.scoring.set_cover import cover_bound, greedy_cover
 
@@ -35,12 +35,12 @@ class Leg:
 
     Attributes:
         seconds, metres: of the drive, with the keyframe at its end.
-        seen: (N,) bool, cells that its keyframes show.
+        seen: cells that its keyframes show.
     """
 
     seconds: float
     metres: float
-    seen: NDArray[np.bool_]
+    seen: Mask
 
 
 class ViewTours(ABC):
@@ -58,12 +58,12 @@ class ViewTours(ABC):
 
     @property
     @abstractmethod
-    def at_start(self) -> NDArray[np.bool_]:
-        """(N,) the cells seen at once."""
+    def at_start(self) -> Mask:
+        """The cells seen at once."""
 
     @abstractmethod
-    def seconds(self, here: int, there: Sequence[int] | slice = slice(None)) -> NDArray[np.float64]:
-        """(M,) s from one viewpoint to others, more than 0."""
+    def seconds(self, here: int, there: Sequence[int] | slice = slice(None)) -> Values:
+        """Seconds from one viewpoint to others, more than 0."""
 
     @abstractmethod
     def leg(self, here: int, there: int) -> Leg:

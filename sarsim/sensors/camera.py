@@ -6,6 +6,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import Depth, Labels, Pose, Rgb
 from pipeline.errors import InputError
 from pipeline.frame import Frame, Intrinsics
 from pipeline.labels import Label
@@ -22,23 +23,23 @@ class LabelledImage:
 
     Attributes:
         rgb: (H, W, 3) uint8.
-        depth: (H, W) float32, metres along the optical axis; 0 = no return.
+        depth: metres along the optical axis; 0 = no return.
         label: (H, W) uint8 true label of the surface that each depth comes from; 0 = nothing or unlabelled.
         instance: (H, W) int32 geom id of that surface; -1 = nothing.
         intrinsics: of all four images.
-        T_world_camera: 4×4 pose of ``camera_optical`` in the world.
-        T_base_camera: 4×4 pose of ``camera_optical`` in the body that carries the camera.
+        T_world_camera: pose of ``camera_optical`` in the world.
+        T_base_camera: pose of ``camera_optical`` in the body that carries the camera.
     """
 
-    rgb: NDArray[np.uint8]
-    depth: NDArray[np.float32]
+    rgb: Rgb
+    depth: Depth
     label: NDArray[np.uint8]
     instance: NDArray[np.int32]
     intrinsics: Intrinsics
-    T_world_camera: NDArray[np.float64]
-    T_base_camera: NDArray[np.float64]
+    T_world_camera: Pose
+    T_base_camera: Pose
 
-    def frame(self, time: float, T_odom_base: NDArray[np.float64]) -> Frame:
+    def frame(self, time: float, T_odom_base: Pose) -> Frame:
         """The image and its labels as a frame of the robot's software, at ``time`` s with a 4×4 odometry pose."""
         return Frame(
             time=time,
@@ -89,18 +90,18 @@ class RgbdCamera:
             T_base_camera=self.pose_in_base(data),
         )
 
-    def pose(self, data: mujoco.MjData) -> NDArray[np.float64]:
-        """4×4 pose of ``camera_optical`` in the world."""
+    def pose(self, data: mujoco.MjData) -> Pose:
+        """Pose of ``camera_optical`` in the world."""
         return optical_pose(data, self.camera_id)
 
-    def pose_in_base(self, data: mujoco.MjData) -> NDArray[np.float64]:
-        """4×4 pose of ``camera_optical`` in the robot's root body; in the world if no robot carries it."""
+    def pose_in_base(self, data: mujoco.MjData) -> Pose:
+        """Pose of ``camera_optical`` in the robot's root body; in the world if no robot carries it."""
         T_world_base = from_rotation(data.xmat[self.base_body].reshape(3, 3), data.xpos[self.base_body])
         return inverse(T_world_base) @ self.pose(data)
 
 
-def optical_pose(data: mujoco.MjData, camera_id: int) -> NDArray[np.float64]:
-    """4×4 pose of a camera's ``camera_optical`` in the world."""
+def optical_pose(data: mujoco.MjData, camera_id: int) -> Pose:
+    """Pose of a camera's ``camera_optical`` in the world."""
     return from_rotation(data.cam_xmat[camera_id].reshape(3, 3) @ _MUJOCO_OPTICAL, data.cam_xpos[camera_id])
 
 
@@ -119,8 +120,8 @@ def camera_intrinsics(model: mujoco.MjModel, camera_id: int, width: int, height:
     return Intrinsics(width, height, float(fx), float(fy), float(width / 2 - px), float(height / 2 - py))
 
 
-def geom_labels(model: mujoco.MjModel) -> NDArray[np.uint8]:
-    """(ngeom,) uint8 labels, from the first ``user`` number of each geom; 0 in a model without such numbers.
+def geom_labels(model: mujoco.MjModel) -> Labels:
+    """Labels, from the first ``user`` number of each geom; 0 in a model without such numbers.
 
     Raises:
         InputError: a number that is no label.

@@ -7,6 +7,7 @@ A small sensor exposes for at most one video frame; in less light it raises its 
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import Rgb
 from sarsim.sensors import colour_kernels
 from sarsim.sensors.xtion_kernels import random_bits
 
@@ -16,8 +17,8 @@ MAX_GAIN = 8.0  # Largest amplification of the signal
 TARGET = 0.3  # Mean value, in 0..1, that the gain aims at
 
 
-def expose(radiance: NDArray[np.float32], rng: np.random.Generator) -> NDArray[np.uint8]:
-    """(H, W, 3) uint8 image of (H, W, 3) float32 radiance, where 1 is white in normal light.
+def expose(radiance: NDArray[np.float32], rng: np.random.Generator) -> Rgb:
+    """Image of (H, W, 3) float32 radiance, where 1 is white in normal light.
 
     ``rng`` is drawn from once.
     """

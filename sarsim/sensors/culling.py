@@ -4,14 +4,16 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import Mask, Values
 
-def in_picture(model: mujoco.MjModel, data: mujoco.MjData, planes: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """(ngeom,) bool, the geoms that may be visible between the ``planes`` of :func:`frustum`."""
+
+def in_picture(model: mujoco.MjModel, data: mujoco.MjData, planes: NDArray[np.float64]) -> Mask:
+    """The geoms that may be visible between the ``planes`` (5, 4) of :func:`frustum`."""
     return np.logical_not(_outside(data.geom_xpos, _radius(model), planes).any(axis=1))
 
 
-def in_lit_picture(model: mujoco.MjModel, data: mujoco.MjData, planes: NDArray[np.float64]) -> NDArray[np.bool_]:
-    """(ngeom,) bool, the geoms of which the geom itself or its shadow may be visible."""
+def in_lit_picture(model: mujoco.MjModel, data: mujoco.MjData, planes: NDArray[np.float64]) -> Mask:
+    """The geoms of which the geom itself or its shadow may be visible between ``planes`` (5, 4)."""
     centre, radius = data.geom_xpos, _radius(model)
     outside = _outside(centre, radius, planes)
     needed = np.logical_not(outside.any(axis=1))
@@ -23,8 +25,8 @@ def in_lit_picture(model: mujoco.MjModel, data: mujoco.MjData, planes: NDArray[n
     return needed
 
 
-def floors(model: mujoco.MjModel, data: mujoco.MjData) -> NDArray[np.bool_]:
-    """(ngeom,) bool, the planes that face up and have no geom's centre below: their shadow falls on nothing."""
+def floors(model: mujoco.MjModel, data: mujoco.MjData) -> Mask:
+    """The planes that face up and have no geom's centre below: their shadow falls on nothing."""
     upright = data.geom_xmat[:, 8] > 1 - 1e-9
     height = data.geom_xpos[:, 2]
     return (model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE) & upright & (height <= height.min(initial=np.inf))
@@ -52,8 +54,8 @@ def frustum(camera: mujoco.MjvGLCamera, aspect: float) -> NDArray[np.float64]:
     return np.column_stack([normals, -normals @ np.array(camera.pos, np.float64)])
 
 
-def _radius(model: mujoco.MjModel) -> NDArray[np.float64]:
-    """(ngeom,) radii of the bounding spheres in metres; infinite for a plane, which has none in MuJoCo."""
+def _radius(model: mujoco.MjModel) -> Values:
+    """Radii of the bounding spheres in metres; infinite for a plane, which has none in MuJoCo."""
     return np.where(model.geom_rbound > 0, model.geom_rbound, np.inf)
 
 

@@ -5,6 +5,7 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import Pose, Rotation3
 from pipeline.errors import InputError
 from pipeline.transforms import from_rotation, level
 from sarsim.sensors.inertial import GRAVITY, MTI_300_ACCELEROMETER, MTI_300_GYRO, InertialTriad
@@ -57,8 +58,8 @@ class WheelOdometry:
         self._ticks = np.zeros(2)
 
     @property
-    def T_odom_base(self) -> NDArray[np.float64]:
-        """4×4 pose of ``base_link`` in ``odom``; the identity before the first update."""
+    def T_odom_base(self) -> Pose:
+        """Pose of ``base_link`` in ``odom``; the identity before the first update."""
         return np.eye(4) if self._R is None else from_rotation(self._R, self._position)
 
     def update(
@@ -87,7 +88,7 @@ class WheelOdometry:
         self._ticks = ticks
         return self.T_odom_base
 
-    def _advance(self, R: NDArray[np.float64], distance: float, rotation: NDArray[np.float64]) -> None:
+    def _advance(self, R: Rotation3, distance: float, rotation: NDArray[np.float64]) -> None:
         """Move along the mean direction of the period, by the midpoint rule."""
         half = _rotation(rotation / 2)
         self._position = self._position + R @ half[:, 0] * distance
@@ -99,7 +100,7 @@ class WheelOdometry:
         left, right = (way + SLIP * np.sqrt(np.abs(way)) * self._rng.standard_normal(2)).tolist()
         return (left + right) / 2
 
-    def _levelling(self, R: NDArray[np.float64], accelerometer: NDArray[np.float64]) -> NDArray[np.float64]:
+    def _levelling(self, R: Rotation3, accelerometer: NDArray[np.float64]) -> NDArray[np.float64]:
         """(3,) rad/s that turn the estimated vertical towards the measured one; 0 while the robot is shaken.
 
         The proportional part of a complementary filter (Mahony, Hamel and Pflimlin 2008).
@@ -111,8 +112,8 @@ class WheelOdometry:
         return np.array([y * c - z * b, z * a - x * c, x * b - y * a]) / LEVELLING_TIME
 
 
-def _rotation(rotvec: NDArray[np.float64]) -> NDArray[np.float64]:
-    """3×3 matrix of a rotation vector (3,), rad: scipy's formulas without its checks, nine tenths of the time."""
+def _rotation(rotvec: NDArray[np.float64]) -> Rotation3:
+    """Matrix of a rotation vector (3,), rad: scipy's formulas without its checks, nine tenths of the time."""
     x, y, z = rotvec.tolist()
     angle = math.sqrt(x * x + y * y + z * z)
     scale = math.sin(angle / 2) / angle if angle > 1e-3 else 0.5 - angle**2 / 48 + angle**4 / 3840

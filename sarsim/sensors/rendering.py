@@ -10,6 +10,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import Rgb
 from pipeline.errors import InputError
 from sarsim.sensors import culling
 
@@ -50,8 +51,8 @@ class Renderer(ExitStack):
         for last_first in (self._gl.free, self._ids.free, self._colours.free, self._gl.make_current):
             self.callback(last_first)
 
-    def colour(self, data: mujoco.MjData, camera: int | str | mujoco.MjvCamera) -> NDArray[np.uint8]:
-        """(H, W, 3) uint8 RGB."""
+    def colour(self, data: mujoco.MjData, camera: int | str | mujoco.MjvCamera) -> Rgb:
+        """The image of a camera."""
         self._update(data, camera, ids=False)
         pixels = np.empty((self.height, self.width, 3), np.uint8)
         self._draw(self._colours, pixels, None)

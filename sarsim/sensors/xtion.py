@@ -6,6 +6,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import Depth, PixelMask
 from pipeline.frame import Intrinsics
 from pipeline.sensor import XTION
 from sarsim.sensors import xtion_kernels as kernels
@@ -61,12 +62,12 @@ class Xtion:
         return replace(image, depth=depth, label=label, instance=instance)
 
     def measure(
-        self, depth: NDArray[np.float32], intrinsics: Intrinsics, rng: np.random.Generator
+        self, depth: Depth, intrinsics: Intrinsics, rng: np.random.Generator
     ) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
         """Measured depth, and for each value the pixel at which it was measured.
 
         Args:
-            depth: (H, W) float32 true depth in metres; 0 = no surface.
+            depth: true depth in metres; 0 = no surface.
             intrinsics: of ``depth``.
             rng: drawn from once per call, whichever errors are switched on.
 
@@ -96,8 +97,8 @@ class Xtion:
 
     def _returns(
         self, disparity: NDArray[np.float32], cosine: NDArray[np.float32], bits: NDArray[np.uint64]
-    ) -> NDArray[np.bool_]:
-        """(H, W) bool, the pixels whose surface returns the projector's light."""
+    ) -> PixelMask:
+        """The pixels whose surface returns the projector's light."""
         returns = disparity > 0
         if self.grazing:
             returns &= cosine > np.cos(np.radians(MAX_INCIDENCE))

@@ -5,6 +5,7 @@ import numpy as np
 import open3d as o3d
 from numpy.typing import NDArray
 
+from pipeline.arrays import Pose
 from sarsim.ground_truth.meshes import true_scene
 from sarsim.sensors.camera import camera_intrinsics
 
@@ -19,7 +20,7 @@ class DepthRays:
         u, v = np.meshgrid(np.arange(k.width) + 0.5, np.arange(k.height) + 0.5)
         self._optical = np.stack([(u - k.cx) / k.fx, (v - k.cy) / k.fy, np.ones_like(u)], axis=-1)
 
-    def depth(self, T_world_camera: NDArray[np.float64]) -> NDArray[np.float32]:
+    def depth(self, T_world_camera: Pose) -> NDArray[np.float32]:
         """(height, width) float32 m along the optical axis, 0 where no surface is met."""
         along = self._optical @ T_world_camera[:3, :3].T
         rays = np.concatenate([np.broadcast_to(T_world_camera[:3, 3], along.shape), along], axis=-1)

@@ -8,6 +8,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import Rgb
 from pipeline.errors import InputError
 from pipeline.labels import Label
 from pipeline.transforms import wrap_angle
@@ -107,8 +108,8 @@ class Explore2D(ExplorationTask):
         is_cut = not is_over and max(self.world.moves, self._steps) >= self._rules.most_moves
         return self._observation(), float(reward), is_over, is_cut, self._info()
 
-    def render(self) -> NDArray[np.uint8] | None:
-        """(H, W, 3) what is known of the map, and the robot in red."""
+    def render(self) -> Rgb | None:
+        """What is known of the map, and the robot in red."""
         if self.render_mode is None:
             return None
         image: NDArray[np.uint8] = BELIEF_COLOURS[self.world.belief]

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
+from pipeline.arrays import Cells, Values
 from pipeline.planning.visiting_order import visiting_order
 from sarsim.assets import asset
 from sarsim.tasks import grid_kernels as kernels
@@ -31,10 +32,10 @@ class Sights(NamedTuple):
         before: of every node of the lattice, the node before it on the shortest way.
     """
 
-    frontiers: NDArray[np.int64]
+    frontiers: Cells
     nodes: NDArray[np.int64]
     visible: NDArray[np.bool_]
-    ways: NDArray[np.float64]
+    ways: Values
     before: NDArray[np.int64]
 
     @classmethod
@@ -182,7 +183,7 @@ def first_of_tour(world: GridWorld, places: list[int]) -> int:
 
 
 def viewpoint_rows(world: GridWorld, sights: Sights) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-    """The nearest nodes that see a frontier: their rows in ``sights``, and what is told of them.
+    """The nearest nodes that see a frontier: their rows in ``sights``, and what describes them.
 
     Returns:
         (N,) rows, and (N, 4) x, y and length of the way in ranges of the sensor, and the share of the frontiers that

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
 
+from pipeline.arrays import Mask, Values
 from pipeline.errors import InputError
 from sarsim.scoring.set_cover import cells_shown, cover_bound
 from sarsim.scoring.view_tours import Leg, ViewTours
@@ -58,12 +59,12 @@ class GridOracle(ViewTours):
         return sparse.csr_array((np.ones(ends[-1], np.bool_), np.concatenate(seen), ends), shape=shape)
 
     @cached_property
-    def at_start(self) -> NDArray[np.bool_]:
-        """(N,) the cells seen at once."""
+    def at_start(self) -> Mask:
+        """The cells seen at once."""
         return self._seen([0])
 
-    def seconds(self, here: int, there: Sequence[int] | slice = slice(None)) -> NDArray[np.float64]:
-        """(M,) s from one viewpoint to others along the shortest ways, at least that for one cell."""
+    def seconds(self, here: int, there: Sequence[int] | slice = slice(None)) -> Values:
+        """Seconds from one viewpoint to others along the shortest ways, at least that for one cell."""
         ways = self._tree(int(self.nodes[here]))[0][self.nodes[there]]
         return np.maximum(ways, 1) * self.world.scene.cell / SPEED
 

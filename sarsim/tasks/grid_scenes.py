@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from PIL import Image
 
+from pipeline.arrays import PixelMask
 from pipeline.errors import InputError
 from sarsim.arenas.map_2d import read_map
 
@@ -29,12 +30,12 @@ class GridScene:
     """A 2D map and where the robot starts.
 
     Attributes:
-        free: (H, W) bool; all other cells are walls. Columns are x, rows y.
+        free: all other cells are walls. Columns are x, rows y.
         start: row and column of the robot's cell.
         cell: m, side of a cell.
     """
 
-    free: NDArray[np.bool_]
+    free: PixelMask
     start: tuple[int, int]
     cell: float
 

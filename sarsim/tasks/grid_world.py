@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import Cells, PixelMask
 from pipeline.transforms import wrap_angle
 from sarsim.tasks import grid_kernels as kernels
 from sarsim.tasks.grid_scenes import GridScene
@@ -118,8 +119,8 @@ class GridWorld:
         nodes: NDArray[np.int64] = self._neighbours[node][self._open[node]]
         return nodes
 
-    def frontiers(self) -> NDArray[np.int64]:
-        """(M, 2) cells, the middles of the free squares that border on unknown ones."""
+    def frontiers(self) -> Cells:
+        """Cells, the middles of the free squares that border on unknown ones."""
         return np.argwhere(kernels.frontier_mask(self.thinned)) * self.rules.thinning + self.rules.thinning // 2
 
     def visible(self, nodes: NDArray[np.int64], frontiers: NDArray[np.int64]) -> NDArray[np.bool_]:
@@ -144,8 +145,8 @@ class GridWorld:
         self.known_free = self._free
         self._take_over(np.zeros(2, np.int64), self.belief.size)
 
-    def view(self, node: int, any_heading: bool = False) -> NDArray[np.bool_]:
-        """(H, W) the cells that a sensor of 360° shows at a node; by the rays of heading 0, or of all along edges."""
+    def view(self, node: int, any_heading: bool = False) -> PixelMask:
+        """The cells that a sensor of 360° shows at a node; by the rays of heading 0, or of all along edges."""
         belief, (row, col), rules = np.zeros_like(self.belief), self.nodes[node].tolist(), self.rules
         span = np.arange(-REACHES, REACHES + 1)
         headings = np.unique(np.arctan2(span[:, None], span)) if any_heading else np.zeros(1)

@@ -36,7 +36,7 @@ class OfViewpoints(gymnasium.ObservationWrapper[Any, Any, Any]):
 
 
 class ActorAndCritic(nn.Module):
-    """The network that chooses, and another whose features tell what is still to come."""
+    """The network that chooses, and another whose features show what is still to come."""
 
     latent_dim_pi, latent_dim_vf = VIEWPOINTS, 2 * WIDTH
 

@@ -52,7 +52,7 @@ class DriveWeights:
 
 @dataclass(frozen=True)
 class ExplorerTrainingConfig:
-    """How to train an explorer of 2D maps by PPO; what is not told is as Stable-Baselines3 has it.
+    """How to train an explorer of 2D maps by PPO; what is not given is as Stable-Baselines3 has it.
 
     Attributes:
         steps: of all worlds together.

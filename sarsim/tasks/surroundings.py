@@ -4,6 +4,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import Pose, Rgb
 from pipeline.labels import COLOURS, Label
 from pipeline.mapper import Mapper
 from pipeline.semantic_map.semantic_map import SemanticMap
@@ -13,7 +14,7 @@ LOCAL_CELL = 0.2
 """m, side of a cell of the local maps, as of ``Explore2D-v0`` by the rules of the camera."""
 
 
-def local_maps(mapper: Mapper, T_map_base: NDArray[np.float64]) -> Maps:
+def local_maps(mapper: Mapper, T_map_base: Pose) -> Maps:
     """``elevation``, ``label`` and ``seen`` (64, 64) around a robot, rows along y, columns along x.
 
     ``elevation``: m from the ground under the robot to the highest ground known in the cell, 0 where it is unknown;
@@ -22,7 +23,7 @@ def local_maps(mapper: Mapper, T_map_base: NDArray[np.float64]) -> Maps:
 
     Args:
         mapper: with the maps.
-        T_map_base: 4×4 pose of the robot.
+        T_map_base: pose of the robot.
     """
     grid, layers = mapper.elevation_map.grid, mapper.elevation_map
     per_cell = round(LOCAL_CELL / grid.cell)
@@ -48,7 +49,7 @@ def _classes(known: SemanticMap, middle: NDArray[np.float64]) -> NDArray[np.uint
     return counts.reshape(LOCAL_SIDE, LOCAL_SIDE, len(Label)).argmax(axis=2).astype(np.uint8)
 
 
-def picture(rgb: NDArray[np.uint8], maps: Maps) -> NDArray[np.uint8]:
+def picture(rgb: Rgb, maps: Maps) -> NDArray[np.uint8]:
     """(H, W + H, 3) the camera's image (H, W, 3), and the classes around the robot, y up, the robot in red."""
     colours = np.where(maps["seen"][..., None] > 0, COLOURS[maps["label"]], 0).astype(np.uint8)
     colours[LOCAL_SIDE // 2 - 1 : LOCAL_SIDE // 2 + 1, LOCAL_SIDE // 2 - 1 : LOCAL_SIDE // 2 + 1] = ROBOT_COLOUR

@@ -6,6 +6,7 @@ from xml.etree.ElementTree import Element
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import Places
 from pipeline.labels import Label
 from sarsim.victims.mjcf import about_z, geom, quaternion
 
@@ -30,13 +31,13 @@ class PersonCover:
     """
 
     geoms: list[Element]
-    points: NDArray[np.float64]
+    points: Places
 
 
-def rubble(name: str, person: NDArray[np.float64], rng: np.random.Generator) -> PersonCover:
+def rubble(name: str, person: Places, rng: np.random.Generator) -> PersonCover:
     """Boards that lean on the half of a person that is farther from the head, and blocks beside this half.
 
-    ``person``: (N, 3) m, points on the person, whose head is towards +x; ``name``: prefix of the geoms' names.
+    ``person``: points on the person, whose head is towards +x; ``name``: prefix of the geoms' names.
     """
     cover = joined([])
     low, high = person.min(axis=0), person.max(axis=0)

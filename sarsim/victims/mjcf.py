@@ -7,6 +7,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import Rotation3
 from pipeline.labels import Label
 
 
@@ -23,8 +24,8 @@ def geom(name: str, label: Label, **attributes: str | int | Iterable[float] | ND
     return Element("geom", {"name": name, "user": str(int(label)), **words})
 
 
-def about_z(yaw: float) -> NDArray[np.float64]:
-    """(3, 3) rotation to the left by ``yaw`` rad."""
+def about_z(yaw: float) -> Rotation3:
+    """Rotation to the left by ``yaw`` rad."""
     return np.array([[np.cos(yaw), -np.sin(yaw), 0], [np.sin(yaw), np.cos(yaw), 0], [0, 0, 1]])
 
 

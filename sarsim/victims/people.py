@@ -13,6 +13,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial.transform import Rotation
 
+from pipeline.arrays import Indices, Place, Places, Rotation3
 from sarsim.assets import asset
 from sarsim.victims.mjcf import about_z
 
@@ -32,11 +33,11 @@ class Shape:
         faces: (M, 3) indices of vertices, counter-clockwise from outside.
     """
 
-    vertices: NDArray[np.float64]
+    vertices: Places
     faces: NDArray[np.int64]
 
-    def moved(self, R: NDArray[np.float64], shift: NDArray[np.float64]) -> "Shape":
-        """The shape turned by a (3, 3) rotation, then shifted."""
+    def moved(self, R: Rotation3, shift: Place) -> "Shape":
+        """The shape turned by a rotation, then shifted."""
         return Shape(self.vertices @ R.T + shift, self.faces)
 
 
@@ -46,33 +47,33 @@ class Figure:
 
     Attributes:
         body: the whole surface without the hair.
-        rest: (N, 3) m, the body's vertices at rest, with the arms stretched out: x to the left, y up.
-        face_parts: (M,) index of the part of each face of the body.
+        rest: the body's vertices at rest, with the arms stretched out: x to the left, y up.
+        face_parts: index of the part of each face of the body.
         parts: names of the parts.
         hair: surfaces by style.
-        turn: (3, 3) rotation of the head from rest to the posture.
-        offset: (3,) m, translation of the head from rest to the posture.
+        turn: rotation of the head from rest to the posture.
+        offset: translation of the head from rest to the posture.
         head_scale: size of the head relative to an adult's.
-        scale: stature over ``HEIGHT``.
+        scale: stature over ``STATURE``.
     """
 
     body: Shape
-    rest: NDArray[np.float64]
-    face_parts: NDArray[np.int64]
+    rest: Places
+    face_parts: Indices
     parts: tuple[str, ...]
     hair: dict[str, Shape]
-    turn: NDArray[np.float64]
-    offset: NDArray[np.float64]
+    turn: Rotation3
+    offset: Place
     head_scale: float
     scale: float
 
-    def on_head(self, points: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(N, 3) m, points on an adult's head at rest moved to this head in the posture."""
+    def on_head(self, points: Places) -> Places:
+        """Points on an adult's head at rest moved to this head in the posture."""
         grown = points + (self.head_scale - 1) * (points - NECK)
         return self.scale * grown @ self.turn.T + self.offset
 
-    def places(self, hair_style: str) -> NDArray[np.float64]:
-        """(N, 3) m, vertices of the body and of the hair, if there is any."""
+    def places(self, hair_style: str) -> Places:
+        """Vertices of the body and of the hair, if there is any."""
         shown = self.body.vertices[np.unique(self.body.faces)]
         return np.concatenate([shown, self.hair[hair_style].vertices]) if hair_style in self.hair else shown
 
@@ -89,7 +90,7 @@ class Figure:
             vertices, rest = (np.vstack([v, v[corners[:, 0]].mean(axis=0)]) for v in (vertices, rest))
         return replace(self, body=Shape(vertices, body), rest=rest, face_parts=face_parts, parts=parts)
 
-    def moved(self, yaw: float, shift: NDArray[np.float64]) -> "Figure":
+    def moved(self, yaw: float, shift: Place) -> "Figure":
         """The person turned left about the origin, then shifted."""
         R = about_z(yaw)
         return replace(
@@ -113,7 +114,7 @@ class People:
     Attributes:
         postures: (P,) posture of each pose.
         builds: (P,) build of each pose: man, woman, stout or child.
-        block: (3,) half sizes of the block that seated people sit on, m for people of stature ``HEIGHT``.
+        block: (3,) half sizes of the block that seated people sit on, m for people of stature ``STATURE``.
     """
 
     def __init__(self, arrays: dict[str, NDArray]):

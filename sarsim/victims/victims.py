@@ -21,6 +21,7 @@ import mujoco
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import Box, Indices, Place, Pose
 from pipeline.errors import InputError
 from pipeline.labels import Label
 from pipeline.transforms import from_rotation
@@ -63,7 +64,7 @@ class VictimModel:
         figure: the person.
         outfit: the look of the person.
         cover: what it is in, under or on.
-        box: (2, 3) lowest and highest corner of the person in its own frame, m.
+        box: lowest and highest corner of the person in its own frame, m.
         footprint: (2, 2) lowest and highest x, y of the person and what covers it, m.
         height: of the person and what covers it, m.
     """
@@ -75,7 +76,7 @@ class VictimModel:
     figure: Figure
     outfit: Outfit
     cover: PersonCover
-    box: NDArray[np.float64]
+    box: Box
     footprint: NDArray[np.float64]
     height: float
 
@@ -100,19 +101,19 @@ class TrueVictim:
 
     Attributes:
         id: in the arena.
-        T_world_victim: 4×4 pose of its own frame.
-        box: (2, 3) lowest and highest corner in its own frame, m.
+        T_world_victim: pose of its own frame.
+        box: lowest and highest corner in its own frame, m.
         geoms: ids of its geoms, which are the instances in a camera's image.
     """
 
     id: str
-    T_world_victim: NDArray[np.float64]
-    box: NDArray[np.float64]
-    geoms: NDArray[np.int64]
+    T_world_victim: Pose
+    box: Box
+    geoms: Indices
 
     @property
-    def centre(self) -> NDArray[np.float64]:
-        """(3,) middle of the box in the world, m."""
+    def centre(self) -> Place:
+        """Middle of the box in the world, m."""
         return self.T_world_victim[:3, :3] @ self.box.mean(axis=0) + self.T_world_victim[:3, 3]
 
 
@@ -169,8 +170,8 @@ def victims_of(model: mujoco.MjModel, data: mujoco.MjData) -> list[TrueVictim]:
     return victims
 
 
-def box_of_geoms(model: mujoco.MjModel, geoms: NDArray[np.int64]) -> NDArray[np.float64]:
-    """(2, 3) lowest and highest corner of geoms of one body in the body's frame, m."""
+def box_of_geoms(model: mujoco.MjModel, geoms: Indices) -> Box:
+    """Lowest and highest corner of geoms of one body in the body's frame, m."""
     return _extremes(np.concatenate([_extent(model, int(geom)) for geom in geoms]))
 
 
@@ -210,13 +211,13 @@ def _cover(
     return joined(covers)
 
 
-def _extremes(places: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(2, 3) lowest and highest corner of points (N, 3)."""
+def _extremes(places: NDArray[np.float64]) -> Box:
+    """Lowest and highest corner of points (N, 3)."""
     return np.stack([places.min(axis=0), places.max(axis=0)])
 
 
-def _extent(model: mujoco.MjModel, geom: int) -> NDArray[np.float64]:
-    """(2, 3) lowest and highest corner of a geom in its body's frame, m."""
+def _extent(model: mujoco.MjModel, geom: int) -> Box:
+    """Lowest and highest corner of a geom in its body's frame, m."""
     R, position = rotation(model.geom_quat[geom]), model.geom_pos[geom]
     if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_MESH:
         return _extremes(mesh_vertices(model, geom) @ R.T + position)

@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from rich.table import Table
 
+from pipeline.arrays import Depth, Rgb
 from pipeline.errors import InputError
 from sarsim.sensors.rendering import COLOUR_QUALITY, Renderer
 from scripts.benchmarks.settings import SubjectSettings
@@ -70,13 +71,13 @@ class ThreePasses(Renderer):
         self._renderer = mujoco.Renderer(model, height, width)
         self.callback(self._renderer.close)
 
-    def colour(self, data: mujoco.MjData, camera: CameraName) -> NDArray[np.uint8]:
-        """(H, W, 3) uint8 RGB."""
+    def colour(self, data: mujoco.MjData, camera: CameraName) -> Rgb:
+        """The image of a camera."""
         self._renderer.disable_segmentation_rendering()
         return self._picture(data, camera)
 
-    def depth(self, data: mujoco.MjData, camera: CameraName) -> NDArray[np.float32]:
-        """(H, W) float32 m."""
+    def depth(self, data: mujoco.MjData, camera: CameraName) -> Depth:
+        """The depth image of a camera."""
         self._renderer.enable_depth_rendering()
         return self._picture(data, camera)
 

@@ -11,6 +11,7 @@ import numpy as np
 import pyoctomap
 from numpy.typing import NDArray
 
+from pipeline.arrays import Poses
 from pipeline.exploration.baselines import RandomWalk
 from pipeline.explorer import Explorer
 from pipeline.keyframes import Keyframes, Seen
@@ -90,7 +91,7 @@ class Octree(Sink):
         self.seconds += seconds(self._octree.insertPointCloud, *about)
 
 
-def _corrected(poses: NDArray[np.float64], rounds: int, rng: np.random.Generator) -> Iterator[NDArray[np.float64]]:
+def _corrected(poses: NDArray[np.float64], rounds: int, rng: np.random.Generator) -> Iterator[Poses]:
     """(K, 4, 4) poses after each of the corrections of (K, 4, 4) poses."""
     for _ in range(rounds):
         first = rng.integers(len(poses))
@@ -102,10 +103,10 @@ def _corrected(poses: NDArray[np.float64], rounds: int, rng: np.random.Generator
 
 def from_scratch(mapper: Mapper) -> Mapper:
     """Another mapper that makes every map anew of what the keyframes of the first have shown."""
-    other, known = make_mapper(TRUE_LABELS, mapper.elevation_map.robot), mapper.keyframes
-    for seen, T in zip(known.seen, known.poses, strict=True):
+    other, keyframes = make_mapper(TRUE_LABELS, mapper.elevation_map.robot), mapper.keyframes
+    for seen, T in zip(keyframes.seen, keyframes.poses, strict=True):
         other.keyframes.add(seen, T)
-    for k, evidence in known.ground:
+    for k, evidence in keyframes.ground:
         other.keyframes.add_ground(k, evidence)
     other.segments.members, other.victims.all = mapper.segments.members, mapper.victims.all
     other.restore()

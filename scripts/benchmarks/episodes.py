@@ -20,6 +20,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import Rgb
 from pipeline.errors import InputError
 from pipeline.files import whole_file
 from pipeline.navigation.commands import Outcome
@@ -66,8 +67,8 @@ class Job:
     @property
     def settings(self) -> dict[str, Any]:
         """Everything on which its result depends, as JSON values."""
-        told = {"group": self.group, "strategy": self.strategy, "config": asdict(self.config)}
-        return json.loads(json.dumps(told | {"version": version("sarsim")}, default=str))
+        settings = {"group": self.group, "strategy": self.strategy, "config": asdict(self.config)}
+        return json.loads(json.dumps(settings | {"version": version("sarsim")}, default=str))
 
     def result(self, folder: Path) -> dict[str, Any] | None:
         """The result of an earlier run, None if there is none; InputError if it has other settings or is broken."""
@@ -171,8 +172,8 @@ class BenchmarkEpisode(Episode):
         """Like the step of every episode, except that a random walk ends when 90 % of the arena was seen."""
         return super().step() and not (self._is_random and self.score.coverage.fraction >= MOST["t90_s"])
 
-    def picture(self) -> NDArray[np.uint8]:
-        """(H, W, 3) uint8 RGB, the run from above."""
+    def picture(self) -> Rgb:
+        """The run from above."""
         track = np.array([pose.T_world_base[:2, 3] for pose in self.robot.trajectory])
         failed = [leg.target for leg in self.explorer.pilot.navigator.legs if leg.outcome is not Outcome.REACHED]
         end = self.score.progress.time_s[-1]

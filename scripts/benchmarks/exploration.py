@@ -65,14 +65,14 @@ def figures_of(runs: Runs) -> dict[str, float]:
     """Every figure of every group; those of baselines begin with the baseline's name."""
     figures: dict[str, float] = {}
     for (group, strategy), results in runs.items():
-        told = reports(results)
+        scored = reports(results)
         prefix = group if strategy == "ours" else f"{strategy}.{group}"
         if strategy != "ours":
-            told = [{stage: report[stage] for stage in BASELINE_STAGES} for report in told]
-        figures[f"{prefix}.runs"] = len(told)
+            scored = [{stage: report[stage] for stage in BASELINE_STAGES} for report in scored]
+        figures[f"{prefix}.runs"] = len(scored)
         figures[f"{prefix}.failed"] = sum(result is None for result in results)
-        figures[f"{prefix}.seen90_runs"] = sum("t90_s" in report["exploration"] for report in told)
-        figures |= {f"{prefix}.{key}": value for key, value in group_figures(told).items()}
+        figures[f"{prefix}.seen90_runs"] = sum("t90_s" in report["exploration"] for report in scored)
+        figures |= {f"{prefix}.{key}": value for key, value in group_figures(scored).items()}
     ratios = {group: _ratios(runs, group) for group in GROUPS}
     for group, values in ratios.items():
         if values:
@@ -95,34 +95,34 @@ def _ratios(runs: Runs, group: str) -> list[float]:
 
 def _details(jobs: Sequence[Job], results: Results) -> dict[str, Any]:
     """The results that are no numbers: arenas left out, failed runs, and the worst runs of each group."""
-    told = list(zip(jobs, results, strict=True))
+    pairs = list(zip(jobs, results, strict=True))
     return {
-        "left_out": {job.config.arena: r["left_out"] for job, r in told if r and "left_out" in r},
-        "failed": [job.name for job, result in told if result is None],
+        "left_out": {job.config.arena: r["left_out"] for job, r in pairs if r and "left_out" in r},
+        "failed": [job.name for job, result in pairs if result is None],
         "worst": {
             group: worst
             for group in GROUPS
-            if (worst := _worst([(j, r) for j, r in told if (j.group, j.strategy) == (group, "ours")]))
+            if (worst := _worst([(j, r) for j, r in pairs if (j.group, j.strategy) == (group, "ours")]))
         },
     }
 
 
-def _worst(told: Sequence[tuple[Job, dict[str, Any] | None]]) -> list[str]:
+def _worst(pairs: Sequence[tuple[Job, dict[str, Any] | None]]) -> list[str]:
     """The names of the worst runs: first by how often the robot tipped, then by explored fraction and collisions."""
 
     def goodness(report: Mapping[str, Any]) -> tuple[float, ...]:
         navigation = report["navigation"]
         return -navigation["tipped"], report["exploration"]["explored_fraction"], -navigation["collisions"]
 
-    named = {job.name: goodness(r["report"]) for job, r in told if r and "report" in r}
+    named = {job.name: goodness(r["report"]) for job, r in pairs if r and "report" in r}
     return sorted(named, key=lambda name: named[name])[:PICTURES]
 
 
 def _caption(figures: Mapping[str, float], details: Mapping[str, Any]) -> str:
     """The text below the table: left out arenas, failed runs, and the median ratio of times."""
-    told = [f"{arena} left out: {reason}" for arena, reason in details["left_out"].items()]
-    told += [f"{name} failed, see its log" for name in details["failed"]]
+    lines = [f"{arena} left out: {reason}" for arena, reason in details["left_out"].items()]
+    lines += [f"{name} failed, see its log" for name in details["failed"]]
     if RATIO in figures:
         count = figures[f"{RATIO}.pairs"]
-        told.append(f"time to see 90 % over the nearest frontier's: {figures[RATIO]:.2f}, median of {count:.0f}")
-    return "\n".join(told)
+        lines.append(f"time to see 90 % over the nearest frontier's: {figures[RATIO]:.2f}, median of {count:.0f}")
+    return "\n".join(lines)

@@ -37,15 +37,15 @@ def figures_of(results: Sequence[dict[str, Any]]) -> dict[str, float]:
     figures = {"runs": float(len(results))}
     for kind in (VICTIM, *FIND_KINDS):
         reports = [r["report"]["victims"] if kind == VICTIM else r["report"]["finds"].get(kind) for r in results]
-        told = [report for report in reports if report]
-        visible, found = (sum(report[key] for report in told) for key in ("visible", "found"))
-        if told:
+        present = [report for report in reports if report]
+        visible, found = (sum(report[key] for report in present) for key in ("visible", "found"))
+        if present:
             figures[f"{kind}.visible"] = float(visible)
-            figures[f"{kind}.false_alarms"] = sum(report["false_alarms"] for report in told) / len(told)
+            figures[f"{kind}.false_alarms"] = sum(report["false_alarms"] for report in present) / len(present)
         if visible:
-            figures[f"{kind}.found"] = sum(report["visible_found"] for report in told) / visible
+            figures[f"{kind}.found"] = sum(report["visible_found"] for report in present) / visible
         if found and kind != VICTIM:
-            figures[f"{kind}.read"] = sum(report["read"] for report in told) / found
+            figures[f"{kind}.read"] = sum(report["read"] for report in present) / found
         errors = [r["position_errors"] if kind == VICTIM else r["find_errors"].get(kind, []) for r in results]
         if every := [error for some in errors for error in some]:
             figures[f"{kind}.position_error_m.median"] = float(np.median(every))

@@ -113,7 +113,7 @@ def _photos(folder: Path) -> list[Path]:
 
 
 def _truth(folder: Path) -> dict[str, Any]:
-    """What is on the boards and who is on the photos; InputError if that is not told."""
+    """What is on the boards and who is on the photos; InputError if that is missing."""
     file = folder / "truth.json"
     try:
         truth = json.loads(read_text(file))

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import Labels, Pose
 from pipeline.frame import Frame
 from sarsim.dataset.recipe import Recipe, SceneRecipe
 from sarsim.dataset.render import World, arena_of
@@ -21,11 +22,11 @@ class PosedFrame:
 
     Attributes:
         frame: with the Xtion's noise and the true labels.
-        T_map_camera: 4×4 true pose of ``camera_optical``.
+        T_map_camera: true pose of ``camera_optical``.
     """
 
     frame: Frame
-    T_map_camera: NDArray[np.float64]
+    T_map_camera: Pose
 
     @property
     def points(self) -> NDArray[np.float32]:
@@ -33,8 +34,8 @@ class PosedFrame:
         return self.frame.points(self.T_map_camera)
 
     @property
-    def labels(self) -> NDArray[np.uint8]:
-        """(N,) uint8 true labels of the returns."""
+    def labels(self) -> Labels:
+        """True labels of the returns."""
         assert self.frame.label is not None
         return self.frame.label[self.frame.returns]
 

@@ -86,28 +86,28 @@ def figures_of(replayed: Mapping[Job, Mapping[str, Any] | None]) -> dict[str, fl
     """Every figure of every group, the ratios to the peers, and the figures over all drives."""
     figures: dict[str, float] = {}
     for group in GROUPS:
-        told = reports([result for job, result in replayed.items() if job.group == group])
-        if not told:
+        scored = reports([result for job, result in replayed.items() if job.group == group])
+        if not scored:
             continue
-        figures[f"{group}.runs"] = len(told)
-        figures |= {f"{group}.{key}": value for key, value in group_figures(told).items()}
+        figures[f"{group}.runs"] = len(scored)
+        figures |= {f"{group}.{key}": value for key, value in group_figures(scored).items()}
         for peer in PEERS:
             if (ate := figures.get(f"{group}.{peer}.ate_m.median")) is not None:
                 figures[f"{group}.{peer}_vs_ours"] = ate / figures[f"{group}.ours.ate_m.median"]
     return figures | _overall(reports(list(replayed.values())))
 
 
-def _overall(told: Sequence[Mapping[str, Any]]) -> dict[str, float]:
+def _overall(scored: Sequence[Mapping[str, Any]]) -> dict[str, float]:
     """Times, loops and NEES over all drives."""
     figures: dict[str, float] = {}
     for key in ("keyframe_ms", "correction_ms", "nees", "within_3_sigma"):
-        if values := [report["ours"][key] for report in told if key in report["ours"]]:
+        if values := [report["ours"][key] for report in scored if key in report["ours"]]:
             figures[f"ours.{key}" if key.endswith("ms") else key] = float(np.median(values))
     for key in ("loops", "false_loops"):
-        if values := [report["ours"][key] for report in told if key in report["ours"]]:
+        if values := [report["ours"][key] for report in scored if key in report["ours"]]:
             figures[key] = float(sum(values))
     for peer in REGISTERING:
-        both = [r for r in told if peer in r and "keyframe_ms" in r["ours"]]
+        both = [r for r in scored if peer in r and "keyframe_ms" in r["ours"]]
         if both:
             ratios = [r[peer]["frame_ms"] / r["ours"]["keyframe_ms"] for r in both]
             figures[f"{peer}_vs_ours_time"] = float(np.median(ratios))
@@ -157,9 +157,9 @@ def drive_line(name: str, ours: Mapping[str, float]) -> str:
 def _table(figures: Mapping[str, float], details: Mapping[str, Any]) -> Table:
     """A table with a section for each method; below it the figures over all drives."""
     table = rich_table("localisation", figures, sections_of(figures))
-    told = [f"{name} {value:.4g}" for name, value in figures.items() if name.split(".")[0] not in groups_in(figures)]
-    told += [drive_line(name, report["ours"]) for name, report in details["drives"].items()]
-    told += [f"{arena} left out: {reason}" for arena, reason in details["left_out"].items()]
-    told += [f"{name} failed, see its log" for name in details["failed"]]
-    table.caption = "\n".join(told)
+    lines = [f"{name} {value:.4g}" for name, value in figures.items() if name.split(".")[0] not in groups_in(figures)]
+    lines += [drive_line(name, report["ours"]) for name, report in details["drives"].items()]
+    lines += [f"{arena} left out: {reason}" for arena, reason in details["left_out"].items()]
+    lines += [f"{name} failed, see its log" for name in details["failed"]]
+    table.caption = "\n".join(lines)
     return table

@@ -13,9 +13,9 @@ from typing import Any
 import cv2
 import h5py
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from pipeline.arrays import Pose
 from pipeline.errors import InputError
 from pipeline.explorer import Explorer
 from pipeline.files import whole_file
@@ -51,9 +51,11 @@ class DriveJob(Job):
     @property
     def settings(self) -> dict[str, Any]:
         """Everything on which the drive depends, which no network influences."""
-        told = super().settings
-        config = {name: value for name, value in told["config"].items() if name not in ("weights", "detector", "out")}
-        return told | {"config": config, "frames": self.frames}
+        content = super().settings
+        config = {
+            name: value for name, value in content["config"].items() if name not in ("weights", "detector", "out")
+        }
+        return content | {"config": config, "frames": self.frames}
 
 
 class DriveWriter(ExitStack):
@@ -73,7 +75,7 @@ class DriveWriter(ExitStack):
     def __len__(self) -> int:
         return len(self._rows["time"])
 
-    def write(self, frame: Frame, T_world_base: NDArray[np.float64]) -> None:
+    def write(self, frame: Frame, T_world_base: Pose) -> None:
         """Add the next frame with its true pose."""
         self._new.check()
         if not len(self):

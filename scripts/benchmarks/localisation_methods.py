@@ -11,6 +11,7 @@ from kiss_icp.config.config import AdaptiveThresholdConfig, DataConfig, MappingC
 from kiss_icp.kiss_icp import KissICP
 from numpy.typing import NDArray
 
+from pipeline.arrays import Pose, Poses
 from pipeline.frame import Frame, Intrinsics
 from pipeline.localisation.slam import Slam
 from pipeline.sensor import XTION
@@ -42,11 +43,11 @@ class Method(ABC):
     """Follows a drive frame by frame."""
 
     @abstractmethod
-    def localise(self, frame: Frame) -> NDArray[np.float64]:
-        """4×4 pose of ``base_link`` in ``map`` at the next frame."""
+    def localise(self, frame: Frame) -> Pose:
+        """Pose of ``base_link`` in ``map`` at the next frame."""
 
-    def corrected(self, online: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(N, 4, 4) final estimates of the poses, of which ``online`` are the estimates on the way."""
+    def corrected(self, online: NDArray[np.float64]) -> Poses:
+        """Final estimates of the poses, of which ``online`` are the estimates on the way."""
         return online
 
     def report(self, true: NDArray[np.float64], online: NDArray[np.float64]) -> dict[str, float]:
@@ -57,7 +58,7 @@ class Method(ABC):
 class Ours(Method):
     """The robot's own localisation, with keyframes as the explorer takes them."""
 
-    def __init__(self, T_map_start: NDArray[np.float64], loops: bool = True):
+    def __init__(self, T_map_start: Pose, loops: bool = True):
         self._slam = Slam(loops)
         self._mapper = make_mapper(TRUE_LABELS, robot_model(), localisation=self._slam)
         self._keyframes: list[int] = []
@@ -111,7 +112,7 @@ class Ours(Method):
 class Odometry(Method):
     """Wheels and gyro alone."""
 
-    def __init__(self, T_map_start: NDArray[np.float64]):
+    def __init__(self, T_map_start: Pose):
         pass
 
     def localise(self, frame: Frame) -> NDArray[np.float64]:
@@ -122,7 +123,7 @@ class Odometry(Method):
 class Guided(Method):
     """A peer that corrects the odometry's motion since the last frame if it can register the frame."""
 
-    def __init__(self, T_map_start: NDArray[np.float64]):
+    def __init__(self, T_map_start: Pose):
         self._T_map_base = T_map_start
         self._last: Frame | None = None
 
@@ -138,8 +139,8 @@ class Guided(Method):
         return self._T_map_base
 
     @abstractmethod
-    def _register(self, frame: Frame, last: Frame | None, guess: NDArray[np.float64]) -> NDArray[np.float64]:
-        """4×4 pose of a frame's ``base_link`` in ``map``; the pose of the last frame is ``_T_map_base``."""
+    def _register(self, frame: Frame, last: Frame | None, guess: NDArray[np.float64]) -> Pose:
+        """Pose of a frame's ``base_link`` in ``map``; the pose of the last frame is ``_T_map_base``."""
 
 
 class Kiss(Guided):
@@ -147,7 +148,7 @@ class Kiss(Guided):
 
     VOXEL, POINTS, THRESHOLD = 0.1, 20, 0.02
 
-    def __init__(self, T_map_start: NDArray[np.float64]):
+    def __init__(self, T_map_start: Pose):
         super().__init__(T_map_start)
         config = KISSConfig(
             data=DataConfig(max_range=1.5 * XTION.farthest, min_range=XTION.nearest / 2, deskew=False),
@@ -169,7 +170,7 @@ class Kiss(Guided):
 class Open3d(Guided):
     """Open3D's RGB-D odometry (Park, Zhou and Koltun, ICCV 2017), from frame to frame."""
 
-    def __init__(self, T_map_start: NDArray[np.float64]):
+    def __init__(self, T_map_start: Pose):
         super().__init__(T_map_start)
         self._image: tuple[Frame | None, RgbdImage | None] = None, None
 
@@ -184,10 +185,8 @@ class Open3d(Guided):
         T = self._motion(image, target, frame.intrinsics, inverse(T_map_camera) @ guess @ frame.T_base_camera)
         return T_map_camera @ T @ inverse(frame.T_base_camera)
 
-    def _motion(
-        self, source: RgbdImage, target: RgbdImage | None, k: Intrinsics, guess: NDArray[np.float64]
-    ) -> NDArray[np.float64]:
-        """4×4 pose of the source's camera in the target's; the guess if Open3D finds none."""
+    def _motion(self, source: RgbdImage, target: RgbdImage | None, k: Intrinsics, guess: NDArray[np.float64]) -> Pose:
+        """Pose of the source's camera in the target's; the guess if Open3D finds none."""
         # In Open3D, pixel centres are at integers.
         try:
             result = o3d.t.pipelines.odometry.rgbd_odometry_multi_scale(

@@ -9,6 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import Rgb
 from pipeline.localisation.trajectory import write_tum
 from sarsim.ground_truth.true_surface import TrueSurface
 from scripts.benchmarks.episodes import Job, leave
@@ -56,8 +57,8 @@ def replay(drive: DriveReader, methods: Mapping[str, Method], stem: Path) -> dic
         scores = trajectory_scores(drive.T_world_base, believed[name])
         if not abs(scores["ate_m"] - evo_ate(files["true"], files[name])) <= AGREEMENT:
             raise ArithmeticError(f"{name}: ATE {scores['ate_m']} m is not evo's")
-        told = {"frame_ms": 1e3 * float(np.median(seconds[name]))} | method.report(drive.T_world_base, online[name])
-        report[name] = scores | told
+        rest = {"frame_ms": 1e3 * float(np.median(seconds[name]))} | method.report(drive.T_world_base, online[name])
+        report[name] = scores | rest
     ways = {"true": drive.T_world_base[:, :3, 3]} | {name: poses[:, :3, 3] for name, poses in believed.items()}
     text = ", ".join(f"{name.replace('_', ' ')} {report[name]['ate_m']:.3f} m" for name in methods)
     picture = picture_of(drive.surface, ways, f"{drive.settings['config']['arena']}: {text}")
@@ -80,8 +81,8 @@ def follow(
     return {n: np.array(p) for n, p in poses.items()}, {n: np.array(s) for n, s in seconds.items()}
 
 
-def picture_of(surface: TrueSurface, ways: Mapping[str, NDArray[np.float64]], text: str) -> NDArray[np.uint8]:
-    """(H, W, 3) uint8 RGB, x to the right and y up.
+def picture_of(surface: TrueSurface, ways: Mapping[str, NDArray[np.float64]], text: str) -> Rgb:
+    """A picture, x to the right and y up.
 
     Args:
         surface: the true ground.

@@ -6,6 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from pipeline.arrays import Poses, Values
 from pipeline.transforms import wrap_angle
 
 SECTION = 1.0  # m driven between the two poses of a relative pose error
@@ -36,13 +37,13 @@ def trajectory_scores(true: NDArray[np.float64], estimated: NDArray[np.float64])
     return scores
 
 
-def way_driven(true: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(N,) m driven up to each of (N, 4, 4) poses."""
+def way_driven(true: NDArray[np.float64]) -> Values:
+    """Way in m driven up to each of (N, 4, 4) poses."""
     return np.append(0.0, np.cumsum(np.linalg.norm(np.diff(true[:, :3, 3], axis=0), axis=1)))
 
 
-def relative(poses: NDArray[np.float64], first: NDArray[np.int64], last: NDArray[np.int64]) -> NDArray[np.float64]:
-    """(M, 4, 4) the ``last`` ones of (N, 4, 4) poses in the frames of the ``first`` ones, (M,) indices each."""
+def relative(poses: NDArray[np.float64], first: NDArray[np.int64], last: NDArray[np.int64]) -> Poses:
+    """The ``last`` ones of (N, 4, 4) poses in the frames of the ``first`` ones, (M,) indices each."""
     return np.linalg.inv(poses[first]) @ poses[last]
 
 

@@ -11,6 +11,7 @@ import torch
 from numpy.typing import NDArray
 from rich.table import Table
 
+from pipeline.arrays import Probabilities
 from pipeline.errors import InputError
 from pipeline.semantic_map.classifier import CLASSES
 from pipeline.semantic_map.config import PlanarVoteConfig
@@ -71,8 +72,8 @@ def _groups(settings: NetworksSettings) -> dict[str, list[str]]:
     return groups
 
 
-def voted(frame: PosedFrame, given: NDArray[np.float32]) -> NDArray[np.float32]:
-    """(N, 8) probabilities of a frame's points after the vote of each plane's points, from (N, 8) ``given`` ones."""
+def voted(frame: PosedFrame, given: NDArray[np.float32]) -> Probabilities:
+    """Probabilities of a frame's points after the vote of each plane's points, from (N, 8) ``given`` ones."""
     result = given.copy()
     result[:, CLASSES] = planar_vote(frame.frame, frame.T_map_camera, given[:, CLASSES], PlanarVoteConfig())
     return result
@@ -104,7 +105,7 @@ def _sizes(files: dict[str, Path]) -> dict[str, float]:
         figures[f"{name}.parameters"] = sum(p.numel() for p in kind(CHANNELS, len(CLASSES)).parameters())
         if name in files:
             _, metadata = load_weights(files[name], name)
-            with suppress(KeyError, TypeError, ValueError):  # Files of other programs tell nothing of the training.
+            with suppress(KeyError, TypeError, ValueError):  # Files of other programs say nothing of the training.
                 figures[f"{name}.train_s"] = float(json.loads(metadata["training"])["processor_s"])
     return figures
 

@@ -12,6 +12,7 @@ from contextlib import contextmanager
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import Places, Pose
 from pipeline.elevation_map.elevation_map import ElevationMap
 from pipeline.elevation_map.traversability_layer import TraversabilityLayer
 from pipeline.exploration.frontiers import find_frontiers
@@ -82,13 +83,13 @@ class _Floor:
             self._step(T_map_base, seconds)
         return {stage: times[WARM_UP:] for stage, times in seconds.items()}
 
-    def _places(self, count: int) -> NDArray[np.float64]:
-        """(N, 2) m, random places that the robot can reach and where it can turn."""
+    def _places(self, count: int) -> Places:
+        """Random places that the robot can reach and where it can turn."""
         paths = PosePaths(self._layer.update(self._elevation_map), self._start[:2, 3], yaw_of(self._start))
         cells = np.argwhere(paths.reachable & paths.traversability.turnable)
         return paths.traversability.grid.centre_of(self._rng.choice(cells, count))
 
-    def _see(self, T_map_base: NDArray[np.float64]) -> None:
+    def _see(self, T_map_base: Pose) -> None:
         """Add returns of the ground in view, and of a new box on it, to the elevation map."""
         ahead = (self._ground[:, :2] - T_map_base[:2, 3]) @ T_map_base[:2, :2]
         away = np.hypot(*ahead.T)
@@ -102,7 +103,7 @@ class _Floor:
         """Add ``HITS`` returns at each of (N, 3) points to the elevation map."""
         self._elevation_map.update(points.astype(np.float32), hits=np.full(len(points), HITS, np.uint32))
 
-    def _step(self, T_map_base: NDArray[np.float64], seconds: dict[str, list[float]]) -> None:
+    def _step(self, T_map_base: Pose, seconds: dict[str, list[float]]) -> None:
         """Do and time the explorer's work between two drives."""
         with _timed(seconds["traversability"]):
             traversability = self._layer.update(self._elevation_map)

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import Poses
 from pipeline.explorer import Explorer
 from pipeline.frame import Intrinsics
 from pipeline.robot import Motion
@@ -25,13 +26,13 @@ class RecordedFrames:
         intrinsics: of all depth images.
         ideal: (N, H, W) float32 noise-free depth in m, clipped to the sensor's range.
         xtion: (N, H, W) float32 depth with the Xtion's noise.
-        T_map_camera: (N, 4, 4) true poses of ``camera_optical``.
+        T_map_camera: true poses of ``camera_optical``.
     """
 
     intrinsics: Intrinsics
     ideal: NDArray[np.float32]
     xtion: NDArray[np.float32]
-    T_map_camera: NDArray[np.float64]
+    T_map_camera: Poses
 
     def points(self, depth: NDArray[np.float32], n: int) -> NDArray[np.float64]:
         """(M, 3) the returns of frame ``n`` of a sensor's ``depth``, m in ``map``."""

@@ -66,9 +66,9 @@ def accuracy(frames: Iterable[PosedFrame], network: PointClassifier | None) -> d
     """
     contenders: dict[str, PointClassifier] = {"baseline": RuleClassifier()}
     reached = scores(frames, contenders | ({} if network is None else {"network": network}))
-    told = {name: of["frame"] for name, of in reached.items()}
-    told |= {} if network is None else {"fused": reached["network"]["fused"]}
-    return {name: score for name, score in told.items() if score}
+    scored = {name: of["frame"] for name, of in reached.items()}
+    scored |= {} if network is None else {"fused": reached["network"]["fused"]}
+    return {name: score for name, score in scored.items() if score}
 
 
 def _flat(report: dict[str, Any]) -> dict[str, float]:

@@ -1,4 +1,4 @@
-"""Which things a saved semantic map takes for what: its keyframes look again, from their true poses, along rays."""
+"""Which objects a saved semantic map takes for what: its keyframes look again, from their true poses, along rays."""
 
 from collections import Counter
 from pathlib import Path
@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 from rich.table import Table
 from scipy.spatial import KDTree
 
+from pipeline.arrays import Mask, Poses
 from pipeline.keyframes import Keyframes
 from pipeline.labels import RAMP_TILT, Label
 from pipeline.localisation.trajectory import read_trajectory
@@ -25,8 +26,8 @@ from scripts.benchmarks.common import Result
 
 SAME_POINT = 0.02  # m, greatest distance of a return from the point of the map that it made
 SAME_POSE = 1e-5  # By which a keyframe's pose may differ from its row of the trajectory, which has six decimals
-NEAR_WALL = 0.1  # m; points this near to a wall's are told apart
-LEAST_SHARE = 1e-3  # of all points, that are one thing and taken for one other, to be in the table
+NEAR_WALL = 0.1  # m; points this near to a wall's are counted apart
+LEAST_SHARE = 1e-3  # of all points, that are one object and taken for one other, to be in the table
 
 
 def confusion(folder: Path) -> Result:
@@ -45,35 +46,35 @@ def confusion(folder: Path) -> Result:
     away, nearest = KDTree(returns).query(points, distance_upper_bound=SAME_POINT)
     known = np.isfinite(away)
     geom, labels = geoms[nearest[known]], geom_labels(model)
-    truth, told = labels[geom], vertices["label"][known]
+    truth, given = labels[geom], vertices["label"][known]
     names, near = [thing_of(model, g) for g in range(model.ngeom)], ("", ", near a wall")
-    things = [
+    objects = [
         f"{names[g]}, {side_of(u)}{near[is_near]}"
         for g, u, is_near in zip(geom, up[nearest[known]], near_walls(points[known], truth).tolist(), strict=True)
     ]
-    figures = label_figures(confusion_matrix(truth, told))
+    figures = label_figures(confusion_matrix(truth, given))
     iou = {f"iou.{name}": value for name, value in figures.pop("iou", {}).items()}
-    rows = table(Counter(zip(truth.tolist(), things, told.tolist(), strict=True)))
+    rows = table(Counter(zip(truth.tolist(), objects, given.tolist(), strict=True)))
     rows.caption = ", ".join(f"{name} {value:.3f}" for name, value in iou.items())
     return Result(iou | figures, table=rows)
 
 
-def true_poses(folder: Path, poses: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(K, 4, 4) true poses of keyframes with estimated ``poses`` (K, 4, 4); NaN for those of an earlier episode."""
+def true_poses(folder: Path, poses: NDArray[np.float64]) -> Poses:
+    """True poses of keyframes with estimated ``poses`` (K, 4, 4); NaN for those of an earlier episode."""
     estimated, true = (read_trajectory(folder / f"trajectory_{kind}.tum", False) for kind in ("estimated", "true"))
     away, row = KDTree(estimated.poses.reshape(-1, 16)).query(poses.reshape(-1, 16))
     return np.where((away < SAME_POSE)[:, None, None], true.poses[row], np.nan)
 
 
 def looked_again(
-    model: mujoco.MjModel, keyframes: Keyframes, true: NDArray[np.float64]
+    model: mujoco.MjModel, keyframes: Keyframes, true: Poses
 ) -> tuple[NDArray[np.float32], NDArray[np.int32], NDArray[np.float64]]:
     """What the labelled returns of all keyframes come from.
 
     Args:
         model: the arena.
         keyframes: at their estimated poses.
-        true: (K, 4, 4) their true poses; a keyframe without one is left out.
+        true: their true poses; a keyframe without one is left out.
 
     Returns:
         (N, 3) returns in ``map``, m; (N,) ids of the first geoms on the rays to them from the true camera; and (N,)
@@ -105,8 +106,8 @@ def first_hits(
     return geom, normal[:, 2]
 
 
-def near_walls(points: NDArray[np.float32], truth: NDArray[np.uint8]) -> NDArray[np.bool_]:
-    """(N,) which points (N, 3), m, of these true labels (N,) are no walls and within ``NEAR_WALL`` of a wall's."""
+def near_walls(points: NDArray[np.float32], truth: NDArray[np.uint8]) -> Mask:
+    """Which points (N, 3), m, of these true labels (N,) are no walls and within ``NEAR_WALL`` of a wall's."""
     is_wall = truth == Label.WALL
     near = np.zeros(len(points), np.bool_)
     if is_wall.any():
@@ -116,7 +117,7 @@ def near_walls(points: NDArray[np.float32], truth: NDArray[np.uint8]) -> NDArray
 
 
 def thing_of(model: mujoco.MjModel, geom: int) -> str:
-    """The element that a geom is part of: its name without the numbers that tell equal elements apart."""
+    """The element that a geom is part of: its name without the numbers that distinguish equal elements."""
     return str(model.geom(geom).name).rstrip("_0123456789") or "unnamed"
 
 
@@ -128,12 +129,12 @@ def side_of(up: float) -> str:
 
 
 def table(pairs: Counter[tuple[int, str, int]]) -> Table:
-    """Points by true label, thing and label in the map, with those that the map takes for something else."""
+    """Points by true label, object and label in the map, with those that the map takes for something else."""
     names, total = [label.name.lower() for label in Label], max(pairs.total(), 1)
-    result = Table("is", "thing", "taken for", title="semantic map")
+    result = Table("is", "object", "taken for", title="semantic map")
     for name in ("points", "share"):
         result.add_column(name, justify="right")
-    for (true, thing, told), count in pairs.most_common():
-        if true not in (told, Label.UNLABELLED) and count >= LEAST_SHARE * total:
-            result.add_row(names[true], thing, names[told], f"{count:,}", f"{count / total:.2%}")
+    for (true, item, given), count in pairs.most_common():
+        if true not in (given, Label.UNLABELLED) and count >= LEAST_SHARE * total:
+            result.add_row(names[true], item, names[given], f"{count:,}", f"{count / total:.2%}")
     return result

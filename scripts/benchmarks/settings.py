@@ -127,7 +127,7 @@ class SemanticSettings(LabelSettings):
         raf_frames: number of frames of a .raf arena; 0 for none.
         checkpoint: folder of a published checkpoint and its logits; without it there is no figure of the agreement.
         weights: weights file of the network that labels the points.
-        confusion: folder of an episode; only says which things its semantic map takes for what.
+        confusion: folder of an episode; only says which objects its semantic map takes for what.
     """
 
     timed_frames: Fixed[int] = 10

@@ -6,6 +6,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import MaskLayer, Place, Places, Rgb
 from pipeline.grid_map import Grid
 from sarsim.ground_truth.true_surface import TrueSurface
 
@@ -21,19 +22,14 @@ CONTACT, FAILED = (220, 0, 0), (160, 0, 200)
 
 
 def top_view(
-    surface: TrueSurface,
-    seen: NDArray[np.bool_],
-    way: NDArray[np.float64],
-    contacts: Sequence[NDArray[np.float64]],
-    failed: Sequence[NDArray[np.float64]],
-    text: str,
-) -> NDArray[np.uint8]:
-    """(H, W, 3) uint8 RGB, x to the right and y up.
+    surface: TrueSurface, seen: MaskLayer, way: Places, contacts: Sequence[Place], failed: Sequence[Place], text: str
+) -> Rgb:
+    """A picture, x to the right and y up.
 
     Args:
         surface: the true ground; seen drivable cells are green, others red.
-        seen: (nx, ny) on its grid.
-        way: (N, 2) m, the robot's true trajectory.
+        seen: on its grid.
+        way: the robot's true trajectory.
         contacts: (2,) m, the robot's positions at collisions; red crosses.
         failed: (2,) m, targets of legs that were not reached; violet diamonds.
         text: for the line below.

@@ -103,13 +103,13 @@ def _episodes(jobs: Sequence[Job], settings: VictimsSettings) -> tuple[dict[str,
 
 def figures_of(group: str, found: Results, without: Results) -> dict[str, float]:
     """Figures of one group: those of ``victims``, share found, position error, and times over those ``without``."""
-    told = [result for result in found if result and "report" in result]
-    figures = {f"{group}.runs": float(len(told))}
-    victims = group_figures([{"victims": result["report"]["victims"]} for result in told])
+    scored = [result for result in found if result and "report" in result]
+    figures = {f"{group}.runs": float(len(scored))}
+    victims = group_figures([{"victims": result["report"]["victims"]} for result in scored])
     figures |= {f"{group}.{key}": value for key, value in victims.items()}
     if visible := figures.get(f"{group}.victims.visible.sum", 0):
         figures[f"{group}.visible_found_share"] = figures[f"{group}.victims.visible_found.sum"] / visible
-    if errors := [error for result in told for error in result["position_errors"]]:
+    if errors := [error for result in scored for error in result["position_errors"]]:
         figures[f"{group}.position_error_m.median"] = float(np.median(errors))
     return figures | _times(group, found, without)
 

@@ -7,6 +7,7 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import Mask, Values
 from pipeline.victims.detection.average_precision import AveragePrecision
 from pipeline.victims.detection.detection import Detector
 from sarsim.dataset.recipe import Recipe
@@ -29,22 +30,22 @@ class PeopleInFrame:
     Attributes:
         boxes: (V, 4) true, pixels.
         area: (V,) pixels that show each.
-        hidden: (V,) occluded share of each within the image.
-        distance: (V,) m from the camera to the centre of each.
+        hidden: occluded share of each within the image.
+        distance: m from the camera to the centre of each.
         found: (N, 4) boxes of the detector.
-        confidence: (N,) of the detector's boxes.
+        confidence: of the detector's boxes.
     """
 
     boxes: NDArray[np.float64]
     area: NDArray[np.int64]
-    hidden: NDArray[np.float64]
-    distance: NDArray[np.float64]
+    hidden: Values
+    distance: Values
     found: NDArray[np.float64]
-    confidence: NDArray[np.float64]
+    confidence: Values
 
     @property
-    def counts(self) -> NDArray[np.bool_]:
-        """(V,) bool, the people to be found."""
+    def counts(self) -> Mask:
+        """The people to be found."""
         return (self.area >= VISIBLE) & (self.hidden <= MOST_HIDDEN)
 
 
@@ -94,8 +95,8 @@ def ap50_by(frames: Sequence[PeopleInFrame], attribute: str, bounds: Sequence[fl
     return result
 
 
-def _between(people: PeopleInFrame, attribute: str, low: float, high: float) -> NDArray[np.bool_]:
-    """(V,) bool, people in an interval of an attribute who are to be found, for "hidden" at any occluded share."""
+def _between(people: PeopleInFrame, attribute: str, low: float, high: float) -> Mask:
+    """People in an interval of an attribute who are to be found, for "hidden" at any occluded share."""
     value = getattr(people, attribute)
     counts = people.area >= VISIBLE if attribute == "hidden" else people.counts
     return counts & (value >= low) & ((value < high) | (high == HIDDEN[-1]))

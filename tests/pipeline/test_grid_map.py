@@ -1,4 +1,4 @@
-"""The grid that layers lie on, and the map of layers that grows and tells what changed."""
+"""The grid that layers lie on, and the map of layers that grows and reports what changed."""
 
 import numpy as np
 import pytest

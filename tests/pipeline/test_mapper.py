@@ -97,7 +97,7 @@ def test_a_robot_below_or_above_what_can_be_mapped_is_refused(height):
         Mapper(PIONEER, TruthClassifier()).add(Localised(FRAMES[0], from_yaw(0, 0, height, 0)), set_down=True)
 
 
-def test_what_is_farther_than_kept_points_tell_is_no_return():
+def test_what_is_farther_than_kept_points_reach_is_no_return():
     far = look([wall((12, 9), (12, -9), -3, 9)], T_BASE_CAMERA, reach=(0.5, 20))
     mapper = Mapper(PIONEER, TruthClassifier(), localisation=OdometryLocalisation())
     mapper.add(Localised(replace(far, T_base_camera=T_BASE_CAMERA), np.eye(4)))

@@ -144,8 +144,8 @@ def test_the_report_says_why_exploring_ended_and_what_was_left(ended, left, tmp_
     monkeypatch.setattr(run.explorer, "step", lambda: step)
     monkeypatch.setattr(Explorer, "is_held", property(lambda explorer: ended == "held"))
     run.run()
-    told = {"left": [{"position": [1.0, 2.0], "area_m2": 0.03, "seconds": 27.0}]} if left else {}
-    assert run.report["exploration"] == {"ended": ended} | told
+    expected = {"left": [{"position": [1.0, 2.0], "area_m2": 0.03, "seconds": 27.0}]} if left else {}
+    assert run.report["exploration"] == {"ended": ended} | expected
 
 
 def test_a_corrected_map_is_looked_at_again_but_once(tmp_path, monkeypatch):

@@ -111,7 +111,7 @@ def test_an_arena_of_other_options_loads_and_the_robots_win(compiler, option, si
     environment.close()
 
 
-def test_files_that_do_not_fit_together_are_told(tmp_path):
+def test_files_that_do_not_fit_together_are_reported(tmp_path):
     path = tmp_path / "robot.xml"
     text = robot_file("pioneer3at").read_text()
     path.write_text(text.replace("<size ", '<compiler angle="degree"/><size '))

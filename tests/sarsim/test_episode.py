@@ -120,7 +120,7 @@ def lift(episode: Episode, step: Step) -> None:
 OTHER_ROOM = room((-1.3, 2.5), (-1.3, 1.3), box((6.7, 6.8), (-1.3, 1.3)), box((9.8, 9.9), (-1.3, 1.3)))
 
 
-def test_a_robot_that_was_lifted_and_is_told_where_it_is_drives_no_old_plan_and_says_so(tmp_path):
+def test_a_robot_that_was_lifted_and_is_given_its_place_drives_no_old_plan_and_says_so(tmp_path):
     diary = Diary(OTHER_ROOM, tmp_path, lift, steps=3, home=True, odometry="truth")
     assert diary.said("ended: carried elsewhere")
     assert diary.said("WARN the robot was kidnapped and set down at (8.00, 0.00) m")

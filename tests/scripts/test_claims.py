@@ -1,4 +1,4 @@
-"""Claims: which hold, and what is told of them."""
+"""Claims: which hold, and what is printed of them."""
 
 from pathlib import Path
 from typing import Any
@@ -24,7 +24,7 @@ def test_a_figure_that_is_missing_is_a_failure() -> None:
     assert verdict(LEAST, {}) == "FAILS  fast: missing, expected ≥ 2"
 
 
-def test_all_claims_of_a_command_are_told_by_one_run(
+def test_all_claims_of_a_command_are_checked_by_one_run(
     monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     commands: list[str] = []
@@ -39,8 +39,8 @@ def test_all_claims_of_a_command_are_told_by_one_run(
     with pytest.raises(SystemExit):
         claims.claims()
     assert commands == ["benchmark.py camera"]
-    told = ["holds  fast: 3, expected ≥ 2", "FAILS  exact: 0.6, expected ≤ 0.5"]
-    assert capsys.readouterr().out.splitlines() == told
+    printed = ["holds  fast: 3, expected ≥ 2", "FAILS  exact: 0.6, expected ≤ 0.5"]
+    assert capsys.readouterr().out.splitlines() == printed
 
 
 def test_every_claim_held_when_its_page_was_measured() -> None:

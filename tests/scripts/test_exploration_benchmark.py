@@ -140,7 +140,7 @@ def test_figures_pictures_and_table(tmp_path, pretended):
     assert [column.header for column in result.table.columns] == ["", "nist_6x4", "random"]
 
 
-def test_a_baseline_that_never_saw_enough_is_told_instead_of_a_ratio(tmp_path, pretended):
+def test_a_baseline_that_never_saw_enough_is_named_instead_of_a_ratio(tmp_path, pretended):
     _, _, slow = pretended
     slow += ["nearest_frontier-nist_6x4-0", "nearest_frontier-random_0-0"]
     figures = exploration.measure(ExplorationSettings(nist=2, esogu=0, random=1, runs=tmp_path)).figures

@@ -27,7 +27,7 @@ MOST_SECONDS = 1.5
 
 
 @cache
-def told(*command: str) -> tuple[str, float]:
+def help_of(*command: str) -> tuple[str, float]:
     """What a command's --help prints on 80 columns, and the seconds of processor time that it takes."""
     name, *sub = (word for word in command if word)
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
@@ -51,14 +51,14 @@ def flags(text: str) -> set[str]:
 
 @pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
 def test_help_comes_soon_and_is_short(command: list[str]) -> None:
-    text, seconds = told(*command)
+    text, seconds = help_of(*command)
     assert text.count("\n") <= MOST_LINES
     assert seconds <= MOST_SECONDS
 
 
 @pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
 def test_every_flag_says_what_it_is_for(command: list[str]) -> None:
-    text, _ = told(*command)
+    text, _ = help_of(*command)
     described = re.sub(r"[│\s]+", " ", text)
     assert not re.findall(r"(--[\w-]+(?:\.[\w-]+)*) (?:[A-Z{\[]\S* )*\((?:required|default[^)]*)\) --", described)
 
@@ -66,7 +66,7 @@ def test_every_flag_says_what_it_is_for(command: list[str]) -> None:
 def test_all_commands_together_have_no_more_flags_than_agreed() -> None:
     names: dict[str, set[str]] = {}  # a flag that several of a command's subcommands have is one to learn
     for name, sub in COMMANDS:
-        names.setdefault(name, set()).update(flags(told(name, sub)[0]))
+        names.setdefault(name, set()).update(flags(help_of(name, sub)[0]))
     assert sum(map(len, names.values())) <= MOST_FLAGS, names
     assert len(names["run_episode"]) >= 20
 

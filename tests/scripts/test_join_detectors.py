@@ -23,7 +23,7 @@ PERSON, PERSON_OF_VOC, TEDDY_BEAR = 5, 5 + 14, 5 + 77
     ("other", "body", "kept"),
     [(VOC, BODY, [0, 1, 2, 3, 4, PERSON_OF_VOC]), (COCO, TWICE, [0, 1, 2, 3, 4, PERSON, 0, 1, 2, 3, 4, TEDDY_BEAR])],
 )
-def test_each_part_sees_the_image_and_tells_people_and_what_looks_like_a_doll(
+def test_each_part_sees_the_image_and_finds_people_and_what_looks_like_a_doll(
     other: str, body: str, kept: list[int]
 ) -> None:
     head = SMALL[: SMALL.index("[convolutional]")]

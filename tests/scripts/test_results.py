@@ -51,7 +51,7 @@ def test_a_claim_shows_what_is_expected_and_what_was_measured() -> None:
     assert claim_row(claim, PAGE, None).endswith("| ≤ 2.5 | not measured on this state yet |")
 
 
-def test_a_page_tells_where_its_figures_come_from() -> None:
+def test_a_page_says_where_its_figures_come_from() -> None:
     text = text_of("camera", PAGE, RECORD)
     for part in (
         "2026-11-24",

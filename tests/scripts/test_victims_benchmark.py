@@ -36,7 +36,7 @@ def test_a_person_mostly_hidden_need_not_be_found_and_does_not_count_if_found():
     assert np.isnan(ap50([people([0], area=399)]))
 
 
-def test_precision_is_told_apart_by_distance_and_by_what_is_hidden():
+def test_precision_is_given_by_distance_and_by_what_is_hidden():
     frames = [people([0])]
     assert ap50_by(frames, "distance", (0, 1.5, 2.5, np.inf)) == {
         "0-1.5": {"ap50": 1.0, "people": 1},
@@ -71,9 +71,9 @@ def test_a_frame_is_timed_beside_plain_pytorch():
 
 
 def result(visible, found, alarms, errors, time):
-    told = {"present": 4, "found": found, "false_alarms": alarms, "visible": visible, "visible_found": found}
-    told["position_error_m"] = float(np.median(errors)) if errors else None
-    report = {"victims": told, "sim_time_s": time, "exploration": {"t90_s": time / 2}}
+    victims = {"present": 4, "found": found, "false_alarms": alarms, "visible": visible, "visible_found": found}
+    victims["position_error_m"] = float(np.median(errors)) if errors else None
+    report = {"victims": victims, "sim_time_s": time, "exploration": {"t90_s": time / 2}}
     return {"report": report, "position_errors": errors}
 
 

@@ -107,7 +107,7 @@ def load_classifier(path: Path, only: str | None = None) -> tuple[PointNetwork, 
     network, metadata = load_weights(path, only)
     if metadata.get("labels") != _CLASS_NAMES or network.classes != len(CLASSES):
         named = metadata.get("labels", f"{network.classes} unnamed classes")
-        raise InputError(f"{path}: a network that tells apart {named}, not {_CLASS_NAMES}; use train.py's")
+        raise InputError(f"{path}: a network that distinguishes {named}, not {_CLASS_NAMES}; use train.py's")
     if network.channels not in (CHANNELS, COLOURED):
         raise InputError(f"{path}: a network for {network.channels} channels a point, not {CHANNELS} or {COLOURED}")
     try:

@@ -64,7 +64,7 @@ class YoloLearner(Learner[list[TrainingImage], DarknetNetwork]):
             self._text = fitted_cfg(self._text, training, config)
             network = new_network(self._text, config.prior)
         elif cfg.classes > 1:
-            raise InputError(f"{path}: tells {cfg.classes} classes apart, not people alone")
+            raise InputError(f"{path}: distinguishes {cfg.classes} classes, not people alone")
         elif any(head.scale_x_y != 1 or head.new_coords for head in cfg.heads):
             raise InputError(f"{path}: scale_x_y, new_coords: such boxes are not trained")
         else:

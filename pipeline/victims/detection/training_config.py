@@ -20,7 +20,7 @@ class CanvasAugmentation:
     """How random canvases differ from the images.
 
     Attributes:
-        odds: probability of each thing that may be done: drawing an image without people, a mosaic of four images
+        odds: probability of each change that may be made: drawing an image without people, a mosaic of four images
             (Bochkovskiy et al., YOLOv4, arXiv:2004.10934), pasting the people of one more image, and mirroring.
         variation: largest factor of an image's size relative to that which just fits its part of the canvas, of its
             saturation and of its brightness (Darknet's ``saturation`` and ``exposure``); the smallest is its inverse.

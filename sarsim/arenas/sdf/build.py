@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from pipeline.arrays import Places, Pose
 from pipeline.errors import InputError
 from sarsim.arenas.elements import ArenaBuilder, Attributes
 from sarsim.arenas.sdf.labels import Outline, endless, ground_of, label_of, outline_of
@@ -29,14 +30,14 @@ class _Body:
 
     Attributes:
         solid: that it is, or is a part of.
-        part: (N, 3) m, corners of a convex part of the solid's piece of a mesh; None for the whole solid.
-        corners: (N, 3) m, in the world.
+        part: corners of a convex part of the solid's piece of a mesh; None for the whole solid.
+        corners: in the world.
         outline: for its label.
     """
 
     solid: Solid
-    part: NDArray[np.float64] | None
-    corners: NDArray[np.float64]
+    part: Places | None
+    corners: Places
     outline: Outline
 
 
@@ -104,7 +105,7 @@ def _bodies(solid: Solid, hulls: set[int]) -> Iterator[_Body]:
             yield _Body(solid, part, corners, outline_of(corners, surface))
 
 
-def _moved(T: NDArray[np.float64], points: NDArray[np.float64]) -> NDArray[np.float64]:
+def _moved(T: Pose, points: NDArray[np.float64]) -> NDArray[np.float64]:
     return points @ T[:3, :3].T + T[:3, 3]
 
 

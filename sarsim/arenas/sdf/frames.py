@@ -5,6 +5,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import Pose
 from pipeline.errors import InputError
 from pipeline.transforms import inverse
 
@@ -19,7 +20,7 @@ class _Frame:
     A pose places the frame ``placed`` of the model, which need not be its own.
     """
 
-    T: NDArray[np.float64]
+    T: Pose
     relative_to: str
     inside: "Frames | None"
     placed: str
@@ -42,14 +43,14 @@ class Frames:
         self._open: list[str] = []
 
     def add(
-        self, name: str, T: NDArray[np.float64], relative_to: str,
+        self, name: str, T: Pose, relative_to: str,
         inside: "Frames | None" = None, placed: str = MODEL, merged: bool = False,
     ) -> str:  # fmt: skip
         """Add a frame, and return its name here: of several with one name, which is invalid, the first keeps it.
 
         Args:
             name: of the frame.
-            T: 4×4 its pose.
+            T: its pose.
             relative_to: name of the frame in which the pose is given.
             inside: frames of a nested model.
             placed: name of the frame of that model which the pose places.
@@ -60,8 +61,8 @@ class Frames:
         self._frames[name] = _Frame(T, relative_to, inside, placed, merged)
         return name
 
-    def pose(self, name: str) -> NDArray[np.float64]:
-        """4×4 pose in this scope of a frame, or of one in a nested model, ``model::frame``.
+    def pose(self, name: str) -> Pose:
+        """Pose in this scope of a frame, or of one in a nested model, ``model::frame``.
 
         Raises:
             InputError: there is no such frame, or the poses go in a circle.

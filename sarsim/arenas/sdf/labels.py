@@ -22,6 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
+from pipeline.arrays import Pose
 from pipeline.labels import RAMP_TILT, Label
 from sarsim.ground_truth.true_surface import clearance_of
 from sarsim.robots.skid_steered import robot_model
@@ -73,7 +74,7 @@ def outline_of(corners: NDArray[np.float64], surface: float = 0.0) -> Outline:
     return Outline(low, high, length, thickness, float(normal[2]), area, max(area, surface))
 
 
-def endless(T_world: NDArray[np.float64]) -> Outline:
+def endless(T_world: Pose) -> Outline:
     """The outline of a plane, by its 4×4 pose."""
     height = float(T_world[2, 3])
     return Outline(height, height, np.inf, 0.0, float(T_world[2, 2]), np.inf, np.inf)

@@ -11,6 +11,7 @@ import numpy as np
 import trimesh
 from numpy.typing import NDArray
 
+from pipeline.arrays import Places
 from pipeline.errors import InputError
 from sarsim.arenas.sdf.colours import Colour
 from sarsim.arenas.sdf.resources import Resources
@@ -32,7 +33,7 @@ class MeshSurface:
     """
 
     name: str
-    vertices: NDArray[np.float64]
+    vertices: Places
     triangles: NDArray[np.int64]
     colour: Colour | None = None
 

@@ -14,6 +14,7 @@ import trimesh
 from numpy.typing import NDArray
 from scipy.spatial import ConvexHull, QhullError
 
+from pipeline.arrays import Places, Rotation3
 from sarsim.arenas.sdf.colours import Colour
 from sarsim.arenas.sdf.meshes import MeshSurface
 
@@ -35,9 +36,9 @@ class MeshPiece:
         colour: of the surface.
     """
 
-    vertices: NDArray[np.float64]
+    vertices: Places
     triangles: NDArray[np.int64]
-    parts: list[NDArray[np.float64]]
+    parts: list[Places]
     colour: Colour | None
 
     @property
@@ -60,7 +61,7 @@ class MeshPiece:
         normal = np.linalg.svd(self.vertices - self.vertices.mean(axis=0), full_matrices=False)[2][2]
         return np.concatenate([self.vertices, self.vertices - THICKNESS * normal])
 
-    def area_up(self, R: NDArray[np.float64]) -> float:
+    def area_up(self, R: Rotation3) -> float:
         """m² of the piece, turned by ``R`` (3, 3), that face up, as steep as they may be."""
         a, b, c = self.vertices[self.triangles].swapaxes(0, 1)
         return float(np.maximum(np.cross(b - a, c - a) @ R[2] / 2, 0.0).sum())

@@ -48,7 +48,7 @@ class Resources:
         """The file or folder that a URI names in a file of folder ``base``; None if there is none.
 
         Raises:
-            InputError: it leads out of the folders of the world and of models.
+            InputError: it is outside the folders of the world and of models.
         """
         shown = " ".join(uri.split())[:200]
         try:
@@ -56,7 +56,7 @@ class Resources:
             found = [path if self._is_inside(path, folder) else None for folder, path in places]
             existing = next((path for path in found if path is not None and path.exists()), None)
             if existing is None and found[:1] == [None]:
-                raise InputError(f"{where}: refused, {shown} leads out of the folders of the world and of models")
+                raise InputError(f"{where}: refused, {shown} is outside the folders of the world and of models")
             return existing
         except InputError:
             raise

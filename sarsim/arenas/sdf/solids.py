@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import Places, Pose, Values
 from pipeline.errors import InputError
 from pipeline.transforms import FARTHEST, from_rotation
 from sarsim.arenas.sdf.colours import Colour
@@ -32,17 +33,17 @@ class Solid:
 
     Attributes:
         kind: MuJoCo's name of its shape; ``mesh`` for a piece of a mesh.
-        size: (K,) m, MuJoCo's sizes of it.
-        T_world: 4×4 its pose.
-        corners: (N, 3) m around it, in its own frame.
+        size: m, MuJoCo's sizes of it.
+        T_world: its pose.
+        corners: around it, in its own frame.
         piece: of a mesh.
         colour: None if the file gives none.
     """
 
     kind: str
-    size: NDArray[np.float64]
-    T_world: NDArray[np.float64]
-    corners: NDArray[np.float64]
+    size: Values
+    T_world: Pose
+    corners: Places
     piece: MeshPiece | None
     colour: Colour | None
 
@@ -113,8 +114,8 @@ def _scaled(surfaces: list[MeshSurface], scale: NDArray[np.float64], centred: bo
         yield MeshSurface(s.name, (s.vertices - middle) * scale, s.triangles[:, ::order], s.colour)
 
 
-def _positive(form: "Element", tags: dict[str, tuple[float, ...]], where: str) -> NDArray[np.float64]:
-    """(N,) m, sizes of a form, halved where its defaults are; InputError if one is negative."""
+def _positive(form: "Element", tags: dict[str, tuple[float, ...]], where: str) -> Values:
+    """Sizes in m of a form, halved where its defaults are; InputError if one is negative."""
     values = np.concatenate([child_numbers(form, tag, default, where) for tag, default in tags.items()])
     if (values < 0).any():
         raise InputError(f"{where}: <{form.tag}> has a negative size")

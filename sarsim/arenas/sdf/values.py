@@ -3,9 +3,9 @@
 from typing import TYPE_CHECKING
 
 import numpy as np
-from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from pipeline.arrays import Pose, Values
 from pipeline.errors import InputError
 from pipeline.transforms import FARTHEST, from_rotation
 
@@ -16,8 +16,8 @@ ROTATIONS = {"euler_rpy": 3, "quat_xyzw": 4}
 """Formats of a rotation, and how many numbers each has."""
 
 
-def numbers(text: str | None, count: int, where: str) -> NDArray[np.float64]:
-    """(count,) finite numbers of a text; InputError, which says ``where``, if it holds anything else."""
+def numbers(text: str | None, count: int, where: str) -> Values:
+    """Finite numbers of a text; InputError, which says ``where``, if it holds anything else."""
     try:
         values = np.array((text or "").split(), np.float64)
     except ValueError:
@@ -29,14 +29,14 @@ def numbers(text: str | None, count: int, where: str) -> NDArray[np.float64]:
     return values
 
 
-def child_numbers(parent: "Element", tag: str, default: tuple[float, ...], where: str) -> NDArray[np.float64]:
-    """(N,) the numbers in a child of an element, as many as ``default`` has; ``default`` if there is none."""
+def child_numbers(parent: "Element", tag: str, default: tuple[float, ...], where: str) -> Values:
+    """The numbers in a child of an element, as many as ``default`` has; ``default`` if there is none."""
     child = parent.find(tag)
     return np.array(default, np.float64) if child is None else numbers(child.text, len(default), f"{where}, <{tag}>")
 
 
-def pose_of(owner: "Element", where: str) -> NDArray[np.float64]:
-    """4×4 the ``<pose>`` of an element, relative to whatever it names; the identity if there is none.
+def pose_of(owner: "Element", where: str) -> Pose:
+    """The ``<pose>`` of an element, relative to whatever it names; the identity if there is none.
 
     x y z in m, then roll, pitch and yaw about the fixed axes, in rad or, if so marked, in degrees:
     R = Rz(yaw) Ry(pitch) Rx(roll) (http://sdformat.org/tutorials?tut=specify_pose); or a quaternion x y z w.

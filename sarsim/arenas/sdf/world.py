@@ -17,8 +17,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from defusedxml import ElementTree
-from numpy.typing import NDArray
 
+from pipeline.arrays import Pose
 from pipeline.errors import InputError
 from pipeline.transforms import inverse
 from sarsim.arenas.sdf.colours import Colour, colour_of
@@ -49,14 +49,14 @@ class SdfShape:
 
     Attributes:
         geometry: its ``<geometry>``.
-        T_world: 4×4 its pose.
+        T_world: its pose.
         colour: red, green, blue, from 0 to 1; None if the file gives none.
         base: folder of the file that holds it.
         where: what to call it in error messages.
     """
 
     geometry: "Element"
-    T_world: NDArray[np.float64]
+    T_world: Pose
     colour: Colour | None
     base: Path
     where: str
@@ -175,7 +175,7 @@ class SdfWorld:
         merged = owner.get("merge") in ("true", "1")
         model.nested[model.frames.add(nested.name, T, parent, nested.frames, frame, merged)] = nested
 
-    def _shapes(self, model: _Model, T_world: NDArray[np.float64], state: "Element | None") -> Iterator[SdfShape]:
+    def _shapes(self, model: _Model, T_world: Pose, state: "Element | None") -> Iterator[SdfShape]:
         for name, link in model.links.items():
             yield from _link_shapes(model, name, link, T_world, _named(state, "link", link.get("name", "")))
         for name, nested in model.nested.items():
@@ -185,7 +185,7 @@ class SdfWorld:
 
 
 def _link_shapes(
-    model: _Model, name: str, link: "Element", T_world: NDArray[np.float64], state: "Element | None"
+    model: _Model, name: str, link: "Element", T_world: Pose, state: "Element | None"
 ) -> Iterator[SdfShape]:
     where = f"{model.where}, <link> {name_of(link)}"
     if state is not None:

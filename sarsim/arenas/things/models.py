@@ -13,6 +13,7 @@ import mujoco
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from pipeline.arrays import Rotation3
 from pipeline.labels import Label
 from sarsim.arenas.things.codes import MODULES, QUIET, qr_picture, tag_picture
 from sarsim.arenas.things.hazmat import SignStyle, sign_png
@@ -36,7 +37,7 @@ class ThingModel:
 
     Attributes:
         name: of its body, unique in the arena.
-        kind: as in :data:`sarsim.arenas.things.thing.KINDS`.
+        kind: one of :data:`pipeline.tracks.find.KINDS` but heat.
         text: class of a sign, what a code says, number of a tag.
         state: alive or dead, of a victim.
         geoms: of its body.
@@ -54,7 +55,7 @@ class ThingModel:
     state: str = ""
     backing: list[Element] = field(default_factory=list)
 
-    def add_to(self, root: Element, position: ArrayLike, R: NDArray[np.float64]) -> None:
+    def add_to(self, root: Element, position: ArrayLike, R: Rotation3) -> None:
         """Set it down in a ``<mujoco>`` element: its origin at ``position`` (3,) m, turned by ``R`` (3, 3)."""
         declare(root, self.name, self.kind, self.text, self.state)
         pose = {"pos": numbers(np.asarray(position), 6), "quat": numbers(quaternion(R), 6)}
@@ -88,7 +89,7 @@ class ColouredGeom:
     colour: tuple[float, ...]
     quat: ArrayLike = (1.0, 0.0, 0.0, 0.0)
 
-    def moved(self, R: NDArray[np.float64], position: NDArray[np.float64]) -> "ColouredGeom":
+    def moved(self, R: Rotation3, position: NDArray[np.float64]) -> "ColouredGeom":
         """The part turned by ``R`` (3, 3) about the origin, and moved by (3,) m."""
         quat = np.empty(4)
         mujoco.mju_mulQuat(quat, quaternion(R), np.asarray(self.quat, np.float64))

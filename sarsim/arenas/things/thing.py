@@ -11,8 +11,8 @@ from xml.etree.ElementTree import Element, SubElement
 
 import mujoco
 import numpy as np
-from numpy.typing import NDArray
 
+from pipeline.arrays import Box, Direction, Indices, Place, Pose
 from pipeline.tracks.find import HEAT, KINDS, VICTIM
 from pipeline.transforms import from_rotation
 from sarsim.victims.victims import PREFIX, box_of_geoms, victims_of
@@ -30,9 +30,9 @@ class Thing:
         kind: one of ``KINDS`` but heat.
         text: the class of a sign, what a code says, or the number of a tag; else empty.
         state: of a victim, alive or dead; else empty.
-        T_world_thing: 4×4 pose of its own frame. Signs, codes, tags: origin in the middle of the front, x right and y
+        T_world_thing: pose of its own frame. Signs, codes, tags: origin in the middle of the front, x right and y
             up for a viewer, z towards the viewer; a sign's y is towards the top of what is printed. Else z is up.
-        box: (2, 3) lowest and highest corner in its own frame, m.
+        box: lowest and highest corner in its own frame, m.
         geoms: ids of its geoms, which are the instances in a camera's image.
     """
 
@@ -40,18 +40,18 @@ class Thing:
     kind: str
     text: str
     state: str
-    T_world_thing: NDArray[np.float64]
-    box: NDArray[np.float64]
-    geoms: NDArray[np.int64]
+    T_world_thing: Pose
+    box: Box
+    geoms: Indices
 
     @property
-    def centre(self) -> NDArray[np.float64]:
-        """(3,) middle of the box in the world, m."""
+    def centre(self) -> Place:
+        """Middle of the box in the world, m."""
         return self.T_world_thing[:3, :3] @ self.box.mean(axis=0) + self.T_world_thing[:3, 3]
 
     @property
-    def normal(self) -> NDArray[np.float64]:
-        """(3,) direction in the world of its frame's z axis: of flat things, towards the viewer."""
+    def normal(self) -> Direction:
+        """Direction in the world of its frame's z axis: of flat things, towards the viewer."""
         return self.T_world_thing[:3, 2]
 
     @property

@@ -54,11 +54,11 @@ def frozen(split: str) -> Mapping[str, Mapping[str, str]]:
 
 def grid_scene(name: str) -> GridScene:
     """The 2D map of that name; InputError if there is none."""
-    told = name.removeprefix(GRID)
-    split, _, number = told.partition(":")
+    rest = name.removeprefix(GRID)
+    split, _, number = rest.partition(":")
     if split in DRAWINGS and number.isdecimal() and int(number) < DRAWINGS["val"]:
         return draw_scene(DRAWINGS[split] + int(number), *SIZES["papers"])
-    return read_dungeon(Path(told))
+    return read_dungeon(Path(rest))
 
 
 def checksum(name: str) -> str:

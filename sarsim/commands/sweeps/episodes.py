@@ -199,8 +199,8 @@ def driven(job: SweepJob, steps: int) -> tuple[Row, ExploredCurve]:
         )
         episode = Episode(config)
         episode.run()
-        told = {name.lstrip("."): value for name, value in flat("", episode.report)}
-    kept = {key: value for key, value in told.items() if isinstance(value, bool | int | float | str)}
+        figures = {name.lstrip("."): value for name, value in flat("", episode.report)}
+    kept = {key: value for key, value in figures.items() if isinstance(value, bool | int | float | str)}
     row = {"checksum": found} | {key: value for key, value in kept.items() if not OF_THE_RUN.match(key)}
     return row, episode.score.progress
 

@@ -146,8 +146,8 @@ def boards(entries: Iterable[Entry]) -> Iterator[Board]:
 
 def text(found: Estimate) -> str:
     """An estimate with its interval; – for what was not reached."""
-    told = [f"{value:.4g}" if np.isfinite(value) else "–" for value in found]
-    return "–" if told[0] == "–" else f"{told[0]} ({told[1]}–{told[2]})"
+    texts = [f"{value:.4g}" if np.isfinite(value) else "–" for value in found]
+    return "–" if texts[0] == "–" else f"{texts[0]} ({texts[1]}–{texts[2]})"
 
 
 def _failed(entry: Entry) -> int:

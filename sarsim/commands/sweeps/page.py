@@ -12,6 +12,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
+from pipeline.arrays import Values
 from pipeline.files import whole_file
 from pipeline.rescue_report.rendering import environment
 from sarsim.commands.sweeps.leaderboard import ENDS, Entry, boards
@@ -79,13 +80,13 @@ def _draw(plot: Axes, axis: str, entries: Sequence[Entry], curves: Curves, strok
     plot.grid(alpha=0.3)
 
 
-def band(curves: Sequence[ExploredCurve], axis: str, places: NDArray[np.float64], seeds: int) -> NDArray[np.float64]:
+def band(curves: Sequence[ExploredCurve], axis: str, places: Values, seeds: int) -> NDArray[np.float64]:
     """The interquartile mean of the explored shares, and the ends of its interval, as the tables have it.
 
     Args:
         curves: of the episodes, arena by arena and, in each, seed by seed.
         axis: field of the curves along which to go.
-        places: (P,) s or m; after its end, an episode holds its last share.
+        places: s or m; after its end, an episode holds its last share.
         seeds: number of them.
 
     Returns:

@@ -6,6 +6,7 @@ from typing import Self
 import numpy as np
 from numpy.typing import NDArray
 
+from pipeline.arrays import Labels, Points
 from pipeline.geometry.thinning import first_in_voxels
 from sarsim.dataset.scene_file import Scene
 
@@ -21,9 +22,9 @@ class Cloud:
         instance: (N,) int32 geom ids.
     """
 
-    points: NDArray[np.float32]
+    points: Points
     rgb: NDArray[np.uint8]
-    label: NDArray[np.uint8]
+    label: Labels
     instance: NDArray[np.int32]
 
     @classmethod

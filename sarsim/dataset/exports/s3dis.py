@@ -42,14 +42,14 @@ class S3dis(Export):
         annotations = folder / AREAS[entry.split] / name / "Annotations"
         annotations.mkdir(parents=True)
         cloud = Cloud.of_scene(scene, self.voxel)
-        things, numbers = objects(scene, cloud), Counter[str]()
+        instances, numbers = objects(scene, cloud), Counter[str]()
         # A published reader (indoor3d_util.py) joins tables; NumPy reads a file of one line as a vector, not a table.
-        known, counts = np.unique(things, return_counts=True)
-        several = np.isin(things, known[counts > 1])
-        cloud, things = cloud.of(several), things[several]
+        known, counts = np.unique(instances, return_counts=True)
+        several = np.isin(instances, known[counts > 1])
+        cloud, instances = cloud.of(several), instances[several]
         write_lines(annotations.parent / f"{name}.txt", cloud)
-        for thing in np.unique(things):
-            part = cloud.of(things == thing)
+        for instance in np.unique(instances):
+            part = cloud.of(instances == instance)
             name = NAMES[part.label[0]]
             numbers[name] += 1
             write_lines(annotations / f"{name}_{numbers[name]}.txt", part)

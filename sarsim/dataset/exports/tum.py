@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
+from pipeline.arrays import Pose
 from pipeline.frame import Frame, Intrinsics
 from pipeline.mapper import Keyframe, Mapper
 from pipeline.robot import Motion, Velocity
@@ -73,7 +74,7 @@ class TumSequence:
                 write_image(self._folder / name, image, cv2.IMWRITE_PNG_COMPRESSION, 1)
                 self._lists.setdefault(kind, []).append(f"{frame.time:.6f} {name}")
 
-    def pose(self, kind: str, time: float, T: NDArray[np.float64]) -> None:
+    def pose(self, kind: str, time: float, T: Pose) -> None:
         """Add a 4×4 pose of the camera at a time in s to the list ``kind``."""
         self.numbers(kind, time, [*T[:3, 3], *Rotation.from_matrix(T[:3, :3]).as_quat()])
 
@@ -147,8 +148,8 @@ class TumDrive(ExitStack, Sink):
         if self._newest is None:
             return
         self._sequence.pose("camera", self._newest.time, self._newest.T_base_camera)
-        for time, told in self._keyframes.items():
-            self._sequence.numbers("keyframes", time, told)
+        for time, numbers in self._keyframes.items():
+            self._sequence.numbers("keyframes", time, numbers)
         for kind, time, T in self._poses:
             self._sequence.pose(kind, time, T @ self._newest.T_base_camera)
         self._sequence.save(self._newest.intrinsics)

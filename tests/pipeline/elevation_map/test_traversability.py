@@ -182,7 +182,7 @@ def test_it_keeps_away_from_where_a_panel_may_stand():
 
 
 @pytest.mark.parametrize("far", [{"width": 2.0}, {"length": 1.7}, {"width": np.nan}])
-def test_clearances_beyond_what_is_told_apart_are_refused(far):
+def test_clearances_beyond_what_is_distinguished_are_refused(far):
     world = ElevationMap(replace(PIONEER, **far))
     world.update(ground_points(flat, (-1, 1), (-1, 1)))
     with pytest.raises(InputError, match="at most 1 m"):

@@ -14,7 +14,7 @@ def reader() -> ShapeReader:
     return ShapeReader.load(asset("weights", "shapes.safetensors"))
 
 
-def test_both_are_told_and_found_where_they_are(reader: ShapeReader) -> None:
+def test_both_are_recognised_and_found_where_they_are(reader: ShapeReader) -> None:
     frame, _ = wall_of(*THINGS)
     found = {reading.kind: reading for reading in reader.read(frame)}
     assert found.keys() == {"fire_extinguisher", "door_lever"}

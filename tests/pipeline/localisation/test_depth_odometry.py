@@ -32,7 +32,7 @@ def test_it_follows_a_drive() -> None:
         assert angle_of(off) < np.deg2rad(0.4)
 
 
-def test_colours_tell_its_way_where_depth_is_missing() -> None:
+def test_colours_show_its_way_where_depth_is_missing() -> None:
     odometry = DepthOdometry(WAY[0])
     for k, (frame, true) in enumerate(zip(frames()[:6], WAY, strict=False)):
         T = odometry.pose(blind(frame) if k in (3, 4) else frame)

@@ -170,7 +170,7 @@ def driven(motions: list[MeasuredMotion]) -> PoseGraph:
     return graph
 
 
-def test_a_turn_that_closes_tells_what_is_wrong_with_the_gyro() -> None:
+def test_a_turn_that_closes_shows_what_is_wrong_with_the_gyro() -> None:
     """24 steps of 15° by a gyro that measures 0.7 % too much; a loop joins the last keyframe to the first."""
     step, true = np.pi / 12, np.pi / 12 * (1 - 0.007)
     graph = driven([MeasuredMotion(from_yaw(0, 0, 0, step), UP, 1.0)] * 24)
@@ -181,7 +181,7 @@ def test_a_turn_that_closes_tells_what_is_wrong_with_the_gyro() -> None:
     np.testing.assert_allclose(headings, true * np.arange(25), atol=0.001)
 
 
-def test_a_return_tells_the_tyres_radius_and_every_motion_follows() -> None:
+def test_a_return_shows_the_tyres_radius_and_every_motion_follows() -> None:
     """30 m ahead, measured 2 % too short, the robot meets a place that it knows."""
     graph = driven([MeasuredMotion(from_yaw(0.3 / 1.02, 0, 0, 0), UP, 1.0)] * 100)
     graph.optimise()

@@ -104,7 +104,7 @@ def test_priors_weigh_by_their_information(ratio: float, way: float) -> None:
     assert not found.information.any()
 
 
-def test_a_sure_prior_holds_against_surfaces_and_chi2_tells_of_the_quarrel() -> None:
+def test_a_sure_prior_holds_against_surfaces_and_chi2_shows_the_quarrel() -> None:
     source = source_of(scattered(FLOOR, *ENDS, *SIDES, seed=1), np.eye(4))
     off = from_yaw(0.05, 0, 0, 0)
     sure, vague = (register(ROOM, source, [Prior(off, i * np.eye(6))], 0.2, CONFIG) for i in (1e12, 1e2))
@@ -113,7 +113,7 @@ def test_a_sure_prior_holds_against_surfaces_and_chi2_tells_of_the_quarrel() -> 
     assert vague.chi2 == pytest.approx(1e2 * 0.05**2, rel=0.1)
 
 
-def test_each_owner_tells_what_its_own_points_know() -> None:
+def test_each_owner_says_what_its_own_points_know() -> None:
     """The first keyframe owns the floor and the ends, the second the sides, 3 cm too far along y."""
     target = target_of(scattered(FLOOR, *ENDS, seed=0), scattered(*SIDES, seed=2) + np.array([0, 0.03, 0]))
     source = source_of(scattered(FLOOR, *ENDS, *SIDES, seed=1), np.eye(4))

@@ -317,7 +317,7 @@ def test_the_limit_of_depth_takes_no_half_of_the_noise(distance_m: float) -> Non
 def test_a_robot_that_sees_walls_alone_stays_on_the_ground_that_it_has_seen(
     on_ground: bool, low: float, high: float
 ) -> None:
-    """Walls do not tell how high the robot is, and its odometry rises by 5 mm in each turn of 15°."""
+    """Walls do not show how high the robot is, and its odometry rises by 5 mm in each turn of 15°."""
     walls = [wall((4, -4), (4, 4)), wall((-2, 3), (4, 3))]
     poses, slam = drive(*[(0.3, 0.0)] * 4, *TURN), Slam(on_ground=on_ground)
     for k, T in enumerate(poses):

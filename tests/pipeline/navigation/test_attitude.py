@@ -18,7 +18,7 @@ def gravity(R: np.ndarray) -> np.ndarray:
 
 @settings(max_examples=30, deadline=None)
 @given(angles, angles, st.floats(-3, 3))
-def test_at_rest_it_tells_the_tilt_of_the_pose(roll, pitch, yaw):
+def test_at_rest_it_gives_the_tilt_of_the_pose(roll, pitch, yaw):
     R, attitude = Rotation.from_euler("xyz", (roll, pitch, yaw)).as_matrix(), Attitude()
     for _ in range(150):
         attitude.update(np.zeros(3), gravity(R), DT)
@@ -26,7 +26,7 @@ def test_at_rest_it_tells_the_tilt_of_the_pose(roll, pitch, yaw):
 
 
 @pytest.mark.parametrize("axis", [(1, 0, 0), (0, 1, 0), (-1, 0, 0)])
-def test_the_gyro_tells_it_at_once(axis):
+def test_the_gyro_shows_it_at_once(axis):
     attitude, rate = Attitude(), np.array(axis, float)
     for _ in range(5):
         attitude.update(rate, np.zeros(3), DT)  # thrown up, the robot is in free fall

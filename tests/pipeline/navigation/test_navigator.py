@@ -266,7 +266,7 @@ def test_it_does_not_back_out_on_wheels_that_spin():
     assert sum(command.v < 0 for command in robot.commands) == 1
 
 
-def test_on_a_ramp_it_backs_where_told():
+def test_on_a_ramp_it_backs_where_asked():
     robot = KinematicRobot(pitch=lambda x, y: -np.deg2rad(16) if x > 1 else 0.0)
     navigator = Follower(robot)
     assert navigator.drive(np.array([(1.4, 0)]))
@@ -305,7 +305,7 @@ def test_it_backs_up_to_the_last_way_point_where_asked():
 
 @pytest.mark.parametrize("pitch", [0.0, -np.deg2rad(16)])
 @pytest.mark.parametrize("back_up", [True, False])
-def test_it_looks_back_or_ahead_at_the_end_as_told_even_if_the_other_were_nearer(back_up, pitch):
+def test_it_looks_back_or_ahead_at_the_end_as_asked_even_if_the_other_were_nearer(back_up, pitch):
     robot = KinematicRobot(pitch=lambda x, y: pitch)
     assert Follower(robot, hold_gain=0.0).drive(
         np.array([(0.5 if back_up else -0.5, 0.0)]), backwards=np.array([back_up])

@@ -176,20 +176,20 @@ def ended(
     return [str(done.returncode), done.stdout, done.stderr]
 
 
-def test_every_command_tells_its_version(capsys: pytest.CaptureFixture[str]) -> None:
+def test_every_command_prints_its_version(capsys: pytest.CaptureFixture[str]) -> None:
     assert exit_status(["--version"]) in (None, 0)
     assert capsys.readouterr().out == f"sarsim {version('sarsim')}\n"
 
 
-def test_quiet_tells_errors_alone() -> None:
+def test_quiet_prints_errors_alone() -> None:
     assert ended(["--count", "3", "--quiet"]) == ["0", "", ""]
     assert ended(["--count", "3", "--fail", "input", "--quiet"])[2] == "error: count 3 is too much\n"
 
 
 def test_the_log_has_the_level_that_is_asked_for(capsys: pytest.CaptureFixture[str]) -> None:
-    told = "import logging; from sarsim.commands.cli import *; run(lambda: logging.info('so'), {})"
-    assert ended(["--log-level", "info"], told) == ["0", "", "INFO root: so\n"]
-    assert ended([], told) == ["0", "", ""]
+    code = "import logging; from sarsim.commands.cli import *; run(lambda: logging.info('so'), {})"
+    assert ended(["--log-level", "info"], code) == ["0", "", "INFO root: so\n"]
+    assert ended([], code) == ["0", "", ""]
     assert exit_status(["--count", "3", "--log-level", "loud"]) == 2
     assert "--log-level" in capsys.readouterr().err
 
@@ -233,7 +233,7 @@ for function in (lambda x: x + 1, lambda x: x + 2):
 """
 
 
-def test_a_person_is_told_once_that_numba_compiles() -> None:
+def test_a_person_is_informed_once_that_numba_compiles() -> None:
     terminal, stderr = pty.openpty()
     assert subprocess.run([sys.executable, "-c", COMPILING], stderr=stderr).returncode == 0
     os.close(stderr)

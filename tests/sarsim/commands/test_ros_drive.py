@@ -81,7 +81,7 @@ def test_where_it_believes_to_be_is_where_it_is(driven: Pair) -> None:
     assert max(errors) < 0.05
 
 
-def test_it_tells_the_network_of_its_maps(driven: Pair) -> None:
+def test_it_publishes_its_maps(driven: Pair) -> None:
     grid = driven.wire.heard["/map"][-1]
     assert set(grid.data) == {-1, 0, 100}
     for topic in ("/keyframe", "/semantic_cloud", "/plan", "/path", "/markers", "/tf"):

@@ -76,9 +76,9 @@ def test_true_labels_make_no_error(report):
 
 def test_what_rays_hit_is_what_the_map_shows(episode):
     save_settings(EpisodeConfig(labels="truth"), episode / "config.yaml")
-    told = confusion(episode)
-    assert told.figures["accuracy"] > 0.97
-    assert told.figures["points"] > 100_000
+    result = confusion(episode)
+    assert result.figures["accuracy"] > 0.97
+    assert result.figures["points"] > 100_000
 
 
 def test_the_robot_knows_where_it_is(report):
@@ -120,20 +120,20 @@ def short_report(out: Path, seed: int, **changes: object) -> dict:
     return json.loads((out / "report.json").read_text())
 
 
-def test_tags_on_the_walls_tell_how_true_the_maps_distances_are(tmp_path):
+def test_tags_on_the_walls_show_how_true_the_maps_distances_are(tmp_path):
     localisation = short_report(tmp_path, 0, fiducials=30, detector=None, steps=2)["localisation"]
     assert 2 <= localisation["fiducials_found"] <= 30
     assert 0 < localisation["fiducial_error_m"] < 0.02
 
 
-def test_a_robot_that_is_told_its_pose_makes_no_error_and_one_that_trusts_its_wheels_does(tmp_path):
-    told, drifting = (
+def test_a_robot_that_is_given_its_pose_makes_no_error_and_one_that_trusts_its_wheels_does(tmp_path):
+    given, drifting = (
         short_report(tmp_path / name, 0, detector=None, steps=2, **settings)
         for name, settings in (("a", {"odometry": "truth"}), ("b", {"localisation": "odometry"}))
     )
-    assert "victims" not in told
-    keyframes = told["localisation"].pop("keyframes")
-    assert max(told["localisation"].values()) < 1e-9
+    assert "victims" not in given
+    keyframes = given["localisation"].pop("keyframes")
+    assert max(given["localisation"].values()) < 1e-9
     assert keyframes > 5
     assert drifting["localisation"]["ate_rmse_m"] > 0
     assert drifting["localisation"]["loops"] == 0
@@ -209,7 +209,7 @@ def test_an_episode_with_a_network_that_was_stopped_goes_on_bit_for_bit(tmp_path
     assert first["topological_map"]["edges_through_walls"] == 0
 
 
-def test_what_cannot_be_resumed_is_told(tmp_path, monkeypatch, capsys):
+def test_what_cannot_be_resumed_is_reported(tmp_path, monkeypatch, capsys):
     assert_refused(["--resume", str(tmp_path)], "config.yaml: No such file", monkeypatch, capsys)
     (tmp_path / "config.yaml").write_text("seed: 3\n")
     resume = ["--resume", str(tmp_path)]

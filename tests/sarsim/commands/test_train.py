@@ -48,14 +48,14 @@ def test_the_command_leaves_weights_that_the_robot_can_use(
     assert training["config"]["steps"] == 2
 
 
-def test_any_network_is_trained_and_told_what_it_will_not_know(
+def test_any_network_is_trained_and_what_it_will_not_know_is_printed(
     dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     out = tmp_path / "w.safetensors"
     call(monkeypatch, "pointnext", "--data", dataset, dataset, "--out", out, "--steps", 1, "--batch", 2)
-    told = capsys.readouterr().err.replace("\n", " ")
-    assert f"--data {dataset} {dataset}: no point of " in told
-    assert "ceiling" in told
+    printed = capsys.readouterr().err.replace("\n", " ")
+    assert f"--data {dataset} {dataset}: no point of " in printed
+    assert "ceiling" in printed
     assert NetworkClassifier(out, network="pointnext")
     other = ["pointnet", "--data", dataset, "--out", tmp_path / "v.safetensors", "--init", out]
     assert "pointnext" in refusal(capsys, call, monkeypatch, *other)

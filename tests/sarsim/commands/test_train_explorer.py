@@ -22,7 +22,7 @@ def test_the_command_leaves_weights_that_follow_the_seed(tmp_path: Path, capsys:
     assert torch.equal(learned[0], learned[1]) and not torch.equal(learned[0], learned[2])
 
 
-def test_what_is_wrong_is_told_before(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_what_is_wrong_is_said_before(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(InputError, match=r"explorer\.pth: .*\.safetensors"):
         train_explorer(TrainExplorer(out=tmp_path / "explorer.pth"))
     monkeypatch.delitem(sys.modules, "sarsim.tasks.ppo", raising=False)

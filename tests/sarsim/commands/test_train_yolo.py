@@ -64,7 +64,7 @@ def test_a_training_can_begin_with_weights(data: Path, tmp_path: Path, monkeypat
         (["--data", "DATA", "--out", "nowhere/w.weights"], "there is no folder"),
         (["--data", "DATA", "--out", "w.weights", "--stride", "0"], "--stride"),
         (["--data", "DATA", "--out", "w.weights", "--init", "no.weights"], "no.cfg: No such file"),
-        (["--data", "DATA", "--out", "w.weights", "--init", COCO], "tells 80 classes apart"),
+        (["--data", "DATA", "--out", "w.weights", "--init", COCO], "80 classes"),
         (["--data", "DATA", "--out", "w.weights", "--width", "100"], "multiples of 32"),
         (["--data", "DATA", "--out", "w.weights", "--network", "yolov3"], "too few to fit 9 anchors"),
     ],

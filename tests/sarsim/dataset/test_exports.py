@@ -331,7 +331,7 @@ def test_nothing_is_overwritten(data: Path, tmp_path: Path) -> None:
         list(Tum(data, tmp_path).run())
 
 
-def test_a_missing_scene_or_dataset_is_told(data: Path, tmp_path: Path) -> None:
+def test_a_missing_scene_or_dataset_is_reported(data: Path, tmp_path: Path) -> None:
     with pytest.raises(InputError, match="not a dataset"):
         list(Tum(tmp_path, tmp_path / "tum").run())
     (tmp_path / "dataset.json").write_bytes((data / "dataset.json").read_bytes())

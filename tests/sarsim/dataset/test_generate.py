@@ -42,7 +42,7 @@ def test_two_workers_make_the_same_bytes_as_this_process(tmp_path: Path, referen
     assert set(reference) == {"dataset.json", "index.html", "croissant.json", *(scene_path(k) for k in range(SCENES))}
 
 
-def test_what_goes_wrong_in_a_worker_is_told(tmp_path: Path) -> None:
+def test_what_goes_wrong_in_a_worker_is_reported(tmp_path: Path) -> None:
     recipe = replace(RECIPE, arenas=(str(tmp_path / "missing.xml"),))
     with pytest.raises(InputError, match=r"missing\.xml"):
         generate(recipe, 1, tmp_path / "data", LocalEngine(1))

@@ -229,7 +229,7 @@ def test_a_chunk_that_would_unpack_to_much_more_is_refused(file: Path) -> None:
         Scene(file)
 
 
-def test_a_full_disk_is_told_and_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_full_disk_is_reported_and_leaves_nothing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     limit = 5000
 
     class Limited(io.FileIO):

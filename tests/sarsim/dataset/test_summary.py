@@ -51,12 +51,12 @@ def test_the_balance_adds_up(page: str) -> None:
     assert f">{walls}<" in page and f">{floors}<" in page
 
 
-def test_splits_are_told(page: str) -> None:
+def test_splits_are_reported(page: str) -> None:
     assert "<tr><td>train<td class=number>12<td class=number>36<td>12 dim</tr>" in page
     assert "<tr><td>val<td class=number>1<td class=number>3<td>1 dim</tr>" in page
 
 
-def test_the_recipe_is_told_as_flags(page: str) -> None:
+def test_the_recipe_is_given_as_flags(page: str) -> None:
     for flag, words in (("seed", "3"), ("arenas", "nist_6x4"), ("random.wall-density", "0.2 0.7")):
         assert f"<tr><td>--{flag}<td>{words}</tr>" in page
 

@@ -62,7 +62,7 @@ def test_a_worker_that_dies_between_two_jobs_is_replaced(tmp_path: Path) -> None
     assert (job, outcome.result()) == (1, "1.txt")
 
 
-def test_bad_input_is_told_as_it_is_and_an_error_of_the_program_with_its_place(tmp_path: Path) -> None:
+def test_bad_input_is_reported_as_it_is_and_an_error_of_the_program_with_its_place(tmp_path: Path) -> None:
     found = outcomes(2, work.fail, range(3), tmp_path)
     assert isinstance(found[0], InputError) and str(found[0]) == "--bad: input"
     assert isinstance(found[1], RuntimeError) and f"Unsendable: {tmp_path.name} 1" in str(found[1])

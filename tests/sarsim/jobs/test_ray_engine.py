@@ -12,7 +12,7 @@ from sarsim.jobs.ray_engine import RayEngine
 from tests.sarsim.dataset.small import RECIPE, InProcess, files
 
 
-def test_what_goes_wrong_in_a_task_is_told(tmp_path: Path) -> None:
+def test_what_goes_wrong_in_a_task_is_reported(tmp_path: Path) -> None:
     recipe = replace(RECIPE, arenas=(str(tmp_path / "missing.xml"),))
     with pytest.raises(InputError, match=r"missing\.xml"):
         generate(recipe, 1, tmp_path / "data", RayEngine(1))

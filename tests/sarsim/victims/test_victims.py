@@ -88,7 +88,7 @@ def test_the_same_seed_gives_the_same_victim(placement: Placement) -> None:
     assert text(5) != text(6)
 
 
-def test_several_victims_are_told_apart() -> None:
+def test_several_victims_are_distinguished() -> None:
     rng = np.random.default_rng(1)
     model = model_of(*[(make_victim(str(n), rng), (3.0 * n, 0.0, 0.0), 0.0) for n in range(3)])
     found = victims_of(model, at_rest(model))

@@ -68,7 +68,7 @@ def test_directions_alternate_and_a_reset_sets_up_anew(monkeypatch):
     monkeypatch.setattr(lanes, "LaneDrive", Drive)
     with closing(LaneRepetitions("door", LanesSettings(seed=7))) as repetitions:
         assert [repetitions.next_try() for _ in made] == made
-    # One drive there and back in vain; one there in vain; one back.
+    # One drive there and back that fails; one there that fails; one back.
     assert done == [("door", -1, 7, 1), ("door", -1, 7, -1), ("door", -1, 9, 1), ("door", 1, 10, -1)]
     assert closed == [("door", -1, 7), ("door", -1, 9), ("door", 1, 10)]
 

@@ -91,8 +91,8 @@ def test_a_peer_that_strays_counts_as_lost_and_follows_the_odometry(name):
 
 
 def report(ours, kiss, frame_ms=30.0, loops=2):
-    told = {"keyframe_ms": 10.0, "correction_ms": 5.0, "loops": loops, "false_loops": 1, "nees": 1.5}
-    return {"report": {"ours": {"ate_m": ours} | told, "kiss_icp": {"ate_m": kiss, "frame_ms": frame_ms}}}
+    figures = {"keyframe_ms": 10.0, "correction_ms": 5.0, "loops": loops, "false_loops": 1, "nees": 1.5}
+    return {"report": {"ours": {"ate_m": ours} | figures, "kiss_icp": {"ate_m": kiss, "frame_ms": frame_ms}}}
 
 
 def jobs(group, n):
@@ -117,7 +117,7 @@ def test_figures_are_of_groups_and_ratios_of_medians():
     assert not [name for name in figures if name.startswith(("raf", "open3d"))]
 
 
-def test_a_line_tells_how_a_drive_went():
+def test_a_line_says_how_a_drive_went():
     ours = {"ate_m": 0.02, "max_m": 0.05, "nees": 1.2, "within_3_sigma": 0.991, "loops": 4.0, "false_loops": 1.0}
     line = localisation.drive_line("ours-random_1-6", ours)
     assert line == "ours-random_1-6: ATE 0.020 m, worst 0.050 m, NEES 1.20, within 3 σ 99.1%, false loops 1 of 4"

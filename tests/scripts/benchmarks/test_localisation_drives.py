@@ -63,9 +63,9 @@ def test_what_is_no_drive_is_refused(tmp_path):
 
 def test_a_recorded_drive_has_the_wheels_poses_beside_the_true_ones(tmp_path):
     record_job(JOB, tmp_path)
-    told = JOB.result(tmp_path)
+    result = JOB.result(tmp_path)
     with DriveReader(tmp_path / f"{JOB.name}.h5") as drive:
-        assert told["frames"] == len(drive)
+        assert result["frames"] == len(drive)
         assert JOB.frames <= len(drive) < 60  # the drive to the viewpoint under way is finished
         assert (np.diff(drive.time) > 0).all()
         off = np.linalg.norm(drive.T_world_base[:, :3, 3] - drive.T_odom_base[:, :3, 3], axis=1)

@@ -36,7 +36,7 @@ def test_faces_have_sides(tilt: float, side: str) -> None:
     assert confusion.side_of(np.cos(np.deg2rad(tilt))) == side
 
 
-def test_what_is_near_a_wall_is_told_apart() -> None:
+def test_what_is_near_a_wall_is_counted_apart() -> None:
     points = np.array([(0, 0, 0), (0.05, 0, 0), (0.2, 0, 0)], np.float32)
     truth = np.array([Label.WALL, Label.TERRAIN, Label.TERRAIN], np.uint8)
     assert confusion.near_walls(points, truth).tolist() == [False, True, False]

@@ -47,7 +47,7 @@ def test_map_server_sees_the_wall_and_drives_over_the_step(wall_and_step, tmp_pa
     assert [at(x, 0.2) for x in (0.5, 1.0, 1.5, 2.0)] == ["free", "free", "free", "occupied"]
 
 
-def test_what_no_voxel_tells_is_unknown(tmp_path):
+def test_what_no_voxel_shows_is_unknown(tmp_path):
     metric_map = MetricMap()
     metric_map.integrate_points([(1.0, 1.0, 0.5)], (0, 0, 0.5))
     save_map_server(tmp_path / "map.pgm", metric_map, 0.25, 0.65)

@@ -45,7 +45,7 @@ def test_uniform_free_space_is_one_leaf(tmp_path):
     assert read_ot(tmp_path / "map.ot").getNumLeafNodes() == 1
 
 
-def test_the_header_tells_where_the_first_voxel_begins(tmp_path):
+def test_the_header_says_where_the_first_voxel_begins(tmp_path):
     metric_map = filled((0, 0, 0), np.ones((1, 1, 1), np.int8))
     for name, write in (("map.bt", write_bt), ("map.ot", write_ot)):
         write(tmp_path / name, metric_map)

@@ -65,7 +65,7 @@ def test_it_senses_what_the_robot_sent_and_where_that_was(pair: Pair) -> None:
     assert pair.robot.sense().time > frame.time
 
 
-def test_motions_tell_what_is_felt(pair: Pair) -> None:
+def test_motions_carry_what_is_felt(pair: Pair) -> None:
     for _ in range(5):
         motion = pair.robot.drive(Velocity(0.2, 0.4))
     assert motion.gyro == pytest.approx([0, 0, 0.4])

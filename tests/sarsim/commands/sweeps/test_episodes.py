@@ -91,7 +91,7 @@ def test_a_class_of_ones_own_explores(run) -> None:
 
 
 @pytest.mark.parametrize(
-    ("method", "told"),
+    ("method", "complaint"),
     [
         ("mine_2d:Wrong", r"^--methods mine_2d:Wrong: nan is no node that can be reached$"),
         ("mine_2d:Outside", "1000000000 is no node that can be reached$"),
@@ -101,8 +101,8 @@ def test_a_class_of_ones_own_explores(run) -> None:
         ("nearest", "^--methods nearest: none of next_best_view, .* or MODULE:CLASS$"),
     ],
 )
-def test_what_is_wrong_with_a_method_is_told_in_one_line(run, method: str, told: str) -> None:
-    with pytest.raises(InputError, match=told):
+def test_what_is_wrong_with_a_method_is_said_in_one_line(run, method: str, complaint: str) -> None:
+    with pytest.raises(InputError, match=complaint):
         run(method, limit=1.0 if "Hangs" in method else 60.0)
 
 
@@ -124,7 +124,7 @@ def test_files_of_different_episodes_have_different_names() -> None:
 
 
 @pytest.mark.parametrize("text", ["{", "[]", *map(json.dumps, BROKEN)])
-def test_a_broken_result_is_told(tmp_path: Path, text: str) -> None:
+def test_a_broken_result_is_reported(tmp_path: Path, text: str) -> None:
     job = SweepJob("m", "a", 0)
     (tmp_path / "episodes").mkdir()
     (tmp_path / job.file).write_text(text)

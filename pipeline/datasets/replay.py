@@ -100,20 +100,20 @@ class Replay:
                 self.recording.leave_out(POSELESS)
                 continue
             frame = replace(frame, T_odom_base=T)
-            truth = self._truth.at(frame.time) if self._truth else None
+            truth = self._truth.at(frame.time, self._numbers.trajectory) if self._truth else None
             yield Replayed(frame, self._take(frame), truth)
 
     def _T_odom_base(self, frame: Frame) -> Pose | None:
         if self._odometry is not None:
             return self._odometry.pose(self.mapper.clean(frame))
-        return self._given.at(frame.time) if self._given else None
+        return self._given.at(frame.time, self._numbers.trajectory) if self._given else None
 
     def _begin(self, frame: Frame) -> bool:
         """Find the poses of camera and robot by the first frame; False if it is blank."""
         if not frame.returns.any():
             self.recording.leave_out("blank frames at the beginning")
             return False
-        if self._given is not None and self._given.at(frame.time) is None:
+        if self._given is not None and self._given.at(frame.time, self._numbers.trajectory) is None:
             self.recording.leave_out(POSELESS)
             return False
         self._has_begun = True
@@ -138,7 +138,7 @@ class Replay:
             up: the vertical in ``base_link`` at ``time``, s.
             T_map_base: pose at that time in a ``map`` that begins there.
         """
-        T = given.at(time)
+        T = given.at(time, self._numbers.trajectory)
         assert T is not None
         if T[2, :3] @ up >= np.cos(self._most_tilt) * np.linalg.norm(up):
             return given

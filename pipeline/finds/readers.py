@@ -16,31 +16,13 @@ from pipeline.finds.squares import Squares, is_same
 from pipeline.frame import Frame
 from pipeline.tracks.config import LikelihoodConfig
 from pipeline.tracks.find import FIND_KINDS, Reading, box_corners
-
-
-class Detected(Protocol):
-    """A box of a detector; see :class:`pipeline.victims.detection.detection.Detection`."""
-
-    @property
-    def box(self) -> tuple[float, float, float, float]:
-        """x0, y0, x1, y1 in pixels."""
-        ...
-
-    @property
-    def confidence(self) -> float:
-        """0 to 1."""
-        ...
-
-    @property
-    def kind(self) -> str:
-        """What it is, in the words of report.json."""
-        ...
+from pipeline.victims.detection.detection import Detection
 
 
 class FindReader(Protocol):
     """Finds objects of some kinds in a frame; may be one's own."""
 
-    def read(self, frame: Frame, detections: Sequence[Detected]) -> list[Reading]:
+    def read(self, frame: Frame, detections: Sequence[Detection]) -> list[Reading]:
         """What a frame shows, given a detector's boxes in its image; may be called in another thread."""
         ...
 
@@ -52,7 +34,7 @@ class SeveralReaders:
         """With readers, in the order in which they read."""
         self._readers = readers
 
-    def read(self, frame: Frame, detections: Sequence[Detected]) -> list[Reading]:
+    def read(self, frame: Frame, detections: Sequence[Detection]) -> list[Reading]:
         """What a frame shows, given a detector's boxes in its image."""
         found: list[Reading] = []
         for reader in self._readers:
@@ -80,14 +62,14 @@ class FindReaders:
         shape_reader = ShapeReader.load(shapes, config.shapes, likelihood)
         return cls(HazmatReader.load(hazmat, config.hazmat), shape_reader, config)
 
-    def read(self, frame: Frame, detections: Sequence[Detected]) -> list[Reading]:
+    def read(self, frame: Frame, detections: Sequence[Detection]) -> list[Reading]:
         """What a frame shows, given a detector's boxes in its image."""
         thermal, config = frame.thermal, self._config.heat
         heat = [] if thermal is None else warm_regions(thermal, len(frame.rgb), config)
         shapes = self._shapes.read(frame)
         return [*shapes, *_others(self.read_image(frame.rgb, detections), shapes), *heat]
 
-    def read_image(self, rgb: NDArray[np.uint8], detections: Sequence[Detected]) -> list[Reading]:
+    def read_image(self, rgb: NDArray[np.uint8], detections: Sequence[Detection]) -> list[Reading]:
         """What an image shows, (H, W, 3) or grey (H, W) uint8; a detector's boxes of people are left alone.
 
         Raises:

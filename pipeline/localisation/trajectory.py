@@ -25,36 +25,34 @@ class Trajectory:
         of_camera: whether they are the camera's; else they are those of ``base_link``.
     """
 
-    def __init__(
-        self, times: Values, poses: Poses, of_camera: bool = False, *, config: TrajectoryConfig = TrajectoryConfig()
-    ) -> None:
+    def __init__(self, times: Values, poses: Poses, of_camera: bool = False) -> None:
         """Sort the poses by their ``times``, s; of several poses at one time the first counts."""
         self.times, first = np.unique(times, return_index=True)
-        self.poses, self.of_camera, self._config = poses[first], of_camera, config
+        self.poses, self.of_camera = poses[first], of_camera
 
-    def at(self, time: float) -> Pose | None:
+    def at(self, time: float, config: TrajectoryConfig) -> Pose | None:
         """Pose at a time in s, interpolated over at most ``longest_gap``; None if there is none so near."""
         after = int(np.searchsorted(self.times, time))
         if after < len(self.times) and self.times[after] == time:
             return self.poses[after]
         pair = slice(after - 1, after + 1)
-        if 0 < after < len(self.times) and np.ptp(self.times[pair]) <= self._config.longest_gap:
+        if 0 < after < len(self.times) and np.ptp(self.times[pair]) <= config.longest_gap:
             share = (time - self.times[after - 1]) / np.ptp(self.times[pair])
             R = Slerp([0.0, 1.0], Rotation.from_matrix(self.poses[pair, :3, :3]))(share).as_matrix()
             start, end = self.poses[pair, :3, 3]
             return from_rotation(R, start + share * (end - start))
         k = min((k for k in (after - 1, after) if 0 <= k < len(self.times)), key=lambda k: abs(self.times[k] - time))
-        return self.poses[k] if abs(self.times[k] - time) <= self._config.still_valid else None
+        return self.poses[k] if abs(self.times[k] - time) <= config.still_valid else None
 
     def of_base(self, T_base_camera: Pose) -> "Trajectory":
         """The trajectory of ``base_link``, on which the camera has a pose."""
         if not self.of_camera:
             return self
-        return Trajectory(self.times, self.poses @ inverse(T_base_camera), config=self._config)
+        return Trajectory(self.times, self.poses @ inverse(T_base_camera))
 
     def moved(self, T: Pose) -> "Trajectory":
         """The same trajectory in another frame, in which the present one has the pose ``T``."""
-        return Trajectory(self.times, T @ self.poses, self.of_camera, config=self._config)
+        return Trajectory(self.times, T @ self.poses, self.of_camera)
 
 
 class OdometryPose(Protocol):

@@ -3,6 +3,8 @@
 from dataclasses import dataclass
 from math import radians
 
+from pipeline.localisation.config import TrajectoryConfig
+
 
 @dataclass(frozen=True)
 class LiveConfig:
@@ -19,6 +21,7 @@ class LiveConfig:
         hold: s of the robot's time without a new command after which it is stopped: the pipeline is computing. A
             frame may be half as much older than the newest odometry.
         starting: messages of odometry from which its period is estimated.
+        trajectory: how long odometry is valid.
     """
 
     discovery: float = 1.0
@@ -32,6 +35,7 @@ class LiveConfig:
     least_period: float = 0.04
     hold: float = 0.2
     starting: int = 5
+    trajectory: TrajectoryConfig = TrajectoryConfig()
 
 
 @dataclass(frozen=True)

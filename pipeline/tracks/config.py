@@ -33,12 +33,14 @@ class TrackConfig:
     Attributes:
         confirmation: when a track is reported.
         misses: a track that was missed more often for each detection is given up.
+        accepted: probability that two places of one object are near enough to be taken for one.
         across: m of the object that are to be in the image when it is looked at again.
         photo_margin: margin of a photo around the box of the object, as a share of the longer side.
     """
 
     confirmation: Confirmation
     misses: float = 2.0
+    accepted: float = 0.99
     across: float
     photo_margin: float
 

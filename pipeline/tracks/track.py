@@ -73,17 +73,20 @@ class TrackPolicy(TrackConfig, ABC):
 
     Attributes:
         kind: one of :data:`pipeline.tracks.find.KINDS`.
-        gate: greatest squared Mahalanobis distance between two places of one object: 99 % of them are nearer.
         is_flat: whether it shows the same from wherever it is seen, so that only a nearer view shows more.
         has_checksum: whether it is read rightly or not at all: what was read is sure, the rest is not reported.
         likelihood: weighs what was seen against background.
     """
 
     kind: str
-    gate: float = chi2_gate(3)
     is_flat: bool = False
     has_checksum: bool = False
     likelihood: LikelihoodConfig = LikelihoodConfig()
+
+    @property
+    def gate(self) -> float:
+        """Greatest squared Mahalanobis distance between two places that are taken for one object's."""
+        return chi2_gate(3, self.accepted)
 
     @abstractmethod
     def locate(self, placed: Sequence[Observation]) -> Location:

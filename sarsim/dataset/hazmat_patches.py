@@ -11,7 +11,7 @@ from pipeline.finds.config import SquaresConfig
 from pipeline.finds.hazmat import SIGN_SIDE
 from pipeline.finds.hazmat_classes import HAZMAT_CLASSES
 from pipeline.finds.quads import find_quads
-from pipeline.finds.squares import SURROUNDINGS
+from pipeline.finds.squares import corners_in
 from sarsim.arenas.things.codes import qr_picture, tag_picture
 from sarsim.arenas.things.hazmat import SignStyle, sign_face
 from sarsim.dataset.hazmat_labels import draw_varied
@@ -226,9 +226,7 @@ def _rectified(scene: Picture, quad: NDArray[np.float32], rng: np.random.Generat
     """(SIGN_SIDE, SIGN_SIDE, 3) the quadrilateral and its margin, any corner first, as sharp as it is far away."""
     quad = np.roll(quad, int(rng.integers(4)), axis=0)
     side = int(np.exp(rng.uniform(np.log(24), np.log(SPAN))))
-    low, high = SURROUNDINGS * side, (1 - SURROUNDINGS) * side
-    target = np.array([[low, low], [high, low], [high, high], [low, high]], np.float32)
-    T = cv2.getPerspectiveTransform(quad.astype(np.float32), target)
+    T = cv2.getPerspectiveTransform(quad.astype(np.float32), corners_in(side))
     # Averages over the pixels of the scene that fall into one of the patch, as a camera does.
     blur = float(np.linalg.norm(quad[1] - quad[0])) / side / 2
     soft = cv2.GaussianBlur(scene, (0, 0), max(0.3, blur)) if blur > 0.5 else scene

@@ -35,6 +35,7 @@ class Senses:
         self._half_width = half_width
         self._depth: deque[tuple[float, str, bytes]] = deque(maxlen=config.queue)
         self._colour: deque[tuple[float, str, bytes]] = deque(maxlen=config.queue)
+        self._validity = config.trajectory
         self._poses: deque[tuple[float, Pose]] = deque(maxlen=config.odometry_queue)
         self._twist = np.zeros(2)
         self._felt: list[NDArray[np.float64]] = []
@@ -144,4 +145,5 @@ class Senses:
         return Motion(time, T, gyro, accelerometer, np.array([v, v]) + self._half_width * omega * np.array([-1, 1]))
 
     def _pose(self, time: float) -> Pose | None:
-        return Trajectory(np.array([t for t, _ in self._poses]), np.array([T for _, T in self._poses])).at(time)
+        times, poses = np.array([t for t, _ in self._poses]), np.array([T for _, T in self._poses])
+        return Trajectory(times, poses).at(time, self._validity)

@@ -14,6 +14,7 @@ import pytest
 from pipeline.datasets.tum_folder import read_tum_folder
 from pipeline.errors import InputError
 from pipeline.frame import Calibration
+from pipeline.localisation.config import TrajectoryConfig
 from tests.pipeline.datasets.recorded_room import ODOMETRY, WAY, camera_poses, frames, write_tum_folder
 
 
@@ -38,8 +39,8 @@ def test_trajectories_come_back(folder: Path) -> None:
     base = recording.truth.of_base(frames()[0].T_base_camera)
     np.testing.assert_allclose(base.poses[:, 2, 3], 0, atol=1e-12)
     odometry = recording.odometry.of_base(frames()[0].T_base_camera)
-    np.testing.assert_allclose(odometry.at(0.45), 0.5 * (ODOMETRY[4] + ODOMETRY[5]), atol=1e-3)
-    assert odometry.at(-1.0) is None
+    np.testing.assert_allclose(odometry.at(0.45, TrajectoryConfig()), 0.5 * (ODOMETRY[4] + ODOMETRY[5]), atol=1e-3)
+    assert odometry.at(-1.0, TrajectoryConfig()) is None
 
 
 @pytest.mark.parametrize(

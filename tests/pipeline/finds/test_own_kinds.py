@@ -6,11 +6,12 @@ from dataclasses import replace
 import pytest
 
 from pipeline.finds.find_map import Finds
-from pipeline.finds.readers import Detected, SeveralReaders
+from pipeline.finds.readers import SeveralReaders
 from pipeline.frame import Frame
 from pipeline.tracks.config import Confirmation, ObjectConfig, TracksConfig
 from pipeline.tracks.find import Reading, box_corners, is_find_kind
 from pipeline.transforms import from_yaw
+from pipeline.victims.detection.detection import Detection
 from pipeline.victims.victim_map import Victims
 from tests.pipeline.victims.rooms import WALL, camera_at, step
 
@@ -21,7 +22,7 @@ class ReaderOf:
     def __init__(self, *found: Reading):
         self.found = list(found)
 
-    def read(self, frame: Frame, detections: Sequence[Detected]) -> list[Reading]:
+    def read(self, frame: Frame, detections: Sequence[Detection]) -> list[Reading]:
         return self.found
 
 

@@ -81,7 +81,7 @@ def test_what_covers_a_corner_of_its_box_is_not_what_was_detected() -> None:
 
 def test_what_together_is_no_person_is_not_confirmed() -> None:
     row = [(2.2, y, 0.4, 0.4) for y in (-1.2, -0.6, 0.0, 0.6, 1.2)]
-    victims = followed(PeoplePolicy(gate=1e6))  # all of it is taken for one person
+    victims = followed(PeoplePolicy(accepted=1.0))  # all of it is taken for one person
     walk(victims, [(0, 0), (0, 0.4)], row, row)
     assert len(victims.all) == 1
     assert victims.confirmed == []
@@ -212,7 +212,7 @@ LEGS: Ball = (2.0, -0.8, 0.2, 0.25)
 
 
 def test_a_person_seen_in_parts_is_one_person() -> None:
-    victims = followed(PeoplePolicy(gate=1e-6))  # only contact can join the parts
+    victims = followed(PeoplePolicy(accepted=1e-9))  # only contact can join the parts
     walk(victims, [(0, 0)], [PERSON, LEGS], [PERSON])
     walk(victims, [(0, 0.1)], [PERSON, LEGS], [LEGS])
     assert len(victims.all) == 2
@@ -229,14 +229,14 @@ NEXT: Ball = (2.0, -0.6, 0.2, 0.25)
 
 def test_two_whom_different_frames_show_are_one_if_they_touch() -> None:
     for touch, people in ((0.15, 1), (0.05, 2)):
-        victims = followed(PeoplePolicy(gate=1e-6, touch=touch))
+        victims = followed(PeoplePolicy(accepted=1e-9, touch=touch))
         walk(victims, [(0, 0)], [PERSON], [PERSON])
         walk(victims, [(0, 0.4)], [NEXT], [NEXT])
         assert len(victims.all) == people
 
 
 def test_two_whom_one_frame_shows_apart_are_two_though_they_touch_later() -> None:
-    victims, near = followed(PeoplePolicy(gate=1e6)), (2.0, -0.4, 0.2, 0.25)
+    victims, near = followed(PeoplePolicy(accepted=1.0)), (2.0, -0.4, 0.2, 0.25)
     walk(victims, [(0, 0)], [PERSON, LEGS], [PERSON, LEGS])
     assert len(victims.all) == 2
     walk(victims, [(0, 0.4)], [PERSON, near], [near])

@@ -6,6 +6,7 @@ import signal
 from pathlib import Path
 
 import pytest
+from filelock import FileLock
 from hypothesis import settings
 
 # Tests run in as many processes as there are cores, so each process is to use one. Set before anything reads it.
@@ -33,6 +34,26 @@ def pytest_collection_finish() -> None:
     """Keep what was imported out of every later garbage collection, which need not look through it."""
     gc.collect()
     gc.freeze()
+
+
+@pytest.fixture(scope="session")
+def episode(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of a whole episode in the NIST arena with true labels, one for all processes that run tests.
+
+    Tests read it and leave it as it is.
+    """
+    from sarsim.commands.settings import save_settings
+    from sarsim.episode import Episode
+    from sarsim.settings import EpisodeConfig
+
+    base = tmp_path_factory.getbasetemp()
+    out = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "episode"
+    with FileLock(f"{out}.lock"):
+        if not out.exists():
+            config = EpisodeConfig(labels="truth", out=out)
+            assert Episode(config).run()
+            save_settings(config, out / "config.yaml")
+    return out
 
 
 @pytest.fixture(scope="session")

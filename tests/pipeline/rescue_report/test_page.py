@@ -268,6 +268,7 @@ def sheets(html: str, folder: Path) -> int:
     return len(re.findall(rb"/Type\s*/Page\b", pdf.read_bytes()))
 
 
+@pytest.mark.browser
 @pytest.mark.skipif(not shutil.which("chromium"), reason="no Chromium")
 def test_no_sheet_is_printed_for_what_is_folded_away(tmp_path: Path) -> None:
     report = REPORT | {"config": {f"setting_{k}": k for k in range(300)}}

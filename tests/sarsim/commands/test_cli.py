@@ -233,6 +233,7 @@ for function in (lambda x: x + 1, lambda x: x + 2):
 """
 
 
+@pytest.mark.compiles
 def test_a_person_is_informed_once_that_numba_compiles() -> None:
     terminal, stderr = pty.openpty()
     assert subprocess.run([sys.executable, "-c", COMPILING], stderr=stderr).returncode == 0

@@ -1,7 +1,6 @@
 """Whole episodes, as the command runs them."""
 
 import json
-import os
 import pickle
 import re
 import signal
@@ -13,28 +12,16 @@ from pathlib import Path
 import numpy as np
 import open3d as o3d
 import pytest
-from filelock import FileLock
 
 from pipeline.metric_map.io.npz import load_metric_map
 from pipeline.victims.detection.weights import write_weights
 from sarsim.commands import run_episode
-from sarsim.commands.settings import save_settings
 from sarsim.episode import Episode
 from sarsim.settings import WEIGHTS, EpisodeConfig
 from scripts.benchmarks.semantic_confusion import confusion
 from tests.pipeline.victims.detection.networks import SMALL, random_network
 from tests.sarsim.rooms import room
 from tests.source_tree import ROOT
-
-
-@pytest.fixture(scope="module")
-def episode(tmp_path_factory) -> Path:
-    """The folder of a whole episode in the NIST arena, one for all processes that run tests."""
-    base = tmp_path_factory.getbasetemp()
-    out = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "episode"
-    with FileLock(f"{out}.lock"):
-        assert out.exists() or Episode(EpisodeConfig(labels="truth", out=out)).run()
-    return out
 
 
 @pytest.fixture(scope="module")
@@ -75,7 +62,6 @@ def test_true_labels_make_no_error(report):
 
 
 def test_what_rays_hit_is_what_the_map_shows(episode):
-    save_settings(EpisodeConfig(labels="truth"), episode / "config.yaml")
     result = confusion(episode)
     assert result.figures["accuracy"] > 0.97
     assert result.figures["points"] > 100_000

@@ -39,6 +39,7 @@ def test_what_cannot_work_ends_with_one_line_and_status_2(flags, reason, capsys)
     assert reason in refusal(capsys, run, teleop, flags)
 
 
+@pytest.mark.display
 @pytest.mark.skipif(not shutil.which("xvfb-run"), reason="no Xvfb")
 def test_ctrl_c_ends_it_while_the_window_is_open():
     with subprocess.Popen(

@@ -18,6 +18,8 @@ from tests.refusal import refusal
 from tests.sarsim.dataset.small import InProcess
 from tests.source_tree import ROOT
 
+pytestmark = pytest.mark.training
+
 TRAIN = ROOT / "scripts" / "train.py"
 
 

@@ -11,6 +11,8 @@ from pipeline.errors import InputError
 from sarsim.commands.train import TrainExplorer, train_explorer
 from sarsim.tasks.viewpoint_network import ViewpointNetwork
 
+pytestmark = pytest.mark.training
+
 
 def test_the_command_leaves_weights_that_follow_the_seed(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     learned = []

@@ -9,6 +9,8 @@ from sarsim.commands import train
 from tests.refusal import refusal
 from tests.sarsim.dataset.people_dataset import write_people_dataset
 
+pytestmark = pytest.mark.training
+
 
 def test_the_command_leaves_weights_that_the_robot_can_use(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]

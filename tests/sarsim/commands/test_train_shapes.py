@@ -10,6 +10,8 @@ from sarsim.commands import train
 from tests.pipeline.finds.wall_of_things import THINGS
 from tests.sarsim.dataset.things_dataset import write_things_dataset
 
+pytestmark = pytest.mark.training
+
 
 def test_the_command_leaves_weights_that_the_robot_can_use(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]

@@ -13,6 +13,8 @@ from sarsim.commands import train
 from tests.refusal import refusal
 from tests.sarsim.dataset.people_dataset import write_people_dataset
 
+pytestmark = pytest.mark.training
+
 COCO = str(asset("weights", "yolov3-tiny.cfg").with_suffix(".weights"))
 QUICK = ["--width", 64, "--height", 32, "--network", "yolov3-tiny", "--steps", 2, "--batch", 1]
 

@@ -13,6 +13,7 @@ from pipeline.ros.live.node import RosNode
 from pipeline.ros.messages import decode, type_of
 
 pytest.importorskip("rclpy", reason="there is no ROS 2 here; make ros adds it")
+pytestmark = pytest.mark.ros
 LONG = 20.0
 """s that a message may take on a machine that is busy."""
 

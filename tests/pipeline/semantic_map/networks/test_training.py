@@ -22,6 +22,8 @@ from pipeline.semantic_map.networks.training_config import Optimization, PointTr
 from pipeline.semantic_map.networks.training_loop import TrainingLoop
 from tests.pipeline.polygon_scene import floor, look, pose, wall
 
+pytestmark = pytest.mark.training
+
 ALONE = TrainingWorker(0, 1, torch.device("cpu"))
 CONFIG = PointTrainingConfig(steps=12, validate_every=6, batch=4)
 POSES = [pose(0.3 * i, 0.1 * i, 0.6, 0.5 * i, 0.25) for i in range(4)]

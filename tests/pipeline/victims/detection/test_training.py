@@ -25,6 +25,8 @@ from tests.pipeline.victims.constants import constants
 from tests.pipeline.victims.detection.networks import SHIPPED, SMALL
 from tests.pipeline.victims.detection.people import WhiteBoxes
 
+pytestmark = pytest.mark.training
+
 OWN = SHIPPED / "yolov3-small.cfg"
 CONFIG = YoloTrainingConfig(width=64, height=64, steps=6, validate_every=3, batch=2)
 

@@ -153,7 +153,8 @@ def test_coloured_blocks_train_a_published_network(data: Path, tmp_path: Path, s
     descent = torch.optim.SGD(network.parameters(), lr=0.1)
     losses = []
     for of_batch in torch.arange(len(points)).split(8)[:3]:
-        loss = torch.nn.functional.cross_entropy(network(points[of_batch].mT), labels[of_batch])
+        logits = network(points[of_batch].flatten(0, 1), [64] * len(of_batch))
+        loss = torch.nn.functional.cross_entropy(logits, labels[of_batch].flatten())
         loss.backward()
         descent.step()
         losses.append(loss.item())

@@ -126,7 +126,7 @@ class PerceptionConfig:
         labels: network, height and slope (rules), simulator's truth, or MODULE:CLASS.
         weights: weights file of the network, from train.py; by default the shipped one.
         detector: YOLO: .cfg and weights, or .safetensors beside .cfg; None: off.
-        detector_class: detector of your own, MODULE:CLASS.
+        detector_class: your own detector, MODULE:CLASS.
         reader: class of your own that finds objects in images.
         pipeline: all numbers of the robot's software; a run writes them, and only ``--config`` changes them.
     """
@@ -186,15 +186,15 @@ class EpisodeConfig(SinkConfig, PerceptionConfig, MissionConfig, SimulatorConfig
         sensor: Xtion camera, or ideal: of the same range, without noise.
         dust: dust in the air, 0 to 1, which spoils depth and veils colours.
         tyre_error: relative error of the wheels' radius that the odometry does not know.
-        fiducials: AprilTags on the walls, which measure the map.
-        oracle: compare with the best tour of one who knows the ground; takes seconds, minutes in large arenas.
+        fiducials: AprilTags on walls, to score the map.
+        oracle: compare with the best tour of one who knows the ground; may take minutes.
         voxel_size: side of the metric map's voxels, m; by default 0.1, or as a --config file says.
         graph: graph for path planning: the thesis's minimum spanning tree (mst), or with loops (roadmap).
         bag: new folder for a ROS 2 bag of the robot's sensor data, commands and maps.
         bag_images: depth in whole mm (16UC1) or in m (32FC1); colour raw or as JPEG.
         tum: new folder for sensor data and true poses in the layout of TUM RGB-D.
         out: folder for the results; by default runs/<arena>-<seed>; with --config that name and the first free number
-            from -2 on, so that no run is overwritten.
+            from -2 on.
         random: contents of a random arena.
     """
 

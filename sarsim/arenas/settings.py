@@ -25,7 +25,7 @@ class RandomArenaConfig:
         bulky: share of the tiles with elements that hide much: raised floors to drive under, steep boards, cupboards.
         victims: number of victims, 0 to 100.
         difficulty: 0 flat; 1 decks and ridges of ramps; 2 crossing ramps, clutter, holes in walls and half-hidden
-            victims; 3 continuous ramp fields and step fields; by default the arena's seed modulo 4.
+            victims; 3 continuous ramp fields and step fields; by default the seed modulo 4.
         ceiling: ceiling at a height of 2.4 m, with all walls up to it.
         furnished: share of the tiles with furniture of all sizes and colours, in rows along walls: lockers, shelves,
             tables, sofas, beds, stairs.

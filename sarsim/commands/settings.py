@@ -19,7 +19,7 @@ from sarsim.assets import asset
 from sarsim.commands.cli import COMMON, common, guarded, parse
 from sarsim.settings import EXPLORE, METHODS, names_code, words
 
-CONFIG_HELP = "YAML file of settings, such as the one that every run writes; flags override its values."
+CONFIG_HELP = "YAML file of settings, as every run writes one; flags override its values."
 RESULTS = ("out", "resume", "bag", "tum", "json")
 """Where results go: only flags may set these, because a file of settings may come from a stranger."""
 OUTPUTS = (*RESULTS, "workers")

@@ -21,7 +21,7 @@ COMMANDS = [
     for sub in ([name] for name in SUBCOMMANDS.get(path.stem, [""]))
 ]
 HEAVY = ("cv2", "h5py", "mujoco", "networkx", "numba", "open3d", "rerun", "scipy", "torch")
-MOST_FLAGS = 198
+MOST_FLAGS = 207
 MOST_LINES = 120
 MOST_SECONDS = 1.5
 

@@ -79,7 +79,10 @@ def test_workers_use_one_thread_and_this_process_as_many_as_before(
 
 
 def wait_for(*paths: Path) -> None:
+    """Wait until all of these files are there, for a minute at most."""
+    end = time.monotonic() + 60
     while not all(path.exists() for path in paths):
+        assert time.monotonic() < end, paths
         time.sleep(0.01)
 
 

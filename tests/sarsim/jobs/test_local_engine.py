@@ -19,6 +19,7 @@ from sarsim.jobs import local_engine
 from sarsim.jobs.folder_lock import locked
 from sarsim.jobs.local_engine import LocalEngine
 from tests.sarsim.jobs import work
+from tests.source_tree import ROOT
 
 
 def outcomes(workers: int, do: Callable[[int, Path], str], jobs: range, folder: Path) -> dict[int, Any]:
@@ -128,7 +129,8 @@ def test_a_folder_is_free_only_when_the_workers_of_a_killed_command_have_ended(t
     script, folder = tmp_path / "command.py", tmp_path / "folder"
     script.write_text(COMMAND)
     folder.mkdir()
-    with subprocess.Popen([sys.executable, script, folder], stderr=subprocess.DEVNULL) as command:
+    environment = os.environ | {"PYTHONPATH": str(ROOT)}
+    with subprocess.Popen([sys.executable, script, folder], env=environment, stderr=subprocess.DEVNULL) as command:
         wait_for(folder / "0.begun")
         command.kill()
     assert not (folder / "0.cleaned").exists()

@@ -79,7 +79,8 @@ def test_two_processes_train_together_and_end_together_when_the_time_is_up(datas
     out = tmp_path / "w.safetensors"
     flags = ["pointnext", "--data", dataset, "--out", out, "--steps", 400, "--minutes", 0.02, "--batch", 2]
     command = [sys.executable, "-m", "torch.distributed.run", "--standalone", "--nproc-per-node", 2, TRAIN, *flags]
-    subprocess.run(list(map(str, command)), check=True, capture_output=True, timeout=300)
+    done = subprocess.run(list(map(str, command)), capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
     assert NetworkClassifier(out, network="pointnext")
 
 

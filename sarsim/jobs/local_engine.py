@@ -3,15 +3,16 @@
 import logging
 from collections import deque
 from collections.abc import Iterable
-from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
-from concurrent.futures.process import BrokenProcessPool
+from concurrent.futures import Future
+from contextlib import suppress
 from multiprocessing import connection
-from multiprocessing.process import BaseProcess
-from pathlib import Path
+from multiprocessing.connection import Connection
+from typing import Any
 
+from pipeline.errors import InputError
 from sarsim.jobs.engine import ATTEMPTS, Job, Outcomes, Result, Work, done, failed
 from sarsim.jobs.folder_lock import FolderLock
-from sarsim.jobs.processes import CLEANING, WorkerContext, starting, tidily
+from sarsim.jobs.processes import CLEANING, WorkerProcess, connected
 
 _log = logging.getLogger(__name__)
 
@@ -25,16 +26,17 @@ class LocalEngine:
     def run(self, work: Work[Job, Result], jobs: Iterable[Job], lock: FolderLock) -> Outcomes[Job, Result]:
         """See :class:`sarsim.jobs.engine.Engine`."""
         todo, workers = deque((job, 1) for job in jobs), [Worker(lock) for _ in range(self._count)]
-        idle, running = [*workers], dict[Future[Result], tuple[Worker, Job, int]]()
+        idle, running = [*workers], dict[Any, tuple[Worker, Job, int]]()
         try:
             while todo or running:
                 while todo and idle:
                     worker, (job, attempt) = idle.pop(), todo.popleft()
-                    running[worker.begin(work, job, lock.folder)] = worker, job, attempt
-                for outcome in wait(running, return_when=FIRST_COMPLETED).done:
-                    worker, job, attempt = running.pop(outcome)
+                    running[worker.begin(work, job)] = worker, job, attempt
+                for pipe in connection.wait(running):
+                    worker, job, attempt = running.pop(pipe)
                     idle.append(worker)
-                    if not isinstance(outcome.exception(), BrokenProcessPool):
+                    outcome = worker.outcome()
+                    if not isinstance(outcome.exception(), WorkerDiedError):
                         yield job, outcome
                         continue
                     status = worker.end()
@@ -50,45 +52,65 @@ class LocalEngine:
                 worker.end()
 
 
+class WorkerDiedError(Exception):
+    """The process ended with its job undone."""
+
+
 class Worker:
-    """Does one job after the other in a process, a pool of its own: its death disturbs no other worker's job."""
+    """Does one job after the other in a process of its own: its death disturbs no other worker's job."""
 
     def __init__(self, lock: FolderLock):
         """The process, which starts with the first job, holds the ``lock`` as long as it lives."""
         self._lock = lock
-        self._pool: ProcessPoolExecutor | None = None
+        self._started: tuple[WorkerProcess, Connection] | None = None
 
-    def begin(self, work: Work[Job, Result], job: Job, folder: Path) -> Future[Result]:
-        """Let it do a job, in a new process if the last one is dead."""
-        with starting():
-            if self._pool is None:
-                self._pool = ProcessPoolExecutor(1, WorkerContext(), initializer=_hold, initargs=(self._lock,))
-            try:
-                return self._pool.submit(tidily, done, work, job, folder)
-            except BrokenProcessPool:  # it has died idle
-                self.end()
-        return self.begin(work, job, folder)
+    def begin(self, work: Work[Job, Result], job: Job) -> Connection:
+        """Let it do a job, in a new process if the last one is dead; the pipe can be read when it has ended."""
+        if self._started is None:
+            self._started = connected(_serve, self._lock)
+        _, pipe = self._started
+        try:
+            pipe.send((work, job))
+        except BrokenPipeError:  # it has died idle
+            self.end()
+            return self.begin(work, job)
+        return pipe
+
+    def outcome(self) -> Future[Any]:
+        """The outcome of the job, once it has ended; a WorkerDiedError if its process died."""
+        assert self._started is not None, "no job was begun"
+        outcome: Future[Any] = Future()
+        try:
+            result, error = self._started[1].recv()
+        except (EOFError, ConnectionResetError):
+            result, error = None, WorkerDiedError()
+        outcome.set_result(result) if error is None else outcome.set_exception(error)
+        return outcome
 
     def stop(self) -> None:
         """Let the process clean up and end."""
-        for process in self._processes():
-            process.terminate()
+        if self._started is not None:
+            self._started[0].terminate()
 
     def end(self) -> int | None:
         """End the process; its exit code, negative for a signal."""
-        self.stop()
-        processes, pool, self._pool = self._processes(), self._pool, None
-        for process in processes:
-            if not connection.wait([process.sentinel], CLEANING):
-                process.kill()
-        if pool is not None:
-            pool.shutdown()
-        return processes[0].exitcode if processes else None
-
-    def _processes(self) -> list[BaseProcess]:
-        """The process, if it was started."""
-        return [] if self._pool is None else list(self._pool._processes.values())
+        if self._started is None:
+            return None
+        (process, pipe), self._started = self._started, None
+        process.terminate()
+        process.join(CLEANING)
+        process.kill()
+        process.join()
+        pipe.close()
+        return process.exitcode
 
 
-def _hold(lock: FolderLock) -> None:
-    """Do nothing: a process that has received a lock holds it."""
+def _serve(pipe: Connection, lock: FolderLock) -> None:
+    """Do the jobs that come through the pipe until its other end is closed, and send back each result or error."""
+    with suppress(EOFError, BrokenPipeError):
+        while True:
+            work, job = pipe.recv()
+            try:
+                pipe.send((done(work, job, lock.folder), None))
+            except (InputError, RuntimeError) as error:
+                pipe.send((None, error))

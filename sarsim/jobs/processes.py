@@ -7,9 +7,9 @@ import threading
 import time
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from multiprocessing import Pipe, parent_process
+from multiprocessing import Pipe, parent_process, resource_tracker
 from multiprocessing.connection import Connection
-from multiprocessing.context import SpawnContext, SpawnProcess
+from multiprocessing.context import SpawnProcess
 from typing import Any, TypeVar
 
 Result = TypeVar("Result")
@@ -36,21 +36,20 @@ class WorkerProcess(SpawnProcess):
         super().run()
 
 
-class WorkerContext(SpawnContext):
-    """Makes the processes of an executor."""
-
-    Process = WorkerProcess
-
-
 def tidily(function: Callable[..., Result], *args: Any) -> Result:
     """Call a function; should SIGTERM end the process meanwhile, clean-up code (``finally``, ``with``) runs first."""
-    signal.signal(signal.SIGTERM, lambda *_: sys.exit(1))
+    signal.signal(signal.SIGTERM, _clean_up_and_end)
     try:
         return function(*args)
-    except SystemExit:  # an executor would catch it
+    except SystemExit:  # at once: what else is registered for the end may take its time
         os._exit(1)
     finally:
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
+
+
+def _clean_up_and_end(*_: object) -> None:
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)  # a second one must not cut the clean-up off
+    sys.exit(1)
 
 
 def connected(
@@ -59,19 +58,21 @@ def connected(
     """Call a function in a new process, with one end of a pipe as its first argument; the other end is returned."""
     ours, theirs = Pipe()
     process = WorkerProcess(target=tidily, args=(function, theirs, *args))
-    with starting(environment):
+    with _starting(environment):
         process.start()
     theirs.close()
     return process, ours
 
 
 @contextmanager
-def starting(environment: Mapping[str, str] = ONE_THREAD) -> Iterator[None]:
-    """Processes started in the block get an environment, and leave Ctrl-C and a closed terminal to this process."""
+def _starting(environment: Mapping[str, str]) -> Iterator[None]:
+    """Processes started in the block get an environment, and leave Ctrl-C and a closed terminal to this process.
+
+    They inherit that these signals are blocked; one that comes meanwhile reaches this process after the block.
+    """
+    resource_tracker.ensure_running()  # multiprocessing starts it with the first process, and unblocks Ctrl-C then
     before = {name: os.environ.get(name) for name in environment}
-    is_main = threading.current_thread() is threading.main_thread()  # only this thread may set handlers
-    numbers = (signal.SIGINT, signal.SIGHUP) if is_main else ()
-    handlers = {number: signal.signal(number, signal.SIG_IGN) for number in numbers}
+    blocked = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGHUP))
     os.environ.update(environment)
     try:
         yield
@@ -79,8 +80,7 @@ def starting(environment: Mapping[str, str] = ONE_THREAD) -> Iterator[None]:
         for name, value in before.items():
             del os.environ[name]
             os.environ.update({} if value is None else {name: value})
-        for number, handler in handlers.items():
-            signal.signal(number, handler)
+        signal.pthread_sigmask(signal.SIG_SETMASK, blocked)
 
 
 def _end_with_parent() -> None:

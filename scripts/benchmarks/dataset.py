@@ -8,7 +8,7 @@ not count, the time in which it waits for a disk or a graphics card does.
 import os
 import tempfile
 import time
-from collections.abc import Mapping
+from collections.abc import Sequence
 from contextlib import ExitStack
 from functools import partial
 from itertools import count
@@ -75,21 +75,22 @@ def _scaling(recipe: Recipe, rounds: int) -> NDArray[np.float64]:
         for folder in folders:
             folder.mkdir()
         with ExitStack() as stack:
-            workers = {folder: Worker(stack.enter_context(locked(folder))) for folder in folders}
-            for worker in workers.values():
+            workers = [Worker(stack.enter_context(locked(folder))) for folder in folders]
+            for worker in workers:
                 stack.callback(worker.end)
-            alone, both = dict(list(workers.items())[:1]), workers
+            alone, both = workers[:1], workers
             _make(recipe, both, 0)
             numbers = tracked(range(1, rounds + 1), "rounds")
             ratios = [2 * _make(recipe, alone, index) / _make(recipe, both, index) for index in numbers]
     return np.array(ratios)
 
 
-def _make(recipe: Recipe, workers: Mapping[Path, Worker], index: int) -> NDArray[np.float64]:
+def _make(recipe: Recipe, workers: Sequence[Worker], index: int) -> NDArray[np.float64]:
     """(2,) seconds in which workers make the same scene, each in its folder: undisturbed, and by the wall clock."""
     start = time.perf_counter()
-    making = [worker.begin(partial(_timed, recipe), index, folder) for folder, worker in workers.items()]
-    took = max(scene.result() for scene in making)
+    for worker in workers:
+        worker.begin(partial(_timed, recipe), index)
+    took = max(worker.outcome().result() for worker in workers)
     clock = time.perf_counter() - start
     # With fewer than two processors the workers wait for each other, and this time counts.
     return np.array([took if len(os.sched_getaffinity(0)) >= 2 else clock, clock])

@@ -12,6 +12,7 @@ import numpy as np
 
 from pipeline.files import each, whole_file
 from pipeline.league.brief import MissionBrief
+from pipeline.league.config import LeagueConfig
 from pipeline.league.hand_in import hand_in
 from pipeline.map_file import save_maps
 from pipeline.rerun.recorder import Recorder
@@ -32,8 +33,8 @@ class MapFiles(Sink):
 class HandIn(Sink):
     """Writes the files that a league wants."""
 
-    def __init__(self, brief: MissionBrief):
-        self._brief = brief
+    def __init__(self, brief: MissionBrief, *, config: LeagueConfig = LeagueConfig()):
+        self._brief, self._config = brief, config
 
     def finish(self, result: Result) -> None:
         """Write them, each by itself; InputError if one cannot be written."""
@@ -41,7 +42,7 @@ class HandIn(Sink):
             mapper, driven = result.mapper, np.array(result.trajectory.estimated())
             finds = [*map(person_find, mapper.victims.confirmed), *mapper.finds.reported]
             maps = mapper.metric_map, mapper.semantic_map, mapper.traversability
-            hand_in(result.folder, self._brief, driven, finds, *maps)
+            hand_in(result.folder, self._brief, driven, finds, *maps, config=self._config)
 
 
 class ReportFile(Sink):
@@ -56,7 +57,7 @@ class ReportFile(Sink):
         if not result.is_reported:
             return
         stopwatch = result.mapper.stopwatch
-        settings = {name: value for name, value in asdict(self._settings).items() if name != "pipeline"}
+        settings = {name: value for name, value in asdict(self._settings).items() if name not in ("pipeline", "io")}
         result.report |= {
             "arena": _plain(self._place),
             "seed": self._seed,
@@ -108,7 +109,7 @@ def result_sinks(
     return [
         MapFiles(),
         rescue_report,
-        *([HandIn(brief)] if brief is not None else []),
+        *([HandIn(brief, config=settings.io.league)] if brief is not None else []),
         recorder,
         *others,
         ReportFile(settings, place, seed),

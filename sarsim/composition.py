@@ -60,7 +60,7 @@ def compose(
     place: str,
     seed: int = 0,
     view: Literal["none", "spawn", "web"] = "none",
-    recorder: Callable[[Path, Viewer | None], Recorder] = Recorder,
+    recorder: Callable[..., Recorder] = Recorder,
     others: Sequence[Sink] = (),
     brief: MissionBrief | None = None,
 ) -> RunParts:
@@ -73,7 +73,7 @@ def compose(
         place: name of the place that is mapped.
         seed: of all random numbers.
         view: ``spawn`` or ``web`` to show the recording while it grows.
-        recorder: makes the one that writes the Rerun recording.
+        recorder: makes the one that writes the Rerun recording, of a file's path, a viewer and ``config``.
         others: further sinks, such as scores and bags.
         brief: of a mission whose files are handed in.
 
@@ -83,7 +83,7 @@ def compose(
     own = [own_sink(name) for name in settings.sink]
     viewer = Viewer(view) if view != "none" else None
     make_folder(folder)
-    recording = recorder(folder / "episode.rrd", viewer)
-    rescue_report = RescueReport(recording)
+    recording = recorder(folder / "episode.rrd", viewer, config=settings.io.rerun)
+    rescue_report = RescueReport(recording, config=settings.io.rescue_report)
     sinks = result_sinks(settings, place, seed, recording, rescue_report, brief, others)
     return RunParts(mapper, folder, place, recording, rescue_report, [*sinks, *own], brief)

@@ -96,6 +96,7 @@ class Episode(ExplorerRun):
                 mapper,
                 T_world_base,
                 joints=lambda: Joints(WHEELS, *robot.wheels),
+                config=config.io.ros,
             )
             recorded = bag.robot
             recordings.append(bag)

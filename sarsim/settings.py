@@ -11,6 +11,7 @@ from tyro.conf import Fixed
 
 from pipeline.config import PipelineConfig
 from pipeline.errors import InputError
+from pipeline.io_config import IoConfig
 from pipeline.ros.live.topic_names import TopicNames
 from sarsim.arenas.settings import RandomArenaConfig, StartPose
 from sarsim.assets import asset
@@ -93,9 +94,11 @@ class SinkConfig:
 
     Attributes:
         sink: class of your own that watches the run and writes into its folder.
+        io: all numbers of recordings, of the files of results and of ROS; only ``--config`` changes them.
     """
 
     sink: OwnClasses = ()
+    io: Fixed[IoConfig] = IoConfig()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -229,7 +232,7 @@ class EpisodeConfig(SinkConfig, PerceptionConfig, MissionConfig, SimulatorConfig
         return self.out or self.resume or Path("runs") / f"{name}-{self.seed}"
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, kw_only=True)
 class TeleopConfig(SinkConfig):
     """Settings of a drive by a person.
 
@@ -243,6 +246,7 @@ class TeleopConfig(SinkConfig):
         out: folder for the recording, the maps, the report and the page of the drive, the same files as an episode's
             but config.yaml; Rerun shows them during the drive. By default nothing is mapped.
         gamepad: joystick device of Linux, such as /dev/input/js0, whose left stick drives the robot as the keys do.
+        pipeline: all numbers of the robot's software; only ``--config`` changes them.
     """
 
     arena: str = "nist_6x4"
@@ -252,6 +256,7 @@ class TeleopConfig(SinkConfig):
     reader: OwnClasses = ()
     out: Path | None = None
     gamepad: Path | None = None
+    pipeline: Fixed[PipelineConfig] = PipelineConfig()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -297,6 +302,7 @@ class RosRobotConfig(SimulatorConfig):
         name: name of the ROS 2 node.
         network: connect to other machines as well, which may then drive the robot; by default only to this machine.
         out: folder for ground truth of the drive, report.json and trajectory_true.tum; by default neither is written.
+        io: all numbers of ROS; only ``--config`` changes them.
     """
 
     camera_rate: float = 5.0
@@ -305,6 +311,7 @@ class RosRobotConfig(SimulatorConfig):
     name: str = "sarsim_robot"
     network: bool = False
     out: Path | None = None
+    io: Fixed[IoConfig] = IoConfig()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -334,3 +341,16 @@ class RosExploration(SinkConfig, PerceptionConfig, MissionConfig):
     def folder(self) -> Path:
         """Folder for the results."""
         return self.out
+
+
+@dataclass(frozen=True, kw_only=True)
+class MissionValidation:
+    """Files to check.
+
+    Attributes:
+        path: folder of the files, or an episode's that contains handed_in/.
+        io: with the numbers of the validation (``league.validation``); only ``--config`` changes them.
+    """
+
+    path: Annotated[Path, tyro.conf.Positional]
+    io: Fixed[IoConfig] = IoConfig()

@@ -202,7 +202,9 @@ class MappedDrive(MappingRun):
         self._robot = robot = SimulatedRobot(arena, SimulationConfig(robot=config.robot), seed=0)
         self.physics, self.base_body, self.control_period = robot.physics, robot.base_body, robot.control_period
         self.limits = robot.robot.drive.limits
-        mapper = make_mapper(PerceptionConfig(labels=config.labels, reader=config.reader), robot.model)
+        mapper = make_mapper(
+            PerceptionConfig(labels=config.labels, reader=config.reader, pipeline=config.pipeline), robot.model
+        )
         self._trajectory = TrajectoryScore(mapper.localisation, robot.trajectory)
         recorder = partial(EpisodeRecorder, robot)
         view: Literal["spawn", "none"] = "spawn" if is_shown else "none"

@@ -2,12 +2,10 @@
 
 from typing import TYPE_CHECKING
 
-from rich.console import Console
-
 from pipeline.errors import InputError
 from sarsim.commands.cli import end_by, run_watched
 from sarsim.commands.settings import run_with_settings, save_settings, wanted_mission
-from sarsim.commands.tables import report_table
+from sarsim.commands.tables import show_results
 from sarsim.settings import MapRecording
 
 if TYPE_CHECKING:
@@ -35,9 +33,7 @@ def map_recording(config: MapRecording) -> None:
         if drive.report:
             save_settings(config, config.out / "config.yaml")
     if drive.report:
-        Console().print(report_table(drive.report))
-        text = f"Results in {config.out}; the page for rescuers: {config.out / 'report.html'}"
-        Console().print(text, soft_wrap=True)
+        show_results(drive.report, config.out)
     if drive.error:
         raise InputError(drive.error)
     end_by(ended_by)
@@ -58,11 +54,11 @@ def open_recording(config: MapRecording) -> "Recording":
     if path.suffix == ".h5":
         return read_scene(path)
     if not path.is_dir() or any(file.suffix in BAGS for file in path.iterdir()):
-        return read_ros_bag(path, config.topics, calibration)
+        return read_ros_bag(path, config.topics, calibration, config=config.io.datasets)
     for flag, value in (("depth-scale", config.depth_scale), ("fps", config.fps)):
         if value is not None and not 0 < value < 1e6:
             raise InputError(f"--{flag} {value}: must be positive")
-    return read_tum_folder(path, calibration, config.depth_scale, config.fps)
+    return read_tum_folder(path, calibration, config.depth_scale, config.fps, config=config.io.datasets)
 
 
 def main() -> None:

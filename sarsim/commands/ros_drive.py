@@ -14,6 +14,7 @@ from pipeline.localisation.trajectory import EstimatedTrajectory
 from pipeline.mapper import Keyframe, Mapper
 from pipeline.navigation.commands import Outcome
 from pipeline.robot import Motion
+from pipeline.ros.config import RosConfig
 from pipeline.ros.live.node import RosNode
 from pipeline.ros.live.ros_robot import RosRobot
 from pipeline.ros.messages import MAP, ODOM, transforms
@@ -43,8 +44,10 @@ class TimedPose(NamedTuple):
 class _Topics(Sink):
     """Publishes the maps and the plan, and counts how the robot has driven."""
 
-    def __init__(self, node: RosNode, explorer: Explorer, estimate: EstimatedTrajectory[TimedPose]):
-        self._maps, self._frontiers = MapTopics(node.send), 0
+    def __init__(
+        self, node: RosNode, explorer: Explorer, estimate: EstimatedTrajectory[TimedPose], config: RosConfig
+    ):
+        self._maps, self._frontiers = MapTopics(node.send, config=config), 0
         self._explorer, self._estimate = explorer, estimate
 
     def on_keyframe(self, keyframe: Keyframe) -> None:
@@ -88,13 +91,22 @@ class RosDrive(ExplorerRun):
         check_folder(config.out)
         camera = config.camera and CameraPose(*config.camera).T_base_camera
         model = replace(robot_model(config.robot), speed=config.speed)
-        self.robot = RosRobot(node, model, config.topics, camera, config.patience, STARTING_TIME, self._log_motion)
+        self.robot = RosRobot(
+            node,
+            model,
+            config.topics,
+            camera,
+            config.patience,
+            STARTING_TIME,
+            self._log_motion,
+            config=config.io.ros.live,
+        )
         mapper = make_mapper(config, model, earlier=config.map)
         strategy = make_exploration(config.exploration, model, config=config.pipeline.exploration)
         explorer = Explorer(self.robot, mapper, strategy)
         self._node, self._poses = node, list[TimedPose]()
         estimate = EstimatedTrajectory(mapper.localisation, self._poses)
-        others = [_Topics(node, explorer, estimate)]
+        others = [_Topics(node, explorer, estimate, config.io.ros)]
         parts = compose(config, mapper, config.out, config.out.name, view=config.view, others=others, brief=brief)
         super().__init__(explorer, parts, estimate, config.steps, config.goals, config.home)
         self.stopped: str | None = None

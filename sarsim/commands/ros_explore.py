@@ -2,11 +2,9 @@
 
 from contextlib import closing
 
-from rich.console import Console
-
 from sarsim.commands.cli import end_by, run_watched
 from sarsim.commands.settings import run_with_settings, save_settings, wanted_mission
-from sarsim.commands.tables import report_table
+from sarsim.commands.tables import show_results
 from sarsim.settings import RosExploration
 
 
@@ -19,7 +17,7 @@ def ros_explore(config: RosExploration) -> None:
     from sarsim.commands.ros_drive import RosDrive
 
     brief = wanted_mission(config.mission, config.minutes, config.home)
-    with closing(RosNode(config.name, config.network)) as node:
+    with closing(RosNode(config.name, config.network, config=config.io.ros.live)) as node:
         drive = RosDrive(config, node, brief)
         save_settings(config, config.out / "config.yaml")
         ended_by = run_watched(
@@ -28,10 +26,7 @@ def ros_explore(config: RosExploration) -> None:
             "steps",
             None if brief else config.steps,
         )
-    console = Console()
-    if drive.explorer.steps or drive.lost:
-        console.print(report_table(drive.report))
-    console.print(f"Results in {config.out}", soft_wrap=True)
+    show_results(drive.report, config.out)
     end_by(ended_by)
 
 

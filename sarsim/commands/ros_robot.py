@@ -14,7 +14,7 @@ def ros_robot(config: RosRobotConfig) -> None:
     from pipeline.ros.live.node import RosNode
     from sarsim.commands.simulated_node import SimulatedNode
 
-    with closing(RosNode(config.name, config.network)) as node:
+    with closing(RosNode(config.name, config.network, config=config.io.ros.live)) as node:
         simulated = SimulatedNode(config, node)
         ended_by = run_watched(
             lambda interrupted, on_period: simulated.run(

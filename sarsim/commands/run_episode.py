@@ -1,20 +1,16 @@
 """Run an episode: the robot explores an arena, builds its maps and writes a recording and a report."""
 
-import os
 import shutil
-import sys
 from dataclasses import replace
 from itertools import count
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rich.console import Console
-
 from pipeline.errors import InputError
 from sarsim.assets import asset
 from sarsim.commands.cli import announce_compilation, end_by, run_watched
 from sarsim.commands.settings import run_with_settings, save_settings, wanted_mission
-from sarsim.commands.tables import report_table
+from sarsim.commands.tables import show_results
 from sarsim.settings import POINT_NETWORKS, EpisodeConfig
 
 if TYPE_CHECKING:
@@ -41,18 +37,12 @@ def run_episode(config: EpisodeConfig) -> None:
     )
     if not ended_by:
         shutil.rmtree(cache.folder)
-    console = Console()
     if config.resume:
-        console.print(f"Driven again from its start, with {cache.hits} cached outputs of its networks")
-    if episode.explorer.steps or episode.lost:
-        console.print(report_table(episode.report))
-    viewer = os.path.relpath(Path(sys.executable).with_name("sarsim-view"))
-    console.print(f"Results in {config.folder}; to look at the recording: {viewer} {config.folder}", soft_wrap=True)
-    if episode.explorer.steps:
-        console.print(f"The page for rescuers: {config.folder / 'report.html'}", soft_wrap=True)
+        print(f"Driven again from its start, with {cache.hits} cached outputs of its networks")
+    show_results(episode.report, config.folder)
     end_by(ended_by)
     if episode.recorder.viewer and episode.recorder.viewer.page:
-        console.print("Ctrl-C ends the page")
+        print("Ctrl-C ends the page", flush=True)
         episode.recorder.viewer.wait()
 
 

@@ -1,7 +1,11 @@
-"""Reports as readable tables."""
+"""What a command prints of the results that it leaves."""
 
+import os
+import sys
+from pathlib import Path
 from typing import Any
 
+from rich.console import Console
 from rich.table import Table
 
 from pipeline.rescue_report.figures import figures
@@ -23,3 +27,14 @@ def report_table(report: dict[str, Any]) -> Table:
         if isinstance(content, dict):
             table.add_section()
     return table
+
+
+def show_results(report: dict[str, Any], folder: Path) -> None:
+    """Print what report.json holds, if anything, and how to look at the files of a run."""
+    console = Console()
+    if report:
+        console.print(report_table(report))
+    viewer = os.path.relpath(Path(sys.executable).with_name("sarsim-view"))
+    console.print(f"Results in {folder}; to look at the recording: {viewer} {folder}", soft_wrap=True)
+    if (folder / "report.html").exists():
+        console.print(f"The page for rescuers: {folder / 'report.html'}", soft_wrap=True)

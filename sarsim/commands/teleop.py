@@ -1,12 +1,11 @@
 """Drive the robot through an arena by keyboard or gamepad, in MuJoCo's viewer: ``teleop.py --arena A``."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
-
-import tyro
+from typing import TYPE_CHECKING
 
 from pipeline.errors import InputError
-from sarsim.commands.cli import Interruptible, run
+from sarsim.commands.cli import Interruptible
+from sarsim.commands.settings import run_with_settings
 from sarsim.settings import TeleopConfig
 
 if TYPE_CHECKING:
@@ -14,7 +13,7 @@ if TYPE_CHECKING:
     from sarsim.teleoperation import MappedDrive
 
 
-def teleop(config: Annotated[TeleopConfig, tyro.conf.arg(name="")]) -> None:
+def teleop(config: TeleopConfig) -> None:
     """Drive the robot by keyboard or gamepad, to get to know an arena or the robot, or to map an arena by hand."""
     from pipeline.rerun.viewer import has_display
     from sarsim.methods.arena import make_arena
@@ -46,4 +45,4 @@ def map_drive(config: TeleopConfig, arena: "RescueArena", out: Path) -> "MappedD
 
 def main() -> None:
     """Entry point."""
-    run(teleop)
+    run_with_settings(teleop, TeleopConfig)

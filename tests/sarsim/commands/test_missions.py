@@ -13,7 +13,7 @@ from sarsim.commands.run_episode import run_episode
 from sarsim.commands.score_mission import score_mission
 from sarsim.commands.settings import load_mission, run_with_settings, wanted_mission
 from sarsim.commands.validate_mission import validate_mission
-from sarsim.settings import EpisodeConfig
+from sarsim.settings import EpisodeConfig, MissionValidation
 from tests.pipeline.league.handed_in_room import hand_in_room
 from tests.refusal import refusal
 
@@ -94,14 +94,16 @@ def test_an_episode_plays_a_mission_and_is_scored(tmp_path, capsys):
 
 def test_what_is_accepted_ends_well_and_what_is_rejected_does_not(tmp_path, capsys):
     plan, _, _ = hand_in_room(tmp_path)
-    validate_mission(tmp_path)
+    validate_mission(MissionValidation(path=tmp_path))
     assert capsys.readouterr().out == f"{tmp_path}: a judge would reject nothing\n"
     plan.rename(plan.with_name("map.tiff"))
     with pytest.raises(SystemExit) as ended:
-        validate_mission(tmp_path)
+        validate_mission(MissionValidation(path=tmp_path))
     assert ended.value.code == 1
     assert capsys.readouterr().out == "map.tiff: must be named RoboCup[Year]-[Team]-[Mission].tiff\n"
-    assert "No such file" in refusal(capsys, guarded, lambda: validate_mission(tmp_path / "none"))
+    assert "No such file" in refusal(
+        capsys, guarded, lambda: validate_mission(MissionValidation(path=tmp_path / "none"))
+    )
 
 
 def test_no_fewer_than_no_resets(tmp_path):

@@ -1,0 +1,29 @@
+"""Everything that reads a recording and writes results uses the numbers of the settings."""
+
+from pathlib import Path
+
+from pipeline.config import PipelineConfig
+from pipeline.io_config import IoConfig
+from sarsim.commands.map_recording import open_recording
+from sarsim.commands.recorded_drive import RecordedDrive
+from sarsim.commands.settings import load_mission
+from sarsim.settings import MapRecording
+from tests.config_audit import Audit, fresh
+from tests.pipeline.datasets.recorded_room import write_tum_folder
+
+
+def test_all_numbers_of_recordings_and_results_are_those_of_the_settings(tmp_path: Path) -> None:
+    config = MapRecording(
+        path=write_tum_folder(tmp_path / "recording"),
+        out=tmp_path / "out",
+        labels="rules",
+        detector=None,
+        pipeline=fresh(PipelineConfig()),
+        io=fresh(IoConfig()),
+    )
+    audit = Audit(config.pipeline, config.io)
+    with audit.calls():
+        drive = RecordedDrive(open_recording(config), config, load_mission("league"))
+        drive.run()
+    audit.note_held(drive)
+    assert drive.labelled and audit.foreign == set()

@@ -3,6 +3,7 @@
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from itertools import islice
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -47,6 +48,20 @@ class Outlook:
         """What is left to see if a keyframe from a viewpoint shows what it should."""
         target = self.terrain.target & ~self.in_view(viewpoint)
         return replace(self, terrain=self.terrain._replace(target=target))
+
+
+class Offer(NamedTuple):
+    """Viewpoints.
+
+    Attributes:
+        places: of them.
+        cells: in which they lie.
+        gains: (N, 16) m² that each shows along each heading; 0 where the robot cannot stand so.
+    """
+
+    places: Places
+    cells: Cells
+    gains: NDArray[np.float64]
 
 
 class NextBestView(Strategy):
@@ -128,16 +143,31 @@ class NextBestView(Strategy):
         """The first viewpoint left that is worth its time by the ground to which the way may be free, if any."""
         traversability, reachable = context.traversability, context.paths.reachable
         pieces, number = ndimage.label(traversability.traversable & ~reachable, np.ones((3, 3)))
-        if not number:
-            return None
-        areas = np.bincount(pieces.ravel()) * outlook.terrain.cell**2
+        areas = np.bincount(pieces.ravel(), minlength=number + 1) * outlook.terrain.cell**2
         areas[0] = 0.0  # no piece
-        for viewpoint in self._in_turn(self._best, outlook, context):
-            near = near_ground(context, outlook.in_view(viewpoint))
-            opens = areas[np.unique(pieces[near])].sum() if (near & reachable).any() else 0.0
-            if viewpoint.gain + opens >= self.needed(viewpoint.seconds):
+
+        def opened(cells: MaskLayer) -> float:
+            """m² of the pieces to which the way may be free once these cells are seen."""
+            near = near_ground(context, cells)
+            return float(areas[np.unique(pieces[near])].sum()) if (near & reachable).any() else 0.0
+
+        context = replace(context, rewards=None)
+        while self._may_be_worth(outlook, context, opened(outlook.terrain.target)):
+            viewpoint = self._best(outlook, context)
+            if viewpoint is None:
+                return None
+            if viewpoint.gain + opened(outlook.in_view(viewpoint)) >= self.needed(viewpoint.seconds):
                 return viewpoint
+            outlook = outlook.after(viewpoint)
         return None
+
+    def _may_be_worth(self, outlook: Outlook, context: Context, opened: float) -> bool:
+        """Whether any viewpoint can be worth the drive if its way is straight and it opens ``opened`` m² as well."""
+        offer = self._offer(outlook, context)
+        if offer is None:
+            return False
+        least = self.config.keyframe_time + context.paths.without_risk.least_seconds_to(offer.cells)
+        return bool((offer.gains.max(axis=1) + opened >= self.needed(least)).any())
 
     def _in_turn(
         self, best: Callable[[Outlook, Context], Viewpoint | None], outlook: Outlook, context: Context
@@ -150,24 +180,26 @@ class NextBestView(Strategy):
 
     def _best(self, outlook: Outlook, context: Context) -> Viewpoint | None:
         """The viewpoint of the greatest worth; None if none shows anything."""
+        offer = self._offer(outlook, context)
+        if offer is None or (found := self._quickest(offer.gains, offer.cells, context)) is None:
+            return None
+        n, m, seconds = found
+        heading, gain = wrap_angle(float(ANGLES[m])), float(offer.gains[n, m])
+        return Viewpoint(offer.places[n], heading, True, gain, seconds, outlook.terrain.falls)
+
+    def _offer(self, outlook: Outlook, context: Context) -> Offer | None:
+        """The viewpoints that show enough to count; None if there are none."""
         paths, traversability = context.paths, context.traversability
         if paths.start is None:
             return None
         cells = self._candidates(outlook, context)
-        candidates = np.vstack([paths.start, traversability.grid.centre_of(cells)])
+        places = np.vstack([paths.start, traversability.grid.centre_of(cells)])
         there = np.vstack([traversability.grid.cell_of(paths.start), cells])
-        gains = self._gains_of(candidates, cells, outlook, context)
+        gains = self._gains_of(places, cells, outlook, context)
         is_wide = gains >= self._robot.width * outlook.terrain.cell
         gains = np.where(bits(paths.headings[tuple(there.T)]) & is_wide, gains, 0.0)
         is_some = gains.any(axis=1)
-        if not is_some.any():
-            return None
-        candidates, gains, there = candidates[is_some], gains[is_some], there[is_some]
-        if (found := self._quickest(gains, there, context)) is None:
-            return None
-        n, m, seconds = found
-        heading = wrap_angle(float(ANGLES[m]))
-        return Viewpoint(candidates[n], heading, True, float(gains[n, m]), seconds, outlook.terrain.falls)
+        return Offer(places[is_some], there[is_some], gains[is_some]) if is_some.any() else None
 
     def _quickest(
         self, gains: NDArray[np.float64], cells: Cells, context: Context
@@ -202,8 +234,9 @@ class NextBestView(Strategy):
         spread = best_of_blocks(np.bitwise_count(paths.headings), self.config.visibility.stride)
         assumed = outlook.terrain.target & paths.reachable
         near = traversability.grid.distance_to(assumed) <= outlook.camera.reach
-        narrow = np.argwhere(paths.reachable & ~traversability.turnable & near)
-        return np.unique(np.vstack([spread, narrow]), axis=0)
+        is_one = paths.reachable & ~traversability.turnable & near
+        is_one[tuple(spread.T)] = True
+        return np.argwhere(is_one)
 
     def _gains_of(self, candidates: Places, cells: Cells, outlook: Outlook, context: Context) -> NDArray[np.float64]:
         """(1 + N, 16) m² that each candidate should show, and its rewards: the first where it is, others in cells."""

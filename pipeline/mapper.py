@@ -248,7 +248,9 @@ class Mapper:
         self.elevation_map.cover(T_map_base[None, :3, 3])
         with self.stopwatch("localisation"):
             self.localisation.add(localised)
+        self._take_read()
         points, index = frame.points(frame.T_base_camera), len(self.keyframes)
+        self._background.begin(frame, index)
         in_map = moved(T_map_base, points) if labelled else np.zeros((0, 3), np.float32)
         T_map_camera, probabilities = T_map_base @ frame.T_base_camera, None
         if labelled:
@@ -262,9 +264,7 @@ class Mapper:
             seen.put_depth(self.metric_map, T_map_base)
         with self.stopwatch("elevation_map"):
             self._add_ground(frame, points)
-        self._take_read()
         if probabilities is None:
-            self._background.begin(frame, index)
             return Keyframe(frame, T_map_base, in_map, np.zeros(0, np.uint8), [], [], index)
         with self.stopwatch("semantic_map"):
             seen.put_classes(self.semantic_map, T_map_base)
@@ -272,9 +272,7 @@ class Mapper:
         with self.stopwatch("segments"):
             patches = find_planes(frame, labels, T_map_camera, self._seed + index, self.segments.config)
             self.segments.update(patches, index, T_map_base)
-        detections = self._find_victims(frame, T_map_camera)
-        self._find_objects(frame, detections, T_map_base)
-        return Keyframe(frame, T_map_base, in_map, labels, patches, detections, index)
+        return Keyframe(frame, T_map_base, in_map, labels, patches, self._take_read(), index)
 
     def add_drive(
         self, track: NDArray[np.float64], obstacles: NDArray[np.float32], touched: Sequence[NDArray[np.float64]]
@@ -407,15 +405,6 @@ class Mapper:
         is_above = points[:, 2] > keyframes.highest_camera
         return is_inaccessible(ground, keyframes.poses[:, :3, 3], points, is_deck & is_above)
 
-    def _find_victims(self, frame: Frame, T_map_camera: NDArray[np.float64]) -> list[Detection]:
-        """Detect people in the image and place them on the map."""
-        if self.detector is None:
-            return []
-        with self.stopwatch("victims"):
-            detections = self.detector.detect(frame.rgb)
-            self.victims.update(frame, detections, T_map_camera, len(self.keyframes) - 1)
-        return detections
-
     def _revised(self, points: NDArray[np.float32], labels: NDArray[np.uint8]) -> NDArray[np.uint8]:
         """(N,) labels of the semantic map's points (N, 3), m, that fit together and to what was found."""
         robot, people = self.elevation_map.robot, [victim.points for victim in self.victims.confirmed]
@@ -423,17 +412,15 @@ class Mapper:
         whole = with_whole_uprights(points, labels, robot, self.elevation_map.grid.cell, config)
         return with_finds(points, whole, self.finds.shown, people, robot.max_step, config.skin)
 
-    def _find_objects(self, frame: Frame, detections: list[Detection], T_map_base: NDArray[np.float64]) -> None:
-        """Read what is in the image besides people, and place it on the map."""
-        if self.readers is not None:
-            with self.stopwatch("finds"):
-                readings = self.readers.read(frame, detections)
-                self.finds.update(frame, readings, T_map_base, len(self.keyframes) - 1)
-
-    def _take_read(self) -> None:
-        """Place what was read in the last frame on the way, if any."""
-        if read := self._background.end():
-            frame, T_map_base = read.frame, self.keyframes.poses[read.keyframe]
-            with self.stopwatch("finds"):
-                self.victims.update(frame, read.detections, T_map_base @ frame.T_base_camera, read.keyframe)
-                self.finds.update(frame, read.readings, T_map_base, read.keyframe)
+    def _take_read(self) -> list[Detection]:
+        """Place what was read in the newest frame that was begun, if any; the people in it."""
+        with self.stopwatch("reading"):
+            read = self._background.end()
+        if read is None:
+            return []
+        frame, T_map_base = read.frame, self.keyframes.poses[read.keyframe]
+        with self.stopwatch("victims"):
+            self.victims.update(frame, read.detections, T_map_base @ frame.T_base_camera, read.keyframe)
+        with self.stopwatch("finds"):
+            self.finds.update(frame, read.readings, T_map_base, read.keyframe)
+        return read.detections

@@ -23,6 +23,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # scripts/ is not 
 from scripts.benchmarks.settings import (
     CameraSettings,
     CorrectionSettings,
+    CostSettings,
     DatasetSettings,
     ExplorationSettings,
     FindsSettings,
@@ -44,6 +45,7 @@ if TYPE_CHECKING:
 SUBJECTS: dict[str, type[SubjectSettings]] = {
     "camera": CameraSettings,
     "correction": CorrectionSettings,
+    "cost": CostSettings,
     "dataset": DatasetSettings,
     "exploration": ExplorationSettings,
     "finds": FindsSettings,

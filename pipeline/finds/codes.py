@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import Pixels
 from pipeline.finds.config import CodesConfig
-from pipeline.finds.squares import Squares, corners_in, is_same, rectified
+from pipeline.finds.squares import Pyramid, Squares, corners_in, is_same, rectified
 from pipeline.tracks.find import Reading
 
 FAMILY = cv2.aruco.DICT_APRILTAG_36h11
@@ -32,11 +32,11 @@ class CodeReader:
         the decoders read no code that is seen aslant, or whose modules have less than about three pixels.
         """
         grey = np.asarray(cv2.cvtColor(squares.image, cv2.COLOR_RGB2GRAY), np.uint8)
-        found = [*self._read_tags(grey), *self._read_codes(grey)]
+        pyramid, found = Pyramid(grey), [*self._read_tags(grey), *self._read_codes(grey)]
         for quad in squares.quads:
             is_read = any(reading.text and is_same(reading.corners, quad) for reading in found)
-            if not is_read and self._may_be_code(rectified(grey, quad, self._config.checked_side)):
-                found += self._read_rectified(grey, quad)
+            if not is_read and self._may_be_code(rectified(pyramid, quad, self._config.checked_side)):
+                found += self._read_rectified(pyramid, quad)
         found = [replace(reading, corners=reading.corners / np.float32(squares.scale)) for reading in found]
         return _distinct(sorted(found, key=lambda reading: -reading.confidence))
 
@@ -57,10 +57,10 @@ class CodeReader:
         changes = np.mean([np.abs(np.diff(grey, axis=k)).sum(axis=k).mean() for k in (0, 1)])
         return bool(changes > self._config.changes)
 
-    def _read_rectified(self, grey: NDArray[np.uint8], quad: Pixels) -> Iterator[Reading]:
+    def _read_rectified(self, pyramid: Pyramid, quad: Pixels) -> Iterator[Reading]:
         """The codes in a rectified quadrilateral."""
         side = self._config.read_side
-        patch = rectified(grey, quad, side, cv2.INTER_CUBIC)
+        patch = rectified(pyramid, quad, side, cv2.INTER_CUBIC)
         T = cv2.getPerspectiveTransform(corners_in(side), quad)
         for code in self._read_codes(patch):
             yield replace(code, corners=np.asarray(cv2.perspectiveTransform(code.corners[None], T)[0], np.float32))

@@ -34,7 +34,7 @@ class HazmatReader:
         quads = squares.quads
         if not len(quads):
             return []
-        patches = np.stack([rectified(squares.image, quad, SIGN_SIDE) for quad in quads])
+        patches = np.stack([rectified(squares.pyramid, quad, SIGN_SIDE) for quad in quads])
         # Of the mean over all four ways up, this one is a quarter.
         one_way_up = self._network.probabilities(patches, turns=1)[:, -1]
         likely = np.flatnonzero(self._sureness(one_way_up / 4) > self._config.confidence)

@@ -58,6 +58,8 @@ def to_input(patches: NDArray[np.uint8], device: torch.device | None = None) -> 
     """
     images = torch.from_numpy(np.ascontiguousarray(patches)).to(device).permute(0, 3, 1, 2).float()
     colours, relief = images[:, :3], images[:, 3:]
-    middle = colours.mean((1, 2, 3), keepdim=True)
-    evened = (colours - middle) / (colours.std((1, 2, 3), keepdim=True) + 1)
+    mean = colours.mean((1, 2, 3), keepdim=True)
+    # Several times as fast as PyTorch's std; the mean's square is small enough for float32.
+    deviation = ((colours - mean).square_().mean((1, 2, 3), keepdim=True)).sqrt_()
+    evened = (colours - mean) / (deviation + 1)
     return torch.cat([evened, relief / np.iinfo(np.uint8).max], 1)

@@ -34,20 +34,19 @@ def _parts(quad: Pixels, config: SquaresConfig) -> Iterator[Pixels]:
 
 
 def _masks(rgb: Rgb, config: SquaresConfig) -> Iterator[NDArray[np.uint8]]:
-    """(H, W) images whose white regions may be squares: by local brightness, by colour, by edges."""
+    """(H, W) images in which regions, or holes in them, may be squares: by local contrast, by colour, by edges."""
     smooth = np.asarray(cv2.medianBlur(rgb, 3), np.uint8)
     hue, saturation, value = cv2.split(cv2.cvtColor(smooth, cv2.COLOR_RGB2HSV_FULL))
     most = np.iinfo(np.uint8).max
-    for channel in (value, saturation):
-        for window in config.windows:
-            how = cv2.ADAPTIVE_THRESH_MEAN_C, cv2.THRESH_BINARY, window, config.brighter
-            local = cv2.adaptiveThreshold(channel, most, *how)
-            yield np.asarray(local, np.uint8)
-            yield np.asarray(most - local, np.uint8)
+    passes = [(value, window, above) for window in config.windows for above in (-config.contrast, config.contrast)]
+    for channel, window, above in (*passes, (saturation, config.coloured_window, config.more_coloured)):
+        how = cv2.ADAPTIVE_THRESH_MEAN_C, cv2.THRESH_BINARY, window, -above
+        yield np.asarray(cv2.adaptiveThreshold(channel, most, *how), np.uint8)
     for first in range(0, most + 1, config.hues):
         # Hues are a circle, and so are the differences of unsigned bytes.
         is_one = (hue - np.uint8(first) < config.hue_width) & (saturation > config.coloured)
-        yield np.where(is_one, most, 0).astype(np.uint8)
+        if np.count_nonzero(is_one) >= config.least_side**2:
+            yield np.where(is_one, most, 0).astype(np.uint8)
     thresholds = config.faint_edge, config.sure_edge
     edges = np.max([cv2.Canny(channel, *thresholds) for channel in cv2.split(smooth)], axis=0)
     yield np.where(cv2.dilate(edges, np.ones((3, 3), np.uint8)) > 0, 0, most).astype(np.uint8)

@@ -7,7 +7,7 @@ import numpy as np
 from pipeline.finds.config import ShapesConfig
 from pipeline.finds.patch_network import PatchNetwork
 from pipeline.finds.protrusions import Protrusions, outline, square_around
-from pipeline.finds.squares import is_same, rectified
+from pipeline.finds.squares import Pyramid, is_same, rectified
 from pipeline.frame import Frame
 from pipeline.tracks.config import LikelihoodConfig
 from pipeline.tracks.find import SHAPED, Reading
@@ -37,7 +37,8 @@ class ShapeReader:
         seen = Protrusions.of(frame, self._config, self._likelihood)
         if not seen.regions:
             return []
-        patches = np.stack([rectified(seen.picture, square_around(region)) for region in seen.regions])
+        pyramid = Pyramid(seen.picture)
+        patches = np.stack([rectified(pyramid, square_around(region)) for region in seen.regions])
         chances = self._network.probabilities(patches, turns=1)
         found: list[Reading] = []
         for best in chances[:, -1].argsort(kind="stable"):

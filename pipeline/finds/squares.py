@@ -1,6 +1,7 @@
 """Squares in an image: found once for all readers, and rectified."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -28,6 +29,11 @@ class Squares:
     image: Rgb
     scale: float
     quads: NDArray[np.float32]
+
+    @cached_property
+    def pyramid(self) -> "Pyramid":
+        """The image in all sizes."""
+        return Pyramid(self.image)
 
     @classmethod
     def of(cls, rgb: NDArray[np.uint8], config: SquaresConfig) -> "Squares":
@@ -57,6 +63,22 @@ def _bounded(rgb: NDArray[np.uint8], most: int) -> tuple[Rgb, float]:
     return np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8), scale
 
 
+class Pyramid:
+    """An image, half of it, half of that and so on, each made when it is first asked for."""
+
+    def __init__(self, image: NDArray[np.uint8]):
+        """Of an (H, W, ...) image."""
+        self._levels = [image]
+
+    def __getitem__(self, level: int) -> NDArray[np.uint8]:
+        """The image halved so many times, by areas."""
+        while len(self._levels) <= level:
+            last = self._levels[-1]
+            size = (last.shape[1] + 1) // 2, (last.shape[0] + 1) // 2
+            self._levels.append(np.asarray(cv2.resize(last, size, interpolation=cv2.INTER_AREA), np.uint8))
+        return self._levels[level]
+
+
 def corners_in(side: int) -> Pixels:
     """Four corners of the square that a patch of ``side`` pixels shows."""
     low, high = SURROUNDINGS * side, (1 - SURROUNDINGS) * side
@@ -64,15 +86,14 @@ def corners_in(side: int) -> Pixels:
 
 
 def rectified(
-    image: NDArray[np.uint8], quad: Pixels, side: int = PATCH, interpolation: int = cv2.INTER_LINEAR
+    pyramid: Pyramid, quad: Pixels, side: int = PATCH, interpolation: int = cv2.INTER_LINEAR
 ) -> NDArray[np.uint8]:
-    """(side, side, ...) uint8 a quadrilateral of four corners, pixels, as a square with a margin."""
-    T = cv2.getPerspectiveTransform(quad, corners_in(side))
-    shrunk = side / max(*cv2.boundingRect(quad)[2:], side)
-    if shrunk < 0.5:  # by areas, for a perspective transform takes single pixels
-        size = max(1, round(shrunk * image.shape[1] * 2)), max(1, round(shrunk * image.shape[0] * 2))
-        part = np.diag([image.shape[1] / size[0], image.shape[0] / size[1], 1])
-        image, T = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8), T @ part
+    """(side, side, ...) uint8 a quadrilateral of an image, four corners in pixels, as a square with a margin."""
+    # By areas, for a perspective transform takes single pixels.
+    level = int(np.log2(max(*cv2.boundingRect(quad)[2:], side) / side))
+    whole, image = pyramid[0].shape, pyramid[level]
+    part = np.diag([whole[1] / image.shape[1], whole[0] / image.shape[0], 1])
+    T = cv2.getPerspectiveTransform(quad, corners_in(side)) @ part
     patch = cv2.warpPerspective(image, T, (side, side), flags=interpolation, borderMode=cv2.BORDER_REPLICATE)
     return np.asarray(patch, np.uint8)
 

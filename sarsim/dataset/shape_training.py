@@ -12,7 +12,7 @@ from pipeline.errors import InputError
 from pipeline.finds.config import ShapesConfig
 from pipeline.finds.patch_network import PatchNetwork, to_input
 from pipeline.finds.protrusions import Protrusions, square_around
-from pipeline.finds.squares import rectified
+from pipeline.finds.squares import Pyramid, rectified
 from pipeline.tracks.config import LikelihoodConfig
 from pipeline.tracks.find import SHAPED
 from sarsim.dataset.folder import Dataset
@@ -38,7 +38,7 @@ class ShapePatches:
         """
         copies = varied.copies if varied else 1
         made = [
-            (rectified(seen.picture, _moved(square, rng, varied) if varied else square), kind)
+            (rectified(Pyramid(seen.picture), _moved(square, rng, varied) if varied else square), kind)
             for folder in folders
             for _, scene in Dataset(folder)
             for seen, region, kind in _labelled(scene)

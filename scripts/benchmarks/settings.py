@@ -52,6 +52,21 @@ class CorrectionSettings(SubjectSettings):
 
 
 @dataclass(frozen=True, kw_only=True)
+class CostSettings(SubjectSettings):
+    """Processor time of whole episodes, by stage and over that of the world alone.
+
+    Attributes:
+        arenas: in which episodes are run.
+        seed: of the episodes.
+        steps: most steps of each.
+    """
+
+    arenas: tuple[str, ...] = ("nist_6x4", "random:3", "esogu_52x15")
+    seed: int = 0
+    steps: int = 160
+
+
+@dataclass(frozen=True, kw_only=True)
 class DatasetSettings(SubjectSettings):
     """Time per scene, against a generator that draws with mujoco.Renderer, and of two workers.
 

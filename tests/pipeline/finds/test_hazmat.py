@@ -10,7 +10,7 @@ from pipeline.errors import InputError
 from pipeline.finds.config import SquaresConfig
 from pipeline.finds.hazmat import HazmatReader
 from pipeline.finds.patch_network import PatchNetwork
-from pipeline.finds.squares import Squares, rectified
+from pipeline.finds.squares import Pyramid, Squares, rectified
 from sarsim.arenas.things.hazmat import sign_face
 from sarsim.assets import asset
 
@@ -75,7 +75,7 @@ def test_squares_are_found_once_and_rectified() -> None:
     large = [q for q in squares_of(image).quads if 5000 < cv2.contourArea(q) < 20000]
     (quad,) = (q for q in large if np.abs(q.mean(axis=0) - square.mean(axis=0)).max() < 5)
     assert max(np.abs(quad - corner).sum(axis=1).min() for corner in square) < 6
-    patch = rectified(image, quad)
+    patch = rectified(Pyramid(image), quad)
     inner = slice(9, 55)  # of 64, without a tenth at each side
     assert (patch[inner, inner, 2] > 200).all()
     assert (patch[:3, :, 2] < 200).all()

@@ -1,0 +1,217 @@
+"""What whole episodes cost: processor time by stage, over all threads, and beside that of the world alone.
+
+The world alone is the same drive again: every command and every image as the robot got them, and nothing else.
+Imports and the compilation of kernels are left out: a short episode comes first.
+"""
+
+import resource
+import sys
+import tempfile
+import threading
+import time
+from collections import defaultdict
+from pathlib import Path
+from types import FrameType
+from typing import Any, Self
+
+import numpy as np
+
+import pipeline
+from pipeline.robot import Motion, Velocity
+from pipeline.sink import Sink, Step
+from sarsim.commands.cli import tracked
+from sarsim.episode import Episode
+from sarsim.methods.arena import make_arena
+from sarsim.settings import EpisodeConfig
+from sarsim.simulated_robot import SimulatedRobot
+from scripts.benchmarks.common import Result, at_least
+from scripts.benchmarks.settings import CostSettings
+
+CODE = Path(pipeline.__file__).parents[1]
+PERIOD = 0.005  # s between two samples
+STAGES = {
+    "pipeline/victims/detection": "detector",
+    "pipeline/finds": "finds",
+    "pipeline/tracks": "finds",
+    "pipeline/victims": "finds",
+    "pipeline/semantic_map/networks": "labels",
+    "pipeline/semantic_map/network_classifier.py": "labels",
+    "pipeline/semantic_map": "semantic_map",
+    "pipeline/localisation": "localisation",
+    "pipeline/metric_map": "metric_map",
+    "pipeline/elevation_map": "elevation_map",
+    "pipeline/segments": "segments",
+    "pipeline/topological_map": "topological_map",
+    "pipeline/exploration": "exploration",
+    "pipeline/planning": "planning",
+    "pipeline/navigation": "navigation",
+    "pipeline/rerun": "recording",
+    "pipeline/rescue_report": "results",
+    "pipeline/league": "results",
+    "pipeline/map_file.py": "results",
+    "pipeline/results.py": "results",
+    "pipeline/keyframes.py": "keyframes",
+    "sarsim/recording.py": "recording",
+    "sarsim/scoring": "scores",
+    "sarsim/ground_truth": "scores",
+    "sarsim/sensors": "images",
+    "sarsim/arenas/things": "images",
+    "sarsim/environment.py": "physics",
+    "sarsim/robots": "physics",
+    "sarsim/simulated_robot.py": "physics",
+}
+"""Stage of the innermost line of code that runs; what is not listed counts to its caller's."""
+
+
+def measure(settings: CostSettings) -> Result:
+    """Processor time of an episode in each arena, what it was spent on, and that of its world."""
+    at_least(0, settings, "seed")
+    figures = dict[str, float]()
+    with tempfile.TemporaryDirectory() as name:
+        _run(EpisodeConfig(steps=1, out=Path(name, "first")))
+        for arena in tracked(settings.arenas, "arenas"):
+            config = EpisodeConfig(arena=arena, seed=settings.seed, steps=settings.steps, out=Path(name, arena))
+            figures |= {f"{arena}.{key}": value for key, value in _cost(config).items()}
+    return Result(figures)
+
+
+def _cost(config: EpisodeConfig) -> dict[str, float]:
+    """The figures of an episode."""
+    with Sampler() as sampler:
+        episode, drive, steps = _run(config)
+    world, total = drive.again(config), sum(sampler.seconds.values())
+    shares = {
+        f"share.{stage}": seconds / total
+        for stage, seconds in sorted(sampler.seconds.items(), key=lambda item: -item[1])
+    }
+    return {
+        "over_world": total / world,
+        "processor_s": total,
+        "world_s": world,
+        "real_time_factor": episode.report["real_time_factor"],
+        "peak_gb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e9,
+        **shares,
+        **steps.figures(),
+    }
+
+
+def _run(config: EpisodeConfig) -> "tuple[Episode, Drive, StepTimes]":
+    """A whole episode, what its robot was told, and the times of its steps."""
+    episode = Episode(config)
+    drive, steps = Drive(episode.robot), StepTimes(episode)
+    episode.run()
+    return episode, drive, steps
+
+
+class Drive:
+    """Records what a robot is asked for: commands and images."""
+
+    def __init__(self, robot: SimulatedRobot):
+        self._asked: list[Velocity | None] = []
+        self._config = robot.config
+        drive, sense = robot.drive, robot.sense
+
+        def noted_drive(command: Velocity) -> Motion:
+            self._asked.append(command)
+            return drive(command)
+
+        def noted_sense() -> Any:
+            self._asked.append(None)
+            return sense()
+
+        robot.drive, robot.sense = noted_drive, noted_sense  # type: ignore[method-assign]
+
+    def again(self, config: EpisodeConfig) -> float:
+        """Processor time, s, of the same commands and images alone."""
+        arena = make_arena(config.arena, config.start, config.random, config.seed)
+        robot = SimulatedRobot(arena, self._config, config.seed)
+        begin = time.process_time()
+        for command in self._asked:
+            if command is None:
+                robot.sense()
+            else:
+                robot.drive(command)
+        seconds = time.process_time() - begin
+        robot.close()
+        return seconds
+
+
+class StepTimes(Sink):
+    """Wall time of each step, from the image to the plan, and the number of keyframes then."""
+
+    def __init__(self, episode: Episode):
+        self._times = list[tuple[int, float]]()
+        explorer, step = episode.explorer, episode.explorer.step
+
+        def timed_step() -> Step:
+            begin = time.perf_counter()
+            result = step()
+            self._times.append((len(explorer.mapper.keyframes), time.perf_counter() - begin))
+            return result
+
+        explorer.step = timed_step  # type: ignore[method-assign]
+
+    def figures(self) -> dict[str, float]:
+        """Median ms at around 100 and 1,000 keyframes, where there were so many."""
+        found = {}
+        for count in (100, 1000):
+            near = [1e3 * seconds for keyframes, seconds in self._times if 0.8 * count < keyframes < 1.2 * count]
+            if near and self._times[-1][0] >= count:
+                found[f"step_ms.{count}"] = float(np.median(near))
+        return found
+
+
+class Sampler:
+    """Samples what every Python thread of this process does, weighted by the processor time that it took.
+
+    Attributes:
+        seconds: of processor time by stage; threads of libraries, which run no Python, count as ``native``.
+    """
+
+    def __init__(self) -> None:
+        self.seconds: dict[str, float] = defaultdict(float)
+        self._clocks = dict[int, float]()
+        self._ended, self._thread = threading.Event(), threading.Thread(target=self._sample, daemon=True)
+
+    def __enter__(self) -> Self:
+        self._begin = time.process_time()
+        for ident in sys._current_frames():
+            self._clocks[ident] = _processor_time(ident)
+        self._thread.start()
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._ended.set()
+        self._thread.join()
+        self.seconds["native"] = time.process_time() - self._begin - self._own - sum(self.seconds.values())
+
+    def _sample(self) -> None:
+        own = threading.get_ident()
+        while not self._ended.wait(PERIOD):
+            for ident, frame in sys._current_frames().items():
+                if ident != own:
+                    now = _processor_time(ident)
+                    self.seconds[stage_of(frame)] += now - self._clocks.get(ident, 0.0)
+                    self._clocks[ident] = now
+        self._own = time.thread_time()
+
+
+def _processor_time(ident: int) -> float:
+    """Processor time, s, that a Python thread has taken so far; 0 if it has just ended."""
+    try:
+        return time.clock_gettime(time.pthread_getcpuclockid(ident))
+    except OSError:
+        return 0.0
+
+
+def stage_of(frame: FrameType | None) -> str:
+    """The stage that a thread is in, by its innermost frame."""
+    while frame is not None:
+        path = Path(frame.f_code.co_filename)
+        if path.is_relative_to(CODE):
+            place = path.relative_to(CODE)
+            for part in (place, *place.parents):
+                if stage := STAGES.get(part.as_posix()):
+                    return stage
+        frame = frame.f_back
+    return "other"

@@ -18,7 +18,7 @@ import numpy as np
 
 import pipeline
 from pipeline.robot import Motion, Velocity
-from pipeline.sink import Sink, Step
+from pipeline.sink import Step
 from sarsim.commands.cli import tracked
 from sarsim.episode import Episode
 from sarsim.methods.arena import make_arena
@@ -68,7 +68,7 @@ def measure(settings: CostSettings) -> Result:
     at_least(0, settings, "seed")
     figures = dict[str, float]()
     with tempfile.TemporaryDirectory() as name:
-        _run(EpisodeConfig(steps=1, out=Path(name, "first")))
+        Episode(EpisodeConfig(steps=1, out=Path(name, "first"))).run()
         for arena in tracked(settings.arenas, "arenas"):
             config = EpisodeConfig(arena=arena, seed=settings.seed, steps=settings.steps, out=Path(name, arena))
             figures |= {f"{arena}.{key}": value for key, value in _cost(config).items()}
@@ -77,30 +77,21 @@ def measure(settings: CostSettings) -> Result:
 
 def _cost(config: EpisodeConfig) -> dict[str, float]:
     """The figures of an episode."""
+    episode = Episode(config)
+    drive, steps = Drive(episode.robot), StepTimes(episode)
     with Sampler() as sampler:
-        episode, drive, steps = _run(config)
+        episode.run()
     world, total = drive.again(config), sum(sampler.seconds.values())
-    shares = {
-        f"share.{stage}": seconds / total
-        for stage, seconds in sorted(sampler.seconds.items(), key=lambda item: -item[1])
-    }
+    by_size = sorted(sampler.seconds.items(), key=lambda item: -item[1])
     return {
         "over_world": total / world,
         "processor_s": total,
         "world_s": world,
         "real_time_factor": episode.report["real_time_factor"],
         "peak_gb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e9,
-        **shares,
+        **{f"share.{stage}": seconds / total for stage, seconds in by_size},
         **steps.figures(),
     }
-
-
-def _run(config: EpisodeConfig) -> "tuple[Episode, Drive, StepTimes]":
-    """A whole episode, what its robot was told, and the times of its steps."""
-    episode = Episode(config)
-    drive, steps = Drive(episode.robot), StepTimes(episode)
-    episode.run()
-    return episode, drive, steps
 
 
 class Drive:
@@ -136,7 +127,7 @@ class Drive:
         return seconds
 
 
-class StepTimes(Sink):
+class StepTimes:
     """Wall time of each step, from the image to the plan, and the number of keyframes then."""
 
     def __init__(self, episode: Episode):

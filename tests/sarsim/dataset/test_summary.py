@@ -15,11 +15,12 @@ from sarsim.dataset.summary import depth_picture, with_boxes, write_summary
 from tests.sarsim.dataset.small import toys
 
 
-@pytest.fixture
-def page(tmp_path: Path) -> str:
-    toys(tmp_path / "toys", 14)
-    write_summary(tmp_path / "toys")
-    return (tmp_path / "toys" / "index.html").read_text()
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory) -> str:
+    folder = tmp_path_factory.mktemp("toys")
+    toys(folder, 14)
+    write_summary(folder)
+    return (folder / "index.html").read_text()
 
 
 def test_every_tag_is_known_to_a_parser(page: str) -> None:

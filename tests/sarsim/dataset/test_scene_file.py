@@ -209,7 +209,10 @@ def test_a_flipped_bit_in_an_image(file: Path) -> None:
             scene.frame(1)
 
 
-def test_a_file_of_which_hdf5_never_comes_back_is_refused_within_seconds(tmp_path: Path) -> None:
+def test_a_file_of_which_hdf5_never_comes_back_is_refused_within_seconds(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(hdf5, "SECONDS", 1)
     toys(tmp_path, 1)
     path = tmp_path / "scenes" / "00000.h5"
     data, rng = bytearray(path.read_bytes()), np.random.default_rng(11)

@@ -62,7 +62,7 @@ from tests.pipeline.victims.detection.networks import SMALL, random_network
 from tests.sarsim.dataset.small import toys
 
 KINDS = 12  # of what is mutated: the tests that draw
-COUNT = ceil(int(os.environ.get("SARSIM_MUTATIONS", "60")) / KINDS)
+COUNT = ceil(int(os.environ.get("SARSIM_MUTATIONS", "36")) / KINDS)
 ODD = [
     0,
     -1,

@@ -2,7 +2,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
@@ -72,6 +72,7 @@ def test_stops_at_the_acceleration_limit():
     assert_allclose(wheels[-1], 0.0, atol=1e-12)
 
 
+@settings(max_examples=30)
 @given(v=speeds, omega=rates)
 def test_limits_hold_for_any_command(v, omega):
     wheels = Body().drive(4.0, v, omega)
@@ -81,6 +82,7 @@ def test_limits_hold_for_any_command(v, omega):
     assert turned <= PIONEER.top_turn_rate * 1.1
 
 
+@settings(max_examples=30)
 @given(v=st.floats(0.3, 0.7), omega=st.floats(1.5, 2.4))
 def test_saturated_wheels_keep_the_curvature(v, omega):
     with pytest.MonkeyPatch.context() as patch:
@@ -92,6 +94,7 @@ def test_saturated_wheels_keep_the_curvature(v, omega):
     assert_allclose(turned / moved, omega / v)
 
 
+@settings(max_examples=30)
 @given(v=speeds, omega=rates)
 def test_mirrored_command_gives_mirrored_wheels(v, omega):
     left_turn = Body().drive(1.0, v, omega)

@@ -31,7 +31,7 @@ def test_offsets_have_the_sheets_size():
 
 @pytest.mark.parametrize("dt", [0.01, 0.1])
 def test_noise_makes_the_integral_walk_by_its_density_over_the_square_root_of_two(dt):
-    seconds = 10.0
+    seconds = 2.0
     triad = Triad(DataSheet(noise=0.3), np.random.default_rng(0))
     steps = np.array([triad.measure(np.zeros(3), dt) for _ in range(round(200 * seconds / dt))])
     integrals = steps.reshape(200, -1, 3).sum(axis=1) * dt

@@ -61,7 +61,8 @@ def files(top: Path, *folders: str) -> dict[Path, bytes]:
 def test_the_wheel_holds_every_module_asset_and_template_and_nothing_else(installed: Path) -> None:
     expected = {path: text for path, text in files(ROOT, "pipeline", "sarsim").items() if path.suffix == ".py"}
     for folder in ("pipeline/rescue_report", "sarsim/dataset", "sarsim/commands/sweeps"):
-        assert (templates := files(ROOT, f"{folder}/templates"))
+        templates = files(ROOT, f"{folder}/templates")
+        assert templates
         expected |= templates
     expected |= {Path("sarsim/asset_files", path): text for path, text in files(ROOT / "assets", ".").items()}
     assert expected.keys() >= {Path("pipeline/__init__.py"), Path("sarsim/asset_files/arenas/nist_6x4.xml")}

@@ -17,12 +17,13 @@ from sarsim.commands import generate_dataset
 from sarsim.commands.generate_dataset import GenerateDataset
 from sarsim.commands.settings import run_with_settings
 from sarsim.dataset.manifest import sha256_of
-from tests.sarsim.dataset.small import InProcess
 from tests.refusal import refusal
+from tests.sarsim.dataset.small import InProcess
 
 KILLS = int(os.environ.get("KILLS", "1"))
 SCRIPT = Path(__file__).parents[3] / "scripts" / "generate_dataset.py"
 FLAGS = "--scenes 2 --frames 2 --workers 1 --seed 2 --width 160 --height 120 --arenas nist_6x4"
+COMMAND = generate_dataset.generate_dataset, GenerateDataset
 LONGEST = 12.0
 """s, latest time of a kill; a run takes about as long."""
 WORKERS_KILLED = 2
@@ -72,7 +73,7 @@ def expected(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     folder = tmp_path_factory.mktemp("undisturbed") / "data"
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(generate_dataset, "make_engine", lambda *flags: InProcess())
-        run_with_settings(generate_dataset.generate_dataset, GenerateDataset, arguments(folder))
+        run_with_settings(*COMMAND, arguments(folder))
     return checksums(folder)
 
 
@@ -107,7 +108,7 @@ def test_a_full_disk_is_one_line_and_leaves_nothing_half_written(
     folder, before = tmp_path / "data", resource.getrlimit(resource.RLIMIT_FSIZE)
     resource.setrlimit(resource.RLIMIT_FSIZE, (1 << 16, before[1]))  # also of the worker
     try:
-        line = refusal(capsys, run_with_settings, generate_dataset.generate_dataset, GenerateDataset, arguments(folder))
+        line = refusal(capsys, run_with_settings, *COMMAND, arguments(folder))
     finally:
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
     assert "File too large" in line

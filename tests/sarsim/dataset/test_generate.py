@@ -65,9 +65,7 @@ def test_what_goes_wrong_in_a_scene_is_reported(tmp_path: Path) -> None:
     assert set(files(tmp_path / "data")) == {"dataset.json"}
 
 
-def test_whole_scenes_are_kept_and_changed_ones_made_again(
-    tmp_path: Path, caplog: pytest.LogCaptureFixture
-) -> None:
+def test_whole_scenes_are_kept_and_changed_ones_made_again(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     folder = tmp_path / "data"
     assert toys(folder) == [0, 1, 2]
     before = files(folder)

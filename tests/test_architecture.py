@@ -96,12 +96,6 @@ def test_functions_are_short() -> None:
     assert not long
 
 
-def test_only_code_counts_as_lines_of_code() -> None:
-    text = 'def f(\n    a,\n):\n    """Do.\n\n    More.\n    """\n    # why\n\n    return """\n"""\n'
-    module = Module("m", text)
-    assert module.length(module.tree.body[0]) == 5
-
-
 # What is documented
 
 EXTENT = r"(?:\.\.\.|…|[\w']+)(?: [-+·/] \w+| [a-z])*(?: or \d)?"
@@ -170,11 +164,6 @@ def test_what_a_docstring_says_of_arrays_is_seen(head: str, doc: str, is_clear: 
     (function,) = public_functions(Module("m", f'{head}:\n    """{doc}"""'))
     assert function.passes_arrays
     assert (names_its_shapes(function) and names_its_units(function)) is is_clear
-
-
-def test_compiled_functions_pass_the_arrays_that_they_index() -> None:
-    text = "def f(a, b):\n    return a + b\n\ndef g(a, b):\n    return a[b]\n\ndef _h(a):\n    return a[0]"
-    assert [f.passes_arrays for f in public_functions(Module("kernels", text))] == [False, True]
 
 
 # What tests reach for

@@ -142,10 +142,6 @@ def test_the_site_has_every_page_once() -> None:
     assert sorted(listed) == sorted([*pages, "index.md", "gallery.md", "install.md", "commands.md", "notebook.md"])
 
 
-def test_the_site_makes_pages_of_parts_of_the_readme() -> None:
-    assert {"## Install", "## Commands"} <= set(README.read_text().splitlines())
-
-
 def test_goals_that_a_page_names_can_be_reached() -> None:
     named = re.findall(r"--goals((?: -?\d[\d.]*)+)", (ROOT / "docs" / "driving.md").read_text())
     goals, arena = np.array(" ".join(named).split(), np.float64).reshape(-1, 2), load_arena("nist_6x4")

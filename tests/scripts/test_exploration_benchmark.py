@@ -12,7 +12,7 @@ from sarsim.ground_truth.true_surface import TrueSurface
 from sarsim.settings import EpisodeConfig
 from scripts.benchmarks import episodes, exploration
 from scripts.benchmarks.episodes import GROUPS, Job, run_job, run_jobs
-from scripts.benchmarks.exploration_table import RATIO, flat, group_figures, rich_table, sections, seen90_ratio
+from scripts.benchmarks.exploration_table import RATIO, flat, group_figures, seen90_ratio
 from scripts.benchmarks.settings import ExplorationSettings
 from scripts.benchmarks.top_view import BAND, MOST_PIXELS, SEEN, UNSEEN, WALL, top_view
 from tests.sarsim.dataset.small import InProcess
@@ -155,16 +155,6 @@ def test_a_baseline_that_never_saw_enough_is_named_instead_of_a_ratio(tmp_path, 
     assert figures[f"nist_6x4.{RATIO}.pairs"] == figures[f"{RATIO}.pairs"] == 1
     assert f"random.{RATIO}.median" not in figures
     assert figures[RATIO] == 0.5
-
-
-def test_the_table_has_a_row_for_what_was_measured_and_none_for_what_was_not():
-    figures = {"random.runs": 2, "random.victims.found.sum": 3, "raf.runs": 1, "random_walk.raf.seen90_runs": 0}
-    table = rich_table("", figures, sections(figures, ["random_walk"]))
-    assert [[column.header, *column.cells] for column in table.columns] == [
-        ["", "runs", "victims found", "random walk: 90 % seen by"],
-        ["raf", "1", "–", "0"],
-        ["random", "2", "3", "–"],
-    ]
 
 
 def test_it_goes_on_where_it_stopped(tmp_path, pretended):

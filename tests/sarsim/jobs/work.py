@@ -35,10 +35,7 @@ def die_at_0(job: int, folder: Path) -> str:
 
 
 def hold(job: tuple[int, Path], folder: Path) -> str:
-    """Write a file, but only when there is one called ``go`` in the folder that is given, where this attempt is noted.
-
-    It is for engines that give each task a folder of its own.
-    """
+    """Write a file once ``go`` is in the folder that is given with the job, where each attempt is noted."""
     number, begun = job
     with (begun / str(number)).open("a") as file:
         file.write("begun ")

@@ -43,20 +43,10 @@ def forward_and_turn(wheels: np.ndarray) -> np.ndarray:
     return np.stack([(left + right) / 2, (right - left) / PIONEER.effective_track], axis=-1)
 
 
-def test_straight_command_turns_both_wheels_alike():
-    wheels = Body().drive(2.0, v=0.2)
-    assert_allclose(wheels[-1], [0.2 / 0.1105, 0.2 / 0.1105])
-
-
 def test_turn_command_turns_the_wheels_against_each_other():
     left, right = Body().drive(2.0, omega=1.0)[-1]
     assert_allclose(right, 0.581 / 2 / 0.1105, rtol=1e-6)
     assert_allclose(left, -right)
-
-
-def test_top_speed_of_the_wheels_gives_the_data_sheets_turn_rate():
-    rate = PIONEER.top_speed / (PIONEER.effective_track / 2)
-    assert_allclose(math.degrees(rate), 140, atol=3)
 
 
 def test_speed_ramps_up_at_the_acceleration_limit():

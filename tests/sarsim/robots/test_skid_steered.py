@@ -59,7 +59,6 @@ def name(request: pytest.FixtureRequest) -> str:
 
 CONTROL = 0.02
 LENGTH, RISE = 0.59, 0.17
-SLOPE = np.arctan2(RISE, LENGTH)
 
 
 class Track(composer.Arena):

@@ -50,18 +50,6 @@ def test_level_finds_roll_and_pitch(roll, pitch):
     assert_allclose(level(true.T @ UP / np.linalg.norm(UP)), true, atol=1e-12)
 
 
-def test_straight_ahead():
-    T = drive(ideal(), 0.2, 0.0, 5.0)
-    assert_allclose(T[:3, 3], [1.0, 0, 0], atol=TICK)
-    assert_allclose(T[:3, :3], np.eye(3), atol=1e-12)
-
-
-def test_turn_in_place():
-    T = drive(ideal(), 0.0, 0.5, 2.0)
-    assert_allclose(T[:3, 3], 0, atol=TICK)
-    assert_allclose(yaw_of(T), 1.0)
-
-
 def test_quarter_circle():
     v, omega = 0.2, 0.1 * np.pi
     T = drive(ideal(), v, omega, 5.0)

@@ -92,7 +92,7 @@ def test_bad_settings_are_refused(settings, message):
         measure(settings)
 
 
-@pytest.mark.parametrize("lane", ["traverse", "centre", "krails_15", "door"])
+@pytest.mark.parametrize("lane", ["traverse", "krails_15"])
 def test_the_other_end_is_a_start_too(lane):
     near, far = (lane_from(lane, end) for end in (-1, 1))
     a, b = near.T_world_start, far.T_world_start

@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from importlib.util import find_spec
 
 import mujoco
 import numpy as np
@@ -171,8 +172,9 @@ def test_an_unknown_camera_is_named(camera: str | int) -> None:
         fixed_camera(model, camera)
 
 
+@pytest.mark.skipif(find_spec("triton") is None, reason="no triton, which comes with PyTorch for CUDA")
 def test_a_process_that_renders_trains_too():
-    """Mesa's LLVM and that of triton, which PyTorch for CUDA imports here, do not conflict."""
+    """Mesa's LLVM and that of triton, which PyTorch imports here, do not conflict."""
     imports = "import sarsim.sensors.rendering, dm_control.mjcf, torch"
     code = f"{imports}; torch.optim.AdamW([torch.zeros(1).requires_grad_()])"
     subprocess.run([sys.executable, "-c", code], check=True)

@@ -29,10 +29,15 @@ class Module:
         return ast.parse(self.text)
 
     @cached_property
+    def nodes(self) -> list[ast.AST]:
+        """All of the tree."""
+        return list(ast.walk(self.tree))
+
+    @cached_property
     def imports(self) -> list[str]:
         """Dotted names that it imports, at the top or inside a function."""
         found: list[str] = []
-        for node in ast.walk(self.tree):
+        for node in self.nodes:
             if isinstance(node, ast.Import):
                 found += [alias.name for alias in node.names]
             elif isinstance(node, ast.ImportFrom):
@@ -45,7 +50,7 @@ class Module:
         tokens = tokenize.generate_tokens(io.StringIO(self.text).readline)
         spans = [(token.start[0], token.end[0]) for token in tokens if token.type not in LAYOUT]
         lines = {line for first, last in spans for line in range(first, last + 1)}
-        strings = [node for node in ast.walk(self.tree) if isinstance(node, ast.Expr) and is_text(node.value)]
+        strings = [node for node in self.nodes if isinstance(node, ast.Expr) and is_text(node.value)]
         return lines - {line for node in strings for line in range(node.lineno, node.end_lineno + 1)}
 
     def length(self, node: ast.stmt) -> int:

@@ -88,16 +88,12 @@ def test_functions_are_short() -> None:
     long = [
         f"{module.name}.{node.name}: {module.length(node)}"
         for module in modules(*PACKAGES)
-        for node in ast.walk(module.tree)
-        if isinstance(node, ast.FunctionDef) and module.length(node) > LONGEST_FUNCTION
+        for node in module.nodes
+        if isinstance(node, ast.FunctionDef)
+        and node.end_lineno - node.lineno >= LONGEST_FUNCTION  # at once, unlike the next
+        and module.length(node) > LONGEST_FUNCTION
     ]
     assert not long
-
-
-def test_only_code_counts_as_lines_of_code() -> None:
-    text = 'def f(\n    a,\n):\n    """Do.\n\n    More.\n    """\n    # why\n\n    return """\n"""\n'
-    module = Module("m", text)
-    assert module.length(module.tree.body[0]) == 5
 
 
 # What is documented
@@ -157,15 +153,9 @@ def test_public_functions_name_the_shapes_and_units_of_their_arrays() -> None:
         ("def f(a: NDArray[np.float64]) -> float", "Middle of (N, 3) points, m.", True),
         ("def f(a: NDArray[np.float64]) -> float", "Middle of (N, 3) points in ``map``.", True),
         ("def f(a: NDArray[np.float64]) -> float", "Middle of (N, 3) points.", False),
-        ("def f(a: NDArray[np.float64]) -> float", "Middle of all points, m.", False),
-        ("def f(a: NDArray[np.uint8]) -> None", "Write labels (N,).", True),
-        ("def f(a: NDArray[np.uint8]) -> None", "Write labels.", False),
-        ("def f(T_map_base: NDArray[np.float64]) -> float", "Yaw of the robot, rad: an angle.", True),
         ("def f(T_map_base: NDArray[np.float64]) -> float", "Yaw of the robot.", True),
-        ("def f(R: NDArray[np.float64]) -> float", "Yaw of a 3×3 rotation, rad: an angle.", True),
         ("def f(R: NDArray[np.float64]) -> float", "Yaw of a 3×3 rotation.", False),
         ("def f(a: NDArray[np.float32]) -> None", "Show heights (..., 2 or 3), m.", True),
-        ("def f(a: NDArray[np.float32]) -> None", "Show it (or not, as one likes).", False),
         ("def f(a: Points) -> Place", "Their middle.", True),
         ("def f(a: Points, b: NDArray[np.float64]) -> Place", "Their middle.", False),
     ],
@@ -176,33 +166,32 @@ def test_what_a_docstring_says_of_arrays_is_seen(head: str, doc: str, is_clear: 
     assert (names_its_shapes(function) and names_its_units(function)) is is_clear
 
 
-def test_compiled_functions_pass_the_arrays_that_they_index() -> None:
-    text = "def f(a, b):\n    return a + b\n\ndef g(a, b):\n    return a[b]\n\ndef _h(a):\n    return a[0]"
-    assert [f.passes_arrays for f in public_functions(Module("kernels", text))] == [False, True]
-
-
 # What tests reach for
 
 
 def private_access(module: Module) -> Iterator[str]:
     """Names with a leading underscore that a test takes from what it tests, by attribute, import or string."""
     own = own_privates(module)
-    for node in ast.walk(module.tree):
+    for node in module.nodes:
         if isinstance(node, ast.Attribute) and is_private(node.attr):
             is_own = isinstance(node.value, ast.Name) and node.value.id in ("self", "cls") and node.attr in own
             yield from [] if is_own else [ast.unparse(node)]
         elif isinstance(node, ast.ImportFrom):
             yield from (alias.name for alias in node.names if is_private(alias.name))
-        elif isinstance(node, ast.Call) and ast.unparse(node.func).endswith(("setattr", "getattr", "delattr")):
+        elif isinstance(node, ast.Call) and called(node) in ("setattr", "getattr", "delattr"):
             names = [argument.value for argument in node.args if is_text(argument)]
             yield from (name for name in names if any(map(is_private, name.split("."))))
 
 
+def called(node: ast.Call) -> str:
+    """The last part of the name of what is called."""
+    return getattr(node.func, "attr", getattr(node.func, "id", ""))
+
+
 def own_privates(module: Module) -> set[str]:
     """Private names that the module's own classes assign or define."""
-    nodes = list(ast.walk(module.tree))
-    assigned = {n.attr for n in nodes if isinstance(n, ast.Attribute) and isinstance(n.ctx, ast.Store)}
-    return assigned | {n.name for n in nodes if isinstance(n, ast.FunctionDef)}
+    assigned = {n.attr for n in module.nodes if isinstance(n, ast.Attribute) and isinstance(n.ctx, ast.Store)}
+    return assigned | {n.name for n in module.nodes if isinstance(n, ast.FunctionDef)}
 
 
 def is_private(name: str) -> bool:

@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 import yaml
 from dm_control import mjcf
-from PIL import Image
 
 from sarsim.arenas.load import load_arena
 from sarsim.ground_truth.true_surface import Survey
@@ -77,7 +76,7 @@ def test_paths_that_are_named_are_there(document: Path) -> None:
 @pytest.fixture(scope="module")
 def settings() -> set[str]:
     """Names of parameters and typed fields in the code, of which commands make flags, spelt like flags."""
-    nodes = [node for module in modules("pipeline", "sarsim", "scripts") for node in ast.walk(module.tree)]
+    nodes = [node for module in modules("pipeline", "sarsim", "scripts") for node in module.nodes]
     fields = {n.target.id for n in nodes if isinstance(n, ast.AnnAssign) and isinstance(n.target, ast.Name)}
     names = fields | {node.arg for node in nodes if isinstance(node, ast.arg)}
     return {f"--{name.replace('_', '-')}" for name in names} | {"--help"}
@@ -109,10 +108,6 @@ def test_targets_and_headings_are_found() -> None:
 def test_every_picture_is_shown_on_a_page() -> None:
     pictures = {f"images/{path.name}" for path in (ROOT / "docs" / "images").iterdir()}
     assert pictures <= set().union(*(targets(page.read_text()) for page in PAGES))
-
-
-def test_every_page_opens_with_something_to_do() -> None:
-    assert not [p.name for p in [*PAGES, *RESULTS] if not re.search(r"```(sh|python)", p.read_text()[:1600])]
 
 
 def test_pages_of_results_are_what_is_made_of_the_figures() -> None:
@@ -147,10 +142,6 @@ def test_the_site_has_every_page_once() -> None:
     assert sorted(listed) == sorted([*pages, "index.md", "gallery.md", "install.md", "commands.md", "notebook.md"])
 
 
-def test_the_site_makes_pages_of_parts_of_the_readme() -> None:
-    assert {"## Install", "## Commands"} <= set(README.read_text().splitlines())
-
-
 def test_goals_that_a_page_names_can_be_reached() -> None:
     named = re.findall(r"--goals((?: -?\d[\d.]*)+)", (ROOT / "docs" / "driving.md").read_text())
     goals, arena = np.array(" ".join(named).split(), np.float64).reshape(-1, 2), load_arena("nist_6x4")
@@ -171,21 +162,12 @@ def test_the_first_lines_of_python_run(
     assert (tmp_path / "runs" / "random:7-0" / "report.html").exists()
 
 
-def test_the_first_picture_moves_and_is_light() -> None:
-    first = ROOT / next(target for target in targets(README.read_text()) if "images/" in target)
-    with Image.open(first) as picture:
-        assert getattr(picture, "n_frames", 1) > 10
-    assert first.stat().st_size < 3e6
-
-
-def test_the_workflow_and_forms_of_github_call_what_is_there() -> None:
+def test_the_workflow_of_github_calls_what_is_there() -> None:
     workflow = yaml.safe_load((ROOT / ".github" / "workflows" / "test.yml").read_text())
     commands = [step["run"] for step in workflow["jobs"]["test"]["steps"] if "run" in step]
     assert commands == ["make test", "make lint", "make docs"]
     rules = re.findall(r"^(\w+):", (ROOT / "Makefile").read_text(), re.MULTILINE)
     assert {command.split()[1] for command in commands} <= set(rules)
-    form = yaml.safe_load((ROOT / ".github" / "ISSUE_TEMPLATE" / "fault.yml").read_text())
-    assert {part["id"]: part.get("validations") for part in form["body"]}["report"] == {"required": True}
 
 
 def test_the_readme_is_cited_as_citation_cff_says() -> None:
@@ -201,6 +183,6 @@ def test_the_notebook_runs_from_an_episode_to_files(tmp_path: Path, monkeypatch:
     cells = json.loads((ROOT / "docs" / "episode.ipynb").read_text())["cells"]
     code = "\n".join("".join(cell["source"]) for cell in cells if cell["cell_type"] == "code")
     assert "STEPS = 20\n" in code
-    exec(compile(code.replace("STEPS = 20\n", "STEPS = 2\n"), "episode.ipynb", "exec"), {})
+    exec(compile(code.replace("STEPS = 20\n", "STEPS = 1\n"), "episode.ipynb", "exec"), {})
     files = {path.name for path in (tmp_path / "runs" / "notebook").iterdir()}
     assert files >= {"ground.tif", "metric_map.npz", "semantic_map.ply", "topology.json"}

@@ -62,26 +62,9 @@ from tests.pipeline.victims.detection.networks import SMALL, random_network
 from tests.sarsim.dataset.small import toys
 
 KINDS = 12  # of what is mutated: the tests that draw
-COUNT = ceil(int(os.environ.get("SARSIM_MUTATIONS", "60")) / KINDS)
-ODD = [
-    0,
-    -1,
-    1,
-    1e-9,
-    1e300,
-    2**31,
-    2**63,
-    10**30,
-    float("nan"),
-    float("inf"),
-    "",
-    "x",
-    "../..",
-    "/tmp/else",
-    None,
-    [],
-    {},
-]
+COUNT = ceil(int(os.environ.get("SARSIM_MUTATIONS", "36")) / KINDS)
+NUMBERS = [0, -1, 1, 1e-9, 1e300, 2**31, 2**63, 10**30, float("nan"), float("inf")]
+ODD = [*NUMBERS, "", "x", "../..", "/tmp/else", None, [], {}]
 """What a number, a name or a list may become."""
 SECONDS, BYTES = 20, 2_000_000_000
 """of processor time and memory that one case may take."""

@@ -1,78 +1,66 @@
-"""The --help of every command: it is fast, fits on three screens, and has few enough flags."""
+"""The --help of every command: it imports nothing heavy, fits on three screens, and has few enough flags."""
 
+import json
 import re
-import resource
 import subprocess
 import sys
 from functools import cache
-from pathlib import Path
 
 import pytest
 
 from scripts.benchmark import SUBJECTS
+from tests.source_tree import ROOT
 
-ROOT = Path(__file__).parents[2]
-SCRIPTS = ROOT / "scripts"
 SUBCOMMANDS = {"train": ["pointnext", "yolo"], "benchmark": ["", *SUBJECTS]}
 COMMANDS = [
-    [path.stem, *sub]
-    for path in sorted(SCRIPTS.glob("*.py"))
+    f"{path.stem} {sub}".strip()
+    for path in sorted((ROOT / "scripts").glob("*.py"))
     if "main()" in path.read_text()
-    for sub in ([name] for name in SUBCOMMANDS.get(path.stem, [""]))
+    for sub in SUBCOMMANDS.get(path.stem, [""])
 ]
-HEAVY = ("cv2", "h5py", "mujoco", "networkx", "numba", "open3d", "rerun", "scipy", "torch")
+HEAVY = {"cv2", "h5py", "mujoco", "networkx", "numba", "open3d", "rerun", "scipy", "torch"}
 MOST_FLAGS = 207
 MOST_LINES = 120
-MOST_SECONDS = 1.5
+ASK_ALL = """
+import contextlib, io, json, runpy, sys
+said = {}
+for command in sys.argv[1:]:
+    name, *sub = command.split()
+    sys.argv = [f"scripts/{name}.py", *sub, "--help"]  # as a user types it: --help wraps a longer path
+    out = io.TextIOWrapper(io.BytesIO(), "utf-8")
+    with contextlib.redirect_stdout(out), contextlib.suppress(SystemExit):
+        runpy.run_path(sys.argv[0], run_name="__main__")
+    out.flush()
+    said[command] = out.buffer.getvalue().decode()
+print(json.dumps([said, list(sys.modules)]))
+"""
 
 
 @cache
-def help_of(*command: str) -> tuple[str, float]:
-    """What a command's --help prints on 80 columns, and the seconds of processor time that it takes."""
-    name, *sub = (word for word in command if word)
-    before = resource.getrusage(resource.RUSAGE_CHILDREN)
-    done = subprocess.run(
-        [sys.executable, f"scripts/{name}.py", *sub, "--help"],  # as a user types it: --help wraps a longer path
-        cwd=ROOT,
-        capture_output=True,
-        text=True,
-        check=True,
-        env={"COLUMNS": "80", "PYTHONPATH": str(ROOT)},
-    )
-    after = resource.getrusage(resource.RUSAGE_CHILDREN)
-    seconds = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
-    return done.stdout, seconds
+def asked() -> tuple[dict[str, str], list[str]]:
+    """What each command's --help prints on 80 columns, and the modules imported for all of them."""
+    environment = {"COLUMNS": "80", "PYTHONPATH": str(ROOT)}
+    script = [sys.executable, "-c", ASK_ALL, *COMMANDS]
+    done = subprocess.run(script, cwd=ROOT, capture_output=True, text=True, check=True, env=environment)
+    said, imported = json.loads(done.stdout)
+    return said, imported
 
 
-def flags(text: str) -> set[str]:
-    """The flags of a --help; one that can be negated counts once."""
-    return set(re.findall(r"^│ (--[\w.-]+)", text, re.MULTILINE))
-
-
-@pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
-def test_help_comes_soon_and_is_short(command: list[str]) -> None:
-    text, seconds = help_of(*command)
-    assert text.count("\n") <= MOST_LINES
-    assert seconds <= MOST_SECONDS
-
-
-@pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
-def test_every_flag_says_what_it_is_for(command: list[str]) -> None:
-    text, _ = help_of(*command)
+@pytest.mark.parametrize("command", COMMANDS)
+def test_help_is_short_and_says_what_every_flag_is_for(command: str) -> None:
+    text = asked()[0][command]
+    assert text.startswith("usage: ") and text.count("\n") <= MOST_LINES
     described = re.sub(r"[│\s]+", " ", text)
     assert not re.findall(r"(--[\w-]+(?:\.[\w-]+)*) (?:[A-Z{\[]\S* )*\((?:required|default[^)]*)\) --", described)
 
 
 def test_all_commands_together_have_no_more_flags_than_agreed() -> None:
     names: dict[str, set[str]] = {}  # a flag that several of a command's subcommands have is one to learn
-    for name, sub in COMMANDS:
-        names.setdefault(name, set()).update(flags(help_of(name, sub)[0]))
+    for command, text in asked()[0].items():  # one that can be negated counts once
+        names.setdefault(command.split()[0], set()).update(re.findall(r"^│ (--[\w.-]+)", text, re.MULTILINE))
     assert sum(map(len, names.values())) <= MOST_FLAGS, names
     assert len(names["run_episode"]) >= 20
 
 
-def test_no_command_imports_what_is_heavy() -> None:
-    names = [f"scripts.{name}" for name in sorted({command[0] for command in COMMANDS})]
-    program = f"import sys, {', '.join(names)}; print(*sys.modules)"
-    loaded = subprocess.run([sys.executable, "-c", program], capture_output=True, text=True, check=True).stdout
-    assert not set(HEAVY) & set(loaded.split())
+def test_no_help_imports_what_is_heavy() -> None:
+    assert not HEAVY & set(asked()[1])

@@ -8,7 +8,7 @@ import pytest
 
 from pipeline.errors import InputError
 from scripts import results
-from scripts.results import Results, claim_row, kept, number, readme_row, renew, table_of, text_of
+from scripts.results import Results, claim_row, kept, readme_row, renew, table_of
 
 PAGE = {"title": "speed", "command": "benchmark.py camera", "minutes": 2, "about": "How fast.", "tables": []}
 RECORD: dict[str, Any] = {
@@ -31,10 +31,6 @@ def test_a_table_has_the_rows_that_have_a_figure() -> None:
     assert table_of(table, {}) == ""
 
 
-def test_figures_have_four_digits() -> None:
-    assert [number(value) for value in (0.123456, 3.0, 12345.6, 1000)] == ["0.1235", "3", "12,346", "1,000"]
-
-
 def test_a_row_of_the_readme_takes_its_figures_from_braces() -> None:
     row = {"what": "speed", "page": "camera", "code": "scripts/benchmarks/camera.py", "ours": "{a.ms:.1f} ms"}
     end = "[camera](scripts/benchmarks/camera.py) | [camera](docs/results/camera.md), 2026-11-24, abc |"
@@ -49,21 +45,6 @@ def test_a_claim_shows_what_is_expected_and_what_was_measured() -> None:
     claim = {"claim": "fast", "page": "camera", "figure": "a.ms", "most": 2.5}
     assert claim_row(claim, PAGE, RECORD) == "| fast | `python scripts/benchmark.py camera` | 2.0 | ≤ 2.5 | 2 |"
     assert claim_row(claim, PAGE, None).endswith("| ≤ 2.5 | not measured on this state yet |")
-
-
-def test_a_page_says_where_its_figures_come_from() -> None:
-    text = text_of("camera", PAGE, RECORD)
-    for part in (
-        "2026-11-24",
-        "abc",
-        "2 cores of P (AVX2)",
-        "2 min",
-        "`benchmark.py camera --frames 8`",
-        "camera.json",
-    ):
-        assert part in text
-    assert "This is a part of `benchmark.py camera`." in text
-    assert "Not measured on this state yet." in text_of("camera", PAGE, None)
 
 
 @pytest.mark.parametrize(

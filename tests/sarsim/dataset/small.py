@@ -4,6 +4,7 @@ from collections.abc import Callable, Generator, Iterable
 from concurrent.futures import Future
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import numpy as np
 
@@ -17,7 +18,7 @@ from sarsim.jobs.folder_lock import FolderLock
 
 RECIPE = Recipe(seed=3, frames=3, width=64, height=48, arenas=("nist_6x4",))
 """Makes a scene in some tenths of a second."""
-TOYS = 6
+TOYS = 3
 """Scenes of a toy dataset."""
 
 
@@ -100,9 +101,10 @@ def toy(index: int, folder: Path) -> SceneEntry:
 
 
 def toys(folder: Path, scenes: int = TOYS, recipe: Recipe = RECIPE) -> list[int]:
-    """Generate toy scenes; returns which were made."""
+    """Generate toy scenes without a page that shows them; returns which were made."""
     engine = InProcess(toys=True)
-    generate(recipe, scenes, folder, engine)
+    with patch("sarsim.dataset.generate.write_summary"):
+        generate(recipe, scenes, folder, engine)
     return engine.made
 
 

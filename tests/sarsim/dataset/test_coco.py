@@ -13,7 +13,7 @@ from sarsim.dataset.folder import Dataset
 from tests.sarsim.dataset.small import toys
 
 
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", range(8))
 def test_run_lengths_are_pycocotools_own(seed: int) -> None:
     rng = np.random.default_rng(seed)
     shape = rng.integers(1, 90, 2)
@@ -25,8 +25,8 @@ def test_run_lengths_are_pycocotools_own(seed: int) -> None:
     assert run_lengths(mask) == theirs
 
 
-def test_pycocotools_reads_the_true_masks_and_boxes(tmp_path: Path) -> None:
-    toys(tmp_path / "data", 6)
+def test_pycocotools_reads_the_true_masks_and_boxes_and_none_of_what_shows_little(tmp_path: Path) -> None:
+    toys(tmp_path / "data", 5)
     list(Coco(tmp_path / "data", tmp_path / "out", min_area=1).run())
     assert {path.stem for path in (tmp_path / "out" / "annotations").iterdir()} == {"train", "val"}
     known = COCO(str(tmp_path / "out" / "annotations" / "train.json"))
@@ -48,10 +48,6 @@ def test_pycocotools_reads_the_true_masks_and_boxes(tmp_path: Path) -> None:
                 assert row["bbox"] == coco_masks.toBbox(known.annToRLE(row)).tolist()
                 assert (frame.label[mask] == label).all()
     assert count > 10
-
-
-def test_what_shows_little_is_left_out(tmp_path: Path) -> None:
-    toys(tmp_path / "data", 1)
-    list(Coco(tmp_path / "data", tmp_path / "out", min_area=12).run())
-    known = COCO(str(tmp_path / "out" / "annotations" / "train.json"))
+    list(Coco(tmp_path / "data", tmp_path / "large", min_area=12).run())
+    known = COCO(str(tmp_path / "large" / "annotations" / "train.json"))
     assert known.anns and all(row["area"] >= 12 for row in known.anns.values())

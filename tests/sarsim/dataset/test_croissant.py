@@ -18,15 +18,8 @@ from tests.sarsim.dataset.small import InProcess
 
 RECIPE = Recipe(seed=2, frames=2, width=96, height=72, arenas=("nist_6x4",), ideal=1, clear=0, dust=(0.2, 0.2))
 REQUIRED = {
-    "@context",
-    "@type",
-    "conformsTo",
-    "description",
-    "license",
-    "name",
-    "creator",
-    "distribution",
-    "recordSet",
+    *("@context", "@type", "conformsTo", "description"),
+    *("license", "name", "creator", "distribution", "recordSet"),
 }
 """Of a dataset that is not published yet."""
 

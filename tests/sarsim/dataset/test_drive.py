@@ -16,7 +16,7 @@ from sarsim.ground_truth.true_surface import Survey, TrueSurface
 from sarsim.robots.pose import Pose
 from tests.sarsim.sensors.no_noise import NoNoise
 
-COUNT = 120
+COUNT = 100
 
 
 class Nist:
@@ -111,14 +111,10 @@ def test_perfect_dead_reckoning_finds_back(nist: Nist) -> None:
     np.testing.assert_allclose(believed[:3, :3], T[:3, :3], atol=1e-9)
 
 
-def test_the_same_seed_makes_the_same_drive(nist: Nist) -> None:
-    first, again, other = (poses(nist.poses(seed, 20)) for seed in (5, 5, 6))
-    np.testing.assert_array_equal(first, again)
-    assert (first != other).any()
-
-
 def test_a_longer_drive_begins_like_a_shorter_one(nist: Nist) -> None:
-    np.testing.assert_array_equal(poses(nist.poses(5, 30))[:20], poses(nist.poses(5, 20)))
+    first, longer, other = (poses(nist.poses(seed, count)) for seed, count in ((5, 20), (5, 30), (6, 20)))
+    np.testing.assert_array_equal(first, longer[:20])
+    assert (first != other).any()
 
 
 def test_a_robot_that_cannot_stand_is_an_input_error(nist: Nist) -> None:

@@ -19,59 +19,32 @@ from sarsim.dataset.generate import generate
 from sarsim.dataset.manifest import Manifest, scene_path
 from sarsim.jobs import folder_lock
 from sarsim.jobs.folder_lock import locked
-from sarsim.jobs.local_engine import LocalEngine
 from tests.sarsim.dataset.small import RECIPE, InProcess, files, toys
+from tests.source_tree import ROOT
 
-SCENES = 4
-ROOT = Path(__file__).parents[3]
+SCENES = 3
+FLAGS = f"--scenes {SCENES} --frames 3 --width 64 --height 48 --seed 3 --workers 2 --arenas nist_6x4".split()
+"""They make a dataset of so many scenes by the recipe."""
 
 
 @pytest.fixture(scope="module")
 def reference(tmp_path_factory: pytest.TempPathFactory) -> dict[str, bytes]:
     """The files of an undisturbed run in this process alone."""
-    folder = tmp_path_factory.mktemp("reference") / "data"
-    generate(RECIPE, SCENES, folder, InProcess())
+    folder, seen = tmp_path_factory.mktemp("reference") / "data", list[int]()
+    generate(RECIPE, SCENES, folder, InProcess(), seen.append)
+    assert seen == [RECIPE.frames * scenes for scenes in range(SCENES + 1)]
     return files(folder)
-
-
-def test_two_workers_make_the_same_bytes_as_this_process(tmp_path: Path, reference: dict[str, bytes]) -> None:
-    seen: list[int] = []
-    generate(RECIPE, SCENES, tmp_path / "data", LocalEngine(2), seen.append)
-    assert files(tmp_path / "data") == reference
-    assert seen[0] == 0 and seen[-1] == SCENES * RECIPE.frames
-    assert set(reference) == {"dataset.json", "index.html", "croissant.json", *(scene_path(k) for k in range(SCENES))}
-
-
-def test_what_goes_wrong_in_a_worker_is_reported(tmp_path: Path) -> None:
-    recipe = replace(RECIPE, arenas=(str(tmp_path / "missing.xml"),))
-    with pytest.raises(InputError, match=r"missing\.xml"):
-        generate(recipe, 1, tmp_path / "data", LocalEngine(1))
-    assert set(files(tmp_path / "data")) == {"dataset.json"}
-
-
-FLAGS = f"--scenes {SCENES} --frames 3 --width 64 --height 48 --seed 3 --workers 2 --arenas nist_6x4".split()
-"""They make the same dataset as the reference."""
-
-
-def command(folder: Path) -> subprocess.Popen[bytes]:
-    """The command, in a process of its own."""
-    script = [sys.executable, str(ROOT / "scripts" / "generate_dataset.py"), "--out", str(folder), *FLAGS]
-    return subprocess.Popen(script, stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True)
-
-
-def interrupt_after(process: subprocess.Popen[bytes], folder: Path, scenes: int) -> None:
-    """Press Ctrl-C when so many scenes are whole."""
-    while len(list(folder.glob("scenes/*.h5"))) < scenes and process.poll() is None:
-        time.sleep(0.01)
-    os.kill(process.pid, signal.SIGINT)
 
 
 def test_a_command_that_is_interrupted_is_completed_by_the_next(
     tmp_path: Path, reference: dict[str, bytes], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder = tmp_path / "data"
-    process = command(folder)
-    interrupt_after(process, folder, 1)
+    script = [sys.executable, ROOT / "scripts" / "generate_dataset.py", "--out", folder, *FLAGS]
+    process = subprocess.Popen(script, stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True)
+    while not list(folder.glob("scenes/*.h5")) and process.poll() is None:
+        time.sleep(0.01)
+    os.kill(process.pid, signal.SIGINT)
     _, errors = process.communicate(timeout=120)
     assert process.returncode == 130, errors
     # It is free as soon as the last worker has ended.
@@ -82,11 +55,19 @@ def test_a_command_that_is_interrupted_is_completed_by_the_next(
     monkeypatch.setattr(generate_dataset, "make_engine", lambda *flags: InProcess())
     run_with_settings(generate_dataset.generate_dataset, GenerateDataset, ["--out", str(folder), *FLAGS])
     assert files(folder) == reference
+    assert set(reference) == {"dataset.json", "index.html", "croissant.json", *(scene_path(k) for k in range(SCENES))}
 
 
-def test_whole_scenes_are_kept_and_changed_ones_made_again(tmp_path: Path, caplog) -> None:
+def test_what_goes_wrong_in_a_scene_is_reported(tmp_path: Path) -> None:
+    recipe = replace(RECIPE, arenas=(str(tmp_path / "missing.xml"),))
+    with pytest.raises(InputError, match=r"scene 0: .*missing\.xml"):
+        generate(recipe, 1, tmp_path / "data", InProcess())
+    assert set(files(tmp_path / "data")) == {"dataset.json"}
+
+
+def test_whole_scenes_are_kept_and_changed_ones_made_again(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     folder = tmp_path / "data"
-    assert toys(folder) == [0, 1, 2, 3, 4, 5]
+    assert toys(folder) == [0, 1, 2]
     before = files(folder)
     assert toys(folder) == []
     (folder / scene_path(1)).write_bytes(b"broken")
@@ -94,26 +75,20 @@ def test_whole_scenes_are_kept_and_changed_ones_made_again(tmp_path: Path, caplo
     assert toys(folder) == [1, 2]
     assert files(folder) == before
     assert "00001.h5" in caplog.text
-
-
-def test_a_scene_that_the_manifest_does_not_know_is_made_again(tmp_path: Path) -> None:
-    folder = tmp_path / "data"
-    toys(folder)
-    before = files(folder)
     manifest = Manifest.read(folder)
-    del manifest.scenes[3]
+    del manifest.scenes[2]
     manifest.write(folder)
-    assert toys(folder) == [3]
+    assert toys(folder) == [2]
     assert files(folder) == before
 
 
 def test_a_dataset_grows_and_keeps_its_splits(tmp_path: Path) -> None:
     folder = tmp_path / "data"
     toys(folder, 2)
-    assert toys(folder, 12) == list(range(2, 12))
+    assert toys(folder, 10) == list(range(2, 10))
     assert toys(folder, 1) == []
     splits = [entry.split for entry in Manifest.read(folder).scenes.values()]
-    assert splits == ["train"] * 4 + ["val"] + ["train"] * 4 + ["test"] + ["train"] * 2
+    assert splits == ["train"] * 4 + ["val"] + ["train"] * 4 + ["test"]
 
 
 def test_leftovers_are_removed(tmp_path: Path) -> None:
@@ -144,11 +119,9 @@ def test_a_folder_with_something_else_in_it_is_left_alone(tmp_path: Path) -> Non
     [
         ("{", "broken: not JSON"),
         ("[]", "not the dataset.json of a dataset"),
-        ('{"format": "coco"}', "not the dataset.json of a dataset"),
         ('{"format": "sarsim-dataset", "version": 9}', "format version 9; this program reads version 1"),
         ("[" * 100_000, "broken: not JSON"),
         ('{"format": "sarsim-dataset", "version": 1}', "broken: 'scenes'"),
-        ('{"format": "sarsim-dataset", "version": 1, "scenes": [{}], "recipe": {}}', "broken: "),
         ('{"format": "sarsim-dataset", "version": 1, "scenes": [], "recipe": []}', "broken: "),
     ],
 )
@@ -162,15 +135,10 @@ def test_a_manifest_that_is_none(tmp_path: Path, text: str, message: str) -> Non
     ("field", "value", "message"),
     [
         ("split", "/tmp", "the split of scene 1 is '/tmp'"),
-        ("split", "../../train", "the split of scene 1"),
-        ("split", ["train"], "the split of scene 1"),
         ("file", "/dev/zero", "scene 1 is not in a file of its number: '/dev/zero'"),
-        ("file", "../scenes/00001.h5", "not in a file of its number"),
         ("index", "../1", "not in a file of its number"),
-        ("index", -1, "not in a file of its number"),
         ("index", 1e300, "not in a file of its number"),
         ("frames", "3", "frames of scene 1 is '3'"),
-        ("points", [1], "points of scene 1"),
         ("points", {"wall": "many"}, "points of scene 1"),
         ("arena", 3, "arena of scene 1"),
     ],

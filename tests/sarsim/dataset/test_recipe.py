@@ -79,27 +79,17 @@ def test_what_has_no_share_is_never_drawn() -> None:
     assert all(c.air.dust == 0 and not c.depth_sensor.axial_noise for c in drawn)
 
 
-def test_purposes_have_numbers_of_their_own() -> None:
-    recipe = Recipe()
-    drawn = [recipe.rng(0, purpose).integers(1 << 60) for purpose in ("conditions", "arena", "drive", "noise")]
-    assert len(set(drawn)) == 4
-
-
 @pytest.mark.parametrize(
     ("make", "message"),
     [
         (lambda: Recipe(frames=0), "--frames 0: at least 1"),
-        (lambda: Recipe(keyframes=(float("inf"), 0.6)), "--keyframes inf 0.6: from 0.01 to 10 each"),
         (lambda: Recipe(keyframes=(0.3, float("nan"))), "--keyframes 0.3 nan: from 0.01 to 10 each"),
-        (lambda: Recipe(keyframes=(0.3, -1)), "--keyframes 0.3 -1: from 0.01 to 10 each"),
         (lambda: Recipe(seed=-1), "--seed -1: at least 0"),
         (lambda: Recipe(width=8), "--width 8: at least 16"),
         (lambda: Recipe(arenas=()), "--arenas: name at least one"),
         (lambda: ArenaRange(victims=(3, 1)), "--random.victims 3 1: the lower value comes first"),
-        (lambda: ArenaRange(ceilings=float("nan")), "--random.ceilings nan: from 0 to 1"),
         (lambda: ArenaRange(painted=-1), "--random.painted -1: from 0 to 1"),
         (lambda: Recipe(lighting=(0, 0, 0)), r"--lighting: \(0, 0, 0\) are no shares"),
-        (lambda: Recipe(ideal=2), "--ideal 2: from 0 to 1"),
         (lambda: Recipe(clear=float("nan")), "--clear nan: from 0 to 1"),
         (lambda: Recipe(dust=(0.5, 0.1)), "--dust 0.5 0.1: the lower value comes first"),
         (lambda: Recipe(dust=(0, 3)), "dust 3: must be from 0 to 1"),

@@ -129,11 +129,6 @@ def test_a_random_arena_is_rendered(tmp_path: Path) -> None:
         assert {Label.WALL, Label.TERRAIN} <= set(np.unique(scene.label(0)))
 
 
-def test_an_arena_that_is_missing_is_an_input_error(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"missing.xml"):
-        render_scene(Recipe(arenas=(str(tmp_path / "missing.xml"),)), 0, tmp_path / "scene.h5")
-
-
 def test_a_continuous_drive_has_a_frame_every_so_often(tmp_path: Path) -> None:
     recipe = replace(CLEAR, frames=6, frames_per_second=10.0)
     render_scene(recipe, 0, tmp_path / "scene.h5")

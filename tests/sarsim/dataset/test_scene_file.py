@@ -98,19 +98,12 @@ def test_any_hdf5_reads_noisy_images(image: np.ndarray) -> None:
         np.testing.assert_array_equal(ours[1], image)
 
 
-def test_a_missing_file(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match=r"nowhere\.h5"):
-        Scene(tmp_path / "nowhere.h5")
-
-
-def test_another_kind_of_file(tmp_path: Path) -> None:
-    (tmp_path / "text.h5").write_text("not HDF5")
+@pytest.mark.parametrize("content", [None, "not HDF5"])
+def test_what_is_no_hdf5(content: str | None, tmp_path: Path) -> None:
+    if content:
+        (tmp_path / "text.h5").write_text(content)
     with pytest.raises(InputError, match=r"text\.h5"):
         Scene(tmp_path / "text.h5")
-    with h5py.File(tmp_path / "other.h5", "w") as other:
-        other["rgb"] = [1, 2]
-    with pytest.raises(InputError, match=r"other\.h5"):
-        Scene(tmp_path / "other.h5")
 
 
 def test_another_version(file: Path) -> None:
@@ -120,19 +113,11 @@ def test_another_version(file: Path) -> None:
         Scene(file)
 
 
-@pytest.mark.parametrize("name", ["depth", "pose_true", "intrinsics"])
+@pytest.mark.parametrize("name", ["pose_true", "intrinsics"])
 def test_a_part_is_missing(file: Path, name: str) -> None:
     with h5py.File(file, "r+") as scene:
         del scene[name]
     with pytest.raises(InputError, match=r"scene.h5: broken"):
-        Scene(file)
-
-
-def test_images_that_do_not_fit_each_other(file: Path) -> None:
-    with h5py.File(file, "r+") as scene:
-        del scene["depth"]
-        scene["depth"] = np.zeros((3, 6, 7), np.uint16)
-    with pytest.raises(InputError, match=r"broken: depth .*\(3, 6, 7\)"):
         Scene(file)
 
 
@@ -146,6 +131,7 @@ def replaced(file: Path, name: str, **new: object) -> None:
 @pytest.mark.parametrize(
     ("name", "new", "message"),
     [
+        ("depth", {"data": np.zeros((3, 6, 7), np.uint16)}, r"depth .*\(3, 6, 7\)"),
         ("pose_true", {"shape": (3, 4, 4), "dtype": "f4"}, "pose_true is of type float32"),
         ("pose_true", {"data": np.full((3, 4, 4), np.nan)}, "pose_true holds what is no pose"),
         ("T_base_camera", {"data": np.zeros((3, 4, 4))}, "T_base_camera holds what is no pose"),
@@ -209,7 +195,10 @@ def test_a_flipped_bit_in_an_image(file: Path) -> None:
             scene.frame(1)
 
 
-def test_a_file_of_which_hdf5_never_comes_back_is_refused_within_seconds(tmp_path: Path) -> None:
+def test_a_file_of_which_hdf5_never_comes_back_is_refused_within_seconds(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(hdf5, "SECONDS", 1)
     toys(tmp_path, 1)
     path = tmp_path / "scenes" / "00000.h5"
     data, rng = bytearray(path.read_bytes()), np.random.default_rng(11)

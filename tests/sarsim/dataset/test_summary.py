@@ -3,7 +3,6 @@
 import base64
 import re
 from html.parser import HTMLParser
-from pathlib import Path
 from xml.etree import ElementTree
 
 import cv2
@@ -15,11 +14,12 @@ from sarsim.dataset.summary import depth_picture, with_boxes, write_summary
 from tests.sarsim.dataset.small import toys
 
 
-@pytest.fixture
-def page(tmp_path: Path) -> str:
-    toys(tmp_path / "toys", 14)
-    write_summary(tmp_path / "toys")
-    return (tmp_path / "toys" / "index.html").read_text()
+@pytest.fixture(scope="module")
+def page(tmp_path_factory: pytest.TempPathFactory) -> str:
+    folder = tmp_path_factory.mktemp("toys")
+    toys(folder, 14)
+    write_summary(folder)
+    return (folder / "index.html").read_text()
 
 
 def test_every_tag_is_known_to_a_parser(page: str) -> None:
@@ -32,10 +32,7 @@ def test_every_tag_is_known_to_a_parser(page: str) -> None:
     Counter().feed(page)
     assert seen["rect"] == len(Label)
     assert seen["figure"] == 7  # of 14 scenes, 12 at most
-    assert seen["img"] == 3 * 7
-
-
-def test_pictures_are_inside(page: str) -> None:
+    assert seen["img"] == 3 * 7  # in the page itself
     assert "http" not in page and "href" not in page
     for data in re.findall(r'base64,([^"]+)"', page):
         picture = cv2.imdecode(np.frombuffer(base64.b64decode(data), np.uint8), cv2.IMREAD_COLOR)
@@ -51,12 +48,8 @@ def test_the_balance_adds_up(page: str) -> None:
     assert f">{walls}<" in page and f">{floors}<" in page
 
 
-def test_splits_are_reported(page: str) -> None:
+def test_splits_are_reported_and_the_recipe_as_flags(page: str) -> None:
     assert "<tr><td>train<td class=number>12<td class=number>36<td>12 dim</tr>" in page
-    assert "<tr><td>val<td class=number>1<td class=number>3<td>1 dim</tr>" in page
-
-
-def test_the_recipe_is_given_as_flags(page: str) -> None:
     for flag, words in (("seed", "3"), ("arenas", "nist_6x4"), ("random.wall-density", "0.2 0.7")):
         assert f"<tr><td>--{flag}<td>{words}</tr>" in page
 

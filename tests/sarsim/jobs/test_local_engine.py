@@ -6,7 +6,6 @@ import signal
 import subprocess
 import sys
 import threading
-import time
 from collections.abc import Callable
 from contextlib import closing
 from pathlib import Path
@@ -79,19 +78,11 @@ def test_workers_use_one_thread_and_this_process_as_many_as_before(
     assert os.environ["OMP_NUM_THREADS"] == "7" and "NUMBA_NUM_THREADS" not in os.environ
 
 
-def wait_for(*paths: Path) -> None:
-    """Wait until all of these files are there, for a minute at most."""
-    end = time.monotonic() + 60
-    while not all(path.exists() for path in paths):
-        assert time.monotonic() < end, paths
-        time.sleep(0.01)
-
-
 def interrupted(do: Callable[[int, Path], str], jobs: int, folder: Path) -> None:
     """Press Ctrl-C once all of some jobs have begun."""
 
     def press() -> None:
-        wait_for(*(folder / f"{job}.begun" for job in range(jobs)))
+        work.wait_for(*(folder / f"{job}.begun" for job in range(jobs)))
         os.kill(os.getpid(), signal.SIGINT)
 
     finger = threading.Thread(target=press)
@@ -131,7 +122,7 @@ def test_a_folder_is_free_only_when_the_workers_of_a_killed_command_have_ended(t
     folder.mkdir()
     environment = os.environ | {"PYTHONPATH": str(ROOT)}
     with subprocess.Popen([sys.executable, script, folder], env=environment, stderr=subprocess.DEVNULL) as command:
-        wait_for(folder / "0.begun")
+        work.wait_for(folder / "0.begun")
         command.kill()
     assert not (folder / "0.cleaned").exists()
     with locked(folder):

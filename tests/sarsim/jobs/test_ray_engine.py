@@ -1,6 +1,9 @@
-"""Scenes made by Ray's tasks: the same bytes as in this process."""
+"""Jobs done by Ray's tasks: nothing is lost with a node, and scenes have the same bytes as in this process."""
 
-from dataclasses import replace
+import signal
+import threading
+from collections.abc import Iterator
+from contextlib import closing
 from pathlib import Path
 
 import pytest
@@ -8,30 +11,58 @@ from ray.cluster_utils import Cluster
 
 from pipeline.errors import InputError
 from sarsim.dataset.generate import generate
+from sarsim.jobs.folder_lock import locked
 from sarsim.jobs.ray_engine import RayEngine
 from tests.sarsim.dataset.small import RECIPE, InProcess, files
+from tests.sarsim.jobs import work
+
+
+@pytest.fixture(autouse=True)
+def time_limit() -> Iterator[None]:
+    """Let a test fail that waits for Ray without end."""
+    handler = signal.signal(signal.SIGALRM, lambda *_: pytest.fail("takes more than 3 minutes"))
+    signal.alarm(180)
+    yield
+    signal.alarm(0)
+    signal.signal(signal.SIGALRM, handler)
+
+
+@pytest.fixture(scope="module")
+def cluster() -> Iterator[Cluster]:
+    """A cluster of one node, of one processor."""
+    cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 1, "include_dashboard": False})
+    yield cluster
+    cluster.shutdown()
 
 
 def test_what_goes_wrong_in_a_task_is_reported(tmp_path: Path) -> None:
-    recipe = replace(RECIPE, arenas=(str(tmp_path / "missing.xml"),))
-    with pytest.raises(InputError, match=r"missing\.xml"):
-        generate(recipe, 1, tmp_path / "data", RayEngine(1))
+    with locked(tmp_path) as lock, closing(RayEngine(1).run(work.fail, range(3), lock)) as ended:
+        found = {job: outcome.exception() for job, outcome in ended}
+    assert isinstance(found[0], InputError) and str(found[0]) == "--bad: input"
+    assert "Unsendable" in str(found[1]) and "a bug" in str(found[2])
 
 
-def test_a_cluster_that_loses_one_of_two_nodes_completes_a_dataset_with_the_same_bytes(tmp_path: Path) -> None:
-    generate(RECIPE, 1, tmp_path / "ray" / "data", InProcess())
-    cluster = Cluster(initialize_head=True, head_node_args={"num_cpus": 1})
-    nodes, seen = [cluster.add_node(num_cpus=1)], list[int]()
+def test_a_cluster_that_loses_one_of_two_nodes_does_all_jobs(tmp_path: Path, cluster: Cluster) -> None:
+    node, begun, folder = cluster.add_node(num_cpus=1), tmp_path / "begun", tmp_path / "folder"
+    begun.mkdir()
+    folder.mkdir()
 
-    def lose_a_node(frames: int) -> None:
-        seen.append(frames)
-        while frames > RECIPE.frames and nodes:
-            cluster.remove_node(nodes.pop(), allow_graceful=False)
+    def lose_the_node() -> None:
+        work.wait_for(begun / "0", begun / "1")
+        cluster.remove_node(node, allow_graceful=False)
+        (begun / "go").touch()
 
-    try:
-        generate(RECIPE, 4, tmp_path / "ray" / "data", RayEngine(2, cluster.address), lose_a_node)
-    finally:
-        cluster.shutdown()
-    generate(RECIPE, 4, tmp_path / "here" / "data", InProcess())
-    assert not nodes and seen[0] == RECIPE.frames and seen[-1] == 4 * RECIPE.frames
+    thief = threading.Thread(target=lose_the_node)
+    jobs = [(number, begun) for number in range(3)]
+    with locked(folder) as lock, closing(RayEngine(2, cluster.address).run(work.hold, jobs, lock)) as ended:
+        thief.start()
+        assert {job[0]: outcome.result() for job, outcome in ended} == {n: f"{n}.txt" for n in range(3)}
+    thief.join()
+    assert sorted((begun / f"{n}").read_text() for n in range(2)) == ["begun ", "begun begun "]
+    assert {path.name for path in folder.glob("made/*")} == {"0.txt", "1.txt", "2.txt"}
+
+
+def test_a_dataset_has_the_same_bytes(tmp_path: Path, cluster: Cluster) -> None:
+    for name, engine in (("ray", RayEngine(1, cluster.address)), ("here", InProcess())):
+        generate(RECIPE, 1, tmp_path / name / "data", engine)
     assert files(tmp_path / "ray") == files(tmp_path / "here")

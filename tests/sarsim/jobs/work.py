@@ -7,7 +7,7 @@ from pathlib import Path
 
 from pipeline.errors import InputError
 
-LONG = 60.0  # s, of a job that is to be killed meanwhile
+LONG = 60.0  # s, of a job that is to be killed meanwhile, and of waiting for one
 
 
 def write(job: int, folder: Path) -> str:
@@ -32,6 +32,23 @@ def die_at_0(job: int, folder: Path) -> str:
     if job == 0:
         os.kill(os.getpid(), signal.SIGKILL)
     return write(job, folder)
+
+
+def hold(job: tuple[int, Path], folder: Path) -> str:
+    """Write a file once ``go`` is in the folder that is given with the job, where each attempt is noted."""
+    number, begun = job
+    with (begun / str(number)).open("a") as file:
+        file.write("begun ")
+    wait_for(begun / "go")
+    return write(number, folder)
+
+
+def wait_for(*paths: Path) -> None:
+    """Wait until all of these files are there, for a minute at most."""
+    end = time.monotonic() + LONG
+    while not all(path.exists() for path in paths):
+        assert time.monotonic() < end, paths
+        time.sleep(0.01)
 
 
 def fail(job: int, folder: Path) -> str:

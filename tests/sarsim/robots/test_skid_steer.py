@@ -2,7 +2,7 @@ import math
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
@@ -43,20 +43,10 @@ def forward_and_turn(wheels: np.ndarray) -> np.ndarray:
     return np.stack([(left + right) / 2, (right - left) / PIONEER.effective_track], axis=-1)
 
 
-def test_straight_command_turns_both_wheels_alike():
-    wheels = Body().drive(2.0, v=0.2)
-    assert_allclose(wheels[-1], [0.2 / 0.1105, 0.2 / 0.1105])
-
-
 def test_turn_command_turns_the_wheels_against_each_other():
     left, right = Body().drive(2.0, omega=1.0)[-1]
     assert_allclose(right, 0.581 / 2 / 0.1105, rtol=1e-6)
     assert_allclose(left, -right)
-
-
-def test_top_speed_of_the_wheels_gives_the_data_sheets_turn_rate():
-    rate = PIONEER.top_speed / (PIONEER.effective_track / 2)
-    assert_allclose(math.degrees(rate), 140, atol=3)
 
 
 def test_speed_ramps_up_at_the_acceleration_limit():
@@ -72,6 +62,7 @@ def test_stops_at_the_acceleration_limit():
     assert_allclose(wheels[-1], 0.0, atol=1e-12)
 
 
+@settings(max_examples=30)
 @given(v=speeds, omega=rates)
 def test_limits_hold_for_any_command(v, omega):
     wheels = Body().drive(4.0, v, omega)
@@ -81,6 +72,7 @@ def test_limits_hold_for_any_command(v, omega):
     assert turned <= PIONEER.top_turn_rate * 1.1
 
 
+@settings(max_examples=30)
 @given(v=st.floats(0.3, 0.7), omega=st.floats(1.5, 2.4))
 def test_saturated_wheels_keep_the_curvature(v, omega):
     with pytest.MonkeyPatch.context() as patch:
@@ -92,6 +84,7 @@ def test_saturated_wheels_keep_the_curvature(v, omega):
     assert_allclose(turned / moved, omega / v)
 
 
+@settings(max_examples=30)
 @given(v=speeds, omega=rates)
 def test_mirrored_command_gives_mirrored_wheels(v, omega):
     left_turn = Body().drive(1.0, v, omega)

@@ -59,7 +59,6 @@ def name(request: pytest.FixtureRequest) -> str:
 
 CONTROL = 0.02
 LENGTH, RISE = 0.59, 0.17
-SLOPE = np.arctan2(RISE, LENGTH)
 
 
 class Track(composer.Arena):
@@ -154,11 +153,6 @@ def on_track(name: str = ROBOTS[0], **start: float) -> Drive:
     return Drive(name, Track(), **start)
 
 
-def on_ramp(name: str) -> Drive:
-    """Standing in the middle of the ramp up, nose up."""
-    return on_track(name, x=1 + LENGTH / 2, z=RISE / 2 + 0.002, pitch=-SLOPE)
-
-
 @pytest.mark.parametrize("part", ["model", "scene"])
 def test_opens_in_mujoco(name, part):
     path = robot_file(name)
@@ -218,6 +212,7 @@ def test_camera_is_an_xtion_on_the_mast(name):
     assert_allclose(T[:3, 2], [np.cos(np.radians(12)), 0, -np.sin(np.radians(12))], atol=1e-6)
     half_width, half_height = np.divide([320, 240], drive.robot.camera.focalpixel)
     assert_allclose(2 * np.degrees(np.arctan([half_width, half_height])), [58, 45], atol=1e-4)
+    assert drive.physics.bind(drive.robot.lamp).active == 0
 
 
 def test_camera_does_not_see_the_robot(name):
@@ -229,11 +224,6 @@ def test_camera_does_not_see_the_robot(name):
         for y in np.linspace(-tan_y, tan_y, 25):
             ray = R @ (np.array([x, y, -1.0]) / np.linalg.norm([x, y, 1.0]))
             assert mujoco.mj_ray(model, data, data.cam("camera").xpos, ray, None, 1, -1, hit) == -1
-
-
-def test_lamp_is_off():
-    drive = on_track()
-    assert drive.physics.bind(drive.robot.lamp).active == 0
 
 
 def test_stands_level_and_still(name):
@@ -257,7 +247,7 @@ def test_drives_two_metres_straight(name):
     assert_allclose(forward, 2.0, atol=0.01)
 
 
-@pytest.mark.parametrize("rate", [0.3, 0.5, 1.0, 2.0, -0.5])
+@pytest.mark.parametrize("rate", [1.0, -0.5])
 def test_turns_in_place(name, rate):
     drive = on_track(name, x=-5).go(2 * np.pi / abs(rate), 0.0, rate).go(2.0)
     turned = np.degrees(abs(drive.turned))
@@ -275,31 +265,25 @@ def test_reaches_its_top_speed(name):
     assert_allclose(speed, drive.robot.drive.top_speed, rtol=0.015)
 
 
-@pytest.mark.parametrize("speed", [0.15, 0.2])
-def test_climbs_and_descends_a_ridge(name, speed):
-    drive = on_track(name).go(4.4 / speed, speed).go(2.0)
-    highest = max(T[2, 3] for T in drive.poses)
-    print(f"\nridge of 16.1° at {speed} m/s: {1000 * drive.moved[1, 3]:.2f} mm sideways, tilt to {drive.tilt:.1f}°")
-    assert highest > RISE - 0.005
-    assert drive.pose[0, 3] > 2.2 + 2 * LENGTH + 0.4
-    assert abs(drive.moved[1, 3]) < 0.02
-    assert drive.tilt < 17
-
-
-def test_chassis_clears_the_ridge(name):
+def test_climbs_and_descends_a_ridge_and_its_odometry_without_errors_agrees_with_the_truth(name):
     drive = on_track(name)
     tyres = {drive.physics.model.name2id(f"{name}/{wheel}_tyre", "geom") for wheel in WHEELS}
     arena = set(np.flatnonzero(drive.physics.model.geom_bodyid == 0))
     touching: set[int] = set()
     for _ in range(1100):
         touching |= set(drive.go(CONTROL, 0.2).physics.data.contact.geom.ravel())
-    assert touching - arena == tyres
-
-
-def test_stands_on_a_ramp(name):
-    drive = on_ramp(name).go(10.0)
-    print(f"\n10 s on 16.1°: {1000 * drive.strayed:.2f} mm")
-    assert drive.strayed < 0.01
+    drive.go(1.0)
+    assert touching - arena == tyres  # the chassis clears it
+    assert max(T[2, 3] for T in drive.poses) > RISE - 0.005
+    assert drive.pose[0, 3] > 2.2 + 2 * LENGTH + 0.4
+    assert abs(drive.moved[1, 3]) < 0.02
+    assert drive.tilt < 17
+    drive.go(3.0, 0.2, 0.5).go(4.0, 0.2)
+    believed = inverse(drive.odometry_start) @ drive.odometry.T_odom_base
+    error = np.linalg.norm(believed[:3, 3] - drive.moved[:3, 3])
+    print(f"\nodometry without errors, over a ridge of 16.1° and round a bend, 5.8 m: {1000 * error:.0f} mm")
+    assert error < 0.03 + SHEETS[name].sweep
+    assert_allclose(yaw_of(believed), yaw_of(drive.moved), atol=np.radians(0.5))
 
 
 def test_stops_on_a_ramp_and_stays(name):
@@ -317,19 +301,10 @@ def test_climbs_the_steepest_slope_of_the_data_sheet(name):
     )
 
 
-@pytest.mark.parametrize("angle", [0.0, 0.45, 0.8, 1.1])
+@pytest.mark.parametrize("angle", [0.0, 0.8])
 def test_does_not_climb_a_wall(name, angle):
     drive = Drive(name, Wall()).go(angle / 0.5, 0.0, 0.5).go(1.0).go(8.0, 0.2)
     assert drive.tilt < 2
-
-
-def test_odometry_without_errors_agrees_with_the_truth(name):
-    drive = on_track(name).go(20.0, 0.2).go(3.0, 0.2, 0.5).go(6.0, 0.2).go(1.0)
-    believed = inverse(drive.odometry_start) @ drive.odometry.T_odom_base
-    error = np.linalg.norm(believed[:3, 3] - drive.moved[:3, 3])
-    print(f"\nodometry without errors, over the ridge and round a bend, 5.8 m: {1000 * error:.0f} mm")
-    assert error < 0.03 + SHEETS[name].sweep
-    assert_allclose(yaw_of(believed), yaw_of(drive.moved), atol=np.radians(0.5))
 
 
 def test_same_commands_give_the_same_run():
@@ -353,13 +328,11 @@ def at_rest(name) -> tuple[mujoco.MjModel, mujoco.MjData]:
         ('<numeric name="max_gap" data="0.15"/>', "", 'no proper <numeric name="max_gap"> from 0.001 to 10: \\[\\]'),
         ('name="length" data="0.508"', 'name="length" data="-1"', r"length\"> from 0.001 to 10: \[-1.0\]"),
         ('name="length" data="0.508"', 'name="length" data="0.5 0.5"', r"length\"> from 0.001 to 10: \[0.5, 0.5\]"),
-        ('name="length" data="0.508"', 'name="length" data="1e6"', "no proper"),
         ("<worldbody>", "<worldbody", "not readable XML"),
         ("<worldbody>", '<include file="bad.xml"/><worldbody>', "already included"),
         ('class="wheel"/>', 'class="nope"/>', "unknown default class name 'nope'"),
         ('mass="7.2"', 'mass="-1"', "mass, inertia or density are negative"),
         ('timestep="0.002"', 'timestep="0"', "timestep 0 is not between 0.0001 and 0.02"),
-        ('timestep="0.002"', 'timestep="1e-9"', "timestep 1e-09 is not between"),
         ('timestep="0.002"', 'iterations="2000000000"', "iterations 2e.09 is not between"),
         ("<asset>", '<asset><hfield name="h" nrow="40000" ncol="40000" size="1 1 1 1"/>', "more than 1 GB"),
         ("<asset>", '<asset><mesh file="/dev/zero"/>', "outside its folder"),
@@ -367,13 +340,17 @@ def at_rest(name) -> tuple[mujoco.MjModel, mujoco.MjData]:
     ],
 )
 def test_a_file_that_is_no_robot_is_refused(tmp_path, old, new, wrong):
-    path, text = tmp_path / "own.xml", robot_file(ROBOTS[0]).read_text()
-    path.write_text(text)
-    assert robot_model(str(path)) == robot_model()
-    bad = tmp_path / "bad.xml"
+    bad, text = tmp_path / "bad.xml", robot_file(ROBOTS[0]).read_text()
+    assert old in text
     bad.write_text(text.replace(old, new))
     with pytest.raises(InputError, match=wrong):
         SkidSteered(str(bad))
+
+
+def test_a_robot_is_a_name_or_a_file(tmp_path):
+    path = tmp_path / "own.xml"
+    path.write_text(robot_file(ROBOTS[0]).read_text())
+    assert robot_model(str(path)) == robot_model()
     with pytest.raises(InputError, match="pioneer3at, jackal"):
         SkidSteered("pioneer")
 
@@ -426,7 +403,7 @@ def strays(name: str, first: float, last: float, hold_gain: float) -> float:
     return drive.strayed
 
 
-@pytest.mark.parametrize(("first", "last"), [(0, 90), (90, 0), (90, 180), (180, 90)])
+@pytest.mark.parametrize(("first", "last"), [(0, 90), (180, 90)])
 def test_it_makes_up_for_sliding_down_a_ramp_that_it_turns_on(name: str, first: float, last: float) -> None:
     held, free = (strays(name, first, last, gain) for gain in (1.0, 0.0))
     print(f"{first}° to {last}° on 16°: strays {held:.3f} m, {free:.3f} m if it lets itself slide")

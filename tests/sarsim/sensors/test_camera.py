@@ -102,14 +102,7 @@ def share_on_surface(
 
 @pytest.mark.parametrize("camera", [SQUARE, CROOKED])
 @pytest.mark.parametrize(
-    ("pose", "turn", "tilt"),
-    [
-        ("0 0 0", "0 0 0", 15),
-        ("-0.6 0.3 0.1", "3 -5 -20", 20),
-        ("0.2 1.6 0", "0 0 -40", 10),
-        ("1.0 -1.5 0", "0 8 65", 15),
-        ("-1 -1 0", "0 0 25", 30),
-    ],
+    ("pose", "turn", "tilt"), [("0 0 0", "0 0 0", 15), ("-0.6 0.3 0.1", "3 -5 -20", 20), ("1.0 -1.5 0", "0 8 65", 15)]
 )
 def test_points_lie_where_rays_hit(pose: str, turn: str, tilt: float, camera: str) -> None:
     model, data = robot_scene(pose, turn, tilt, camera)
@@ -121,13 +114,7 @@ def test_points_lie_where_rays_hit(pose: str, turn: str, tilt: float, camera: st
 
 
 @pytest.mark.parametrize(
-    ("position", "target"),
-    [
-        ((-2.3, -1.3, 0.55), (0.0, -1.4, 0.0)),
-        ((0.3, -0.1, 0.75), (2.5, 0.3, 0.0)),
-        ((2.5, 1.2, 0.75), (0.0, 1.3, 0.1)),
-        ((2.2, -0.6, 0.55), (2.7, -1.8, 0.2)),
-    ],
+    ("position", "target"), [((-2.3, -1.3, 0.55), (0.0, -1.4, 0.0)), ((2.5, 1.2, 0.75), (0.0, 1.3, 0.1))]
 )
 def test_points_lie_where_rays_hit_in_the_arena(
     position: tuple[float, float, float], target: tuple[float, float, float]
@@ -157,30 +144,6 @@ def test_the_robot_gives_no_return_but_has_a_colour() -> None:
     assert (image.label[own] == 0).all()
     assert (image.instance[own] == -1).all()
     assert image.rgb[own].any()
-
-
-def test_labels_are_those_in_the_model() -> None:
-    model, data = robot_scene()
-    image = look(model, data)
-    expected = {"floor": 2, "east": 1, "ramp": 3, "deck": 4, "head": 6, "barrel": 7, "speck": 0}
-    for name, label in expected.items():
-        shown = image.instance == model.geom(name).id
-        assert shown.any(), name
-        assert (image.label[shown] == label).all(), name
-    assert (image.label[image.instance == -1] == 0).all()
-
-
-def test_images_are_of_one_shape_and_of_the_promised_types() -> None:
-    image = look(*robot_scene())
-    for array, dtype in (
-        (image.rgb, np.uint8),
-        (image.depth, np.float32),
-        (image.label, np.uint8),
-        (image.instance, np.int32),
-    ):
-        assert array.shape[:2] == (480, 640)
-        assert array.dtype == dtype
-        assert array.flags.c_contiguous
 
 
 def test_pose_in_the_robot_is_where_the_model_has_the_camera() -> None:

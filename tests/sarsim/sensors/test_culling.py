@@ -42,7 +42,7 @@ def test_pictures_are_the_same_as_with_everything_drawn(light: str, monkeypatch:
     model, data = crowd(light, rng)
     drawn = 0
     with Renderer(model, 160, 120) as renderer:
-        for _ in range(12):
+        for _ in range(6):
             data.mocap_pos[0] = rng.uniform((-3, -3, 0.2), (3, 3, 1.5))
             data.mocap_quat[0] = rng.normal(size=4) * (1, 0.1, 0.1, 1)
             mujoco.mj_forward(model, data)
@@ -56,7 +56,7 @@ def test_pictures_are_the_same_as_with_everything_drawn(light: str, monkeypatch:
             np.testing.assert_array_equal(colour, all_colour)
             np.testing.assert_array_equal(geom, all_geom)
             np.testing.assert_array_equal(depth, all_depth)
-    assert drawn > 60
+    assert drawn > 30
 
 
 @pytest.fixture

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose
 
-from sarsim.sensors.inertial import CALIBRATION_TIME, DRIFT_TIME, MTI_300_ACCELEROMETER, MTI_300_GYRO, DataSheet
+from sarsim.sensors.inertial import CALIBRATION_TIME, DRIFT_TIME, MTI_300_GYRO, DataSheet
 from sarsim.sensors.inertial import InertialTriad as Triad
 from tests.sarsim.sensors.no_noise import NoNoise
 
@@ -31,7 +31,7 @@ def test_offsets_have_the_sheets_size():
 
 @pytest.mark.parametrize("dt", [0.01, 0.1])
 def test_noise_makes_the_integral_walk_by_its_density_over_the_square_root_of_two(dt):
-    seconds = 10.0
+    seconds = 2.0
     triad = Triad(DataSheet(noise=0.3), np.random.default_rng(0))
     steps = np.array([triad.measure(np.zeros(3), dt) for _ in range(round(200 * seconds / dt))])
     integrals = steps.reshape(200, -1, 3).sum(axis=1) * dt
@@ -51,9 +51,3 @@ def test_the_drift_begins_at_nothing_and_has_the_sheets_allan_deviation():
     bias = np.array([triad.measure(np.zeros(3), dt) for _ in range(40_000)])
     means = bias[: len(bias) // 38 * 38].reshape(-1, 38, 3).mean(axis=1)  # over 1.9 of its time
     assert_allclose(np.sqrt(np.mean(np.diff(means, axis=0) ** 2) / 2), 1.0, rtol=0.05)
-
-
-def test_the_parts_figures_are_the_data_sheets():
-    assert_allclose(np.degrees([MTI_300_GYRO.noise, MTI_300_GYRO.drift * 3600]), [0.01, 10])
-    assert_allclose(np.divide([MTI_300_ACCELEROMETER.noise, MTI_300_ACCELEROMETER.drift], 9.81e-6), [60, 15])
-    assert_allclose(np.degrees(np.arcsin(MTI_300_ACCELEROMETER.offset / 9.81)), 0.2)

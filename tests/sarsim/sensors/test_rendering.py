@@ -2,6 +2,7 @@
 
 import subprocess
 import sys
+from importlib.util import find_spec
 
 import mujoco
 import numpy as np
@@ -31,7 +32,7 @@ TWO_BOXES = (
 )
 
 
-@pytest.mark.parametrize("distance", [0.3, 0.8, 1.7, 3.5, 6.0])
+@pytest.mark.parametrize("distance", [0.3, 1.7, 6.0])
 def test_depth_of_a_wall_is_its_distance(distance: float) -> None:
     model, data = scene(f'<geom type="box" size="0.1 20 20" pos="{distance + 0.1} 0 0"/>')
     with Renderer(model, 160, 120) as renderer:
@@ -171,8 +172,9 @@ def test_an_unknown_camera_is_named(camera: str | int) -> None:
         fixed_camera(model, camera)
 
 
+@pytest.mark.skipif(find_spec("triton") is None, reason="no triton, which comes with PyTorch for CUDA")
 def test_a_process_that_renders_trains_too():
-    """Mesa's LLVM and that of triton, which PyTorch for CUDA imports here, do not conflict."""
+    """Mesa's LLVM and that of triton, which PyTorch imports here, do not conflict."""
     imports = "import sarsim.sensors.rendering, dm_control.mjcf, torch"
     code = f"{imports}; torch.optim.AdamW([torch.zeros(1).requires_grad_()])"
     subprocess.run([sys.executable, "-c", code], check=True)

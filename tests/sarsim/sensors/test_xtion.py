@@ -57,13 +57,6 @@ def test_random_bits_are_splitmix64() -> None:
         assert int(value) == expected
 
 
-def test_normal_quantiles_have_the_moments_of_a_normal_distribution() -> None:
-    normal = kernels.NORMAL.astype(np.float64)
-    np.testing.assert_allclose(normal.mean(), 0, atol=1e-6)
-    np.testing.assert_allclose(normal.var(), 1, atol=1e-3)
-    np.testing.assert_allclose((normal**4).mean(), 3, atol=2e-2)
-
-
 @given(a=st.floats(-0.05, 0.05), b=st.floats(-0.05, 0.05))
 def test_slopes_of_a_plane_are_exact(a: float, b: float) -> None:
     v, u = np.mgrid[0:12, 0:16]
@@ -120,18 +113,6 @@ def test_quantisation_rounds_disparity_to_eighths() -> None:
     steps = 8 * FOCAL_BASELINE / measured
     np.testing.assert_allclose(steps, np.rint(steps), atol=1e-3)
     assert (np.abs(FOCAL_BASELINE / depth - FOCAL_BASELINE / measured) <= 1 / 16 + 1e-5).all()
-
-
-def test_quantisation_grows_with_the_square_of_distance() -> None:
-    near, far = (np.unique(measure(replace(NO_ERROR, quantisation=True), plane(z, 0.5))[0]) for z in (1.2, 2.4))
-    assert np.median(np.diff(far)) / np.median(np.diff(near)) == pytest.approx(4, rel=0.2)
-
-
-def test_projector_shadow_lies_left_of_a_near_edge() -> None:
-    near, far, column = 1.0, 2.5, 200
-    measured, _ = measure(replace(NO_ERROR, shadow=True), step(near, far, column))
-    width = int(FOCAL_BASELINE * (1 / near - 1 / far))
-    np.testing.assert_array_equal(np.unique(np.nonzero(measured == 0)[1]), np.arange(column - width, column))
 
 
 def test_projector_shadow_is_what_the_projector_cannot_see() -> None:

@@ -14,9 +14,8 @@ from sarsim.settings import EpisodeConfig
 from scripts.benchmarks import localisation
 from scripts.benchmarks.localisation_drives import DriveJob, DriveWriter, drive_file
 from scripts.benchmarks.localisation_methods import METHODS
-from scripts.benchmarks.localisation_replay import COLOURS, picture_of, replay_job
+from scripts.benchmarks.localisation_replay import replay_job
 from scripts.benchmarks.settings import LocalisationSettings
-from scripts.benchmarks.top_view import BAND, MOST_PIXELS, WALL
 
 K = Intrinsics(640, 480, 536, 536, 320, 240)
 T_BASE_CAMERA = from_rotation(np.array([[0, 0, 1], [-1, 0, 0], [0, -1, 0]]), [0, 0, 0.6])
@@ -117,14 +116,6 @@ def test_figures_are_of_groups_and_ratios_of_medians():
     assert not [name for name in figures if name.startswith(("raf", "open3d"))]
 
 
-def test_a_line_says_how_a_drive_went():
-    ours = {"ate_m": 0.02, "max_m": 0.05, "nees": 1.2, "within_3_sigma": 0.991, "loops": 4.0, "false_loops": 1.0}
-    line = localisation.drive_line("ours-random_1-6", ours)
-    assert line == "ours-random_1-6: ATE 0.020 m, worst 0.050 m, NEES 1.20, within 3 σ 99.1%, false loops 1 of 4"
-    blind = {name: value for name, value in ours.items() if name not in ("nees", "within_3_sigma")}
-    assert "NEES" not in localisation.drive_line("short", blind)
-
-
 def test_each_arena_is_driven_with_each_seed_once(tmp_path, monkeypatch):
     driven = []
     monkeypatch.setattr(localisation, "run_jobs", lambda jobs, *_: driven.extend(jobs) or [None] * len(jobs))
@@ -153,22 +144,3 @@ def test_a_missing_package_is_named(monkeypatch):
     monkeypatch.setattr(localisation, "find_spec", lambda name: None if name == "evo" else name)
     with pytest.raises(InputError, match=r"evo .*pip install"):
         localisation.measure(LocalisationSettings())
-
-
-def test_the_picture_shows_the_ways():
-    walls = np.zeros((40, 20), bool)
-    walls[0] = True
-    surface = TrueSurface(Grid(np.array([-20, 0]), 0.05, (40, 20)), np.zeros((40, 20)), ~walls, walls)
-    ways = {"true": np.array([(-0.5, 0.5), (0.5, 0.5)]), "ours": np.array([(-0.5, 0.2), (0.5, 0.2)])}
-    picture = picture_of(surface, ways, "text")
-    assert picture.shape == (20 * MOST_PIXELS + 2 * BAND, 40 * MOST_PIXELS, 3)
-
-    def at(x, y):
-        """The colour at a place in m, with a tolerance for the smoothing of thin lines."""
-        pixel = picture[round((1.0 - y) / 0.05 * MOST_PIXELS), round((x + 1) / 0.05 * MOST_PIXELS)]
-        return pytest.approx(tuple(pixel.astype(int)), abs=40)
-
-    assert at(-0.98, 0.5) == WALL
-    assert at(0, 0.5) == COLOURS["true"]
-    assert at(0, 0.2) == COLOURS["ours"]
-    assert at(0, 0.8) != COLOURS["ours"]

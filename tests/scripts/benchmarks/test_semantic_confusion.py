@@ -1,12 +1,8 @@
 """What points of a saved semantic map are, by rays through exact scenes."""
 
-from collections import Counter
-from io import StringIO
-
 import mujoco
 import numpy as np
 import pytest
-from rich.console import Console
 
 from pipeline.labels import Label
 from scripts.benchmarks import semantic_confusion as confusion
@@ -41,24 +37,3 @@ def test_what_is_near_a_wall_is_counted_apart() -> None:
     truth = np.array([Label.WALL, Label.TERRAIN, Label.TERRAIN], np.uint8)
     assert confusion.near_walls(points, truth).tolist() == [False, True, False]
     assert not confusion.near_walls(points[1:], truth[1:]).any()
-
-
-def test_the_table_shows_errors_and_leaves_rare_ones_out() -> None:
-    pairs = Counter(
-        {
-            (Label.WALL, "wall, side", Label.WALL): 9000,
-            (Label.CLUTTER, "barrel, side", Label.WALL): 990,
-            (Label.UNLABELLED, "robot, top", Label.WALL): 500,
-            (Label.TERRAIN, "floor, top", Label.WALL): 5,
-        }
-    )
-    text = StringIO()
-    Console(file=text, width=120).print(confusion.table(pairs))
-    (line,) = (line for line in text.getvalue().splitlines() if "taken" not in line and "wall" in line)
-    assert [word.strip() for word in line.strip("│ ").split("│")] == [
-        "clutter",
-        "barrel, side",
-        "wall",
-        "990",
-        "9.43%",
-    ]

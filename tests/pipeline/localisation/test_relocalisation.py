@@ -24,9 +24,9 @@ def room() -> Maps:
 
 
 def looking_around(faces: list[Face], T_map_base: NDArray[np.float64]) -> Iterator[tuple[NDArray[np.float64], Frame]]:
-    """Poses and frames of a full turn in steps of 45°."""
-    for n in range(8):
-        T = T_map_base @ from_yaw(0, 0, 0, n * np.pi / 4)
+    """Poses and frames of a full turn in steps of 60°."""
+    for n in range(6):
+        T = T_map_base @ from_yaw(0, 0, 0, n * np.pi / 3)
         yield T, seen(faces, T, T_MAP_ODOM, seed=100 + n)
 
 

@@ -38,12 +38,12 @@ def camera_poses(poses: list[NDArray[np.float64]]) -> list[NDArray[np.float64]]:
     return [T @ T_BASE_CAMERA for T in poses]
 
 
-def write_tum_folder(folder: Path, **files: Iterable[NDArray[np.float64]]) -> Path:
-    """Write the drive, and trajectories by name: ``groundtruth`` and ``odometry``."""
+def write_tum_folder(folder: Path, number: int | None = None, **files: Iterable[NDArray[np.float64]]) -> Path:
+    """Write the first frames of the drive, all by default, and trajectories by name: ``groundtruth``, ``odometry``."""
     lists: dict[str, list[str]] = {"rgb": [], "depth": []}
     for kind in lists:
         (folder / kind).mkdir(parents=True)
-    for frame in frames():
+    for frame in frames()[:number]:
         for kind, image in (("rgb", frame.rgb), ("depth", np.rint(frame.depth * 5000).astype(np.uint16))):
             cv2.imwrite(str(folder / kind / f"{frame.time:.3f}.png"), image)
             lists[kind].append(f"{frame.time:.3f} {kind}/{frame.time:.3f}.png")

@@ -202,7 +202,7 @@ def test_a_robot_that_ignores_commands_is_given_up(pair: Pair) -> None:
 
 
 def test_a_robot_that_turns_in_place_or_is_to_stand_does_not_ignore_commands(pair: Pair) -> None:
-    for command in [Velocity(0.0, 0.3)] * 300 + [Velocity()] * 300:
+    for command in [Velocity(0.0, 0.3)] * 120 + [Velocity()] * 120:
         pair.robot.drive(command)
 
 

@@ -8,6 +8,7 @@ from pipeline.frame import Frame, Intrinsics
 from pipeline.labels import Label
 
 CAMERA = Intrinsics(width=640, height=480, fx=577.0, fy=577.0, cx=320.0, cy=240.0)
+HALF = Intrinsics(width=320, height=240, fx=288.5, fy=288.5, cx=160.0, cy=120.0)
 RANGE = (0.5, 3.5)
 
 

@@ -7,15 +7,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.elevation_map.elevation_map import ElevationMap
-from pipeline.frame import Frame, Intrinsics
+from pipeline.frame import Frame
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.sensor import XTION
 from pipeline.transforms import from_rotation, from_yaw, inverse
-from tests.pipeline.polygon_scene import Face, floor, look, pose, wall, wedge
+from tests.pipeline.polygon_scene import HALF, Face, floor, look, pose, wall, wedge
 from tests.pipeline.robot_model import PIONEER
 
 T_BASE_CAMERA = pose(0.1, 0.0, 0.6, 0.0, down=0.25)
-CAMERA = Intrinsics(width=320, height=240, fx=288.5, fy=288.5, cx=160.0, cy=120.0)
 RAMP_RISE, RAMP_LENGTH = 0.2, 1.2
 
 BARE = [
@@ -46,7 +45,7 @@ def seen(
 ) -> Frame:
     """The frame that a robot takes, whose odometry began at ``T_map_odom``."""
     reach = XTION.nearest, XTION.farthest
-    frame = look(faces, T_map_base @ T_BASE_CAMERA, sigma=0.01, seed=seed, reach=reach, camera=CAMERA)
+    frame = look(faces, T_map_base @ T_BASE_CAMERA, sigma=0.01, seed=seed, reach=reach, camera=HALF)
     T_odom_base = T_map_base if T_map_odom is None else inverse(T_map_odom) @ T_map_base
     return replace(frame, T_base_camera=T_BASE_CAMERA, T_odom_base=T_odom_base)
 

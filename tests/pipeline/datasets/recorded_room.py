@@ -39,7 +39,7 @@ def camera_poses(poses: list[NDArray[np.float64]]) -> list[NDArray[np.float64]]:
 
 
 def write_tum_folder(folder: Path, number: int | None = None, **files: Iterable[NDArray[np.float64]]) -> Path:
-    """Write the first frames of the drive, all by default, and trajectories by name: ``groundtruth``, ``odometry``."""
+    """Write the first frames, all by default, and trajectories by name: ``groundtruth`` and ``odometry``."""
     lists: dict[str, list[str]] = {"rgb": [], "depth": []}
     for kind in lists:
         (folder / kind).mkdir(parents=True)
@@ -69,8 +69,10 @@ def without(*topics: str) -> Change:
     return lambda topic, time, message: [] if topic in topics else [(topic, time, message)]
 
 
-def write_bag(path: Path, images: ImageFormat = "32FC1", change: Change = unchanged) -> Path:
-    """Write the drive as the topics of a robot, each message as ``change`` has it."""
+def write_bag(
+    path: Path, images: ImageFormat = "32FC1", change: Change = unchanged, number: int | None = None
+) -> Path:
+    """Write the first frames, all by default, as the topics of a robot, each message as ``change`` has it."""
     with Bag(path) as bag:
 
         def send(topic: str, time: float, message: Any) -> None:
@@ -78,7 +80,7 @@ def write_bag(path: Path, images: ImageFormat = "32FC1", change: Change = unchan
                 bag.write(*changed)
 
         topics = RobotTopics(send, images)
-        for frame, T_world_base in zip(frames(), WAY, strict=True):
+        for frame, T_world_base in zip(frames()[:number], WAY[:number], strict=True):
             twist = Velocity(1.0, 0.0)
             topics.odometry(OdometrySample(frame.time, frame.T_odom_base, twist, None, T_world_base))
             up = frame.T_odom_base[2, :3] * 9.81

@@ -49,7 +49,7 @@ def write_tum_folder(folder: Path, number: int | None = None, **files: Iterable[
             lists[kind].append(f"{frame.time:.3f} {kind}/{frame.time:.3f}.png")
     for name, poses in files.items():
         numbers = [[*T[:3, 3], *Rotation.from_matrix(T[:3, :3]).as_quat()] for T in poses]
-        lists[name] = [" ".join(map(str, [f.time, *row])) for f, row in zip(frames(), numbers, strict=True)]
+        lists[name] = [" ".join(map(str, [f.time, *row])) for f, row in zip(frames()[:number], numbers, strict=True)]
     for name, lines in lists.items():
         (folder / f"{name}.txt").write_text("\n".join(["# made by a test", *lines]) + "\n")
     k = frames()[0].intrinsics

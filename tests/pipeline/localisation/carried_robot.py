@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -75,3 +76,12 @@ class Maps:
 def tour(places: Iterable[tuple[float, float]]) -> list[NDArray[np.float64]]:
     """Poses of full turns at each of some places, m."""
     return [from_yaw(x, y, 0.0, yaw) for x, y in places for yaw in np.arange(6) * np.pi / 3]
+
+
+WEST, EAST = [(0.8, 0.8), (0.8, 3.0)], [(2.6, 2.2), (3.0, 0.6), (4.2, 2.8)]
+
+
+@cache
+def room() -> Maps:
+    """The whole of ROOM; tests leave it as it is."""
+    return Maps().add(ROOM, tour(WEST + EAST))

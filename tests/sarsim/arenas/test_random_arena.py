@@ -100,7 +100,7 @@ def test_parameters_say_how_large_how_full_and_whether_there_is_a_ceiling():
 
 FURNISHED = RandomArenaConfig(furniture=0.25, bulky=0.2, victims=1)
 HALL = RandomArenaConfig(columns=5, rows=5, wall_density=0, ramps=0, clutter=0, furniture=0.3, victims=1)
-FURNISHED_ARENAS = [(seed, FURNISHED) for seed in (1, 3, 4, 11)] + [(2, HALL)]
+FURNISHED_ARENAS = [(seed, FURNISHED) for seed in (1, 4, 11)] + [(2, HALL)]
 """Seeds with few redrawn plans, each of which takes a second; the hall has ramps that lead nowhere."""
 
 
@@ -122,7 +122,7 @@ def test_furniture_fails_no_check(index, furnished):
 
 def test_furniture_stands_hangs_and_replaces_walls(furnished):
     # Furniture leaves little room for bulky elements.
-    bulky = [build_random(seed, RandomArenaConfig(bulky=0.3, victims=1)).to_xml() for seed in (1, 3, 11)]
+    bulky = [build_random(seed, RandomArenaConfig(bulky=0.3, victims=1)).to_xml() for seed in (1, 11)]
     kinds = set().union(*map(elements_of, [*furnished, *bulky]))
     standing = {kind for kind, _ in AGAINST_WALL} | set(FREESTANDING)
     for sort in (

@@ -1,4 +1,4 @@
-"""Looks at scenes of convex polygons, ray-cast in plain numpy."""
+"""Looks at scenes of convex polygons, in plain numpy."""
 
 from dataclasses import dataclass
 
@@ -8,6 +8,7 @@ from pipeline.frame import Frame, Intrinsics
 from pipeline.labels import Label
 
 CAMERA = Intrinsics(width=640, height=480, fx=577.0, fy=577.0, cx=320.0, cy=240.0)
+HALF = Intrinsics(width=320, height=240, fx=288.5, fy=288.5, cx=160.0, cy=120.0)
 RANGE = (0.5, 3.5)
 
 
@@ -56,30 +57,30 @@ def pose(x, y, z, yaw, down=0.0):
 
 def look(faces, T_map_camera, sigma=0.0, seed=0, reach=RANGE, camera=CAMERA):
     """The frame that a camera sees, with depth noise of ``sigma`` m; ``instance`` is the face's index."""
-    origin = T_map_camera[:3, 3]
-    rays = camera.rays.reshape(-1, 3).astype(float) @ T_map_camera[:3, :3].T
-    depth = np.full(len(rays), np.inf)
-    face_of_ray = np.full(len(rays), -1, np.int32)
+    x, y = camera.rays[0, :, 0].astype(float), camera.rays[:, 0, 1, None].astype(float)
+    nearness = np.zeros((camera.height, camera.width))
+    face_of_ray = np.full(nearness.shape, -1, np.int32)
     for index, face in enumerate(faces):
-        n = face.normal
-        with np.errstate(divide="ignore", invalid="ignore"):
-            z = ((face.corners[0] - origin) @ n) / (rays @ n)
-            hit = (z > 0) & (z < depth)
-            points = origin + rays * z[:, None]
-            for a, b in zip(face.corners, np.roll(face.corners, -1, axis=0), strict=True):
-                hit &= (points - a) @ np.cross(n, b - a) >= 0
-        depth[hit], face_of_ray[hit] = z[hit], index
+        corners = (face.corners - T_map_camera[:3, 3]) @ T_map_camera[:3, :3]
+        n = np.cross(corners[1] - corners[0], corners[2] - corners[0])
+        if corners[0] @ n:
+            plane = n / (corners[0] @ n)  # whose scalar product with a ray is 1 / depth
+            hit = (near := plane[0] * x + (plane[1] * y + plane[2])) > nearness
+            for a, b in zip(corners, np.roll(corners, -1, axis=0), strict=True):
+                inwards = np.cross(n, b - a)
+                inwards -= plane * (a @ inwards)
+                hit &= inwards[0] * x >= -(inwards[1] * y + inwards[2])
+            nearness[hit], face_of_ray[hit] = near[hit], index
+    depth = np.divide(1, nearness, out=np.full_like(nearness, np.inf), where=nearness > 0)
     depth += np.random.default_rng(seed).normal(0, sigma, depth.shape) if sigma else 0
     depth[~((depth >= reach[0]) & (depth <= reach[1]))] = 0
-    labels = np.array([face.label for face in faces] + [Label.UNLABELLED], np.uint8)[face_of_ray]
-    shape = (camera.height, camera.width)
     return Frame(
         time=0.0,
-        rgb=np.zeros((*shape, 3), np.uint8),
-        depth=depth.reshape(shape).astype(np.float32),
+        rgb=np.zeros((*depth.shape, 3), np.uint8),
+        depth=depth.astype(np.float32),
         intrinsics=camera,
         T_base_camera=np.eye(4),
         T_odom_base=T_map_camera,
-        label=labels.reshape(shape),
-        instance=face_of_ray.reshape(shape),
+        label=np.array([face.label for face in faces] + [Label.UNLABELLED], np.uint8)[face_of_ray],
+        instance=face_of_ray,
     )

@@ -1,6 +1,7 @@
 """A mapper goes on from what an earlier one left."""
 
 from dataclasses import replace
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 
 from pipeline.errors import InputError
 from pipeline.finds.objects import policy_of, shown
+from pipeline.frame import Frame
 from pipeline.keyframes import Places
 from pipeline.labels import Label
 from pipeline.localisation.localisation import Localised
@@ -21,12 +23,17 @@ from pipeline.tracks.find import Reading, box_corners
 from pipeline.tracks.track import Observation, Track
 from pipeline.transforms import from_yaw
 from pipeline.victims.people import PeoplePolicy
-from tests.pipeline.polygon_scene import floor, look, pose, wall, wedge
+from tests.pipeline.polygon_scene import HALF, floor, look, pose, wall, wedge
 from tests.pipeline.robot_model import PIONEER
 
 SCENE = [floor(-2, 6, -3, 3), wall((3.2, 2.3), (3.2, -2.3)), *wedge(2.0, 0.3, 0.8, 1.0, 0.2)]
 T_BASE_CAMERA = pose(0.1, 0, 0.65, 0, 0.3)
 POSES = [from_yaw(0.3 * k, 0.02, 0, 0.2 * (k % 2)) for k in range(4)]
+
+
+def seen_from(T_map_base: np.ndarray, T_odom_base: np.ndarray, seed: int = 0) -> Frame:
+    frame = look(SCENE, T_map_base @ T_BASE_CAMERA, 0.004, seed, camera=HALF)
+    return replace(frame, T_base_camera=T_BASE_CAMERA, T_odom_base=T_odom_base)
 
 
 def new_mapper() -> Mapper:
@@ -38,8 +45,7 @@ def mapper() -> Mapper:
     """One that has met a person and driven into something, and whose poses were corrected."""
     mapper = new_mapper()
     for k, T in enumerate(POSES):
-        frame = replace(look(SCENE, T @ T_BASE_CAMERA, 0.004, k), T_base_camera=T_BASE_CAMERA, T_odom_base=T)
-        mapper.add(mapper.localise(frame), labelled=k % 2 == 0, set_down=k == 0)
+        mapper.add(mapper.localise(seen_from(T, T, seed=k)), labelled=k % 2 == 0, set_down=k == 0)
     mapper.add_drive(np.array([(0.1, 0.0, 0.2)]), np.full((9, 3), 0.5, np.float32), [np.array([(0.3, 0.2, 0.3)])])
     points = np.random.default_rng(0).uniform(1, 1.5, (50, 3)).astype(np.float32)
     poses = mapper.keyframes.poses
@@ -111,9 +117,8 @@ def test_new_keyframes_join_those_that_stay_where_they_were(mapper, file):
     load_keyframes(file, loaded)
     assert loaded.T_map_start is None
     T = mapper.keyframes.poses[1] @ from_yaw(0.1, 0, 0, 0.05)
-    frame = replace(look(SCENE, T @ T_BASE_CAMERA, 0.004, 9), T_base_camera=T_BASE_CAMERA, T_odom_base=np.eye(4))
     loaded.localisation.set_down(from_yaw(0.05, 0.03, 0, 0) @ T)
-    loaded.add(loaded.localise(frame))
+    loaded.add(loaded.localise(seen_from(T, np.eye(4), seed=9)))
     loaded.settle()
     np.testing.assert_allclose(loaded.keyframes.poses[:4], mapper.keyframes.poses, atol=1e-3)
     np.testing.assert_allclose(loaded.keyframes.poses[4], loaded.T_map_start)
@@ -122,15 +127,15 @@ def test_new_keyframes_join_those_that_stay_where_they_were(mapper, file):
     assert abs(y) < 0.04  # along the wall it is where it was set down
 
 
+@cache
+def entries_of(file: Path) -> dict[str, np.ndarray]:
+    with np.load(file) as content:
+        return dict(content)
+
+
 def changed(file: Path, folder: Path, **entries: object) -> Path:
-    with np.load(file) as content:
-        np.savez(folder / "changed.npz", **dict(content) | entries)
+    np.savez(folder / "changed.npz", **entries_of(file) | entries)
     return folder / "changed.npz"
-
-
-def entry(file: Path, name: str) -> np.ndarray:
-    with np.load(file) as content:
-        return content[name]
 
 
 ENTRIES = [f"{kind}.{name}" for kind, fields in LAYOUT.items() for name in fields]
@@ -139,16 +144,17 @@ LENGTHS = [
 ]
 
 
-@pytest.mark.parametrize("name", ENTRIES + LENGTHS)
-def test_an_entry_of_wrong_type_length_or_value_is_refused_in_one_line(file, tmp_path, name):
-    value = entry(file, name)
+@pytest.mark.parametrize(("turn", "name"), list(enumerate(ENTRIES + LENGTHS)))
+def test_an_entry_of_wrong_type_length_or_value_is_refused_in_one_line(file, tmp_path, turn, name):
+    """Each entry is wrong in one way; the ways take turns, for one check reads all entries."""
+    value = entries_of(file)[name]
     broken = [value.astype(np.complex64), value[..., None], np.concatenate([value, np.ones_like(value[:1])])]
     broken = broken if len(value) else broken[:2]
     broken += [np.full_like(value, np.nan)] if value.dtype.kind == "f" else []
-    for bad in broken:
-        with pytest.raises(InputError) as error:
-            load_keyframes(changed(file, tmp_path, **{name: bad}), new_mapper())
-        assert "changed.npz: " in str(error.value) and "\n" not in str(error.value)
+    bad = changed(file, tmp_path, **{name: broken[turn % len(broken)]})
+    with pytest.raises(InputError) as error:
+        load_keyframes(bad, new_mapper())
+    assert "changed.npz: " in str(error.value) and "\n" not in str(error.value)
 
 
 @pytest.mark.parametrize(
@@ -169,14 +175,14 @@ def test_an_entry_of_wrong_type_length_or_value_is_refused_in_one_line(file, tmp
     ],
 )
 def test_numbers_that_make_no_sense_are_refused(file, tmp_path, name, value, reason):
-    bad = np.full_like(entry(file, name), value) if name in ENTRIES + LENGTHS else np.array(value)
+    bad = np.full_like(entries_of(file)[name], value) if name in ENTRIES + LENGTHS else np.array(value)
     with pytest.raises(InputError, match=reason):
         load_keyframes(changed(file, tmp_path, **{name: bad}), new_mapper())
 
 
-@pytest.mark.parametrize(("place", "reason"), [(1e3, "GB"), (1e4, "8192 m"), (1e9, "8192 m")])
+@pytest.mark.parametrize(("place", "reason"), [(1e3, "GB"), (1e9, "8192 m")])
 def test_a_keyframe_far_away_allocates_nothing(file, tmp_path, place, reason):
-    poses = entry(file, "keyframe.T_map_base").copy()
+    poses = entries_of(file)["keyframe.T_map_base"].copy()
     poses[-1, :2, 3] = place
     bad = changed(file, tmp_path, **{"keyframe.T_map_base": poses})
     with pytest.raises(InputError, match=reason):
@@ -198,10 +204,7 @@ def test_files_that_are_none_are_refused(file, tmp_path):
 
 def test_nobody_finds_a_place_in_a_map_without_registered_points(tmp_path):
     taken = Mapper(PIONEER, TruthClassifier(), localisation=OdometryLocalisation())
-    frame = replace(
-        look(SCENE, POSES[0] @ T_BASE_CAMERA, 0.004, 0), T_base_camera=T_BASE_CAMERA, T_odom_base=POSES[0]
-    )
-    taken.add(Localised(frame, POSES[0]))
+    taken.add(Localised(seen_from(POSES[0], POSES[0]), POSES[0]))
     save_keyframes(taken, tmp_path / "taken.npz")
     with pytest.raises(InputError, match=r"taken.npz"):
         load_keyframes(tmp_path / "taken.npz", new_mapper())

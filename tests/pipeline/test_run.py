@@ -12,6 +12,7 @@ import pytest
 from pipeline.exploration.viewpoint import Viewpoint
 from pipeline.explorer import Explorer
 from pipeline.frame import Frame
+from pipeline.io_config import IoConfig
 from pipeline.league.brief import MissionBrief
 from pipeline.league.validation import handed_in_files
 from pipeline.localisation.localisation import LostError
@@ -43,6 +44,7 @@ REST = {
 class Settings:
     out: Path
     weights: tuple[Path, Path] = Path("a/b"), Path("/home/someone/c")
+    io: IoConfig = IoConfig()
 
 
 @dataclass(frozen=True)

@@ -14,7 +14,7 @@ from tests.pipeline.datasets.recorded_room import write_tum_folder
 
 def test_all_numbers_of_recordings_and_results_are_those_of_the_settings(tmp_path: Path) -> None:
     config = MapRecording(
-        path=write_tum_folder(tmp_path / "recording"),
+        path=write_tum_folder(tmp_path / "recording", number=4),
         out=tmp_path / "out",
         labels="rules",
         detector=None,

@@ -38,18 +38,18 @@ def camera_poses(poses: list[NDArray[np.float64]]) -> list[NDArray[np.float64]]:
     return [T @ T_BASE_CAMERA for T in poses]
 
 
-def write_tum_folder(folder: Path, **files: Iterable[NDArray[np.float64]]) -> Path:
-    """Write the drive, and trajectories by name: ``groundtruth`` and ``odometry``."""
+def write_tum_folder(folder: Path, number: int | None = None, **files: Iterable[NDArray[np.float64]]) -> Path:
+    """Write the first frames, all by default, and trajectories by name: ``groundtruth`` and ``odometry``."""
     lists: dict[str, list[str]] = {"rgb": [], "depth": []}
     for kind in lists:
         (folder / kind).mkdir(parents=True)
-    for frame in frames():
+    for frame in frames()[:number]:
         for kind, image in (("rgb", frame.rgb), ("depth", np.rint(frame.depth * 5000).astype(np.uint16))):
             cv2.imwrite(str(folder / kind / f"{frame.time:.3f}.png"), image)
             lists[kind].append(f"{frame.time:.3f} {kind}/{frame.time:.3f}.png")
     for name, poses in files.items():
         numbers = [[*T[:3, 3], *Rotation.from_matrix(T[:3, :3]).as_quat()] for T in poses]
-        lists[name] = [" ".join(map(str, [f.time, *row])) for f, row in zip(frames(), numbers, strict=True)]
+        lists[name] = [" ".join(map(str, [f.time, *row])) for f, row in zip(frames()[:number], numbers, strict=True)]
     for name, lines in lists.items():
         (folder / f"{name}.txt").write_text("\n".join(["# made by a test", *lines]) + "\n")
     k = frames()[0].intrinsics
@@ -69,8 +69,10 @@ def without(*topics: str) -> Change:
     return lambda topic, time, message: [] if topic in topics else [(topic, time, message)]
 
 
-def write_bag(path: Path, images: ImageFormat = "32FC1", change: Change = unchanged) -> Path:
-    """Write the drive as the topics of a robot, each message as ``change`` has it."""
+def write_bag(
+    path: Path, images: ImageFormat = "32FC1", change: Change = unchanged, number: int | None = None
+) -> Path:
+    """Write the first frames, all by default, as the topics of a robot, each message as ``change`` has it."""
     with Bag(path) as bag:
 
         def send(topic: str, time: float, message: Any) -> None:
@@ -78,7 +80,7 @@ def write_bag(path: Path, images: ImageFormat = "32FC1", change: Change = unchan
                 bag.write(*changed)
 
         topics = RobotTopics(send, images)
-        for frame, T_world_base in zip(frames(), WAY, strict=True):
+        for frame, T_world_base in zip(frames()[:number], WAY[:number], strict=True):
             twist = Velocity(1.0, 0.0)
             topics.odometry(OdometrySample(frame.time, frame.T_odom_base, twist, None, T_world_base))
             up = frame.T_odom_base[2, :3] * 9.81

@@ -17,15 +17,19 @@ from pipeline.frame import Calibration
 from pipeline.localisation.config import TrajectoryConfig
 from tests.pipeline.datasets.recorded_room import ODOMETRY, WAY, camera_poses, frames, write_tum_folder
 
+NUMBER = 6
+"""Frames of the drive."""
+
 
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
-    return write_tum_folder(tmp_path / "room", groundtruth=camera_poses(WAY), odometry=camera_poses(ODOMETRY))
+    true, believed = (camera_poses(poses[:NUMBER]) for poses in (WAY, ODOMETRY))
+    return write_tum_folder(tmp_path / "room", NUMBER, groundtruth=true, odometry=believed)
 
 
 def test_frames_come_back(folder: Path) -> None:
     recording = read_tum_folder(folder)
-    for frame, true in zip(recording.frames(), frames(), strict=True):
+    for frame, true in zip(recording.frames(), frames()[:NUMBER], strict=True):
         assert frame.time == true.time
         assert frame.intrinsics == true.intrinsics
         np.testing.assert_allclose(frame.depth, true.depth, atol=1.1e-4)
@@ -35,7 +39,7 @@ def test_frames_come_back(folder: Path) -> None:
 def test_trajectories_come_back(folder: Path) -> None:
     recording = read_tum_folder(folder)
     assert recording.truth is not None and recording.odometry is not None
-    np.testing.assert_allclose(recording.truth.poses, camera_poses(WAY), atol=1e-12)
+    np.testing.assert_allclose(recording.truth.poses, camera_poses(WAY[:NUMBER]), atol=1e-12)
     base = recording.truth.of_base(frames()[0].T_base_camera)
     np.testing.assert_allclose(base.poses[:, 2, 3], 0, atol=1e-12)
     odometry = recording.odometry.of_base(frames()[0].T_base_camera)
@@ -65,7 +69,7 @@ def test_numbered_images_take_their_times_from_the_rate(folder: Path) -> None:
     with pytest.raises(InputError, match=r"depth: .*--fps"):
         read_tum_folder(folder)
     times = [frame.time for frame in read_tum_folder(folder, fps=10.0).frames()]
-    np.testing.assert_allclose(times, [frame.time for frame in frames()])
+    np.testing.assert_allclose(times, [frame.time for frame in frames()[:NUMBER]])
 
 
 def test_a_depth_scale_and_intrinsics_can_be_given(folder: Path) -> None:
@@ -81,7 +85,7 @@ def test_depth_without_colour_is_left_out(folder: Path) -> None:
     lines = (folder / "rgb.txt").read_text().splitlines()
     (folder / "rgb.txt").write_text("\n".join(lines[:-2]))
     recording = read_tum_folder(folder)
-    assert len(list(recording.frames())) == len(frames()) - 2
+    assert len(list(recording.frames())) == NUMBER - 2
     assert recording.left_out == {"depth images without a colour image": 2}
 
 
@@ -141,7 +145,7 @@ def test_what_comes_before_a_bad_image_is_good(folder: Path, spoil, message: str
         ("groundtruth.txt", "0 0 0 0 0 0 0 0\n", r"groundtruth.txt: "),
         ("keyframes.txt", "0.1 1", r"keyframes.txt: .*time labelled stood"),
         ("calibration.txt", "500 500\n", r"calibration.txt: .*fx fy cx cy"),
-        ("odometry.txt", "1e9 0 0 0 0 0 0 1\n", r"clocks.* 0.00 to 1.[0-9]0 s"),
+        ("odometry.txt", "1e9 0 0 0 0 0 0 1\n", r"clocks.* 0.00 to 0.50 s"),
     ],
 )
 def test_bad_lists_are_one_line(folder: Path, name: str, content: str | bytes, message: str) -> None:

@@ -40,7 +40,7 @@ def test_it_keeps_away_from_the_lowest_step_of_a_step_field(height, is_hazard):
     assert traversability.grid.at(traversability.traversable, [-0.1, 0.275]) != is_hazard
 
 
-@pytest.mark.parametrize("height", [0.05, 0.06, 0.08, 0.1, 0.12])
+@pytest.mark.parametrize("height", [0.05, 0.08, 0.12])
 def test_a_block_that_ends_within_a_cell_is_a_hazard_up_to_its_edge(height):
     ground = ground_points(flat, (-1, 1), (-1, 1))
     block = ground_points(lambda x, y: 0 * x + height, (0.02, 0.5), (-0.5, 0.5))
@@ -208,7 +208,7 @@ def passage(width, right):
     return assess_map(surface_of(ground[~beside], *walls, *fronts)), right + width / 2
 
 
-@pytest.mark.parametrize("right", np.arange(0.001, 0.05, 0.008))
+@pytest.mark.parametrize("right", [0.001, 0.017, 0.041])
 def test_without_margin_a_passage_two_cells_wider_than_the_robot_is_passable_wherever_it_lies(right):
     ground, middle = passage(PIONEER.width + 0.1, right)
     way = PosePaths(ground.without_margin, (-0.6, middle)).cost_to((1.6, middle))
@@ -217,7 +217,7 @@ def test_without_margin_a_passage_two_cells_wider_than_the_robot_is_passable_whe
     assert (ground.free & ~ground.without_margin.free == 0).all()
 
 
-@pytest.mark.parametrize("right", np.arange(0.001, 0.05, 0.008))
+@pytest.mark.parametrize("right", [0.001, 0.017, 0.041])
 def test_without_margin_what_is_narrower_than_the_robot_stays_impassable(right):
     ground, middle = passage(PIONEER.width - 0.06, right)
     assert np.isinf(PosePaths(ground.without_margin, (-0.6, middle)).cost_to((1.6, middle)))

@@ -27,8 +27,8 @@ def step(elevation_map, piece):
     elevation_map.add_track(np.array([[x, y - 0.1, 0.0], [x + 0.3, y, 0.5]]))
 
 
-@settings(max_examples=25)
-@given(st.lists(pieces, min_size=2, max_size=6))
+@settings(max_examples=15)
+@given(st.lists(pieces, min_size=2, max_size=5))
 def test_what_is_judged_keyframe_by_keyframe_is_what_is_judged_as_a_whole(steps):
     elevation_map, layer = ElevationMap(PIONEER), TraversabilityLayer()
     for piece in steps:  # the map grows now and then

@@ -1,5 +1,6 @@
 """How the tests ask an exploration for viewpoints, and its camera."""
 
+from itertools import pairwise
 from typing import Any
 from weakref import WeakKeyDictionary
 
@@ -14,6 +15,7 @@ from pipeline.exploration.visibility_kernels import CameraView
 from pipeline.frame import Frame, Intrinsics
 from pipeline.planning.pose_paths import PosePaths
 from pipeline.transforms import from_rotation, yaw_of
+from tests.pipeline.worlds import flat, ground_points, surface_of, wall_points
 
 CAMERA = CameraView(
     height=0.6,
@@ -88,3 +90,19 @@ def frontiers(world: ElevationMap, pose: np.ndarray) -> np.ndarray:
     """(N, 3) the frontiers that a robot at a pose (4×4) finds."""
     here = context(world, pose)
     return find_frontiers(here)
+
+
+def closed_room() -> ElevationMap:
+    """4 m × 4 m of ground within walls."""
+    corners = [(-2, -2), (2, -2), (2, 2), (-2, 2), (-2, -2)]
+    return surface_of(ground_points(flat, (-2, 2), (-2, 2)), *(wall_points(a, b) for a, b in pairwise(corners)))
+
+
+def corridor(west: float, east: float, half_width: float = 1.0, *, is_closed: bool = False) -> ElevationMap:
+    """A corridor along x, open at its ends, or closed in the west."""
+    world = surface_of(ground_points(flat, (west, east), (-half_width, half_width)))
+    for y in (-half_width, half_width):
+        world.update(wall_points((west, y), (east, y)))
+    if is_closed:
+        world.update(wall_points((west, -half_width), (west, half_width)))
+    return world

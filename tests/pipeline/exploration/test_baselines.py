@@ -9,7 +9,7 @@ from pipeline.elevation_map.traversability import assess_map
 from pipeline.exploration.baselines import NearestFrontier, RandomWalk
 from pipeline.exploration.next_best_view import NextBestView
 from pipeline.transforms import from_yaw
-from tests.pipeline.exploration.asking import CAMERA, frontiers, next_viewpoint
+from tests.pipeline.exploration.asking import CAMERA, closed_room, corridor, frontiers, next_viewpoint
 from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.worlds import flat, ground_points, surface_of, wall_points
 
@@ -18,18 +18,6 @@ def room(*corners, x=(-2.0, 2.0), y=(-2.0, 2.0)):
     """Ground with walls from corner to corner."""
     walls = [wall_points(a, b) for a, b in pairwise(corners)]
     return surface_of(ground_points(flat, x, y), *walls)
-
-
-def closed_room():
-    return room((-2, -2), (2, -2), (2, 2), (-2, 2), (-2, -2))
-
-
-def corridor(west, east):
-    """A corridor along x, open at both ends."""
-    world = surface_of(ground_points(flat, (west, east), (-1, 1)))
-    for y in (-1, 1):
-        world.update(wall_points((west, y), (east, y)))
-    return world
 
 
 def test_the_nearest_frontier_in_view_is_looked_at_from_where_the_robot_stands():
@@ -81,8 +69,7 @@ def test_nothing_is_left_in_a_closed_room():
 
 
 def test_a_frontier_that_never_comes_into_view_is_given_up():
-    world, exploration, pose = corridor(-3, 2), NearestFrontier(PIONEER), from_yaw(0, 0, 0, np.pi)
-    world.update(wall_points((-3, -1), (-3, 1)))
+    world, exploration, pose = corridor(-3, 2, is_closed=True), NearestFrontier(PIONEER), from_yaw(0, 0, 0, np.pi)
     viewpoints = []
     while (viewpoint := next_viewpoint(exploration, world, pose)) is not None and len(viewpoints) < 100:
         viewpoints.append(viewpoint)

@@ -9,21 +9,22 @@ from pipeline.exploration import visibility
 from pipeline.exploration import visibility_kernels as kernels
 from pipeline.exploration.next_best_view import NextBestView
 from pipeline.transforms import from_yaw, wrap_angle
-from tests.pipeline.exploration.asking import CAMERA, GUESSES, context, correct, frontiers, next_viewpoint
+from tests.pipeline.exploration.asking import (
+    CAMERA,
+    GUESSES,
+    closed_room,
+    context,
+    correct,
+    corridor,
+    frontiers,
+    next_viewpoint,
+)
 from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.worlds import RUN, flat, ground_points, ridge, surface_of, wall_points
 
 
-def closed_room():
-    corners = [(-2, -2), (2, -2), (2, 2), (-2, 2), (-2, -2)]
-    walls = [wall_points(a, b) for a, b in pairwise(corners)]
-    return surface_of(ground_points(flat, (-2, 2), (-2, 2)), *walls)
-
-
 def test_it_looks_where_the_known_ground_ends():
-    world = surface_of(ground_points(flat, (-2, 2), (-1, 1)), wall_points((-2, -1), (-2, 1)))
-    for y in (-1, 1):
-        world.update(wall_points((-2, y), (2, y)))
+    world = corridor(-2, 2, is_closed=True)
     viewpoint = next_viewpoint(NextBestView(PIONEER), world, from_yaw(0, 0, 0, np.pi))
     assert viewpoint is not None
     assert abs(viewpoint.heading) < np.deg2rad(30)
@@ -43,28 +44,21 @@ def test_walls_hide_what_lies_behind_them():
 
 
 def test_the_nearer_of_two_equal_openings_is_looked_at_first():
-    world = surface_of(ground_points(flat, (-4, 2), (-1, 1)))
-    for y in (-1, 1):
-        world.update(wall_points((-4, y), (2, y)))
+    world = corridor(-4, 2)
     viewpoint = next_viewpoint(NextBestView(PIONEER), world, from_yaw(0.5, 0, 0, np.pi / 2))
     assert viewpoint.position[0] > -1
     assert abs(viewpoint.heading) < np.deg2rad(30)
 
 
 def test_frontiers_are_where_reachable_ground_meets_the_unknown():
-    world = surface_of(ground_points(flat, (-2, 2), (-1, 1)), wall_points((-2, -1), (-2, 1)))
-    for y in (-1, 1):
-        world.update(wall_points((-2, y), (2, y)))
+    world = corridor(-2, 2, is_closed=True)
     found = frontiers(world, from_yaw(0, 0, 0, 0))
     assert len(found) == 1
     np.testing.assert_allclose(found[0], (1.7, 0, 0), atol=0.2)
 
 
 def test_ground_that_a_keyframe_missed_is_looked_for_from_elsewhere_and_then_given_up():
-    world = surface_of(ground_points(flat, (-3, 1.5), (-1, 1)))
-    for y in (-1, 1):
-        world.update(wall_points((-3, y), (1.5, y)))
-    world.update(wall_points((-3, -1), (-3, 1)))
+    world = corridor(-3, 1.5, is_closed=True)
     exploration = NextBestView(PIONEER)
     pose, viewpoints = from_yaw(0, 0, 0, np.pi), []
     for _ in range(100):
@@ -92,7 +86,7 @@ def test_what_was_given_up_stays_so_when_the_map_moves():
     assert next_viewpoint(NextBestView(PIONEER), moved, there @ pose) is not None
 
 
-@pytest.mark.parametrize("seed", range(40))
+@pytest.mark.parametrize("seed", range(16))
 def test_cells_are_in_view_wherever_a_gain_is_expected(seed):
     """Also cells that only one ray reaches, with samples on the border of two cells, as every second one at 60°."""
     shape, camera = (140, 140), CAMERA
@@ -156,9 +150,7 @@ def test_behind_a_high_crest_from_where_no_falling_ground_would_show_it_looks_fo
 
 
 def test_ground_that_a_keyframe_missed_may_fall_away():
-    deck = surface_of(ground_points(flat, (-3, 1), (-0.6, 0.6)), wall_points((-3, -0.6), (-3, 0.6)))
-    for y in (-0.6, 0.6):
-        deck.update(wall_points((-3, y), (1, y)))
+    deck = corridor(-3, 1, 0.6, is_closed=True)
     exploration = NextBestView(PIONEER)
     first = next_viewpoint(exploration, deck, from_yaw(-1, 0, 0, np.pi))
     second = next_viewpoint(exploration, deck, from_yaw(*first.position, 0, first.heading))
@@ -180,10 +172,9 @@ def test_no_view_from_where_the_robot_cannot_stand():
     assert next_viewpoint(NextBestView(PIONEER), world, from_yaw(0.1, 0.1, 0, 0)) is None
 
 
-@pytest.mark.parametrize("yaw", [0.0, 2.0, -3.0])
-def test_the_choice_does_not_depend_on_chance(yaw):
+def test_the_choice_does_not_depend_on_chance():
     world = surface_of(ground_points(flat, (-2, 2), (-2, 2)))
-    viewpoints = [next_viewpoint(NextBestView(PIONEER), world, from_yaw(0, 0, 0, yaw)) for _ in range(2)]
+    viewpoints = [next_viewpoint(NextBestView(PIONEER), world, from_yaw(0, 0, 0, 2.0)) for _ in range(2)]
     assert viewpoints[0].heading == viewpoints[1].heading
     np.testing.assert_array_equal(viewpoints[0].position, viewpoints[1].position)
 
@@ -242,9 +233,7 @@ def test_a_reward_makes_a_viewpoint_worth_a_drive():
 
 
 def test_it_is_weighed_with_the_ground_left_to_see():
-    world = surface_of(ground_points(flat, (-4, 2), (-1, 1)))
-    for y in (-1, 1):
-        world.update(wall_points((-4, y), (2, y)))
+    world = corridor(-4, 2)
     viewpoints = []
     for worth in (0.01, 100.0):
         pose = from_yaw(-2.5, 0, 0, np.pi / 2)
@@ -253,20 +242,8 @@ def test_it_is_weighed_with_the_ground_left_to_see():
     assert np.linalg.norm(viewpoints[1].position - (1, 0)) < 0.3
 
 
-def test_15_percent_more_time_must_show_0_2_percent_more_ground():
-    exploration, world = NextBestView(PIONEER), closed_room()
-    next_viewpoint(exploration, world, from_yaw(0, 0, 0, 0))
-    area = np.isfinite(world.measured).sum() * 0.05**2
-    look_around = 2 * np.pi / PIONEER.turn_rate + 2.0
-    assert exploration.needed(0.15 * look_around) == pytest.approx(0.002 * area)  # no time has passed yet
-    assert exploration.needed(0.0) == 0
-    assert 1 < exploration.needed(4 * look_around) / exploration.needed(2 * look_around) < 2
-
-
 def test_what_is_left_comes_each_patch_once_and_stays_to_be_looked_for():
-    world = surface_of(ground_points(flat, (-4, 2), (-1, 1)))
-    for y in (-1, 1):
-        world.update(wall_points((-4, y), (2, y)))
+    world = corridor(-4, 2)
     exploration, here = NextBestView(PIONEER), context(world, from_yaw(0.5, 0, 0, np.pi / 2))
     exploration.observe(here)
     first, *others = exploration.leftovers(here)
@@ -282,7 +259,7 @@ def test_what_is_left_comes_each_patch_once_and_stays_to_be_looked_for():
 
 
 def test_what_is_offered_begins_with_the_best_and_is_worth_the_drive():
-    world = surface_of(ground_points(flat, (-4, 2), (-1, 1)), *(wall_points((-4, y), (2, y)) for y in (-1, 1)))
+    world = corridor(-4, 2)
     exploration, here = NextBestView(PIONEER), context(world, from_yaw(0.5, 0, 0, np.pi / 2))
     exploration.observe(here)
     best = exploration.next_viewpoint(here)
@@ -294,7 +271,7 @@ def test_what_is_offered_begins_with_the_best_and_is_worth_the_drive():
 
 
 def test_what_a_drive_that_failed_on_its_way_should_have_shown_is_not_missed():
-    world = surface_of(ground_points(flat, (-6, 2), (-1, 1)), *(wall_points((-6, y), (2, y)) for y in (-1, 1)))
+    world = corridor(-6, 2)
     exploration = NextBestView(PIONEER)
     first = next_viewpoint(exploration, world, from_yaw(-5, 0, 0, 0))
     there = from_yaw(*np.mean([first.position, (-5, 0)], axis=0), 0, first.heading)
@@ -303,7 +280,7 @@ def test_what_a_drive_that_failed_on_its_way_should_have_shown_is_not_missed():
 
 
 def test_a_robot_that_can_not_set_out_turns_to_something_else():
-    world = surface_of(ground_points(flat, (-6, 2), (-1, 1)), *(wall_points((-6, y), (2, y)) for y in (-1, 1)))
+    world = corridor(-6, 2)
     exploration, pose = NextBestView(PIONEER), from_yaw(-1, 0, 0, np.pi / 2)
     first, second = (next_viewpoint(exploration, world, pose) for _ in range(2))
     assert first.position[0] > -1 > second.position[0]
@@ -326,7 +303,7 @@ def test_a_robot_that_finds_nothing_beyond_rims_expects_less_there_than_one_that
 
 
 def test_also_keyframes_on_the_way_show_where_no_ground_is():
-    world = surface_of(ground_points(flat, (-6, 2), (-1, 1)), *(wall_points((-6, y), (2, y)) for y in (-1, 1)))
+    world = corridor(-6, 2)
     gains = []
     for on_the_way in ((), (0.5, 1.0)):
         poses = [from_yaw(x, 0, 0, 0) for x in on_the_way]

@@ -69,7 +69,7 @@ def test_wrong_names_are_reported(folder, old, new):
 @pytest.mark.parametrize(
     ("points", "fault"),
     [
-        (1000 * room_points(), "4000 m"),
+        (100 * room_points(), "400 m"),
         (room_points() / 10, "0.4 m"),
         (room_points() + np.array([9, 0, 0]), "origin"),
         (room_points() + np.array([0, 0, 0.3]), "floor .* 0.30 m"),

@@ -2,6 +2,7 @@
 
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +12,7 @@ from pipeline.frame import Frame
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.sensor import XTION
 from pipeline.transforms import from_rotation, from_yaw, inverse
-from tests.pipeline.polygon_scene import Face, floor, look, pose, wall, wedge
+from tests.pipeline.polygon_scene import HALF, Face, floor, look, pose, wall, wedge
 from tests.pipeline.robot_model import PIONEER
 
 T_BASE_CAMERA = pose(0.1, 0.0, 0.6, 0.0, down=0.25)
@@ -44,7 +45,8 @@ def seen(
     faces: list[Face], T_map_base: NDArray[np.float64], T_map_odom: NDArray[np.float64] | None = None, seed: int = 0
 ) -> Frame:
     """The frame that a robot takes, whose odometry began at ``T_map_odom``."""
-    frame = look(faces, T_map_base @ T_BASE_CAMERA, sigma=0.01, seed=seed, reach=(XTION.nearest, XTION.farthest))
+    reach = XTION.nearest, XTION.farthest
+    frame = look(faces, T_map_base @ T_BASE_CAMERA, sigma=0.01, seed=seed, reach=reach, camera=HALF)
     T_odom_base = T_map_base if T_map_odom is None else inverse(T_map_odom) @ T_map_base
     return replace(frame, T_base_camera=T_BASE_CAMERA, T_odom_base=T_odom_base)
 
@@ -74,3 +76,12 @@ class Maps:
 def tour(places: Iterable[tuple[float, float]]) -> list[NDArray[np.float64]]:
     """Poses of full turns at each of some places, m."""
     return [from_yaw(x, y, 0.0, yaw) for x, y in places for yaw in np.arange(6) * np.pi / 3]
+
+
+WEST, EAST = [(0.8, 0.8), (0.8, 3.0)], [(2.6, 2.2), (3.0, 0.6), (4.2, 2.8)]
+
+
+@cache
+def room() -> Maps:
+    """The whole of ROOM; tests leave it as it is."""
+    return Maps().add(ROOM, tour(WEST + EAST))

@@ -6,12 +6,11 @@ from itertools import pairwise
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.frame import Frame, Intrinsics
+from pipeline.frame import Frame
 from pipeline.transforms import from_yaw, inverse
-from tests.pipeline.polygon_scene import Face, floor, look, pose, wall
+from tests.pipeline.polygon_scene import HALF, Face, floor, look, pose, wall
 
 T_BASE_CAMERA = pose(0.1, 0.0, 0.6, 0.0, down=0.25)
-CAMERA = Intrinsics(width=320, height=240, fx=288.5, fy=288.5, cx=160.0, cy=120.0)
 ROOM = [
     floor(0, 5, 0, 4),
     *(wall(a, b) for a, b in (((0, 0), (5, 0)), ((5, 0), (5, 4)), ((5, 4), (0, 4)), ((0, 4), (0, 0)))),
@@ -42,5 +41,5 @@ def seen(
 ) -> Frame:
     """The frame that a robot takes at a pose, with 5 mm of noise."""
     T = T_world_base @ T_BASE_CAMERA
-    frame = look(faces, T, sigma=0.005, seed=time, reach=(0.5, 3.5), camera=CAMERA)
+    frame = look(faces, T, sigma=0.005, seed=time, reach=(0.5, 3.5), camera=HALF)
     return replace(frame, time=float(time), T_base_camera=T_BASE_CAMERA, T_odom_base=T_odom_base)

@@ -1,7 +1,6 @@
 """A robot that was carried sees what contradicts its map; a robot that drove does not."""
 
 from dataclasses import replace
-from functools import cache
 
 import numpy as np
 import pytest
@@ -12,16 +11,11 @@ from pipeline.localisation.belief import Belief, MotionState
 from pipeline.localisation.config import BeliefConfig
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.transforms import from_yaw
-from tests.pipeline.localisation.carried_robot import ROOM, T_BASE_CAMERA, Maps, seen, tour
+from tests.pipeline.localisation.carried_robot import ROOM, T_BASE_CAMERA, room, seen
 
 CONFIG = BeliefConfig()
 SURE = np.log(0.99 / 0.01)
 HERE = from_yaw(1.0, 2.0, 0.0, 0.2)
-
-
-@cache
-def room() -> MetricMap:
-    return Maps().add(ROOM, tour([(0.8, 0.8), (0.8, 3.0), (2.6, 2.2), (3.0, 0.6), (4.2, 2.8)])).metric_map
 
 
 def odds(found: Agreement, state: MotionState = MotionState.CARRIED) -> float:
@@ -35,14 +29,14 @@ def test_an_ordinary_error_of_the_pose_is_no_contradiction(T_map_base: np.ndarra
     for yaw in np.deg2rad([-2.0, 0.0, 2.0]):
         for towards in np.arange(8) * np.pi / 4:
             error = from_yaw(0.05 * np.cos(towards), 0.05 * np.sin(towards), 0.0, yaw)
-            found = agreement(frame, T_map_base @ error @ T_BASE_CAMERA, room(), CONFIG)
+            found = agreement(frame, T_map_base @ error @ T_BASE_CAMERA, room().metric_map, CONFIG)
             assert found.known > 100
             assert odds(found) < -SURE / 2
 
 
 @pytest.mark.parametrize("T_map_base", [from_yaw(3, 0.6, 0, 0), from_yaw(4.2, 2.6, 0, -1.5), from_yaw(1, 3, 0, 2.2)])
 def test_a_carried_robot_sees_what_the_map_denies(T_map_base: np.ndarray) -> None:
-    found = agreement(seen(ROOM, T_map_base), HERE @ T_BASE_CAMERA, room(), CONFIG)
+    found = agreement(seen(ROOM, T_map_base), HERE @ T_BASE_CAMERA, room().metric_map, CONFIG)
     assert odds(found) == pytest.approx(SURE)
     assert found.short + found.through == found.known - found.explained > 0
 
@@ -59,13 +53,13 @@ def test_specks_of_dust_are_no_contradiction() -> None:
     dusty = replace(
         frame, depth=np.where(specks, rng.uniform(0.8, 1.5, specks.shape), frame.depth).astype(np.float32)
     )
-    assert odds(agreement(dusty, HERE @ T_BASE_CAMERA, room(), CONFIG)) < -SURE / 2
+    assert odds(agreement(dusty, HERE @ T_BASE_CAMERA, room().metric_map, CONFIG)) < -SURE / 2
 
 
 def test_what_ought_to_be_seen_and_is_not_leaves_doubt() -> None:
     frame = seen(ROOM, HERE)
     blind = replace(frame, depth=np.zeros_like(frame.depth))
-    there, nothing = (agreement(f, HERE @ T_BASE_CAMERA, room(), CONFIG) for f in (frame, blind))
+    there, nothing = (agreement(f, HERE @ T_BASE_CAMERA, room().metric_map, CONFIG) for f in (frame, blind))
     assert there.known > 0.9 * there.expected > 100
     assert (nothing.known, nothing.expected) == (0, there.expected)
     assert odds(nothing, MotionState.BLIND) == pytest.approx(SURE)
@@ -98,7 +92,9 @@ def test_a_camera_of_any_size_is_compared_tile_by_tile(width: int, height: int) 
     depth = np.full((height, width), 2.0, np.float32)
     frame = replace(seen(ROOM, HERE), rgb=np.zeros((height, width, 3), np.uint8), depth=depth, intrinsics=camera)
     side = width // 32
-    assert agreement(frame, HERE @ T_BASE_CAMERA, room(), CONFIG).seen == (height // side - 2) * (width // side - 2)
+    assert agreement(frame, HERE @ T_BASE_CAMERA, room().metric_map, CONFIG).seen == (height // side - 2) * (
+        width // side - 2
+    )
 
 
 def test_a_view_that_changed_while_the_wheels_stood_outweighs_a_place_that_looks_alike() -> None:

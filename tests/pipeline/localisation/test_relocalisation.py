@@ -1,7 +1,6 @@
 """A carried robot is found where the map leaves no doubt, and nowhere else."""
 
 from collections.abc import Iterator
-from functools import cache
 
 import numpy as np
 import pytest
@@ -10,23 +9,17 @@ from numpy.typing import NDArray
 from pipeline.frame import Frame
 from pipeline.localisation.relocalisation import Relocalisation
 from pipeline.transforms import from_yaw, inverse
-from tests.pipeline.localisation.carried_robot import BARE, HALL, ROOM, Maps, on_ramp, seen, tour
+from tests.pipeline.localisation.carried_robot import BARE, HALL, ROOM, WEST, Maps, on_ramp, room, seen, tour
 from tests.pipeline.polygon_scene import Face
 from tests.pipeline.robot_model import PIONEER
 
-WEST, EAST = [(0.8, 0.8), (0.8, 3.0)], [(2.6, 2.2), (3.0, 0.6), (4.2, 2.8)]
 T_MAP_ODOM = from_yaw(2.0, -7.0, 0.0, 1.9)
 
 
-@cache
-def room() -> Maps:
-    return Maps().add(ROOM, tour(WEST + EAST))
-
-
 def looking_around(faces: list[Face], T_map_base: NDArray[np.float64]) -> Iterator[tuple[NDArray[np.float64], Frame]]:
-    """Poses and frames of a full turn in steps of 45°."""
-    for n in range(8):
-        T = T_map_base @ from_yaw(0, 0, 0, n * np.pi / 4)
+    """Poses and frames of a full turn in steps of 60°."""
+    for n in range(6):
+        T = T_map_base @ from_yaw(0, 0, 0, n * np.pi / 3)
         yield T, seen(faces, T, T_MAP_ODOM, seed=100 + n)
 
 
@@ -41,9 +34,7 @@ def find(maps: Maps, faces: list[Face], T_map_base: NDArray[np.float64]) -> tupl
     return None, T_map_base
 
 
-@pytest.mark.parametrize(
-    "T_map_base", [from_yaw(1.2, 2.4, 0, 0.3), from_yaw(3.0, 2.9, 0, -2.0), from_yaw(2.8, 1.1, 0, 1.0), on_ramp(2.5)]
-)
+@pytest.mark.parametrize("T_map_base", [from_yaw(1.2, 2.4, 0, 0.3), from_yaw(2.8, 1.1, 0, 1.0), on_ramp(2.5)])
 def test_a_robot_finds_itself_anywhere_in_its_map(T_map_base: NDArray[np.float64]) -> None:
     found, T = find(room(), ROOM, T_map_base)
     assert found is not None

@@ -1,5 +1,7 @@
 """Invalid depths, poses and cameras are ignored, or refused before anything changes."""
 
+from itertools import product
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -34,13 +36,13 @@ def assert_same(first, second):
     np.testing.assert_array_equal(content(first)[1], content(second)[1])
 
 
-@settings(max_examples=40)
+@settings(max_examples=25)
 @given(hnp.arrays(np.bool_, SCENE.shape), st.sampled_from(NO_RETURN))
 def test_whatever_stands_for_no_return_has_the_effect_of_zero(holes, nothing):
     assert_same(mapped(np.where(holes, np.float32(nothing), SCENE)), mapped(np.where(holes, np.float32(0), SCENE)))
 
 
-@settings(max_examples=40)
+@settings(max_examples=25)
 @given(hnp.arrays(np.float32, SCENE.shape, elements=st.floats(width=32), fill=st.sampled_from(NO_RETURN)))
 def test_any_floats_at_all_mark_nothing_out_of_the_view(depth):
     metric_map = mapped(depth)
@@ -51,11 +53,11 @@ def test_any_floats_at_all_mark_nothing_out_of_the_view(depth):
     assert (camera_axes[:, 2] > -0.1).all()
 
 
-@pytest.mark.parametrize("nothing", NO_RETURN)
-def test_an_empty_frame_changes_nothing(nothing):
+def test_empty_frames_change_nothing():
     metric_map = mapped()
     before = content(metric_map)
-    metric_map.integrate(np.full_like(SCENE, nothing), CAMERA, T)
+    for nothing in NO_RETURN:
+        metric_map.integrate(np.full_like(SCENE, nothing), CAMERA, T)
     assert content(metric_map)[0] == before[0]
     np.testing.assert_array_equal(content(metric_map)[1], before[1])
 
@@ -69,13 +71,12 @@ def test_a_pose_that_is_not_rigid_is_refused_and_changes_nothing(pose):
     np.testing.assert_array_equal(content(metric_map)[1], before[1])
 
 
-@pytest.mark.parametrize("value", [np.nan, np.inf, -np.inf, 1e6])
-@pytest.mark.parametrize("place", [(0, 0), (1, 2), (0, 3), (2, 3)])
-def test_a_pose_with_a_number_out_of_range_is_refused(place, value):
-    pose = T.copy()
-    pose[place] = value
-    with pytest.raises(InputError):
-        mapped(pose=pose)
+def test_a_pose_with_a_number_out_of_range_is_refused():
+    for place, value in product([(0, 0), (1, 2), (0, 3), (2, 3)], [np.nan, np.inf, -np.inf, 1e6]):
+        pose = T.copy()
+        pose[place] = value
+        with pytest.raises(InputError):
+            mapped(pose=pose)
 
 
 @pytest.mark.parametrize("pose", [np.eye(3), np.diag([1.0, 1, -1, 1]), np.diag([2.0, 2, 2, 1]), np.eye(4) * 2])

@@ -19,8 +19,8 @@ BACKED_OUT = RecoveryConfig().most_way
 coordinates = st.floats(-3, 3)
 
 
-@settings(max_examples=12, deadline=None)
-@given(st.lists(st.tuples(coordinates, coordinates), min_size=1, max_size=4), st.floats(-np.pi, np.pi))
+@settings(max_examples=10, deadline=None)
+@given(st.lists(st.tuples(coordinates, coordinates), min_size=1, max_size=3), st.floats(-np.pi, np.pi))
 def test_it_reaches_its_way_points_and_its_heading(way_points, heading):
     robot = KinematicRobot()
     assert Follower(robot).drive(np.array(way_points), heading)
@@ -146,7 +146,7 @@ def test_it_backs_out_no_farther_than_it_came():
     assert np.min(navigator.track, axis=0)[0] > -0.06
 
 
-@pytest.mark.parametrize(("step", "shift"), [(6, 0.03), (40, 0.08), (40, 0.18)])
+@pytest.mark.parametrize(("step", "shift"), [(6, 0.03), (40, 0.18)])
 def test_a_correction_of_the_map_is_no_sign_of_being_held(step, shift):
     navigator, looks = Follower(KinematicRobot()), count()
 
@@ -197,7 +197,7 @@ def test_a_robot_that_was_lifted_stops():
     np.testing.assert_allclose(robot.T[:2, 3], (3, 3), atol=0.02)
 
 
-@pytest.mark.parametrize("seconds", [0.25, 1.0, 5.0])
+@pytest.mark.parametrize("seconds", [0.25, 5.0])
 def test_time_that_goes_on_while_a_keyframe_is_mapped_is_nothing_strange(seconds):
     robot = KinematicRobot()
     navigator = Follower(robot)

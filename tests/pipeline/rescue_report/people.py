@@ -1,5 +1,7 @@
 """Victims of known place and size, and the situation that an explorer before a wall is in with them."""
 
+from functools import cache
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -61,8 +63,14 @@ def before_a_wall(found: Victims | None, *, finished: bool = True) -> Situation:
         found: the people it knows; None if it has no detector.
         finished: whether no viewpoint is left.
     """
-    mapper = Mapper(PIONEER, TruthClassifier(), None if found is None else BlindDetector())
-    explorer = Explorer(StillRobot(), mapper)
-    explorer.step()
-    explorer.mapper.victims = found or Victims()
-    return situation_of(explorer.mapper, HEIGHT, finished, (), RescueReportConfig())
+    mapper = mapped(has_detector=found is not None)
+    mapper.victims = found or Victims()
+    return situation_of(mapper, HEIGHT, finished, (), RescueReportConfig())
+
+
+@cache
+def mapped(*, has_detector: bool) -> Mapper:
+    """The map after that keyframe."""
+    mapper = Mapper(PIONEER, TruthClassifier(), BlindDetector() if has_detector else None)
+    Explorer(StillRobot(), mapper).step()
+    return mapper

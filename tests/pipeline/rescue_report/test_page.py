@@ -2,18 +2,14 @@
 
 import json
 import re
-import shutil
-import subprocess
 from base64 import b64decode
 from dataclasses import replace
 from datetime import UTC, datetime
-from pathlib import Path
 
 import cv2
 import numpy as np
 import pytest
 
-from pipeline.labels import Label
 from pipeline.rescue_report.page import page
 from pipeline.rescue_report.people import people_data
 from pipeline.rescue_report.places import ReportedPlace
@@ -100,13 +96,6 @@ def test_the_page_says_when_it_was_written_and_folds_figures_away(root: Tag) -> 
     assert "open" not in figures.attributes
 
 
-def test_ramps_are_called_as_people_see_them() -> None:
-    situation = before_a_wall(None)
-    labels = np.resize(np.uint8([Label.INCLINED_RAMP, Label.STRAIGHT_RAMP]), len(situation.labels))
-    legend = texts(read(page(replace(situation, labels=labels), {"arena": "a"})), "ul", "legend")[0]
-    assert "slope" in legend and "raised deck" in legend and "ramp" not in legend
-
-
 def test_the_page_holds_the_people_as_data(root: Tag) -> None:
     (data,) = root.all("script")
     assert json.loads(data.text) == people_data(before_a_wall(victims(ALICE, BOB), finished=False))
@@ -181,29 +170,10 @@ def test_the_legend_names_what_is_on_the_map_alone(root: Tag) -> None:
     assert not re.search("person;|sighting|way to|drop|slope", nobody)
 
 
-def test_ground_that_was_seen_without_a_class_has_a_name() -> None:
-    situation = before_a_wall(None)
-    unnamed = "seen on the way, not classified"
-    assert unnamed not in "".join(texts(read(page(situation, {"arena": "a"})), "ul", "legend"))
-    few = replace(situation, points=situation.points[:9], labels=situation.labels[:9])
-    assert unnamed in "".join(texts(read(page(few, {"arena": "a"})), "ul", "legend"))
-
-
 def test_people_are_reachable_only_as_far_as_they_were_found(root: Tag) -> None:
     tile = next(tile for tile in root.all("div", "tile") if "Reachable" in tile.text)
     assert "1 of 1 found" in tile.text
     assert "caution" in tile.attributes["class"]  # the exploration was cut short: there may be more
-
-
-def test_a_phone_shows_the_page_in_its_own_width_and_the_map_from_its_left(html: str, root: Tag) -> None:
-    viewport = next(tag for tag in root.all("meta") if tag.attributes.get("name") == "viewport")
-    assert "width=device-width" in viewport.attributes["content"]
-    assert "scroll-" not in html
-
-
-def test_a_readers_voice_says_a_person_once(root: Tag) -> None:
-    (disc, *_) = root.all("span", "disc")
-    assert disc.attributes["aria-hidden"] == "true"
 
 
 def test_names_from_outside_are_text() -> None:
@@ -253,32 +223,3 @@ def test_a_robot_that_cannot_leave_the_entrance_says_so() -> None:
     assert "no way out of the entrance" in "".join(texts(root, "span", "warning"))
     assert "The robot cannot drive up to person 1." in "".join(texts(root, "p", "summary"))
     assert list(root.all("ol")) == []
-
-
-def sheets(html: str, folder: Path) -> int:
-    """Number of sheets of paper on which Chromium prints a page."""
-    (folder / "page.html").write_text(html)
-    flags = ["--headless", "--no-sandbox", "--disable-gpu", f"--user-data-dir={folder / 'profile'}"]
-    pdf = folder / "page.pdf"
-    subprocess.run(
-        ["chromium", *flags, f"--print-to-pdf={pdf}", (folder / "page.html").as_uri()],
-        check=True,
-        capture_output=True,
-    )
-    return len(re.findall(rb"/Type\s*/Page\b", pdf.read_bytes()))
-
-
-@pytest.mark.browser
-@pytest.mark.skipif(not shutil.which("chromium"), reason="no Chromium")
-def test_no_sheet_is_printed_for_what_is_folded_away(tmp_path: Path) -> None:
-    report = REPORT | {"config": {f"setting_{k}": k for k in range(300)}}
-    html = page(before_a_wall(victims(ALICE, BOB)), report)
-    html = re.sub("<footer>.*?</footer>", "", html)
-    figures = re.compile(r"<section>\s*(?=<h2>Figures.*?</section>)", re.DOTALL)
-    assert figures.search(html)
-    # The figures begin on a sheet of their own, which is left out because they are folded.
-    apart = figures.sub('<div style="break-after: page"></div><section>', html)
-    assert sheets(apart, tmp_path) == sheets(
-        re.sub(r"<section>\s*<h2>Figures.*?</section>", "", html, flags=re.S), tmp_path
-    )
-    assert sheets(apart.replace("<details>", "<details open>"), tmp_path) > sheets(apart, tmp_path)

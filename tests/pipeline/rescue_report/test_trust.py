@@ -12,7 +12,7 @@ from pipeline.rescue_report.config import TrustConfig
 from pipeline.rescue_report.trust import trust_in
 from pipeline.semantic_map.classifier import TruthClassifier
 from pipeline.transforms import from_yaw
-from tests.pipeline.polygon_scene import floor, look, pose, wall
+from tests.pipeline.polygon_scene import HALF, floor, look, pose, wall
 from tests.pipeline.robot_model import PIONEER
 
 SCENE = [floor(-4, 4, -4, 4), wall((2.5, 2.5), (2.5, -2.5)), wall((-2.5, 2.5), (2.5, 2.5))]
@@ -24,7 +24,7 @@ def mapped(drift: float, slam: bool = False) -> Mapper:
     mapper = Mapper(PIONEER, TruthClassifier(), localisation=Slam() if slam else OdometryLocalisation())
     for k in range(12):
         T = from_yaw(0, 0, 0, 0.3 * (k % 3))
-        seen = look(SCENE, T @ T_BASE_CAMERA, 0.0, k)
+        seen = look(SCENE, T @ T_BASE_CAMERA, 0.0, k, camera=HALF)
         believed = from_yaw(drift * k, 0, 0, 0) @ T
         frame = replace(seen, T_base_camera=T_BASE_CAMERA, T_odom_base=believed)
         mapper.add(mapper.localise(frame), labelled=False)

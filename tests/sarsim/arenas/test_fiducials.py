@@ -1,5 +1,3 @@
-from pathlib import Path
-
 import cv2
 import mujoco
 import numpy as np
@@ -16,9 +14,7 @@ from sarsim.arenas.things.codes import FAMILY, tag_picture
 from sarsim.arenas.walls import STAND
 from sarsim.ground_truth.true_surface import Survey
 from sarsim.sensors.camera import geom_labels
-from tests.source_tree import ROOT
 
-ARENAS = ["nist_6x4", "esogu_52x15", "random:2", str(Path(ROOT, "docs", "example.raf"))]
 HALL = """<mujoco><size nuser_geom="1"/><worldbody>
 <geom type="plane" size="5 5 0.1" user="2"/>
 <geom name="wall" type="box" size="0.01 {half} 0.6" pos="2 0 0.6" user="1"/>
@@ -49,7 +45,7 @@ def test_pictures_are_tags_with_a_white_margin():
         assert_allclose(corners[0], 40 + np.array([(16, 16), (143, 16), (143, 143), (16, 143)]), atol=1)
 
 
-@pytest.mark.parametrize("name", ARENAS)
+@pytest.mark.parametrize("name", ["nist_6x4", "esogu_52x15"])
 def test_tags_hang_on_bare_walls_before_drivable_ground(name):
     arena = load_arena(name)
     before = Survey(*compiled(arena)).surface_from(arena.T_world_start[:3, 3])

@@ -1,7 +1,7 @@
 """Plans of tiles that are made by hand."""
 
 import numpy as np
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from sarsim.arenas.layout import BLOCKED, FLOOR, SIDES, Layout, TileGround, opposite
@@ -59,6 +59,7 @@ def test_reserved_tiles_and_those_out_of_sight_are_not_blocked():
     assert not closed.block([(0, 0)])
 
 
+@settings(max_examples=30)
 @given(st.integers(3, 9), st.integers(3, 9), st.floats(0, 1), st.integers(0, 1000))
 def test_mazes_with_ramps_hang_together_and_have_a_start_on_the_floor(columns, rows, density, seed):
     layout, draws = Layout(columns, rows), RandomDraws(np.random.default_rng(seed))

@@ -34,8 +34,8 @@ from sarsim.ground_truth.true_surface import Survey
 from sarsim.sensors.camera import geom_labels
 from sarsim.victims.victims import make_victim, victims_of
 
-SEEDS = range(int(os.environ.get("SEEDS", "6")))
-WITHOUT_VICTIMS = {0: "463b0cb8d7ee9f7f", 1: "6b1a502229a949ca", 2: "23bbf08844679aad", 3: "1f3a1e5d71ca2b6c"}
+SEEDS = range(int(os.environ.get("SEEDS", "4")))
+WITHOUT_VICTIMS = {0: "463b0cb8d7ee9f7f", 1: "6b1a502229a949ca"}
 """Digests of the poses of all elements."""
 
 
@@ -52,8 +52,7 @@ def arenas():
 
 
 def test_the_same_seed_gives_the_same_arena(arenas):
-    for seed in (1, 2):
-        assert build_random(seed).to_xml() == arenas[seed]
+    assert build_random(1).to_xml() == arenas[1]
     assert len(set(arenas.values())) == len(SEEDS)
 
 
@@ -101,8 +100,8 @@ def test_parameters_say_how_large_how_full_and_whether_there_is_a_ceiling():
 
 FURNISHED = RandomArenaConfig(furniture=0.25, bulky=0.2, victims=1)
 HALL = RandomArenaConfig(columns=5, rows=5, wall_density=0, ramps=0, clutter=0, furniture=0.3, victims=1)
-FURNISHED_ARENAS = [(seed, FURNISHED) for seed in (1, 2, 3, 4, 5, 7, 11)] + [(seed, HALL) for seed in (2, 4)]
-"""Seeds with few redrawn plans, each of which takes a second; the halls have ramps that lead nowhere."""
+FURNISHED_ARENAS = [(seed, FURNISHED) for seed in (1, 4, 11)] + [(2, HALL)]
+"""Seeds with few redrawn plans, each of which takes a second; the hall has ramps that lead nowhere."""
 
 
 @pytest.fixture(scope="module")
@@ -123,7 +122,7 @@ def test_furniture_fails_no_check(index, furnished):
 
 def test_furniture_stands_hangs_and_replaces_walls(furnished):
     # Furniture leaves little room for bulky elements.
-    bulky = [build_random(seed, RandomArenaConfig(bulky=0.3, victims=1)).to_xml() for seed in (1, 3, 11)]
+    bulky = [build_random(seed, RandomArenaConfig(bulky=0.3, victims=1)).to_xml() for seed in (1, 11)]
     kinds = set().union(*map(elements_of, [*furnished, *bulky]))
     standing = {kind for kind, _ in AGAINST_WALL} | set(FREESTANDING)
     for sort in (
@@ -180,10 +179,8 @@ def test_one_wall_alone_bears_something():
     ("change", "message"),
     [
         ({"columns": 2}, "columns is 2"),
-        ({"rows": 1000}, "rows is 1000"),
         ({"wall_density": 1.5}, "wall_density is 1.5"),
         ({"furniture": -0.1}, "furniture is -0.1"),
-        ({"bulky": 1.1}, "bulky is 1.1"),
         ({"difficulty": 4}, "difficulty is 4"),
         ({"columns": 3, "rows": 3, "victims": 40}, "do not fit"),
     ],
@@ -193,7 +190,7 @@ def test_absurd_parameters_are_refused(change, message):
         build_random(0, RandomArenaConfig(**change))
 
 
-@pytest.mark.parametrize("name", ["random:", "random:x", "random:-1", "random:1e3", "random:" + "9" * 30])
+@pytest.mark.parametrize("name", ["random:", "random:-1", "random:1e3", "random:" + "9" * 30])
 def test_a_seed_is_a_whole_number(name):
     with pytest.raises(InputError, match="random"):
         load_arena(name)

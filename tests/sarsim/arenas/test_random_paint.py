@@ -4,7 +4,6 @@ from itertools import combinations
 
 import mujoco
 import numpy as np
-import pytest
 
 from sarsim.arenas.elements import ArenaBuilder
 from sarsim.arenas.random_arena import RandomArenaConfig, build_random
@@ -44,12 +43,12 @@ def test_seeds_look_different():
     assert all(np.abs(a - b).max() > 20 for a, b in combinations(floors, 2))
 
 
-@pytest.mark.parametrize("seed", range(20))
-def test_whatever_is_drawn_mujoco_reads(seed):
-    builder = ArenaBuilder("room")
-    for kind in ("tall_wall", "deck_17", "ramp_17"):
-        builder.add_element(kind, (0, 0, 0), 0)
-    builder.add_floor((-1, -1), (1, 1))
-    paint(builder, RandomDraws(np.random.default_rng(seed)))
-    model = mujoco.MjModel.from_xml_string(builder.to_xml())
-    assert ((model.mat_rgba >= 0) & (model.mat_rgba <= 1)).all()
+def test_whatever_is_drawn_mujoco_reads():
+    for seed in range(12):
+        builder = ArenaBuilder("room")
+        for kind in ("tall_wall", "deck_17", "ramp_17"):
+            builder.add_element(kind, (0, 0, 0), 0)
+        builder.add_floor((-1, -1), (1, 1))
+        paint(builder, RandomDraws(np.random.default_rng(seed)))
+        model = mujoco.MjModel.from_xml_string(builder.to_xml())
+        assert ((model.mat_rgba >= 0) & (model.mat_rgba <= 1)).all()

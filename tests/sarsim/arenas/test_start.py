@@ -66,10 +66,9 @@ def test_a_wish_that_cannot_be_is_refused(xy):
         start_at(*compiled(corridor(3)), *xy, 0.0)
 
 
-@pytest.mark.parametrize("name", ["nist_6x4", "random:4"])
-def test_any_arena_takes_a_start(name):
-    x, y = load_arena(name).T_world_start[:2, 3]
-    T = load_arena(name, (x, y, 30.0)).T_world_start
+def test_an_arena_takes_a_start():
+    x, y = load_arena("nist_6x4").T_world_start[:2, 3]
+    T = load_arena("nist_6x4", (x, y, 30.0)).T_world_start
     np.testing.assert_allclose(T[:2, 3], (x, y))
     assert yaw_of(T) == pytest.approx(np.radians(30))
 

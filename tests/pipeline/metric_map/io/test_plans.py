@@ -4,13 +4,11 @@ import xml.etree.ElementTree as ET
 from itertools import pairwise
 from pathlib import Path
 
-import cv2
 import ezdxf
 import numpy as np
 import pytest
 import rasterio
 from matplotlib.path import Path as Outline
-from PIL import Image
 
 from pipeline.metric_map.io.plans import save_dxf, save_geotiff, save_svg, save_world_png
 
@@ -22,17 +20,6 @@ CELL, ORIGIN = 0.05, np.array([-1.5, 2.25])
 def cells() -> np.ndarray:
     """(nx, ny) greys at random, so that cells touch at corners and lie in holes."""
     return GREYS[np.random.default_rng(3).integers(0, 3, (17, 12))]
-
-
-def test_a_geotiff_lies_where_the_map_does(cells: np.ndarray, tmp_path: Path) -> None:
-    path = tmp_path / "map.tif"
-    save_geotiff(path, cells, CELL, ORIGIN)
-    with Image.open(path) as image:
-        np.testing.assert_array_equal(np.array(image), cells.T[::-1])
-        scale, tie, keys = (image.tag_v2[tag] for tag in (33550, 33922, 34735))
-    assert scale == (CELL, CELL, 0)
-    np.testing.assert_allclose(tie, (0, 0, 0, -1.5, 2.25 + 12 * CELL, 0))
-    assert keys[:4] == (1, 1, 0, 3)
 
 
 def test_rasterio_reads_it(cells: np.ndarray, tmp_path: Path) -> None:
@@ -50,14 +37,6 @@ def test_a_geotiff_is_in_metres_and_unknown_ground_has_no_data(cells: np.ndarray
         assert 'UNIT["metre",1,' in raster.crs.wkt
         assert raster.nodata == 205
         np.testing.assert_array_equal(raster.read(1, masked=True).mask, cells.T[::-1] == 205)
-
-
-def test_a_world_file_says_where_the_first_pixel_lies(cells: np.ndarray, tmp_path: Path) -> None:
-    save_world_png(tmp_path / "map.png", cells, CELL, ORIGIN)
-    numbers = [float(line) for line in (tmp_path / "map.pgw").read_text().split()]
-    np.testing.assert_allclose(numbers, [CELL, 0, 0, -CELL, -1.5 + CELL / 2, 2.25 + 11.5 * CELL])
-    image = cv2.imread(str(tmp_path / "map.png"), cv2.IMREAD_UNCHANGED)
-    assert image[0, 0] == cells[0, -1]
 
 
 def within(edges: list, shape: tuple[int, int]) -> np.ndarray:
@@ -82,25 +61,6 @@ def test_outlines_hold_the_cells_and_no_others(cells: np.ndarray, tmp_path: Path
     low, high = ORIGIN, ORIGIN + np.array(cells.shape) * CELL
     x, y, width, height = map(float, root.attrib["viewBox"].split())
     np.testing.assert_allclose((x, -y - height, x + width, -y), (*low, *high), atol=1e-6)
-
-
-def test_a_drawing_of_cad_has_a_layer_of_closed_lines_for_each_kind(cells: np.ndarray, tmp_path: Path) -> None:
-    path = tmp_path / "map.dxf"
-    save_dxf(path, cells, CELL, ORIGIN)
-    lines = path.read_text().split("\n")
-    pairs = list(zip(lines[::2], lines[1::2], strict=False))
-    assert pairs[0] == ("0", "SECTION") and pairs[-1] == ("0", "EOF")
-    edges: dict[str, list] = {"unknown": [], "free": [], "occupied": []}
-    for entity in "\n".join(f"{code}={value}" for code, value in pairs).split("\n0="):
-        kind, *rest = entity.split("\n")
-        values = dict(pair.split("=") for pair in rest)
-        if kind == "POLYLINE":
-            assert values["70"] == "1"
-            edges[values["8"]].append([])
-        elif kind == "VERTEX":
-            edges[values["8"]][-1].append((values["10"], values["20"]))
-    for part, grey in (("unknown", 205), ("free", 254), ("occupied", 0)):
-        np.testing.assert_array_equal(within(edges[part], cells.shape), cells == grey)
 
 
 def test_ezdxf_reads_it_and_finds_nothing_wrong(cells: np.ndarray, tmp_path: Path) -> None:

@@ -22,14 +22,19 @@ from tests.pipeline.ros.live.loopback import Change, End, RoomRobot, Wire, uncha
 DEPTH, COLOUR, INFO, ODOM = "/camera/depth/image_raw", "/camera/color/image_raw", "/camera/depth/camera_info", "/odom"
 
 
+def met_on(wire: Wire, kind: str = "geometry_msgs/msg/Twist") -> tuple[RoomRobot, End]:
+    """A robot in a room, and the end of what is to drive it."""
+    room, end = RoomRobot(wire, kind), End(wire, "explorer")
+    end.work = room.period
+    return room, end
+
+
 class Pair:
     """A robot in a room, and what drives it by topics."""
 
     def __init__(self, kind: str = "geometry_msgs/msg/Twist", T_base_camera: Any = T_BASE_CAMERA):
         self.wire = Wire()
-        self.room = RoomRobot(self.wire, kind)
-        self.end = End(self.wire, "explorer")
-        self.end.work = self.room.period
+        self.room, self.end = met_on(self.wire, kind)
         self.robot = RosRobot(self.end, PIONEER, TopicNames(), T_base_camera, patience=2.0)
 
     @property
@@ -77,8 +82,7 @@ def test_motions_carry_what_is_felt(pair: Pair) -> None:
 def test_without_inertial_sensors_the_odometry_says_whether_it_leans() -> None:
     wire, lean = Wire(), 0.2
     wire.change = silent("/imu")
-    room, end = RoomRobot(wire), End(wire, "explorer")
-    end.work = room.period
+    _, end = met_on(wire)
     robot = RosRobot(end, PIONEER, TopicNames(), T_BASE_CAMERA, patience=2.0)
     tilted = np.array([[np.cos(lean), 0, np.sin(lean)], [0, 1, 0], [-np.sin(lean), 0, np.cos(lean)]])
 
@@ -112,8 +116,7 @@ def test_stamped_commands_are_sent_to_what_listens_to_them() -> None:
 @pytest.mark.parametrize("topic", ["/tf_static", "/camera/transform"])
 def test_a_transform_says_where_the_camera_is(topic: str) -> None:
     wire = Wire()
-    room, end = RoomRobot(wire), End(wire, "explorer")
-    end.work = room.period
+    room, end = met_on(wire)
     wire.change = silent("/tf_static")
     with pytest.raises(InputError, match=r"camera_optical.*--camera"):
         RosRobot(end, PIONEER, TopicNames(), patience=2.0)
@@ -202,7 +205,7 @@ def test_a_robot_that_ignores_commands_is_given_up(pair: Pair) -> None:
 
 
 def test_a_robot_that_turns_in_place_or_is_to_stand_does_not_ignore_commands(pair: Pair) -> None:
-    for command in [Velocity(0.0, 0.3)] * 300 + [Velocity()] * 300:
+    for command in [Velocity(0.0, 0.3)] * 120 + [Velocity()] * 120:
         pair.robot.drive(command)
 
 
@@ -210,8 +213,7 @@ def test_a_robot_that_turns_in_place_or_is_to_stand_does_not_ignore_commands(pai
 def test_what_is_not_there_is_named(topic: str) -> None:
     wire = Wire()
     wire.change = silent(topic)
-    room, end = RoomRobot(wire), End(wire, "explorer")
-    end.work = room.period
+    _, end = met_on(wire)
     with pytest.raises(InputError, match=f" {topic}$"):
         RosRobot(end, PIONEER, TopicNames(), T_BASE_CAMERA, patience=2.0)
 
@@ -220,8 +222,7 @@ def test_a_robot_that_starts_later_is_waited_for(caplog: pytest.LogCaptureFixtur
     wire = Wire()
     start = wire.time + 4
     wire.change = lambda topic, time, message: [(topic, time, message)] if wire.time > start else []
-    room, end = RoomRobot(wire), End(wire, "explorer")
-    end.work = room.period
+    _, end = met_on(wire)
     with pytest.raises(InputError, match=r"3 s: .*/odom"):
         RosRobot(end, PIONEER, TopicNames(), T_BASE_CAMERA, patience=2.0, wait=1.0)
     assert "/odom" in caplog.text
@@ -230,8 +231,7 @@ def test_a_robot_that_starts_later_is_waited_for(caplog: pytest.LogCaptureFixtur
 
 def test_two_robots_or_none_that_listens_are_refused() -> None:
     wire = Wire()
-    room, end = RoomRobot(wire), End(wire, "explorer")
-    end.work = room.period
+    _, end = met_on(wire)
     wire.senders[ODOM] = ["another"]
     with pytest.raises(InputError, match=r"/odom: .*another and robot"):
         RosRobot(end, PIONEER, TopicNames(), T_BASE_CAMERA, patience=2.0)

@@ -20,11 +20,11 @@ from pipeline.semantic_map.networks.classifier import NetworkClassifier, save_cl
 from pipeline.semantic_map.networks.dgcnn_cpu.inference import FastDgcnn
 from pipeline.semantic_map.networks.weights import save_weights
 from pipeline.semantic_map.planar_vote import planar_vote
-from tests.pipeline.polygon_scene import floor, look, pose, wall
+from tests.pipeline.polygon_scene import HALF, floor, look, pose, wall
 from tests.pipeline.semantic_map.networks.small_network import network, plain
 
 EYE = pose(0.5, 0.2, 0.6, 0.4, 0.2)
-FRAME = look([floor(-5, 5, -5, 5), wall((2, -1), (2, 0.6), 0, 0.9)], EYE)
+FRAME = look([floor(-5, 5, -5, 5), wall((2, -1), (2, 0.6), 0, 0.9)], EYE, camera=HALF)
 BLOCKS = BlockConfig(voxel_size=0.05)
 
 
@@ -108,10 +108,10 @@ def test_a_block_is_classified_as_by_the_network_as_written() -> None:
     assert probabilities == pytest.approx(odds / odds.sum(axis=1, keepdims=True), abs=1e-3)
 
 
-@pytest.mark.parametrize("count", [0, 1, 2, 3, 25])
+@pytest.mark.parametrize("count", [0, 1, 25])
 def test_tiny_clouds_get_probabilities(weights: Path, count: int) -> None:
     frame = replace(FRAME, depth=np.zeros_like(FRAME.depth))
-    frame.depth[300, 100 : 100 + count] = 1.5
+    frame.depth[150, 50 : 50 + count] = 1.5
     probabilities = classifier(weights).classify(frame, frame.points(EYE), EYE)
     assert probabilities.shape == (count, len(Label))
     assert probabilities.sum(axis=1) == pytest.approx(np.ones(count), abs=1e-5)
@@ -143,9 +143,7 @@ def test_points_that_are_nowhere_are_unlabelled(weights: Path) -> None:
         ({"blocks": "[" * 100_000}, "another version"),
         ({"blocks": '{"size": "wide"}'}, "another version"),
         ({"blocks": '{"voxel_size": 0}'}, "voxel_size = 0: from 0.001875 to 0.48"),
-        ({"blocks": '{"voxel_size": NaN}'}, "voxel_size = nan"),
         ({"blocks": '{"size": 1e-9}'}, "size = 1e-09: from 0.0625 to 16"),
-        ({"blocks": '{"points": 1}'}, "points = 1: from 256 to 65536"),
         ({"blocks": '{"reach": Infinity}'}, "reach = inf"),
     ],
 )

@@ -38,11 +38,6 @@ def test_weights_are_as_readable_as_any_other_new_file(tmp_path: Path) -> None:
     assert (tmp_path / "w.safetensors").stat().st_mode == (tmp_path / "other").stat().st_mode
 
 
-def test_a_network_fits_into_2_mb(tmp_path: Path) -> None:
-    save_weights(tmp_path / "w.safetensors", network())
-    assert (tmp_path / "w.safetensors").stat().st_size < 2e6
-
-
 def test_batch_norms_registered_twice_are_read_once(tmp_path: Path) -> None:
     path = saved(tmp_path / "w.safetensors")
     tensors = load_file(path)
@@ -83,19 +78,13 @@ def test_weights_of_another_network_are_refused(tmp_path: Path, changes: dict, c
         (b"PK\x03\x04 what torch.save writes", "pickle"),
         (b"", "not a whole safetensors file"),
         (b"\xff" * 100, "not a whole safetensors file"),
+        (None, "safetensors"),
     ],
 )
-def test_other_files_are_refused(tmp_path: Path, content: bytes, complaint: str) -> None:
-    path = tmp_path / "w.safetensors"
-    path.write_bytes(content)
-    with pytest.raises(InputError, match=complaint):
-        load_weights(path)
-
-
-def test_a_file_cut_short_is_refused(tmp_path: Path) -> None:
+def test_other_files_are_refused(tmp_path: Path, content: bytes | None, complaint: str) -> None:
     path = saved(tmp_path / "w.safetensors")
-    path.write_bytes(path.read_bytes()[:-1])
-    with pytest.raises(InputError, match="safetensors"):
+    path.write_bytes(path.read_bytes()[:-1] if content is None else content)
+    with pytest.raises(InputError, match=complaint):
         load_weights(path)
 
 

@@ -1,6 +1,6 @@
 """Signs: every class is drawn, and looks like itself alone."""
 
-from itertools import combinations
+from itertools import combinations, product
 
 import numpy as np
 import pytest
@@ -14,14 +14,6 @@ SIZE = 96
 @pytest.fixture(scope="module")
 def faces():
     return {name: sign_face(name, SIZE).astype(float) for name in HAZMAT_CLASSES}
-
-
-def test_the_classes_are_those_that_teams_report():
-    assert HAZMAT_CLASSES == (
-        "corrosive", "dangerous-when-wet", "explosive", "flammable", "flammable-gas", "flammable-liquid",
-        "flammable-solid", "infectious-substance", "inhalation-hazard", "non-flammable-gas", "organic-peroxide",
-        "oxidizer", "oxygen", "poison", "radioactive", "spontaneously-combustible",
-    )  # fmt: skip
 
 
 def test_no_two_classes_look_alike(faces):
@@ -59,10 +51,9 @@ def test_a_style_draws_the_same_twice_and_styles_differ():
     assert len({sign_face("explosive", SIZE, style).tobytes() for style in styles}) == len(styles)
 
 
-@pytest.mark.parametrize("name", HAZMAT_CLASSES)
-def test_every_class_is_drawn_in_every_variant(name):
+def test_every_class_is_drawn_in_every_variant():
     rng = np.random.default_rng(1)
-    for variant in range(4):
+    for name, variant in product(HAZMAT_CLASSES, range(4)):
         face = sign_face(name, SIZE, SignStyle(variant=variant, tint=(0.9, 0.9, 0.9)))
         assert face.shape == (SIZE, SIZE, 3) and face.dtype == np.uint8 and face.max() <= 230
         assert sign_face(name, SIZE, SignStyle.random(rng)).std() > 20

@@ -12,8 +12,7 @@ from pipeline.semantic_map.networks.dgcnn_cpu.inference import FastDgcnn
 from tests.pipeline.semantic_map.networks.small_network import block, network, plain
 
 
-@pytest.mark.parametrize(("channels", "classes"), [(6, 6), (9, 13)])
-@pytest.mark.parametrize("points", [20, 63, 300, 1000])
+@pytest.mark.parametrize(("points", "channels", "classes"), [(20, 6, 6), (63, 9, 13), (300, 6, 6), (1000, 9, 13)])
 def test_fast_gives_the_logits_of_the_network_as_written(points: int, channels: int, classes: int) -> None:
     dgcnn, x = network(channels, classes), block(points, channels)
     logits, expected = FastDgcnn(dgcnn, threads=2)(x), plain(dgcnn, x)

@@ -68,9 +68,10 @@ def measure(settings: CostSettings) -> Result:
     at_least(0, settings, "seed")
     figures = dict[str, float]()
     with tempfile.TemporaryDirectory() as name:
-        Episode(EpisodeConfig(steps=1, out=Path(name, "first"))).run()
-        for arena in tracked(settings.arenas, "arenas"):
-            config = EpisodeConfig(arena=arena, seed=settings.seed, steps=settings.steps, out=Path(name, arena))
+        Episode(EpisodeConfig(arena=settings.arenas[0], steps=1, out=Path(name, "first"))).run()
+        for number, arena in enumerate(tracked(settings.arenas, "arenas")):
+            out = Path(name, str(number))
+            config = EpisodeConfig(arena=arena, seed=settings.seed, steps=settings.steps, out=out)
             figures |= {f"{arena}.{key}": value for key, value in _cost(config).items()}
     return Result(figures)
 

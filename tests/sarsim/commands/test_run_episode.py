@@ -23,7 +23,6 @@ from tests.pipeline.victims.detection.networks import SMALL, random_network
 from tests.sarsim.rooms import room
 from tests.source_tree import ROOT
 
-
 QUICK = ["--labels", "truth", "--detector", "None"]
 """No network has to be loaded."""
 

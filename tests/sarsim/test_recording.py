@@ -126,14 +126,13 @@ def test_while_it_drives_the_robot_is_where_its_newest_keyframe_has_it(tmp_path)
             true[round(motion.time, 3)] = robot.trajectory[-1].T_world_base[:3, 3]
 
     explorer.watch(recorder, Watch())
-    for _ in range(2):
-        explorer.drive(explorer.step())
+    explorer.drive(explorer.step())
     recorder.close()
     robot.close()
     rows = read(tmp_path / "episode.rrd")
     moving = [row for row in rows["/world/robot"] if row.get("step") is None]
     assert len(moving) > 10
-    assert len(slam.poses) > 4
+    assert len(slam.poses) > 2
     for row in moving:
         np.testing.assert_allclose(row["Transform3D:translation"][0], believed[round(row["sim_time"], 3)], atol=1e-6)
     for row in rows["/metrics/position_error_m"]:

@@ -34,14 +34,6 @@ def refused(capsys, *flags):
     return line
 
 
-@pytest.mark.parametrize("name", ["nist_6x4", "esogu_52x15"])
-def test_a_built_in_arena_is_written_whole(name, tmp_path):
-    model = exported(tmp_path, "--arena", name)
-    assert model.nbody > 2 and model.nv == 0
-    assert mujoco.mj_name2id(model, mujoco.mjtObj.mjOBJ_SITE, "start") >= 0
-    assert (model.geom_user[:, 0] > 0).all()
-
-
 @pytest.mark.parametrize("name", ["nist_6x4", "random:1"])
 def test_what_was_written_is_an_arena_again(name, tmp_path):
     before = exported(tmp_path, "--arena", name)

@@ -1,4 +1,4 @@
-"""Reading tags and scoring by them; run with -s to see how exactly."""
+"""Reading tags and scoring by them."""
 
 import numpy as np
 import pytest
@@ -122,9 +122,11 @@ def test_nothing_is_reported_where_no_tags_hang():
     assert score.report() == {}
 
 
-@pytest.mark.parametrize(("distance", "tolerance"), [(0.6, 0.006), (1.0, 0.006), (2.0, 0.01), (3.0, 0.02)])
-@pytest.mark.parametrize("lighting", ["normal", "dark"])
-def test_tags_are_read_through_the_noise(distance, tolerance, lighting):
+@pytest.mark.parametrize(
+    ("distance", "lighting", "tolerance"),
+    [(0.6, "normal", 0.006), (1.0, "dark", 0.006), (2.0, "normal", 0.01), (3.0, "dark", 0.02)],
+)
+def test_tags_are_read_through_the_noise(distance, lighting, tolerance):
     errors = []
     for seed, bearing in enumerate((-0.6, 0.0, 0.6)):
         arena = RescueArena(mjcf.from_xml_string(HALL))
@@ -141,7 +143,6 @@ def test_tags_are_read_through_the_noise(distance, tolerance, lighting):
         errors.append(np.linalg.norm(middle - true))
         assert tag == 0
         robot.close()
-    print(f"\n{distance:g} m, {lighting}: {1000 * np.mean(errors):.1f} mm, at most {1000 * max(errors):.1f} mm")
     assert max(errors) < tolerance
 
 

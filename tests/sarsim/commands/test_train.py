@@ -138,15 +138,6 @@ def test_a_dataset_without_scenes_to_learn_from_is_refused(
     assert "no scene of the split train" in capsys.readouterr().err
 
 
-def test_a_dataset_of_another_version_is_refused(
-    dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    content = json.loads((dataset / "dataset.json").read_text())
-    (tmp_path / "dataset.json").write_text(json.dumps(content | {"version": 9}))
-    flags = ["dgcnn", "--data", tmp_path, "--out", tmp_path / "w.safetensors"]
-    assert "version 9" in refusal(capsys, call, monkeypatch, *flags)
-
-
 def test_tensorboard_reads_the_validations(
     dataset: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:

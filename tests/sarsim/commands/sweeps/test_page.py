@@ -93,9 +93,3 @@ def test_the_table_is_the_leaderboard_s(tmp_path: Path) -> None:
     assert re.findall("<th>(.*?)</th>", text) == list(board.heads)
     assert re.findall("<td>(.*?)</td>", text) == [cell for row in board.rows for cell in row]
     assert board.title in text
-
-
-def test_lines_of_many_methods_differ(tmp_path: Path) -> None:
-    text = page(tmp_path, [f"m{n}" for n in range(2 * len(OKABE_ITO))])
-    strokes = re.findall(r'stroke="(#\w+)" stroke-width="2" stroke-dasharray="([^"]*)"', text)
-    assert len(set(strokes)) == 2 * len(OKABE_ITO)

@@ -50,7 +50,7 @@ def episode(tmp_path_factory: pytest.TempPathFactory) -> Path:
     out = (base.parent if "PYTEST_XDIST_WORKER" in os.environ else base) / "episode"
     with FileLock(f"{out}.lock"):
         if not out.exists():
-            config = EpisodeConfig(labels="truth", out=out)
+            config = EpisodeConfig(labels="truth", detector=None, out=out)
             assert Episode(config).run()
             save_settings(config, out / "config.yaml")
     return out

@@ -1,6 +1,6 @@
 """Small rooms as MJCF."""
 
-WALL, TERRAIN, DECK = 1, 2, 4
+WALL, TERRAIN = 1, 2
 Interval = tuple[float, float]
 
 

@@ -26,7 +26,7 @@ from sarsim.settings import EpisodeConfig
 def episode(tmp_path_factory: pytest.TempPathFactory) -> Episode:
     folder = tmp_path_factory.mktemp("bag")
     places = {name: folder / name for name in ("out", "bag", "tum")}
-    config = EpisodeConfig(labels="truth", detector=None, steps=3, bag_images="32FC1", **places)
+    config = EpisodeConfig(labels="truth", detector=None, steps=2, bag_images="32FC1", **places)
     episode = Episode(config)
     assert episode.run()
     return episode
@@ -56,7 +56,7 @@ def test_every_topic_is_there(episode: Episode) -> None:
     assert count["/keyframe"] == len(mapper.keyframes)
     labelled = [seen for seen in mapper.keyframes.seen if seen.shares is not None]
     assert count["/semantic_cloud"] == sum(len(seen.points) > 0 for seen in labelled)
-    assert count["/map"] == count["/plan"] == episode.explorer.steps == 3
+    assert count["/map"] == count["/plan"] == episode.explorer.steps == 2
     assert count["/odom"] == count["/tf"] == count["/ground_truth/pose"] >= count["/imu"]
     assert count["/tf_static"] == 1
 

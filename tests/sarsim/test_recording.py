@@ -71,15 +71,6 @@ def test_the_arena_and_the_robots_shape_do_not_change(rows):
     assert all("sim_time" not in row for row in shapes)
 
 
-def test_the_robot_has_its_true_size(rows):
-    shape = next(row for row in rows["/world/robot/base_link"] if "Mesh3D:vertex_positions" in row)
-    body = np.array(shape["Mesh3D:vertex_positions"])
-    length, width, _ = body.max(axis=0) - body.min(axis=0)
-    assert length == pytest.approx(0.508, abs=0.01)
-    assert 0.25 < width < 0.36
-    assert all(row.get("sim_time") is None for row in rows["/world/robot/xtion"])
-
-
 def test_wheels_stand_at_their_corners_and_roll_as_far_as_the_robot_drives(rows):
     for name in WHEELS:
         found = [row for row in rows[f"/world/robot/{name}_wheel"] if row.get("Transform3D:mat3x3")]
@@ -126,14 +117,13 @@ def test_while_it_drives_the_robot_is_where_its_newest_keyframe_has_it(tmp_path)
             true[round(motion.time, 3)] = robot.trajectory[-1].T_world_base[:3, 3]
 
     explorer.watch(recorder, Watch())
-    for _ in range(2):
-        explorer.drive(explorer.step())
+    explorer.drive(explorer.step())
     recorder.close()
     robot.close()
     rows = read(tmp_path / "episode.rrd")
     moving = [row for row in rows["/world/robot"] if row.get("step") is None]
     assert len(moving) > 10
-    assert len(slam.poses) > 4
+    assert len(slam.poses) > 2
     for row in moving:
         np.testing.assert_allclose(row["Transform3D:translation"][0], believed[round(row["sim_time"], 3)], atol=1e-6)
     for row in rows["/metrics/position_error_m"]:
@@ -143,8 +133,3 @@ def test_while_it_drives_the_robot_is_where_its_newest_keyframe_has_it(tmp_path)
             assert row["Scalars:scalars"][0] == pytest.approx(error, abs=1e-9)
     between = [row for row in rows["/world/localisation/keyframes"] if row.get("step") is None]
     assert between
-
-
-def test_the_camera_stands_where_it_is_on_the_robot(rows):
-    height = [row["Transform3D:translation"][0][2] for row in rows["/world/robot/camera"]]
-    assert height == pytest.approx([0.6, 0.6], abs=0.02)

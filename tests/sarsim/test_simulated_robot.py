@@ -70,9 +70,16 @@ def test_vibration_in_turns_does_not_turn_the_wheel_odometry(make_robot):
     assert np.sqrt(unexplained[0] / 200) < 3e-4
 
 
-def test_a_frame_holds_what_the_camera_sees_and_the_truth_of_it(make_robot):
-    robot = make_robot()
-    frame = robot.sense()
+@pytest.fixture(scope="module")
+def looked():
+    """A robot that has taken a frame, and the frame."""
+    robot = SimulatedRobot(load_arena("nist_6x4"), SimulationConfig(), 0)
+    yield robot, robot.sense()
+    robot.close()
+
+
+def test_a_frame_holds_what_the_camera_sees(looked):
+    _, frame = looked
     assert frame.rgb.shape == (480, 640, 3)
     assert frame.depth.dtype == np.float32
     seen = frame.depth[frame.returns]
@@ -82,9 +89,8 @@ def test_a_frame_holds_what_the_camera_sees_and_the_truth_of_it(make_robot):
     assert np.abs(np.median(floor[:, 2])) < 0.005
 
 
-def test_the_true_frame_is_free_of_noise(make_robot):
-    robot = make_robot()
-    frame = robot.sense()
+def test_the_true_frame_is_free_of_noise(looked):
+    robot, frame = looked
     points = robot.true_frame.points()
     on_floor = robot.true_frame.image.label[robot.true_frame.image.depth > 0] == Label.TERRAIN
     assert np.abs(points[on_floor, 2]).max() < 2e-3
@@ -109,15 +115,15 @@ def test_the_same_seed_drives_and_sees_the_same(make_robot):
 
 def test_running_into_a_wall_is_counted_once(make_robot):
     robot = make_robot()
+    assert robot.collisions.collisions == 0
     for _ in range(round(3.5 / robot.control_period)):
         robot.drive(Velocity(-0.2))  # the west wall is 0.3 m behind
     assert robot.collisions.collisions in (1, 2)  # one or both rear tyres
-    assert make_robot().collisions.collisions == 0
 
 
-def test_people_are_warm_in_the_thermal_image_and_nothing_else_is(make_robot):
-    robot = make_robot()
-    thermal = robot.sense().thermal
+def test_people_are_warm_in_the_thermal_image_and_nothing_else_is(looked):
+    robot, frame = looked
+    thermal = frame.thermal
     shown = (robot.true_frame.image.label == Label.VICTIM).reshape(60, 8, 80, 8).any(axis=(1, 3))
     assert thermal.shape == shown.shape and thermal[shown].max() > 30
     assert thermal[~shown].max() < 20.5

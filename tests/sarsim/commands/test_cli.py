@@ -34,11 +34,6 @@ def exit_status(args: list[str]) -> int | str | None:
     return raised.value.code
 
 
-def test_a_command_that_works_just_returns(capsys: pytest.CaptureFixture[str]) -> None:
-    run(command, ["--count", "3"])
-    assert capsys.readouterr().out == "done 3\n"
-
-
 def test_bad_input_is_one_line_and_status_2(capsys: pytest.CaptureFixture[str]) -> None:
     assert exit_status(["--count", "3", "--fail", "input"]) == 2
     captured = capsys.readouterr()
@@ -118,38 +113,26 @@ def test_a_closed_terminal_lets_the_step_end(tmp_path: Path) -> None:
     assert (tmp_path / "result").read_text() == "whole 1"
 
 
-@pytest.mark.parametrize("args", [[], ["--count", "many"], ["--count", "3", "--colour", "red"]])
-def test_wrong_flags_are_status_2(args: list[str], capsys: pytest.CaptureFixture[str]) -> None:
-    assert exit_status(args) == 2
-    message = capsys.readouterr().err
-    assert message.count("\n") == 1
-    assert message.startswith("error: ")
-    assert "--" in message
-
-
 @pytest.mark.parametrize(
     ("args", "line"),
     [
         (["--count", "3", "--fali", "pipe"], "Unrecognized options: --fali, pipe; perhaps you meant --fail"),
         (["--fail", "pipe"], ": --count INT"),
+        (["--count", "many"], "--count"),
         (["--count", "3", "--pair", "none"], "{None}|{INT INT} could be instantiated from ['none']"),
         (["--cuont", "3"], ": --count INT; Unrecognized options: --cuont 3; perhaps you meant --count"),
     ],
 )
 def test_the_flag_that_was_meant_is_named(args: list[str], line: str, capsys: pytest.CaptureFixture[str]) -> None:
     assert exit_status(args) == 2
-    assert capsys.readouterr().err.strip().endswith(line)
+    (message,) = capsys.readouterr().err.splitlines()
+    assert message.startswith("error: ") and line in message
 
 
 @pytest.mark.parametrize("args", [["--count", "3", "--fail", ""], ["--count", "3", "--fail="], [""]])
 def test_nothing_is_no_value(args: list[str], capsys: pytest.CaptureFixture[str]) -> None:
     assert exit_status(args) == 2
     assert capsys.readouterr().err.endswith(": nothing is given\n")
-
-
-def test_help_says_what_the_command_does(capsys: pytest.CaptureFixture[str]) -> None:
-    assert exit_status(["--help"]) == 0
-    assert "Do something" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("args", ["--help", "--count 3"])

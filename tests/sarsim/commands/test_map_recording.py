@@ -2,7 +2,7 @@
 
 import json
 import os
-from collections.abc import Callable, Iterable
+from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -24,10 +24,8 @@ from tests.refusal import refusal
 from tests.sarsim.dataset.small import InProcess
 
 FILES = {
-    "config.yaml", "episode.rrd", "keyframes.npz", "metric_map.npz", "report.html", "report.json", "semantic_map.ply",
-    "topology.json", "trajectory_estimated.tum", "trajectory_true.tum",
-    "finds.json",
-    "victims.csv",
+    "config.yaml", "episode.rrd", "finds.json", "keyframes.npz", "metric_map.npz", "report.html", "report.json",
+    "semantic_map.ply", "topology.json", "trajectory_estimated.tum", "trajectory_true.tum", "victims.csv",
     "victims.json",
 }  # fmt: skip
 
@@ -69,30 +67,19 @@ def test_the_error_is_evos(mapped: Path) -> None:
     assert 0 < ate < 0.015
 
 
-def cut(message: Any) -> None:
-    message.data = message.data[:1000]
-
-
-def halved(message: Any) -> None:
-    message.data, message.height = message.data[: len(message.data) // 2], message.height // 2
-
-
-@pytest.mark.parametrize(("spoil", "complaint"), [(cut, "an image is cut short"), (halved, "320 × 120 pixels")])
-def test_what_came_before_a_broken_image_is_kept(
-    spoil: Callable[[Any], None], complaint: str, tmp_path: Path, capsys: pytest.CaptureFixture[str]
-) -> None:
+def test_what_came_before_a_broken_image_is_kept(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     def broken(topic: str, time: float, message: Any) -> Iterable[tuple[str, float, Any]]:
         if topic == "/camera/depth/image_raw" and time > 0.75:
-            spoil(message)
+            message.data = message.data[:1000]
         yield topic, time, message
 
     path, out = write_bag(tmp_path / "room", change=broken), tmp_path / "out"
     line = failed(capsys, path, "--out", out, "--labels", "truth", "--poses", "registration")
-    assert line.startswith("error: ") and complaint in line
+    assert line.startswith("error: ") and "an image is cut short" in line
     assert {path.name for path in out.iterdir()} == FILES
     report = json.loads((out / "report.json").read_text())
     assert report["recording"]["frames"] == 8
-    assert complaint in report["recording"]["stopped"]
+    assert "an image is cut short" in report["recording"]["stopped"]
 
 
 def test_a_recording_of_nothing_leaves_no_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -138,7 +125,6 @@ def test_a_scene_and_its_tum_folder_make_one_map(tmp_path: Path) -> None:
         (["."], "no recording: it has neither depth.txt nor images in depth/"),
         ([".", "--intrinsics", "1", "1", "0", "1"], "--intrinsics 1.0 1.0 0.0 1.0: must be positive"),
         ([".", "--fps", "0"], "--fps 0.0: must be positive"),
-        ([".", "--depth-scale", "-1"], "--depth-scale -1.0: must be positive"),
         ([".", "--poses", "guess"], "--poses"),
     ],
 )

@@ -19,11 +19,8 @@ from sarsim.settings import RosExploration, RosRobotConfig
 from tests.pipeline.ros.live.loopback import End, Wire
 
 FILES = {
-    "episode.rrd", "keyframes.npz", "metric_map.npz", "report.html", "report.json", "semantic_map.ply",
-    "topology.json", "trajectory_estimated.tum",
-    "finds.json",
-    "victims.csv",
-    "victims.json",
+    "episode.rrd", "finds.json", "keyframes.npz", "metric_map.npz", "report.html", "report.json", "semantic_map.ply",
+    "topology.json", "trajectory_estimated.tum", "victims.csv", "victims.json",
 }  # fmt: skip
 
 

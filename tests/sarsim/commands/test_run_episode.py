@@ -23,6 +23,9 @@ from tests.pipeline.victims.detection.networks import SMALL, random_network
 from tests.sarsim.rooms import room
 from tests.source_tree import ROOT
 
+QUICK = ["--labels", "truth", "--detector", "None"]
+"""No network has to be loaded."""
+
 
 @pytest.fixture(scope="module")
 def report(episode):
@@ -38,26 +41,15 @@ def test_the_arena_is_explored_without_harm(report):
     assert report["steps"] <= 160
 
 
-def test_the_metric_map_is_right(report):
-    metric_map = report["metric_map"]
+def test_the_maps_are_right(report):
+    metric_map, topology = report["metric_map"], report["topological_map"]
     assert metric_map["occupied_recall"] >= 0.95
     assert metric_map["occupied_precision"] >= 0.97
     assert metric_map["false_free_rate"] <= 0.01
-
-
-def test_the_topology_is_one_sound_piece(report):
-    topology = report["topological_map"]
-    assert topology["components"] == 1
-    assert topology["edges_through_walls"] == 0
+    assert (topology["components"], topology["edges_through_walls"]) == (1, 0)
     assert topology["coverage"] >= 0.9
-
-
-def test_segments_lie_where_the_planes_are(report):
     assert report["segments"]["angle_error_deg"]["median"] < 0.5
     assert report["segments"]["boxes_iou"]["median"] > 0.6
-
-
-def test_true_labels_make_no_error(report):
     assert report["semantic_map"]["accuracy"] > 0.9995
 
 
@@ -94,45 +86,28 @@ def test_every_file_reads_back(episode, report):
 
 
 def test_the_report_has_the_agreed_names(episode, shared):
-    check = subprocess.run(
-        [sys.executable, shared / "check_report.py", episode / "report.json"], capture_output=True, text=True
-    )
-    assert check.stdout == ""
+    check = [sys.executable, shared / "check_report.py", episode / "report.json"]
+    assert subprocess.run(check, capture_output=True, text=True).stdout == ""
 
 
-def short_report(out: Path, seed: int, **changes: object) -> dict:
-    episode = Episode(EpisodeConfig(seed=seed, out=out, **({"labels": "truth", "steps": 3} | changes)))
-    assert episode.run()
+def short_report(out: Path, **changes: object) -> dict:
+    assert Episode(EpisodeConfig(out=out, labels="truth", detector=None, **changes)).run()
     return json.loads((out / "report.json").read_text())
 
 
-def test_tags_on_the_walls_show_how_true_the_maps_distances_are(tmp_path):
-    localisation = short_report(tmp_path, 0, fiducials=30, detector=None, steps=2)["localisation"]
-    assert 2 <= localisation["fiducials_found"] <= 30
-    assert 0 < localisation["fiducial_error_m"] < 0.02
-
-
-def test_a_robot_that_is_given_its_pose_makes_no_error_and_one_that_trusts_its_wheels_does(tmp_path):
-    given, drifting = (
-        short_report(tmp_path / name, 0, detector=None, steps=2, **settings)
-        for name, settings in (("a", {"odometry": "truth"}), ("b", {"localisation": "odometry"}))
-    )
+def test_a_robot_that_is_given_its_pose_makes_no_error_but_of_reading_tags_and_one_that_trusts_its_wheels_does(
+    tmp_path,
+):
+    given = short_report(tmp_path / "a", odometry="truth", fiducials=30, steps=2)
+    drifting = short_report(tmp_path / "b", localisation="odometry", steps=1)
     assert "victims" not in given
-    keyframes = given["localisation"].pop("keyframes")
-    assert max(given["localisation"].values()) < 1e-9
-    assert keyframes > 5
+    error = given["localisation"]
+    assert error.pop("keyframes") > 5
+    assert 2 <= error.pop("fiducials_found") <= 30
+    assert 0 < error.pop("fiducial_error_m") < 0.02
+    assert max(error.values()) < 1e-9
     assert drifting["localisation"]["ate_rmse_m"] > 0
     assert drifting["localisation"]["loops"] == 0
-
-
-def test_victims_are_reported_if_there_is_a_detector(tmp_path):
-    files = tmp_path / "a.cfg", tmp_path / "a.weights"
-    files[0].write_text(SMALL)
-    write_weights(files[1], random_network(SMALL))
-    report = short_report(tmp_path / "b", 0, detector=files, steps=1)
-    assert report["victims"]["present"] == 2
-    assert report["timing_ms"]["victims"]["median"] > 0
-    assert report["config"]["detector"] == [path.name for path in files]
 
 
 def test_a_pickle_for_weights_is_refused(tmp_path, monkeypatch, capsys):
@@ -159,7 +134,7 @@ def ended_in_step(number: int, ending: signal.Signals, monkeypatch) -> None:
 def test_ctrl_c_leaves_a_whole_recording_and_report(tmp_path, monkeypatch, capsys):
     ended_in_step(2, signal.SIGINT, monkeypatch)
     with pytest.raises(SystemExit) as stop:
-        run_command(monkeypatch, "--labels", "truth", "--detector", "None", "--out", tmp_path)
+        run_command(monkeypatch, *QUICK, "--out", tmp_path)
     assert stop.value.code == 128 + signal.SIGINT
     assert json.loads((tmp_path / "report.json").read_text())["steps"] == 2
     assert (tmp_path / "episode.rrd").stat().st_size > 100_000
@@ -167,12 +142,16 @@ def test_ctrl_c_leaves_a_whole_recording_and_report(tmp_path, monkeypatch, capsy
 
 
 @pytest.mark.skipif(not WEIGHTS.exists(), reason="no network has been trained")
-def test_an_episode_with_a_network_that_was_stopped_goes_on_bit_for_bit(tmp_path, monkeypatch, capsys):
+def test_an_episode_with_networks_that_was_stopped_goes_on_bit_for_bit(tmp_path, monkeypatch, capsys):
     whole, stopped = tmp_path / "whole", tmp_path / "stopped"
-    run_command(monkeypatch, "--steps", 2, "--out", whole)
+    files = tmp_path / "a.cfg", tmp_path / "a.weights"
+    files[0].write_text(SMALL)
+    write_weights(files[1], random_network(SMALL))
+    flags = ("--steps", 2, "--detector", *files)
+    run_command(monkeypatch, *flags, "--out", whole)
     ended_in_step(1, signal.SIGTERM, monkeypatch)
     with pytest.raises(SystemExit) as stop:
-        run_command(monkeypatch, "--steps", 2, "--out", stopped)
+        run_command(monkeypatch, *flags, "--out", stopped)
     assert stop.value.code == 128 + signal.SIGTERM
     assert json.loads((stopped / "report.json").read_text())["steps"] == 1
     assert (stopped / "episode.rrd").stat().st_size > 100_000
@@ -189,7 +168,7 @@ def test_an_episode_with_a_network_that_was_stopped_goes_on_bit_for_bit(tmp_path
         for key in ("config", "wall_time_s", "real_time_factor", "timing_ms"):
             del report[key]
     assert first == again
-    assert first["steps"] == 2
+    assert first["steps"] == first["victims"]["present"] == 2
     assert 0.6 < first["semantic_map"]["miou_four"] < 1
     assert first["segments"]["angle_error_deg"]["median"] < 1
     assert first["topological_map"]["edges_through_walls"] == 0
@@ -207,7 +186,7 @@ def test_what_cannot_be_resumed_is_reported(tmp_path, monkeypatch, capsys):
 
 
 def test_sigterm_ends_the_page_and_leaves_the_report(tmp_path):
-    flags = ["--labels", "truth", "--detector", "None", "--view", "web", "--out", str(tmp_path)]
+    flags = [*QUICK, "--view", "web", "--out", str(tmp_path)]
     program = ROOT / "scripts" / "run_episode.py"
     process = subprocess.Popen([sys.executable, program, *flags], stdout=subprocess.PIPE, text=True)
     assert process.stdout is not None
@@ -233,10 +212,8 @@ BAD_LABEL = IN_A_WALL.replace('user="1"', 'user="11"').replace("0.5 0.5 0.5", "0
     [
         (None, "No such file"),
         ("<mujoco><worldbody>", "not readable XML"),
-        ("<mujoco><worldbody><geom type='box' size='-1 1 1'/></worldbody></mujoco>", "not a readable MJCF file"),
         ("<robot/>", "not a readable MJCF file"),
         (BOMB, "declares a document type"),
-        ("<mujoco><worldbody/></mujoco>", "no free start"),
         (NO_FLOOR, "no free start"),
         (IN_A_WALL, "no free start"),
         (BAD_LABEL, "no label"),
@@ -246,14 +223,13 @@ def test_a_bad_arena_is_one_line_and_status_2(arena, message, tmp_path, monkeypa
     path = tmp_path / "arena.xml"
     if arena is not None:
         path.write_text(arena)
-    assert_refused(["--arena", str(path), "--out", str(tmp_path / "out")], message, monkeypatch, capsys)
+    assert_refused([*QUICK, "--arena", str(path), "--out", str(tmp_path / "out")], message, monkeypatch, capsys)
 
 
 @pytest.mark.parametrize(
     ("flags", "message"),
     [
         (["--arena", "atlantis"], "unknown arena 'atlantis'"),
-        (["--odometry", "stars"], "'stars'"),
         (["--seed", "-1"], "--seed -1"),
         (["--goals", "1", "2", "nan", "0"], "--goals 1 2 nan 0: no place is there"),
         (["--goals", "1", "2", "3"], "--goals"),
@@ -262,19 +238,17 @@ def test_a_bad_arena_is_one_line_and_status_2(arena, message, tmp_path, monkeypa
         (["--detector", "none.cfg", "none.weights"], "none.cfg: No such file"),
         (["--detector", "one.cfg"], "--detector"),
         (["--steps", "0"], "--steps 0"),
-        (["--speed", "0"], "--speed 0"),
         (["--speed", "nan"], "--speed nan"),
         (["--fiducials", "99"], "--fiducials 99: 0 to 50"),
-        (["--steps", "many"], "--steps"),
         (["--out", "/dev/null/x"], "/dev/null/x"),
         (["--out", str(WEIGHTS.parent)], "weights: not empty: it holds "),
         (["--out", ""], "--out '': nothing is given"),
-        (["--labels", "truth", "--map", "nowhere"], "nowhere/keyframes.npz"),
-        (["--labels", "truth", "--robot", "none.xml"], "none.xml"),
+        (["--map", "nowhere"], "nowhere/keyframes.npz"),
+        (["--robot", "none.xml"], "none.xml"),
     ],
 )
 def test_a_bad_flag_is_one_line_and_status_2(flags, message, tmp_path, monkeypatch, capsys):
-    assert_refused(["--out", str(tmp_path / "runs" / "a"), *flags], message, monkeypatch, capsys)
+    assert_refused([*QUICK, "--out", str(tmp_path / "runs" / "a"), *flags], message, monkeypatch, capsys)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -286,14 +260,14 @@ def test_a_bad_detector_is_one_line_and_status_2(cfg, weights, message, tmp_path
     files = tmp_path / "a.cfg", tmp_path / "a.weights"
     files[0].write_text(cfg)
     files[1].write_bytes(weights)
-    flags = ["--labels", "truth", "--detector", *map(str, files), "--out", str(tmp_path / "out")]
+    flags = [*QUICK, "--detector", *map(str, files), "--out", str(tmp_path / "out")]
     assert_refused(flags, message, monkeypatch, capsys)
 
 
 def test_a_window_needs_a_display(tmp_path, monkeypatch, capsys):
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-    assert_refused(["--view", "spawn", "--out", str(tmp_path / "run")], "display", monkeypatch, capsys)
+    assert_refused([*QUICK, "--view", "spawn", "--out", str(tmp_path / "run")], "display", monkeypatch, capsys)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -316,8 +290,7 @@ def test_its_config_file_repeats_an_episode_in_another_folder(tmp_path, monkeypa
     monkeypatch.chdir(tmp_path)
     (tmp_path / "small.xml").write_text(room((-0.6, 1.4), (-0.8, 0.8)))
     small = ("--arena", "small.xml", "--random.columns", 3, "--random.rows", 4)
-    quick = ("--steps", 1, "--seed", 5, "--labels", "truth", "--sensor", "ideal", "--detector", None)
-    run_command(monkeypatch, *small, *quick, "--goals", 0, 0)
+    run_command(monkeypatch, *small, *QUICK, "--steps", 1, "--seed", 5, "--sensor", "ideal", "--goals", 0, 0)
     first = tmp_path / "runs" / "small-5"
     run_command(monkeypatch, "--config", first / "config.yaml")
     run_command(monkeypatch, "--config", first / "config.yaml", "--seed", "6", "--out", "other")

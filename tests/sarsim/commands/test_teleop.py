@@ -10,33 +10,29 @@ from pathlib import Path
 
 import pytest
 
-from sarsim.commands.cli import run
+from sarsim.commands.settings import run_with_settings
 from sarsim.commands.teleop import teleop
+from sarsim.settings import TeleopConfig
 from tests.refusal import refusal
 
 TELEOP = Path(__file__).parents[3] / "scripts" / "teleop.py"
 NO_DISPLAY = {key: value for key, value in os.environ.items() if key not in ("DISPLAY", "WAYLAND_DISPLAY")}
 
 
-def test_without_a_display_it_ends_with_one_line_and_status_2():
-    done = subprocess.run([sys.executable, TELEOP], env=NO_DISPLAY, capture_output=True, text=True)
-    assert done.returncode == 2
-    assert "no display" in done.stderr
-    assert done.stderr.count("\n") == 1
-
-
 @pytest.mark.parametrize(
     ("flags", "reason"),
     [
+        ((), "no display"),
         (("--arena", "atlantis"), "unknown arena 'atlantis'"),
-        (("--arena", "missing.xml"), "missing.xml"),
         (("--arena", "random:x"), "whole number"),
         (("--gamepad", "/dev/input/js99"), "No such file"),
         (("--gamepad", __file__), "not a device"),
     ],
 )
-def test_what_cannot_work_ends_with_one_line_and_status_2(flags, reason, capsys):
-    assert reason in refusal(capsys, run, teleop, flags)
+def test_what_cannot_work_ends_with_one_line_and_status_2(flags, reason, monkeypatch, capsys):
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
+    assert reason in refusal(capsys, run_with_settings, teleop, TeleopConfig, flags)
 
 
 @pytest.mark.display

@@ -6,7 +6,6 @@ import pytest
 
 from pipeline.finds.hazmat import HazmatReader
 from sarsim.commands import train
-from tests.refusal import refusal
 from tests.sarsim.dataset.people_dataset import write_people_dataset
 
 pytestmark = pytest.mark.training
@@ -22,11 +21,3 @@ def test_the_command_leaves_weights_that_the_robot_can_use(
     train.train_hazmat(train.TrainHazmat(data=(data,), out=out, **few))
     assert str(out) in capsys.readouterr().out.replace("\n", "")
     assert HazmatReader.load(out)
-
-
-def test_another_name_for_the_weights_is_refused(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
-) -> None:
-    flags = ["--data", str(tmp_path), "--out", str(tmp_path / "hazmat.pth")]
-    monkeypatch.setattr("sys.argv", ["train.py", "hazmat", *flags])
-    assert "hazmat.pth" in refusal(capsys, train.main)

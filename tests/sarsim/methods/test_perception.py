@@ -31,13 +31,7 @@ def test_labels_come_from_rules_the_simulator_or_a_class_of_the_users(
 
 @pytest.mark.parametrize(
     ("labels", "said"),
-    [
-        ("magic", "none of pointnet, .*, rules, truth or MODULE:CLASS"),
-        ("no_such_module:Mine", "No module named 'no_such_module'"),
-        ("json:Mine", "has no attribute 'Mine'"),
-        ("json:JSONDecoder", "has no method classify"),
-        ("fractions:Fraction.x", "no attribute"),
-    ],
+    [("magic", "none of pointnet, .*, rules, truth or MODULE:CLASS"), ("fractions:Fraction.x", "no attribute")],
 )
 def test_labels_that_nothing_gives_are_refused(labels: str, said: str) -> None:
     with pytest.raises(InputError, match=said):

@@ -1,4 +1,4 @@
-"""Reading tags and scoring by them; run with -s to see how exactly."""
+"""Reading tags and scoring by them."""
 
 import numpy as np
 import pytest
@@ -8,7 +8,7 @@ from numpy.testing import assert_allclose
 from pipeline.frame import Frame, Intrinsics
 from pipeline.transforms import from_yaw, inverse, transform_points
 from sarsim.arenas.arena import RescueArena
-from sarsim.arenas.fiducials import TAG_SIDE, hang_fiducials
+from sarsim.arenas.fiducials import hang_fiducials
 from sarsim.arenas.things.codes import tag_picture
 from sarsim.scoring.fiducials import FiducialScore, read_fiducials
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
@@ -65,10 +65,6 @@ def test_a_tag_too_near_for_depth_is_as_far_as_it_is_large():
     assert_allclose(middle, [0, 0, 0.02 * 555 / 16], atol=0.01)
 
 
-def test_an_image_without_tags():
-    assert read_fiducials(frame()) == []
-
-
 def test_the_error_is_that_of_the_distances():
     """Three tags; the true distances are shorter by 0.1, 0.2 and 0.3 m: RMS √(0.14 / 3)."""
     a, b, c = in_base(20, 200, 6), in_base(280, 200, 6), in_base(500, 200, 6)
@@ -122,9 +118,11 @@ def test_nothing_is_reported_where_no_tags_hang():
     assert score.report() == {}
 
 
-@pytest.mark.parametrize(("distance", "tolerance"), [(0.6, 0.006), (1.0, 0.006), (2.0, 0.01), (3.0, 0.02)])
-@pytest.mark.parametrize("lighting", ["normal", "dark"])
-def test_tags_are_read_through_the_noise(distance, tolerance, lighting):
+@pytest.mark.parametrize(
+    ("distance", "lighting", "tolerance"),
+    [(0.6, "normal", 0.006), (1.0, "dark", 0.006), (2.0, "normal", 0.01), (3.0, "dark", 0.02)],
+)
+def test_tags_are_read_through_the_noise(distance, lighting, tolerance):
     errors = []
     for seed, bearing in enumerate((-0.6, 0.0, 0.6)):
         arena = RescueArena(mjcf.from_xml_string(HALL))
@@ -141,7 +139,6 @@ def test_tags_are_read_through_the_noise(distance, tolerance, lighting):
         errors.append(np.linalg.norm(middle - true))
         assert tag == 0
         robot.close()
-    print(f"\n{distance:g} m, {lighting}: {1000 * np.mean(errors):.1f} mm, at most {1000 * max(errors):.1f} mm")
     assert max(errors) < tolerance
 
 
@@ -159,10 +156,3 @@ def test_a_tag_changes_neither_label_nor_depth_of_its_wall():
     bare, tagged = images
     np.testing.assert_array_equal(bare.label, tagged.label)
     assert_allclose(bare.depth, tagged.depth, atol=0.003)
-
-
-def test_the_side_is_what_hangs_on_the_wall():
-    arena = RescueArena(mjcf.from_xml_string(HALL))
-    hang_fiducials(arena, 1, seed=0)
-    geom = arena.mjcf_model.find("geom", "fiducial_0")
-    assert_allclose(geom.size[:2], TAG_SIDE / 2 * 10 / 8)

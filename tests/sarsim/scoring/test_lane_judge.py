@@ -23,15 +23,7 @@ def rolled(degrees):
 
 
 @pytest.mark.parametrize(
-    ("yaw", "reach"),
-    [
-        (0, 0.254),
-        (180, 0.254),
-        (90, 0.2485),
-        (-90, 0.2485),
-        (45, (0.254 + 0.2485) / sqrt(2)),
-        (135, 0.5025 / sqrt(2)),
-    ],
+    ("yaw", "reach"), [(180, 0.254), (90, 0.2485), (45, (0.254 + 0.2485) / sqrt(2)), (135, 0.5025 / sqrt(2))]
 )
 @pytest.mark.parametrize("end", [1, -1])
 def test_the_whole_robot_must_be_in_the_end_zone(yaw, reach, end):

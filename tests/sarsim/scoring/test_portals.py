@@ -3,7 +3,7 @@ import pytest
 
 from pipeline.grid_map import Grid
 from sarsim.ground_truth.true_surface import TrueSurface
-from sarsim.scoring.portals import portals, skeleton
+from sarsim.scoring.portals import portals
 
 CLEARANCE = 0.3
 
@@ -45,12 +45,3 @@ def test_corridors_of_the_leagues_meet_in_a_junction(arms, count):
     found = portals(surface_of(drivable), CLEARANCE)
     assert len(found) == count
     np.testing.assert_allclose(found, np.full((count, 2), 2.0), atol=0.15)
-
-
-def test_a_skeleton_is_a_line_that_stays_whole():
-    mask = np.zeros((30, 12), np.bool_)
-    mask[3:27, 3:10] = True
-    thin = skeleton(mask)
-    assert (thin <= mask).all()
-    assert 15 < thin.sum() < 30
-    assert set(np.argwhere(thin)[:, 1]) <= {5, 6, 7}

@@ -76,16 +76,9 @@ def test_no_one_found_has_no_error(score):
     assert (report["found"], report["false_alarms"]) == (0, 0)
 
 
-def test_visible_is_who_shows_enough_pixels_with_depth_in_one_look(score):
+def test_a_person_in_view_counts_as_visible(score):
     score.add(shown(VISIBLE - 1, 3))
-    score.add(shown(VISIBLE - 1, 3))
-    assert not score.visible.any()
-    score.add(replace(shown(VISIBLE, 3), depth=np.zeros((40, 40), np.float32)))
     assert not score.visible.any()
     score.add(shown(VISIBLE, 3))
     assert score.visible.tolist() == [False, True]
-    both = shown(VISIBLE, 1)
-    both.instance.ravel()[VISIBLE // 2 : VISIBLE] = 2
-    score.add(both)
-    assert score.visible.tolist() == [True, True]
     assert score.report(np.array([B]))["visible_found"] == 1

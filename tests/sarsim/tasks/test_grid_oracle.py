@@ -4,16 +4,8 @@ import pytest
 from pipeline.errors import InputError
 from sarsim.tasks.grid_explorers import EXPLORERS, explore
 from sarsim.tasks.grid_oracle import GridOracle
-from sarsim.tasks.grid_scenes import GridScene
-from sarsim.tasks.grid_world import CAMERA, GridRules, GridWorld
-
-RULES = GridRules(20, 360.0, 0.5, 3, 5, 1, 20, 200)
-
-
-def hall() -> GridScene:
-    free = np.zeros((21, 110), np.bool_)
-    free[5:16, 5:105] = True
-    return GridScene(free, (10, 25), 1.0)
+from sarsim.tasks.grid_world import CAMERA, GridWorld
+from tests.sarsim.tasks.test_grid_explorers import RULES, hall
 
 
 def test_a_tour_is_feasible_not_below_its_bound_and_no_longer_than_an_explorers_way() -> None:

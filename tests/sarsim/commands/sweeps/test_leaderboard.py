@@ -94,11 +94,6 @@ def test_the_fastest_comes_first_and_other_arenas_have_a_table_of_their_own() ->
     assert pair.rows[0][-2:] == ("0", "abc, P")
 
 
-def test_the_title_names_the_first_and_last_of_many_arenas() -> None:
-    (table,) = boards([replace(FAST, arenas=("a", "b", "c", "d"))])
-    assert table.title.startswith("a … d: ")
-
-
 @pytest.mark.parametrize(
     "change", [{"rows": {}}, {"seeds": [0]}, {"rows": {"arena": ["a"], "seed": [0, 1]}}, {"x": 1}]
 )

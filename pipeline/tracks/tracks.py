@@ -10,6 +10,8 @@ from pipeline.frame import Frame
 from pipeline.tracks.track import Track
 from pipeline.transforms import inverse
 
+LARGEST = 1e12
+"""Bounds gates that accept every squared distance: those of other objects are infinite."""
 Join = Callable[[list[Track], Sequence[Track]], list[Track]]
 """Adds new tracks to a list, each to the track of the same object or as one of its own; gives those that took one."""
 
@@ -95,7 +97,7 @@ def join_one_to_one(tracks: list[Track], new: Sequence[Track]) -> list[Track]:
     before = list(tracks)
     cost = np.array([[_of_kind(one.policy.distance, track, one) for track in before] for one in new])
     cost = cost.reshape(len(new), len(before))
-    gates = np.array([one.policy.gate for one in new])
+    gates = np.minimum([one.policy.gate for one in new], LARGEST)
     rows, columns = linear_sum_assignment(np.minimum(cost, 2 * gates[:, None]))
     same = {row: before[column] for row, column in zip(rows, columns, strict=True) if cost[row, column] <= gates[row]}
     for row, one in enumerate(new):

@@ -113,7 +113,7 @@ class Mapper:
         self.observers: list[MapObserver] = []
         self.config, self.policy = config, config.localisation.keyframes
         self.classifier, self.detector, self.readers = classifier, detector, readers
-        self._background, self._searched = BackgroundReader(detector, readers), SearchedSurface(config.finds.search)
+        self._background, self._searched = BackgroundReader(), SearchedSurface(config.finds.search)
         self.localisation: Localisation = localisation or Slam(config=config.localisation)
         self.metric_map = MetricMap(config.metric_map)
         self.elevation_map = ElevationMap(robot, config.elevation_map)
@@ -419,7 +419,7 @@ class Mapper:
         is_unsure = any(tracks.has_unsure_in(frame, T_map_camera, looks) for tracks in (self.victims, self.finds))
         if at_stop or is_unsure or self._searched.is_new(sight):
             self._searched.add(sight)
-            self._background.begin(frame, len(self.keyframes))
+            self._background.begin(frame, len(self.keyframes), self.detector, self.readers)
 
     def _take_read(self) -> list[Detection]:
         """Place what was read in the newest frame that was begun, if any; the people in it."""

@@ -32,25 +32,28 @@ class ReadFrame:
 class BackgroundReader:
     """Reads one frame at a time; its caller decides when it takes the result, so that episodes repeat exactly."""
 
-    def __init__(self, detector: Detector | None, readers: FindReader | None):
-        """With a detector of people, and readers of finds; without either, it finds none."""
-        self._detector, self._readers, self._thread = detector, readers, ThreadPoolExecutor(1, initializer=_alone)
+    def __init__(self) -> None:
+        self._thread = ThreadPoolExecutor(1, initializer=_alone)
         self._begun: Future[ReadFrame] | None = None
 
-    def begin(self, frame: Frame, keyframe: int) -> None:
-        """Begin to read the frame of a keyframe; one that was begun before must have been taken by :meth:`end`."""
+    def begin(self, frame: Frame, keyframe: int, detector: Detector | None, readers: FindReader | None) -> None:
+        """Begin to read the frame of a keyframe; one that was begun before must have been taken by :meth:`end`.
+
+        Without a detector no people are found, without readers nothing else.
+        """
         assert self._begun is None
-        self._begun = self._thread.submit(self._read, frame, keyframe)
+        self._begun = self._thread.submit(_read, frame, keyframe, detector, readers)
 
     def end(self) -> ReadFrame | None:
         """Wait until the frame that was begun is read, and give what it shows; None if none was begun."""
         begun, self._begun = self._begun, None
         return None if begun is None else begun.result()
 
-    def _read(self, frame: Frame, keyframe: int) -> ReadFrame:
-        detections = [] if self._detector is None else self._detector.detect(frame.rgb)
-        readings = [] if self._readers is None else self._readers.read(frame, detections)
-        return ReadFrame(frame, keyframe, detections, readings)
+
+def _read(frame: Frame, keyframe: int, detector: Detector | None, readers: FindReader | None) -> ReadFrame:
+    detections = [] if detector is None else detector.detect(frame.rgb)
+    readings = [] if readers is None else readers.read(frame, detections)
+    return ReadFrame(frame, keyframe, detections, readings)
 
 
 def _alone() -> None:

@@ -38,9 +38,9 @@ class DetectorOfOne:
 
 def test_a_frame_is_read_beside_and_taken_once() -> None:
     readers, frame = SlowReaders(), step(camera_at(1, 0))
-    reader = BackgroundReader(DetectorOfOne(), readers)  # type: ignore[arg-type]
+    reader = BackgroundReader()
     assert reader.end() is None
-    reader.begin(frame, 7)
+    reader.begin(frame, 7, DetectorOfOne(), readers)
     readers.go_on.set()
     read = reader.end()
     assert read is not None
@@ -50,8 +50,8 @@ def test_a_frame_is_read_beside_and_taken_once() -> None:
 
 
 def test_without_a_detector_and_readers_nothing_is_found() -> None:
-    reader = BackgroundReader(None, None)
-    reader.begin(step(camera_at(1, 0)), 3)
+    reader = BackgroundReader()
+    reader.begin(step(camera_at(1, 0)), 3, None, None)
     read = reader.end()
     assert read is not None
     assert (read.keyframe, read.detections, read.readings) == (3, [], [])

@@ -2,17 +2,8 @@ import numpy as np
 import pytest
 
 from sarsim.tasks.grid_explorers import EXPLORERS, Sights, explore
-from sarsim.tasks.grid_scenes import GridScene
-from sarsim.tasks.grid_world import GridRules, GridWorld
-
-RULES = GridRules(20, 360.0, 0.5, 3, 5, 1, 20, 200)
-
-
-def hall() -> GridScene:
-    """A corridor of 11 × 100 cells whose robot stands 20 cells from its left end."""
-    free = np.zeros((21, 110), np.bool_)
-    free[5:16, 5:105] = True
-    return GridScene(free, (10, 25), 1.0)
+from sarsim.tasks.grid_world import GridWorld
+from tests.sarsim.tasks.corridor import RULES, hall
 
 
 @pytest.mark.parametrize("name", sorted(set(EXPLORERS) - {"random_walk"}))

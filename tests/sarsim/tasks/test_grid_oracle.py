@@ -5,7 +5,7 @@ from pipeline.errors import InputError
 from sarsim.tasks.grid_explorers import EXPLORERS, explore
 from sarsim.tasks.grid_oracle import GridOracle
 from sarsim.tasks.grid_world import CAMERA, GridWorld
-from tests.sarsim.tasks.test_grid_explorers import RULES, hall
+from tests.sarsim.tasks.corridor import RULES, hall
 
 
 def test_a_tour_is_feasible_not_below_its_bound_and_no_longer_than_an_explorers_way() -> None:

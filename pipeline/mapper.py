@@ -19,7 +19,6 @@ from pipeline.errors import InputError
 from pipeline.finds.background_reader import BackgroundReader
 from pipeline.finds.find_map import Finds
 from pipeline.finds.readers import FindReader
-from pipeline.finds.searched_surface import SearchedSurface
 from pipeline.frame import Frame
 from pipeline.geometry.moving_kernels import moved
 from pipeline.keyframes import Keyframes, Moves, Seen, nearest
@@ -113,7 +112,7 @@ class Mapper:
         self.observers: list[MapObserver] = []
         self.config, self.policy = config, config.localisation.keyframes
         self.classifier, self.detector, self.readers = classifier, detector, readers
-        self._background, self._searched = BackgroundReader(), SearchedSurface(config.finds.search)
+        self._background = BackgroundReader()
         self.localisation: Localisation = localisation or Slam(config=config.localisation)
         self.metric_map = MetricMap(config.metric_map)
         self.elevation_map = ElevationMap(robot, config.elevation_map)
@@ -251,7 +250,7 @@ class Mapper:
             self.localisation.add(localised)
         self._take_read()
         points, index = frame.points(frame.T_base_camera), len(self.keyframes)
-        self._begin_reading(frame, T_map_base @ frame.T_base_camera, at_stop=labelled)
+        self._background.begin(frame, index, self.detector, self.readers)
         in_map = moved(T_map_base, points) if labelled else np.zeros((0, 3), np.float32)
         T_map_camera, probabilities = T_map_base @ frame.T_base_camera, None
         if labelled:
@@ -412,14 +411,6 @@ class Mapper:
         config = self.semantic_map.config
         whole = with_whole_uprights(points, labels, robot, self.elevation_map.grid.cell, config)
         return with_finds(points, whole, self.finds.shown, people, robot.max_step, config.skin)
-
-    def _begin_reading(self, frame: Frame, T_map_camera: Pose, at_stop: bool) -> None:
-        """Search an image, on the way only for what is new in it, or for what is not sure yet."""
-        sight, looks = self._searched.sight(frame, T_map_camera), self.config.finds.search.looks
-        is_unsure = any(tracks.has_unsure_in(frame, T_map_camera, looks) for tracks in (self.victims, self.finds))
-        if at_stop or is_unsure or self._searched.is_new(sight):
-            self._searched.add(sight)
-            self._background.begin(frame, len(self.keyframes), self.detector, self.readers)
 
     def _take_read(self) -> list[Detection]:
         """Place what was read in the newest frame that was begun, if any; the people in it."""

@@ -116,32 +116,9 @@ class HeatConfig:
 
 
 @dataclass(frozen=True)
-class SearchConfig:
-    """Which images on the way are searched; at stops all are.
-
-    Attributes:
-        share: of an image's pixels that must show surface not searched from about as near; with 0 every image is
-            searched.
-        nearer: the distance must be less than so many times the least one from which the surface was searched.
-        near: m; from there everything is large enough.
-        looks: what was seen or missed less often is looked for again in every image that should show it.
-        voxel: m, side of the voxels of surface.
-        stride: pixels; every so many rows and columns are looked at.
-    """
-
-    share: float = 0.2
-    nearer: float = 0.75
-    near: float = 1.0
-    looks: int = 4
-    voxel: float = 0.2
-    stride: int = 16
-
-
-@dataclass(frozen=True)
 class FindsConfig:
     """The numbers of all readers; each part says its own."""
 
-    search: SearchConfig = SearchConfig()
     squares: SquaresConfig = SquaresConfig()
     hazmat: HazmatConfig = HazmatConfig()
     codes: CodesConfig = CodesConfig()

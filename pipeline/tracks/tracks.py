@@ -38,12 +38,6 @@ class Tracks:
         """Those worth another look."""
         return [track for track in self.all if track.policy.is_worth_a_look(track)]
 
-    def has_unsure_in(self, frame: Frame, T_map_camera: Pose, looks: int) -> bool:
-        """Whether a frame should show anything unconfirmed, or seen and missed fewer than ``looks`` times in all."""
-        T_camera_map = inverse(T_map_camera)
-        unsure = (t for t in self.all if not t.is_confirmed or len(t.seen) + t.missed < looks)
-        return any(track.policy.should_show(track, frame, T_camera_map) for track in unsure)
-
     def place(self, poses: Poses) -> None:
         """Move all with their keyframes, at these poses in ``map``, and merge what proves to be one object."""
         for track in self.all:

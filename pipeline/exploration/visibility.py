@@ -97,6 +97,8 @@ class ViewpointGains:
         rows = np.full(changed.shape, -1, np.int32)
         rows[tuple(self._cells.T)] = np.arange(len(self._cells))
         row = rows[tuple(cells.T)]
+        if (row >= 0).all() and not changed.any():
+            return self._gains[row]
         # New cells have row -1: they first get the rays of any other cell, which are then renewed.
         rays, sums = (earlier.take(row, axis=0, mode="clip") for earlier in (self._rays, self._gains))
         renewed = self._towards(changed, cells, camera, terrain.cell)

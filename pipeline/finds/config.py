@@ -10,10 +10,10 @@ class SquaresConfig:
     Attributes:
         most_pixels: of an image; a larger one is made smaller, so that it takes no longer than 1600 × 1200.
         least_side: pixels along a side from which a sign may be recognised.
-        windows: pixels along the surroundings with whose mean brightness a pixel is compared.
-        contrast: levels of 256 by which a pixel must be brighter or darker than the mean to stand out.
-        coloured_window: pixels along the surroundings with whose mean saturation a pixel is compared.
-        more_coloured: levels of 256 by which it must be more saturated: on grey walls saturation is mostly noise.
+        small_window, window: pixels along the surroundings with whose mean brightness or saturation a pixel is
+            compared.
+        contrast: levels of 256 by which a pixel must differ from the mean.
+        more_coloured: levels of 256 by which it must be more saturated than the mean to be coloured.
         hues: 256ths of the circle of hues from one mask of a colour to the next.
         hue_width: 256ths of the circle that such a mask spans.
         coloured: saturation, of 255, above which a pixel has a hue.
@@ -27,9 +27,9 @@ class SquaresConfig:
 
     most_pixels: int = 2_097_152
     least_side: int = 16
-    windows: tuple[int, ...] = (17, 51)
+    small_window: int = 17
+    window: int = 51
     contrast: int = 3
-    coloured_window: int = 51
     more_coloured: int = 16
     hues: int = 16
     hue_width: int = 32

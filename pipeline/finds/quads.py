@@ -1,6 +1,7 @@
 """Squares in an image, as those that signs are printed on: outlines with four corners, found in several ways."""
 
 from collections.abc import Iterator, Sequence
+from itertools import product
 
 import cv2
 import numpy as np
@@ -38,10 +39,13 @@ def _masks(rgb: Rgb, config: SquaresConfig) -> Iterator[NDArray[np.uint8]]:
     smooth = np.asarray(cv2.medianBlur(rgb, 3), np.uint8)
     hue, saturation, value = cv2.split(cv2.cvtColor(smooth, cv2.COLOR_RGB2HSV_FULL))
     most = np.iinfo(np.uint8).max
-    passes = [(value, window, above) for window in config.windows for above in (-config.contrast, config.contrast)]
-    for channel, window, above in (*passes, (saturation, config.coloured_window, config.more_coloured)):
-        how = cv2.ADAPTIVE_THRESH_MEAN_C, cv2.THRESH_BINARY, window, -above
-        yield np.asarray(cv2.adaptiveThreshold(channel, most, *how), np.uint8)
+    for window, above in product((config.small_window, config.window), (-config.contrast, config.contrast)):
+        lighter = _above(value, above, window)
+        yield lighter
+        yield most - lighter  # what touches at corners alone is one region in one of the two
+    yield _above(saturation, config.more_coloured, config.window)
+    # On grey walls saturation is noise: without its specks there are few outlines.
+    yield np.asarray(cv2.medianBlur(_above(saturation, -config.contrast, config.small_window), 5), np.uint8)
     for first in range(0, most + 1, config.hues):
         # Hues are a circle, and so are the differences of unsigned bytes.
         is_one = (hue - np.uint8(first) < config.hue_width) & (saturation > config.coloured)
@@ -50,6 +54,12 @@ def _masks(rgb: Rgb, config: SquaresConfig) -> Iterator[NDArray[np.uint8]]:
     thresholds = config.faint_edge, config.sure_edge
     edges = np.max([cv2.Canny(channel, *thresholds) for channel in cv2.split(smooth)], axis=0)
     yield np.where(cv2.dilate(edges, np.ones((3, 3), np.uint8)) > 0, 0, most).astype(np.uint8)
+
+
+def _above(channel: cv2.typing.MatLike, above: int, window: int) -> NDArray[np.uint8]:
+    """255 where a pixel exceeds the mean of its surroundings, of ``window`` pixels along, by more than ``above``."""
+    how = cv2.ADAPTIVE_THRESH_MEAN_C, cv2.THRESH_BINARY, window, -above
+    return np.asarray(cv2.adaptiveThreshold(channel, np.iinfo(np.uint8).max, *how), np.uint8)
 
 
 def _quads_of(mask: NDArray[np.uint8], config: SquaresConfig) -> Iterator[Pixels]:

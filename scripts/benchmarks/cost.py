@@ -162,13 +162,11 @@ class Sampler:
 
     def __init__(self) -> None:
         self.seconds: dict[str, float] = defaultdict(float)
-        self._clocks = dict[int, float]()
         self._ended, self._thread = threading.Event(), threading.Thread(target=self._sample, daemon=True)
 
     def __enter__(self) -> Self:
         self._begin = time.process_time()
-        for ident in sys._current_frames():
-            self._clocks[ident] = _processor_time(ident)
+        self._clocks = {thread: _processor_time(thread) for thread in threading.enumerate()}
         self._thread.start()
         return self
 
@@ -178,20 +176,22 @@ class Sampler:
         self.seconds["native"] = time.process_time() - self._begin - self._own - sum(self.seconds.values())
 
     def _sample(self) -> None:
-        own = threading.get_ident()
         while not self._ended.wait(PERIOD):
-            for ident, frame in sys._current_frames().items():
-                if ident != own:
-                    now = _processor_time(ident)
-                    self.seconds[stage_of(frame)] += now - self._clocks.get(ident, 0.0)
-                    self._clocks[ident] = now
+            frames = sys._current_frames()
+            for thread in threading.enumerate():
+                if thread is not self._thread and thread.ident in frames:
+                    before = self._clocks.get(thread, 0.0)
+                    now = self._clocks[thread] = max(before, _processor_time(thread))
+                    self.seconds[stage_of(frames[thread.ident])] += now - before
         self._own = time.thread_time()
 
 
-def _processor_time(ident: int) -> float:
-    """Processor time, s, that a Python thread has taken so far; 0 if it has just ended."""
+def _processor_time(thread: threading.Thread) -> float:
+    """Processor time, s, that a thread has taken so far; 0 if it has just ended."""
+    assert thread.native_id is not None
     try:
-        return time.clock_gettime(time.pthread_getcpuclockid(ident))
+        # Linux's clock of a thread by its number; pthread_getcpuclockid may crash for one that has ended.
+        return time.clock_gettime((~thread.native_id << 3) | 6)
     except OSError:
         return 0.0
 

@@ -143,7 +143,9 @@ class NextBestView(Strategy):
         """The first viewpoint left that is worth its time by the ground to which the way may be free, if any."""
         traversability, reachable = context.traversability, context.paths.reachable
         pieces, number = ndimage.label(traversability.traversable & ~reachable, np.ones((3, 3)))
-        areas = np.bincount(pieces.ravel(), minlength=number + 1) * outlook.terrain.cell**2
+        if not number:
+            return None
+        areas = np.bincount(pieces.ravel()) * outlook.terrain.cell**2
         areas[0] = 0.0  # no piece
 
         def opened(cells: MaskLayer) -> float:

@@ -35,7 +35,6 @@ STAGES = {
     "pipeline/tracks": "finds",
     "pipeline/victims": "finds",
     "pipeline/semantic_map/networks": "labels",
-    "pipeline/semantic_map/network_classifier.py": "labels",
     "pipeline/semantic_map": "semantic_map",
     "pipeline/localisation": "localisation",
     "pipeline/metric_map": "metric_map",

@@ -17,6 +17,7 @@ from pipeline.arrays import Box, Boxes, Depth, Indices, Mask, Points, Pose, Pose
 from pipeline.elevation_map.config import ElevationConfig
 from pipeline.elevation_map.depth_dropouts import find_depth_dropouts
 from pipeline.elevation_map.elevation_kernels import lowest_rays
+from pipeline.elevation_map.overhangs import find_overhangs
 from pipeline.elevation_map.elevation_map import ElevationMap
 from pipeline.elevation_map.ground_evidence import GroundEvidence, box_of
 from pipeline.errors import InputError
@@ -46,6 +47,7 @@ class Seen:
         points: (N, 3) int16 the returns in ``base_link``, in ``UNIT``, thinned to the voxels of the semantic map, or
             to half a cell of the elevation map and one of its bins if the frame was not labelled.
         hits: (N,) uint8 number of returns that each point is the mean of, 255 at most.
+        above: (N,) uint8 what was seen of the space above each point, see :func:`find_overhangs`.
         dropouts: (M, 3) int16 where ground should have been seen, see :func:`find_depth_dropouts`.
         dropout_hits: (M,) uint8 number of pixels that each of these is the mean of.
         rays: (R, 3) int16 lowest points of rays over the ground in places without returns.
@@ -57,6 +59,7 @@ class Seen:
     T_base_camera: Pose
     points: NDArray[np.int16]
     hits: NDArray[np.uint8]
+    above: NDArray[np.uint8]
     dropouts: NDArray[np.int16]
     dropout_hits: NDArray[np.uint8]
     rays: NDArray[np.int16]
@@ -71,6 +74,7 @@ class Seen:
         stride: int,
         voxel: float,
         config: ElevationConfig,
+        headroom: float,
     ) -> "Seen":
         """What a frame shows.
 
@@ -81,6 +85,7 @@ class Seen:
             stride: pixels from one kept depth to the next.
             voxel: m, of the semantic map, to which a labelled frame is thinned.
             config: of the elevation map, for which one that is not labelled is thinned.
+            headroom: m that the robot needs above the ground.
         """
         half = config.cell / 2
         cloud, near = kept_cloud(points, (half, half, config.bin) if probabilities is None else voxel)
@@ -98,6 +103,7 @@ class Seen:
             T_base_camera=frame.T_base_camera,
             points=_packed(cloud.points[near]),
             hits=_count(cloud.hits[near]),
+            above=find_overhangs(frame, cloud.points[near], headroom, config.overhangs),
             dropouts=_packed(missing.points[missing_near]),
             dropout_hits=_count(missing.hits[missing_near]),
             rays=_packed(rays),
@@ -107,7 +113,7 @@ class Seen:
     @property
     def nbytes(self) -> int:
         """Bytes of its arrays."""
-        arrays = self.depth, self.points, self.hits, self.dropouts, self.dropout_hits, self.rays
+        arrays = self.depth, self.points, self.hits, self.above, self.dropouts, self.dropout_hits, self.rays
         return sum(array.nbytes for array in arrays) + (self.shares.nbytes if self.shares else 0)
 
     @property
@@ -147,7 +153,7 @@ class Seen:
         """Add its returns, dropouts and rays, and that the robot can stand there, at a pose of the robot."""
         points, dropouts, rays = (_placed(p, T_map_base) for p in (self.points, self.dropouts, self.rays))
         camera = (T_map_base @ self.T_base_camera)[:3, 3]
-        elevation_map.update(points, self.hits, dropouts, self.dropout_hits, rays, camera)
+        elevation_map.update(points, self.hits, dropouts, self.dropout_hits, rays, camera, self.above)
         elevation_map.add_track(np.array([[*T_map_base[:2, 3], yaw_of(T_map_base)]]))
 
 

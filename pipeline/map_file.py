@@ -33,7 +33,7 @@ from pipeline.transforms import POSE, are_poses
 from pipeline.victims.people import middle
 
 KEYFRAMES = "keyframes.npz"  # The file that ``--map`` reads in a folder of results
-FORMAT, VERSION = "sarsim keyframes", 6
+FORMAT, VERSION = "sarsim keyframes", 7
 
 Row = dict[str, Any]
 Arrays = dict[str, NDArray[Any]]
@@ -61,6 +61,7 @@ LAYOUT: dict[str, dict[str, Field]] = {
         "up": Field("f8", (3,)),
         "points": _points("i2"),
         "hits": Field("u1", (MANY,)),
+        "above": Field("u1", (MANY,)),
         "dropouts": _points("i2"),
         "dropout_hits": Field("u1", (MANY,)),
         "rays": _points("i2"),
@@ -342,13 +343,14 @@ def _restore_keyframes(rows: dict[str, list[Row]], keyframes: Keyframes) -> None
 
 def _seen_of(row: Row) -> Seen:
     height, width = row["depth"].shape
-    if len(row["hits"]) != len(row["points"]) or len(row["dropout_hits"]) != len(row["dropouts"]):
-        raise ValueError("a keyframe has another number of points than of hits")
+    if len({len(row[name]) for name in ("points", "hits", "above")}) > 1:
+        raise ValueError("a keyframe has another number of points than of hits or of what is above them")
+    if len(row["dropout_hits"]) != len(row["dropouts"]):
+        raise ValueError("a keyframe has another number of dropouts than of their hits")
     if row["is_labelled"] and not len(row["classes"]) == len(row["share"]) == len(row["points"]):
         raise ValueError("a keyframe has another number of points than of classes")
-    kept = {
-        name: row[name] for name in ("depth", "T_base_camera", "points", "hits", "dropouts", "dropout_hits", "rays")
-    }
+    names = "depth", "T_base_camera", "points", "hits", "above", "dropouts", "dropout_hits", "rays"
+    kept = {name: row[name] for name in names}
     shares = ClassShares(row["classes"], row["share"]) if row["is_labelled"] else None
     return Seen(**kept, intrinsics=Intrinsics(width, height, *row["camera"].tolist()), shares=shares)
 

@@ -258,7 +258,8 @@ class Mapper:
                 probabilities = self.classifier.classify(frame, in_map, T_map_camera)
         with self.stopwatch("keyframe"):
             stride, voxel = self.metric_map.stride(frame.intrinsics), self.semantic_map.config.voxel
-            seen = Seen.of(frame, points, probabilities, stride, voxel, self.elevation_map.config)
+            headroom = self.elevation_map.robot.headroom
+            seen = Seen.of(frame, points, probabilities, stride, voxel, self.elevation_map.config, headroom)
             self.keyframes.add(seen, T_map_base)
         with self.stopwatch("metric_map"):
             seen.put_depth(self.metric_map, T_map_base)

@@ -20,6 +20,21 @@ class DropoutConfig:
 
 
 @dataclass(frozen=True)
+class OverhangConfig:
+    """Which surfaces hide the space above the ground, so that something too low for the robot may hang there.
+
+    Attributes:
+        nearer: m by which a surface must be nearer than the space that it hides: the surface itself is in the map.
+        deviations: standard deviations of the sensor's noise that do not count, besides.
+        fewest: pixels one above the other that must show it; fewer are noise of an edge.
+    """
+
+    nearer: float = 0.05
+    deviations: float = 3.0
+    fewest: int = 2
+
+
+@dataclass(frozen=True)
 class PathCosts:
     """What driving costs, in seconds, besides what follows from the robot.
 
@@ -101,6 +116,7 @@ class ElevationConfig:
         start_radius: m from where it was set down within which the robot takes the ground for level until it is seen.
         start_ahead: m, length of the strip before the robot that it takes for level there.
         dropouts: gaps in the depth image.
+        overhangs: above the ground.
         traversability: where the robot may drive.
     """
 
@@ -114,6 +130,7 @@ class ElevationConfig:
     start_radius: float = 0.2
     start_ahead: float = 1.4
     dropouts: DropoutConfig = DropoutConfig()
+    overhangs: OverhangConfig = OverhangConfig()
     traversability: TraversabilityConfig = TraversabilityConfig()
 
     @property

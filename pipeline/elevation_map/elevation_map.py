@@ -15,7 +15,8 @@ from pipeline.arrays import Boxes, Cells, Mask, MaskLayer, Place, Points
 from pipeline.elevation_map import elevation_kernels as kernels
 from pipeline.elevation_map import pose_kernels
 from pipeline.elevation_map.config import ElevationConfig
-from pipeline.grid_map import Grid, GridMap, Layer, box_around, inside
+from pipeline.elevation_map.overhangs_kernels import DISTANT, OPEN, ROOFED
+from pipeline.grid_map import Box, Grid, GridMap, Layer, box_around, inside
 from pipeline.robot import RobotModel
 from pipeline.sensor import XTION
 
@@ -36,6 +37,8 @@ def _evidence(levels: int) -> dict[str, Layer]:
         "height": Layer(np.float32, per_cell=(levels,), in_place=True),
         "hits": Layer(np.uint16, per_cell=(levels,), in_place=True),
         "ceiling": Layer(np.float32, np.inf, in_place=True),
+        "roofed": Layer(np.float32, np.inf, in_place=True),
+        "open": Layer(np.float32, np.inf, in_place=True),
         "assumed": Layer(np.float32, np.nan, in_place=True),
         "touched": Layer(np.float32, np.nan, in_place=True),
         "dropout_direction": Layer(np.float32, per_cell=(2,), in_place=True),
@@ -148,6 +151,7 @@ class ElevationMap:
         dropout_hits: NDArray[np.uint8] | None = None,
         rays: Points = NOTHING,
         camera: Place | None = None,
+        above: NDArray[np.uint8] | None = None,
     ) -> None:
         """Add what a keyframe shows.
 
@@ -158,6 +162,7 @@ class ElevationMap:
             dropout_hits: (M,) number of pixels that each of these is the mean of; 1 if not given.
             rays: points of rays over places without returns, see :func:`elevation_kernels.lowest_rays`.
             camera: where it was; without it dropouts are neither found nor cleared.
+            above: (N,) what is known of the space above each point, see :func:`find_overhangs`.
         """
         if not len(points):
             return
@@ -166,6 +171,12 @@ class ElevationMap:
         returns, missing = layers["returns"], layers["dropouts"]
         judged = within, self._columns, layers["height"], layers["hits"]
         shown = kernels.accumulate(points, _counts(points, hits), *cell, *judged, returns)
+        if above is not None and camera is not None:
+            distant = kernels.without_obstacle_before(
+                points, above == DISTANT, camera, *cell, self._columns, self.robot.max_step, layers["height"], layers["hits"]
+            )
+            kernels.lower_to_lowest(points, above == ROOFED, *cell, within, layers["roofed"])
+            kernels.lower_to_lowest(points, (above == OPEN) | distant, *cell, within, layers["open"])
         passed = kernels.lower_ceiling(layers["ceiling"], rays, *cell, within)
         dropped = kernels.count_dropouts(dropouts, _counts(dropouts, dropout_hits), *cell, *judged, missing)
         cells = np.concatenate([shown, dropped])
@@ -235,11 +246,22 @@ class ElevationMap:
         here, around = box_around(changed, gap), box_around(changed, 2 * gap)
         names = ("returned", "touched", "assumed", "dropout", "ceiling")
         returned, touched, assumed, dropout, ceiling = (layers[name][around] for name in names)
-        measured = np.where(np.isnan(touched), np.where(dropout, np.float32(np.nan), returned), touched)
-        known = np.where(np.isnan(measured) & ~dropout, assumed, measured)
-        bridged = kernels.bridge_gaps(known, dropout, ceiling, gap - 1, self.config.bin, self.config.ray_height)
+        doubtful = dropout | self._is_under_something(around)
+        measured = np.where(np.isnan(touched), np.where(doubtful, np.float32(np.nan), returned), touched)
+        known = np.where(np.isnan(measured) & ~doubtful, assumed, measured)
+        bridged = kernels.bridge_gaps(known, doubtful, ceiling, gap - 1, self.config.bin, self.config.ray_height)
         layers.write("measured", measured[inside(here, around)], here)
         layers.write("elevation", bridged[inside(here, around)], here)
+
+
+    def _is_under_something(self, box: Box) -> MaskLayer:
+        """Where something hides a part of the headroom, and no keyframe has seen through all of it, in a box of cells.
+
+        The robot has had headroom where it has been.
+        """
+        layers, noise = self.layers, self.config.bin
+        ground, roofed, seen_open, swept = (layers[name][box] for name in ("returned", "roofed", "open", "swept"))
+        return (np.abs(roofed - ground) <= noise) & ~(seen_open <= ground + noise) & ~swept
 
 
 def _counts(points: Points, hits: NDArray[np.uint8] | None) -> NDArray[np.uint8]:

@@ -42,7 +42,6 @@ class MetricMapConfig:
         hit: what an end point adds to a voxel's value; one return proves a surface.
         miss: what a crossing ray subtracts; rays cross a voxel that has a surface in one corner again and again.
         greatest: value of a voxel; a vanished surface is erased after ``greatest`` / ``miss`` frames.
-        shade: m behind a crest within which unseen ground may slope down from it.
         narrow: depth in voxels up to which the field of view is so narrow that it passes between the corners of
             voxels, so that rays are traced there.
         max_bytes: the most memory that the voxels may take.
@@ -59,7 +58,6 @@ class MetricMapConfig:
     hit: int = 10
     miss: int = 1
     greatest: int = 40
-    shade: float = 1.0
     narrow: float = 6.0
     max_bytes: int = MOST_MEMORY
     isolated_returns: IsolatedReturnsConfig = IsolatedReturnsConfig()

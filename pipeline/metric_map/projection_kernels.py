@@ -45,21 +45,19 @@ class DepthCamera(NamedTuple):
     """(3, 3) the camera's axes x, y, z in the map, in voxels per metre."""
     size: float
     """m, the side of a voxel."""
-    shade: float
-    """m behind a crest within which unseen ground may slope down from it."""
     narrow: float
     """Depth in voxels up to which the field of view passes between the corners of voxels."""
 
 
 @njit(cache=True, nogil=True)
-def observe(depth, pinhole, pose, size, far, margin, shade, narrow, marks, flat, high):
+def observe(depth, pinhole, pose, size, far, margin, narrow, marks, flat, high):
     """Mark the voxels in which rays end as HIT and those that they only cross as FREE.
 
     Args:
         depth: (H, W) float32, m; values that are not positive and finite are no return.
         pinhole: (4,) float64 fx, fy, cx, cy in pixels.
         pose: (3, 4) float64: rotation, camera axes to map axes, and the optical centre in the box, in voxels.
-        size, far, margin, shade, narrow: see DepthCamera.
+        size, far, margin, narrow: see DepthCamera.
         marks: (nx, ny, nz) uint8 zeros, whole blocks that contain the view frustum.
         flat: the same marks in C order, and one last element that stands for "nowhere".
         high: (levels, ⌈H / TILE⌉, ⌈W / TILE⌉) float32, the depth pyramid, to be filled.
@@ -67,7 +65,7 @@ def observe(depth, pinhole, pose, size, far, margin, shade, narrow, marks, flat,
     axes = np.ascontiguousarray(pose[:, :3].T) / size
     origin = pose[:, 3].copy()
     fx, fy, cx, cy = pinhole
-    camera = DepthCamera(fx, fy, cx, cy, far, margin, origin, axes, size, shade, narrow)
+    camera = DepthCamera(fx, fy, cx, cy, far, margin, origin, axes, size, narrow)
     _mark_returns(depth, camera, marks.shape, flat, high[0])
     _build_pyramid(high)
     _mark_narrow(depth, camera, marks)
@@ -198,12 +196,13 @@ def _rays_across(pixels, focal, narrow):
 
 @njit(cache=True)
 def _mark_free(depth, camera, marks, high):
-    """Mark as FREE every voxel that is not a HIT, that has a corner seen by the camera, and that no crest shades.
+    """Mark as FREE every voxel that is not a HIT, has a corner seen by the camera, and is not hidden in part.
 
     Where free space ends at a plane (a surface, the edge of the image or of a shadow), it takes up a part of a
     voxel only if it contains one of the voxel's corners. So the corners, each shared by eight voxels, decide as well
-    as all the rays through a voxel would. A crest shades a voxel that has a vertical edge with a seen top and a
-    hidden foot: rays pass over the crest into the voxel, but ground may slope down behind it in its lower part.
+    as all the rays through a voxel would. A voxel is hidden in part if a vertical edge of it has a seen and a hidden
+    end: rays pass over the edge of a surface, or below it, into the voxel, but the surface may go on from there,
+    level or sloping, at an angle so grazing that it gives no return.
     """
     metric = camera.axes * (camera.size * camera.size)  # m per voxel along each camera axis
     offsets = _corner_offsets(metric)
@@ -316,24 +315,23 @@ def _project_corners(r0, d0, w0, offsets, shape, camera, pixel, deep):
 
 @njit(cache=True)
 def _see_corners(depth, camera, pixel, deep, reach, seen):
-    """Fill ``seen``: SEEN if the ray of a corner's pixel reaches it, HIDDEN if it ends a voxel to a shade before it.
+    """Fill ``seen``: SEEN if the ray of a corner's pixel reaches it, HIDDEN if it does not return or ends a voxel before.
 
     Returns whether any corner is SEEN.
     """
     # Fetching the depths in a loop of its own lets the comparison run in vectors.
     for n in range(CORNERS):
         reach[n] = depth[np.uint32(pixel[n])]
-    far, margin = np.float32(camera.far), np.float32(camera.margin)
-    size, shade = np.float32(camera.size), np.float32(camera.shade)
+    far, margin, size = np.float32(camera.far), np.float32(camera.margin), np.float32(camera.size)
     zero, infinity = np.float32(0), np.float32(np.inf)
     any_seen = np.uint8(0)
     for n in range(CORNERS):
         d = reach[n]
         returns = (d > zero) & (d < infinity)
         d = d if d < far else far
-        # Comparisons with NaN are false: a corner outside the image is neither SEEN nor HIDDEN.
+        # Comparisons with NaN are false: a corner outside the image is neither.
         is_seen = np.uint8(returns & (d - margin > deep[n]))
-        is_hidden = np.uint8(returns & (d + size < deep[n]) & (d + shade > deep[n]))
+        is_hidden = np.uint8(((not returns) & (deep[n] > zero)) | (d + size < deep[n]))
         seen[n] = is_seen * SEEN + is_hidden * HIDDEN
         any_seen |= is_seen
     return any_seen != 0
@@ -341,10 +339,10 @@ def _see_corners(depth, camera, pixel, deep, reach, seen):
 
 @njit(cache=True)
 def _join_corners(seen):
-    """Turn the flags of corners into flags of voxels, in place: SEEN, and HIDDEN if a crest shades the voxel."""
+    """Turn the flags of corners into flags of voxels, in place: SEEN, and HIDDEN if the voxel is hidden in part."""
     for n in range(CORNERS):
         foot, top = seen[n], seen[n + 1]
-        seen[n] = ((foot | top) & SEEN) | (foot & (top << 1) & HIDDEN)
+        seen[n] = ((foot | top) & SEEN) | (((foot & (top << 1)) | (top & (foot << 1))) & HIDDEN)
     for stride in (SIDE, SIDE * SIDE):
         for n in range(CORNERS):
             seen[n] |= seen[n + stride]
@@ -352,7 +350,7 @@ def _join_corners(seen):
 
 @njit(cache=True)
 def _mark_block(seen, marks):
-    """Mark as FREE the voxels of a block that are seen and not shaded by a crest, unless they are marked already."""
+    """Mark as FREE the voxels of a block that are seen and not hidden in part, unless they are marked already."""
     for i in range(BLOCK):
         for j in range(BLOCK):
             for k in range(BLOCK):

@@ -62,7 +62,7 @@ class Updater:
         pose[:, 3] -= scan.lower
         pinhole = np.array([intrinsics.fx, intrinsics.fy, intrinsics.cx, intrinsics.cy])
         pyramid = np.empty(_pyramid_shape(*depth.shape), np.float32)
-        limits = size, far, config.margin, config.shade, config.narrow
+        limits = size, far, config.margin, config.narrow
         observe(depth, pinhole, pose, *limits, scan.marks, scan.flat, pyramid)
         return scan
 

@@ -1,0 +1,30 @@
+"""Overhangs: which ground of a frame lies under something too low for the robot.
+
+A table top below the camera is seen at so grazing an angle that it gives no return, so its column shows nothing but
+the floor below it. Its edge does give returns: they hide a part of the space straight above that floor.
+"""
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.arrays import Points
+from pipeline.elevation_map import overhangs_kernels as kernels
+from pipeline.elevation_map.config import OverhangConfig
+from pipeline.frame import Frame
+from pipeline.transforms import inverse, transform_points
+
+
+def find_overhangs(frame: Frame, points: Points, headroom: float, config: OverhangConfig) -> NDArray[np.uint8]:
+    """What a frame shows of the space above its returns (N, 3), m in ``base_link``, up to ``headroom`` m.
+
+    Returns:
+        (N,) one of the values of ``overhangs_kernels``, in which DISTANT is OPEN unless something too near for the
+        camera stands before it.
+    """
+    k, sensor = frame.intrinsics, frame.sensor
+    in_camera = transform_points(inverse(frame.T_base_camera), points).astype(np.float64)
+    up = (frame.T_odom_base[:3, :3] @ frame.T_base_camera[:3, :3])[2]
+    noise = config.deviations * sensor.sigma(in_camera[:, 2])
+    far = sensor.farthest - sensor.margin
+    limits = headroom, far, config.nearer, config.fewest
+    return kernels.overhangs(in_camera, noise, frame.depth, np.array([k.fx, k.fy, k.cx, k.cy]), up, *limits)

@@ -17,9 +17,9 @@ from pipeline.arrays import Box, Boxes, Depth, Indices, Mask, Points, Pose, Pose
 from pipeline.elevation_map.config import ElevationConfig
 from pipeline.elevation_map.depth_dropouts import find_depth_dropouts
 from pipeline.elevation_map.elevation_kernels import lowest_rays
-from pipeline.elevation_map.overhangs import find_overhangs
 from pipeline.elevation_map.elevation_map import ElevationMap
 from pipeline.elevation_map.ground_evidence import GroundEvidence, box_of
+from pipeline.elevation_map.overhangs import find_overhangs
 from pipeline.errors import InputError
 from pipeline.frame import Frame, Intrinsics
 from pipeline.geometry.moving_kernels import moved

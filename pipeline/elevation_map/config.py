@@ -26,11 +26,13 @@ class OverhangConfig:
     Attributes:
         nearer: m by which a surface must be nearer than the space that it hides: the surface itself is in the map.
         deviations: standard deviations of the sensor's noise that do not count, besides.
+        reach: m, farthest that an overhang goes on behind its edge.
         fewest: pixels one above the other that must show it; fewer are noise of an edge.
     """
 
     nearer: float = 0.05
     deviations: float = 3.0
+    reach: float = 2.0
     fewest: int = 2
 
 

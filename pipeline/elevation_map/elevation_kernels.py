@@ -68,24 +68,6 @@ def lower_to_lowest(points, chosen, origin, cell, within, lowest):
             lowest[i, j] = min(lowest[i, j], points[n, 2])
 
 
-@njit(cache=True, nogil=True)
-def without_obstacle_before(points, chosen, camera, origin, cell, columns, step, height, hits):
-    """(N,) bool, the ``chosen`` of the points (N, 3), m, that no obstacle higher than ``step``, m, stands before.
-
-    ``camera`` is (3,), m; ``height`` and ``hits`` are (nx, ny, nz).
-    """
-    result = chosen.copy()
-    nx, ny = hits.shape[:2]
-    for n in np.flatnonzero(chosen):
-        dx, dy = points[n, 0] - camera[0], points[n, 1] - camera[1]
-        steps = int(np.sqrt(dx * dx + dy * dy) / cell)
-        for k in range(steps - 1):
-            i, j = cell_at(camera[0] + dx * k / steps, camera[1] + dy * k / steps, origin, cell)
-            if 0 <= i < nx and 0 <= j < ny:
-                result[n] &= not column_height(height[i, j], hits[i, j], columns) > points[n, 2] + step
-    return result
-
-
 @njit(cache=True)
 def column_height(height, hits, columns):
     """Height in m of the lowest surface with enough headroom in a column (nz,); NaN if nothing was measured.

@@ -15,7 +15,7 @@ from pipeline.arrays import Boxes, Cells, Mask, MaskLayer, Place, Points
 from pipeline.elevation_map import elevation_kernels as kernels
 from pipeline.elevation_map import pose_kernels
 from pipeline.elevation_map.config import ElevationConfig
-from pipeline.elevation_map.overhangs_kernels import DISTANT, OPEN, ROOFED
+from pipeline.elevation_map.overhangs_kernels import OPEN, ROOFED
 from pipeline.grid_map import Box, Grid, GridMap, Layer, box_around, inside
 from pipeline.robot import RobotModel
 from pipeline.sensor import XTION
@@ -171,12 +171,9 @@ class ElevationMap:
         returns, missing = layers["returns"], layers["dropouts"]
         judged = within, self._columns, layers["height"], layers["hits"]
         shown = kernels.accumulate(points, _counts(points, hits), *cell, *judged, returns)
-        if above is not None and camera is not None:
-            distant = kernels.without_obstacle_before(
-                points, above == DISTANT, camera, *cell, self._columns, self.robot.max_step, layers["height"], layers["hits"]
-            )
+        if above is not None:
             kernels.lower_to_lowest(points, above == ROOFED, *cell, within, layers["roofed"])
-            kernels.lower_to_lowest(points, (above == OPEN) | distant, *cell, within, layers["open"])
+            kernels.lower_to_lowest(points, above == OPEN, *cell, within, layers["open"])
         passed = kernels.lower_ceiling(layers["ceiling"], rays, *cell, within)
         dropped = kernels.count_dropouts(dropouts, _counts(dropouts, dropout_hits), *cell, *judged, missing)
         cells = np.concatenate([shown, dropped])
@@ -253,9 +250,8 @@ class ElevationMap:
         layers.write("measured", measured[inside(here, around)], here)
         layers.write("elevation", bridged[inside(here, around)], here)
 
-
     def _is_under_something(self, box: Box) -> MaskLayer:
-        """Where something hides a part of the headroom, and no keyframe has seen through all of it, in a box of cells.
+        """The cells of a box where something hides a part of the headroom, and no keyframe has seen through all of it.
 
         The robot has had headroom where it has been.
         """

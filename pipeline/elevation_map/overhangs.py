@@ -18,13 +18,19 @@ def find_overhangs(frame: Frame, points: Points, headroom: float, config: Overha
     """What a frame shows of the space above its returns (N, 3), m in ``base_link``, up to ``headroom`` m.
 
     Returns:
-        (N,) one of the values of ``overhangs_kernels``, in which DISTANT is OPEN unless something too near for the
-        camera stands before it.
+        (N,) ``kernels.ROOFED`` if a nearer surface hides a part of it, ``kernels.OPEN`` if the frame sees through all
+        of it, or ``kernels.UNSURE``.
     """
     k, sensor = frame.intrinsics, frame.sensor
     in_camera = transform_points(inverse(frame.T_base_camera), points).astype(np.float64)
-    up = (frame.T_odom_base[:3, :3] @ frame.T_base_camera[:3, :3])[2]
+    up = (frame.T_odom_base[:3, :3] @ frame.T_base_camera[:3, :3])[2].copy()
     noise = config.deviations * sensor.sigma(in_camera[:, 2])
-    far = sensor.farthest - sensor.margin
-    limits = headroom, far, config.nearer, config.fewest
-    return kernels.overhangs(in_camera, noise, frame.depth, np.array([k.fx, k.fy, k.cx, k.cy]), up, *limits)
+    limits = kernels.Limits(
+        headroom=headroom,
+        nearest=sensor.nearest,
+        farthest=sensor.farthest - sensor.margin,
+        nearer=config.nearer,
+        reach=config.reach,
+        fewest=config.fewest,
+    )
+    return kernels.overhangs(in_camera, noise, frame.depth, np.array([k.fx, k.fy, k.cx, k.cy]), up, limits)

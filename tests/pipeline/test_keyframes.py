@@ -30,9 +30,8 @@ def frame(depth: np.ndarray) -> Frame:
 def seen(depth: np.ndarray, labelled: bool = False) -> Seen:
     shown = frame(depth.astype(np.float32))
     points = shown.points(T_BASE_CAMERA)
-    return Seen.of(
-        shown, points, np.full((len(points), 8), 1 / 8, np.float32) if labelled else None, 5, 0.02, ElevationConfig()
-    )
+    probabilities = np.full((len(points), 8), 1 / 8, np.float32) if labelled else None
+    return Seen.of(shown, points, probabilities, 5, 0.02, ElevationConfig(), headroom=0.65)
 
 
 def test_points_are_kept_to_the_unit_wherever_the_robot_is():

@@ -34,11 +34,11 @@ def by_both(depths, poses, config=EXACT, camera=CAMERA):
     return window(projected, traced)
 
 
-def test_after_a_tour_projection_and_rays_agree_in_99_percent_of_the_voxels():
+def test_after_a_tour_projection_and_rays_agree_in_98_percent_of_the_voxels():
     poses = tour(30)
     projected, traced = by_both([depth_image(T) for T in poses], poses)
     known = (projected != 0) | (traced != 0)
-    assert (np.sign(projected) == np.sign(traced))[known].mean() >= 0.99
+    assert (np.sign(projected) == np.sign(traced))[known].mean() >= 0.98
 
 
 def test_single_frames_find_the_very_same_occupied_voxels_and_96_percent_of_all():

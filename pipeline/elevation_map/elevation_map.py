@@ -251,7 +251,7 @@ class ElevationMap:
         layers.write("elevation", bridged[inside(here, around)], here)
 
     def _is_under_something(self, box: Box) -> MaskLayer:
-        """The cells of a box where something hides a part of the headroom, and no keyframe has seen through all of it.
+        """The cells of a box where something hides a part of the headroom that no keyframe has seen through.
 
         The robot has had headroom where it has been.
         """

@@ -139,9 +139,9 @@ def test_a_passage_without_anything_above_stays_open(gap: float) -> None:
 def test_ground_behind_an_overhang_is_free_once_it_is_seen_from_elsewhere() -> None:
     boxes = plate(0.515, 0.03, 0.3, 0.6)
     before = np.array([from_yaw(x, y, 0, 0) for x in (-2.2, -1.9, -1.6) for y in (-0.3, 0, 0.3)])
-    behind = np.array([from_yaw(2.4, y, 0, np.pi + turn) for y in (-1.5, -1, 0) for turn in (-0.5, 0, 0.5)])
-    place = np.array([[0.8, 0.0], [1.0, -0.2]])
+    beside = np.array([from_yaw(x, -1.1, 0, np.pi / 2) for x in np.arange(0.7, 1.2, 0.05)])
+    place = np.array([[0.85, 0.1], [1.0, 0.1]])
     _, ground = mapped(boxes, before)
     assert np.isnan(ground.grid.at(ground.elevation, place)).all()
-    _, ground = mapped(boxes, np.concatenate([before, behind]))
+    _, ground = mapped(boxes, np.concatenate([before, beside]))
     assert np.isfinite(ground.grid.at(ground.elevation, place)).all()

@@ -161,7 +161,7 @@ def test_an_entry_of_wrong_type_length_or_value_is_refused_in_one_line(file, tmp
     ("name", "value", "reason"),
     [
         ("format", "sarsim metric map", "changed.npz"),
-        ("version", 3, "version 6"),
+        ("version", 3, "version 7"),
         ("member.keyframe", -1, "keyframe"),
         ("driven.keyframe", 4, "keyframe"),
         ("victim.tried_from", 4, "keyframe"),

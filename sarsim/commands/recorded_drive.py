@@ -110,6 +110,7 @@ class RecordedDrive(MappingRun):
                 "keyframes": len(self.mapper.keyframes),
                 "loops": len(self.mapper.localisation.loops),
                 "left_out": self.recording.left_out,
+                **({"notes": self.recording.notes} if self.recording.notes else {}),
                 **({"stopped": self.error} if self.error else {}),
             }
         }

@@ -114,7 +114,7 @@ def test_times_that_cannot_be_seconds_are_refused(tmp_path: Path) -> None:
         images(tmp_path / kind, range(3))
         lines = [f"{33_333_333 * k} {kind}/{k}.png\n" for k in range(3)]
         (tmp_path / f"{kind}.txt").write_text("".join(lines))
-    with pytest.raises(InputError, match="3.33333e.07 s apart"):
+    with pytest.raises(InputError, match=r"3.33333e.07 s apart"):
         paired(tmp_path)
 
 
@@ -132,5 +132,5 @@ def test_lists_whose_times_are_all_the_same_take_them_from_the_rate(tmp_path: Pa
 def test_a_line_that_is_no_time_and_file_is_named(line: str, tmp_path: Path) -> None:
     images(tmp_path / "rgb", range(3))
     (tmp_path / "depth.txt").write_text(f"# t file\n0.0 depth/0.png\n{line}\n")
-    with pytest.raises(InputError, match="depth.txt: line 3"):
+    with pytest.raises(InputError, match=r"depth.txt: line 3"):
         paired(tmp_path)

@@ -76,7 +76,7 @@ def _mounted(mount: CameraMount) -> str:
 
 def holds_bag(path: Path) -> bool:
     """Whether a folder is a bag, or one or more lie in it."""
-    return any(path.glob(f"*{ending}") for ending in ENDINGS) or _describes_bag(path / "metadata.yaml")
+    return any(file.suffix in ENDINGS for file in path.iterdir()) or _describes_bag(path / "metadata.yaml")
 
 
 def _describes_bag(file: Path) -> bool:
@@ -86,7 +86,7 @@ def _describes_bag(file: Path) -> bool:
 @contextmanager
 def _opened(path: Path) -> Iterator[AnyReader]:
     """A reader of a bag; its errors, which are of many kinds, become InputError."""
-    alone = [file for ending in ENDINGS for file in sorted(path.glob(f"*{ending}"))] if path.is_dir() else []
+    alone = sorted(file for file in path.iterdir() if file.suffix in ENDINGS) if path.is_dir() else []
     # The reader takes a folder whose name ends with .bag for a file of ROS 1.
     is_lone = len(alone) == 1 and (path.suffix == ".bag" or not _describes_bag(path / "metadata.yaml"))
     file = alone[0] if is_lone else path

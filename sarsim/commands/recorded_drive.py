@@ -51,7 +51,7 @@ class RecordedDrive(MappingRun):
         self.frames, self.error = 0, ""
         self._poses: list[Pose] = []
         self._score, self._T_map_world = TrajectoryScore(mapper.localisation, self._poses), np.eye(4)
-        self._score.has_truth = False
+        self._score.has_truth, self._score.is_recorded = False, True
         others = [_Score(self._score)]
         super().__init__(compose(config, mapper, config.out, config.path.name, others=others, brief=brief))
 

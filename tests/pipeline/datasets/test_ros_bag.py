@@ -9,7 +9,6 @@ import cv2
 import numpy as np
 import pytest
 from rosbags.convert import convert
-from rosbags.typesys import Stores, get_typestore
 from scipy.spatial import KDTree
 
 from pipeline.datasets.recording import Recording
@@ -20,7 +19,7 @@ from pipeline.ros import messages
 from pipeline.ros.topics import ImageFormat
 from pipeline.transforms import from_rotation
 from tests.pipeline.datasets import recorded_room
-from tests.pipeline.datasets.recorded_room import ODOMETRY, WAY, Change, frames, unchanged, without
+from tests.pipeline.datasets.recorded_room import ODOMETRY, SQLITE, TO_ROS_1, WAY, Change, frames, unchanged, without
 
 DEPTH, COLOUR, INFO = "/camera/depth/image_raw", "/camera/color/image_raw", "/camera/depth/camera_info"
 COLOUR_INFO = "/camera/color/camera_info"
@@ -68,17 +67,10 @@ def test_sqlite_ros_1_and_a_lone_file_are_read_as_well(bag: Path, tmp_path: Path
     assert_whole(read_ros_bag(Path(copytree(bag, tmp_path / "room.bag"))))
     convert([bag], tmp_path / "sqlite", **SQLITE)
     assert_whole(read_ros_bag(tmp_path / "sqlite"))
-    convert([bag], tmp_path / "ros1.bag", **SQLITE | {"typestore": get_typestore(Stores.ROS1_NOETIC)})
+    convert([bag], tmp_path / "ros1.bag", **TO_ROS_1)
     assert_whole(read_ros_bag(tmp_path / "ros1.bag"))
     (file,) = bag.glob("*.mcap")
     assert_whole(read_ros_bag(file))
-
-
-SQLITE: dict[str, Any] = {
-    "dst_storage": "sqlite3", "dst_version": 9, "compress": None, "compress_mode": "file",
-    "default_typestore": None, "typestore": None, "exclude_topics": (), "include_topics": (),
-    "exclude_msgtypes": (), "include_msgtypes": (),
-}  # fmt: skip
 
 
 def recoded(encoding: str) -> Change:

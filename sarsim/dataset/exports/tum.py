@@ -29,7 +29,8 @@ UNITS = 5000  # units of the depth images per metre
 class Tum(Export):
     """For each scene the images in rgb/, depth/ (16 bits, 5000 per metre) and label/, and a list of each kind.
 
-    groundtruth.txt holds the true poses of the camera, odometry.txt its poses by dead reckoning with wheels and gyro.
+    groundtruth.txt holds the true poses of the camera, odometry.txt its poses by dead reckoning with wheels and gyro,
+    camera.txt its pose on the robot.
     """
 
     def add(self, folder: Path, entry: SceneEntry, scene: Scene) -> None:
@@ -39,6 +40,8 @@ class Tum(Export):
             sequence.frame(frame)
             sequence.pose("groundtruth", frame.time, scene.T_world_camera(index))
             sequence.pose("odometry", frame.time, frame.T_odom_base @ frame.T_base_camera)
+            if not index:
+                sequence.pose("camera", frame.time, frame.T_base_camera)
         sequence.save(scene.intrinsics)
 
 

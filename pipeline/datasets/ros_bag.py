@@ -56,7 +56,8 @@ def read_ros_bag(
     recording = Recording(
         path, lambda: _frames(recording, chosen, camera, mount.T_base_camera, span, config.buffered)
     )
-    recording.odometry, recording.truth = beside.odometry(camera.frame), beside.trajectory(beside.true_poses)
+    odometry = [(time, T @ mount.T_driven_base) for time, T in beside.odometry(camera.frame)]
+    recording.odometry, recording.truth = beside.trajectory(odometry), beside.trajectory(beside.true_poses)
     recording.keyframes = {time: time in beside.labelled for time in beside.keyframes} or None
     recording.steps = beside.steps
     recording.has_camera_pose = mount.T_base_camera is not None
@@ -223,9 +224,9 @@ class _Beside:
         for link in message.transforms:
             self.links.take(link, time)
 
-    def odometry(self, camera: str) -> Trajectory | None:
+    def odometry(self, camera: str) -> list[tuple[float, Pose]]:
         """The odometry of the robot that carries a camera, by its topic or else by the transforms from ``odom``."""
-        return self.trajectory(self._odometry or self.links.odometry(camera))
+        return self._odometry or self.links.odometry(camera)
 
     def trajectory(self, poses: list[tuple[float, Pose]]) -> Trajectory | None:
         """The trajectory of poses at their times, s, without poses that are not finite."""

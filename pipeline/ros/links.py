@@ -10,7 +10,8 @@ from pipeline.ros.messages import BASE, ODOM, Message, pose_matrix, seconds
 from pipeline.transforms import inverse
 
 TF_TYPES = "tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"  # The latter is ROS 1's older one
-BASES = BASE, "base_footprint"
+FOOTPRINT = "base_footprint"  # On the ground, while a robot's ``base_link`` may be higher (REP 120)
+BASES = BASE, FOOTPRINT
 """Names of a robot's own frame (REP 105 and 120), the preferred one first."""
 STILL = 1e-3  # by which the numbers of a transform that does not move may differ: rounding, m and rad
 
@@ -20,10 +21,12 @@ class CameraMount(NamedTuple):
 
     Attributes:
         T_base_camera: None if no chain of transforms says so.
+        T_driven_base: pose of the pipeline's ``base_link``, on the ground, in the frame whose odometry it is.
         note: what was assumed, expected and found, in one line; empty if all was as expected.
     """
 
     T_base_camera: Pose | None
+    T_driven_base: Pose
     note: str
 
 
@@ -88,16 +91,33 @@ class FrameTree:
         T = self.between(base, named)
         if T is None:
             wanted = f"no transform connects {expected} with the camera's frame {camera or '(without a name)'}"
-            return CameraMount(None, f"{wanted}; found: {self}")
+            return CameraMount(None, np.eye(4), f"{wanted}; found: {self}")
         pairs = (base, expected), (named, camera.strip("/"))
         taken = [f"the frame {found} is taken for {wanted}" for found, wanted in pairs if found != wanted]
         moving = [name for name in self._way(base, named) if name in self._moving]
         taken += [f"{name} moves on the robot, and its last pose counts" for name in moving]
-        return CameraMount(T, "; ".join(taken))
+        ground = self._ground(base)
+        return CameraMount(inverse(ground) @ T, ground, "; ".join(taken))
 
     def T_base(self, frame: str, camera: str) -> Pose | None:
         """Pose of a frame on the robot that carries a camera; None if no transforms connect them."""
-        return self.between(self._base(camera), self.named(frame))
+        base = self._base(camera)
+        T = self.between(base, self.named(frame))
+        return None if T is None else inverse(self._ground(base)) @ T
+
+    def _ground(self, base: str) -> Pose:
+        """Pose on a robot's frame of its ``base_footprint``, if that does not move on it; else the frame's own."""
+        feet = [name for name in self._known() if _is_called(name, FOOTPRINT)]
+        rigid = [T for name in feet if (T := self._rigid(base, name)) is not None]
+        return rigid[0] if len(rigid) == 1 else np.eye(4)
+
+    def _rigid(self, frame: str, other: str) -> Pose | None:
+        """Pose of another frame in a frame if it hangs on it, or this on that, and does not move."""
+        ways = [[name for name, _ in self._above(end)] for end in (frame, other)]
+        for way, top in zip(ways, (other, frame), strict=True):
+            if top in way and not self._moving & set(way[: way.index(top)]):
+                return self.between(frame, other)
+        return None
 
     def _expected(self, camera: str) -> str:
         """The name of the robot's frame: the odometry's, by its topic or by transforms, or else the usual one."""

@@ -133,7 +133,7 @@ class RosRobot:
     def _camera_pose(self) -> Pose:
         links, frame = self._senses.links, self._camera.frame
         self._node.wait(lambda: links.mount(frame).T_base_camera is not None, self._patience)
-        T, note = links.mount(frame)
+        T, self._senses.T_driven_base, note = links.mount(frame)
         if T is None:
             raise InputError(f"{note}; --camera x y z roll pitch yaw says where it is on the robot")
         if note:

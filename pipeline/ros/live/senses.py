@@ -26,6 +26,7 @@ class Senses:
         links: transforms between the frames of the robot.
         info: the camera_info of the depth images.
         colour_info: that of the colour images, if there is one.
+        T_driven_base: pose of ``base_link``, on the ground, in the frame whose odometry comes.
         imu_frame: name of the frame in which the inertial sensors measure; empty before their first message.
     """
 
@@ -36,6 +37,7 @@ class Senses:
         self.colour_info: Message | None = None
         self._camera_frame = ""
         self.imu_frame = ""
+        self.T_driven_base = np.eye(4)
         self._half_width = half_width
         self._depth: deque[tuple[float, str, bytes]] = deque(maxlen=config.queue)
         self._colour: deque[tuple[float, str, bytes]] = deque(maxlen=config.queue)
@@ -158,7 +160,7 @@ class Senses:
 
         Without inertial sensors, their values are computed from the odometry.
         """
-        time, T = self._poses[-1]
+        time, T = self._poses[-1][0], self._poses[-1][1] @ self.T_driven_base
         v, omega = self._twist
         if self._felt:
             R = self.links.T_base(self.imu_frame, self._camera_frame)
@@ -170,4 +172,5 @@ class Senses:
 
     def _pose(self, time: float) -> Pose | None:
         times, poses = np.array([t for t, _ in self._poses]), np.array([T for _, T in self._poses])
-        return Trajectory(times, poses).at(time, self._validity)
+        T = Trajectory(times, poses).at(time, self._validity)
+        return None if T is None else T @ self.T_driven_base

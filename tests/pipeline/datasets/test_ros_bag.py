@@ -17,7 +17,7 @@ from pipeline.errors import InputError
 from pipeline.frame import Calibration
 from pipeline.ros import messages
 from pipeline.ros.topics import ImageFormat
-from pipeline.transforms import from_rotation
+from pipeline.transforms import from_rotation, inverse
 from tests.pipeline.datasets import recorded_room
 from tests.pipeline.datasets.recorded_room import ODOMETRY, SQLITE, TO_ROS_1, WAY, Change, frames, unchanged, without
 
@@ -244,9 +244,23 @@ def footprint(name: str, time: float, message: Any) -> Iterable[tuple[str, float
     return [] if name == "/tf" else [(name, time, message)]
 
 
+def raised(name: str, time: float, message: Any) -> Iterable[tuple[str, float, Any]]:
+    """A robot whose ``base_link`` is 0.2 m above its ``base_footprint``."""
+    up = from_rotation(np.eye(3), [0, 0, 0.2])
+    if name == "/odom":
+        message.pose.pose.position.z += 0.2
+    if name == "/tf_static":
+        camera = inverse(up) @ frames()[0].T_base_camera
+        message = messages.transforms(
+            time, {("base_link", "camera_optical"): camera, ("base_footprint", "base_link"): up}
+        )
+    return [] if name == "/tf" else [(name, time, message)]
+
+
 @pytest.mark.parametrize(
     "change",
     [
+        raised,
         renamed(lambda name: f"/j100_0001{name}"),
         renamed(lambda name: f"/j100_0001{name}" if "tf" in name else name),
         renamed(str, lambda frame: f"robot1/{frame}"),
@@ -255,7 +269,7 @@ def footprint(name: str, time: float, message: Any) -> Iterable[tuple[str, float
         renamed(lambda name: f"/robot1{name}", lambda frame: f"/robot1/{frame}", "/odom"),
         footprint,
     ],
-    ids=["namespace", "of_tf", "prefix", "prefix_tf", "underscore_tf", "both_tf", "footprint"],
+    ids=["raised", "namespace", "of_tf", "prefix", "prefix_tf", "underscore_tf", "both_tf", "footprint"],
 )
 def test_other_names_of_topics_and_frames_change_nothing(change: Change, tmp_path: Path) -> None:
     recording = read_ros_bag(write_bag(tmp_path / "room", change=change))

@@ -38,6 +38,27 @@ def test_a_circle_of_frames_ends() -> None:
     assert T[0, 3] == 2
 
 
+@pytest.mark.parametrize(
+    ("links", "driven", "height", "ground"),
+    [
+        ([("base_link", "base_footprint", -0.5), ("base_link", "lens", 2.0)], "base_link", 2.5, -0.5),
+        ([("base_footprint", "base_link", 0.5), ("base_link", "lens", 2.0)], "base_link", 2.5, -0.5),
+        ([("base_footprint", "base_link", 0.5), ("base_link", "lens", 2.0)], "base_footprint", 2.5, 0),
+        ([("r/base_link", "r/base_footprint", -0.5), ("r/base_link", "lens", 2.0)], "r/base_link", 2.5, -0.5),
+        ([("base_link", "base_footprint", -0.5), ("base_link", "base_footprint", -0.6), ("base_link", "lens", 2.0)],
+         "base_link", 2, 0),
+    ],
+)  # fmt: skip
+def test_a_robots_place_is_that_of_its_footprint_on_the_ground(
+    links: list[tuple[str, str, float]], driven: str, height: float, ground: float
+) -> None:
+    found = tree(*links)
+    found.base = driven
+    T, T_driven_base, note = found.mount("lens")
+    assert T is not None and not note
+    assert (T[0, 3], T_driven_base[0, 3]) == pytest.approx((height, ground))
+
+
 ODOM = ("odom", "base_link", 5.0), ("odom", "base_link", 6.0)
 
 
@@ -65,7 +86,7 @@ def test_a_camera_is_found_on_the_robot_and_what_was_assumed_is_said(
 ) -> None:
     found = tree(*links)
     found.base = driven
-    T, note = found.mount(camera)
+    T, _, note = found.mount(camera)
     assert T is None if x is None else T is not None and T[0, 3] == pytest.approx(x)
     assert bool(note) == bool(said) and all(word in note for word in said)
 

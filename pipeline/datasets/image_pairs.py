@@ -61,10 +61,13 @@ def image_pairs(path: Path, fps: float | None, most_step: float) -> list[Pair]:
 
 
 def holds_images(path: Path) -> bool:
-    """Whether a folder has lists, folders or associations of depth images."""
-    return any((path / name).is_dir() or (path / f"{name}.txt").exists() for name in DEPTH) or bool(
-        _association_rows(path)
-    )
+    """Whether a folder has depth images, or a list or associations of them."""
+    listed = any((path / f"{name}.txt").exists() or _files(path / name) for name in DEPTH)
+    return listed or bool(_association_rows(path))
+
+
+def _files(folder: Path) -> list[Path]:
+    return [file for file in folder.glob("*") if file.suffix.lower() in IMAGE_ENDINGS]
 
 
 def _associated(path: Path) -> list[Pair] | None:
@@ -112,8 +115,7 @@ def _images(path: Path, names: tuple[str, ...]) -> _Images:
         if (path / f"{name}.txt").exists():
             return _from_list(path / f"{name}.txt")
     for name in names:
-        files = [file for file in (path / name).glob("*") if file.suffix.lower() in IMAGE_ENDINGS]
-        if files:
+        if files := _files(path / name):
             return _from_names(files)
     missing = " nor ".join(f"{name}.txt nor images in {name}/" for name in names)
     raise InputError(f"{path}: no recording: it has neither {missing}")

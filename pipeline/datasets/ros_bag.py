@@ -25,7 +25,7 @@ from pipeline.ros.messages import NANO, STORE, Message, pose_matrix, seconds, ve
 KEYFRAME_TOPIC, LABELLED_TOPIC, STEP_TOPIC = "/keyframe", "/semantic_cloud", "/map"
 TRUTH, LABELS = "/ground_truth/pose", "/camera/label/image_raw"  # Topics of sarsim's own bags
 ENDINGS = ".mcap", ".db3", ".bag"  # Of files with messages
-INFRARED = re.compile("/(infra|ir/)")  # In names of topics of infrared images
+INFRARED = re.compile("/(infra|ir/)", re.IGNORECASE)  # In names of topics of infrared images
 
 
 def read_ros_bag(
@@ -57,7 +57,8 @@ def read_ros_bag(
         path, lambda: _frames(recording, chosen, camera, mount.T_base_camera, span, config.buffered)
     )
     odometry = [(time, T @ mount.T_driven_base) for time, T in beside.odometry(camera.frame)]
-    recording.odometry, recording.truth = beside.trajectory(odometry), beside.trajectory(beside.true_poses)
+    recording.odometry = beside.trajectory("odometry", odometry)
+    recording.truth = beside.trajectory("true poses", beside.true_poses)
     recording.keyframes = {time: time in beside.labelled for time in beside.keyframes} or None
     recording.steps = beside.steps
     recording.has_camera_pose = mount.T_base_camera is not None
@@ -228,9 +229,11 @@ class _Beside:
         """The odometry of the robot that carries a camera, by its topic or else by the transforms from ``odom``."""
         return self._odometry or self.links.odometry(camera)
 
-    def trajectory(self, poses: list[tuple[float, Pose]]) -> Trajectory | None:
+    def trajectory(self, name: str, poses: list[tuple[float, Pose]]) -> Trajectory | None:
         """The trajectory of poses at their times, s, without poses that are not finite."""
         good = [(time, T) for time, T in poses if np.isfinite(T).all()]
+        if len(good) < len(poses):
+            self.notes.append(f"{name}: {len(poses) - len(good)} of {len(poses)} are no poses (not finite)")
         return Trajectory(np.array([t for t, _ in good]), np.array([T for _, T in good])) if good else None
 
     def up(self, camera: str, at_rest: float) -> Direction | None:
@@ -239,7 +242,8 @@ class _Beside:
         links, imu = self.links, self._imu_frame
         in_base = links.mount(camera).T_base_camera is not None
         T = links.T_base(imu, camera) if in_base else links.between(links.named(camera), links.named(imu))
-        mean = felt.mean(axis=0) if len(felt) and np.isfinite(felt).all() else np.zeros(3)
+        felt = felt[np.isfinite(felt).all(axis=1)]
+        mean = felt.mean(axis=0) if len(felt) else np.zeros(3)
         return None if T is None or not mean.any() else T[:3, :3] @ mean / np.linalg.norm(mean)
 
 

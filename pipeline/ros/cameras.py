@@ -105,15 +105,20 @@ class RgbdCamera:
         self._path, self._depth = path, Pinhole(path, depth.info, calibration, is_rectified(depth.topic))
         self.frame, self.note, self._colour = depth.frame, "", self._depth
         self._T_colour_depth: Pose | None = None
-        if calibration is None and colour is not None and colour.info is not None:
+        if calibration is not None or colour is None:
+            return
+        if colour.info is not None:
             self._colour = Pinhole(path, colour.info, None, is_rectified(colour.topic))
             self._register(depth.frame, colour.frame, links)
+        elif depth.frame and colour.frame and not _is_same(links, depth.frame, colour.frame):
+            frames = f"depth is of the frame {depth.frame}, colour of {colour.frame}"
+            self.note = f"{frames}, of which there is no camera_info: depth is taken for registered to colour"
 
     def _register(self, of_depth: str, of_colour: str, links: FrameTree) -> None:
         """Find the transform by which depth must be registered to colour, if it is not."""
         T = links.between(links.named(of_colour), links.named(of_depth)) if of_colour and of_depth else None
         is_one = self._depth.is_like(self._colour)
-        if is_one and (T is None or np.allclose(T, np.eye(4), rtol=0, atol=SAME_PLACE)):
+        if is_one and (T is None or _is_same(links, of_depth, of_colour)):
             return
         cameras = f"depth is of {_told(of_depth, self._depth)}, colour of {_told(of_colour, self._colour)}"
         if T is not None:
@@ -143,6 +148,12 @@ class RgbdCamera:
             sizes = " and ".join(f"{width} × {height}" for height, width in (metres.shape, rgb.shape[:2]))
             raise InputError(f"{self._path}: images of two sizes, {sizes}; depth must be registered to colour")
         return metres, rgb
+
+
+def _is_same(links: FrameTree, frame: str, other: str) -> bool:
+    """Whether two frames are known to be in one place."""
+    T = links.between(links.named(frame), links.named(other))
+    return T is not None and np.allclose(T, np.eye(4), rtol=0, atol=SAME_PLACE)
 
 
 def _told(frame: str, camera: Pinhole) -> str:

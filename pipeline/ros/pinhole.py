@@ -11,7 +11,7 @@ from pipeline.errors import InputError
 from pipeline.frame import Calibration, Intrinsics
 from pipeline.ros.messages import Message
 
-MODELS = ("plumb_bob", "rational_polynomial", "")  # Of distortion, by their names in ROS
+MODELS = ("plumb_bob", "Brown Conrady", "rational_polynomial", "")  # Of distortion; the second is RealSense's name
 SAME = 1e-3  # share by which the focal lengths of one camera differ at most from one topic to the other
 
 

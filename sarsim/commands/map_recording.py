@@ -59,7 +59,10 @@ def open_recording(config: MapRecording) -> "Recording":
     for flag, value in (("depth-scale", config.depth_scale), ("fps", config.fps)):
         if value is not None and not 0 < value < 1e6:
             raise InputError(f"--{flag} {value}: must be positive")
-    return read_tum_folder(path, calibration, config.depth_scale, config.fps, config=config.io.datasets)
+    recording = read_tum_folder(path, calibration, config.depth_scale, config.fps, config=config.io.datasets)
+    if holds_bag(path):
+        recording.note("the folder holds a bag too, which is not read; give the bag's own path for that")
+    return recording
 
 
 def main() -> None:

@@ -319,6 +319,37 @@ def test_images_without_stamps_count_as_taken_when_they_were_recorded(tmp_path: 
     assert recording.left_out == {}
 
 
+def test_poses_that_are_none_are_left_out_and_said(tmp_path: Path) -> None:
+    def lost(name: str, time: float, message: Any) -> Iterable[tuple[str, float, Any]]:
+        if name == "/odom" and time == 0.1:
+            message.pose.pose.position.x = np.nan
+        if name == "/imu" and time == 0.1:
+            message.linear_acceleration.x = np.nan
+        return [(name, time, message)]
+
+    recording = read_ros_bag(write_bag(tmp_path / "room", change=lost))
+    assert recording.odometry is not None
+    np.testing.assert_allclose(recording.odometry.poses, [ODOMETRY[0], *ODOMETRY[2:NUMBER]], atol=1e-12)
+    np.testing.assert_allclose(recording.up, [0, 0, 1], atol=1e-12)
+    (note,) = recording.notes
+    assert "odometry: 1 of 4" in note
+
+
+def test_the_topics_of_realsenses_viewer_are_read(tmp_path: Path) -> None:
+    def viewers(name: str, time: float, message: Any) -> Iterable[tuple[str, float, Any]]:
+        depth, colour = "/device_0/sensor_0/Depth_0", "/device_0/sensor_1/Color_0"
+        names = {
+            DEPTH: f"{depth}/image/data", INFO: f"{depth}/info/camera_info",
+            COLOUR: f"{colour}/image/data", COLOUR_INFO: f"{colour}/info/camera_info",
+        }  # fmt: skip
+        infrared = "/device_0/sensor_0/Infrared_1/image/data"
+        return [(names.get(name, name), time, message)] + [(infrared, time, message)] * (name == COLOUR)
+
+    recording = read_ros_bag(write_bag(tmp_path / "room", change=viewers))
+    assert_whole(recording)
+    assert not recording.notes
+
+
 def test_several_inertial_sensors_are_said(tmp_path: Path) -> None:
     def twice(name: str, time: float, message: Any) -> Iterable[tuple[str, float, Any]]:
         return [(name, time, message)] + [("/camera/imu", time, message)] * (name == "/imu")

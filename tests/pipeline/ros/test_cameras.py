@@ -111,6 +111,13 @@ def test_without_transforms_it_is_said_that_depth_is_not_registered() -> None:
         camera(info(DEPTH, "depth"), info(COLOUR, "rgb"))
 
 
+def test_colour_of_another_frame_without_camera_info_is_said() -> None:
+    source = ImageSource("/rgb/image_raw", None, "rgb")
+    of_depth = ImageSource("/depth/image_raw", info(DEPTH, "depth"), "depth")
+    for links, is_said in ((FrameTree(), True), (linked(from_yaw(0.05, 0, 0, 0)), True), (linked(np.eye(4)), False)):
+        assert ("rgb" in RgbdCamera(Path("bag"), of_depth, source, links).note) == is_said
+
+
 @pytest.mark.parametrize(
     ("frames", "links"),
     [(("rgb", "rgb"), FrameTree()), (("depth", "rgb"), FrameTree()), (("depth", "rgb"), linked(np.eye(4)))],

@@ -138,11 +138,13 @@ def test_a_folder_of_images_is_one_whatever_lies_beside_them(beside: str, tmp_pa
     (folder / beside).write_text("camera: 1\n")
     recording = open_recording(MapRecording(path=folder, out=tmp_path / "out"))
     assert len(list(recording.frames())) == 2
+    assert any("bag" in note for note in recording.notes) == (not beside.endswith(".yaml"))
 
 
 def test_a_bag_is_one_whatever_its_folder_is_called_and_holds(tmp_path: Path) -> None:
     bag = write_bag(tmp_path / "room", number=2)
     (bag / "camera.txt").write_text("0 0 0 0 0 0 0 1")
+    (bag / "depth").mkdir()
     (tmp_path / "alone").mkdir()
     convert([bag], tmp_path / "alone" / "room.bag", **TO_ROS_1)
     (bag / "metadata.yaml").unlink()

@@ -275,7 +275,7 @@ class Scene(ExitStack):
         return Frame(
             time=float(self.time[index]),
             rgb=self._image("rgb", index),
-            depth=self._image("depth", index) / PER_METRE,
+            depth=np.asarray(self._image("depth", index) / PER_METRE, np.float32),
             intrinsics=self.intrinsics,
             T_base_camera=self.T_base_camera[index],
             T_odom_base=self.pose_odom[index],

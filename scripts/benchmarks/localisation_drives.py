@@ -141,7 +141,7 @@ class DriveReader(ExitStack):
         return Frame(
             time=float(self.time[index]),
             rgb=bgr[..., ::-1].copy(),
-            depth=self._file["depth"][index] / PER_METRE,
+            depth=np.asarray(self._file["depth"][index] / PER_METRE, np.float32),
             intrinsics=self._intrinsics,
             T_base_camera=self._T_base_camera[index],
             T_odom_base=self.T_odom_base[index],

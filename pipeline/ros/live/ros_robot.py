@@ -1,7 +1,7 @@
 """A robot on a network of ROS 2, real or simulated, as the pipeline's robot."""
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 
 import numpy as np
@@ -11,7 +11,7 @@ from pipeline.errors import InputError
 from pipeline.frame import SAME_TIME, Frame
 from pipeline.robot import Motion, RobotModel, Velocity
 from pipeline.ros import messages
-from pipeline.ros.cameras import info_topic
+from pipeline.ros.cameras import IMAGE_TYPES, INFO_TYPE, info_topic
 from pipeline.ros.config import LiveConfig
 from pipeline.ros.links import tf_topics
 from pipeline.ros.live.node import RosNode
@@ -20,6 +20,7 @@ from pipeline.ros.live.topic_names import TopicNames
 from pipeline.transforms import angle_of, inverse
 
 _log = logging.getLogger(__name__)
+ODOMETRY, IMU = "nav_msgs/msg/Odometry", "sensor_msgs/msg/Imu"
 STAMPED = "geometry_msgs/msg/TwistStamped"
 TRANSFORM = "/camera/transform"  # Where tf2_msgs is missing
 
@@ -87,7 +88,8 @@ class RosRobot:
         if not node.wait(lambda: not missing(), self._patience):
             _log.warning("no robot yet: %s", ", ".join(missing()))
             if not node.wait(lambda: not missing(), wait):
-                raise InputError(f"no robot after {self._patience + wait:g} s: {', '.join(missing())}")
+                others = "" if all(map(node.senders, needed)) else self._others(needed)
+                raise InputError(f"no robot after {self._patience + wait:g} s: {', '.join(missing())}{others}")
         for topic in needed:
             if len(senders := node.senders(topic)) > 1:
                 raise InputError(f"{topic}: several nodes send it, {' and '.join(senders)}")
@@ -116,11 +118,24 @@ class RosRobot:
         if of_colour not in (None, topics.camera_info):
             takers[of_colour] = senses.take_colour_info
         self._may_fall_silent = set(takers)
+        if not node.senders(topics.imu) and (imus := self._sent(IMU)):
+            _log.warning("nothing sends %s, but %s: --topics.imu names it", topics.imu, " and ".join(imus))
         for topic, take in {topics.imu: senses.take_imu, **takers}.items():
             with suppress(InputError):  # the packages of PyPI have no type for transforms
                 if node.senders(topic):
                     self._listen(topic, take)
         node.wait(lambda: of_colour not in takers or senses.knows_cameras, self._config.discovery)
+
+    def _others(self, needed: Sequence[str]) -> str:
+        """What may have been meant by topics that nothing sends."""
+        there = [topic for topic in self._sent(*IMAGE_TYPES, INFO_TYPE, ODOMETRY) if topic not in needed]
+        return f"; there are {', '.join(there)}, which --topics can name" if there else ""
+
+    def _sent(self, *kinds: str) -> list[str]:
+        """The topics on which messages of some types are sent."""
+        return sorted(
+            topic for topic, names in self._node.types().items() if names[0] in kinds and self._node.senders(topic)
+        )
 
     def _listen(self, topic: str, take: Callable[[bytes], None]) -> None:
         def heard(data: bytes) -> None:

@@ -192,6 +192,26 @@ def test_depth_of_another_camera_is_registered_to_colour(caplog: pytest.LogCaptu
     assert "color" in caplog.text
 
 
+def in_namespace(topic: str, time: float, message: Any) -> list[tuple[str, float, Any]]:
+    return [(f"/j100_0001{topic}", time, message)]
+
+
+def test_topics_of_other_names_are_said() -> None:
+    wire = Wire()
+    wire.change = in_namespace
+    _, end = met_on(wire)
+    with pytest.raises(InputError, match=f"/j100_0001{INFO}, /j100_0001{DEPTH}, .*/j100_0001{ODOM}.*--topics"):
+        RosRobot(end, PIONEER, TopicNames(), patience=2.0)
+
+
+def test_inertial_sensors_of_another_name_are_said(caplog: pytest.LogCaptureFixture) -> None:
+    wire = Wire()
+    wire.change = lambda topic, time, message: [("/imu/data" if topic == "/imu" else topic, time, message)]
+    _, end = met_on(wire)
+    RosRobot(end, PIONEER, TopicNames(), patience=2.0)
+    assert "/imu/data" in caplog.text and "--topics.imu" in caplog.text
+
+
 def test_a_type_that_is_not_installed_is_no_reason_to_give_up(monkeypatch: pytest.MonkeyPatch) -> None:
     listen = End.listen
 
@@ -278,7 +298,7 @@ def test_what_is_not_there_is_named(topic: str) -> None:
     wire = Wire()
     wire.change = silent(topic)
     _, end = met_on(wire)
-    with pytest.raises(InputError, match=f" {topic}$"):
+    with pytest.raises(InputError, match=rf"s: nothing sends {topic}(;|$)"):
         RosRobot(end, PIONEER, TopicNames(), T_BASE_CAMERA, patience=2.0)
 
 

@@ -142,15 +142,16 @@ def read_text(path: Path, most: float = MOST_TEXT) -> str:
         ) from error
 
 
-def read_numbers(path: Path, columns: str) -> NDArray[np.float64]:
+def read_numbers(path: Path, columns: str, finite: bool = True) -> NDArray[np.float64]:
     """(N, C) the numbers in a text whose lines have C columns, of any units; lines that begin with # are comments.
 
     Args:
         path: of the text.
         columns: their names, for error messages.
+        finite: whether a number that is not finite is an error.
 
     Raises:
-        InputError: it is no regular file, is too large, or a line has other columns or a number that is not finite.
+        InputError: it is no regular file, is too large, or a line has other columns or such a number.
     """
     try:
         rows = np.array(
@@ -160,7 +161,7 @@ def read_numbers(path: Path, columns: str) -> NDArray[np.float64]:
         raise
     except ValueError:
         rows = np.zeros(0)
-    if rows.shape[1:] != (len(columns.split()),) or not np.isfinite(rows).all():
+    if rows.shape[1:] != (len(columns.split()),) or (finite and not np.isfinite(rows).all()):
         raise InputError(f"{path}: its lines must be numbers: {columns}")
     return rows
 

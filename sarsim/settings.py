@@ -274,7 +274,7 @@ class MapRecording(SinkConfig, PerceptionConfig):
         intrinsics: fx fy cx cy of the camera in pixels, with pixel centres at whole numbers; by default as recorded.
         depth_scale: units per metre of a folder's depth images; by default 5000.
         fps: frames per second of a folder whose images have no times.
-        topics: names of the topics to use if a bag has several of a kind.
+        topics: names of the topics to use if a bag has several of a kind, also of transforms.
         mission: explore, or one whose files are handed in: league, virtual, or a YAML file.
     """
 

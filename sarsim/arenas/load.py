@@ -20,7 +20,9 @@ from sarsim.arenas.sdf.build import build_sdf
 from sarsim.arenas.settings import RandomArenaConfig, StartPose
 from sarsim.arenas.start import find_start, start_at
 from sarsim.assets import asset
-from sarsim.vetting.trial import check_model, vet_mjcf
+from sarsim.vetting.read import read_mjcf
+from sarsim.vetting.resolved import resolved_root
+from sarsim.vetting.trial import check_model
 
 BUILT_IN = ("nist_6x4", "esogu_52x15", *(f"{LANES_FOLDER}{lane}" for lane in LANES))
 RANDOM = "random:"
@@ -58,18 +60,18 @@ def load_arena(name: str, start: StartPose | None = None, random: RandomArenaCon
 
 
 def checked_arena(arena: object, name: str, start: StartPose | None = None) -> RescueArena:
-    """An arena that other code has made, with the wanted start or its own.
+    """An arena that other code has made, as a new one with the wanted start or its own.
 
     Raises:
         InputError: it begins with ``name``; it is no arena, MuJoCo cannot build it, or the robot cannot stand there.
     """
     if not isinstance(arena, RescueArena):
         raise InputError(f"{name} gave {type(arena).__name__}, not a {RescueArena.__name__}")
-    model = _compiled(name, arena.to_xml(), arena.mjcf_model.get_assets())
+    model, root = resolved_root(arena.mjcf_model, name)
     with _naming(name):
         check_model(model)
-        _set_start(arena.mjcf_model, model, start)
-    return arena
+        _set_start(root, model, start)
+        return RescueArena(root)
 
 
 def _seed(name: str) -> int:
@@ -80,7 +82,7 @@ def _seed(name: str) -> int:
 
 
 def _from_mjcf(path: Path, wish: StartPose | None) -> RescueArena:
-    model, root = _read(path)
+    model, root = read_mjcf(path)
     with _naming(str(path)):
         _set_start(root, model, wish)
         return RescueArena(root)
@@ -138,16 +140,3 @@ def _at_rest(model: mujoco.MjModel) -> tuple[mujoco.MjModel, mujoco.MjData]:
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     return model, data
-
-
-def _read(path: Path) -> tuple[mujoco.MjModel, mjcf.RootElement]:
-    """Read MJCF."""
-    try:
-        vet_mjcf(path)
-        return mujoco.MjModel.from_xml_path(str(path)), mjcf.from_path(str(path))
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror or error}") from error
-    except InputError:
-        raise
-    except (ValueError, KeyError, AttributeError) as error:
-        raise InputError(f"{path}: not a readable MJCF file: {' '.join(str(error).split())}") from error

@@ -85,6 +85,9 @@ def _resolved(
     _apply_defaults(root)
     for body in [body for tag in ("worldbody", "body") for body in root.iter(tag)]:
         _open_frames(body)
+    for text in root.iterfind("custom/text"):
+        if text.text and "data" not in text.attrib:  # so MuJoCo writes what has special characters
+            text.set("data", text.text)
     _rename(root)
     _drop_settings(root)
     text = ElementTree.tostring(root, encoding="unicode")

@@ -1,7 +1,6 @@
 """Loads an arena by its name."""
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 
 import mujoco
@@ -10,7 +9,7 @@ from dm_control import mjcf
 from numpy.typing import NDArray
 
 from pipeline.errors import InputError
-from sarsim.arenas.arena import RescueArena
+from sarsim.arenas.arena import RescueArena, naming
 from sarsim.arenas.elements import ArenaBuilder
 from sarsim.arenas.lanes import LANES, LANES_FOLDER
 from sarsim.arenas.map_2d import build_map
@@ -68,10 +67,10 @@ def checked_arena(arena: object, name: str, start: StartPose | None = None) -> R
     if not isinstance(arena, RescueArena):
         raise InputError(f"{name} gave {type(arena).__name__}, not a {RescueArena.__name__}")
     model, root = resolved_root(arena.mjcf_model, name)
-    with _naming(name):
+    with naming(name):
         check_model(model)
         _set_start(root, model, start)
-        return RescueArena(root)
+        return RescueArena(root, name)
 
 
 def _seed(name: str) -> int:
@@ -83,9 +82,9 @@ def _seed(name: str) -> int:
 
 def _from_mjcf(path: Path, wish: StartPose | None) -> RescueArena:
     model, root = read_mjcf(path)
-    with _naming(str(path)):
+    with naming(str(path)):
         _set_start(root, model, wish)
-        return RescueArena(root)
+        return RescueArena(root, str(path))
 
 
 def _set_start(root: mjcf.RootElement, model: mujoco.MjModel, wish: StartPose | None) -> None:
@@ -114,10 +113,10 @@ def _from_builder(name: str, builder: ArenaBuilder, wish: StartPose | None) -> R
     """The arena of a builder, with the wanted start, its own start, or the best one."""
     if wish is not None or not builder.has_start:
         world = _at_rest(_compiled(name, builder.to_xml(), builder.files))
-        with _naming(name):
+        with naming(name):
             start = find_start(*world) if wish is None else start_at(*world, *wish)
         builder.set_start(*start)
-    return RescueArena(mjcf.from_xml_string(builder.to_xml(), assets=builder.files))
+    return RescueArena(mjcf.from_xml_string(builder.to_xml(), assets=builder.files), name)
 
 
 def _compiled(name: str, xml: str, files: dict[str, bytes]) -> mujoco.MjModel:
@@ -125,15 +124,6 @@ def _compiled(name: str, xml: str, files: dict[str, bytes]) -> mujoco.MjModel:
         return mujoco.MjModel.from_xml_string(xml, files)
     except (ValueError, mujoco.FatalError) as error:  # of a mesh of no volume, for one
         raise InputError(f"{name}: MuJoCo cannot build it: {' '.join(str(error).split())[:200]}") from error
-
-
-@contextmanager
-def _naming(name: str) -> Iterator[None]:
-    """Put the arena's name before the message of an InputError."""
-    try:
-        yield
-    except InputError as error:
-        raise InputError(f"{name}: {error}") from error
 
 
 def _at_rest(model: mujoco.MjModel) -> tuple[mujoco.MjModel, mujoco.MjData]:

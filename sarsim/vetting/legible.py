@@ -1,9 +1,9 @@
-"""XML as the programs of these files read it: Gazebo and MuJoCo by tinyxml2, which takes more than the standard allows.
+"""XML as the programs of these files read it: Gazebo and MuJoCo by tinyxml2, which takes more than the standard does.
 
-Mended are a bare ``&``, bytes that are not UTF-8, ``--`` in a comment, something before the declaration, missing spaces
-between attributes, an attribute given twice (the first counts), ``<`` in an attribute, prefixes of no namespace, and
-control characters. What tinyxml2 refuses stays as it is: tags that do not match, values without quotes. Document types
-and entities stay too, for the parser to refuse.
+Mended are a bare ``&``, bytes that are not UTF-8, ``--`` in a comment, something before the declaration, missing
+spaces between attributes, an attribute given twice (the first counts), ``<`` in an attribute, prefixes of no
+namespace, and control characters. What tinyxml2 refuses stays as it is: tags that do not match, values without
+quotes. Document types and entities stay too, for the parser to refuse.
 """
 
 import re

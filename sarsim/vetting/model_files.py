@@ -20,6 +20,10 @@ FOLDERS = ("meshdir", "texturedir", "assetdir")
 """Attributes of ``<compiler>`` that name folders of files."""
 
 
+class RefusedError(InputError):
+    """A file that may harm: it is not merely broken or missing, and nothing that refers to it is read."""
+
+
 def parse_xml(path: Path, most: int = MOST_TEXT) -> "Element":
     """The root of a file of at most ``most`` bytes.
 
@@ -31,7 +35,7 @@ def parse_xml(path: Path, most: int = MOST_TEXT) -> "Element":
     try:
         return _root(content)
     except DefusedXmlException as error:
-        raise InputError(f"{path}: refused, it declares a document type or entities") from error
+        raise RefusedError(f"{path}: refused, it declares a document type or entities") from error
     except InputError:
         raise
     except (ElementTree.ParseError, ValueError, LookupError) as error:

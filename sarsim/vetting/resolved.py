@@ -76,8 +76,9 @@ def _resolved(
 ) -> tuple[mujoco.MjModel, mjcf.RootElement]:
     spec.compiler.saveinertial = True
     spec.compiler.fusestatic = False  # it takes the names of bodies away, and moves nothing
+    spec.compiler.alignfree = False
     for joint in spec.joints:
-        joint.align = mujoco.mjtAlignFree.mjALIGNFREE_FALSE  # it moves a body's frame, and nothing in it
+        joint.align = mujoco.mjtAlignFree.mjALIGNFREE_AUTO  # it moves a body's frame, and nothing in it
     model = spec.compile()
     root = ElementTree.fromstring(_written(spec))
     _set_options(root, spec)

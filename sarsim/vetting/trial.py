@@ -4,6 +4,7 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
+from scipy.spatial import cKDTree
 
 from pipeline.errors import InputError
 from pipeline.files import GOOD, answer_apart
@@ -35,7 +36,7 @@ BOUNDS = {
     "numquads": (1, FACETS[1]),
 }
 """What numbers of a model's options and of how it is drawn make sense."""
-SAME = ("body_pos", "body_quat", "body_mass", "body_inertia", "geom_type", "geom_size", "geom_pos", "geom_user")
+SAME = (("body_pos", "body_quat", "body_mass", "body_inertia"), ("geom_type", "geom_size", "geom_pos", "geom_user"))
 """Arrays in which a model that is read and written again may not differ."""
 ALIKE = 1e-6  # m, kg and kg m²
 PLACES = ["body_pos", "geom_pos", "geom_size", "site_pos", "cam_pos", "light_pos", "mesh_vert", "hfield_size"]
@@ -83,9 +84,14 @@ def _tried(path: Path) -> str:
 
 
 def are_alike(one: mujoco.MjModel, other: mujoco.MjModel) -> bool:
-    """Whether two models have the same bodies and geoms, in the same places, of the same masses and inertias."""
-    arrays = [[getattr(model, name) for name in SAME] for model in (one, other)]
-    return all(a.shape == b.shape and np.allclose(a, b, 0, ALIKE) for a, b in zip(*arrays, strict=True))
+    """Whether two models have the same bodies and geoms, in any order, in the same places and of the same masses."""
+    for names in SAME:
+        rows, others = (np.column_stack([getattr(model, name) for name in names]) for model in (one, other))
+        if rows.shape != others.shape:
+            return False
+        if len(rows) and max(cKDTree(a).query(b)[0].max() for a, b in ((rows, others), (others, rows))) > ALIKE:
+            return False
+    return True
 
 
 def check_model(model: mujoco.MjModel) -> None:

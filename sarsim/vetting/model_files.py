@@ -33,7 +33,7 @@ def parse_xml(path: Path, most: int = MOST_TEXT) -> "Element":
     """
     content = read_bytes(path, most)
     try:
-        return _root(content)
+        return root_of(content)
     except DefusedXmlException as error:
         raise RefusedError(f"{path}: refused, it declares a document type or entities") from error
     except InputError:
@@ -42,8 +42,8 @@ def parse_xml(path: Path, most: int = MOST_TEXT) -> "Element":
         raise InputError(f"{path}: not readable XML: {' '.join(str(error).split())}") from error
 
 
-def _root(content: bytes) -> "Element":
-    """The root of XML, as MuJoCo and Gazebo read it where the standard forbids it."""
+def root_of(content: bytes) -> "Element":
+    """The root of XML, as MuJoCo and Gazebo read it where the standard forbids it; a ParseError if they do not."""
     try:
         return ElementTree.fromstring(content, forbid_dtd=True)
     except ElementTree.ParseError as error:

@@ -11,6 +11,7 @@ import warnings
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
 import mujoco
@@ -22,6 +23,7 @@ from numpy.typing import NDArray
 from pipeline.arrays import Pose
 from pipeline.errors import InputError
 from pipeline.transforms import from_rotation
+from sarsim.vetting.model_files import root_of
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
@@ -80,7 +82,7 @@ def _resolved(
     for joint in spec.joints:
         joint.align = mujoco.mjtAlignFree.mjALIGNFREE_AUTO  # it moves a body's frame, and nothing in it
     model = spec.compile()
-    root = ElementTree.fromstring(_written(spec))
+    root = _written(spec)
     _set_options(root, spec)
     files = _with_files(root, model, spec, read, folder)
     _apply_defaults(root)
@@ -95,14 +97,16 @@ def _resolved(
     return model, mjcf.from_xml_string(text, assets=files)
 
 
-def _written(spec: mujoco.MjSpec) -> str:
-    """A compiled spec as XML with all digits; of MuJoCo's own six, the third is 10 cm in a large building."""
+def _written(spec: mujoco.MjSpec) -> "Element":
+    """A compiled spec as XML, with all digits; six, as MuJoCo writes by itself, are half a millimetre at 100 m."""
     (path,) = Path(mujoco.__file__).parent.glob("libmujoco.*")
     library = ctypes.CDLL(str(path))
     before = library._mjPRIVATE__get_xml_precision()
     library._mjPRIVATE__set_xml_precision(EXACT)
     try:
-        return spec.to_xml()
+        with TemporaryDirectory() as folder:
+            spec.to_file(f"{folder}/model.xml")  # not to a text, which must be UTF-8, as names need not be
+            return root_of(Path(folder, "model.xml").read_bytes())
     finally:
         library._mjPRIVATE__set_xml_precision(before)
 
@@ -111,7 +115,7 @@ def _set_options(root: "Element", spec: mujoco.MjSpec) -> None:
     """Write the options that the file sets, also those of which it says what MuJoCo takes by itself."""
     compiler = spec.compiler
     compiler.savecompiled = compiler.savecanonical = False
-    authored = ElementTree.fromstring(_written(spec)).find("option")
+    authored = _written(spec).find("option")
     for option in root.findall("option"):
         root.remove(option)
     if authored is not None:

@@ -15,6 +15,7 @@ ODD = {
     "ampersand": b'<custom><text name="by" data="Tom & Jerry, R&D"/></custom>',
     "unknown entity": b'<custom><text name="by" data="a &nbsp; b"/></custom>',
     "Latin-1": b"<!-- caf\xe9 -->",
+    "Latin-1 in a name": b'<custom><text name="caf\xe9" data="\xe9"/></custom>',
     "dashes": b"<!-- a -- b --- -->",
     "no space": b'<custom><text name="a"data="b"/></custom>',
     "less than": b'<custom><text name="a" data="x < y"/></custom>',

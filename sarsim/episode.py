@@ -110,8 +110,8 @@ class Episode(ExplorerRun):
 
     @property
     def explored(self) -> str:
-        """How much is explored, as text."""
-        return f"{self.score.coverage.fraction:.0%} explored"
+        """How much is explored, by the truth, as text."""
+        return f"{self.score.coverage.fraction:.0%} of all drivable ground seen"
 
     def _time(self) -> float:
         return self.robot.time

@@ -38,4 +38,5 @@ def one_per_person(
             first = warm.get(nearest, find)
             warm[nearest] = first if first.time_s <= find.time_s else find
     for k, find in warm.items():
-        yield replace(find, text="", position=everyone[k].position, covariance=everyone[k].covariance)
+        place = {"position": everyone[k].position, "covariance": everyone[k].covariance}
+        yield replace(find, text="", of_person=True, **place)

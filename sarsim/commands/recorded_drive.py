@@ -71,7 +71,6 @@ class RecordedDrive(MappingRun):
         except (InputError, LostError) as error:
             self.error = str(error)
         if self.labelled:
-            self.parts.rescue_report.finished = not self.error
             sim_time = self._poses[-1].time - self._poses[0].time
             self.finish(self._score, len(self.labelled), sim_time, self._figures())
         else:

@@ -4,6 +4,7 @@ import json
 import re
 import resource
 import shlex
+import shutil
 import subprocess
 import sys
 from collections.abc import Iterable, Mapping
@@ -93,8 +94,10 @@ def measured(command: str, folder: Path) -> dict[str, Any]:
     Raises:
         InputError: the command failed.
     """
-    folder.mkdir(parents=True, exist_ok=True)
     benchmark = command.startswith("benchmark.py")
+    if not benchmark:
+        shutil.rmtree(folder, ignore_errors=True)  # an episode wants a new one
+    folder.mkdir(parents=True, exist_ok=True)
     output = ["--json", str(folder / "figures.json")] if benchmark else ["--out", str(folder)]
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     script, *flags = shlex.split(command)

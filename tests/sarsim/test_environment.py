@@ -7,7 +7,7 @@ from pipeline.errors import InputError
 from pipeline.robot import Velocity
 from sarsim.arenas.load import load_arena
 from sarsim.environment import CONTROL_TIMESTEP, RescueEnvironment, substeps
-from sarsim.robots.model import robot_file
+from sarsim.robots.names import robot_file
 
 
 @pytest.fixture(scope="module")

@@ -38,5 +38,5 @@ def one_per_person(
             first = warm.get(nearest, find)
             warm[nearest] = first if first.time_s <= find.time_s else find
     for k, find in warm.items():
-        place = {"position": everyone[k].position, "covariance": everyone[k].covariance}
-        yield replace(find, text="", of_person=True, **place)
+        person = everyone[k]
+        yield replace(find, text="", position=person.position, covariance=person.covariance, of_person=True)

@@ -73,6 +73,7 @@ class Deadline:
         self._begin, self._finds, self._wants_home = begin, finds, home
         # By the distance at which a place counts as reached the robot may stop short of it.
         self._near = None if beside is None else beside - config.arrived
+        self._arrived = config.arrived
         self._home: Place | None = None
         # Of the drives so far: s as planned and as they took; when the last began, and as planned; the most late.
         self._planned, self._taken, self._last, self._late = 0.0, 0.0, (begin, 0.0), 0.0
@@ -115,7 +116,8 @@ class Deadline:
 
     def set_out(self, position: Place, context: Context) -> None:
         """Remember the planned time of a drive to a place (2,)."""
-        seconds = _finite(context.paths.without_risk.cost_to(position), 0.0)
+        is_drive = np.linalg.norm(position - context.T_map_base[:2, 3]) > self._arrived
+        seconds = _finite(context.paths.without_risk.cost_to(position), 0.0) if is_drive else 0.0
         self._planned += seconds
         self._last = context.frame.time, seconds
 

@@ -83,10 +83,12 @@ def test_turning_on_the_spot_says_nothing_of_how_long_ways_take(world: Traversab
     now = 110.0 + seconds
     for spare, is_allowed in ((0.1, True), (-0.1, False)):
         deadline = started(world, (now + back + 2.0 + spare - 100.0) / 60, "home")  # 2 s: as late as the latest turn
+        here = begin
         for time in (102.0, 104.0, 106.0, 108.0, 110.0):
-            deadline.set_out(START, begin)
-            deadline.observe(context_at(world, START, time))
-        deadline.set_out(FAR, begin)
+            deadline.set_out(START, here)
+            here = context_at(world, START, time)
+            deadline.observe(here)
+        deadline.set_out(FAR, here)
         there = context_at(world, FAR, now)
         deadline.observe(there)
         assert deadline.allows(FAR, there) is is_allowed

@@ -41,25 +41,31 @@ def whole_file(path: Path) -> Iterator[Path]:
             partial.unlink()
 
 
-def check_folder(path: Path, marks: Collection[str] = ("episode.rrd", "report.json")) -> None:
-    """Decide whether results may go into a folder: it is new, or empty, or holds earlier results.
+RUN_FILES = ("episode.rrd", "report.json")
+"""Files of a run, one of which a folder with a run has."""
+
+
+def check_folder(path: Path, marks: Collection[str] = ()) -> None:
+    """Decide whether results may go into a folder: it is new, or empty, or holds results that these continue.
 
     Args:
         path: of the folder.
-        marks: names of files, one of which all earlier results have; by default those of a run.
+        marks: names of files, one of which all results have that may be continued; none if none may.
 
     Raises:
-        InputError: it holds other files, or is no folder.
+        InputError: it holds an earlier run or other files, or is no folder.
     """
     try:
         names = sorted(file.name for file in path.iterdir() if file.suffix != ".part") if path.exists() else []
     except OSError as error:
         raise InputError(f"{path}: {error.strerror or error}") from error
     if names and not set(marks) & set(names):
+        if set(RUN_FILES) & set(names):
+            raise InputError(f"{path}: holds an earlier run: give another folder, or delete this one")
         raise InputError(f"{path}: not empty: it holds {names[0]}{''.join(f' and no {name}' for name in marks)}")
 
 
-def make_folder(path: Path, marks: Collection[str] = ("episode.rrd", "report.json")) -> None:
+def make_folder(path: Path, marks: Collection[str] = ()) -> None:
     """Make a folder for results for which :func:`check_folder` holds; the later, the fewer refusals leave it empty.
 
     Raises:

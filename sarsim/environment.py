@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from pipeline.errors import InputError
 from pipeline.robot import Velocity
 from sarsim.arenas.arena import RescueArena
-from sarsim.robots.model import ROBOTS
+from sarsim.robots.names import ROBOTS
 from sarsim.robots.skid_steer import SkidSteer
 from sarsim.robots.skid_steered import SkidSteered, per_side
 

@@ -17,7 +17,7 @@ from sarsim.arenas.things.thing import things_of
 from sarsim.arenas.things.warmth import temperatures
 from sarsim.environment import CONTROL_TIMESTEP, RescueEnvironment
 from sarsim.ground_truth.contacts import CollisionCounter
-from sarsim.robots.model import ROBOTS
+from sarsim.robots.names import ROBOTS
 from sarsim.robots.pose import Pose
 from sarsim.sensors.air import Air
 from sarsim.sensors.camera import LabelledImage, RgbdCamera

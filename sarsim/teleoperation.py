@@ -26,7 +26,7 @@ from sarsim.arenas.arena import RescueArena
 from sarsim.composition import compose, make_mapper
 from sarsim.environment import CONTROL_TIMESTEP, RescueEnvironment
 from sarsim.recording import EpisodeRecorder
-from sarsim.robots.model import ROBOTS
+from sarsim.robots.names import ROBOTS
 from sarsim.scoring.coverage import Coverage
 from sarsim.scoring.trajectory import TrajectoryScore, motion_figures
 from sarsim.settings import PerceptionConfig, TeleopConfig

@@ -47,7 +47,7 @@ class Squares:
         """Those squares of a frame's image that are as large as signs and codes, or of unknown distance."""
         corners = self.quads / self.scale
         sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean(axis=1)
-        rows, columns = np.intp(corners.mean(axis=1).T[::-1])
+        columns, rows = corners.mean(axis=1).T.astype(np.intp)
         depth = np.where(frame.returns, frame.depth, np.nan)[rows, columns]
         size = sides * depth / frame.intrinsics.fx
         return replace(self, quads=self.quads[~((size < config.smallest) | (size > config.largest))])

@@ -11,8 +11,8 @@ from numpy.typing import NDArray
 from pipeline.errors import InputError
 from sarsim.arenas.arena import RescueArena, naming
 from sarsim.arenas.elements import ArenaBuilder
-from sarsim.arenas.lanes import LANES, LANES_FOLDER
 from sarsim.arenas.map_2d import build_map
+from sarsim.arenas.names import BUILT_IN, MJCF, RANDOM, check_arena_name, seed_of
 from sarsim.arenas.raf import build_raf
 from sarsim.arenas.random_arena import build_random
 from sarsim.arenas.sdf.build import build_sdf
@@ -23,9 +23,6 @@ from sarsim.vetting.read import read_mjcf
 from sarsim.vetting.resolved import resolved_root
 from sarsim.vetting.trial import check_model
 
-BUILT_IN = ("nist_6x4", "esogu_52x15", *(f"{LANES_FOLDER}{lane}" for lane in LANES))
-RANDOM = "random:"
-MAX_DIGITS = 18  # of a seed
 BUILDERS: dict[str, Callable[[Path], ArenaBuilder]] = {
     ".raf": build_raf, ".sdf": build_sdf, ".world": build_sdf, ".yaml": build_map,
 }  # fmt: skip
@@ -43,19 +40,13 @@ def load_arena(name: str, start: StartPose | None = None, random: RandomArenaCon
     Raises:
         InputError: no such arena, the file is missing or broken, or the robot cannot stand at the start.
     """
+    check_arena_name(name)
     path, kind = Path(name), Path(name).suffix.lower()
     if name in BUILT_IN:
         return _from_mjcf(asset("arenas", f"{name}.xml"), start)
     if name.startswith(RANDOM):
-        return _from_builder(name, build_random(_seed(name), random), start)
-    if kind == ".xml":
-        return _from_mjcf(path, start)
-    if kind in BUILDERS:
-        return _from_builder(name, BUILDERS[kind](path), start)
-    raise InputError(
-        f"unknown arena {name!r}: give one of {', '.join(BUILT_IN)}, {RANDOM}SEED, or the path of a file:"
-        f" {', '.join(BUILDERS)}, or MJCF .xml"
-    )
+        return _from_builder(name, build_random(seed_of(name), random), start)
+    return _from_mjcf(path, start) if kind == MJCF else _from_builder(name, BUILDERS[kind](path), start)
 
 
 def checked_arena(arena: object, name: str, start: StartPose | None = None) -> RescueArena:
@@ -71,13 +62,6 @@ def checked_arena(arena: object, name: str, start: StartPose | None = None) -> R
         check_model(model)
         _set_start(root, model, start)
         return RescueArena(root, name)
-
-
-def _seed(name: str) -> int:
-    text = name.removeprefix(RANDOM)
-    if not text.isdecimal() or len(text) > MAX_DIGITS:
-        raise InputError(f"unknown arena {name!r}: the seed must be a whole number of at most {MAX_DIGITS} digits")
-    return int(text)
 
 
 def _from_mjcf(path: Path, wish: StartPose | None) -> RescueArena:

@@ -3,6 +3,7 @@
 from typing import TYPE_CHECKING
 
 from pipeline.errors import InputError
+from pipeline.files import check_folder
 from sarsim.commands.cli import end_by, run_watched
 from sarsim.commands.settings import run_with_settings, save_settings, wanted_mission
 from sarsim.commands.tables import show_results
@@ -19,9 +20,10 @@ def map_recording(config: MapRecording) -> None:
 
     If the recording is broken, or a frame cannot be localised, the maps of the frames before it are kept.
     """
+    brief = wanted_mission(config.mission)
+    check_folder(config.out)
     from sarsim.commands.recorded_drive import RecordedDrive
 
-    brief = wanted_mission(config.mission)
     drive = RecordedDrive(open_recording(config), config, brief)
     try:
         ended_by = run_watched(

@@ -76,7 +76,6 @@ class RecordedDrive(MappingRun):
         if self.labelled:
             if self.recording.left_out:
                 _log.warning("%s: left out %s", self.recording.path, self._left_out())
-            self.parts.rescue_report.finished = not self.error
             sim_time = self._poses[-1].time - self._poses[0].time
             self.finish(self._score, len(self.labelled), sim_time, self._figures())
         else:

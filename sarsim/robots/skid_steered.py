@@ -9,7 +9,8 @@ from numpy.typing import NDArray
 from pipeline.arrays import Pose
 from pipeline.errors import InputError
 from pipeline.transforms import from_rotation
-from sarsim.robots.model import ROBOTS, drive_model, robot_file, robot_model
+from sarsim.robots.model import drive_model, robot_model
+from sarsim.robots.names import ROBOTS, robot_file
 from sarsim.vetting.read import read_mjcf
 
 WHEELS = ("front_left", "front_right", "rear_left", "rear_right")

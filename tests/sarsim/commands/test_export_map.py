@@ -17,7 +17,7 @@ from pipeline.metric_map.metric_map import MetricMap
 from pipeline.semantic_map.classifier import TruthClassifier
 from pipeline.semantic_map.ply import write_ply
 from sarsim.commands.export_map import export_map
-from sarsim.robots.model import robot_file
+from sarsim.robots.names import robot_file
 from tests.pipeline.metric_map.io.octomap_files import colours, log_odds, read_bt, read_ot
 from tests.pipeline.polygon_scene import floor, look, pose, wall, wedge
 from tests.pipeline.robot_model import PIONEER

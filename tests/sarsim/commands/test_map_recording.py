@@ -32,6 +32,7 @@ from tests.pipeline.datasets.recorded_room import (
     write_tum_folder,
 )
 from tests.pipeline.localisation.driving_robot import T_BASE_CAMERA
+from tests.pipeline.rescue_report.html_page import read
 from tests.refusal import refusal
 from tests.sarsim.dataset.small import InProcess
 
@@ -69,7 +70,9 @@ def test_it_leaves_the_files_of_an_episode(mapped: Path) -> None:
     assert report["recording"]["left_out"] == {}
     assert report["localisation"]["keyframes"] == report["recording"]["keyframes"] > report["steps"] > 0
     assert len(load_metric_map(mapped / "metric_map.npz").occupied_centres()) > 500
-    assert "room" in (mapped / "report.html").read_text()
+    page = read((mapped / "report.html").read_text())
+    assert "room" in page.text
+    assert not [tile.text for tile in page.all("div", "tile") if "good" in tile.attributes["class"]]
 
 
 def test_the_error_is_evos(mapped: Path) -> None:

@@ -6,7 +6,7 @@ import pytest
 from pipeline.robot import Velocity
 from sarsim.arenas.load import load_arena
 from sarsim.environment import CONTROL_TIMESTEP, RescueEnvironment
-from sarsim.robots.model import robot_file
+from sarsim.robots.names import robot_file
 
 STAGE = '<light pos="0 0 3"/><geom type="plane" size="9 9 1"/><body name="table" pos="3 0 0"><geom size=".3"/></body>'
 BASE = '<body name="base_link" childclass="jackal">'

@@ -12,7 +12,7 @@ from scipy.spatial import cKDTree
 from sarsim.arenas.load import load_arena
 from sarsim.commands.export_arena import ExportArena, export_arena
 from sarsim.environment import RescueEnvironment
-from sarsim.robots.model import robot_file
+from sarsim.robots.names import robot_file
 
 ALIKE = 1e-6  # m, kg, kg m² and elements of rotations
 SETTINGS = [

@@ -24,9 +24,10 @@ episode: setup ## explore the NIST 6 x 4 m arena; leaves a recording and a repor
 test: setup ## run every test, on every core
 	$(PYTHON) -m pytest -n logical --dist worksteal
 
-endurance: setup ## check 200 random arenas, try 2,000 broken files and robots, and kill a dataset generator 10 times
-	SEEDS=200 KILLS=10 SARSIM_MUTATIONS=2000 $(PYTHON) -m pytest tests/sarsim/arenas/test_random_arena.py \
-	    tests/sarsim/dataset/test_disturbed.py tests/test_foreign_files.py
+endurance: setup ## check 200 random arenas, try 2,000 broken files and robots, kill a dataset generator, run all pages
+	SEEDS=200 KILLS=10 SARSIM_MUTATIONS=2000 SARSIM_DOCUMENTS=1 $(PYTHON) -m pytest \
+	    tests/sarsim/arenas/test_random_arena.py tests/sarsim/dataset/test_disturbed.py tests/test_foreign_files.py \
+	    tests/test_documents_run.py
 
 lint: setup ## check style and types
 	$(PYTHON) -m ruff check

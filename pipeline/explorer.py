@@ -68,19 +68,30 @@ class Explorer:
         with mapper.stopwatch("exploration"):
             viewpoint, context = self.decide(keyframe)
             frontiers = find_frontiers(context)
-            has_ended = viewpoint is None and self.mission.explores and not self.is_held
-            left = self.mission.left(context) if has_ended else []
+            has_ended = viewpoint is None and self.mission.explores
+            left = self.mission.left(context) if has_ended and not self.is_held else []
+            ended = self._why_ended(context, left) if has_ended else None
         mapper.connect(keyframe, context.paths)
         with mapper.stopwatch("path_plan"):
             plan = self._plan(viewpoint, context) if viewpoint else None
         can_drive = context.paths.start is not None and not self.is_held
         was_carried = bool(confirmed.was_carried) and self.steps > 0
-        decided = viewpoint, plan, frontiers, left, self.mission.explores, can_drive, was_carried
+        decided = viewpoint, plan, frontiers, left, self.mission.explores, ended, can_drive, was_carried
         step = Step(self.steps, keyframe, context, *decided)
         self.steps += 1
         for sink in self._sinks:
             sink.on_step(mapper, step)
         return step
+
+    def _why_ended(self, context: Context, left: list[Viewpoint]) -> str:
+        """Why exploring ends without a viewpoint."""
+        if self.mission.is_out_of_time:
+            return "time"
+        if self.is_held:
+            return "held"
+        if context.paths.start is None:
+            return "shut_in"
+        return "not_worth_it" if left else "nothing_left"
 
     def settle(self) -> bool:
         """Correct the keyframes' poses, the maps and all places in them; True if any moved noticeably."""

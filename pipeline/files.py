@@ -41,25 +41,31 @@ def whole_file(path: Path) -> Iterator[Path]:
             partial.unlink()
 
 
-def check_folder(path: Path, marks: Collection[str] = ("episode.rrd", "report.json")) -> None:
-    """Decide whether results may go into a folder: it is new, or empty, or holds earlier results.
+RUN_FILES = ("episode.rrd", "report.json")
+"""Files of a run, one of which a folder with a run has."""
+
+
+def check_folder(path: Path, marks: Collection[str] = ()) -> None:
+    """Decide whether results may go into a folder: it is new, or empty, or holds results that these continue.
 
     Args:
         path: of the folder.
-        marks: names of files, one of which all earlier results have; by default those of a run.
+        marks: names of files, one of which all results have that may be continued; none if none may.
 
     Raises:
-        InputError: it holds other files, or is no folder.
+        InputError: it holds an earlier run or other files, or is no folder.
     """
     try:
         names = sorted(file.name for file in path.iterdir() if file.suffix != ".part") if path.exists() else []
     except OSError as error:
         raise InputError(f"{path}: {error.strerror or error}") from error
     if names and not set(marks) & set(names):
+        if set(RUN_FILES) & set(names):
+            raise InputError(f"{path}: holds an earlier run: give another folder, or delete this one")
         raise InputError(f"{path}: not empty: it holds {names[0]}{''.join(f' and no {name}' for name in marks)}")
 
 
-def make_folder(path: Path, marks: Collection[str] = ("episode.rrd", "report.json")) -> None:
+def make_folder(path: Path, marks: Collection[str] = ()) -> None:
     """Make a folder for results for which :func:`check_folder` holds; the later, the fewer refusals leave it empty.
 
     Raises:
@@ -142,15 +148,16 @@ def read_text(path: Path, most: float = MOST_TEXT) -> str:
         ) from error
 
 
-def read_numbers(path: Path, columns: str) -> NDArray[np.float64]:
+def read_numbers(path: Path, columns: str, finite: bool = True) -> NDArray[np.float64]:
     """(N, C) the numbers in a text whose lines have C columns, of any units; lines that begin with # are comments.
 
     Args:
         path: of the text.
         columns: their names, for error messages.
+        finite: whether a number that is not finite is an error.
 
     Raises:
-        InputError: it is no regular file, is too large, or a line has other columns or a number that is not finite.
+        InputError: it is no regular file, is too large, or a line has other columns or such a number.
     """
     try:
         rows = np.array(
@@ -160,7 +167,7 @@ def read_numbers(path: Path, columns: str) -> NDArray[np.float64]:
         raise
     except ValueError:
         rows = np.zeros(0)
-    if rows.shape[1:] != (len(columns.split()),) or not np.isfinite(rows).all():
+    if rows.shape[1:] != (len(columns.split()),) or (finite and not np.isfinite(rows).all()):
         raise InputError(f"{path}: its lines must be numbers: {columns}")
     return rows
 

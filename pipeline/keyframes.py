@@ -18,7 +18,7 @@ from pipeline.elevation_map.config import ElevationConfig
 from pipeline.elevation_map.depth_dropouts import find_depth_dropouts
 from pipeline.elevation_map.elevation_kernels import lowest_rays
 from pipeline.elevation_map.elevation_map import ElevationMap
-from pipeline.elevation_map.ground_evidence import GroundEvidence, box_of
+from pipeline.elevation_map.ground_evidence import Assumed, GroundEvidence, box_of
 from pipeline.elevation_map.overhangs import find_overhangs
 from pipeline.errors import InputError
 from pipeline.frame import Frame, Intrinsics
@@ -252,6 +252,11 @@ class Keyframes:
         centre = np.einsum("kij,kj->ki", R, middle) + t
         reach = np.einsum("kij,kj->ki", np.abs(R), half)
         return np.stack([centre - reach, centre + reach], axis=1)
+
+    @property
+    def start_height(self) -> float:
+        """m in ``map`` at which the robot was set down; 0 if it was not, as a camera in a hand is not."""
+        return next((float(self.poses[k, 2, 3]) for k, evidence in self.ground if isinstance(evidence, Assumed)), 0.0)
 
     @property
     def highest_camera(self) -> float:

@@ -8,14 +8,13 @@ from typing import Literal, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.arrays import Pose
+from pipeline.arrays import Points, Pose, Probabilities
 from pipeline.config import PipelineConfig
 from pipeline.elevation_map.accessibility import is_inaccessible
 from pipeline.elevation_map.elevation_map import ElevationMap
 from pipeline.elevation_map.ground_evidence import Assumed, Driven, GroundEvidence
 from pipeline.elevation_map.traversability import Traversability
 from pipeline.elevation_map.traversability_layer import TraversabilityLayer
-from pipeline.errors import InputError
 from pipeline.finds.background_reader import BackgroundReader
 from pipeline.finds.find_map import Finds
 from pipeline.finds.readers import FindReader
@@ -157,6 +156,7 @@ class Mapper:
     def restore(self) -> None:
         """Make every map of the keyframes, segments and victims of an earlier episode, which were put in before."""
         self.keyframes.loaded = self._newest_at_drive = len(self.keyframes)
+        self.elevation_map.begin_at(self.keyframes.start_height)
         self._make_anew(np.ones(len(self.keyframes), np.bool_), self.keyframes.boxes())
 
     def take(
@@ -234,13 +234,9 @@ class Mapper:
     def _assume_ground(self, T_map_base: Pose) -> None:
         """Take the ground around and before a robot that was just set down for level until it is seen.
 
-        Keyframes put this ground into the elevation map as long as the robot stands there. InputError if the
-        elevation map does not reach as low or as high.
+        Keyframes put this ground into the elevation map as long as the robot stands there. Heights count from there.
         """
-        lowest, highest = self.elevation_map.config.lowest, self.elevation_map.config.highest
-        if not lowest < T_map_base[2, 3] < highest:
-            z = f"{T_map_base[2, 3]:.2f} m"
-            raise InputError(f"the robot stands at {z}; ground is mapped from {lowest:.2f} to {highest:.2f} m alone")
+        self.elevation_map.begin_at(float(T_map_base[2, 3]))
         self._set_down = T_map_base
 
     def _map(self, localised: Localised, labelled: bool) -> Keyframe:
@@ -255,7 +251,7 @@ class Mapper:
         T_map_camera, probabilities = T_map_base @ frame.T_base_camera, None
         if labelled:
             with self.stopwatch("labels"):
-                probabilities = self.classifier.classify(frame, in_map, T_map_camera)
+                probabilities = self._classified(frame, in_map, T_map_camera)
         with self.stopwatch("keyframe"):
             stride, voxel = self.metric_map.stride(frame.intrinsics), self.semantic_map.config.voxel
             headroom = self.elevation_map.robot.headroom
@@ -274,6 +270,13 @@ class Mapper:
             patches = find_planes(frame, labels, T_map_camera, self._seed + index, self.segments.config)
             self.segments.update(patches, index, T_map_base)
         return Keyframe(frame, T_map_base, in_map, labels, patches, self._take_read(), index)
+
+    def _classified(self, frame: Frame, in_map: Points, T_map_camera: Pose) -> Probabilities:
+        """Probabilities of points; classifiers know them by their heights over where the robot was set down."""
+        height = np.array([0.0, 0.0, self.elevation_map.start_height])
+        T = T_map_camera.copy()
+        T[:3, 3] -= height
+        return self.classifier.classify(frame, in_map - height.astype(np.float32), T)
 
     def add_drive(
         self, track: NDArray[np.float64], obstacles: NDArray[np.float32], touched: Sequence[NDArray[np.float64]]

@@ -125,19 +125,6 @@ class _Clock(Sink):
             raise TimeIsUpError
 
 
-def why_ended(explorer: Explorer, step: Step) -> str:
-    """Why exploring ends with a step; if it has a viewpoint, only an interruption can end it there."""
-    if step.viewpoint is not None:
-        return "interrupted"
-    if explorer.mission.is_out_of_time:
-        return "time"
-    if explorer.is_held:
-        return "held"
-    if step.context.paths.start is None:
-        return "shut_in"
-    return "not_worth_it" if step.left else "nothing_left"
-
-
 class ExplorerRun(Run, ABC):
     """A run of a robot, simulated or real, that explores, drives to goals and home.
 
@@ -252,7 +239,7 @@ class ExplorerRun(Run, ABC):
             self._notice("carried", f"the robot {how} at {place_name(step.keyframe.T_map_base[:2, 3])}")
         self._log("INFO" if step.can_drive else "WARN", self._outcome_of(step))
         if step.explores:
-            self.ended, self._left = why_ended(explorer, step), step.left
+            self.ended, self._left = step.ended or "interrupted", step.left
         was_waiting, self._waits = self._waits, step.plan is None
         if step.plan is None:
             # Closing a loop merges doubled walls, which may have cut off the area behind them.

@@ -28,6 +28,8 @@ class Step:
         frontiers: (N, 3) centres of the frontiers left.
         left: when exploring has ended, viewpoints that would show more but are not worth the drive.
         explores: whether the task is to explore, rather than to reach goals.
+        ended: why exploring ends with this step: ``nothing_left``, ``not_worth_it``, ``held``, ``shut_in`` or
+            ``time``; None if it goes on, or is not the task.
         can_drive: whether the robot stands where it can drive and is not held.
         was_carried: whether the robot was carried elsewhere since the last step.
     """
@@ -40,6 +42,7 @@ class Step:
     frontiers: Places
     left: list[Viewpoint]
     explores: bool
+    ended: str | None
     can_drive: bool
     was_carried: bool
 

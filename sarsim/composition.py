@@ -1,6 +1,6 @@
 """Where every run is put together from its settings, be the robot simulated, recorded, driven by hand or real."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
 from typing import Literal
 
@@ -63,6 +63,7 @@ def compose(
     recorder: Callable[..., Recorder] = Recorder,
     others: Sequence[Sink] = (),
     brief: MissionBrief | None = None,
+    continues: Collection[str] = (),
 ) -> RunParts:
     """The parts of a run that leaves results in a folder, which is made last, so that a refusal leaves none behind.
 
@@ -76,13 +77,14 @@ def compose(
         recorder: makes the one that writes the Rerun recording, of a file's path, a viewer and ``config``.
         others: further sinks, such as scores and bags.
         brief: of a mission whose files are handed in.
+        continues: names of files, one of which the folder must have unless it is new or empty.
 
     Raises:
         InputError: a sink of the user's own, the viewer or the folder is not available.
     """
     own = [own_sink(name) for name in settings.sink]
     viewer = Viewer(view) if view != "none" else None
-    make_folder(folder)
+    make_folder(folder, continues)
     recording = recorder(folder / "episode.rrd", viewer, config=settings.io.rerun)
     rescue_report = RescueReport(recording, config=settings.io.rescue_report)
     sinks = result_sinks(settings, place, seed, recording, rescue_report, brief, others)

@@ -1,6 +1,7 @@
 """A robot in an arena as a dm_env environment, driven by velocity commands."""
 
 import logging
+from collections.abc import Iterator
 
 import dm_env
 import mujoco
@@ -13,7 +14,7 @@ from numpy.typing import NDArray
 from pipeline.errors import InputError
 from pipeline.robot import Velocity
 from sarsim.arenas.arena import RescueArena
-from sarsim.robots.model import ROBOTS
+from sarsim.robots.names import ROBOTS
 from sarsim.robots.skid_steer import SkidSteer
 from sarsim.robots.skid_steered import SkidSteered, per_side
 
@@ -21,6 +22,8 @@ CONTROL_TIMESTEP = 0.02
 """s, the period of the drive's firmware."""
 OF_ITS_OWN = {"compiler": ("autolimits", "fusestatic"), "size": ("memory", "nstack", "njmax", "nconmax")}
 """Settings of an MJCF file for the file alone: a sound one means the same without them, and one model has one."""
+MEDIUM = ("gravity", "wind", "magnetic", "density", "viscosity")
+"""Options that say where the robot is, not how its physics are solved."""
 
 
 class RescueEnvironment(dm_env.Environment):
@@ -43,7 +46,7 @@ class RescueEnvironment(dm_env.Environment):
         self.robot = SkidSteered(robot)
         _reconcile(arena.mjcf_model, self.robot.mjcf_model)
         try:
-            arena.add_free_entity(self.robot)
+            _set_free(arena, self.robot)
             self.physics = mjcf.Physics.from_mjcf_model(arena.mjcf_model)
         except (ValueError, mujoco.FatalError) as error:
             raise InputError(
@@ -120,21 +123,43 @@ class RescueEnvironment(dm_env.Environment):
         self.physics.free()
 
 
+def _set_free(arena: RescueArena, robot: SkidSteered) -> None:
+    if robot.freedom:
+        arena.attach(robot).add("joint", type="free", **robot.freedom)
+    else:
+        arena.add_free_entity(robot)
+
+
 def _reconcile(arena: mjcf.RootElement, robot: mjcf.RootElement) -> None:
-    """Let two models be compiled as one: the robot's options win, and the arena says how everything looks."""
+    """Let two models be compiled as one: each with what it is made of, in the arena's air and light.
+
+    The physics are solved as the robot's file says, with MuJoCo's own value of what it leaves out.
+    """
     for root in (arena, robot):
+        root.keyframe.remove()  # of the state of one file alone
         for tag, names in OF_ITS_OWN.items():
             for name in names:
                 setattr(getattr(root, tag), name, None)
     robot.visual.remove()
     robot.statistic.remove()
-    given = arena.option.get_attributes()
-    wanted = robot.option.get_attributes()
-    if lost := [name for name in given.keys() & wanted if np.any(given[name] != wanted[name])]:
-        changes = ", ".join(f"{name} {wanted[name]} instead of {given[name]}" for name in sorted(lost))
-        logging.getLogger(__name__).warning("the robot's options hold, not the arena's: %s", changes)
-    for name in lost:
-        setattr(arena.option, name, wanted[name])
+    for name in {*arena.size.get_attributes()} & {*robot.size.get_attributes()}:
+        larger = max(getattr(arena.size, name), getattr(robot.size, name))
+        setattr(arena.size, name, larger)
+        setattr(robot.size, name, larger)
+    for name in MEDIUM:
+        setattr(robot.option, name, None)
+    lost = [*_unlike(arena.option, robot.option), *_unlike(arena.option.flag, robot.option.flag)]
+    if lost:
+        logging.getLogger(__name__).warning("the robot's options hold, not the arena's: %s", ", ".join(lost))
+
+
+def _unlike(arena: mjcf.Element, robot: mjcf.Element) -> Iterator[str]:
+    """Clear options of an arena that are not its own matter; in words those that a robot has otherwise."""
+    given, wanted = arena.get_attributes(), robot.get_attributes()
+    for name in sorted(given.keys() - {*MEDIUM}):
+        if name not in wanted or np.any(given[name] != wanted[name]):
+            yield f"{name} {wanted.get(name, 'by default')} instead of {given[name]}"
+        setattr(arena, name, None)
 
 
 def substeps(timestep: float) -> int:

@@ -1,6 +1,8 @@
 """An episode: a simulated run, and its score."""
 
+import shutil
 from contextlib import ExitStack
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -44,7 +46,8 @@ class Episode(ExplorerRun):
             raise InputError(f"--steps {config.steps} --seed {config.seed}: at least 1 step, and no negative seed")
         if not np.isfinite(config.goals).all():
             raise InputError(f"--goals {' '.join(f'{x:g} {y:g}' for x, y in config.goals)}: no place is there")
-        check_folder(config.folder)
+        config = replace(config, out=config.folder)
+        check_folder(config.folder, config.continues)
         arena = make_arena(config.arena, config.start, config.random, config.seed)
         fiducials = hang_fiducials(arena, config.fiducials, config.seed)
         simulation = SimulationConfig(
@@ -60,16 +63,16 @@ class Episode(ExplorerRun):
         with ExitStack() as refused:
             refused.callback(self.robot.close)
             mapper = self._mapper()
-            robot, recordings = self._recorded(mapper)
             model, seed = self.robot.model, config.seed
             planner = make_planner(config.planner, model)
             strategy = make_exploration(config.exploration, model, seed, config.pipeline.exploration)
+            robot, recordings = self._recorded(mapper, refused)
             explorer = Explorer(robot, mapper, strategy, planner)
             self.score = EpisodeScore(self.robot, explorer, fiducials, config.oracle)
             judge = [MissionScore(self.robot, brief)] if brief else []
             recorder, others = partial(EpisodeRecorder, self.robot), [self.score, *recordings, *judge]
             about = config.arena, seed, config.view, recorder, others, brief
-            parts = compose(config, mapper, config.folder, *about)
+            parts = compose(config, mapper, config.folder, *about, config.continues)
             refused.pop_all()
         super().__init__(explorer, parts, self.score.trajectory, config.steps, config.goals, config.home)
 
@@ -79,8 +82,11 @@ class Episode(ExplorerRun):
         localisation = make_localisation(config.localisation, model, numbers, is_true)
         return make_mapper(config, model, config.seed, localisation, config.map, config.graph)
 
-    def _recorded(self, mapper: Mapper) -> tuple[Robot, list[Sink]]:
-        """The robot, wrapped so that what it senses and does is recorded, and the wanted bag and TUM sequence."""
+    def _recorded(self, mapper: Mapper, refused: ExitStack) -> tuple[Robot, list[Sink]]:
+        """The robot, wrapped so that what it senses and does is recorded, and the wanted bag and TUM sequence.
+
+        What they have begun to write is removed if the episode is ``refused``.
+        """
         config, robot = self.config, self.robot
         recorded: Robot = robot
         recordings: list[Sink] = []
@@ -98,20 +104,22 @@ class Episode(ExplorerRun):
                 joints=lambda: Joints(WHEELS, *robot.wheels),
                 config=config.io.ros,
             )
+            refused.callback(shutil.rmtree, config.bag)
+            refused.enter_context(bag)
             recorded = bag.robot
             recordings.append(bag)
         if config.tum:
             from sarsim.dataset.exports.tum import TumDrive  # imports HDF5, which episodes do not need otherwise
 
-            tum = TumDrive(config.tum, config.seed)
+            tum = refused.enter_context(TumDrive(config.tum, config.seed))
             recorded = RecordedRobot(recorded, tum, T_world_base=T_world_base)
             recordings.append(tum)
         return recorded, recordings
 
     @property
     def explored(self) -> str:
-        """How much is explored, as text."""
-        return f"{self.score.coverage.fraction:.0%} explored"
+        """How much is explored, by the truth, as text."""
+        return f"{self.score.coverage.fraction:.0%} of all drivable ground seen"
 
     def _time(self) -> float:
         return self.robot.time

@@ -1,8 +1,10 @@
 """Settings of episodes, recordings and ROS 2 robots, in a module of their own: ``--help`` needs nothing else."""
 
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from importlib.metadata import entry_points
+from itertools import chain, count
 from pathlib import Path
 from typing import Annotated, Literal, get_args
 
@@ -23,6 +25,20 @@ Labels = NetworkName | Literal["rules", "truth"] | str
 Exploration = Literal["next_best_view", "nearest_frontier", "random_walk"] | str
 Localisation = Literal["slam", "odometry"] | str
 Planner = Literal["topological"] | str
+GridExplorer = (
+    Literal[
+        "next_best_view",
+        "viewpoint_tour",
+        "frontier_tour",
+        "nearest_frontier",
+        "random_tree",
+        "learned",
+        "random_walk",
+        "oracle",
+    ]
+    | str
+)
+"""An explorer of 2D maps in sweeps; the oracle knows the map."""
 METHODS = {
     flag: tuple(name for part in get_args(kind) for name in get_args(part))
     for flag, kind in {
@@ -31,7 +47,7 @@ METHODS = {
         "detector-class": str,
         "localisation": Localisation,
         "planner": Planner,
-        "methods": str,
+        "methods": GridExplorer,
         "sink": str,
         "reader": str,
         "arena": str,
@@ -51,6 +67,8 @@ NETWORK: NetworkName = "pointnext"
 """The default network."""
 WEIGHTS = asset("weights", f"{NETWORK}.safetensors")
 """Weights of the default network."""
+NOT_PORTABLE = r"[^\w.-]+"
+"""What no name of a folder has, as a colon, which Windows and scp take for something else."""
 EXPLORE = "explore"
 """The mission without a clock, of which nothing is handed in."""
 DETECTOR = asset("weights", "victims.cfg"), asset("weights", "victims.safetensors")
@@ -196,7 +214,7 @@ class EpisodeConfig(SinkConfig, PerceptionConfig, MissionConfig, SimulatorConfig
         bag: new folder for a ROS 2 bag of the robot's sensor data, commands and maps.
         bag_images: depth in whole mm (16UC1) or in m (32FC1); colour raw or as JPEG.
         tum: new folder for sensor data and true poses in the layout of TUM RGB-D.
-        out: folder for the results; by default runs/<arena>-<seed>; with --config that name and the first free number
+        out: new folder for the results; by default runs/<arena>-<seed>, or if that is there, the first free number
             from -2 on.
         random: contents of a random arena.
     """
@@ -227,9 +245,18 @@ class EpisodeConfig(SinkConfig, PerceptionConfig, MissionConfig, SimulatorConfig
 
     @property
     def folder(self) -> Path:
-        """Folder for the results."""
+        """Folder for the results; one that is free, unless ``out`` or ``resume`` names it."""
+        if named := self.out or self.resume:
+            return named
         name = self.arena if _is_function(self.arena) else Path(self.arena).stem
-        return self.out or self.resume or Path("runs") / f"{name}-{self.seed}"
+        stem = f"{re.sub(NOT_PORTABLE, '-', name)}-{self.seed}"
+        names = chain([stem], (f"{stem}-{number}" for number in count(2)))
+        return next(path for name in names if not (path := Path("runs", name)).exists())
+
+    @property
+    def continues(self) -> tuple[str, ...]:
+        """A file that the folder for the results must have if it has any: that of an episode to be resumed."""
+        return ("config.yaml",) if self.resume else ()
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -274,7 +301,7 @@ class MapRecording(SinkConfig, PerceptionConfig):
         intrinsics: fx fy cx cy of the camera in pixels, with pixel centres at whole numbers; by default as recorded.
         depth_scale: units per metre of a folder's depth images; by default 5000.
         fps: frames per second of a folder whose images have no times.
-        topics: names of the topics to use if a bag has several of a kind.
+        topics: names of the topics to use if a bag has several of a kind, also of transforms.
         mission: explore, or one whose files are handed in: league, virtual, or a YAML file.
     """
 

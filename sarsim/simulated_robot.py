@@ -1,5 +1,6 @@
 """The simulated robot that the pipeline drives."""
 
+from contextlib import ExitStack
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -16,7 +17,7 @@ from sarsim.arenas.things.thing import things_of
 from sarsim.arenas.things.warmth import temperatures
 from sarsim.environment import CONTROL_TIMESTEP, RescueEnvironment
 from sarsim.ground_truth.contacts import CollisionCounter
-from sarsim.robots.model import ROBOTS
+from sarsim.robots.names import ROBOTS
 from sarsim.robots.pose import Pose
 from sarsim.sensors.air import Air
 from sarsim.sensors.camera import LabelledImage, RgbdCamera
@@ -76,6 +77,7 @@ class SimulatedRobot:
     """A robot in an arena that implements :class:`pipeline.robot.Robot`; ``odom`` is the world's frame.
 
     Attributes:
+        arena: in which it is.
         model: its size and abilities.
         T_world_start: 4×4 pose at which it was set down.
         physics: dm_control's, for scores and drawings.
@@ -88,7 +90,7 @@ class SimulatedRobot:
 
     def __init__(self, arena: RescueArena, config: SimulationConfig, seed: int):
         """Set the robot down at the arena's start; InputError if it cannot stand there."""
-        self.config = config
+        self.arena, self.config = arena, config
         lighting = Lighting[config.lighting]
         self._conditions = Conditions(SENSORS[config.sensor], lighting, Air(config.dust))
         self._environment = RescueEnvironment(arena, config.robot)
@@ -106,7 +108,10 @@ class SimulatedRobot:
         # Upright also where the robot stands on a slope, whose tilt the odometry measures.
         x, y, z = self.T_world_start[:3, 3]
         self._T_world_odom = from_yaw(x, y, z, yaw_of(self.T_world_start))
-        self._begin(seed)
+        with ExitStack() as refused:
+            refused.callback(self.close)
+            self._begin(seed)
+            refused.pop_all()
 
     def reset(self, seed: int) -> None:
         """Set the robot down at the start again, as a new one with this seed would be."""
@@ -129,7 +134,8 @@ class SimulatedRobot:
                 self.drive(Velocity())
         except PhysicsError as error:
             x, y = self.T_world_start[:2, 3]
-            raise InputError(f"the arena has no free start: nothing can stand at ({x:g}, {y:g}) m") from error
+            with self.arena.naming():
+                raise InputError(f"the arena has no free start: nothing can stand at ({x:g}, {y:g}) m") from error
 
     @property
     def base_body(self) -> int:

@@ -6,6 +6,7 @@ import struct
 import threading
 import time
 from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -25,7 +26,7 @@ from sarsim.arenas.arena import RescueArena
 from sarsim.composition import compose, make_mapper
 from sarsim.environment import CONTROL_TIMESTEP, RescueEnvironment
 from sarsim.recording import EpisodeRecorder
-from sarsim.robots.model import ROBOTS
+from sarsim.robots.names import ROBOTS
 from sarsim.scoring.coverage import Coverage
 from sarsim.scoring.trajectory import TrajectoryScore, motion_figures
 from sarsim.settings import PerceptionConfig, TeleopConfig
@@ -202,14 +203,17 @@ class MappedDrive(MappingRun):
         self._robot = robot = SimulatedRobot(arena, SimulationConfig(robot=config.robot), seed=0)
         self.physics, self.base_body, self.control_period = robot.physics, robot.base_body, robot.control_period
         self.limits = robot.robot.drive.limits
-        mapper = make_mapper(
-            PerceptionConfig(labels=config.labels, reader=config.reader, pipeline=config.pipeline), robot.model
-        )
-        self._trajectory = TrajectoryScore(mapper.localisation, robot.trajectory)
-        recorder = partial(EpisodeRecorder, robot)
-        view: Literal["spawn", "none"] = "spawn" if is_shown else "none"
-        others = [_Score(robot, self._trajectory)]
-        super().__init__(compose(config, mapper, out, config.arena, 0, view, recorder, others))
+        with ExitStack() as refused:
+            refused.callback(robot.close)
+            mapper = make_mapper(
+                PerceptionConfig(labels=config.labels, reader=config.reader, pipeline=config.pipeline), robot.model
+            )
+            self._trajectory = TrajectoryScore(mapper.localisation, robot.trajectory)
+            recorder = partial(EpisodeRecorder, robot)
+            view: Literal["spawn", "none"] = "spawn" if is_shown else "none"
+            others = [_Score(robot, self._trajectory)]
+            super().__init__(compose(config, mapper, out, config.arena, 0, view, recorder, others))
+            refused.pop_all()
         self._begin = robot.time
         self._take()
 

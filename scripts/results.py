@@ -1,9 +1,11 @@
 """Run the benchmarks of the pages of results, and write these pages: ``results.py [PAGE ...]``."""
 
 import json
+import os
 import re
 import resource
 import shlex
+import shutil
 import subprocess
 import sys
 from collections.abc import Iterable, Mapping
@@ -82,23 +84,31 @@ def renew(name: str, page: Mapping[str, Any], settings: Results) -> None:
     print(f"{name}: takes about {duration(page, old)}", flush=True)
     command = " ".join([page["command"].format(commit=commit), settings.flags]).strip()
     record = measured(command, ROOT / "runs" / "results" / name) | {"commit": commit}
+    for variant, environment in page.get("environments", {}).items():
+        again = measured(command, ROOT / "runs" / "results" / f"{name}-{variant}", environment)
+        record["figures"] |= {f"{variant}.{figure}": value for figure, value in again["figures"].items()}
     with whole_file(FOLDER / f"{name}.json") as part:
         part.write_text(json.dumps(record, indent=1, sort_keys=True) + "\n")
     print(f"{name}: took {record['processor_s']} s of processor time", flush=True)
 
 
-def measured(command: str, folder: Path) -> dict[str, Any]:
+def measured(command: str, folder: Path, environment: Mapping[str, str] = {}) -> dict[str, Any]:
     """The record of a command, without the commit: of a benchmark, or of an episode by its report.
+
+    ``environment``: variables for the command, such as those that choose a library's instructions.
 
     Raises:
         InputError: the command failed.
     """
-    folder.mkdir(parents=True, exist_ok=True)
     benchmark = command.startswith("benchmark.py")
+    if not benchmark:
+        shutil.rmtree(folder, ignore_errors=True)  # an episode wants a new one
+    folder.mkdir(parents=True, exist_ok=True)
     output = ["--json", str(folder / "figures.json")] if benchmark else ["--out", str(folder)]
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
     script, *flags = shlex.split(command)
-    if status := subprocess.call([sys.executable, str(ROOT / "scripts" / script), *flags, *output], cwd=ROOT):
+    program = [sys.executable, str(ROOT / "scripts" / script), *flags, *output]
+    if status := subprocess.call(program, cwd=ROOT, env=os.environ | environment):
         raise InputError(f"{command}: ended with status {status}")
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     content = json.loads((folder / ("figures.json" if benchmark else "report.json")).read_text())

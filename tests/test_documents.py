@@ -159,7 +159,7 @@ def test_the_first_lines_of_python_run(
     assert "steps=20)" in code
     exec(compile(code.replace("steps=20)", "steps=1)"), "README.md", "exec"), {})
     assert "present" in ast.literal_eval(capsys.readouterr().out)
-    assert (tmp_path / "runs" / "random:7-0" / "report.html").exists()
+    assert (tmp_path / "runs" / "random-7-0" / "report.html").exists()
 
 
 def test_the_workflow_of_github_calls_what_is_there() -> None:

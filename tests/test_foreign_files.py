@@ -50,7 +50,7 @@ from sarsim.dataset.exports.yolo import Yolo
 from sarsim.dataset.manifest import sha256_of
 from sarsim.episode import Episode
 from sarsim.ground_truth.true_surface import Survey
-from sarsim.robots.model import robot_file
+from sarsim.robots.names import robot_file
 from sarsim.settings import EpisodeConfig
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 from tests.pipeline.datasets.recorded_room import ODOMETRY, WAY, camera_poses, write_tum_folder

@@ -1,5 +1,6 @@
 """A recording: frames, and the known poses at which they were taken."""
 
+import logging
 from collections.abc import Callable, Iterator, Mapping, Set
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -13,6 +14,8 @@ from pipeline.errors import InputError
 from pipeline.frame import Frame
 from pipeline.localisation.trajectory import Trajectory
 from pipeline.transforms import from_rotation
+
+_log = logging.getLogger(__name__)
 
 
 class CameraPose(NamedTuple):
@@ -53,6 +56,7 @@ class Recording:
         keyframes: the times of the frames of which the robot made keyframes, and whether it labelled them.
         steps: the times of those keyframes at which the robot stood, corrected its maps and planned.
         left_out: number of items that could not be used, by reason.
+        notes: what was assumed where the recording is not as expected, each in one line.
     """
 
     path: Path
@@ -64,6 +68,13 @@ class Recording:
     keyframes: Mapping[float, bool] | None = None
     steps: Set[float] = frozenset()
     left_out: dict[str, int] = field(default_factory=dict)
+    notes: list[str] = field(default_factory=list)
+
+    def note(self, line: str) -> None:
+        """Tell the user, once, of something that was assumed."""
+        if line not in self.notes:
+            self.notes.append(line)
+            _log.warning("%s: %s", self.path, line)
 
     def leave_out(self, reason: str) -> None:
         """Count an item that cannot be used."""

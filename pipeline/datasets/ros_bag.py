@@ -14,18 +14,18 @@ from pipeline.arrays import Direction, Pose
 from pipeline.datasets.config import DatasetsConfig
 from pipeline.datasets.recording import Recording
 from pipeline.errors import InputError
-from pipeline.files import check_regular
+from pipeline.files import check_regular, read_text
 from pipeline.frame import SAME_TIME, Calibration, Frame
 from pipeline.localisation.trajectory import Trajectory
+from pipeline.ros.cameras import IMAGE_TYPES, INFO_TYPE, ImageSource, RgbdCamera, info_topic
 from pipeline.ros.images import colour_of, depth_of, label_of
-from pipeline.ros.links import FrameTree
-from pipeline.ros.messages import BASE, NANO, ODOM, STORE, Message, pose_matrix, seconds, vector_of
-from pipeline.ros.pinhole import Pinhole
+from pipeline.ros.links import TF_TYPES, CameraMount, FrameTree, tf_topics
+from pipeline.ros.messages import NANO, STORE, Message, pose_matrix, seconds, vector_of
 
 KEYFRAME_TOPIC, LABELLED_TOPIC, STEP_TOPIC = "/keyframe", "/semantic_cloud", "/map"
 TRUTH, LABELS = "/ground_truth/pose", "/camera/label/image_raw"  # Topics of sarsim's own bags
-INFRARED = re.compile("/(infra|ir/)")  # In names of topics of infrared images
-IMAGE_TYPES = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
+ENDINGS = ".mcap", ".db3", ".bag"  # Of files with messages
+INFRARED = re.compile("/(infra|ir/)", re.IGNORECASE)  # In names of topics of infrared images
 
 
 def read_ros_bag(
@@ -50,22 +50,47 @@ def read_ros_bag(
         chosen = Topics(path, reader, topics)
         beside = _Beside(reader, chosen)
         span = reader.duration / NANO
-    camera = Pinhole(path, beside.camera_info, calibration)
-    recording = Recording(path, lambda: _frames(recording, chosen, camera, beside, span, config.buffered))
-    recording.odometry, recording.truth = beside.odometry(), beside.trajectory(beside.true_poses)
+    depth, colour = beside.sources(chosen)
+    camera = RgbdCamera(path, depth, colour, beside.links, calibration)
+    mount = beside.links.mount(camera.frame)
+    recording = Recording(
+        path, lambda: _frames(recording, chosen, camera, mount.T_base_camera, span, config.buffered)
+    )
+    odometry = [(time, T @ mount.T_driven_base) for time, T in beside.odometry(camera.frame)]
+    recording.odometry = beside.trajectory("odometry", odometry)
+    recording.truth = beside.trajectory("true poses", beside.true_poses)
     recording.keyframes = {time: time in beside.labelled for time in beside.keyframes} or None
     recording.steps = beside.steps
-    recording.has_camera_pose = beside.links.T_base(beside.camera_frame) is not None
-    recording.up = beside.up(config.at_rest)
+    recording.has_camera_pose = mount.T_base_camera is not None
+    recording.up = beside.up(camera.frame, config.at_rest)
+    for line in filter(None, (*chosen.notes, *beside.notes, camera.note, _mounted(mount))):
+        recording.note(line)
+    if recording.odometry is None and beside.links.moves:
+        recording.note(f"no odometry: neither nav_msgs/Odometry nor a transform from odom; found: {beside.links}")
     return recording
+
+
+def _mounted(mount: CameraMount) -> str:
+    """The note on a camera's pose, and what is done without it."""
+    without = "; the floor in the first frame gives its height and tilt, unless --camera does"
+    return mount.note + (without if mount.T_base_camera is None else "")
+
+
+def holds_bag(path: Path) -> bool:
+    """Whether a folder is a bag, or one or more lie in it."""
+    return any(file.suffix in ENDINGS for file in path.iterdir()) or _describes_bag(path / "metadata.yaml")
+
+
+def _describes_bag(file: Path) -> bool:
+    return file.is_file() and "rosbag2_bagfile_information" in read_text(file)
 
 
 @contextmanager
 def _opened(path: Path) -> Iterator[AnyReader]:
     """A reader of a bag; its errors, which are of many kinds, become InputError."""
-    alone = sorted(path.glob("*.mcap")) + sorted(path.glob("*.db3")) if path.is_dir() else []
+    alone = sorted(file for file in path.iterdir() if file.suffix in ENDINGS) if path.is_dir() else []
     # The reader takes a folder whose name ends with .bag for a file of ROS 1.
-    is_lone = len(alone) == 1 and (path.suffix == ".bag" or not (path / "metadata.yaml").exists())
+    is_lone = len(alone) == 1 and (path.suffix == ".bag" or not _describes_bag(path / "metadata.yaml"))
     file = alone[0] if is_lone else path
     if file.exists() and not file.is_dir():
         check_regular(file)
@@ -85,35 +110,51 @@ class Topics:
     """The names of a bag's topics by their contents.
 
     Attributes:
+        kinds: the types of all topics with messages, by name.
         depth: of depth images.
         colour, odometry, imu: None if there is none.
-        camera_info: of the depth images.
+        transforms: of the robot's transforms.
+        notes: what is left out though a user may want it, each in one line.
     """
 
     def __init__(self, path: Path, reader: AnyReader, named: Sequence[str]):
         """Find the topics; InputError if there are no depth images, or several topics of a kind but none is named."""
-        self._path, self._named = path, named
-        self._kinds = {name: info.msgtype for name, info in reader.topics.items() if info.msgcount}
-        if unknown := [name for name in named if name not in self._kinds]:
+        self._path, self._named, self.notes = path, named, list[str]()
+        self.kinds = {name: info.msgtype or "" for name, info in reader.topics.items() if info.msgcount}
+        if unknown := [name for name in named if name not in self.kinds]:
             raise InputError(f"{path}: holds no messages of {', '.join(unknown)}")
-        images = [name for name, kind in self._kinds.items() if kind in IMAGE_TYPES and name != LABELS]
+        images = [name for name, kind in self.kinds.items() if kind in IMAGE_TYPES and name != LABELS]
         depths = [name for name in images if "depth" in name.lower()]
         depth = self._one("depth images", depths)
         if depth is None:
             raise InputError(
-                f"{path}: holds no depth images; its topics are {', '.join(sorted(self._kinds)) or 'none'}"
+                f"{path}: holds no depth images; its topics are {', '.join(sorted(self.kinds)) or 'none'}"
             )
         self.depth = depth
         others = [name for name in images if name not in depths and not INFRARED.search(name)]
         self.colour = self._one("colour images", others)
         self.odometry = self._one("odometry", self._of("nav_msgs/msg/Odometry"))
+        self.imu = self._imu()
+        self.transforms = self._transforms()
+
+    def _imu(self) -> str | None:
         imus = self._of("sensor_msgs/msg/Imu")
-        self.imu = self._one("IMUs", imus) if len(imus) == 1 or set(imus) & set(named) else None
-        place = depth.removesuffix("/compressedDepth").removesuffix("/compressed").rpartition("/")[0]
-        self.camera_info = f"{place}/camera_info"
+        if len(imus) == 1 or set(imus) & set(self._named):
+            return self._one("IMUs", imus)
+        if imus:
+            self.notes.append(f"IMUs come on {' and '.join(imus)}, and none is used; --topics names one")
+        return None
+
+    def _transforms(self) -> list[str]:
+        every = [name for name, kind in self.kinds.items() if kind in TF_TYPES]
+        robots = [name for name in (self.depth, self.odometry) if name]
+        used = [name for name in every if name in self._named] or tf_topics(self.kinds, robots)
+        if unused := [name for name in every if name not in used]:
+            self.notes.append(f"transforms on {' and '.join(unused)} are not used; --topics names those to use")
+        return used
 
     def _of(self, kind: str) -> list[str]:
-        return [name for name, found in self._kinds.items() if found == kind]
+        return [name for name, found in self.kinds.items() if found == kind]
 
     def _one(self, what: str, names: list[str]) -> str | None:
         """The topic to use: the raw one rather than compressed ones, of several the named one; None without any."""
@@ -129,92 +170,120 @@ class _Beside:
     """All data of a bag except its images."""
 
     def __init__(self, reader: AnyReader, topics: Topics):
-        self.camera_info: Message | None = None
-        self.camera_frame = ""
+        self.notes: list[str] = []
         self.keyframes: list[float] = []
         self.labelled: set[float] = set()
         self.steps: set[float] = set()
         self.true_poses: list[tuple[float, Pose]] = []
         self._odometry: list[tuple[float, Pose]] = []
-        self._by_tf: list[tuple[float, Pose]] = []
         self.links = FrameTree()
         self._felt: list[tuple[float, Pose]] = []
         self._imu_frame = ""
-        takers: dict[str | None, Callable[[Any], None]] = {
-            topics.camera_info: self._take_camera_info,
+        self._first = {name: _first(reader, name) for name in (topics.depth, topics.colour) if name}
+        infos = [name for name, kind in topics.kinds.items() if kind == INFO_TYPE]
+        self._infos = {name: _first(reader, name) for name in infos}
+        takers: dict[str | None, Callable[[Any, float], None]] = {
             topics.odometry: self._take_odometry,
             topics.imu: self._take_imu,
-            "/tf": self._take_tf,
-            "/tf_static": self._take_tf,
-            KEYFRAME_TOPIC: lambda message: self.keyframes.append(seconds(message.header.stamp)),
-            LABELLED_TOPIC: lambda message: self.labelled.add(seconds(message.header.stamp)),
-            STEP_TOPIC: lambda message: self.steps.add(seconds(message.header.stamp)),
-            TRUTH: lambda m: self.true_poses.append(_stamped(m, m.pose)),
+            **dict.fromkeys(topics.transforms, self._take_tf),
+            KEYFRAME_TOPIC: lambda message, time: self.keyframes.append(time),
+            LABELLED_TOPIC: lambda message, time: self.labelled.add(time),
+            STEP_TOPIC: lambda message, time: self.steps.add(time),
+            TRUTH: lambda message, time: self.true_poses.append((time, _pose(message.pose))),
         }
         connections = [c for c in reader.connections if c.topic in takers]
-        for connection, _, raw in reader.messages(connections) if connections else ():
-            takers[connection.topic](reader.deserialize(raw, connection.msgtype))
+        for connection, received, raw in reader.messages(connections) if connections else ():
+            message: Any = reader.deserialize(raw, connection.msgtype)
+            takers[connection.topic](message, _time(message, received))
 
-    def _take_camera_info(self, message: Message) -> None:
-        self.camera_info = self.camera_info or message
-        self.camera_frame = message.header.frame_id
+    def sources(self, topics: Topics) -> tuple[ImageSource, ImageSource | None]:
+        """The depth and the colour images, with the first camera_info and frame of each."""
+        depth = self._source(topics.depth, topics)
+        return depth, self._source(topics.colour, topics) if topics.colour else None
 
-    def _take_odometry(self, message: Message) -> None:
-        self.links.base = message.child_frame_id or BASE
-        self._odometry.append(_stamped(message, message.pose.pose))
+    def _source(self, topic: str, topics: Topics) -> ImageSource:
+        header = self._first[topic].header
+        name = info_topic(topic, topics.kinds)
+        if name is None:
+            same = [name for name, info in self._infos.items() if info.header.frame_id == header.frame_id]
+            name = same[0] if len(same) == 1 or (same and topic == topics.depth) else None
+            if name is not None:
+                self.notes.append(f"{name}, of the same frame, is taken for the camera_info of {topic}")
+        info = None if name is None else self._infos[name]
+        frames = [m.header.frame_id for m in (info, self._first[topic]) if m is not None]
+        return ImageSource(topic, info, next((frame for frame in frames if self.links.knows(frame)), frames[0]))
 
-    def _take_imu(self, message: Message) -> None:
+    def _take_odometry(self, message: Message, time: float) -> None:
+        self.links.base = message.child_frame_id
+        self._odometry.append((time, _pose(message.pose.pose)))
+
+    def _take_imu(self, message: Message, time: float) -> None:
         self._imu_frame = message.header.frame_id
-        self._felt.append((seconds(message.header.stamp), vector_of(message.linear_acceleration)))
+        self._felt.append((time, vector_of(message.linear_acceleration)))
 
-    def _take_tf(self, message: Message) -> None:
+    def _take_tf(self, message: Message, time: float) -> None:
         for link in message.transforms:
-            parent, T = self.links.take(link)
-            if parent == ODOM:
-                self._by_tf.append((seconds(link.header.stamp), T))
+            self.links.take(link, time)
 
-    def odometry(self) -> Trajectory | None:
-        """The odometry by its own topic, or else by the transforms from ``odom``."""
-        return self.trajectory(self._odometry or self._by_tf)
+    def odometry(self, camera: str) -> list[tuple[float, Pose]]:
+        """The odometry of the robot that carries a camera, by its topic or else by the transforms from ``odom``."""
+        return self._odometry or self.links.odometry(camera)
 
-    def trajectory(self, poses: list[tuple[float, Pose]]) -> Trajectory | None:
+    def trajectory(self, name: str, poses: list[tuple[float, Pose]]) -> Trajectory | None:
         """The trajectory of poses at their times, s, without poses that are not finite."""
         good = [(time, T) for time, T in poses if np.isfinite(T).all()]
+        if len(good) < len(poses):
+            self.notes.append(f"{name}: {len(poses) - len(good)} of {len(poses)} are no poses (not finite)")
         return Trajectory(np.array([t for t, _ in good]), np.array([T for _, T in good])) if good else None
 
-    def up(self, at_rest: float) -> Direction | None:
+    def up(self, camera: str, at_rest: float) -> Direction | None:
         """The vertical by the accelerometer in the first s, in the robot's frame or else in the camera's."""
         felt = np.array([a for time, a in self._felt if time <= self._felt[0][0] + at_rest]).reshape(-1, 3)
-        in_base = self.links.T_base(self.camera_frame) is not None
-        T = self.links.T_base(self._imu_frame) if in_base else self.links.between(self.camera_frame, self._imu_frame)
-        mean = felt.mean(axis=0) if len(felt) and np.isfinite(felt).all() else np.zeros(3)
+        links, imu = self.links, self._imu_frame
+        in_base = links.mount(camera).T_base_camera is not None
+        T = links.T_base(imu, camera) if in_base else links.between(links.named(camera), links.named(imu))
+        felt = felt[np.isfinite(felt).all(axis=1)]
+        mean = felt.mean(axis=0) if len(felt) else np.zeros(3)
         return None if T is None or not mean.any() else T[:3, :3] @ mean / np.linalg.norm(mean)
 
 
-def _stamped(message: Message, pose: Message) -> tuple[float, Pose]:
-    return seconds(message.header.stamp), pose_matrix(pose.position, pose.orientation)
+def _first(reader: AnyReader, topic: str) -> Message:
+    """The first message of a topic that has one."""
+    connections = [c for c in reader.connections if c.topic == topic]
+    connection, _, raw = next(reader.messages(connections))
+    return reader.deserialize(raw, connection.msgtype)
+
+
+def _time(message: Message, received: int) -> float:
+    """The time of a message, s: of its stamp, or at which it was ``received``, ns, if it has none."""
+    return (seconds(message.header.stamp) if hasattr(message, "header") else 0.0) or received / NANO
+
+
+def _pose(message: Message) -> Pose:
+    return pose_matrix(message.position, message.orientation)
 
 
 def _frames(
-    recording: Recording, topics: Topics, camera: Pinhole, beside: _Beside, span: float, buffered: int
+    recording: Recording, topics: Topics, camera: RgbdCamera, T_base_camera: Pose | None, span: float, buffered: int
 ) -> Iterator[Frame]:
     """Frames of each depth image and the colour image nearest in time, in the order of their stamps."""
-    T_base_camera = beside.links.T_base(beside.camera_frame)
     place, last = np.eye(4) if T_base_camera is None else T_base_camera, -np.inf
     with _opened(recording.path) as reader:
         for time, depth, found in _matched(reader, topics, buffered):
             if last == -np.inf:
                 recording.check_clocks(time, time + span)
+            if time and not seconds(depth.header.stamp):
+                recording.note("depth images have no stamps (all 0): they count as taken when they were recorded")
             if time <= last:
-                recording.leave_out("depth images that are out of order")
+                order = "that have the stamp of another" if time == last else "that are out of order"
+                recording.leave_out(f"depth images {order}")
                 continue
             colour, label = found(topics.colour), found(LABELS)
             if topics.colour and colour is None:
                 recording.leave_out("depth images without a colour image")
                 continue
             last = time
-            metres = camera.depth(depth_of(depth))
-            rgb = np.zeros((*metres.shape, 3), np.uint8) if colour is None else camera.colour(colour_of(colour))
+            metres, rgb = camera.images(depth_of(depth), None if colour is None else colour_of(colour))
             true = None if label is None else label_of(label)
             yield Frame(time, rgb, metres, camera.intrinsics, place, np.eye(4), true)
 
@@ -236,9 +305,9 @@ def _matched(reader: AnyReader, topics: Topics, buffered: int) -> Iterator[tuple
 
         return found
 
-    for number, (connection, _, raw) in enumerate(reader.messages(wanted)):
+    for number, (connection, received, raw) in enumerate(reader.messages(wanted)):
         message: Any = reader.deserialize(raw, connection.msgtype)
-        time = seconds(message.header.stamp)
+        time = _time(message, received)
         if connection.topic == topics.depth:
             heapq.heappush(depths, (time, number, message))
         else:

@@ -1,6 +1,6 @@
 """Reads a folder in the layout of the TUM RGB-D benchmark (Sturm et al., IROS 2012), or of plain numbered images."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,14 +10,12 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import Depth, Direction
 from pipeline.datasets.config import DatasetsConfig
+from pipeline.datasets.image_pairs import Pair, image_pairs
 from pipeline.datasets.recording import Recording
 from pipeline.errors import InputError
-from pipeline.files import MOST_MEMORY, read_bytes, read_numbers, read_text
-from pipeline.frame import SAME_TIME, Calibration, Frame, Intrinsics, decoded
-from pipeline.localisation.trajectory import Trajectory, read_trajectory
-
-IMAGE_ENDINGS = (".png", ".jpg", ".jpeg", ".ppm", ".pgm", ".tif", ".tiff")
-Listed = list[tuple[float, Path]]
+from pipeline.files import MOST_MEMORY, read_bytes, read_numbers
+from pipeline.frame import Calibration, Frame, Intrinsics, decoded
+from pipeline.localisation.trajectory import Trajectory, in_seconds, read_trajectory
 
 
 def read_tum_folder(
@@ -28,7 +26,10 @@ def read_tum_folder(
     *,
     config: DatasetsConfig = DatasetsConfig(),
 ) -> Recording:
-    """A folder with ``depth.txt`` and ``rgb.txt``, or with numbered images in ``depth`` and ``rgb`` or ``color``.
+    """A folder with ``depth.txt`` and ``rgb.txt``, or with images in ``depth`` and ``rgb`` or ``color``.
+
+    Images are paired by ``associations.txt``, by their times, or by the numbers in their names. Times are in s, or in
+    ms, µs or ns since 1970.
 
     ``groundtruth.txt`` and ``odometry.txt`` hold poses of the camera, ``calibration.txt`` the line fx fy cx cy,
     ``accelerometer.txt`` what was felt: in ``base_link`` beside a ``camera.txt``, else in the axes of a Kinect (x
@@ -44,7 +45,7 @@ def read_tum_folder(
     Raises:
         InputError: a file is missing or broken.
     """
-    depth, colour = _listed(path, ("depth",), fps), _listed(path, ("rgb", "color"), fps)
+    pairs = image_pairs(path, fps, config.most_step)
     calibration = calibration or _calibration(path)
     place = _trajectory(path / "camera.txt")
     T_base_camera = np.eye(4) if place is None else place.poses[0]
@@ -52,35 +53,47 @@ def read_tum_folder(
         path,
         lambda: (
             replace(frame, T_base_camera=T_base_camera)
-            for frame in _frames(recording, depth, colour, calibration, depth_scale or config.depth_units)
+            for frame in _frames(recording, pairs, calibration, depth_scale or config.depth_units)
         ),
         has_camera_pose=place is not None,
     )
-    recording.truth = _trajectory(path / "groundtruth.txt")
-    recording.odometry = _trajectory(path / "odometry.txt")
-    recording.up = _up(path / "accelerometer.txt", recording.has_camera_pose, config.at_rest)
-    recording.check_clocks(depth[0][0], depth[-1][0])
+    recording.truth = _trajectory(path / "groundtruth.txt", recording)
+    recording.odometry = _trajectory(path / "odometry.txt", recording)
+    recording.up = _up(path / "accelerometer.txt", recording, config.at_rest)
+    recording.check_clocks(pairs[0].time, pairs[-1].time)
     if (path / "keyframes.txt").exists():
         rows = read_numbers(path / "keyframes.txt", "time labelled stood")
+        rows[:, 0] = in_seconds(rows[:, 0])
         recording.keyframes = {time: bool(labelled) for time, labelled, _ in rows.tolist()}
         recording.steps = set(rows[rows[:, 2] > 0, 0].tolist())
     return recording
 
 
-def _trajectory(path: Path) -> Trajectory | None:
-    return read_trajectory(path, of_camera=True) if path.exists() else None
+def _trajectory(path: Path, recording: Recording | None = None) -> Trajectory | None:
+    if not path.exists():
+        return None
+    found = read_trajectory(path, of_camera=True)
+    if recording is not None and found.left_out:
+        recording.note(f"{path.name}: {found.left_out} of its lines hold no pose (not finite, or turned by nothing)")
+    return found
 
 
-def _up(path: Path, in_base: bool, at_rest: float) -> Direction | None:
+def _up(path: Path, recording: Recording, at_rest: float) -> Direction | None:
     """The vertical in the first s, in ``base_link`` or else in ``camera_optical``; None if it was not felt."""
     if not path.exists():
         return None
-    rows = read_numbers(path, "time ax ay az")
-    felt = rows[rows[:, 0] <= rows[0, 0] + at_rest, 1:].mean(axis=0)
+    rows = read_numbers(path, "time ax ay az", finite=False)
+    good = rows[np.isfinite(rows).all(axis=1)]
+    if len(good) < len(rows):
+        recording.note(f"{path.name}: {len(rows) - len(good)} of its lines are not finite")
+    if not len(good):
+        return None
+    times = in_seconds(good[:, 0])
+    felt = good[times <= times[0] + at_rest, 1:].mean(axis=0)
     if not felt.any():
         return None
     up = felt / np.linalg.norm(felt)
-    return up if in_base or up[1] <= 0 else up * [1, -1, -1]
+    return up if recording.has_camera_pose or up[1] <= 0 else up * [1, -1, -1]
 
 
 def _calibration(path: Path) -> Calibration:
@@ -93,49 +106,14 @@ def _calibration(path: Path) -> Calibration:
     return Calibration(*rows[0].tolist())
 
 
-def _listed(path: Path, names: tuple[str, ...], fps: float | None) -> Listed:
-    """Times and files of one kind of image, in the order of time."""
-    for name in names:
-        if (path / f"{name}.txt").exists():
-            return _from_list(path / f"{name}.txt")
-    for name in names:
-        files = sorted(file for file in (path / name).glob("*") if file.suffix.lower() in IMAGE_ENDINGS)
-        if files:
-            if fps is None:
-                raise InputError(f"{path / name}: its images have no times; --fps says how many there are a second")
-            return [(k / fps, file) for k, file in enumerate(files)]
-    missing = " nor ".join(f"{name}.txt nor images in {name}/" for name in names)
-    raise InputError(f"{path}: no recording: it has neither {missing}")
-
-
-def _from_list(file: Path) -> Listed:
-    found = []
-    for number, line in enumerate(read_text(file).splitlines(), 1):
-        words = line.split()
-        if not words or words[0].startswith("#"):
-            continue
-        try:
-            time, name = float(words[0]), words[1]
-        except (ValueError, IndexError):
-            raise InputError(f"{file}: line {number} is not a time and a file: {line[:60]!r}") from None
-        found.append((time, file.parent / name))
-    if not found:
-        raise InputError(f"{file}: lists no image")
-    return sorted(found)
-
-
-def _frames(
-    recording: Recording, depth: Listed, colour: Listed, calibration: Calibration, scale: float
-) -> Iterator[Frame]:
-    times = np.array([time for time, _ in colour])
+def _frames(recording: Recording, pairs: Sequence[Pair], calibration: Calibration, scale: float) -> Iterator[Frame]:
     size: tuple[int, ...] | None = None
-    for time, file in depth:
-        nearest = int(np.abs(times - time).argmin())
-        if abs(times[nearest] - time) > SAME_TIME:
+    for time, file, colour in pairs:
+        if colour is None:
             recording.leave_out("depth images without a colour image")
             continue
         metres = _depth(file, scale)
-        rgb = np.ascontiguousarray(_image(colour[nearest][1], cv2.IMREAD_COLOR)[..., ::-1])
+        rgb = np.ascontiguousarray(_image(colour, cv2.IMREAD_COLOR)[..., ::-1])
         size = size or metres.shape
         if metres.shape != size or rgb.shape[:2] != size:
             sizes = " and ".join(f"{w} × {h}" for h, w in {size, metres.shape, rgb.shape[:2]})

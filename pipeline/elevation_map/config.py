@@ -109,7 +109,7 @@ class ElevationConfig:
 
     Attributes:
         cell: m, side of a cell.
-        lowest: m in ``map``, the lowest height that matters to the robot.
+        lowest: m over where the robot was set down, the lowest height that matters to it.
         bin: m, height of the bins of a column, of which the returns are averaged; one is centred on z = 0.
         levels: number of bins of a column.
         fewest: returns, or dropouts, of a bin or cell that count; fewer are noise.
@@ -137,5 +137,5 @@ class ElevationConfig:
 
     @property
     def highest(self) -> float:
-        """m in ``map``, up to which ground is mapped."""
+        """m over where the robot was set down, up to which ground is mapped."""
         return self.lowest + self.levels * self.bin

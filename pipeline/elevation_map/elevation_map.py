@@ -53,16 +53,22 @@ class ElevationMap:
     Attributes:
         robot: its ``max_gap`` is the widest gap that is filled, its ``headroom`` the free height above the ground.
         config: how it judges what keyframes show.
+        start_height: m in ``map``, from where its range of heights counts; 0 until ``begin_at`` says otherwise.
         layers: changes are tracked of ``measured``, ``elevation``, ``dropout`` and ``driven``.
     """
 
     def __init__(self, robot: RobotModel, config: ElevationConfig = ElevationConfig()):
         self.robot, self.config = robot, config
-        self._evidence = _evidence(config.levels)
+        self._evidence, self.start_height = _evidence(config.levels), 0.0
         self._columns = kernels.Columns(config.lowest, config.bin, robot.headroom, config.fewest, config.noise)
         self.layers = GridMap(config.cell, _DERIVED | self._evidence | _SCRATCH)
         self._making: MaskLayer | None = None
         self._everywhere = np.zeros((0, 0), np.bool_)
+
+    def begin_at(self, height: float) -> None:
+        """Count the heights that are mapped from ``height``, m in ``map``, where the robot was set down."""
+        self.start_height = self.config.bin * round(height / self.config.bin)
+        self._columns = self._columns._replace(lowest=self.config.lowest + self.start_height)
 
     @property
     def grid(self) -> Grid:

@@ -73,15 +73,19 @@ class Deadline:
         self._begin, self._finds, self._wants_home = begin, finds, home
         # By the distance at which a place counts as reached the robot may stop short of it.
         self._near = None if beside is None else beside - config.arrived
+        self._arrived = config.arrived
         self._home: Place | None = None
-        self._planned, self._last, self._late = 0.0, (begin, 0.0), 0.0
+        # Of the drives so far: s as planned and as they took; when the last began, and as planned; the most late.
+        self._planned, self._taken, self._last, self._late = 0.0, 0.0, (begin, 0.0), 0.0
 
     def observe(self, context: Context) -> None:
         """Renew the place of the retreat, and learn how much longer than planned the last drive took."""
         if self._home is None:
             self._home = context.T_map_base[:2, 3].copy()
         begin, seconds = self._last
-        self._late = max(self._late, context.frame.time - begin - seconds)
+        taken = context.frame.time - begin
+        self._late = max(self._late, taken - seconds)
+        self._taken += taken if seconds else 0.0  # turns on the spot say nothing of ways
         self._last = context.frame.time, 0.0
         place = None
         if self._near is not None:
@@ -105,14 +109,15 @@ class Deadline:
         there = _finite(context.paths.without_risk.cost_to(position), 0.0)
         ways = PosePaths(context.traversability, self.retreat.position, caution=0.0)
         back = under_way + there if ways.start is None else _finite(ways.cost_to(position), under_way + there)
-        slowness = max(1.0, under_way / self._planned) if self._planned else 1.0
+        slowness = max(1.0, self._taken / self._planned) if self._planned else 1.0
         can_do = now + slowness * (there + back) + self._late <= self.end
         self.has_called = not can_do
         return can_do
 
     def set_out(self, position: Place, context: Context) -> None:
         """Remember the planned time of a drive to a place (2,)."""
-        seconds = _finite(context.paths.without_risk.cost_to(position), 0.0)
+        is_drive = np.linalg.norm(position - context.T_map_base[:2, 3]) > self._arrived
+        seconds = _finite(context.paths.without_risk.cost_to(position), 0.0) if is_drive else 0.0
         self._planned += seconds
         self._last = context.frame.time, seconds
 

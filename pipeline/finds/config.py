@@ -23,6 +23,8 @@ class SquaresConfig:
         aslant: a side may be less than so many times as long as another: seen at 70° from ahead, a square is so.
         oblong: ratio of two sides from which on signs may hang side by side along the longer one alone.
         same: share of a diagonal by which corners of the same square may differ.
+        smallest, largest: m along a side of signs and codes, where the depth is known: the leagues' signs are
+            0.3 m wide.
     """
 
     most_pixels: int = 2_097_152
@@ -41,6 +43,8 @@ class SquaresConfig:
     aslant: float = 3.0
     oblong: float = 1.5
     same: float = 0.1
+    smallest: float = 0.05
+    largest: float = 0.5
 
 
 @dataclass(frozen=True)
@@ -52,11 +56,13 @@ class HazmatConfig:
         rarer: odds of a sign among the patches that were learned, over those among the squares of a camera's image:
             chosen by the photos of boards and rooms on which its figures are given, for earlier weights.
         alike: least intersection over union of squares that vote on a sign's class.
+        sizes: of a square over its outline's, all of which vote: outlines are a little off.
     """
 
     confidence: float = 0.5
     rarer: float = 9.0
     alike: float = 0.5
+    sizes: tuple[float, ...] = (0.97, 1.0, 1.03)
 
 
 @dataclass(frozen=True)

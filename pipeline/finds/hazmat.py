@@ -10,7 +10,7 @@ from pipeline.arrays import Pixels
 from pipeline.finds.config import HazmatConfig
 from pipeline.finds.hazmat_classes import HAZMAT_CLASSES
 from pipeline.finds.patch_network import PatchNetwork
-from pipeline.finds.squares import Squares, is_same, overlap, rectified
+from pipeline.finds.squares import Pyramid, Squares, is_same, overlap, rectified
 from pipeline.tracks.find import Reading
 
 SIGN = "hazmat_sign"
@@ -40,12 +40,18 @@ class HazmatReader:
         likely = np.flatnonzero(self._sureness(one_way_up / 4) > self._config.confidence)
         if not len(likely):
             return []
-        quads, chances = quads[likely], self._network.probabilities(patches[likely])
-        found = self._signs(quads, chances)
+        found = self._signs(quads[likely], self._chances(squares.pyramid, quads[likely]))
         return [
             Reading(SIGN, HAZMAT_CLASSES[int(classes.argmax())], quad / squares.scale, sure)
             for quad, sure, classes in found
         ]
+
+    def _chances(self, pyramid: Pyramid, quads: NDArray[np.float32]) -> NDArray[np.float32]:
+        """(N, classes + 1) of squares, the mean over outlines that are a little smaller or larger."""
+        middles = quads.mean(axis=1, keepdims=True)
+        outlines = [np.float32(size) * (quads - middles) + middles for size in self._config.sizes]
+        patches = [np.stack([rectified(pyramid, quad, SIGN_SIDE) for quad in scaled]) for scaled in outlines]
+        return np.mean([self._network.probabilities(part) for part in patches], axis=0, dtype=np.float32)
 
     def _signs(
         self, quads: NDArray[np.float32], chances: NDArray[np.float32]

@@ -1,7 +1,6 @@
 """Squares in an image, as those that signs are printed on: outlines with four corners, found in several ways."""
 
 from collections.abc import Iterator, Sequence
-from itertools import product
 
 import cv2
 import numpy as np
@@ -39,10 +38,11 @@ def _masks(rgb: Rgb, config: SquaresConfig) -> Iterator[NDArray[np.uint8]]:
     smooth = np.asarray(cv2.medianBlur(rgb, 3), np.uint8)
     hue, saturation, value = cv2.split(cv2.cvtColor(smooth, cv2.COLOR_RGB2HSV_FULL))
     most = np.iinfo(np.uint8).max
-    for window, above in product((config.small_window, config.window), (-config.contrast, config.contrast)):
-        lighter = _above(value, above, window)
-        yield lighter
-        yield most - lighter  # what touches at corners alone is one region in one of the two
+    yield _above(value, -config.contrast, config.small_window)
+    # Inverted: what touches at corners alone is one region in one of the two.
+    yield most - _above(value, config.contrast, config.small_window)
+    for above in (-config.contrast, config.contrast):
+        yield most - _above(value, above, config.window)
     yield _above(saturation, config.more_coloured, config.window)
     # On grey walls saturation is noise: without its specks there are few outlines.
     yield np.asarray(cv2.medianBlur(_above(saturation, -config.contrast, config.small_window), 5), np.uint8)

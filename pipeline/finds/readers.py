@@ -67,7 +67,8 @@ class FindReaders:
         thermal, config = frame.thermal, self._config.heat
         heat = [] if thermal is None else warm_regions(thermal, len(frame.rgb), config)
         shapes = self._shapes.read(frame)
-        return [*shapes, *_others(self.read_image(frame.rgb, detections), shapes), *heat]
+        squares = Squares.of(frame.rgb, self._config.squares).fitting(frame, self._config.squares)
+        return [*shapes, *_others(self._read(squares, detections), shapes), *heat]
 
     def read_image(self, rgb: NDArray[np.uint8], detections: Sequence[Detection]) -> list[Reading]:
         """What an image shows, (H, W, 3) or grey (H, W) uint8; a detector's boxes of people are left alone.
@@ -75,8 +76,10 @@ class FindReaders:
         Raises:
             InputError: the image is empty or of another type.
         """
+        return self._read(Squares.of(rgb, self._config.squares), detections)
+
+    def _read(self, squares: Squares, detections: Sequence[Detection]) -> list[Reading]:
         others = [d for d in detections if d.kind in FIND_KINDS]
-        squares = Squares.of(rgb, self._config.squares)
         signs = self._hazmat.read(squares)
         boxes = [Reading(d.kind, "", box_corners(d.box), d.confidence) for d in others]
         return [*signs, *self._codes.read(squares), *_others(boxes, signs)]

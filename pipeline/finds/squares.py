@@ -1,7 +1,8 @@
 """Squares in an image: found once for all readers, and rectified."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Self
 
 import cv2
 import numpy as np
@@ -11,6 +12,7 @@ from pipeline.arrays import Pixels, Rgb
 from pipeline.errors import InputError
 from pipeline.finds.config import SquaresConfig
 from pipeline.finds.quads import find_quads
+from pipeline.frame import Frame
 
 PATCH, SURROUNDINGS = 64, 0.1
 """Pixels along a patch, and the share of it that surrounds what it shows on each side; networks have learned so."""
@@ -40,6 +42,15 @@ class Squares:
         """Those of an (H, W, 3) or grey (H, W) uint8 image; InputError if it is empty or of another type."""
         image, scale = _bounded(rgb, config.most_pixels)
         return cls(image, scale, find_quads(image, config))
+
+    def fitting(self, frame: Frame, config: SquaresConfig) -> Self:
+        """Those squares of a frame's image that are as large as signs and codes, or of unknown distance."""
+        corners = self.quads / self.scale
+        sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean(axis=1)
+        columns, rows = corners.mean(axis=1).T.astype(np.intp)
+        depth = np.where(frame.returns, frame.depth, np.nan)[rows, columns]
+        size = sides * depth / frame.intrinsics.fx
+        return replace(self, quads=self.quads[~((size < config.smallest) | (size > config.largest))])
 
 
 def _bounded(rgb: NDArray[np.uint8], most: int) -> tuple[Rgb, float]:

@@ -38,4 +38,5 @@ def one_per_person(
             first = warm.get(nearest, find)
             warm[nearest] = first if first.time_s <= find.time_s else find
     for k, find in warm.items():
-        yield replace(find, text="", position=everyone[k].position, covariance=everyone[k].covariance)
+        person = everyone[k]
+        yield replace(find, text="", position=person.position, covariance=person.covariance, of_person=True)

@@ -47,8 +47,8 @@ class LocalMap:
         at, normals = self._in_map
         near = np.flatnonzero(owners[self.owner] & ((at >= low) & (at <= high)).all(axis=1))
         near = near[np.einsum("ni,ni->n", normals[near], camera - at[near]) > 0]
-        config = self._config.registration
-        return Target(at[near], self.owner[near], config) if len(near) >= config.least_points else None
+        is_enough = len(near) >= self._config.registration.least_points
+        return Target(at[near], normals[near], self.owner[near]) if is_enough else None
 
     def ground_below(self, T_map_base: Pose, owners: Mask) -> tuple[Values, Indices]:
         """Heights of the ground right below a robot, m in ``base_link``, and the keyframes that own it.

@@ -9,7 +9,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import small_gicp
 
 from pipeline.arrays import Covariance, Indices, Information, Places, Points, Pose, Poses, Values
 from pipeline.frame import Frame
@@ -141,7 +140,6 @@ def seen_through(frame: Frame, T_map_base: Pose, points: Places | Points, margin
     return float(np.mean(depth[seen] > z[seen] + margin)) if seen.any() else 0.0
 
 
-def looks_the_same(frame: Frame, loop: Pose, before: Pose, target: small_gicp.PointCloud, margin: float) -> bool:
+def looks_the_same(frame: Frame, loop: Pose, before: Pose, points: Places, margin: float) -> bool:
     """Whether a frame looks through no more of a place, by ``margin`` m, at the pose by a loop than before it."""
-    points = target.points()[:, :3]
     return seen_through(frame, loop, points, margin) <= seen_through(frame, before, points, margin)

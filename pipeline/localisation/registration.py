@@ -55,14 +55,15 @@ class Target:
     """Points to register with.
 
     Attributes:
+        points: in the target's frame.
+        normals: of the surfaces there.
         owner: number of the keyframe that each point belongs to.
+        tree: of the points.
     """
 
-    def __init__(self, points: Places, owner: Indices, config: RegistrationConfig) -> None:
-        self.owner = owner
-        self.cloud = small_gicp.PointCloud(points)
-        self.tree = small_gicp.KdTree(self.cloud)
-        small_gicp.estimate_normals(self.cloud, self.tree, num_neighbors=config.normal_neighbours)
+    def __init__(self, points: Places, normals: Directions, owner: Indices) -> None:
+        self.points, self.normals, self.owner = points, normals, owner
+        self.tree = small_gicp.KdTree(points)
 
 
 @dataclass(frozen=True, eq=False)
@@ -202,11 +203,11 @@ class _Pairs:
         at = points @ R.T + T[:3, 3]
         index, self.squared = map(np.array, target.tree.batch_nearest_neighbor_search(at))
         near = np.flatnonzero(self.squared < gate**2)
-        n, m = target.cloud.normals()[index[near], :3], source.normals()[near, :3] @ R.T
+        n, m = target.normals[index[near]], source.normals()[near, :3] @ R.T
         cosine = np.einsum("ni,ni->n", n, m)
         alike = np.abs(cosine) > config.same_surface
         self.source, self.target = near[alike], index[near[alike]]
-        away = target.cloud.points()[self.target, :3] - at[self.source]
+        away = target.points[self.target] - at[self.source]
         self.rows = []
         for normals in (n[alike], np.sign(cosine[alike])[:, None] * m[alike]):
             u = normals / config.surface_sigma

@@ -417,7 +417,7 @@ class Slam(Localisation):
         is_near = deviation < self._config.registration.coarse
         is_safe = is_near or is_pinned(found.information, loops.pinned_deviation)
         is_likely = found.is_sure and bool(informs) and is_safe
-        return is_likely and looks_the_same(frame, found.T, prior.T, target.cloud, loops.seen_through)
+        return is_likely and looks_the_same(frame, found.T, prior.T, target.points, loops.seen_through)
 
 
 def cloud_of_frame(frame: Frame, config: RegistrationConfig) -> small_gicp.PointCloud | None:

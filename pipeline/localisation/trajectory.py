@@ -15,6 +15,9 @@ from pipeline.localisation.config import TrajectoryConfig
 from pipeline.localisation.localisation import Localisation
 from pipeline.transforms import POSE, are_poses, from_rotation, inverse
 
+LEAST_SINCE_1970 = 1e8
+"""s, in 1973: later times are since 1970, and in whole ms, µs or ns are far beyond all that are in s."""
+
 
 class Trajectory:
     """Poses at times.
@@ -23,7 +26,10 @@ class Trajectory:
         times: s, rising.
         poses: at these times.
         of_camera: whether they are the camera's; else they are those of ``base_link``.
+        left_out: number of lines of the file that hold no pose.
     """
+
+    left_out = 0
 
     def __init__(self, times: Values, poses: Poses, of_camera: bool = False) -> None:
         """Sort the poses by their ``times``, s; of several poses at one time the first counts."""
@@ -112,18 +118,30 @@ def write_tum(path: Path, times: Sequence[float], poses: Sequence[Pose]) -> None
 
 
 def read_trajectory(path: Path, of_camera: bool) -> Trajectory:
-    """Poses from a file in the TUM format: time in s, position in m, quaternion (x y z w).
+    """Poses from a file in the TUM format: time as of :func:`in_seconds`, position in m, quaternion (x y z w).
+
+    Lines that are not finite, or whose quaternion is 0, are left out: so trackers write that they were lost.
 
     Raises:
-        InputError: the file is missing, or a line is not of this format.
+        InputError: the file is missing, a line is not of this format, or none holds a pose.
     """
-    rows = read_numbers(path, "time x y z qx qy qz qw")
-    try:
-        R = Rotation.from_quat(rows[:, 4:]).as_matrix()
-    except ValueError as error:  # a quaternion of length 0
-        raise InputError(f"{path}: no trajectory: {' '.join(str(error).split())}") from error
-    poses = np.tile(np.eye(4), (len(rows), 1, 1))
-    poses[:, :3, :3], poses[:, :3, 3] = R, rows[:, 1:4]
+    rows = read_numbers(path, "time x y z qx qy qz qw", finite=False)
+    good = rows[np.isfinite(rows).all(axis=1) & rows[:, 4:].any(axis=1)]
+    if not len(good):
+        raise InputError(f"{path}: no trajectory: none of its {len(rows)} lines holds a pose")
+    poses = np.tile(np.eye(4), (len(good), 1, 1))
+    poses[:, :3, :3], poses[:, :3, 3] = Rotation.from_quat(good[:, 4:]).as_matrix(), good[:, 1:4]
     if not are_poses(poses):
         raise InputError(f"{path}: a line does not hold {POSE}")
-    return Trajectory(rows[:, 0], poses, of_camera)
+    trajectory = Trajectory(in_seconds(good[:, 0]), poses, of_camera)
+    trajectory.left_out = len(rows) - len(good)
+    return trajectory
+
+
+def in_seconds(times: Values) -> Values:
+    """Times in s, given in s, or in ms, µs or ns since 1970: in a smaller unit they are too large for the next.
+
+    Args:
+        times: of one file, (N,) or (N, 1), at least one.
+    """
+    return times / next((unit for unit in (1e9, 1e6, 1e3) if np.median(times) > LEAST_SINCE_1970 * unit), 1.0)

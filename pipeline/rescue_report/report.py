@@ -21,14 +21,14 @@ class RescueReport(Sink):
     """Writes the people and all finds as data, and shows the ways to the people in the recording.
 
     Attributes:
-        finished: whether no viewpoint was left that was worth a keyframe.
+        ended: why exploring ended, see :attr:`Situation.ended`.
         situation: the robot's knowledge at the end; None before.
     """
 
     def __init__(
         self, recorder: Recorder | None = None, *, config: RescueReportConfig = RescueReportConfig()
     ) -> None:
-        self.finished = False
+        self.ended: str | None = None
         self.situation: Situation | None = None
         self._recorder, self._config = recorder, config
         self._camera_height = 0.0
@@ -41,11 +41,11 @@ class RescueReport(Sink):
     def on_step(self, mapper: Mapper, step: Step) -> None:
         """Take whether viewpoints are left, which only exploring shows."""
         if step.explores:
-            self.finished, self._left = step.viewpoint is None and step.can_drive, step.left
+            self.ended, self._left = step.ended or "interrupted", step.left
 
     def situation_in(self, mapper: Mapper) -> Situation:
         """The present knowledge, by maps that hold at least one keyframe of this run."""
-        return situation_of(mapper, self._camera_height, self.finished, self._left, self._config)
+        return situation_of(mapper, self._camera_height, self.ended, self._left, self._config)
 
     def finish(self, result: Result) -> None:
         """Write the data; InputError if a file cannot be written."""

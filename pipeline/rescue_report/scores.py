@@ -4,6 +4,8 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any
 
+from pipeline.rescue_report.words import percent
+
 LEAGUES = {"league": "Rescue Robot League", "virtual": "Virtual Robot competition"}
 
 
@@ -46,6 +48,8 @@ def _shown(figures: Mapping[str, float]) -> str:
 
 def _losses(rules: Mapping[str, Mapping[str, float]]) -> Iterator[str]:
     for rule, figures in rules.items():
+        if (covered := figures.get("coverage", 1.0)) < 1:
+            yield f"{percent(1 - covered)} of the ground not mapped"
         if figures["points"] < 0:
             yield f"{-figures['points']:.2f} points for {rule}"
         got = figures.get("right", figures.get("discovered", 0))

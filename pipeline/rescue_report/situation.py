@@ -17,7 +17,7 @@ from pipeline.rescue_report.routes import Route, Router
 from pipeline.rescue_report.trust import Trust, trust_in
 from pipeline.rescue_report.unseen import Unseen, find_unseen
 from pipeline.robot import RobotModel
-from pipeline.tracks.find import Find
+from pipeline.tracks.find import HEAT, Find
 from pipeline.tracks.track import Track
 from pipeline.transforms import wrap_angle, yaw_of
 from pipeline.victims.certainty import ellipsoids
@@ -33,12 +33,14 @@ class Person:
         victim: the person's track.
         posture: the person's size.
         route: the way to the person; None if the robot cannot leave the entrance.
+        is_warm: whether heat was seen of the person.
     """
 
     display_id: str
     victim: Track
     posture: Posture
     route: Route | None
+    is_warm: bool = False
 
     @property
     def deviations(self) -> list[float]:
@@ -60,6 +62,10 @@ class Person:
         return wrap_angle(float(np.arctan2(v, u) - np.arctan2(y, x)))
 
 
+FINISHED = ("nothing_left", "not_worth_it")
+"""Reasons of :attr:`Situation.ended` for which a robot ends exploring by itself."""
+
+
 @dataclass(frozen=True, eq=False)
 class Situation:
     """The content of the page, except figures that need the ground truth.
@@ -76,9 +82,10 @@ class Situation:
         unseen: ground that was not seen.
         people: confirmed.
         sightings: people who are not confirmed.
-        finds: signs, codes, objects and heat.
+        finds: signs, codes, objects and heat; what people give off comes last.
         searched: whether a detector looked for people.
-        finished: whether no viewpoint was left that was worth a keyframe.
+        ended: why exploring ended, as in report.json, or ``interrupted``; None if nobody explored: the camera was
+            moved by others, or the robot had other goals.
         left: viewpoints that would have shown more ground but were not worth the drive.
         trust: how far the map can be trusted.
         config: of the report.
@@ -97,10 +104,26 @@ class Situation:
     sightings: list[Person]
     finds: list[Find]
     searched: bool
-    finished: bool
+    ended: str | None
     left: Sequence[Viewpoint]
     trust: Trust
     config: RescueReportConfig
+
+    @property
+    def finished(self) -> bool:
+        """Whether the robot ended exploring by itself: no viewpoint was left that was worth a keyframe."""
+        return self.ended in FINISHED
+
+    @property
+    def is_explored(self) -> bool:
+        """Whether all ground to which the robot's map leads was seen, as far as a map tells that can be trusted."""
+        unseen = self.unseen
+        return self.finished and unseen.share is not None and not unseen.places and self.trust.is_good
+
+    @property
+    def others(self) -> list[Find]:
+        """The finds without what people give off, which is told of the people."""
+        return [find for find in self.finds if not find.of_person]
 
     @property
     def everyone(self) -> list[Person]:
@@ -124,14 +147,14 @@ class Situation:
 
 
 def situation_of(
-    mapper: Mapper, camera_height: float, finished: bool, left: Sequence[Viewpoint], config: RescueReportConfig
+    mapper: Mapper, camera_height: float, ended: str | None, left: Sequence[Viewpoint], config: RescueReportConfig
 ) -> Situation:
     """The situation by a mapper's maps, which hold at least one keyframe of this run; the first is at the entrance.
 
     Args:
         mapper: with the maps and the victims; without a detector no person was searched for.
         camera_height: m above the ground under the robot.
-        finished: whether no viewpoint was left that was worth a keyframe.
+        ended: why exploring ended, see :attr:`Situation.ended`.
         left: viewpoints that would have shown more ground but were not worth the drive.
         config: of the report.
     """
@@ -141,6 +164,7 @@ def situation_of(
     paths, points = PosePaths(traversability, poses[0][:2, 3]), mapper.semantic_map.points()
     hazards = find_hazards(traversability, paths.reachable, points, robot, config.hazards)
     maps = traversability, paths, mapper.topological_map, mapper.metric_map
+    finds = mapper.finds.reported
     router = Router(*maps, hazards, robot, yaw_of(poses[0]), camera_height, config.routes)
     return Situation(
         robot=robot,
@@ -152,16 +176,20 @@ def situation_of(
         labels=mapper.semantic_map.labels(),
         hazards=hazards,
         unseen=find_unseen(traversability, measured, paths.reachable, robot, config.unseen),
-        people=[_person(*found, router, config) for found in confirmed_ids(mapper.victims)],
-        sightings=[_person(*found, router, config) for found in unconfirmed_ids(mapper.victims)],
-        finds=mapper.finds.reported,
+        people=[_person(*found, router, finds, config) for found in confirmed_ids(mapper.victims)],
+        sightings=[_person(*found, router, finds, config) for found in unconfirmed_ids(mapper.victims)],
+        finds=finds,
         searched=mapper.detector is not None,
-        finished=finished,
+        ended=ended,
         left=left,
         trust=trust_in(mapper, config.trust),
         config=config,
     )
 
 
-def _person(display_id: str, victim: Track, router: Router, config: RescueReportConfig) -> Person:
-    return Person(display_id, victim, posture_of(victim.points, config.posture), router.to(victim.points))
+def _person(
+    display_id: str, victim: Track, router: Router, finds: Sequence[Find], config: RescueReportConfig
+) -> Person:
+    posture, heat = posture_of(victim.points, config.posture), [f for f in finds if f.of_person and f.kind == HEAT]
+    is_warm = any(np.array_equal(find.position, victim.position) for find in heat)
+    return Person(display_id, victim, posture, router.to(victim.points), is_warm)

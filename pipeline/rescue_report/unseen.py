@@ -19,12 +19,14 @@ class Unseen:
     Attributes:
         places: places of unseen ground large enough for a person, the largest first.
         rest: m² of smaller unseen patches.
-        seen: m² of ground that was seen.
+        seen: m² of ground that was seen, of ground that joins what the robot can reach if there is any.
+        is_reachable: whether the robot can reach any ground; if not, nobody knows what joins it.
     """
 
     places: list[ReportedPlace]
     rest: float
     seen: float
+    is_reachable: bool
 
     @property
     def area(self) -> float:
@@ -32,10 +34,10 @@ class Unseen:
         return self.rest + sum(place.area for place in self.places)
 
     @property
-    def share(self) -> float:
-        """Seen share of the seen and unseen ground; 0 if there is none."""
+    def share(self) -> float | None:
+        """Seen share of the seen and unseen ground; None if no ground is reachable."""
         whole = self.seen + self.area
-        return self.seen / whole if whole else 0.0
+        return self.seen / whole if self.is_reachable and whole else None
 
 
 def find_unseen(
@@ -57,9 +59,11 @@ def find_unseen(
     ahead = ndimage.binary_dilation(reachable, iterations=round(config.ahead / grid.cell), mask=is_clear)
     cells = unknown & (outline | ahead) & is_clear
     found = sorted(places(grid, cells, cells, 0), key=lambda place: -place.area)
-    near = grid.distance_to(reachable) <= robot.length
+    is_reachable = bool(reachable.any())
+    joins = grid.distance_to(reachable) <= robot.length if is_reachable else np.True_
     return Unseen(
         places=[place for place in found if place.area >= config.person_area],
         rest=sum(place.area for place in found if place.area < config.person_area),
-        seen=float(np.count_nonzero(near & ~unknown & ~traversability.hazard)) * grid.cell**2,
+        seen=float(np.count_nonzero(joins & ~unknown & ~traversability.hazard)) * grid.cell**2,
+        is_reachable=is_reachable,
     )

@@ -26,6 +26,8 @@ TO_RGB = {
 """By encoding: channels, and OpenCV's code to convert them to RGB; its Bayer patterns begin at the second pixel."""
 CONFIG = struct.Struct("<iff")
 """Header of a depth image of compressed_depth_image_transport: a format and two parameters."""
+PNG, JPEG = b"\x89PNG", b"\xff\xd8"  # First bytes of image files
+LOSSLESS = "PNG and TIFF of 16 bits, and compressedDepth,"
 
 
 def depth_of(message: Message) -> Depth:
@@ -73,14 +75,27 @@ def _pixels(message: Message, kind: np.dtype, channels: int) -> NDArray:
 
 
 def _compressed_depth(message: Message) -> Depth:
-    """The content of a compressed_depth_image_transport image: PNG of mm, or of inverse depth with two parameters."""
-    if "compressedDepth" not in message.format or len(message.data) <= CONFIG.size:
-        raise InputError(f"depth images in {message.format!r}; compressedDepth can be read")
-    _, a, b = CONFIG.unpack(message.data[: CONFIG.size].tobytes())
-    pixels = decoded(message.data[CONFIG.size :], cv2.IMREAD_UNCHANGED)
+    """The content of a compressed depth image without losses.
+
+    It is an image file of mm or m, or one behind a header of compressed_depth_image_transport: of mm, or of inverse
+    depth with two parameters.
+    """
+    data, a, b, is_inverse = message.data, 0.0, 0.0, False
+    if "compressedDepth" in message.format and len(data) > CONFIG.size and data[:4].tobytes() != PNG:
+        _, a, b = CONFIG.unpack(data[: CONFIG.size].tobytes())
+        data, is_inverse = data[CONFIG.size :], "32FC1" in message.format
+    if data[:2].tobytes() == JPEG:
+        raise InputError(f"depth images in {message.format!r}: JPEG changes depth; {LOSSLESS} can be read")
+    try:
+        pixels = decoded(data, cv2.IMREAD_UNCHANGED)
+    except InputError as error:
+        raise InputError(f"depth images in {message.format!r}: {error}; {LOSSLESS} can be read") from error
+    if pixels.ndim == 2 and pixels.dtype == np.float32:
+        return np.nan_to_num(pixels, nan=0.0, posinf=0.0, neginf=0.0)
     if pixels.ndim != 2 or pixels.dtype != np.uint16:
-        raise InputError(f"depth images in {message.format!r} of {pixels.dtype}; PNG of 16 bits can be read")
-    if "32FC1" not in message.format:
+        kind = f"{pixels.dtype} pixels of the shape {pixels.shape}"
+        raise InputError(f"depth images in {message.format!r} of {kind}; {LOSSLESS} can be read")
+    if not is_inverse:
         return pixels * np.float32(1e-3)
     with np.errstate(divide="ignore"):
         depth = np.float32(a) / (pixels - np.float32(b))

@@ -1,40 +1,161 @@
 """The transforms between the frames of a robot."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
 from pipeline.arrays import Pose
-from pipeline.ros.messages import BASE, Message, pose_matrix
+from pipeline.ros.messages import BASE, ODOM, Message, pose_matrix, seconds
 from pipeline.transforms import inverse
+
+TF_TYPES = "tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"  # The latter is ROS 1's older one
+FOOTPRINT = "base_footprint"  # On the ground, while a robot's ``base_link`` may be higher (REP 120)
+BASES = BASE, FOOTPRINT
+"""Names of a robot's own frame (REP 105 and 120), the preferred one first."""
+STILL = 1e-3  # by which the numbers of a transform that does not move may differ: rounding, m and rad
+
+
+class CameraMount(NamedTuple):
+    """Where a camera is on a robot.
+
+    Attributes:
+        T_base_camera: None if no chain of transforms says so.
+        T_driven_base: pose of the pipeline's ``base_link``, on the ground, in the frame whose odometry it is.
+        note: what was assumed, expected and found, in one line; empty if all was as expected.
+    """
+
+    T_base_camera: Pose | None
+    T_driven_base: Pose
+    note: str
+
+
+def tf_topics(kinds: Mapping[str, str], beside: Sequence[str]) -> list[str]:
+    """The topics of a robot's transforms, which are known by their type, for robots have them in namespaces.
+
+    Args:
+        kinds: the types of all topics, by name.
+        beside: other topics of the robot. If transforms come in several namespaces, those count in which these are.
+    """
+    spaces = {name: name.rpartition("/")[0] for name, kind in kinds.items() if kind in TF_TYPES}
+    own = {space for space in spaces.values() if space and any(name.startswith(f"{space}/") for name in beside)}
+    others = set(spaces.values()) - {""}
+    used = (own or (others if len(others) == 1 else set())) | {""}
+    return [name for name, space in spaces.items() if space in used]
 
 
 class FrameTree:
     """Transforms between frames, by their names.
 
     Attributes:
-        base: name of the robot's frame.
+        base: name of the robot's frame, as its odometry gives it; empty if it has none.
     """
 
     def __init__(self) -> None:
-        self.base = BASE
+        self.base = ""
         self._links: dict[str, tuple[str, Pose]] = {}
+        self._moving: set[str] = set()
+        self._odometry: dict[str, list[tuple[float, Pose]]] = {}
 
-    def take(self, message: Message) -> tuple[str, Pose]:
-        """Store a TransformStamped; returns the name of its parent frame and the pose of its child in it."""
+    def take(self, message: Message, time: float = 0.0) -> None:
+        """Store a TransformStamped; ``time``, s, counts if it has no stamp."""
         T = pose_matrix(message.transform.translation, message.transform.rotation)
-        parent = message.header.frame_id.strip("/")
-        self._links[message.child_frame_id.strip("/")] = parent, T
-        return parent, T
+        parent, child = message.header.frame_id.strip("/"), message.child_frame_id.strip("/")
+        if child in self._links and not np.allclose(self._links[child][1], T, rtol=0, atol=STILL):
+            self._moving.add(child)
+        self._links[child] = parent, T
+        if _is_called(parent, ODOM):
+            self._odometry.setdefault(child, []).append((seconds(message.header.stamp) or time, T))
 
-    def T_base(self, frame: str) -> Pose | None:
-        """Pose of a frame in the robot's; None if no chain of transforms connects them."""
-        return next((T for name, T in self._above(frame) if name == self.base.strip("/")), None)
+    def odometry(self, camera: str) -> list[tuple[float, Pose]]:
+        """The poses in ``odom``, at times in s, of the frame that hangs on it and carries a camera."""
+        return self._odometry.get(self._driven(camera), [])
+
+    def _driven(self, camera: str) -> str:
+        """The frame that hangs on ``odom``: the one that carries the camera, or the only one; empty without one."""
+        above = [name for name, _ in self._above(self.named(camera)) if name in self._odometry]
+        return next(iter(above or (self._odometry if len(self._odometry) == 1 else ())), "")
+
+    @property
+    def moves(self) -> bool:
+        """Whether any frame moved."""
+        return bool(self._moving)
+
+    def knows(self, frame: str) -> bool:
+        """Whether there is a frame of a name, or of one that differs by a namespace."""
+        return self.named(frame) in self._known()
+
+    def mount(self, camera: str) -> CameraMount:
+        """The pose of a camera on the robot, which is said where a frame has another name than expected."""
+        named, base, expected = self.named(camera), self._base(camera), self._expected(camera)
+        T = self.between(base, named)
+        if T is None:
+            wanted = f"no transform connects {expected} with the camera's frame {camera or '(without a name)'}"
+            return CameraMount(None, np.eye(4), f"{wanted}; found: {self}")
+        pairs = (base, expected), (named, camera.strip("/"))
+        taken = [f"the frame {found} is taken for {wanted}" for found, wanted in pairs if found != wanted]
+        moving = [name for name in self._way(base, named) if name in self._moving]
+        taken += [f"{name} moves on the robot, and its last pose counts" for name in moving]
+        ground = self._ground(base)
+        return CameraMount(inverse(ground) @ T, ground, "; ".join(taken))
+
+    def T_base(self, frame: str, camera: str) -> Pose | None:
+        """Pose of a frame on the robot that carries a camera; None if no transforms connect them."""
+        base = self._base(camera)
+        T = self.between(base, self.named(frame))
+        return None if T is None else inverse(self._ground(base)) @ T
+
+    def _ground(self, base: str) -> Pose:
+        """Pose on a robot's frame of its ``base_footprint``, if that does not move on it; else the frame's own."""
+        feet = [name for name in self._known() if _is_called(name, FOOTPRINT)]
+        rigid = [T for name in feet if (T := self._rigid(base, name)) is not None]
+        return rigid[0] if len(rigid) == 1 else np.eye(4)
+
+    def _rigid(self, frame: str, other: str) -> Pose | None:
+        """Pose of another frame in a frame if it hangs on it, or this on that, and does not move."""
+        ways = [[name for name, _ in self._above(end)] for end in (frame, other)]
+        for way, top in zip(ways, (other, frame), strict=True):
+            if top in way and not self._moving & set(way[: way.index(top)]):
+                return self.between(frame, other)
+        return None
+
+    def _expected(self, camera: str) -> str:
+        """The name of the robot's frame: the odometry's, by its topic or by transforms, or else the usual one."""
+        return self.base.strip("/") or self._driven(camera) or BASE
+
+    def _base(self, camera: str) -> str:
+        """The robot's frame: the expected one if it carries the camera, else the topmost with a usual name."""
+        expected, named = self.named(self._expected(camera)), self.named(camera)
+        if self.between(expected, named) is not None:
+            return expected
+        above = [name for name, _ in self._above(named)][::-1]
+        return next((name for usual in BASES for name in above if _is_called(name, usual)), expected)
+
+    def _known(self) -> set[str]:
+        return self._links.keys() | {parent for parent, _ in self._links.values()}
+
+    def named(self, frame: str) -> str:
+        """The frame of a name: this one, or the only one whose name is the same but for a namespace before it."""
+        frame = frame.strip("/")
+        known = self._known()
+        alike = [name for name in known if name.endswith(f"/{frame}") or frame.endswith(f"/{name}")]
+        return alike[0] if frame and frame not in known and len(alike) == 1 else frame
 
     def between(self, frame: str, other: str) -> Pose | None:
-        """Pose of another frame in a frame; None if they hang on no common one."""
-        above = dict(self._above(frame))
-        return next((inverse(above[name]) @ T for name, T in self._above(other) if name in above), None)
+        """Pose of another frame in a frame; None if they hang on no common one, or the frame moves on that."""
+        frame, other = frame.strip("/"), other.strip("/")
+        above: dict[str, Pose] = {}
+        for name, T in self._above(frame):
+            above[name] = T
+            if name in self._moving:
+                break
+        found = next(((name, T) for name, T in self._above(other) if name in above), None)
+        return None if found is None else inverse(above[found[0]]) @ found[1]
+
+    def _way(self, base: str, frame: str) -> list[str]:
+        """The names of the frames from one up to the robot's, without that."""
+        names = [name for name, _ in self._above(frame)]
+        return names[: names.index(base)] if base in names else names
 
     def _above(self, frame: str) -> Iterator[tuple[str, Pose]]:
         """The names of a frame and of those that it hangs on, and the frame's pose in each."""
@@ -46,3 +167,15 @@ class FrameTree:
             name, step = self._links[name]
             T = step @ T
             yield name, T
+
+    def __str__(self) -> str:
+        """The transforms, of each parent with its children."""
+        children: dict[str, list[str]] = {}
+        for child, (parent, _) in self._links.items():
+            children.setdefault(parent, []).append(child)
+        return ", ".join(f"{parent} → {' '.join(names)}" for parent, names in children.items()) or "none"
+
+
+def _is_called(name: str, usual: str) -> bool:
+    """Whether a name is a usual one, or that behind a prefix."""
+    return name == usual or name.endswith((f"/{usual}", f"_{usual}"))

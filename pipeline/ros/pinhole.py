@@ -1,17 +1,18 @@
 """Rectifies the images of a camera with distortion to those of a pinhole camera."""
 
 from pathlib import Path
+from typing import Literal
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.arrays import Depth, Rgb
 from pipeline.errors import InputError
 from pipeline.frame import Calibration, Intrinsics
 from pipeline.ros.messages import Message
 
-MODELS = ("plumb_bob", "rational_polynomial", "")  # Of distortion, by their names in ROS
+MODELS = ("plumb_bob", "Brown Conrady", "rational_polynomial", "")  # Of distortion; the second is RealSense's name
+SAME = 1e-3  # share by which the focal lengths of one camera differ at most from one topic to the other
 
 
 class Pinhole:
@@ -21,8 +22,16 @@ class Pinhole:
         intrinsics: of the rectified images.
     """
 
-    def __init__(self, path: Path, info: Message | None, calibration: Calibration | None = None):
-        """``info`` is of the depth images of a bag at ``path``; a calibration, without distortion, overrides it.
+    def __init__(
+        self, path: Path, info: Message | None, calibration: Calibration | None = None, is_rectified: bool = False
+    ):
+        """Take the intrinsics that hold for the images.
+
+        Args:
+            path: of the bag, for error messages.
+            info: camera_info of the images.
+            calibration: overrides it, without distortion.
+            is_rectified: whether the images have no distortion any more, so that P of ``info`` is theirs, not K.
 
         Raises:
             InputError: the camera's intrinsics are missing or impossible, or its distortion model is unknown.
@@ -30,10 +39,10 @@ class Pinhole:
         self._path = path
         if calibration is None and info is None:
             raise InputError(f"{path}: holds no camera_info of the depth images; --intrinsics fx fy cx cy sets them")
-        self._size = None if info is None or not info.width else (info.height, info.width)
+        self._size = None if info is None or not info.width else _size(info)
         self._distortion: tuple[NDArray, NDArray] | None = None
         self._maps: tuple[NDArray, NDArray] | None = None
-        K, d = (np.eye(3), np.zeros(0)) if info is None else _matrix_and_distortion(info)
+        K, d = (np.eye(3), np.zeros(0)) if info is None else _matrix_and_distortion(info, is_rectified)
         values = calibration or Calibration(K[0, 0], K[1, 1], K[0, 2], K[1, 2])
         if not np.isfinite(values).all() or min(values) <= 0:
             given = " ".join(f"{value:g}" for value in values)
@@ -45,6 +54,18 @@ class Pinhole:
             self._distortion = K, d
             self._find_maps((1, 1))  # for an error as early as possible
 
+    def is_like(self, other: "Pinhole") -> bool:
+        """Whether another camera has the same intrinsics, and images of the same size."""
+        return self.fits(other) and bool(np.allclose(self._values, other._values, rtol=SAME, atol=0.5))
+
+    def fits(self, other: "Pinhole") -> bool:
+        """Whether another camera's images are of the same size, as far as that is known."""
+        return None in (self._size, other._size) or self._size == other._size
+
+    def __str__(self) -> str:
+        size = "" if self._size is None else f"{self._size[1]} × {self._size[0]}, "
+        return f"{size}fx {self._values.fx:.1f}"
+
     @property
     def intrinsics(self) -> Intrinsics:
         """Known from ``info`` or after the first image; cx and cy are shifted: ROS has pixel centres at integers."""
@@ -52,15 +73,8 @@ class Pinhole:
         fx, fy, cx, cy = self._values
         return Intrinsics(self._size[1], self._size[0], fx, fy, cx + 0.5, cy + 0.5)
 
-    def depth(self, image: Depth) -> Depth:
-        """A rectified depth image; InputError if its size differs from that of the images before."""
-        return self._rectified("depth", image, cv2.INTER_NEAREST)
-
-    def colour(self, image: Rgb) -> Rgb:
-        """A rectified colour image; InputError if its size differs from that of the depth images."""
-        return self._rectified("colour", image, cv2.INTER_LINEAR)
-
-    def _rectified(self, kind: str, image: NDArray, interpolation: int) -> NDArray:
+    def rectified(self, kind: Literal["depth", "colour"], image: NDArray) -> NDArray:
+        """A rectified image, (H, W) or (H, W, 3); InputError if its size differs from that of the images before."""
         self._size = self._size or image.shape[:2]
         if image.shape[:2] != self._size:
             (h, w), (height, width) = image.shape[:2], self._size
@@ -70,7 +84,7 @@ class Pinhole:
             return image
         if self._maps is None:
             self._maps = self._find_maps(self._size)
-        return cv2.remap(image, *self._maps, interpolation)
+        return cv2.remap(image, *self._maps, cv2.INTER_NEAREST if kind == "depth" else cv2.INTER_LINEAR)
 
     def _find_maps(self, size: tuple[int, int]) -> tuple[NDArray, NDArray]:
         """Two (H, W) pixel coordinates in the distorted image, one for each pixel; InputError if there are none."""
@@ -82,7 +96,34 @@ class Pinhole:
             raise InputError(f"{self._path}: {len(d)} coefficients of distortion are of no model") from error
 
 
-def _matrix_and_distortion(info: Message) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """(3, 3) camera matrix and (N,) distortion of a camera_info; their names in ROS 1 are capital letters."""
-    K, d = (info.k, info.d) if hasattr(info, "k") else (info.K, info.D)
-    return K.reshape(3, 3), d
+def _matrix_and_distortion(info: Message, is_rectified: bool) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """(3, 3) camera matrix and (N,) distortion of images; their names in ROS 1 are capital letters."""
+    K, d, P = (info.k, info.d, info.p) if hasattr(info, "k") else (info.K, info.D, info.P)
+    K, P = K.reshape(3, 3), P.reshape(3, 4)
+    if is_rectified:
+        K, d = P[:, :3] if P.any() else K, np.zeros(0)
+    return _window(info) @ K, d
+
+
+def _binning(info: Message) -> tuple[int, int]:
+    """Pixels of the sensor, across and down, that make one of the image; 0 means 1."""
+    return max(info.binning_x, 1), max(info.binning_y, 1)
+
+
+def _size(info: Message) -> tuple[int, int]:
+    """Height and width of the images: of the region of interest, after binning."""
+    (across, down), roi = _binning(info), info.roi
+    return (roi.height or info.height) // down, (roi.width or info.width) // across
+
+
+def _window(info: Message) -> NDArray[np.float64]:
+    """(3, 3) from pixels of the whole sensor, which a camera_info describes, to those of the images.
+
+    Pixel centres are at integers, so that the first of the binned pixels has its centre half a pixel inside.
+    """
+    (across, down), roi = _binning(info), info.roi
+    x, y = (roi.x_offset, roi.y_offset) if roi.width and roi.height else (0, 0)
+    scale, shift = np.array([1 / across, 1 / down, 1.0]), np.array([0.5 - x, 0.5 - y])
+    window = np.diag(scale)
+    window[:2, 2] = shift * scale[:2] - 0.5
+    return window

@@ -28,8 +28,9 @@ class PointClassifier(Protocol):
 
         Args:
             frame: the frame of the points.
-            points: all returns row-major, as ``frame.points`` gives them.
-            T_map_camera: pose of the frame's camera.
+            points: all returns row-major, as ``frame.points`` gives them, m in ``map``; but z counts from the height
+                at which the robot was set down.
+            T_map_camera: pose of the frame's camera, with z as of the points.
 
         Returns:
             Probabilities that sum to 1 for each point.

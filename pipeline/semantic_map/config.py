@@ -16,8 +16,8 @@ class RuleConfig:
         wall_tilt: rad; a surface at least as steep is a wall.
         roughness: m, standard deviation from the plane of the neighbours; what is rougher is clutter.
         ramp_tilt: rad; a surface at least as steep is an inclined ramp.
-        deck: m; a level surface above this is a straight ramp, not terrain.
-        ceiling: m; a level surface above this is a ceiling.
+        deck: m over where the robot was set down; a level surface above this is a straight ramp, not terrain.
+        ceiling: m, likewise; a level surface above this is a ceiling.
     """
 
     voxel: float = 0.03

@@ -59,6 +59,7 @@ class Find:
         time_s: s, when it was first seen.
         confidence: 0 to 1.
         photo: that shows it best.
+        of_person: whether a person who is on the map gives it off, as heat; it lies where the person does.
     """
 
     kind: str
@@ -68,6 +69,7 @@ class Find:
     time_s: float
     confidence: float
     photo: Rgb
+    of_person: bool = False
 
 
 def box_corners(box: tuple[float, float, float, float]) -> Pixels:

@@ -1,5 +1,8 @@
 """An arena as a dm_control entity."""
 
+from collections.abc import Iterator
+from contextlib import AbstractContextManager, contextmanager
+
 import numpy as np
 from dm_control import composer, mjcf
 from lxml import etree
@@ -10,14 +13,27 @@ from pipeline.transforms import from_rotation
 from sarsim.ground_truth.shapes import rotation
 
 
+@contextmanager
+def naming(name: str) -> Iterator[None]:
+    """Put a name, if there is one, before the message of an InputError."""
+    try:
+        yield
+    except InputError as error:
+        raise InputError(f"{name}: {error}" if name else str(error)) from error
+
+
 class RescueArena(composer.Arena):
     """An arena whose site ``start`` marks where the robot is set down."""
 
-    def _build(self, root: mjcf.RootElement) -> None:
-        """``root``: its MJCF; InputError if the site is missing."""
-        self._mjcf_root = root
+    def _build(self, root: mjcf.RootElement, called: str = "") -> None:
+        """``root``: its MJCF; ``called``: its name in error messages. InputError if the site is missing."""
+        self._mjcf_root, self._called = root, called
         if root.find("site", "start") is None:
             raise InputError("the arena has no free start: a site named 'start' is missing")
+
+    def naming(self) -> AbstractContextManager[None]:
+        """A context that puts the arena's name before the message of an InputError."""
+        return naming(self._called)
 
     @property
     def T_world_start(self) -> Pose:

@@ -37,7 +37,8 @@ def hang_fiducials(arena: RescueArena, number: int, seed: int) -> Poses:
     """
     if not 0 <= number <= MOST_TAGS:
         raise InputError(f"--fiducials {number}: 0 to {MOST_TAGS}")
-    poses = list(_poses(arena, number, np.random.default_rng(seed))) if number else []
+    with arena.naming():
+        poses = list(_poses(arena, number, np.random.default_rng(seed))) if number else []
     if len(poses) < number:
         raise InputError(f"--fiducials {number}: the arena's walls have room for {len(poses)}")
     for tag, T in enumerate(poses):

@@ -2,8 +2,10 @@
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
-from pipeline.robot import RobotModel
+if TYPE_CHECKING:  # the lanes' names are wanted before anything that takes seconds to import
+    from pipeline.robot import RobotModel
 
 LANES_FOLDER = "lanes/"
 LANE_SLOPE = 15.0  # degrees
@@ -29,7 +31,7 @@ class Lane:
     passage: float = math.inf
     rise: float = 0.0
 
-    def cannot(self, robot: RobotModel) -> str | None:
+    def cannot(self, robot: "RobotModel") -> str | None:
         """Why a robot's body is not made for it, with the numbers that say so; None if it is."""
         if self.step > robot.max_step:
             return f"a step of {self.step:g} m, at most {robot.max_step:g} m are driven over"

@@ -1,7 +1,6 @@
 """Loads an arena by its name."""
 
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from pathlib import Path
 
 import mujoco
@@ -10,21 +9,20 @@ from dm_control import mjcf
 from numpy.typing import NDArray
 
 from pipeline.errors import InputError
-from sarsim.arenas.arena import RescueArena
+from sarsim.arenas.arena import RescueArena, naming
 from sarsim.arenas.elements import ArenaBuilder
-from sarsim.arenas.lanes import LANES, LANES_FOLDER
 from sarsim.arenas.map_2d import build_map
+from sarsim.arenas.names import BUILT_IN, MJCF, RANDOM, check_arena_name, seed_of
 from sarsim.arenas.raf import build_raf
 from sarsim.arenas.random_arena import build_random
 from sarsim.arenas.sdf.build import build_sdf
 from sarsim.arenas.settings import RandomArenaConfig, StartPose
 from sarsim.arenas.start import find_start, start_at
 from sarsim.assets import asset
-from sarsim.vetting.trial import check_model, vet_mjcf
+from sarsim.vetting.read import read_mjcf
+from sarsim.vetting.resolved import resolved_root
+from sarsim.vetting.trial import check_model
 
-BUILT_IN = ("nist_6x4", "esogu_52x15", *(f"{LANES_FOLDER}{lane}" for lane in LANES))
-RANDOM = "random:"
-MAX_DIGITS = 18  # of a seed
 BUILDERS: dict[str, Callable[[Path], ArenaBuilder]] = {
     ".raf": build_raf, ".sdf": build_sdf, ".world": build_sdf, ".yaml": build_map,
 }  # fmt: skip
@@ -42,48 +40,35 @@ def load_arena(name: str, start: StartPose | None = None, random: RandomArenaCon
     Raises:
         InputError: no such arena, the file is missing or broken, or the robot cannot stand at the start.
     """
+    check_arena_name(name)
     path, kind = Path(name), Path(name).suffix.lower()
     if name in BUILT_IN:
         return _from_mjcf(asset("arenas", f"{name}.xml"), start)
     if name.startswith(RANDOM):
-        return _from_builder(name, build_random(_seed(name), random), start)
-    if kind == ".xml":
-        return _from_mjcf(path, start)
-    if kind in BUILDERS:
-        return _from_builder(name, BUILDERS[kind](path), start)
-    raise InputError(
-        f"unknown arena {name!r}: give one of {', '.join(BUILT_IN)}, {RANDOM}SEED, or the path of a file:"
-        f" {', '.join(BUILDERS)}, or MJCF .xml"
-    )
+        return _from_builder(name, build_random(seed_of(name), random), start)
+    return _from_mjcf(path, start) if kind == MJCF else _from_builder(name, BUILDERS[kind](path), start)
 
 
 def checked_arena(arena: object, name: str, start: StartPose | None = None) -> RescueArena:
-    """An arena that other code has made, with the wanted start or its own.
+    """An arena that other code has made, as a new one with the wanted start or its own.
 
     Raises:
         InputError: it begins with ``name``; it is no arena, MuJoCo cannot build it, or the robot cannot stand there.
     """
     if not isinstance(arena, RescueArena):
         raise InputError(f"{name} gave {type(arena).__name__}, not a {RescueArena.__name__}")
-    model = _compiled(name, arena.to_xml(), arena.mjcf_model.get_assets())
-    with _naming(name):
+    model, root = resolved_root(arena.mjcf_model, name)
+    with naming(name):
         check_model(model)
-        _set_start(arena.mjcf_model, model, start)
-    return arena
-
-
-def _seed(name: str) -> int:
-    text = name.removeprefix(RANDOM)
-    if not text.isdecimal() or len(text) > MAX_DIGITS:
-        raise InputError(f"unknown arena {name!r}: the seed must be a whole number of at most {MAX_DIGITS} digits")
-    return int(text)
+        _set_start(root, model, start)
+        return RescueArena(root, name)
 
 
 def _from_mjcf(path: Path, wish: StartPose | None) -> RescueArena:
-    model, root = _read(path)
-    with _naming(str(path)):
+    model, root = read_mjcf(path)
+    with naming(str(path)):
         _set_start(root, model, wish)
-        return RescueArena(root)
+        return RescueArena(root, str(path))
 
 
 def _set_start(root: mjcf.RootElement, model: mujoco.MjModel, wish: StartPose | None) -> None:
@@ -112,10 +97,10 @@ def _from_builder(name: str, builder: ArenaBuilder, wish: StartPose | None) -> R
     """The arena of a builder, with the wanted start, its own start, or the best one."""
     if wish is not None or not builder.has_start:
         world = _at_rest(_compiled(name, builder.to_xml(), builder.files))
-        with _naming(name):
+        with naming(name):
             start = find_start(*world) if wish is None else start_at(*world, *wish)
         builder.set_start(*start)
-    return RescueArena(mjcf.from_xml_string(builder.to_xml(), assets=builder.files))
+    return RescueArena(mjcf.from_xml_string(builder.to_xml(), assets=builder.files), name)
 
 
 def _compiled(name: str, xml: str, files: dict[str, bytes]) -> mujoco.MjModel:
@@ -125,29 +110,7 @@ def _compiled(name: str, xml: str, files: dict[str, bytes]) -> mujoco.MjModel:
         raise InputError(f"{name}: MuJoCo cannot build it: {' '.join(str(error).split())[:200]}") from error
 
 
-@contextmanager
-def _naming(name: str) -> Iterator[None]:
-    """Put the arena's name before the message of an InputError."""
-    try:
-        yield
-    except InputError as error:
-        raise InputError(f"{name}: {error}") from error
-
-
 def _at_rest(model: mujoco.MjModel) -> tuple[mujoco.MjModel, mujoco.MjData]:
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
     return model, data
-
-
-def _read(path: Path) -> tuple[mujoco.MjModel, mjcf.RootElement]:
-    """Read MJCF."""
-    try:
-        vet_mjcf(path)
-        return mujoco.MjModel.from_xml_path(str(path)), mjcf.from_path(str(path))
-    except OSError as error:
-        raise InputError(f"{path}: {error.strerror or error}") from error
-    except InputError:
-        raise
-    except (ValueError, KeyError, AttributeError) as error:
-        raise InputError(f"{path}: not a readable MJCF file: {' '.join(str(error).split())}") from error

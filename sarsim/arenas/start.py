@@ -42,7 +42,7 @@ def start_at(model: mujoco.MjModel, data: mujoco.MjData, x: float, y: float, yaw
     if not np.isfinite((x, y, yaw_deg)).all():
         raise InputError(f"no free start: ({x:g}, {y:g}) m, {yaw_deg:g}° is no place")
     survey = Survey(model, data)
-    low = np.array([x, y, -1.0])
+    low = np.array([x, y, survey.bodies.low[:, 2].min()])
     height = survey.place(low, reach=np.inf)
     ground = None if height is None else survey.ground_from(np.array([x, y, height]))
     if ground is None or not ground.pieces[tuple(ground.grid.cell_of(low))]:

@@ -26,6 +26,7 @@ from rich.console import Console
 from rich.progress import MofNCompleteColumn, Progress, Task, TaskID, TimeElapsedColumn
 
 from pipeline.errors import InputError
+from sarsim.commands.names import check_names
 
 BAD_INPUT = 2
 ENDINGS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -55,7 +56,9 @@ def run(command: Callable[..., object], args: Sequence[str] | None = None) -> No
     def action() -> None:
         words = common(args)  # before tyro's stderr is captured
         about = f"{(inspect.getdoc(command) or '').partition('Args:')[0]}\n\n{COMMON}"
-        parse(lambda: tyro.cli(bind, args=words, description=about))()
+        bound = parse(lambda: tyro.cli(bind, args=words, description=about))
+        check_names(bound.keywords)
+        bound()
 
     guarded(action)
 

@@ -19,7 +19,7 @@ class ExportArena:
     Attributes:
         arena: nist_6x4, esogu_52x15, lanes/NAME, random:SEED, the path of a .raf, MJCF, SDF or map file, or
             MODULE:FUNCTION of your own.
-        out: MJCF file to write, .xml or .mjcf; files that the arena refers to are copied beside it.
+        out: MJCF file to write, .xml; files that the arena refers to are copied beside it.
         start: start pose: x and y in m, yaw in degrees; by default the arena's own.
         random: contents of a random arena, set in a --config file as run_episode.py writes it.
     """
@@ -34,8 +34,8 @@ def export_arena(settings: ExportArena) -> None:
     """Write an arena without the robot; view it with ``python -m mujoco.viewer --mjcf=FILE.xml``."""
     from sarsim.methods.arena import make_arena
 
-    if settings.out.suffix not in (".xml", ".mjcf"):
-        raise InputError(f"--out {settings.out}: MJCF is written, so the ending must be .xml or .mjcf")
+    if settings.out.suffix != ".xml":  # by which MuJoCo knows its own files
+        raise InputError(f"--out {settings.out}: MJCF is written, so the ending must be .xml")
     check_folder_of("out", settings.out)
     arena = make_arena(settings.arena, settings.start, settings.random)
     for name, content in (arena.mjcf_model.get_assets() | {settings.out.name: arena.to_xml().encode()}).items():

@@ -57,6 +57,9 @@ def _export_voxels(path: Path, out: Path, heights: tuple[float, float] | None) -
     if heights is not None:
         return save_map_server(out, metric_map, *heights)
     semantic_map = path.with_name("semantic_map.ply")
+    if out.suffix in (".bt", ".ot"):
+        x, y, z = metric_map.corner
+        print(f"{out}: OctoMap's voxels begin at 0, the map's elsewhere; to its places add {x:g} {y:g} {z:g} m")
     match out.suffix:
         case ".bt":
             write_bt(out, metric_map)

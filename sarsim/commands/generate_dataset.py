@@ -8,9 +8,10 @@ from rich.console import Console
 
 from pipeline.errors import InputError
 from pipeline.files import check_folder
+from sarsim.arenas.names import check_arena_name
 from sarsim.commands.cli import progress
 from sarsim.commands.settings import run_with_settings, save_settings
-from sarsim.dataset.settings import DatasetConfig
+from sarsim.dataset.settings import RANDOM, DatasetConfig
 from sarsim.jobs.engines import make_engine
 
 
@@ -36,10 +37,12 @@ def generate_dataset(settings: GenerateDataset) -> None:
     """Generate a dataset, or the missing part of one, and print its folder."""
     if settings.scenes < 1 or (settings.workers is not None and settings.workers < 1):
         raise InputError("--scenes, --workers: at least 1")
+    for arena in {*settings.arenas} - {RANDOM}:
+        check_arena_name(arena)
     from sarsim.arenas.load import load_arena
     from sarsim.dataset.generate import generate
     from sarsim.dataset.manifest import FILE
-    from sarsim.dataset.recipe import RANDOM, Recipe
+    from sarsim.dataset.recipe import Recipe
 
     check_folder(settings.out, [FILE])
     for arena in {*settings.arenas} - {RANDOM}:

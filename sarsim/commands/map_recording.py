@@ -3,6 +3,7 @@
 from typing import TYPE_CHECKING
 
 from pipeline.errors import InputError
+from pipeline.files import check_folder
 from sarsim.commands.cli import end_by, run_watched
 from sarsim.commands.settings import run_with_settings, save_settings, wanted_mission
 from sarsim.commands.tables import show_results
@@ -11,7 +12,7 @@ from sarsim.settings import MapRecording
 if TYPE_CHECKING:
     from pipeline.datasets.recording import Recording
 
-BAGS = (".mcap", ".db3", ".yaml", ".bag")  # Endings of a bag's files
+HDF5 = b"\x89HDF"  # First bytes of a scene's file
 
 
 def map_recording(config: MapRecording) -> None:
@@ -19,9 +20,10 @@ def map_recording(config: MapRecording) -> None:
 
     If the recording is broken, or a frame cannot be localised, the maps of the frames before it are kept.
     """
+    brief = wanted_mission(config.mission)
+    check_folder(config.out)
     from sarsim.commands.recorded_drive import RecordedDrive
 
-    brief = wanted_mission(config.mission)
     drive = RecordedDrive(open_recording(config), config, brief)
     try:
         ended_by = run_watched(
@@ -41,7 +43,8 @@ def map_recording(config: MapRecording) -> None:
 
 def open_recording(config: MapRecording) -> "Recording":
     """The recording that ``config.path`` names; InputError if there is none, or it is broken."""
-    from pipeline.datasets.ros_bag import read_ros_bag
+    from pipeline.datasets.image_pairs import holds_images
+    from pipeline.datasets.ros_bag import holds_bag, read_ros_bag
     from pipeline.datasets.tum_folder import read_tum_folder
     from pipeline.frame import Calibration
     from sarsim.dataset.scene_file import read_scene
@@ -51,14 +54,17 @@ def open_recording(config: MapRecording) -> "Recording":
         raise InputError(f"{path}: no such file or folder")
     if calibration and min(calibration) <= 0:
         raise InputError(f"--intrinsics {' '.join(map(str, calibration))}: must be positive")
-    if path.suffix == ".h5":
+    if path.suffix == ".h5" or (path.is_file() and path.open("rb").read(len(HDF5)) == HDF5):
         return read_scene(path)
-    if not path.is_dir() or any(file.suffix in BAGS for file in path.iterdir()):
+    if not path.is_dir() or (not holds_images(path) and holds_bag(path)):
         return read_ros_bag(path, config.topics, calibration, config=config.io.datasets)
     for flag, value in (("depth-scale", config.depth_scale), ("fps", config.fps)):
         if value is not None and not 0 < value < 1e6:
             raise InputError(f"--{flag} {value}: must be positive")
-    return read_tum_folder(path, calibration, config.depth_scale, config.fps, config=config.io.datasets)
+    recording = read_tum_folder(path, calibration, config.depth_scale, config.fps, config=config.io.datasets)
+    if holds_bag(path):
+        recording.note("the folder holds a bag too, which is not read; give the bag's own path for that")
+    return recording
 
 
 def main() -> None:

@@ -1,5 +1,6 @@
 """Maps a recording, and writes the files of an episode."""
 
+import logging
 from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
@@ -19,6 +20,8 @@ from sarsim.robots.model import robot_model
 from sarsim.robots.pose import Pose
 from sarsim.scoring.trajectory import TrajectoryScore
 from sarsim.settings import MapRecording
+
+_log = logging.getLogger(__name__)
 
 
 class _Score(Sink):
@@ -51,7 +54,7 @@ class RecordedDrive(MappingRun):
         self.frames, self.error = 0, ""
         self._poses: list[Pose] = []
         self._score, self._T_map_world = TrajectoryScore(mapper.localisation, self._poses), np.eye(4)
-        self._score.has_truth = False
+        self._score.has_truth, self._score.is_recorded = False, True
         others = [_Score(self._score)]
         super().__init__(compose(config, mapper, config.out, config.path.name, others=others, brief=brief))
 
@@ -71,7 +74,8 @@ class RecordedDrive(MappingRun):
         except (InputError, LostError) as error:
             self.error = str(error)
         if self.labelled:
-            self.parts.rescue_report.finished = not self.error
+            if self.recording.left_out:
+                _log.warning("%s: left out %s", self.recording.path, self._left_out())
             sim_time = self._poses[-1].time - self._poses[0].time
             self.finish(self._score, len(self.labelled), sim_time, self._figures())
         else:
@@ -100,8 +104,12 @@ class RecordedDrive(MappingRun):
         with suppress(OSError):  # it holds earlier results
             self.parts.folder.rmdir()
         if not self.error:
-            left_out = ", ".join(f"{count} {reason}" for reason, count in self.recording.left_out.items())
-            self.error = f"{self.recording.path}: holds no frame that could be used; {left_out or 'it is empty'}"
+            self.error = (
+                f"{self.recording.path}: holds no frame that could be used; {self._left_out() or 'it is empty'}"
+            )
+
+    def _left_out(self) -> str:
+        return ", ".join(f"{count} {reason}" for reason, count in self.recording.left_out.items())
 
     def _figures(self) -> dict[str, Any]:
         return {
@@ -110,6 +118,7 @@ class RecordedDrive(MappingRun):
                 "keyframes": len(self.mapper.keyframes),
                 "loops": len(self.mapper.localisation.loops),
                 "left_out": self.recording.left_out,
+                **({"notes": self.recording.notes} if self.recording.notes else {}),
                 **({"stopped": self.error} if self.error else {}),
             }
         }

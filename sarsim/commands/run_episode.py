@@ -1,12 +1,10 @@
 """Run an episode: the robot explores an arena, builds its maps and writes a recording and a report."""
 
 import shutil
-from dataclasses import replace
-from itertools import count
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pipeline.errors import InputError
+from pipeline.files import check_folder
 from sarsim.assets import asset
 from sarsim.commands.cli import announce_compilation, end_by, run_watched
 from sarsim.commands.settings import run_with_settings, save_settings, wanted_mission
@@ -20,13 +18,15 @@ if TYPE_CHECKING:
 
 def run_episode(config: EpisodeConfig) -> None:
     """Explore an arena, and write a recording, a report, the maps and config.yaml, with which --config repeats it."""
-    from sarsim.episode import Episode
-
     if config.resume and (config.out or (config.map and config.map.resolve() == config.resume.resolve())):
         raise InputError(f"--resume {config.resume}: neither into another folder (--out) nor on its own map (--map)")
     brief = wanted_mission(config.mission, config.minutes, config.home)
+    check_folder(config.folder, config.continues)
+    from sarsim.episode import Episode  # and, with it, what takes seconds to import
+
     announce_compilation()
     episode = Episode(config, brief)
+    config = episode.config
     save_settings(config, config.folder / "config.yaml")
     cache = cache_outputs(episode)
     ended_by = run_watched(
@@ -61,14 +61,6 @@ def cache_outputs(episode: "Episode") -> "OutputCache":
     return cache
 
 
-def elsewhere(config: EpisodeConfig) -> EpisodeConfig:
-    """The settings with a new output folder, unless --out or --resume names one: a repetition overwrites nothing."""
-    if config.out or config.resume:
-        return config
-    folders = (Path(f"{config.folder}-{number}") for number in count(2))
-    return replace(config, out=next(path for path in folders if not path.exists()))
-
-
 def main() -> None:
     """Entry point."""
-    run_with_settings(run_episode, EpisodeConfig, repeated=elsewhere)
+    run_with_settings(run_episode, EpisodeConfig)

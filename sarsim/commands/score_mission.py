@@ -48,7 +48,8 @@ def score_mission(
         raise InputError(f"--resets {resets} --contacts {contacts}: numbers of at least 0")
     brief, body, world = load_mission(mission), robot_model(robot), make_arena(arena, start)
     physics = mjcf.Physics.from_mjcf_model(world.mjcf_model)
-    truth = true_arena(physics.model.ptr, physics.data.ptr, world.T_world_start, body)
+    with world.naming():
+        truth = true_arena(physics.model.ptr, physics.data.ptr, world.T_world_start, body)
     end, driven = None if parked is None else np.array(parked), path / "trajectory_true.tum"
     if end is None and driven.exists():
         end = read_numbers(driven, "t x y z qx qy qz qw")[-1, 1:3]

@@ -17,6 +17,7 @@ from pipeline.files import read_text, whole_file
 from pipeline.league.brief import MissionBrief, Task
 from sarsim.assets import asset
 from sarsim.commands.cli import COMMON, common, guarded, parse
+from sarsim.commands.names import check_names
 from sarsim.settings import EXPLORE, METHODS, names_code, words
 
 CONFIG_HELP = "YAML file of settings, as every run writes one; flags override its values."
@@ -39,18 +40,15 @@ def run_with_settings(
     kind: type[Settings],
     args: Sequence[str] | None = None,
     prog: str | None = None,
-    repeated: Callable[[Settings], Settings] = lambda settings: settings,
 ) -> None:
-    """Like :func:`sarsim.commands.cli.run`, for one dataclass, whose fields and ``--config`` are flags.
-
-    ``repeated`` may change settings that come from such a file before the command gets them.
-    """
+    """Like :func:`sarsim.commands.cli.run`, for one dataclass, whose fields and ``--config`` are flags."""
 
     def run() -> None:
         words = common(args)
         about = getdoc(getattr(command, "func", command))
         settings = settings_from(kind, words, f"{about}\n\n{COMMON}", prog)
-        command(repeated(settings) if config_file(words) else settings)
+        check_names(vars(settings))
+        command(settings)
 
     guarded(run)
 
@@ -82,8 +80,8 @@ def settings_from(
     Raises:
         InputError: a flag or the file is wrong.
     """
-    file = config_file(args)
-    default: dict[str, Any] = {"default": load_settings(kind, file, args)} if file else {}
+    found = config_file(args)
+    default: dict[str, Any] = {"default": load_settings(kind, found[1], args, found[0])} if found else {}
     flags = make_dataclass(
         "Flags",
         [
@@ -96,11 +94,11 @@ def settings_from(
     ).settings
 
 
-def config_file(args: Sequence[str]) -> Path | None:
-    """The file that ``--config`` names among the words of a command line, or the one in ``--resume``'s folder.
+def config_file(args: Sequence[str]) -> tuple[str, Path] | None:
+    """The flag that brings settings, and their file: that of ``--config``, or the one in the folder of ``--resume``.
 
     Raises:
-        InputError: there are both.
+        InputError: there are both, or nothing is left to resume.
     """
     finder = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
     for flag in ("--config", "--resume"):
@@ -108,7 +106,12 @@ def config_file(args: Sequence[str]) -> Path | None:
     found = finder.parse_known_args(args)[0]
     if found.config and found.resume:
         raise InputError(f"--config {found.config}: --resume brings the settings of its folder")
-    return found.config or (found.resume and found.resume / "config.yaml")
+    if found.resume is None:
+        return found.config and ("config", found.config)
+    if not (file := found.resume / "config.yaml").is_file():
+        what = f"holds no {file.name}, so no episode began there" if found.resume.is_dir() else "no such folder"
+        raise InputError(f"--resume {found.resume}: {what}")
+    return "resume", file
 
 
 def load_mission(name: str) -> MissionBrief:

@@ -2,6 +2,7 @@
 
 from collections import deque
 from collections.abc import Callable
+from contextlib import ExitStack
 from dataclasses import replace
 from functools import partial
 from importlib.metadata import version
@@ -53,9 +54,12 @@ class SimulatedNode:
         self.robot = SimulatedRobot(
             arena, SimulationConfig(lighting=config.lighting, robot=config.robot), config.seed
         )
-        if config.out:
-            make_folder(config.out)
-        self.coverage = Coverage(self.robot)
+        with ExitStack() as refused:
+            refused.callback(self.robot.close)
+            self.coverage = Coverage(self.robot)
+            if config.out:
+                make_folder(config.out)
+            refused.pop_all()
         self.commands = 0
         self._topics = RobotTopics(node.send)
         self._command, self._commanded = Velocity(), -np.inf

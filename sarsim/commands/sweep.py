@@ -20,6 +20,7 @@ from pipeline.files import make_folder, read_text, whole_file
 from sarsim.commands.cli import progress
 from sarsim.commands.provenance import processor, state_of_code
 from sarsim.commands.settings import run_with_settings, save_settings
+from sarsim.commands.sweeps.names import GRID, check_sweep
 from sarsim.jobs.engines import make_engine
 from sarsim.jobs.folder_lock import FolderLock, locked
 from sarsim.settings import METHODS
@@ -31,6 +32,7 @@ if TYPE_CHECKING:
 MANIFEST = "sweep.json"
 """Says what the episodes in a folder were run with."""
 ENTRIES, PAGE = "entries", "sweep.html"
+FAILED = 1  # Status if every episode failed
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -61,21 +63,21 @@ class SweepSettings:
 
 def sweep(settings: SweepSettings) -> None:
     """Run the episodes that have not been run yet; write and print how the methods compare."""
-    from sarsim.commands.sweeps.arenas import GRID, arenas_of
-    from sarsim.commands.sweeps.episodes import FOLDER, ORACLE, SweepJob
-    from sarsim.commands.sweeps.leaderboard import write_entry
-    from sarsim.commands.sweeps.page import write_page
-    from sarsim.commands.sweeps.parquet import write_parquet
-    from sarsim.tasks.grid_explorers import EXPLORERS
-
     if not settings.seeds or min(settings.seeds) < 0 or settings.limit <= 0 or settings.steps < 1:
         raise InputError("--seeds: at least one and none negative; limit and steps: more than 0")
     if settings.workers is not None and settings.workers < 1:
         raise InputError(f"--workers {settings.workers}: give at least 1")
+    check_sweep(settings.methods, settings.arenas)
+    from sarsim.commands.sweeps.arenas import arenas_of
+    from sarsim.commands.sweeps.episodes import FOLDER, SweepJob, check_methods
+    from sarsim.commands.sweeps.leaderboard import write_entry
+    from sarsim.commands.sweeps.page import write_page
+    from sarsim.commands.sweeps.parquet import write_parquet
+
     arenas = arenas_of(settings.arenas)
-    methods = dict.fromkeys(
-        settings.methods or ([*EXPLORERS, ORACLE] if arenas[0].startswith(GRID) else METHODS["exploration"])
-    )
+    shipped = METHODS["methods" if arenas[0].startswith(GRID) else "exploration"]
+    methods = dict.fromkeys(settings.methods or shipped)
+    check_methods(methods, arenas[0])
     jobs = [SweepJob(m, arena, seed) for arena in arenas for seed in dict.fromkeys(settings.seeds) for m in methods]
     make_folder(settings.out, [MANIFEST])
     with locked(settings.out) as lock:
@@ -91,6 +93,8 @@ def sweep(settings: SweepSettings) -> None:
         write_entry(one, settings.out / ENTRIES)
     write_page(entries, {m: [one.curve for one in found] for m, found in of_methods.items()}, settings.out / PAGE)
     show(settings, entries, failed)
+    if len(failed) == len(jobs):
+        raise SystemExit(FAILED)
 
 
 def begin(settings: SweepSettings) -> str:

@@ -4,6 +4,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pipeline.errors import InputError
+from pipeline.files import check_folder
 from sarsim.commands.cli import Interruptible
 from sarsim.commands.settings import run_with_settings
 from sarsim.settings import TeleopConfig
@@ -15,6 +16,8 @@ if TYPE_CHECKING:
 
 def teleop(config: TeleopConfig) -> None:
     """Drive the robot by keyboard or gamepad, to get to know an arena or the robot, or to map an arena by hand."""
+    if config.out:
+        check_folder(config.out)
     from pipeline.rerun.viewer import has_display
     from sarsim.methods.arena import make_arena
     from sarsim.teleoperation import KEYS, FreeDrive, Gamepad, drive_by_keyboard
@@ -36,10 +39,8 @@ def teleop(config: TeleopConfig) -> None:
 
 def map_drive(config: TeleopConfig, arena: "RescueArena", out: Path) -> "MappedDrive":
     """A drive that is mapped and shown; InputError if the folder, the labels or the viewer are not available."""
-    from pipeline.files import check_folder
     from sarsim.teleoperation import MappedDrive
 
-    check_folder(out)
     return MappedDrive(config, arena, out, is_shown=True)
 
 

@@ -8,13 +8,12 @@ import numpy as np
 import tyro
 
 from sarsim.arenas.settings import RandomArenaConfig
-from sarsim.dataset.settings import DatasetConfig, check
+from sarsim.dataset.settings import RANDOM, DatasetConfig, check
 from sarsim.sensors.air import Air
 from sarsim.sensors.conditions import Conditions
 from sarsim.sensors.lighting import Lighting
 from sarsim.sensors.xtion import Xtion
 
-RANDOM = "random"
 PREFIX = "random:"  # of the names of random arenas; the seed follows
 LATERAL_SIGMA = (0.5, 1.0)
 """pixels, range of the Xtion's ``lateral_sigma``, which is drawn uniformly for each scene."""

@@ -25,7 +25,7 @@ from sarsim.dataset.recipe import PREFIX, Recipe, SceneRecipe
 from sarsim.dataset.scene_file import NO_BOX, SceneContent, SceneFrame, SceneWriter
 from sarsim.dataset.wheel_contact import WheelContact
 from sarsim.ground_truth.true_surface import Survey
-from sarsim.robots.model import ROBOTS, robot_file
+from sarsim.robots.names import ROBOTS, robot_file
 from sarsim.robots.pose import Pose
 from sarsim.robots.skid_steered import SkidSteered
 from sarsim.sensors.camera import RgbdCamera, geom_labels

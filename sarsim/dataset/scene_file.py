@@ -23,7 +23,7 @@ from sarsim.dataset.hdf5 import FAST, NewFile, open_file, write_noisy
 
 SCENE_FORMAT = "sarsim-scene"
 SCENE_VERSION = 1
-MILLIMETRE = np.float32(0.001)
+PER_METRE = np.float32(1000)  # units of depth; divided by, for so depth is as exact as from other formats
 NO_BOX = -1
 
 _IMAGES = {"rgb": ((3,), np.uint8), "depth": ((), np.uint16), "label": ((), np.uint8), "instance": ((), np.int16)}
@@ -275,7 +275,7 @@ class Scene(ExitStack):
         return Frame(
             time=float(self.time[index]),
             rgb=self._image("rgb", index),
-            depth=self._image("depth", index) * MILLIMETRE,
+            depth=np.asarray(self._image("depth", index) / PER_METRE, np.float32),
             intrinsics=self.intrinsics,
             T_base_camera=self.T_base_camera[index],
             T_odom_base=self.pose_odom[index],

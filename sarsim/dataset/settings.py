@@ -10,6 +10,7 @@ from pipeline.errors import InputError
 from pipeline.semantic_map.networks.training_config import Optimization, Schedule, TrainingConfig
 from sarsim.arenas.settings import SHARES, RandomArenaConfig
 
+RANDOM = "random"  # Name of a new random arena each time
 KEYFRAME_WAY = (0.3, 0.6)  # m driven and rad turned from one keyframe to the next
 MIN_SIZE = 16  # pixels of an image
 
@@ -94,7 +95,7 @@ class DatasetConfig:
     frames: int = 100
     width: int = 640
     height: int = 480
-    arenas: tuple[str, ...] = ("random",)
+    arenas: tuple[str, ...] = (RANDOM,)
     random: ArenaRange = field(default_factory=ArenaRange)
     lighting: tuple[float, float, float] = (0.5, 0.25, 0.25)
     dust: tuple[float, float] = (0.02, 0.4)

@@ -5,11 +5,8 @@ point of an installed package in the group ``sarsim.<flag>``, as ``sarsim.explor
 """
 
 import inspect
-import sys
 from collections.abc import Callable
 from importlib import import_module
-from importlib.metadata import entry_points
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -31,7 +28,7 @@ from pipeline.topological_map.topological_map import TopologicalMap
 from pipeline.victims.detection.detection import Detector
 from sarsim.methods import answers
 from sarsim.methods.level_ground import level_context, level_frame
-from sarsim.settings import METHODS
+from sarsim.methods.names import OWN_CLASS, OWN_FUNCTION, own_method, working_folder
 
 
 def make_exploration(
@@ -134,7 +131,7 @@ def own_arena(name: str, seed: int) -> Any:
     Raises:
         InputError: there is no such function, or it fails.
     """
-    where, build = _where("arena", name), _loaded("arena", name, "MODULE:FUNCTION")
+    where, build = _where("arena", name), _loaded("arena", name, OWN_FUNCTION)
     if not callable(build):
         raise InputError(f"{where}: is no function")
     try:
@@ -168,7 +165,7 @@ def _own(flag: str, name: str, protocol: type, *args: RobotModel) -> Any:
 
 def load_class(flag: str, name: str) -> Callable[..., Any]:
     """The class of that name; InputError if there is none."""
-    loaded = _loaded(flag, name, "MODULE:CLASS")
+    loaded = _loaded(flag, name, OWN_CLASS)
     if ":" in name and not inspect.isclass(loaded):
         raise InputError(f"{_where(flag, name)}: is no class")
     return loaded
@@ -177,21 +174,14 @@ def load_class(flag: str, name: str) -> Callable[..., Any]:
 def _loaded(flag: str, name: str, form: str) -> Any:
     """What that name of a form stands for; InputError if there is nothing."""
     where, (module, colon, kind) = _where(flag, name), name.partition(":")
-    sys.path.append(str(Path.cwd()))
+    found = () if colon else own_method(flag, name, form)
     try:
-        if not colon:
-            group = f"sarsim.{flag.replace('-', '_')}"
-            if not (found := entry_points(group=group, name=name)):
-                known = ", ".join([*METHODS[flag], *sorted(entry_points(group=group).names)])
-                raise InputError(f"{where}: none of {known}{' or ' if known else ''}{form}")
-            return next(iter(found)).load()
-        return getattr(import_module(module), kind)
+        with working_folder():
+            return getattr(import_module(module), kind) if colon else next(iter(found)).load()
     except InputError:
         raise
     except Exception as error:
         raise InputError(f"{where}: {answers.one_line(error)}") from error
-    finally:
-        sys.path.pop()
 
 
 def _watch(method: Any, member: str, count: int, where: str) -> None:

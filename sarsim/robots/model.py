@@ -1,28 +1,17 @@
 """The numbers of a robot, from its MJCF as mere XML: a program for a real robot needs them, and no simulator."""
 
 from dataclasses import fields
-from pathlib import Path
 from typing import TypeVar
 
 from pipeline.errors import InputError
 from pipeline.robot import RobotModel
-from sarsim.assets import asset
+from sarsim.robots.names import ROBOTS, robot_file
 from sarsim.robots.skid_steer import DriveModel
 from sarsim.vetting.model_files import parse_mjcf
 
-ROBOTS = ("pioneer3at", "jackal")
-"""Names of the robots that sarsim ships."""
 PLAUSIBLE = 1e-3, 10.0
 """m, rad and their rates: the least and the greatest number of a robot that drives through buildings."""
 Model = TypeVar("Model", RobotModel, DriveModel)
-
-
-def robot_file(robot: str) -> Path:
-    """Path of the MJCF of one of ``ROBOTS``; any other ``robot`` is itself a path. InputError if nothing is there."""
-    path = asset("robots", robot, f"{robot}.xml") if robot in ROBOTS else Path(robot)
-    if not path.exists():
-        raise InputError(f"--robot {robot}: no such file; known are {', '.join(ROBOTS)}")
-    return path
 
 
 def robot_model(robot: str = ROBOTS[0]) -> RobotModel:

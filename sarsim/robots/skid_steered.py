@@ -9,8 +9,9 @@ from numpy.typing import NDArray
 from pipeline.arrays import Pose
 from pipeline.errors import InputError
 from pipeline.transforms import from_rotation
-from sarsim.robots.model import ROBOTS, drive_model, robot_file, robot_model
-from sarsim.vetting.trial import vet_mjcf
+from sarsim.robots.model import drive_model, robot_model
+from sarsim.robots.names import ROBOTS, robot_file
+from sarsim.vetting.read import read_mjcf
 
 WHEELS = ("front_left", "front_right", "rear_left", "rear_right")
 SIDES = ("left", "right")
@@ -23,12 +24,17 @@ PARTS = [
 """Kinds and names of the elements that the MJCF of a robot must have."""
 
 
+FREEDOM = ("damping", "armature", "frictionloss")
+"""Numbers of a free joint; MuJoCo's ``<freejoint>`` has none of them."""
+
+
 class SkidSteered(composer.Robot):
     """A robot with four wheels that cannot steer and an RGB-D camera; attach it with ``arena.add_free_entity``.
 
     Attributes:
         model: parameters for the pipeline.
         drive: parameters for its firmware.
+        freedom: what its file sets of the free joint by which it moves, if anything.
     """
 
     def _build(self, robot: str = ROBOTS[0]) -> None:
@@ -39,12 +45,12 @@ class SkidSteered(composer.Robot):
         """
         path = robot_file(robot)
         try:
-            vet_mjcf(path)
+            self._mjcf_root = read_mjcf(path)[1]
         except InputError as error:
             raise InputError(f"--robot {error}") from error
-        self._mjcf_root = mjcf.from_path(str(path))
         if missing := [" ".join(part) for part in PARTS if self._mjcf_root.find(*part) is None]:
             raise InputError(f"--robot {robot}: has no {', '.join(missing)}")
+        self.freedom = _alone(self._mjcf_root, self.base)
         self.model, self.drive = robot_model(robot), drive_model(robot)
 
     @property
@@ -115,6 +121,26 @@ class SkidSteered(composer.Robot):
         """True pose of ``base_link``."""
         base = physics.bind(self.base)
         return from_rotation(base.xmat.reshape(3, 3), base.xpos)
+
+
+def _alone(root: mjcf.RootElement, base: mjcf.Element) -> dict[str, float]:
+    """Leave the robot alone at the origin, without its stage, and return what its own free joint sets.
+
+    A file that shows a robot by itself has a floor and lights beside it, and lets it move and begin somewhere.
+    """
+    body = base
+    while body.parent is not root.worldbody:
+        body = body.parent
+    for other in root.worldbody.all_children():
+        if other is not body:
+            other.remove()
+    joint = mjcf.get_freejoint(body)
+    body.pos = body.quat = None
+    if joint is None:
+        return {}
+    given = joint.get_attributes()
+    joint.remove()
+    return {name: given[name] for name in FREEDOM if name in given}
 
 
 def per_side(wheels: NDArray[np.float64]) -> NDArray[np.float64]:

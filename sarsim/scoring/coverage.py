@@ -20,8 +20,9 @@ class Coverage:
 
     def __init__(self, robot: SimulatedRobot):
         """The ground is the one to which the robot can drive from its current pose."""
-        survey = Survey(robot.physics.model.ptr, robot.physics.data.ptr, robot.base_body, robot.model)
-        self.surface: TrueSurface = survey.surface_from(robot.trajectory[-1].T_world_base[:3, 3])
+        with robot.arena.naming():
+            survey = Survey(robot.physics.model.ptr, robot.physics.data.ptr, robot.base_body, robot.model)
+            self.surface: TrueSurface = survey.surface_from(robot.trajectory[-1].T_world_base[:3, 3])
         self.seen = np.zeros(self.surface.grid.shape, np.bool_)
 
     def see(self, points: NDArray[np.float32]) -> None:

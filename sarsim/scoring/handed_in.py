@@ -219,6 +219,7 @@ def league_run(
         coverage=float(shown[arena.surface.drivable].mean()),
         global_error=registered_error(points, arena.scene),
         extras=sum(len(cloud.points(names)) > 0 for names in extras),
+        present=len(arena.finds),
         right=len(right),
         wrong=len(pois) - len(right),
         localisation_error=float(right.mean()) if len(right) else 0.0,

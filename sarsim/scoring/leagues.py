@@ -19,6 +19,7 @@ class LeagueRun:
         coverage: share of the drivable ground that the 3D map shows.
         global_error: of the 3D map, m.
         extras: how many of rgb, normals and confidence the 3D map has.
+        present: number of objects in the arena that count as finds.
         right, wrong: numbers of finds that are in the arena, each object counted once, and of all others.
         localisation_error: mean of the right finds, m.
         is_autonomous: whether nobody drove.
@@ -28,6 +29,7 @@ class LeagueRun:
     coverage: float
     global_error: float
     extras: int
+    present: int
     right: int
     wrong: int
     localisation_error: float
@@ -73,6 +75,7 @@ def league(run: LeagueRun, rewards: Rewards, penalties: Penalties) -> dict[str, 
     rules = {
         "map": {"coverage": run.coverage, "global_error_m": run.global_error, "bonus": bonus, "points": of_map},
         "detections": {
+            "present": run.present,
             "right": run.right,
             "wrong": run.wrong,
             "localisation_error_m": run.localisation_error,

@@ -16,7 +16,7 @@ from pipeline.transforms import tilt_of, wrap_angle, yaw_of
 from sarsim.robots.pose import Pose
 
 TIPPED = np.deg2rad(45)
-LIFT = 0.15  # m from one pose to the next; in a larger step the robot was carried
+LIFT = 0.15  # m from one control period to the next; in a larger step the robot was carried
 
 
 FALSE_LOOP = 0.2, np.deg2rad(5)  # m and rad by which the relative pose of a false loop is off
@@ -27,9 +27,10 @@ class TrajectoryScore(EstimatedTrajectory[Pose]):
 
     Attributes:
         has_truth: whether the poses are true; if not, nothing is known of the errors.
+        is_recorded: whether the poses are those of a recording, few or many, and not one each control period.
     """
 
-    has_truth = True
+    has_truth, is_recorded = True, False
 
     def save(self, folder: Path) -> None:
         """Write trajectory_estimated.tum, and trajectory_true.tum if it is known, into a folder."""
@@ -40,12 +41,15 @@ class TrajectoryScore(EstimatedTrajectory[Pose]):
         each(lambda: super(TrajectoryScore, self).save(folder), write_true)
 
     def report(self) -> dict[str, float]:
-        """Errors without alignment, as ``map`` is the world's frame at the start; drift is the error at the end."""
+        """Errors without alignment, as ``map`` is the world's frame at the start.
+
+        Drift is the error at the end over the way.
+        """
         true = np.array([pose.T_world_base for pose in self._odometry])
         estimated = np.array(self.estimated())
         error = np.linalg.norm(true[:, :3, 3] - estimated[:, :3, 3], axis=1)
         heading = [wrap_angle(yaw_of(a) - yaw_of(b)) for a, b in zip(true, estimated, strict=True)]
-        distance = driven(self._odometry)
+        distance = way_length(self._odometry) if self.is_recorded else driven(self._odometry)
         # The poses of an earlier episode are those of its map, because its true ones are unknown.
         loops, poses = self._localisation.loops, [*self._loaded, *(pose.T_world_base for pose in self._keyframes)]
         return {
@@ -65,13 +69,18 @@ def is_false(loop: Loop, T_world_first: NDArray[np.float64], T_world_second: NDA
     return bool(np.linalg.norm(off[:3, 3]) > FALSE_LOOP[0] or turn > FALSE_LOOP[1])
 
 
+def way_length(trajectory: Sequence[Pose]) -> float:
+    """Length in m of the true trajectory, up and down too: of all steps, however long or short."""
+    return float(np.linalg.norm(np.diff([p.T_world_base[:3, 3] for p in trajectory], axis=0), axis=1).sum())
+
+
 def driven(trajectory: Sequence[Pose]) -> float:
-    """Way in m along the true trajectory."""
+    """Way in m along the true trajectory of a simulated robot."""
     return float(ways_driven(trajectory)[-1])
 
 
 def ways_driven(trajectory: Sequence[Pose]) -> Values:
-    """Way in m along the true trajectory up to each of its poses.
+    """Way in m along the true trajectory of a simulated robot up to each of its poses, one each control period.
 
     Left out are steps below half a millimetre, which springs cause, not wheels, and steps beyond ``LIFT``.
     """

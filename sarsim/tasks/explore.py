@@ -14,7 +14,6 @@ from pipeline.explorer import Explorer
 from pipeline.localisation.localisation import LostError
 from pipeline.mapper import Mapper
 from pipeline.robot import RobotModel
-from pipeline.run import why_ended
 from pipeline.sink import Step
 from pipeline.transforms import yaw_of
 from sarsim.arenas.load import load_arena
@@ -186,7 +185,7 @@ class Explore(ExplorationTask):
         self._seen: Step = step
         offered = self._strategy.offers(step.context, step.viewpoint, VIEWPOINTS) if step.viewpoint else []
         self._offered = sorted(offered, key=lambda viewpoint: viewpoint.seconds)
-        self._ended = "" if offered else why_ended(self.explorer, step)
+        self._ended = step.ended or ""
         self._maps = local_maps(self.explorer.mapper, step.keyframe.T_map_base)
 
     def _chosen(self, action: Action) -> Viewpoint | None:

@@ -9,6 +9,7 @@ from defusedxml import DefusedXmlException, ElementTree
 
 from pipeline.errors import InputError
 from pipeline.files import MOST_TEXT, check_regular, read_bytes
+from sarsim.vetting.legible import legible
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
@@ -19,6 +20,10 @@ FOLDERS = ("meshdir", "texturedir", "assetdir")
 """Attributes of ``<compiler>`` that name folders of files."""
 
 
+class RefusedError(InputError):
+    """A file that may harm: it is not merely broken or missing, and nothing that refers to it is read."""
+
+
 def parse_xml(path: Path, most: int = MOST_TEXT) -> "Element":
     """The root of a file of at most ``most`` bytes.
 
@@ -26,14 +31,26 @@ def parse_xml(path: Path, most: int = MOST_TEXT) -> "Element":
         InputError: the file is missing, no regular file or too large, is not XML, or declares entities, which may
             expand endlessly or name other files, or a document type.
     """
+    content = read_bytes(path, most)
     try:
-        return ElementTree.fromstring(read_bytes(path, most), forbid_dtd=True)
+        return root_of(content)
     except DefusedXmlException as error:
-        raise InputError(f"{path}: refused, it declares a document type or entities") from error
+        raise RefusedError(f"{path}: refused, it declares a document type or entities") from error
     except InputError:
         raise
     except (ElementTree.ParseError, ValueError, LookupError) as error:
         raise InputError(f"{path}: not readable XML: {' '.join(str(error).split())}") from error
+
+
+def root_of(content: bytes) -> "Element":
+    """The root of XML, as MuJoCo and Gazebo read it where the standard forbids it; a ParseError if they do not."""
+    try:
+        return ElementTree.fromstring(content, forbid_dtd=True)
+    except ElementTree.ParseError as error:
+        try:
+            return ElementTree.fromstring(legible(content), forbid_dtd=True)
+        except ElementTree.ParseError:
+            raise error from None  # of the file as it is
 
 
 def parse_mjcf(path: Path) -> dict[Path, "Element"]:

@@ -4,12 +4,13 @@ from pathlib import Path
 
 import mujoco
 import numpy as np
-from dm_control import mjcf
+from scipy.spatial import cKDTree
 
 from pipeline.errors import InputError
 from pipeline.files import GOOD, answer_apart
 from sarsim.assets import asset
 from sarsim.vetting.model_files import check_files
+from sarsim.vetting.resolved import EXACT, resolved
 
 TRIAL_MEMORY = 1_000_000_000  # bytes beyond those that this process uses; the largest shipped arena needs 0.1 GB
 SECONDS = 20  # of processor time
@@ -35,8 +36,16 @@ BOUNDS = {
     "numquads": (1, FACETS[1]),
 }
 """What numbers of a model's options and of how it is drawn make sense."""
+SAME = (("body_pos", "body_quat", "body_mass", "body_inertia"), ("geom_type", "geom_size", "geom_pos", "geom_user"))
+"""Arrays in which a model that is read and written again may not differ."""
+ALIKE = 1e-6  # m, kg and kg m²
 PLACES = ["body_pos", "geom_pos", "geom_size", "site_pos", "cam_pos", "light_pos", "mesh_vert", "hfield_size"]
 """Arrays in m."""
+
+
+def is_shipped(path: Path) -> bool:
+    """Whether a file is one of sarsim's own."""
+    return path.resolve().is_relative_to(asset().resolve())
 
 
 def vet_mjcf(path: Path) -> None:
@@ -46,8 +55,6 @@ def vet_mjcf(path: Path) -> None:
         InputError: a file is invalid or too large, or lies outside the folder; or the model cannot be compiled, has a
             number that makes no sense, or needs too much memory or time.
     """
-    if path.resolve().is_relative_to(asset().resolve()):
-        return
     check_files(path)
     said = answer_apart(lambda: _tried(path), SECONDS, TRIAL_MEMORY)
     if said != GOOD:
@@ -59,11 +66,12 @@ def vet_mjcf(path: Path) -> None:
 def _tried(path: Path) -> str:
     """``GOOD``, or what is wrong with a file; empty if MuJoCo ran out of memory."""
     try:
-        model = mujoco.MjModel.from_xml_path(str(path))
+        model, root = resolved(path)
         check_model(model)
         mujoco.mj_step(model, mujoco.MjData(model))
-        root = mjcf.from_path(str(path))
-        mujoco.MjModel.from_xml_string(root.to_xml_string(), root.get_assets())  # as PyMJCF writes it
+        again = mujoco.MjModel.from_xml_string(root.to_xml_string(precision=EXACT), root.get_assets())
+        if not are_alike(model, again):
+            return "not a readable MJCF file: PyMJCF would understand it otherwise than MuJoCo does"
         return GOOD
     except InputError as error:
         return str(error)
@@ -73,6 +81,17 @@ def _tried(path: Path) -> str:
         if "unknown exception" in str(error):
             return ""  # MuJoCo's message when it runs out of memory
         return f"not a readable MJCF file: {' '.join(str(error).split()) or type(error).__name__}"
+
+
+def are_alike(one: mujoco.MjModel, other: mujoco.MjModel) -> bool:
+    """Whether two models have the same bodies and geoms, in any order, in the same places and of the same masses."""
+    for names in SAME:
+        rows, others = (np.column_stack([getattr(model, name) for name in names]) for model in (one, other))
+        if rows.shape != others.shape:
+            return False
+        if len(rows) and max(cKDTree(a).query(b)[0].max() for a, b in ((rows, others), (others, rows))) > ALIKE:
+            return False
+    return True
 
 
 def check_model(model: mujoco.MjModel) -> None:

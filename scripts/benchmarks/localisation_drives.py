@@ -28,7 +28,7 @@ from pipeline.transforms import inverse
 from sarsim.arenas.load import load_arena
 from sarsim.composition import TRUE_LABELS, make_mapper
 from sarsim.dataset.hdf5 import FAST, NewFile, open_file, write_noisy
-from sarsim.dataset.scene_file import MILLIMETRE
+from sarsim.dataset.scene_file import PER_METRE
 from sarsim.ground_truth.true_surface import Survey, TrueSurface
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 from scripts.benchmarks.episodes import Job, leave
@@ -85,7 +85,7 @@ class DriveWriter(ExitStack):
             self._file[name].resize(index + 1, axis=0)
         bgr = cv2.cvtColor(frame.rgb, cv2.COLOR_RGB2BGR)
         self._file["rgb"][index] = cv2.imencode(".jpg", bgr, (cv2.IMWRITE_JPEG_QUALITY, JPEG_QUALITY))[1].ravel()
-        write_noisy(self._file["depth"], index, np.rint(frame.depth / MILLIMETRE).astype(np.uint16))
+        write_noisy(self._file["depth"], index, np.rint(frame.depth * PER_METRE).astype(np.uint16))
         row = (frame.time, T_world_base, frame.T_odom_base, frame.T_base_camera)
         for column, value in zip(self._rows.values(), row, strict=True):
             column.append(value)
@@ -141,7 +141,7 @@ class DriveReader(ExitStack):
         return Frame(
             time=float(self.time[index]),
             rgb=bgr[..., ::-1].copy(),
-            depth=self._file["depth"][index] * MILLIMETRE,
+            depth=np.asarray(self._file["depth"][index] / PER_METRE, np.float32),
             intrinsics=self._intrinsics,
             T_base_camera=self._T_base_camera[index],
             T_odom_base=self.T_odom_base[index],

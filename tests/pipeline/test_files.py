@@ -42,19 +42,22 @@ def test_a_place_that_cannot_be_written_is_named():
         partial.write_text("x")
 
 
-def test_results_go_into_new_or_empty_folders_and_over_earlier_results(tmp_path: Path) -> None:
+def test_results_go_into_new_or_empty_folders_and_beside_those_that_they_continue(tmp_path: Path) -> None:
     for _ in range(2):
         make_folder(tmp_path / "a" / "b")
     assert list((tmp_path / "a" / "b").iterdir()) == []
     (tmp_path / "a" / "b" / "report.json.part").touch()  # of a run that was killed
     check_folder(tmp_path / "a" / "b")
     (tmp_path / "a" / "b" / "notes.txt").touch()
-    with pytest.raises(InputError, match=r"b: .*notes\.txt .*episode\.rrd .*report\.json"):
+    with pytest.raises(InputError, match=r"b: .*notes\.txt .*sweep\.json"):
+        check_folder(tmp_path / "a" / "b", ["sweep.json"])
+    (tmp_path / "a" / "b" / "sweep.json").touch()
+    check_folder(tmp_path / "a" / "b", ["sweep.json"])
+    with pytest.raises(InputError, match=r"b: .*notes\.txt$"):
         check_folder(tmp_path / "a" / "b")
     (tmp_path / "a" / "b" / "report.json").touch()
-    check_folder(tmp_path / "a" / "b")
-    with pytest.raises(InputError, match=r"b: .*notes\.txt$"):
-        check_folder(tmp_path / "a" / "b", marks=())
+    with pytest.raises(InputError, match=r"b: .*earlier run"):
+        check_folder(tmp_path / "a" / "b")
 
 
 def test_a_file_or_a_place_without_room_is_no_folder_for_results(tmp_path: Path) -> None:

@@ -89,10 +89,35 @@ def test_a_robot_that_turns_where_it_was_set_down_finds_the_way_from_a_deck():
     assert abs(along) < 0.01
 
 
-@pytest.mark.parametrize("height", [-0.7, 2.2])
-def test_a_robot_below_or_above_what_can_be_mapped_is_refused(height):
-    with pytest.raises(InputError, match=f"{height:.2f} m"):
-        Mapper(PIONEER, TruthClassifier()).add(Localised(FRAMES[0], from_yaw(0, 0, height, 0)), set_down=True)
+def ground_at(height: float) -> Mapper:
+    """A mapper of a robot that was set down at a height, m."""
+    mapper = Mapper(PIONEER, TruthClassifier(), localisation=OdometryLocalisation())
+    mapper.add(Localised(FRAMES[0], from_yaw(0, 0, height, 0)), set_down=True)
+    return mapper
+
+
+@pytest.mark.parametrize("height", [-0.7, 2.2, 30.02, -1000.0])
+def test_heights_count_from_where_the_robot_was_set_down(height):
+    level, raised = ground_at(0.0), ground_at(height)
+    seen = [np.isfinite(mapper.elevation_map.measured) for mapper in (level, raised)]
+    assert seen[0].sum() > 100
+    assert abs(int(seen[1].sum()) - int(seen[0].sum())) <= 0.02 * seen[0].sum()
+    medians = [np.nanmedian(mapper.elevation_map.elevation) for mapper in (level, raised)]
+    assert medians[1] - medians[0] == pytest.approx(height, abs=0.01)
+
+
+@pytest.mark.parametrize("height", [0.0, 30.02])
+def test_classifiers_get_heights_over_where_the_robot_was_set_down(height):
+    class Heights(TruthClassifier):
+        def classify(self, frame, points, T_map_camera):
+            self.seen = np.median(points[:, 2]), T_map_camera[2, 3]
+            return super().classify(frame, points, T_map_camera)
+
+    plain, lifted = Heights(), Heights()
+    for classifier, z in ((plain, 0.0), (lifted, height)):
+        mapper = Mapper(PIONEER, classifier, localisation=OdometryLocalisation())
+        mapper.add(Localised(FRAMES[0], from_yaw(0, 0, z, 0)), set_down=True)
+    np.testing.assert_allclose(lifted.seen, plain.seen, atol=0.03)
 
 
 def test_what_is_farther_than_kept_points_reach_is_no_return():

@@ -140,10 +140,12 @@ VIEW = Viewpoint(np.array([1.0, 2.0]), 0.0, turn=True, gain=0.03, seconds=27.0)
 )
 def test_the_report_says_why_exploring_ended_and_what_was_left(ended, left, tmp_path, monkeypatch):
     run = OneStep(tmp_path, steps=9)
-    step = replace(run.explorer.step(), viewpoint=None, plan=None, left=left)
-    if ended == "shut_in":
-        step.context.paths.start = None
-    monkeypatch.setattr(run.explorer, "step", lambda: step)
+
+    def choose(context):
+        context.paths.start = None if ended == "shut_in" else context.paths.start
+
+    monkeypatch.setattr(run.explorer.mission, "choose", choose)
+    monkeypatch.setattr(run.explorer.mission, "left", lambda context: left)
     monkeypatch.setattr(Explorer, "is_held", property(lambda explorer: ended == "held"))
     run.run()
     expected = {"left": [{"position": [1.0, 2.0], "area_m2": 0.03, "seconds": 27.0}]} if left else {}
@@ -224,7 +226,7 @@ def test_it_is_handed_in_whatever_happens(ended, tmp_path, monkeypatch):
     def end():
         if ended == "lost":
             raise LostError("dark")
-        return replace(step, viewpoint=None, plan=None) if ended == "held" else step
+        return replace(step, viewpoint=None, plan=None, ended=ended) if ended == "held" else step
 
     monkeypatch.setattr(mission.explorer, "step", end)
     monkeypatch.setattr(Explorer, "is_held", property(lambda explorer: ended == "held"))

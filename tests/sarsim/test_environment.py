@@ -7,7 +7,6 @@ from pipeline.errors import InputError
 from pipeline.robot import Velocity
 from sarsim.arenas.load import load_arena
 from sarsim.environment import CONTROL_TIMESTEP, RescueEnvironment, substeps
-from sarsim.robots.model import robot_file
 
 
 @pytest.fixture(scope="module")
@@ -102,14 +101,6 @@ def test_an_arena_of_other_options_loads_and_the_robots_win(compiler, option, si
     assert (options.integrator, options.cone) == (mjtIntegrator.mjINT_IMPLICITFAST, mjtCone.mjCONE_ELLIPTIC)
     assert [("cone elliptic instead of pyramidal" in line) for line in caplog.messages] == [True] * bool(option)
     environment.close()
-
-
-def test_files_that_do_not_fit_together_are_reported(tmp_path):
-    path = tmp_path / "robot.xml"
-    text = robot_file("pioneer3at").read_text()
-    path.write_text(text.replace("<size ", '<compiler angle="degree"/><size '))
-    with pytest.raises(InputError, match=r"arena and .*robot .*angle"):
-        RescueEnvironment(load_arena("nist_6x4"), str(path))
 
 
 def test_the_time_step_divides_the_control_period():

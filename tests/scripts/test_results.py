@@ -1,6 +1,7 @@
 """Pages of results: what is kept of a measurement, what is measured again, and how figures become tables."""
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -67,6 +68,29 @@ def test_figures_of_this_state_are_not_measured_again(
     renew("camera", PAGE, Results(again=again, flags="--frames 8"))
     assert commands == ["benchmark.py camera --frames 8"] * runs
     assert json.loads((tmp_path / "camera.json").read_text())["commit"] == new
+
+
+def test_a_page_has_the_figures_of_other_environments_too(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def measured(command: str, folder: Path, environment: Mapping[str, str] = {}) -> dict[str, Any]:
+        return RECORD | {"figures": {"ms": float(environment.get("SLOW", 1))}}
+
+    monkeypatch.setattr(results, "FOLDER", tmp_path)
+    monkeypatch.setattr(results, "state_of_code", lambda: "abc")
+    monkeypatch.setattr(results, "measured", measured)
+    renew("camera", PAGE | {"environments": {"old": {"SLOW": "3"}}}, Results())
+    assert json.loads((tmp_path / "camera.json").read_text())["figures"] == {"ms": 1.0, "old.ms": 3.0}
+
+
+def test_an_environment_reaches_the_command(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(results, "ROOT", tmp_path)
+    (tmp_path / "scripts").mkdir()
+    report = "{'version': '1', 'n': int(os.environ['N'])}"
+    program = f"import json, os, sys\njson.dump({report}, open(sys.argv[-1] + '/report.json', 'w'))"
+    (tmp_path / "scripts" / "run_episode.py").write_text(program)
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "left.json").touch()  # of an earlier one
+    assert results.measured("run_episode.py", tmp_path / "out", {"N": "7"})["figures"] == {"n": 7.0}
+    assert [path.name for path in (tmp_path / "out").iterdir()] == ["report.json"]
 
 
 def test_a_page_that_is_not_there_is_refused_with_those_that_are() -> None:

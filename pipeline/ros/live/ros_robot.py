@@ -1,9 +1,8 @@
 """A robot on a network of ROS 2, real or simulated, as the pipeline's robot."""
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
-from pathlib import Path
 
 import numpy as np
 
@@ -12,15 +11,18 @@ from pipeline.errors import InputError
 from pipeline.frame import SAME_TIME, Frame
 from pipeline.robot import Motion, RobotModel, Velocity
 from pipeline.ros import messages
+from pipeline.ros.cameras import IMAGE_TYPES, INFO_TYPE, info_topic
 from pipeline.ros.config import LiveConfig
+from pipeline.ros.links import tf_topics
 from pipeline.ros.live.node import RosNode
 from pipeline.ros.live.senses import Senses
 from pipeline.ros.live.topic_names import TopicNames
-from pipeline.ros.pinhole import Pinhole
 from pipeline.transforms import angle_of, inverse
 
 _log = logging.getLogger(__name__)
+ODOMETRY, IMU = "nav_msgs/msg/Odometry", "sensor_msgs/msg/Imu"
 STAMPED = "geometry_msgs/msg/TwistStamped"
+TRANSFORM = "/camera/transform"  # Where tf2_msgs is missing
 
 
 class RosRobot:
@@ -67,8 +69,10 @@ class RosRobot:
         self._frame_time = -np.inf
         self._anchor, self._unheeded = np.eye(4), 0.0
         self._find(wait)
-        self._camera = Pinhole(Path(topics.camera_info), self._senses.info)
+        self._camera = self._senses.camera(topics.depth, topics.color)
         self._T_base_camera = self._camera_pose() if T_base_camera is None else T_base_camera
+        if self._camera.note:
+            _log.warning("%s", self._camera.note)
         self.control_period = round(max(config.least_period, self._senses.period), 4)
         node.idle = self._rest
 
@@ -84,7 +88,8 @@ class RosRobot:
         if not node.wait(lambda: not missing(), self._patience):
             _log.warning("no robot yet: %s", ", ".join(missing()))
             if not node.wait(lambda: not missing(), wait):
-                raise InputError(f"no robot after {self._patience + wait:g} s: {', '.join(missing())}")
+                others = "" if all(map(node.senders, needed)) else self._others(needed)
+                raise InputError(f"no robot after {self._patience + wait:g} s: {', '.join(missing())}{others}")
         for topic in needed:
             if len(senders := node.senders(topic)) > 1:
                 raise InputError(f"{topic}: several nodes send it, {' and '.join(senders)}")
@@ -95,14 +100,42 @@ class RosRobot:
         self._listen(topics.color, senses.take_colour(types[topics.color][0]))
         self._listen(topics.camera_info, senses.take_info)
         self._listen(topics.odom, senses.take_odometry)
-        places = {"/tf_static": senses.take_transforms, "/camera/transform": senses.take_transform}
-        # Optional topics may not be discovered yet.
-        node.wait(lambda: bool(node.senders(topics.imu)) and any(map(node.senders, places)), self._config.discovery)
-        for topic, take in {topics.imu: senses.take_imu, **places}.items():
-            with suppress(InputError):  # the packages of PyPI have no type for /tf_static
+        self._listen_to_others()
+        self._wait(lambda: senses.info is not None and senses.poses >= self._config.starting and self._sees(-np.inf))
+
+    def _listen_to_others(self) -> None:
+        """Listen to what not every robot sends: inertial data, transforms, a camera_info of the colour images."""
+        node, topics, senses = self._node, self.topics, self._senses
+
+        def places() -> list[str]:
+            sent = {topic: names[0] for topic, names in node.types().items() if node.senders(topic)}
+            return tf_topics(sent, (topics.depth, topics.odom)) + [TRANSFORM] * (TRANSFORM in sent)
+
+        # They may not be discovered yet.
+        node.wait(lambda: bool(node.senders(topics.imu)) and bool(places()), self._config.discovery)
+        takers = {name: senses.take_transform if name == TRANSFORM else senses.take_transforms for name in places()}
+        of_colour = info_topic(topics.color, {topic: names[0] for topic, names in node.types().items()})
+        if of_colour not in (None, topics.camera_info):
+            takers[of_colour] = senses.take_colour_info
+        self._may_fall_silent = set(takers)
+        if not node.senders(topics.imu) and (imus := self._sent(IMU)):
+            _log.warning("nothing sends %s, but %s: --topics.imu names it", topics.imu, " and ".join(imus))
+        for topic, take in {topics.imu: senses.take_imu, **takers}.items():
+            with suppress(InputError):  # the packages of PyPI have no type for transforms
                 if node.senders(topic):
                     self._listen(topic, take)
-        self._wait(lambda: senses.info is not None and senses.poses >= self._config.starting and self._sees(-np.inf))
+        node.wait(lambda: of_colour not in takers or senses.knows_cameras, self._config.discovery)
+
+    def _others(self, needed: Sequence[str]) -> str:
+        """What may have been meant by topics that nothing sends."""
+        there = [topic for topic in self._sent(*IMAGE_TYPES, INFO_TYPE, ODOMETRY) if topic not in needed]
+        return f"; there are {', '.join(there)}, which --topics can name" if there else ""
+
+    def _sent(self, *kinds: str) -> list[str]:
+        """The topics on which messages of some types are sent."""
+        return sorted(
+            topic for topic, names in self._node.types().items() if names[0] in kinds and self._node.senders(topic)
+        )
 
     def _listen(self, topic: str, take: Callable[[bytes], None]) -> None:
         def heard(data: bytes) -> None:
@@ -113,12 +146,13 @@ class RosRobot:
         self._heard.setdefault(topic, -np.inf)
 
     def _camera_pose(self) -> Pose:
-        frame = self._senses.camera_frame
-        self._node.wait(lambda: self._senses.links.T_base(frame) is not None, self._patience)
-        T = self._senses.links.T_base(frame)
+        links, frame = self._senses.links, self._camera.frame
+        self._node.wait(lambda: links.mount(frame).T_base_camera is not None, self._patience)
+        T, self._senses.T_driven_base, note = links.mount(frame)
         if T is None:
-            remedy = "--camera x y z roll pitch yaw does"
-            raise InputError(f"no transform says where {frame or 'the camera'} is on the robot; {remedy}")
+            raise InputError(f"{note}; --camera x y z roll pitch yaw says where it is on the robot")
+        if note:
+            _log.warning("%s", note)
         return T
 
     def sense(self) -> Frame:
@@ -201,7 +235,7 @@ class RosRobot:
     def _complaint(self) -> str:
         """The reason why waiting for messages failed."""
         senses, last = self._senses, self._node.now() - self._patience
-        once = {"/tf_static", "/camera/transform"} | ({self.topics.camera_info} if senses.info else set())
+        once = self._may_fall_silent | ({self.topics.camera_info} if senses.info else set())
         if silent := [topic for topic, heard in self._heard.items() if heard < last and topic not in once]:
             return f"{', '.join(silent)}: silent for {self._patience:g} s"
         if abs(senses.image_time - senses.time) > self._patience / 2:

@@ -2,6 +2,7 @@
 
 from collections import deque
 from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,11 +12,11 @@ from pipeline.arrays import Pose
 from pipeline.frame import SAME_TIME, Frame
 from pipeline.localisation.trajectory import Trajectory
 from pipeline.robot import Motion
+from pipeline.ros.cameras import ImageSource, RgbdCamera
 from pipeline.ros.config import LiveConfig
 from pipeline.ros.images import colour_of, depth_of
 from pipeline.ros.links import FrameTree
 from pipeline.ros.messages import Message, decode, pose_matrix, seconds, time_of, vector_of
-from pipeline.ros.pinhole import Pinhole
 
 
 class Senses:
@@ -24,6 +25,8 @@ class Senses:
     Attributes:
         links: transforms between the frames of the robot.
         info: the camera_info of the depth images.
+        colour_info: that of the colour images, if there is one.
+        T_driven_base: pose of ``base_link``, on the ground, in the frame whose odometry comes.
         imu_frame: name of the frame in which the inertial sensors measure; empty before their first message.
     """
 
@@ -31,7 +34,10 @@ class Senses:
         """``half_width``: m from the robot's middle to its wheels."""
         self.links = FrameTree()
         self.info: Message | None = None
+        self.colour_info: Message | None = None
+        self._camera_frame = ""
         self.imu_frame = ""
+        self.T_driven_base = np.eye(4)
         self._half_width = half_width
         self._depth: deque[tuple[float, str, bytes]] = deque(maxlen=config.queue)
         self._colour: deque[tuple[float, str, bytes]] = deque(maxlen=config.queue)
@@ -53,13 +59,17 @@ class Senses:
         """Take a CameraInfo; only the first counts."""
         self.info = self.info or decode(data, "sensor_msgs/msg/CameraInfo")
 
+    def take_colour_info(self, data: bytes) -> None:
+        """Take a CameraInfo of the colour images; only the first counts."""
+        self.colour_info = self.colour_info or decode(data, "sensor_msgs/msg/CameraInfo")
+
     def take_odometry(self, data: bytes) -> None:
         """Take an Odometry; it is left out if it is not newer than the last."""
         message = decode(data, "nav_msgs/msg/Odometry")
         time, pose, twist = seconds(message.header.stamp), message.pose.pose, message.twist.twist
         T = pose_matrix(pose.position, pose.orientation)
         if np.isfinite(T).all() and (not self._poses or time > self._poses[-1][0]):
-            self.links.base = message.child_frame_id or self.links.base
+            self.links.base = message.child_frame_id
             self._poses.append((time, T))
             self._twist = np.array([twist.linear.x, twist.angular.z])
 
@@ -72,7 +82,7 @@ class Senses:
             self._felt.append(felt)
 
     def take_transforms(self, data: bytes) -> None:
-        """Take a TFMessage of frames that do not move."""
+        """Take a TFMessage."""
         for link in decode(data, "tf2_msgs/msg/TFMessage").transforms:
             self.links.take(link)
 
@@ -101,9 +111,26 @@ class Senses:
         return self._depth[-1][0] if self._depth else -np.inf
 
     @property
-    def camera_frame(self) -> str:
-        """The name of the depth camera's frame."""
-        return self.info.header.frame_id if self.info else ""
+    def knows_cameras(self) -> bool:
+        """Whether it is known of what cameras depth and colour are, and where the one is on the other."""
+        if self.info is None or self.colour_info is None:
+            return False
+        frames = [self.links.named(info.header.frame_id) for info in (self.colour_info, self.info)]
+        return self.links.between(*frames) is not None
+
+    def camera(self, depth: str, colour: str) -> RgbdCamera:
+        """The camera of the depth and colour images of two topics.
+
+        Raises:
+            InputError: its intrinsics are missing or make no sense, or depth is not registered to colour.
+        """
+        of_depth, of_colour = (
+            ImageSource(topic, info, info.header.frame_id if info else "")
+            for topic, info in ((depth, self.info), (colour, self.colour_info))
+        )
+        camera = RgbdCamera(Path(depth), of_depth, of_colour, self.links)
+        self._camera_frame = camera.frame
+        return camera
 
     def newest(self, after: float) -> float | None:
         """The time, s, of the newest depth image later than ``after`` that has a colour image and a pose, or None."""
@@ -115,7 +142,7 @@ class Senses:
                 return time
         return None
 
-    def frame(self, time: float, camera: Pinhole, T_base_camera: Pose) -> Frame:
+    def frame(self, time: float, camera: RgbdCamera, T_base_camera: Pose) -> Frame:
         """The frame at a time in s that :meth:`newest` returned, of a camera at a pose on the robot.
 
         Raises:
@@ -125,8 +152,7 @@ class Senses:
         _, colour_kind, colour = min(self._colour, key=lambda image: abs(image[0] - time))
         T = self._pose(time)
         assert T is not None
-        metres = camera.depth(depth_of(decode(depth, kind)))
-        rgb = camera.colour(colour_of(decode(colour, colour_kind)))
+        metres, rgb = camera.images(depth_of(decode(depth, kind)), colour_of(decode(colour, colour_kind)))
         return Frame(time, rgb, metres, camera.intrinsics, T_base_camera, T)
 
     def motion(self) -> Motion:
@@ -134,10 +160,10 @@ class Senses:
 
         Without inertial sensors, their values are computed from the odometry.
         """
-        time, T = self._poses[-1]
+        time, T = self._poses[-1][0], self._poses[-1][1] @ self.T_driven_base
         v, omega = self._twist
         if self._felt:
-            R = self.links.T_base(self.imu_frame)
+            R = self.links.T_base(self.imu_frame, self._camera_frame)
             mean = np.mean(self._felt, axis=0)
             self._inertial, self._felt = mean if R is None else mean @ R[:3, :3].T, []
         by_odometry = np.array([[0.0, 0.0, omega], g * T[2, :3]])
@@ -146,4 +172,5 @@ class Senses:
 
     def _pose(self, time: float) -> Pose | None:
         times, poses = np.array([t for t, _ in self._poses]), np.array([T for _, T in self._poses])
-        return Trajectory(times, poses).at(time, self._validity)
+        T = Trajectory(times, poses).at(time, self._validity)
+        return None if T is None else T @ self.T_driven_base

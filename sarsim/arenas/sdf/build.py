@@ -16,9 +16,14 @@ from sarsim.arenas.sdf.labels import Outline, endless, ground_of, label_of, outl
 from sarsim.arenas.sdf.pieces import MOST_PIECES
 from sarsim.arenas.sdf.solids import Solid, SolidReader
 from sarsim.arenas.sdf.world import SdfWorld
+from sarsim.ground_truth.true_surface import MOST_AREA
+from sarsim.robots.model import robot_model
 from sarsim.vetting.model_files import MOST_GEOMS
 
 MARGIN = 2.0  # m of ground around everything: room to drive around what stands outermost, 0.6 m, and to see it from
+MOST_THROWN = 0.1  # of a world's bodies that may lie far out
+FAR_OUT = 3.0  # times as far from the middle as the others: what lies there does not belong to the world
+HEADROOM = robot_model().headroom  # m; a surface that is higher over the lowest point of a model is no ground
 LEVEL = 1e-9  # A plane's normal with 1 − z below this points up
 
 _log = logging.getLogger(__name__)
@@ -45,7 +50,8 @@ def build_sdf(path: Path) -> ArenaBuilder:
     """The arena of a world, still without a start.
 
     Raises:
-        InputError: the file or one that it refers to is missing, broken or too large, or nothing in it has a shape.
+        InputError: the file is missing, broken or too large, one that it refers to may harm, or nothing sound in it
+            has a shape.
     """
     try:
         world = SdfWorld(path)
@@ -53,20 +59,26 @@ def build_sdf(path: Path) -> ArenaBuilder:
     except RecursionError as error:
         raise InputError(f"{path}: models or frames are nested too deeply") from error
     hulls = _as_hulls(solids)
-    bodies = [body for solid in solids for body in _bodies(solid, hulls)]
+    bodies, thrown = _within_reach([body for solid in solids for body in _bodies(solid, hulls)])
+    if world.lost or thrown:
+        lost = [said.removeprefix(f"{path}, ") for said in dict.fromkeys([*world.lost, *thrown])]
+        _log.warning("%s: loaded without %s: %s", path, _counted({"thing": len(lost)}), "; ".join(lost))
     if world.left_out:
         _log.warning("%s: loaded without its %s", path, _counted(world.left_out))
     if hulls:
         _log.warning("%s: %d detailed pieces of meshes are as solid as their convex hulls", path, len(hulls))
-    return _built(path, bodies)
+    return _built(path, bodies, world.is_model)
 
 
 def _solids(path: Path, world: SdfWorld) -> list[Solid]:
     reader, solids = SolidReader(world.resources), list[Solid]()
     for shape in world.shapes():
-        solids += reader.solids(shape)
+        with world.without():
+            solids += reader.solids(shape)
         if len(solids) > MOST_GEOMS:
             raise InputError(f"{path}: too many shapes, at most {MOST_GEOMS} are built")
+    if not solids and world.lost:
+        raise InputError(world.lost[0])
     if not solids:
         raise InputError(f"{path}: nothing in it has a shape")
     return solids
@@ -109,11 +121,33 @@ def _moved(T: Pose, points: NDArray[np.float64]) -> NDArray[np.float64]:
     return points @ T[:3, :3].T + T[:3, 3]
 
 
-def _built(path: Path, bodies: list[_Body]) -> ArenaBuilder:
+def _within_reach(bodies: list[_Body]) -> tuple[list[_Body], list[str]]:
+    """The bodies of a world without the few, if any, that lie so far out that the world could not be built.
+
+    Physics throws small things away. Also says of each of them, in words, where it is.
+    """
+    low, high = _bounds(bodies)
+    away, places = np.zeros(len(bodies)), np.zeros((len(bodies), 2))
+    for n, body in enumerate(bodies):
+        if body.solid.kind != "plane":
+            places[n] = body.corners[:, :2].mean(axis=0)
+    solid = np.array([body.solid.kind != "plane" for body in bodies])
+    if np.prod(high - low) <= MOST_AREA or not solid.any():
+        return bodies, []
+    away[solid] = np.linalg.norm(places[solid] - np.median(places[solid], axis=0), axis=1)
+    typical = np.quantile(away[solid], 1 - MOST_THROWN)
+    is_thrown = away > FAR_OUT * typical
+    thrown = [f"something at ({x:.0f}, {y:.0f}) m" for x, y in places[is_thrown]]
+    return [body for body, far in zip(bodies, is_thrown, strict=True) if not far], thrown
+
+
+def _built(path: Path, bodies: list[_Body], is_model: bool) -> ArenaBuilder:
+    """The arena of bodies; what stands on no ground, or is a model alone that is raised, gets a floor."""
     builder = ArenaBuilder(path.stem)
     low, high = _bounds(bodies)
     ground = ground_of([body.outline for body in bodies], float(np.prod(high - low)))
-    if ground is None:
+    raised = is_model and ground is not None and ground > min(body.outline.low for body in bodies) + HEADROOM
+    if ground is None or raised:
         ground = 0.0
         builder.add_floor(low, high)
     for body in bodies:

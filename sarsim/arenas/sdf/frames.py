@@ -69,12 +69,12 @@ class Frames:
         """
         if name == self.root:
             return np.eye(4)
+        if name in self._frames:  # also where ``::`` is part of the name itself, as old Gazebo wrote it
+            return self._pose(name)
         outer, _, inner = name.partition("::")
         if outer not in self._frames:
             return self._merged_pose(name)
         T, inside = self._pose(outer), self._frames[outer].inside
-        if not inner:
-            return T
         if inside is None:
             raise InputError(f"{self._where}: there is no frame {name[:60]!r}")
         return T @ inside.pose(inner)

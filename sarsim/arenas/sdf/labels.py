@@ -1,8 +1,9 @@
 """The label of a convex body by its shape and place, because SDF has no labels.
 
 The ground is the lowest height from which to a step (8 cm) above it level surfaces fill a quarter of the world's
-bounding rectangle; planes are endless. Of the faces of a body that do not face down, the largest decides; the body
-is, by the first rule that holds:
+bounding rectangle, unless as much lies above them within the P3-AT's headroom, as over the underside of a slab;
+planes are endless. Of the faces of a body that do not face down, the largest decides; the body is, by the first rule
+that holds:
 
 1. if that face is tilted by at most what the P3-AT climbs (20°),
    - inclined ramp, if it is wide and tilted by more than 8°;
@@ -84,8 +85,12 @@ def ground_of(outlines: list[Outline], footprint: float) -> float | None:
     """Height of the ground, m, of a world in a rectangle of ``footprint`` m²; None if it has none."""
     level = sorted((o.high, o.area) for o in outlines if _is_level(o))
     tops, areas = np.array(level).reshape(-1, 2).T
+    robot = robot_model()
     for top in tops.tolist():
-        if areas[(tops >= top) & (tops <= top + 2 * robot_model().max_step)].sum() >= LARGE * footprint:
+        is_above, is_near = tops >= top, tops <= top + 2 * robot.max_step
+        area = areas[is_above & is_near].sum()
+        covered = areas[is_above & ~is_near & (tops <= top + robot.headroom)].sum()
+        if area >= LARGE * footprint and not covered >= area:
             return top
     return None
 

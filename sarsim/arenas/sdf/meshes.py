@@ -9,6 +9,7 @@ from typing import Any
 import collada
 import numpy as np
 import trimesh
+from defusedxml import ElementTree
 from numpy.typing import NDArray
 
 from pipeline.arrays import Places
@@ -17,8 +18,6 @@ from sarsim.arenas.sdf.colours import Colour
 from sarsim.arenas.sdf.resources import Resources
 
 MOST_TRIANGLES = 500_000  # of a mesh; finding its connected pieces takes 10 µs each
-_UPRIGHT = {"Y_UP": [[1, 0, 0], [0, 0, -1], [0, 1, 0]], "X_UP": [[0, -1, 0], [0, 0, -1], [1, 0, 0]]}
-"""(3, 3) turns to z up (COLLADA 1.4.1, <up_axis>: right and in of each). A file that says nothing stays as it is."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +38,7 @@ class MeshSurface:
 
 
 def read_surfaces(resources: Resources, path: Path) -> list[MeshSurface]:
-    """The surfaces of a mesh file, in m, z up.
+    """The surfaces of a mesh file, in m, as Gazebo has them.
 
     Raises:
         InputError: it is of another kind, cannot be read, or has too many triangles or none.
@@ -49,7 +48,7 @@ def read_surfaces(resources: Resources, path: Path) -> list[MeshSurface]:
         raise InputError(f"{path}: not a mesh that is read: {', '.join(_READERS)}")
     content = resources.read(path)
     if reader is _collada:
-        resources.parse(path)  # refuses entities
+        content = ElementTree.tostring(resources.parse(path))  # without entities
     try:
         surfaces = [s for s in reader(content, path.suffix.lower()[1:]) if len(s.triangles)]
     except Exception as error:  # of many kinds, on broken files
@@ -71,10 +70,11 @@ def _trimesh(content: bytes, kind: str) -> Iterator[MeshSurface]:
 
 
 def _collada(content: bytes, kind: str) -> Iterator[MeshSurface]:
-    """COLLADA: the visual scene, with its nodes' transforms, its unit and its axis that points up."""
+    """COLLADA: the visual scene, with its nodes' transforms and its unit.
+
+    ``<up_axis>`` turns nothing: Gazebo does not read it, and its worlds are made to look right there.
+    """
     file = collada.Collada(BytesIO(content), ignore=[collada.common.DaeError])
-    axis = file.xmlnode.find(f".//{{{file.xmlnode.getroot().tag[1:].partition('}')[0]}}}up_axis")
-    R = np.array(_UPRIGHT.get("" if axis is None else (axis.text or "").strip(), np.eye(3)), np.float64)
     unit = file.assetInfo.unitmeter or 1.0
     for geometry in file.scene.objects("geometry"):
         for primitive in geometry.primitives():
@@ -84,7 +84,7 @@ def _collada(content: bytes, kind: str) -> Iterator[MeshSurface]:
                 triangles = primitive.triangleset()
             else:
                 continue  # lines
-            vertices = np.asarray(triangles.vertex, np.float64) @ R.T * unit
+            vertices = np.asarray(triangles.vertex, np.float64) * unit
             name = geometry.original.name or geometry.original.id
             yield MeshSurface(
                 name, vertices, np.asarray(triangles.vertex_index, np.int64), _diffuse(primitive.material)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from pipeline.errors import InputError
 from pipeline.files import MOST_TEXT, read_bytes
-from sarsim.vetting.model_files import MOST_MODEL_BYTES, parse_xml
+from sarsim.vetting.model_files import MOST_MODEL_BYTES, RefusedError, parse_xml
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
@@ -56,7 +56,7 @@ class Resources:
             found = [path if self._is_inside(path, folder) else None for folder, path in places]
             existing = next((path for path in found if path is not None and path.exists()), None)
             if existing is None and found[:1] == [None]:
-                raise InputError(f"{where}: refused, {shown} is outside the folders of the world and of models")
+                raise RefusedError(f"{where}: refused, {shown} is outside the folders of the world and of models")
             return existing
         except InputError:
             raise

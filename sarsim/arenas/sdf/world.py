@@ -6,11 +6,13 @@ Poses are resolved as SDF 1.12 says: ``relative_to`` any frame, link, joint or n
 
 A link is as its collision shapes are, in the colour of its visual ones; a link without collision shapes is as it is
 seen. What has no shape (light, physics, joints) is not read; plugins, sensors, actors, height maps and populations
-are left out, and counted.
+are left out, and counted. What is missing or broken, or was thrown out of the world, is left out too, and named:
+Gazebo shows the rest.
 """
 
 from collections import Counter
 from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -20,12 +22,12 @@ from defusedxml import ElementTree
 
 from pipeline.arrays import Pose
 from pipeline.errors import InputError
-from pipeline.transforms import inverse
+from pipeline.transforms import FARTHEST, inverse
 from sarsim.arenas.sdf.colours import Colour, colour_of
 from sarsim.arenas.sdf.frames import MODEL, Frames
 from sarsim.arenas.sdf.resources import Resources, missing
 from sarsim.arenas.sdf.values import name_of, pose_of, relative_to
-from sarsim.vetting.model_files import MOST_GEOMS
+from sarsim.vetting.model_files import MOST_GEOMS, RefusedError
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
@@ -80,6 +82,8 @@ class SdfWorld:
 
     Attributes:
         left_out: how many elements of each kind of ``LEFT_OUT`` there are.
+        is_model: whether the file holds models alone, which stand on nobody's ground.
+        lost: what is wrong with each thing that is missing or broken, in words.
         resources: the world's files.
     """
 
@@ -87,19 +91,30 @@ class SdfWorld:
         """``path``: of a file with a world, or with models alone.
 
         Raises:
-            InputError: the file or one that it includes is missing or invalid or includes itself, or there are too
-                many models.
+            InputError: the file is missing or invalid, one that it includes may harm, or there are too many models.
         """
         self.left_out: Counter[str] = Counter()
+        self.lost: list[str] = []
         self.resources = Resources(path)
         self._models = 0
         root = self._root(path)
         world = root.find(WORLD)
+        self.is_model = world is None
         self._world = self._read("", root if world is None else world, path, WORLD, (path.resolve(),))
 
     def shapes(self) -> Iterator[SdfShape]:
-        """All shapes, in the order of the file; InputError if a pose is invalid."""
+        """All shapes, in the order of the file."""
         yield from self._shapes(self._world, np.eye(4), self._world.element.find("state"))
+
+    @contextmanager
+    def without(self) -> Iterator[None]:
+        """Go on without what is missing or broken in the block, and note it."""
+        try:
+            yield
+        except RefusedError:
+            raise
+        except InputError as error:
+            self.lost.append(str(error))
 
     def _root(self, path: Path) -> "Element":
         root = self.resources.parse(path)
@@ -116,23 +131,27 @@ class SdfWorld:
         model = _Model(name, element, path.parent, where, Frames(where, root))
         self._models += 1
         if self._models > MOST_GEOMS:
-            raise InputError(f"{path}: too many models, at most {MOST_GEOMS} are built")
+            raise RefusedError(f"{path}: too many models, at most {MOST_GEOMS} are built")
         for child in element:
-            place = f"{where}, <{child.tag}> {name_of(child)}".rstrip()
-            if child.tag == "link":
-                key = model.frames.add(child.get("name", ""), pose_of(child, place), relative_to(child, root))
-                model.links[key] = child
-            elif child.tag == "frame":
-                owner = child.get("attached_to") or root
-                model.frames.add(child.get("name", ""), pose_of(child, place), relative_to(child, owner))
-            elif child.tag == "joint":
-                owner = (child.findtext("child") or root).strip()
-                model.frames.add(child.get("name", ""), pose_of(child, place), relative_to(child, owner))
-            elif child.tag == "model":
-                self._nest(model, child, child, self._read(child.get("name", ""), child, path, MODEL, files))
-            elif child.tag == "include":
-                self._include(model, child, files)
+            with self.without():
+                self._add(model, child, path, root, files)
         return model
+
+    def _add(self, model: _Model, child: "Element", path: Path, root: str, files: tuple[Path, ...]) -> None:
+        """Add a child of the element of a model or a world, if it is of a kind that is read."""
+        place, name = f"{model.where}, <{child.tag}> {name_of(child)}".rstrip(), child.get("name", "")
+        if child.tag == "link":
+            model.links[model.frames.add(name, pose_of(child, place), relative_to(child, root))] = child
+        elif child.tag == "frame":
+            owner = child.get("attached_to") or root
+            model.frames.add(name, pose_of(child, place), relative_to(child, owner))
+        elif child.tag == "joint":
+            owner = (child.findtext("child") or root).strip()
+            model.frames.add(name, pose_of(child, place), relative_to(child, owner))
+        elif child.tag == "model":
+            self._nest(model, child, child, self._read(name, child, path, MODEL, files))
+        elif child.tag == "include":
+            self._include(model, child, files)
 
     def _include(self, model: _Model, include: "Element", files: tuple[Path, ...]) -> None:
         where, uri = f"{model.where}, <include>", (include.findtext("uri") or "").strip()
@@ -177,27 +196,31 @@ class SdfWorld:
 
     def _shapes(self, model: _Model, T_world: Pose, state: "Element | None") -> Iterator[SdfShape]:
         for name, link in model.links.items():
-            yield from _link_shapes(model, name, link, T_world, _named(state, "link", link.get("name", "")))
+            with self.without():
+                yield from self._link_shapes(model, name, link, T_world, _named(state, "link", link.get("name", "")))
         for name, nested in model.nested.items():
-            own = _named(state, "model", nested.name)
-            T = T_world @ model.frames.pose(name) if own is None else pose_of(own, f"{nested.where}, <state>")
-            yield from self._shapes(nested, T, own)
+            with self.without():
+                own = _named(state, "model", nested.name)
+                T = T_world @ model.frames.pose(name) if own is None else pose_of(own, f"{nested.where}, <state>")
+                yield from self._shapes(nested, T, own)
 
-
-def _link_shapes(
-    model: _Model, name: str, link: "Element", T_world: Pose, state: "Element | None"
-) -> Iterator[SdfShape]:
-    where = f"{model.where}, <link> {name_of(link)}"
-    if state is not None:
-        T_world = pose_of(state, f"{where}, <state>") @ inverse(model.frames.pose(name))
-    visuals = [visual for visual in link.findall("visual") if visual.find("geometry") is not None]
-    solid = [collision for collision in link.findall("collision") if collision.find("geometry") is not None]
-    for shape in solid or visuals:
-        T = model.frames.pose(relative_to(shape, name)) @ pose_of(shape, f"{where}, <{shape.tag}> {name_of(shape)}")
-        geometry = shape.find("geometry")
-        assert geometry is not None
-        place = f"{where}, <{shape.tag}> {name_of(shape)}"
-        yield SdfShape(geometry, T_world @ T, colour_of(shape, visuals), model.base, place)
+    def _link_shapes(
+        self, model: _Model, name: str, link: "Element", T_world: Pose, state: "Element | None"
+    ) -> Iterator[SdfShape]:
+        where = f"{model.where}, <link> {name_of(link)}"
+        if state is not None:
+            T_world = pose_of(state, f"{where}, <state>") @ inverse(model.frames.pose(name))
+        visuals = [visual for visual in link.findall("visual") if visual.find("geometry") is not None]
+        solid = [collision for collision in link.findall("collision") if collision.find("geometry") is not None]
+        for shape in solid or visuals:
+            place = f"{where}, <{shape.tag}> {name_of(shape)}"
+            with self.without():
+                T = T_world @ model.frames.pose(relative_to(shape, name)) @ pose_of(shape, place)
+                geometry = shape.find("geometry")
+                assert geometry is not None
+                if not (np.abs(T[:3, 3]) <= FARTHEST).all():
+                    raise InputError(f"{place}: lies farther away than {FARTHEST:g} m")
+                yield SdfShape(geometry, T, colour_of(shape, visuals), model.base, place)
 
 
 def _named(state: "Element | None", tag: str, name: str) -> "Element | None":

@@ -10,11 +10,10 @@ import yaml
 from pipeline.errors import InputError
 from sarsim.arenas.load import load_arena
 from sarsim.assets import asset
+from sarsim.commands.sweeps.names import GRID
 from sarsim.tasks.explore_2d import SIZES
 from sarsim.tasks.grid_scenes import DRAWINGS, GridScene, draw_scene, dungeon_files, read_dungeon
 
-GRID = "grid:"
-"""Begins the names of 2D maps: ``grid:test:7`` is a drawn one, ``grid:FOLDER/7.png`` a file."""
 MAPS, ARENAS = 100, 12
 """Numbers of 2D maps and of arenas in a split."""
 SIGNIFICANT = 6

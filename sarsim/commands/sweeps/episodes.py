@@ -9,7 +9,7 @@ import re
 import signal
 import tempfile
 import time
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
@@ -22,7 +22,8 @@ from numpy.typing import NDArray
 from pipeline.errors import InputError
 from pipeline.files import read_text, whole_file
 from pipeline.rescue_report.figures import figures as flat
-from sarsim.commands.sweeps.arenas import GRID, checked, grid_scene
+from sarsim.commands.sweeps.arenas import checked, grid_scene
+from sarsim.commands.sweeps.names import GRID
 from sarsim.methods.answers import one_line
 from sarsim.methods.make import load_class
 from sarsim.scoring.progress import ExploredCurve, progress_figures
@@ -160,6 +161,15 @@ def explored(job: SweepJob) -> tuple[Row, ExploredCurve]:
 def _state(world: GridWorld) -> tuple[float, float, float]:
     """Time in s, way in m and explored share."""
     return world.seconds, world.way * world.scene.cell, world.explored_fraction
+
+
+def check_methods(names: Iterable[str], arena: str) -> None:
+    """Raises InputError unless every method for 2D maps, or for the arenas of MuJoCo, can be loaded."""
+    for name in names:
+        if arena.startswith(GRID) and name != ORACLE:
+            grid_explorer(name)
+        elif ":" in name:
+            load_class("methods", name)
 
 
 def grid_explorer(name: str) -> Explorer2D:

@@ -23,13 +23,15 @@ from sarsim.dataset.manifest import SceneEntry
 from sarsim.dataset.scene_file import Scene
 
 UNITS = 5000  # units of the depth images per metre
+DIGITS = 12  # that count, of numbers in m, in pixels, and of quaternions
 
 
 @dataclass(frozen=True)
 class Tum(Export):
     """For each scene the images in rgb/, depth/ (16 bits, 5000 per metre) and label/, and a list of each kind.
 
-    groundtruth.txt holds the true poses of the camera, odometry.txt its poses by dead reckoning with wheels and gyro.
+    groundtruth.txt holds the true poses of the camera, odometry.txt its poses by dead reckoning with wheels and gyro,
+    camera.txt its pose on the robot.
     """
 
     def add(self, folder: Path, entry: SceneEntry, scene: Scene) -> None:
@@ -39,6 +41,8 @@ class Tum(Export):
             sequence.frame(frame)
             sequence.pose("groundtruth", frame.time, scene.T_world_camera(index))
             sequence.pose("odometry", frame.time, frame.T_odom_base @ frame.T_base_camera)
+            if not index:
+                sequence.pose("camera", frame.time, frame.T_base_camera)
         sequence.save(scene.intrinsics)
 
 
@@ -80,7 +84,8 @@ class TumSequence:
 
     def numbers(self, kind: str, time: float, values: Iterable[float]) -> None:
         """Add a reading at a time in s to the list ``kind``."""
-        line = " ".join(f"{number:.6f}" for number in (time, *values))
+        # In full: what is read from here and from a scene's file should make the same maps.
+        line = " ".join([f"{time:.6f}", *(f"{number:.{DIGITS}g}" for number in values)])
         self._lists.setdefault(kind, []).append(line)
 
     def save(self, intrinsics: Intrinsics) -> None:
@@ -159,4 +164,5 @@ class TumDrive(ExitStack, Sink):
 
 def calibration(k: Intrinsics) -> str:
     """fx fy cx cy in the convention of the benchmark's tools: pixel centres at whole numbers."""
-    return f"# fx fy cx cy\n{k.fx:.6f} {k.fy:.6f} {k.cx - 0.5:.6f} {k.cy - 0.5:.6f}\n"
+    values = (k.fx, k.fy, k.cx - 0.5, k.cy - 0.5)
+    return "# fx fy cx cy\n" + " ".join(f"{value:.{DIGITS}g}" for value in values) + "\n"

@@ -9,6 +9,7 @@ from typing import Any
 import cv2
 import numpy as np
 from numpy.typing import NDArray
+from rosbags.typesys import Stores, get_typestore
 from scipy.spatial.transform import Rotation
 
 from pipeline.frame import Frame
@@ -56,6 +57,14 @@ def write_tum_folder(folder: Path, number: int | None = None, **files: Iterable[
     (folder / "calibration.txt").write_text(f"{k.fx} {k.fy} {k.cx - 0.5} {k.cy - 0.5}\n")
     return folder
 
+
+SQLITE: dict[str, Any] = {
+    "dst_storage": "sqlite3", "dst_version": 9, "compress": None, "compress_mode": "file",
+    "default_typestore": None, "typestore": None, "exclude_topics": (), "include_topics": (),
+    "exclude_msgtypes": (), "include_msgtypes": (),
+}  # fmt: skip
+TO_ROS_1 = SQLITE | {"typestore": get_typestore(Stores.ROS1_NOETIC)}
+"""How rosbags converts a bag."""
 
 Change = Callable[[str, float, Any], Iterable[tuple[str, float, Any]]]
 """Takes a topic, a time in s and a message; returns the messages that are written in its place."""

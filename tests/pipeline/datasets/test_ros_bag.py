@@ -1,6 +1,6 @@
 """Bags: what is read of them, and what is wrong with them."""
 
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from shutil import copytree
 from typing import Any
@@ -9,18 +9,20 @@ import cv2
 import numpy as np
 import pytest
 from rosbags.convert import convert
-from rosbags.typesys import Stores, get_typestore
+from scipy.spatial import KDTree
 
 from pipeline.datasets.recording import Recording
-from pipeline.datasets.ros_bag import read_ros_bag
+from pipeline.datasets.ros_bag import LABELS, read_ros_bag
 from pipeline.errors import InputError
 from pipeline.frame import Calibration
 from pipeline.ros import messages
 from pipeline.ros.topics import ImageFormat
+from pipeline.transforms import from_rotation, inverse
 from tests.pipeline.datasets import recorded_room
-from tests.pipeline.datasets.recorded_room import ODOMETRY, WAY, Change, frames, unchanged, without
+from tests.pipeline.datasets.recorded_room import ODOMETRY, SQLITE, TO_ROS_1, WAY, Change, frames, unchanged, without
 
 DEPTH, COLOUR, INFO = "/camera/depth/image_raw", "/camera/color/image_raw", "/camera/depth/camera_info"
+COLOUR_INFO = "/camera/color/camera_info"
 
 
 NUMBER = 4
@@ -65,17 +67,10 @@ def test_sqlite_ros_1_and_a_lone_file_are_read_as_well(bag: Path, tmp_path: Path
     assert_whole(read_ros_bag(Path(copytree(bag, tmp_path / "room.bag"))))
     convert([bag], tmp_path / "sqlite", **SQLITE)
     assert_whole(read_ros_bag(tmp_path / "sqlite"))
-    convert([bag], tmp_path / "ros1.bag", **SQLITE | {"typestore": get_typestore(Stores.ROS1_NOETIC)})
+    convert([bag], tmp_path / "ros1.bag", **TO_ROS_1)
     assert_whole(read_ros_bag(tmp_path / "ros1.bag"))
     (file,) = bag.glob("*.mcap")
     assert_whole(read_ros_bag(file))
-
-
-SQLITE: dict[str, Any] = {
-    "dst_storage": "sqlite3", "dst_version": 9, "compress": None, "compress_mode": "file",
-    "default_typestore": None, "typestore": None, "exclude_topics": (), "include_topics": (),
-    "exclude_msgtypes": (), "include_msgtypes": (),
-}  # fmt: skip
 
 
 def recoded(encoding: str) -> Change:
@@ -96,6 +91,11 @@ def recoded(encoding: str) -> Change:
             data = np.concatenate([head, cv2.imencode(".png", pixels)[1].ravel()])
             name = "32FC1; compressedDepth png"
             yield f"{topic}/compressedDepth", time, messages.compressed_image(time, name, data)
+        elif encoding in ("png", "tiff", "bare png") and depth is not None:
+            ending = "." + encoding.split()[-1]
+            data = cv2.imencode(ending, np.rint(depth * 1000).astype(np.uint16))[1].ravel()
+            name = "16UC1; compressedDepth png" if encoding == "bare png" else f"16UC1; {encoding} compressed "
+            yield f"{topic}/compressed", time, messages.compressed_image(time, name, data)
         elif encoding == "mono16" and depth is not None:
             yield topic, time, messages.image(time, "mono16", np.rint(depth * 1000).astype(np.uint16))
         elif encoding == "big_endian" and depth is not None:
@@ -117,7 +117,8 @@ def recoded(encoding: str) -> Change:
 
 
 @pytest.mark.parametrize(
-    "encoding", ["mono16", "big_endian", "compressedDepth", "inverse", "padded", "rgba8", "bgr8"]
+    "encoding",
+    ["mono16", "big_endian", "compressedDepth", "png", "tiff", "bare png", "inverse", "padded", "rgba8", "bgr8"],
 )
 def test_other_encodings_are_read(encoding: str, tmp_path: Path) -> None:
     error = 0.00065 if encoding == "inverse" else 0.00051
@@ -139,7 +140,7 @@ def changed(topic: str, **values: Any) -> Change:
     ("change", "message"),
     [
         (without(DEPTH), r"depth images.* /camera/color/camera_info"),
-        (without(INFO), r"camera_info.*--intrinsics"),
+        (without(INFO, COLOUR_INFO), r"camera_info.*--intrinsics"),
         (changed(INFO, k=np.zeros(9)), r"fx fy cx cy are 0 0 0 0"),
         (changed(INFO, d=np.ones(3)), r"3 coefficients"),
         (changed(INFO, d=np.ones(7)), r"7 coefficients"),
@@ -152,11 +153,27 @@ def test_a_bag_without_what_is_needed_is_refused(change: Change, message: str, t
         read_ros_bag(path)
 
 
+def jpeg_depth(form: str) -> Change:
+    """Depth as a JPEG of 8 bits, with the header of compressed_depth_image_transport if ``form`` says so."""
+
+    def change(name: str, time: float, message: Any) -> Iterable[tuple[str, float, Any]]:
+        if name != DEPTH:
+            return [(name, time, message)]
+        pixels = np.clip(60 * message.data.view(np.float32).reshape(240, 320), 0, 255).astype(np.uint8)
+        header = np.zeros(12 * ("compressedDepth" in form), np.uint8)
+        data = np.concatenate([header, cv2.imencode(".jpg", pixels)[1].ravel()])
+        return [(f"{name}/compressed", time, messages.compressed_image(time, form, data))]
+
+    return change
+
+
 @pytest.mark.parametrize(
     ("change", "message"),
     [
         (changed(DEPTH, encoding="8UC1"), r"'8UC1'.* 16UC1, mono16, 32FC1"),
         (changed(COLOUR, encoding="nv12"), r"'nv12'"),
+        (jpeg_depth("16UC1; jpeg compressed "), r"'16UC1; jpeg compressed '.* PNG"),
+        (jpeg_depth("16UC1; compressedDepth jpeg"), r"compressedDepth jpeg.* PNG"),
         (changed(DEPTH, height=999), r"pixels"),
         (changed(INFO, width=2**31, d=np.ones(5)), r"320 × 240 .* 2147483648 × 240"),
         (changed(INFO, width=640, height=480), r"320 × 240 .* 640 × 480"),
@@ -169,7 +186,7 @@ def test_images_that_cannot_be_used_are_named(change: Change, message: str, tmp_
 
 
 def test_intrinsics_can_be_given(tmp_path: Path) -> None:
-    path = write_bag(tmp_path / "room", change=without(INFO))
+    path = write_bag(tmp_path / "room", change=without(INFO, COLOUR_INFO))
     k = frames()[0].intrinsics
     calibration = Calibration(k.fx, k.fy, k.cx - 0.5, k.cy - 0.5)
     assert next(read_ros_bag(path, calibration=calibration).frames()).intrinsics == k
@@ -184,7 +201,7 @@ def test_order_is_restored_and_doubles_are_left_out(tmp_path: Path) -> None:
 
     recording = read_ros_bag(write_bag(tmp_path / "room", change=mixed))
     assert_whole(recording)
-    assert recording.left_out == {"depth images that are out of order": 2}
+    assert recording.left_out == {"depth images that have the stamp of another": 2}
 
 
 def test_other_clocks_are_noticed(tmp_path: Path) -> None:
@@ -202,6 +219,186 @@ def test_odometry_is_taken_from_tf_where_it_has_no_topic(tmp_path: Path) -> None
     recording = read_ros_bag(write_bag(tmp_path / "room", change=without("/odom")))
     assert recording.odometry is not None
     np.testing.assert_allclose(recording.odometry.poses, ODOMETRY[:NUMBER], atol=1e-12)
+
+
+def renamed(topic: Callable[[str], str], frame: Callable[[str], str] = str, *left_out: str) -> Change:
+    """Topics and frames of other names."""
+
+    def change(name: str, time: float, message: Any) -> Iterable[tuple[str, float, Any]]:
+        if name.startswith("/ground_truth") or name == LABELS:
+            return [(name, time, message)]
+        for part in (*getattr(message, "transforms", ()), message):
+            if hasattr(part, "header"):
+                part.header.frame_id = frame(part.header.frame_id)
+            if hasattr(part, "child_frame_id"):
+                part.child_frame_id = frame(part.child_frame_id)
+        return [] if name in left_out else [(topic(name), time, message)]
+
+    return change
+
+
+def footprint(name: str, time: float, message: Any) -> Iterable[tuple[str, float, Any]]:
+    """Odometry of ``base_footprint``, which no transform connects with the rest."""
+    if name == "/odom":
+        message.child_frame_id = "base_footprint"
+    return [] if name == "/tf" else [(name, time, message)]
+
+
+def raised(name: str, time: float, message: Any) -> Iterable[tuple[str, float, Any]]:
+    """A robot whose ``base_link`` is 0.2 m above its ``base_footprint``."""
+    up = from_rotation(np.eye(3), [0, 0, 0.2])
+    if name == "/odom":
+        message.pose.pose.position.z += 0.2
+    if name == "/tf_static":
+        camera = inverse(up) @ frames()[0].T_base_camera
+        message = messages.transforms(
+            time, {("base_link", "camera_optical"): camera, ("base_footprint", "base_link"): up}
+        )
+    return [] if name == "/tf" else [(name, time, message)]
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        raised,
+        renamed(lambda name: f"/j100_0001{name}"),
+        renamed(lambda name: f"/j100_0001{name}" if "tf" in name else name),
+        renamed(str, lambda frame: f"robot1/{frame}"),
+        renamed(str, lambda frame: f"robot1/{frame}", "/odom"),
+        renamed(str, lambda frame: f"robot1_{frame}", "/odom"),
+        renamed(lambda name: f"/robot1{name}", lambda frame: f"/robot1/{frame}", "/odom"),
+        footprint,
+    ],
+    ids=["raised", "namespace", "of_tf", "prefix", "prefix_tf", "underscore_tf", "both_tf", "footprint"],
+)
+def test_other_names_of_topics_and_frames_change_nothing(change: Change, tmp_path: Path) -> None:
+    recording = read_ros_bag(write_bag(tmp_path / "room", change=change))
+    assert_whole(recording)
+    assert recording.odometry is not None and recording.up is not None and recording.has_camera_pose
+    np.testing.assert_allclose(recording.odometry.poses, ODOMETRY[:NUMBER], atol=1e-12)
+    np.testing.assert_allclose(recording.up, [0, 0, 1], atol=1e-12)
+    assert [("base_footprint" in note) for note in recording.notes] == [True] * (change is footprint)
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (without("/tf_static"), ["base_link", "camera_optical", "odom → base_link"]),
+        (without("/odom", "/tf_static"), ["base_link", "camera_optical"]),
+        (renamed(str, lambda frame: {"odom": "world"}.get(frame, frame), "/odom"), ["odometry", "world → base_link"]),
+    ],
+)
+def test_what_is_not_found_is_said_with_what_was_there(change: Change, said: list[str], tmp_path: Path) -> None:
+    recording = read_ros_bag(write_bag(tmp_path / "room", change=change))
+    (note,) = recording.notes
+    assert all(word in note for word in said) and "\n" not in note
+
+
+def test_of_several_robots_transforms_must_be_named_where_it_is_not_clear_which(tmp_path: Path) -> None:
+    def twice(name: str, time: float, message: Any) -> Iterable[tuple[str, float, Any]]:
+        return [(f"/{robot}{name}", time, message) for robot in "ab"] if "tf" in name else [(name, time, message)]
+
+    path = write_bag(tmp_path / "room", change=twice)
+    recording = read_ros_bag(path)
+    assert not recording.has_camera_pose
+    assert any("/b/tf_static" in note and "--topics" in note for note in recording.notes)
+    assert read_ros_bag(path, ["/b/tf", "/b/tf_static"]).has_camera_pose
+
+
+def unstamped(name: str, time: float, message: Any) -> Iterable[tuple[str, float, Any]]:
+    if "/image" in name:
+        message.header.stamp.sec = message.header.stamp.nanosec = 0
+    return [(name, time, message)]
+
+
+def test_images_without_stamps_count_as_taken_when_they_were_recorded(tmp_path: Path) -> None:
+    recording = read_ros_bag(write_bag(tmp_path / "room", change=unstamped))
+    assert_whole(recording)
+    (note,) = recording.notes
+    assert "stamps" in note
+    assert recording.left_out == {}
+
+
+def test_poses_that_are_none_are_left_out_and_said(tmp_path: Path) -> None:
+    def lost(name: str, time: float, message: Any) -> Iterable[tuple[str, float, Any]]:
+        if name == "/odom" and time == 0.1:
+            message.pose.pose.position.x = np.nan
+        if name == "/imu" and time == 0.1:
+            message.linear_acceleration.x = np.nan
+        return [(name, time, message)]
+
+    recording = read_ros_bag(write_bag(tmp_path / "room", change=lost))
+    assert recording.odometry is not None
+    np.testing.assert_allclose(recording.odometry.poses, [ODOMETRY[0], *ODOMETRY[2:NUMBER]], atol=1e-12)
+    np.testing.assert_allclose(recording.up, [0, 0, 1], atol=1e-12)
+    (note,) = recording.notes
+    assert "odometry: 1 of 4" in note
+
+
+def test_the_topics_of_realsenses_viewer_are_read(tmp_path: Path) -> None:
+    def viewers(name: str, time: float, message: Any) -> Iterable[tuple[str, float, Any]]:
+        depth, colour = "/device_0/sensor_0/Depth_0", "/device_0/sensor_1/Color_0"
+        names = {
+            DEPTH: f"{depth}/image/data", INFO: f"{depth}/info/camera_info",
+            COLOUR: f"{colour}/image/data", COLOUR_INFO: f"{colour}/info/camera_info",
+        }  # fmt: skip
+        infrared = "/device_0/sensor_0/Infrared_1/image/data"
+        return [(names.get(name, name), time, message)] + [(infrared, time, message)] * (name == COLOUR)
+
+    recording = read_ros_bag(write_bag(tmp_path / "room", change=viewers))
+    assert_whole(recording)
+    assert not recording.notes
+
+
+def test_several_inertial_sensors_are_said(tmp_path: Path) -> None:
+    def twice(name: str, time: float, message: Any) -> Iterable[tuple[str, float, Any]]:
+        return [(name, time, message)] + [("/camera/imu", time, message)] * (name == "/imu")
+
+    path = write_bag(tmp_path / "room", change=twice)
+    recording = read_ros_bag(path)
+    assert recording.up is None and "/camera/imu" in recording.notes[0]
+    assert read_ros_bag(path, ["/imu"]).up is not None
+
+
+def rectified(name: str, time: float, message: Any) -> Iterable[tuple[str, float, Any]]:
+    """Rectified images, whose camera_info tells the raw camera's distortion and matrix."""
+    if name in (INFO, COLOUR_INFO):
+        message.d, message.k = (
+            np.array([0.1, -0.2, 0.0, 0.0, 0.0]),
+            message.k * np.array([1.1, 1, 1, 1, 1, 1, 1, 1, 1]),
+        )
+    colours = "image_rect_color" if "color" in name else "image_rect"
+    return [(name if name == LABELS else name.replace("image_raw", colours), time, message)]
+
+
+@pytest.mark.parametrize("images", ["32FC1", "32FC1-jpeg"])
+def test_rectified_images_are_not_straightened_again(images: ImageFormat, tmp_path: Path) -> None:
+    recording = read_ros_bag(write_bag(tmp_path / "room", images, rectified))
+    assert_whole(recording, rgb=3 if images.endswith("jpeg") else 0)
+    assert not recording.notes
+
+
+def test_depth_of_another_camera_is_registered_to_colour(tmp_path: Path) -> None:
+    def two_cameras(name: str, time: float, message: Any) -> Iterable[tuple[str, float, Any]]:
+        if name.startswith("/camera/"):
+            message.header.frame_id = "color" if "color" in name else "depth"
+        if name == COLOUR_INFO:
+            message.k = message.k * np.array([1.5, 1, 1, 1, 1.5, 1, 1, 1, 1])
+        if name == "/tf_static":
+            T, beside = frames()[0].T_base_camera, from_rotation(np.eye(3), [0.05, 0, 0])
+            message = messages.transforms(time, {("base_link", "depth"): T, ("depth", "color"): beside})
+        return [(name, time, message)]
+
+    recording = read_ros_bag(write_bag(tmp_path / "room", change=two_cameras))
+    frame, true = next(recording.frames()), frames()[0]
+    assert frame.intrinsics.fx == pytest.approx(1.5 * true.intrinsics.fx)
+    np.testing.assert_allclose(frame.T_base_camera[:3, 3] - true.T_base_camera[:3, 3], [0, -0.05, 0], atol=1e-9)
+    assert any("color" in note and "depth" in note for note in recording.notes)
+    # The points are where they were, as far as the colour camera sees them: each on a surface of the room.
+    found = frame.points(frame.T_base_camera)
+    assert len(found) > 10_000
+    distance, _ = KDTree(true.points(true.T_base_camera)).query(found)
+    assert np.quantile(distance, 0.95) < 0.03
 
 
 def test_topics_of_a_kind_must_be_named(tmp_path: Path) -> None:

@@ -89,6 +89,43 @@ def test_depth_without_colour_is_left_out(folder: Path) -> None:
     assert recording.left_out == {"depth images without a colour image": 2}
 
 
+@pytest.mark.parametrize("lost", ["{} nan nan nan nan nan nan nan", "{} 0 0 0 0 0 0 0", "{} inf 0 0 0 0 0 1"])
+def test_lines_without_a_pose_are_left_out_and_said(folder: Path, lost: str) -> None:
+    lines = (folder / "groundtruth.txt").read_text().splitlines()
+    lines[3], lines[5] = (lost.format(lines[k].split()[0]) for k in (3, 5))
+    (folder / "groundtruth.txt").write_text("\n".join(lines))
+    recording = read_tum_folder(folder)
+    assert recording.truth is not None
+    kept = [WAY[k] for k in range(NUMBER) if k not in (2, 4)]
+    np.testing.assert_allclose(recording.truth.poses, camera_poses(kept), atol=1e-12)
+    (note,) = recording.notes
+    assert "groundtruth.txt: 2 " in note
+
+
+def test_what_was_not_felt_is_left_out_and_said(folder: Path) -> None:
+    (folder / "accelerometer.txt").write_text("0 nan nan nan\n0.1 0 -9.81 0\n0.2 0 inf 0\n")
+    recording = read_tum_folder(folder)
+    np.testing.assert_allclose(recording.up, [0, -1, 0])
+    (note,) = recording.notes
+    assert "accelerometer.txt: 2 " in note
+
+
+def test_each_list_may_have_its_own_unit_of_time(folder: Path) -> None:
+    since = 1403636579
+    for name, unit in (("rgb", 10**9), ("depth", 10**6), ("groundtruth", 1), ("odometry", 10**3)):
+        lines = [line.split() for line in (folder / f"{name}.txt").read_text().splitlines()[1:]]
+        stamps = [round((since + float(time)) * unit, 3) for time, *_ in lines]
+        words = [str(stamp if unit == 1 else int(stamp)) for stamp in stamps]
+        rows = [" ".join([word, *rest]) for word, (_, *rest) in zip(words, lines, strict=True)]
+        (folder / f"{name}.txt").write_text("\n".join(rows))
+    recording = read_tum_folder(folder)
+    times = [frame.time for frame in recording.frames()]
+    np.testing.assert_allclose(times, [since + frame.time for frame in frames()[:NUMBER]], atol=1e-5)
+    for poses in (recording.truth, recording.odometry):
+        assert poses is not None
+        assert all(poses.at(time, TrajectoryConfig()) is not None for time in times)
+
+
 def small_image(folder: Path) -> None:
     cv2.imwrite(str(folder / "depth" / "0.300.png"), np.ones((5, 4), np.uint16))
 

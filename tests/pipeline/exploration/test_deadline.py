@@ -77,6 +77,23 @@ def test_a_robot_that_was_slow_turns_back_earlier(world: Traversability, share: 
         assert deadline.allows(FAR, there) is is_allowed
 
 
+def test_turning_on_the_spot_says_nothing_of_how_long_ways_take(world: Traversability) -> None:
+    begin, back = context_at(world, START, 100.0), PosePaths(world, START, caution=0.0).cost_to(FAR)
+    seconds = begin.paths.without_risk.cost_to(FAR)
+    now = 110.0 + seconds
+    for spare, is_allowed in ((0.1, True), (-0.1, False)):
+        deadline = started(world, (now + back + 2.0 + spare - 100.0) / 60, "home")  # 2 s: as late as the latest turn
+        here = begin
+        for time in (102.0, 104.0, 106.0, 108.0, 110.0):
+            deadline.set_out(START, here)
+            here = context_at(world, START, time)
+            deadline.observe(here)
+        deadline.set_out(FAR, here)
+        there = context_at(world, FAR, now)
+        deadline.observe(there)
+        assert deadline.allows(FAR, there) is is_allowed
+
+
 def test_without_a_way_back_on_the_map_it_takes_as_long_as_the_way_so_far(world: Traversability) -> None:
     deadline = Deadline(0.0, 600.0, tuple, home=True)
     deadline.observe(context_at(world, np.array([9.0, 9.0]), 0.0))

@@ -38,9 +38,10 @@ def scattered(*clouds: NDArray[np.float32], seed: int) -> NDArray[np.float64]:
 
 def target_of(*parts: NDArray[np.float64]) -> Target:
     """A target with a different owner for each part."""
-    thin = [cloud_of(part, CONFIG).points()[:, :3] for part in parts]
-    owner = np.repeat(np.arange(len(parts)), [len(part) for part in thin])
-    return Target(np.vstack(thin), owner, CONFIG)
+    thin = [cloud_of(part, CONFIG) for part in parts]
+    points = np.vstack([cloud.points()[:, :3] for cloud in thin])
+    normals = np.vstack([cloud.normals()[:, :3] for cloud in thin])
+    return Target(points, normals, np.repeat(np.arange(len(parts)), [cloud.size() for cloud in thin]))
 
 
 def source_of(points: NDArray[np.float64], T_map_base: NDArray[np.float64]) -> small_gicp.PointCloud:

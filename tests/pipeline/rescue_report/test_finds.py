@@ -48,6 +48,17 @@ def test_a_person_was_found_when_this_run_first_saw_the_person() -> None:
     assert (found.kind, found.text, found.time_s) == ("victim", "", 5.0)
 
 
+def test_the_heat_of_a_person_is_told_on_the_persons_card_alone(situation: Situation) -> None:
+    alice, bob = situation.people[0], situation.sightings[0]
+    lamp, warmth = find("heat", "lamp"), replace(find("heat", ""), position=alice.victim.position, of_person=True)
+    warm = replace(situation, people=[replace(alice, is_warm=True)], finds=[lamp, warmth])
+    root = read(page(warm, {"arena": "nist_6x4"}))
+    (table,) = root.all("table", "finds")
+    assert "1 other find" in root.text and len(list(table.all("tr"))) == 2 and "lamp" in table.text
+    assert ["warm" in card.text for card in root.all("article")] == [True, bob.is_warm]
+    assert [find["kind"] for find in finds_data(warm)] == ["victim", "heat", "heat"]
+
+
 def test_what_a_code_says_is_never_markup_and_cut(situation: Situation) -> None:
     html = page(situation, {"arena": "nist_6x4"})
     root = read(html)

@@ -30,7 +30,7 @@ REPORT = {
 
 @pytest.fixture(scope="module")
 def html() -> str:
-    return page(before_a_wall(victims(ALICE, BOB), finished=False), REPORT)
+    return page(before_a_wall(victims(ALICE, BOB), ended="interrupted"), REPORT)
 
 
 @pytest.fixture(scope="module")
@@ -98,7 +98,7 @@ def test_the_page_says_when_it_was_written_and_folds_figures_away(root: Tag) -> 
 
 def test_the_page_holds_the_people_as_data(root: Tag) -> None:
     (data,) = root.all("script")
-    assert json.loads(data.text) == people_data(before_a_wall(victims(ALICE, BOB), finished=False))
+    assert json.loads(data.text) == people_data(before_a_wall(victims(ALICE, BOB), ended="interrupted"))
 
 
 def test_the_photo_is_the_robots(root: Tag) -> None:
@@ -143,6 +143,38 @@ def test_green_is_earned_by_a_map_that_can_be_trusted(trust: Trust, is_good: boo
     assert said in tile.text
     assert ("contradicts itself: 5 %" in root.text) == (trust.contradicted == 0.05)
     assert ("may lie 1.6 m from where they are drawn" in root.text) == (trust.deviation == 0.8)
+
+
+WHOLE = replace(before_a_wall(victims()).unseen, places=[])
+ADRIFT = replace(WHOLE, is_reachable=False)
+
+
+@pytest.mark.parametrize(
+    ("ended", "unseen", "signs", "said"),
+    [
+        ("nothing_left", WHOLE, "+++", "and all that joins it"),
+        ("not_worth_it", WHOLE, "+++", "and all that joins it"),
+        ("time", WHOLE, "!!!", "stopped early"),
+        ("steps", WHOLE, "!!!", "cut short"),
+        (None, WHOLE, "!!!", "Nobody searched for unseen ground"),
+        (None, ADRIFT, "!!!", "no way out of the entrance"),
+        ("nothing_left", ADRIFT, "!!!", "Unknown"),
+    ],
+)
+def test_no_tick_is_given_that_the_robot_did_not_earn(ended, unseen, signs, said) -> None:
+    situation = replace(before_a_wall(victims()), ended=ended, unseen=unseen)
+    root = read(page(situation, {"arena": "a"}))
+    tiles = list(root.all("div", "tile"))  # people, explored, ground
+    assert "".join("+" if "good" in tile.attributes["class"] else "!" for tile in tiles) == signs
+    assert said in root.text
+    assert f"{unseen.seen:.0f} m² " in root.text
+
+
+def test_people_are_all_found_only_where_all_was_seen() -> None:
+    situation = before_a_wall(victims())
+    assert situation.finished and situation.unseen.places
+    people = next(tile for tile in read(page(situation, {"arena": "a"})).all("div", "tile") if "People" in tile.text)
+    assert "caution" in people.attributes["class"]
 
 
 def test_ground_that_ends_in_the_unknown_is_not_green() -> None:
@@ -201,7 +233,7 @@ def test_no_person_found() -> None:
 
 
 def test_the_same_episode_gives_the_same_page(html: str) -> None:
-    assert page(before_a_wall(victims(ALICE, BOB), finished=False), REPORT) == html
+    assert page(before_a_wall(victims(ALICE, BOB), ended="interrupted"), REPORT) == html
 
 
 def test_the_worst_places_are_listed_and_the_others_counted() -> None:

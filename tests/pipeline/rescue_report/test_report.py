@@ -31,15 +31,23 @@ def test_the_page_lists_what_was_not_worth_the_drive() -> None:
     )
 
 
+def test_a_drive_to_goals_explores_nothing() -> None:
+    explorer = Explorer(StillRobot(), Mapper(PIONEER, TruthClassifier()))
+    report = RescueReport()
+    report.on_step(explorer.mapper, replace(explorer.step(), viewpoint=None, explores=False, ended=None))
+    assert report.situation_in(explorer.mapper).ended is None
+
+
 def test_the_last_step_says_whether_a_viewpoint_is_left() -> None:
     explorer = Explorer(StillRobot(), Mapper(PIONEER, TruthClassifier()))
     report, step = RescueReport(), explorer.step()
     report.on_step(explorer.mapper, step)
     assert step.viewpoint is not None
     assert not report.situation_in(explorer.mapper).finished
-    report.on_step(explorer.mapper, replace(step, viewpoint=None, can_drive=False))  # held, not done
-    assert not report.situation_in(explorer.mapper).finished
-    report.on_step(explorer.mapper, replace(step, viewpoint=None))
+    for ended in ("held", "shut_in", "time"):
+        report.on_step(explorer.mapper, replace(step, viewpoint=None, ended=ended))
+        assert not report.situation_in(explorer.mapper).finished
+    report.on_step(explorer.mapper, replace(step, viewpoint=None, ended="nothing_left"))
     situation = report.situation_in(explorer.mapper)
     assert situation.finished
     np.testing.assert_array_equal(situation.T_map_entrance, np.eye(4))

@@ -49,6 +49,15 @@ def test_a_hole_in_the_floor_is_a_place() -> None:
     assert seen.share == pytest.approx(1 - 1 / (3.9 * 2.9), abs=0.01)
 
 
+def test_ground_that_no_robot_can_stand_on_was_seen_but_its_share_is_unknown() -> None:
+    elevation_map = surface_of(ground_points(flat, *ROOM), LAST_WALL, *WALLS)
+    traversability = assess_map(elevation_map)
+    nowhere = np.zeros(traversability.grid.shape, np.bool_)
+    seen = find_unseen(traversability, elevation_map.measured, nowhere, PIONEER, UnseenConfig())
+    assert seen.seen == pytest.approx(3.9 * 2.9, abs=0.01)
+    assert seen.share is None
+
+
 def test_a_small_hole_is_a_patch() -> None:
     seen = unseen(without(0, 0.4), LAST_WALL)
     assert seen.places == []
@@ -68,4 +77,4 @@ def test_no_ground_is_expected_through_a_gap_in_what_was_seen_of_a_wall() -> Non
 
 
 def test_a_map_of_nothing_has_no_share() -> None:
-    assert Unseen([], 0.0, 0.0).share == 0
+    assert Unseen([], 0.0, 0.0, is_reachable=True).share is None

@@ -17,7 +17,7 @@ from pipeline.metric_map.metric_map import MetricMap
 from pipeline.semantic_map.classifier import TruthClassifier
 from pipeline.semantic_map.ply import write_ply
 from sarsim.commands.export_map import export_map
-from sarsim.robots.model import robot_file
+from sarsim.robots.names import robot_file
 from tests.pipeline.metric_map.io.octomap_files import colours, log_odds, read_bt, read_ot
 from tests.pipeline.polygon_scene import floor, look, pose, wall, wedge
 from tests.pipeline.robot_model import PIONEER
@@ -51,6 +51,18 @@ def test_a_binary_octree_has_the_voxels(episode):
     export_map(episode / "metric_map.npz", episode / "map.bt")
     known = log_odds(read_bt(episode / "map.bt"), *BOX)
     assert ((known > 0).sum(), (known < 0).sum()) == (6, 2)
+
+
+@pytest.mark.parametrize("ending", [".bt", ".ot"])
+def test_how_far_an_octree_is_off_the_map_is_said(ending, episode, capsys):
+    export_map(episode, episode / f"map{ending}")
+    (line,) = [line for line in capsys.readouterr().out.splitlines() if " add " in line]
+    shift = [float(word) for word in line.partition(" add ")[2].split()[:3]]
+    centres = load_metric_map(episode / "metric_map.npz").occupied_centres()
+    indices = np.argwhere(log_odds((read_bt if ending == ".bt" else read_ot)(episode / f"map{ending}"), *BOX) > 0)
+    voxel = load_metric_map(episode / "metric_map.npz").voxel_size
+    places = (indices + BOX[0] + 0.5) * voxel + shift
+    np.testing.assert_allclose(sorted(places.tolist()), sorted(centres.tolist()), atol=1e-6)
 
 
 def test_a_cloud_has_the_centres_in_the_colour_of_their_class(episode):

@@ -3,6 +3,7 @@
 import json
 import pickle
 import re
+import shutil
 import signal
 import subprocess
 import sys
@@ -158,6 +159,7 @@ def test_an_episode_with_networks_that_was_stopped_goes_on_bit_for_bit(tmp_path,
     kept = len(list((stopped / "network_outputs").iterdir()))
     assert kept >= 2
     assert "Results in" in capsys.readouterr().out
+    assert_refused([*map(str, flags), "--out", str(whole)], f"{whole}: ", monkeypatch, capsys)
     run_command(monkeypatch, "--resume", stopped)
     assert f"with {kept} cached outputs" in capsys.readouterr().out
     assert not (stopped / "network_outputs").exists() and not (whole / "network_outputs").exists()
@@ -175,7 +177,9 @@ def test_an_episode_with_networks_that_was_stopped_goes_on_bit_for_bit(tmp_path,
 
 
 def test_what_cannot_be_resumed_is_reported(tmp_path, monkeypatch, capsys):
-    assert_refused(["--resume", str(tmp_path)], "config.yaml: No such file", monkeypatch, capsys)
+    for folder in (tmp_path, tmp_path / "missing"):
+        assert_refused(["--resume", str(folder)], f"--resume {folder}: ", monkeypatch, capsys)
+        assert list(tmp_path.iterdir()) == []
     (tmp_path / "config.yaml").write_text("seed: 3\n")
     resume = ["--resume", str(tmp_path)]
     assert_refused([*resume, "--out", "x"], "another folder", monkeypatch, capsys)
@@ -233,9 +237,9 @@ def test_a_bad_arena_is_one_line_and_status_2(arena, message, tmp_path, monkeypa
         (["--seed", "-1"], "--seed -1"),
         (["--goals", "1", "2", "nan", "0"], "--goals 1 2 nan 0: no place is there"),
         (["--goals", "1", "2", "3"], "--goals"),
-        (["--labels", "dgcnn", "--weights", "none.st"], "none.st: no such file; train.py dgcnn makes one"),
+        (["--labels", "dgcnn", "--weights", "none.st"], "none.st"),
         (["--labels", "dgcnn", "--weights", str(WEIGHTS)], "weights of pointnext, not of dgcnn"),
-        (["--detector", "none.cfg", "none.weights"], "none.cfg: No such file"),
+        (["--detector", "none.cfg", "none.weights"], "none.cfg"),
         (["--detector", "one.cfg"], "--detector"),
         (["--steps", "0"], "--steps 0"),
         (["--speed", "nan"], "--speed nan"),
@@ -243,7 +247,7 @@ def test_a_bad_arena_is_one_line_and_status_2(arena, message, tmp_path, monkeypa
         (["--out", "/dev/null/x"], "/dev/null/x"),
         (["--out", str(WEIGHTS.parent)], "weights: not empty: it holds "),
         (["--out", ""], "--out '': nothing is given"),
-        (["--map", "nowhere"], "nowhere/keyframes.npz"),
+        (["--map", "nowhere"], "--map nowhere"),
         (["--robot", "none.xml"], "none.xml"),
     ],
 )
@@ -262,6 +266,15 @@ def test_a_bad_detector_is_one_line_and_status_2(cfg, weights, message, tmp_path
     files[1].write_bytes(weights)
     flags = [*QUICK, "--detector", *map(str, files), "--out", str(tmp_path / "out")]
     assert_refused(flags, message, monkeypatch, capsys)
+
+
+def test_a_refused_episode_leaves_no_bag_and_no_sequence(tmp_path, monkeypatch, capsys):
+    (tmp_path / "mine.py").write_text("class Bad:\n    pass\n")
+    monkeypatch.chdir(tmp_path)
+    flags = [*QUICK, "--sink", "mine:Bad", "--bag", "bag", "--tum", "tum", "--out", "run"]
+    assert_refused(flags, "--sink mine:Bad", monkeypatch, capsys)
+    shutil.rmtree("__pycache__", ignore_errors=True)
+    assert [path.name for path in tmp_path.iterdir()] == ["mine.py"]
 
 
 def test_a_window_needs_a_display(tmp_path, monkeypatch, capsys):

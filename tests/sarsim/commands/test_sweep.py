@@ -59,6 +59,23 @@ def test_what_was_run_is_kept_and_another_version_refused(
         sweep(few)
 
 
+def test_a_sweep_in_which_every_episode_failed_ends_with_a_status_that_says_so(
+    settings: SweepSettings, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("sarsim.commands.sweep.make_engine", lambda name, workers: InProcess())
+    with pytest.raises(SystemExit) as ended:
+        sweep(replace(settings, methods=("mine_too:Throws",)))
+    assert ended.value.code == 1
+    assert "2 of its episodes failed" in capsys.readouterr().err
+
+
+def test_methods_are_there_before_anything_runs(settings: SweepSettings) -> None:
+    for method in ("nearest", "mine_too:Missing", "missing:Throws"):
+        with pytest.raises(InputError, match=f"--methods {method}"):
+            sweep(replace(settings, methods=("random_walk", method)))
+        assert not settings.out.exists()
+
+
 def test_a_sweep_of_nothing_is_refused(settings: SweepSettings) -> None:
     with pytest.raises(InputError, match="--seeds: at least one"):
         sweep(replace(settings, seeds=()))

@@ -23,7 +23,7 @@ from pipeline.tracks.find import Reading
 from pipeline.transforms import from_yaw
 from sarsim import settings
 from sarsim.arenas.arena import RescueArena
-from sarsim.methods import make
+from sarsim.methods import make, names
 from sarsim.methods.arena import make_arena
 from sarsim.methods.level_ground import level_context
 from tests.pipeline.robot_model import PIONEER
@@ -320,7 +320,7 @@ def test_classes_come_from_installed_packages(monkeypatch: pytest.MonkeyPatch) -
     def installed(**wanted: str) -> EntryPoints:
         return EntryPoints([entry]).select(**wanted)
 
-    monkeypatch.setattr(make, "entry_points", installed)
+    monkeypatch.setattr(names, "entry_points", installed)
     assert isinstance(make.make_exploration("silent", PIONEER), Silent)
     with pytest.raises(InputError, match="random_walk, silent or MODULE:CLASS"):
         make.make_exploration("loud", PIONEER)
@@ -329,7 +329,7 @@ def test_classes_come_from_installed_packages(monkeypatch: pytest.MonkeyPatch) -
 @pytest.mark.usefixtures("page")
 def test_arenas_come_from_installed_packages(monkeypatch: pytest.MonkeyPatch) -> None:
     entries = EntryPoints([EntryPoint("hall", "page:hall", "sarsim.arena")])
-    for module in (make, settings):
+    for module in (names, settings):
         monkeypatch.setattr(module, "entry_points", entries.select)
     monkeypatch.syspath_prepend(".")
     assert make_arena("hall").mjcf_model.model == "hall"

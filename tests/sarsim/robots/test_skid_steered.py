@@ -14,7 +14,8 @@ from pipeline.errors import InputError
 from pipeline.frame import Frame
 from pipeline.robot import Motion, Velocity
 from pipeline.transforms import from_rotation, inverse, tilt_of, wrap_angle, yaw_of
-from sarsim.robots.model import ROBOTS, robot_file, robot_model
+from sarsim.robots.model import robot_model
+from sarsim.robots.names import ROBOTS, robot_file
 from sarsim.robots.skid_steer import SkidSteer
 from sarsim.robots.skid_steered import WHEELS, SkidSteered
 from sarsim.sensors.odometry import WheelOdometry

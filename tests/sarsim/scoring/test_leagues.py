@@ -5,7 +5,7 @@ import pytest
 from pipeline.league.brief import Penalties, Rewards
 from sarsim.scoring.leagues import LeagueRun, VirtualRun, league, virtual
 
-RUN = LeagueRun(coverage=0.8, global_error=0.25, extras=3, right=6, wrong=2, localisation_error=0.2)
+RUN = LeagueRun(coverage=0.8, global_error=0.25, extras=3, present=8, right=6, wrong=2, localisation_error=0.2)
 VIRTUAL = VirtualRun(
     portals=8, discovered=6, victims=5, right=3, wrong=2, living=4, right_living=2, wrong_living=1, contacts=1
 )
@@ -21,7 +21,7 @@ def test_the_labyrinth():
 
 
 def test_who_drives_and_resets_count():
-    run = LeagueRun(0.8, 0.25, 3, 6, 2, 0.2, is_autonomous=False, resets=2)
+    run = LeagueRun(0.8, 0.25, 3, 8, 6, 2, 0.2, is_autonomous=False, resets=2)
     score = league(run, Rewards(), Penalties(reset=0.5))
     assert score["total"]["points"] == pytest.approx(0.832 + 5 - 1)
 

@@ -128,6 +128,90 @@ def test_a_transform_says_where_the_camera_is(topic: str) -> None:
     np.testing.assert_allclose(robot.sense().T_base_camera, T_BASE_CAMERA, atol=1e-9)
 
 
+def transforms_on(moving: str, fixed: str) -> Change:
+    """Transforms on other topics; those that do not move are sent again and again, for the wire keeps no others."""
+
+    def change(topic: str, time: float, message: Any) -> list[tuple[str, float, Any]]:
+        if topic == "/tf_static":
+            return []
+        mount = messages.transforms(time, {("base_link", "camera_optical"): T_BASE_CAMERA})
+        return [(moving, time, message), (fixed, time, mount)] if topic == "/tf" else [(topic, time, message)]
+
+    return change
+
+
+def prefixed(topic: str, time: float, message: Any) -> list[tuple[str, float, Any]]:
+    """Frames of a robot with a name, whose odometry and camera_info do without."""
+    for link in getattr(message, "transforms", ()):
+        link.header.frame_id, link.child_frame_id = f"r1/{link.header.frame_id}", f"r1/{link.child_frame_id}"
+    return [(topic, time, message)]
+
+
+def on_footprint(topic: str, time: float, message: Any) -> list[tuple[str, float, Any]]:
+    if topic == ODOM:
+        message.child_frame_id = "base_footprint"
+    return [] if topic == "/tf" else [(topic, time, message)]
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (transforms_on("/j100_0001/tf", "/j100_0001/tf_static"), ""),
+        (transforms_on("/tf", "/tf"), ""),
+        (prefixed, "r1/base_link"),
+        (on_footprint, "base_footprint"),
+    ],
+)
+def test_transforms_are_found_under_other_names(change: Change, said: str, caplog: pytest.LogCaptureFixture) -> None:
+    wire = Wire()
+    wire.change = change
+    _, end = met_on(wire)
+    robot = RosRobot(end, PIONEER, TopicNames(), patience=2.0)
+    np.testing.assert_allclose(robot.sense().T_base_camera, T_BASE_CAMERA, atol=1e-9)
+    assert said in caplog.text and bool(caplog.text) == bool(said)
+
+
+def test_depth_of_another_camera_is_registered_to_colour(caplog: pytest.LogCaptureFixture) -> None:
+    beside = from_rotation(np.eye(3), [0.05, 0, 0])
+
+    def two_cameras(topic: str, time: float, message: Any) -> list[tuple[str, float, Any]]:
+        if topic == "/camera/color/camera_info":
+            message.header.frame_id = "color"
+        if topic == "/tf_static":
+            links = {("base_link", "camera_optical"): T_BASE_CAMERA, ("camera_optical", "color"): beside}
+            message = messages.transforms(time, links)
+        return [(topic, time, message)]
+
+    wire = Wire()
+    wire.change = two_cameras
+    room, end = met_on(wire)
+    robot = RosRobot(end, PIONEER, TopicNames(), patience=2.0)
+    frame = robot.sense()
+    np.testing.assert_allclose(frame.T_base_camera, T_BASE_CAMERA @ beside, atol=1e-9)
+    assert not np.array_equal(frame.depth, room.frames[frame.time].depth)
+    assert "color" in caplog.text
+
+
+def in_namespace(topic: str, time: float, message: Any) -> list[tuple[str, float, Any]]:
+    return [(f"/j100_0001{topic}", time, message)]
+
+
+def test_topics_of_other_names_are_said() -> None:
+    wire = Wire()
+    wire.change = in_namespace
+    _, end = met_on(wire)
+    with pytest.raises(InputError, match=f"/j100_0001{INFO}, /j100_0001{DEPTH}, .*/j100_0001{ODOM}.*--topics"):
+        RosRobot(end, PIONEER, TopicNames(), patience=2.0)
+
+
+def test_inertial_sensors_of_another_name_are_said(caplog: pytest.LogCaptureFixture) -> None:
+    wire = Wire()
+    wire.change = lambda topic, time, message: [("/imu/data" if topic == "/imu" else topic, time, message)]
+    _, end = met_on(wire)
+    RosRobot(end, PIONEER, TopicNames(), patience=2.0)
+    assert "/imu/data" in caplog.text and "--topics.imu" in caplog.text
+
+
 def test_a_type_that_is_not_installed_is_no_reason_to_give_up(monkeypatch: pytest.MonkeyPatch) -> None:
     listen = End.listen
 
@@ -214,7 +298,7 @@ def test_what_is_not_there_is_named(topic: str) -> None:
     wire = Wire()
     wire.change = silent(topic)
     _, end = met_on(wire)
-    with pytest.raises(InputError, match=f" {topic}$"):
+    with pytest.raises(InputError, match=rf"s: nothing sends {topic}(;|$)"):
         RosRobot(end, PIONEER, TopicNames(), T_BASE_CAMERA, patience=2.0)
 
 

@@ -5,11 +5,12 @@ from math import cos, pi, radians, sqrt
 
 import numpy as np
 import pytest
+import trimesh
 
 from pipeline.errors import InputError
 from sarsim.arenas.load import load_arena
 from sarsim.arenas.sdf.build import build_sdf
-from tests.sarsim.arenas.sdf.worlds import PLANE, Compiled, box, model, write
+from tests.sarsim.arenas.sdf.worlds import PLANE, Compiled, box, mesh, model, write
 
 MM = 1e-3
 X, Y, DOWN = (1, 0, 0), (0, 1, 0), (0, 0, -1)
@@ -191,3 +192,66 @@ def test_too_many_shapes_are_refused(tmp_path, monkeypatch):
         build_sdf(write(tmp_path, *[model(f"m{n}", box(1, 1, 1)) for n in range(6)]))
     with pytest.raises(InputError, match=r"a\.world: .*shape"):
         build_sdf(write(tmp_path, "<light name='sun'/>"))
+
+
+def include(uri):
+    return f"<include><uri>model://{uri}</uri></include>"
+
+
+LOST = {
+    "far": model("lost", box(1, 1, 1), pose="1 1 343582.7 0 0 0"),
+    "not a number": model("lost", box(1, 1, 1), pose="nan nan nan 0 0 0"),
+    "infinite": model("lost", box(1, 1, 1), pose="0 inf 0 0 0 0"),
+    "far link": "<model name='lost'><link name='lost'><pose>1e9 0 0 0 0 0</pose>" + box(1, 1, 1) + "</link></model>",
+    "far sum": model("lost", inside=model("m", box(1, 1, 1), pose="7000 0 0 0 0 0"), pose="7000 0 0 0 0 0"),
+    "far aside": model("lost", box(1, 1, 1), pose="-3000 400 0 0 0 0"),
+    "state": model("lost", box(1, 1, 1))
+    + "<state world_name='w'><model name='lost'><pose>0 0 nan 0 0 0</pose></model></state>",
+    "size": model("lost", box("nan", 1, 1)),
+    "missing model": include("lost"),
+    "missing mesh": model("lost", mesh("model://lost/a.dae")),
+    "unknown shape": model("lost", "<collision name='c'><geometry><lost/></geometry></collision>"),
+    "frame": model("lost", "<collision name='c'><pose relative_to='lost'/><geometry><box/></geometry></collision>"),
+}
+
+
+@pytest.mark.parametrize("kind", LOST)
+def test_one_thing_that_is_lost_stops_no_world(kind, tmp_path, caplog):
+    walls = [model(f"wall{n}", box(1, 1, 1), pose=f"{n} 0 0.5 0 0 0") for n in range(10)]
+    arena = Compiled(write(tmp_path, PLANE, *walls, LOST[kind]))
+    assert arena.model.ngeom == 11
+    (line,) = caplog.messages
+    assert "a.world: loaded without 1 thing: " in line and ("lost" in line or "-3000" in line)
+
+
+def test_all_that_is_missing_is_named_once_in_one_line(tmp_path, caplog):
+    Compiled(write(tmp_path, PLANE, include("pump"), include("pump"), include("tank"), model("m", mesh("b.stl"))))
+    (line,) = caplog.messages
+    assert [line.count(name) for name in ("pump", "tank", "b.stl")] == [1, 1, 1]
+
+
+def test_where_nothing_is_left_the_world_is_refused(tmp_path):
+    with pytest.raises(InputError, match=r"a\.world.*pump"):
+        build_sdf(write(tmp_path, include("pump"), include("tank")))
+
+
+def test_what_may_harm_still_refuses_the_whole(tmp_path):
+    (tmp_path / "m").mkdir()
+    (tmp_path / "m" / "model.sdf").write_text('<!DOCTYPE a [<!ENTITY b "c">]><sdf>&b;</sdf>')
+    for uri in ("m", "../../secret"):
+        with pytest.raises(InputError, match="refused"):
+            build_sdf(write(tmp_path, PLANE, model("w", box(1, 1, 1)), include(uri)))
+
+
+def test_a_raised_model_alone_stands_on_a_floor(tmp_path):
+    table = model("table", box(4, 4, 0.1, "0 0 0.7 0 0 0"), box(0.1, 0.1, 0.65, "0 0 0.325 0 0 0"))
+    (tmp_path / "model.sdf").write_text(f"<sdf version='1.6'>{table}</sdf>")
+    assert load_arena(str(tmp_path / "model.sdf")).T_world_start[2, 3] == 0
+
+
+def test_the_underside_of_a_slab_is_no_ground(tmp_path):
+    shell = trimesh.creation.box((6, 6, 0.15))
+    shell.update_faces(np.arange(12) != 3)  # open, so that each of its sides is a plate
+    shell.export(tmp_path / "slab.stl")
+    (tmp_path / "model.sdf").write_text(f"<sdf version='1.6'>{model('s', mesh('slab.stl'))}</sdf>")
+    assert load_arena(str(tmp_path / "model.sdf")).T_world_start[2, 3] == pytest.approx(0.075, abs=MM)

@@ -9,7 +9,8 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import RigidTransform, Rotation
 
 from pipeline.errors import InputError
-from sarsim.arenas.sdf.frames import Frames
+from pipeline.transforms import from_rotation
+from sarsim.arenas.sdf.frames import MODEL, Frames
 from sarsim.arenas.sdf.values import pose_of
 
 POSES = st.tuples(*[st.floats(-50, 50)] * 3, *[st.floats(-4, 4)] * 3)
@@ -89,3 +90,10 @@ def test_a_circle_and_an_unknown_frame_are_refused():
         frames.pose("d")
     with pytest.raises(InputError, match="there is no frame"):
         frames.pose("d::e")
+
+
+def test_a_name_may_hold_the_separator_itself():
+    frames = Frames("m")
+    frames.add("part::link", from_rotation(np.eye(3), (1, 2, 3)), MODEL)
+    frames.add("other", from_rotation(np.eye(3), (0, 0, 1)), "part::link")
+    np.testing.assert_allclose(frames.pose("other")[:3, 3], (1, 2, 4))

@@ -34,11 +34,11 @@ def test_stl_and_obj_are_scaled_and_turned(tmp_path, kind):
     [
         ("<up_axis>Z_UP</up_axis>", (-1.5, 0.5), (0, 1), (0, 3)),
         ("", (-1.5, 0.5), (0, 1), (0, 3)),
-        ("<up_axis>Y_UP</up_axis>", (-1.5, 0.5), (-3, 0), (0, 1)),
-        ("<up_axis>X_UP</up_axis>", (-1, 0), (-3, 0), (-1.5, 0.5)),
+        ("<up_axis>Y_UP</up_axis>", (-1.5, 0.5), (0, 1), (0, 3)),
+        ("<up_axis>X_UP</up_axis>", (-1.5, 0.5), (0, 1), (0, 3)),
     ],
 )
-def test_collada_has_a_unit_an_axis_nodes_and_colours(tmp_path, axis, x, y, z):
+def test_collada_has_a_unit_nodes_and_colours_and_gazebo_turns_no_axis(tmp_path, axis, x, y, z):
     (tmp_path / "b.dae").write_text(COLLADA.format(axis=axis))
     arena = Compiled(write(tmp_path, PLANE, model("m", mesh("b.dae"))))
     middle = np.mean([x, y, z], axis=1)

@@ -1,0 +1,206 @@
+"""A depth and a colour camera by their topics: which camera_info is whose, and depth registered to colour."""
+
+from collections.abc import Mapping
+from itertools import product, takewhile
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from pipeline.arrays import Depth, Pose, Rgb
+from pipeline.errors import InputError
+from pipeline.frame import Calibration, Intrinsics
+from pipeline.ros.links import FrameTree
+from pipeline.ros.messages import Message
+from pipeline.ros.pinhole import Pinhole
+
+IMAGE_TYPES = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
+INFO_TYPE = "sensor_msgs/msg/CameraInfo"
+TRANSPORTS = "compressed", "compressedDepth", "theora", "ffmpeg", "zstd"  # At the end of a topic's name
+SAME_PLACE = 1e-3  # m and rad between cameras; below, they are one
+
+
+class ImageSource(NamedTuple):
+    """The images of a camera.
+
+    Attributes:
+        topic: its name.
+        info: its camera_info; None if there is none.
+        frame: name of the camera's frame; empty if it is not known.
+    """
+
+    topic: str
+    info: Message | None
+    frame: str
+
+
+def is_rectified(topic: str) -> bool:
+    """Whether a topic's name says that its images are rectified, as ``image_rect`` and ``image_rect_color`` do."""
+    return "rect" in _raw(topic)[-1].lower()
+
+
+def _raw(topic: str) -> list[str]:
+    """The parts of a topic's name without image_transport's."""
+    parts = topic.strip("/").split("/")
+    return parts[:-1] if parts[-1] in TRANSPORTS and len(parts) > 1 else parts
+
+
+def info_topic(topic: str, kinds: Mapping[str, str]) -> str | None:
+    """The topic of an image topic's camera_info: the nearest by name that is not nearer to other images.
+
+    Args:
+        topic: of the images.
+        kinds: the types of all topics, by name.
+
+    Returns:
+        None if there is no such topic, or several are as near.
+    """
+    images = [name for name, kind in kinds.items() if kind in IMAGE_TYPES]
+    near = {
+        name: shared
+        for name, kind in kinds.items()
+        if kind == INFO_TYPE
+        and (shared := _shared(name, topic)) > 0
+        and all(_shared(name, other) <= shared for other in images)
+    }
+    nearest = [name for name, shared in near.items() if shared == max(near.values())]
+    return nearest[0] if len(nearest) == 1 else None
+
+
+def _shared(info: str, image: str) -> int:
+    """How many parts of two topics' names are the same from the beginning."""
+    pairs = zip(info.strip("/").split("/"), _raw(image), strict=False)
+    return sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], pairs))
+
+
+class RgbdCamera:
+    """Makes pairs of images, registered to each other, of a pinhole camera.
+
+    Attributes:
+        frame: name of the frame of both images.
+        note: in one line, what is not as expected of the images; empty if nothing is.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        depth: ImageSource,
+        colour: ImageSource | None,
+        links: FrameTree,
+        calibration: Calibration | None = None,
+    ):
+        """Find out how the depth images lie on the colour images.
+
+        Args:
+            path: of the recording, or a topic, for error messages.
+            depth: of the depth images.
+            colour: of the colour images; None without any.
+            links: the transforms between the frames of the cameras.
+            calibration: of both cameras, without distortion, in place of their camera_info.
+
+        Raises:
+            InputError: intrinsics are missing or impossible, or images of two cameras are of two sizes and nothing
+                says how the one lies on the other.
+        """
+        self._path, self._depth = path, Pinhole(path, depth.info, calibration, is_rectified(depth.topic))
+        self.frame, self.note, self._colour = depth.frame, "", self._depth
+        self._T_colour_depth: Pose | None = None
+        if calibration is not None or colour is None:
+            return
+        if colour.info is not None:
+            self._colour = Pinhole(path, colour.info, None, is_rectified(colour.topic))
+            self._register(depth.frame, colour.frame, links)
+        elif depth.frame and colour.frame and not _is_same(links, depth.frame, colour.frame):
+            frames = f"depth is of the frame {depth.frame}, colour of {colour.frame}"
+            self.note = f"{frames}, of which there is no camera_info: depth is taken for registered to colour"
+
+    def _register(self, of_depth: str, of_colour: str, links: FrameTree) -> None:
+        """Find the transform by which depth must be registered to colour, if it is not."""
+        T = links.between(links.named(of_colour), links.named(of_depth)) if of_colour and of_depth else None
+        is_one = self._depth.is_like(self._colour)
+        if is_one and (T is None or _is_same(links, of_depth, of_colour)):
+            return
+        cameras = f"depth is of {_told(of_depth, self._depth)}, colour of {_told(of_colour, self._colour)}"
+        if T is not None:
+            self._T_colour_depth, self.frame = T, of_colour
+            self.note = f"{cameras}: depth is registered to colour by camera_info and the transforms"
+            return
+        self.note = f"{cameras}: depth is not registered to colour, and no transform says how to"
+        if not self._depth.fits(self._colour):
+            raise InputError(f"{self._path}: {self.note}; record registered depth")
+
+    @property
+    def intrinsics(self) -> Intrinsics:
+        """Of both images; known after the first ones."""
+        return (self._depth if self._T_colour_depth is None else self._colour).intrinsics
+
+    def images(self, depth: Depth, colour: Rgb | None) -> tuple[Depth, Rgb]:
+        """Both images as a pinhole camera has them; black without a colour image.
+
+        Raises:
+            InputError: their sizes are not those that are expected.
+        """
+        metres = self._depth.rectified("depth", depth)
+        rgb = np.zeros((*metres.shape, 3), np.uint8) if colour is None else self._colour.rectified("colour", colour)
+        if self._T_colour_depth is not None and colour is not None:
+            metres = registered(metres, self._depth.intrinsics, self._colour.intrinsics, self._T_colour_depth)
+        if metres.shape != rgb.shape[:2]:
+            sizes = " and ".join(f"{width} × {height}" for height, width in (metres.shape, rgb.shape[:2]))
+            raise InputError(f"{self._path}: images of two sizes, {sizes}; depth must be registered to colour")
+        return metres, rgb
+
+
+def _is_same(links: FrameTree, frame: str, other: str) -> bool:
+    """Whether two frames are known to be in one place."""
+    T = links.between(links.named(frame), links.named(other))
+    return T is not None and np.allclose(T, np.eye(4), rtol=0, atol=SAME_PLACE)
+
+
+def _told(frame: str, camera: Pinhole) -> str:
+    return f"{frame or 'a camera without a name'} ({camera})"
+
+
+def registered(depth: Depth, k: Intrinsics, target: Intrinsics, T_target_camera: Pose) -> Depth:
+    """A depth image as another camera would see its surfaces; 0 where it sees none of them.
+
+    Each pixel covers the target's pixels whose centres are in its projection; of several surfaces the nearest counts.
+
+    Args:
+        depth: to register.
+        k, target: intrinsics of its camera, and of the other one.
+        T_target_camera: pose of its camera in the other one's frame.
+    """
+    returns = np.isfinite(depth) & (depth > 0)
+    row, column = np.nonzero(returns)
+    z = depth[returns].astype(np.float64)
+    first, end, far = _covered(row, column, z, k, target, T_target_camera)
+    seen = np.full((target.height, target.width), np.inf)
+    for down in range(int(np.max(end[1] - first[1], initial=0))):
+        for right in range(int(np.max(end[0] - first[0], initial=0))):
+            u, v = first[0] + right, first[1] + down
+            hit = (u < end[0]) & (v < end[1])
+            np.minimum.at(seen, (v[hit], u[hit]), far[hit])
+    return np.where(np.isfinite(seen), seen, 0).astype(np.float32)
+
+
+def _covered(
+    row: np.ndarray, column: np.ndarray, z: np.ndarray, k: Intrinsics, target: Intrinsics, T: Pose
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """The target's pixels that pixels of depth ``z``, m, cover.
+
+    Returns:
+        (2, N) first column and row, (2, N) those beyond the last, both within the image, and (N,) the depths there.
+    """
+    corners = []
+    for right, down in product((0.0, 1.0), repeat=2):
+        rays = np.stack([(column + right - k.cx) / k.fx, (row + down - k.cy) / k.fy, np.ones_like(z)])
+        x, y, far = T[:3, :3] @ (rays * z) + T[:3, 3:]
+        far = np.where(far > 0, far, np.nan)
+        corners.append((x / far * target.fx + target.cx, y / far * target.fy + target.cy))
+    centre = np.stack([(column + 0.5 - k.cx) / k.fx * z, (row + 0.5 - k.cy) / k.fy * z, z])
+    far = T[2, :3] @ centre + T[2, 3]
+    sides, size = np.array(corners), np.array([[target.width], [target.height]])
+    is_before = (far > 0) & np.isfinite(sides).all(axis=(0, 1))
+    sides = np.where(is_before, sides, -1.0).clip(-1, size + 1)
+    first, end = (np.ceil(side - 0.5).clip(0, size).astype(np.int64) for side in (sides.min(0), sides.max(0)))
+    return first, end, far

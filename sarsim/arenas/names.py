@@ -1,0 +1,37 @@
+"""Names of arenas, known without a simulator, so that a wrong one is refused at once."""
+
+from pathlib import Path
+
+from pipeline.errors import InputError
+from pipeline.files import check_regular
+from sarsim.arenas.lanes import LANES, LANES_FOLDER
+
+BUILT_IN = ("nist_6x4", "esogu_52x15", *(f"{LANES_FOLDER}{lane}" for lane in LANES))
+RANDOM = "random:"
+MAX_DIGITS = 18  # of a seed
+BUILT_FILES = (".raf", ".sdf", ".world", ".yaml")
+"""Endings of files from which an arena is built."""
+MJCF = ".xml"
+
+
+def check_arena_name(name: str) -> None:
+    """Raises InputError unless the name is that of a shipped arena, ``random:SEED``, or of a file of a known kind."""
+    if name in BUILT_IN:
+        return
+    if name.startswith(RANDOM):
+        seed_of(name)
+    elif Path(name).suffix.lower() in (*BUILT_FILES, MJCF):
+        check_regular(Path(name))
+    else:
+        raise InputError(
+            f"unknown arena {name!r}: give one of {', '.join(BUILT_IN)}, {RANDOM}SEED, or the path of a file:"
+            f" {', '.join(BUILT_FILES)}, or MJCF {MJCF}"
+        )
+
+
+def seed_of(name: str) -> int:
+    """The seed in ``random:SEED``; InputError if it is none."""
+    text = name.removeprefix(RANDOM)
+    if not text.isdecimal() or len(text) > MAX_DIGITS:
+        raise InputError(f"unknown arena {name!r}: the seed must be a whole number of at most {MAX_DIGITS} digits")
+    return int(text)

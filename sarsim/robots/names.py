@@ -1,0 +1,17 @@
+"""Names of robots, known without anything that computes, so that a wrong one is refused at once."""
+
+from pathlib import Path
+
+from pipeline.errors import InputError
+from sarsim.assets import asset
+
+ROBOTS = ("pioneer3at", "jackal")
+"""Names of the robots that sarsim ships."""
+
+
+def robot_file(robot: str) -> Path:
+    """Path of the MJCF of one of ``ROBOTS``; any other ``robot`` is itself a path. InputError if nothing is there."""
+    path = asset("robots", robot, f"{robot}.xml") if robot in ROBOTS else Path(robot)
+    if not path.exists():
+        raise InputError(f"--robot {robot}: no such file; known are {', '.join(ROBOTS)}")
+    return path

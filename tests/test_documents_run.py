@@ -1,0 +1,205 @@
+"""What the pages tell readers to run: Python in the order of its page, lines of a shell as their commands read them.
+
+Snippets and lines that take over a minute run in ``make endurance`` (``SARSIM_DOCUMENTS=1``).
+"""
+
+import os
+import re
+import shlex
+import subprocess
+import sys
+from collections.abc import Mapping
+from dataclasses import replace
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from pipeline.config import PipelineConfig
+from pipeline.explorer import Explorer
+from pipeline.sink import Step
+from sarsim.commands import cli, names, settings
+from sarsim.commands.run_episode import EpisodeConfig
+from sarsim.commands.settings import save_settings
+from sarsim.commands.sweeps.arenas import grid_scene
+from sarsim.dataset.generate import generate
+from sarsim.tasks.grid_explorers import EXPLORERS, Explorer2D, explore
+from sarsim.tasks.grid_world import PAPERS, GridWorld
+from tests.sarsim.dataset.small import RECIPE, InProcess
+from tests.source_tree import ROOT
+
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+BLOCK = re.compile(r"^ *```(\w+)\n(.*?)^ *```", re.DOTALL | re.MULTILINE)
+COMMAND = re.compile(r"python (?:scripts/(\w+)\.py|(-m \S+))(.*)")
+WHOLE = bool(os.environ.get("SARSIM_DOCUMENTS"))
+"""Whether what takes over a minute runs too."""
+OWN = (
+    "FOLDER", "bags/office", "my.cfg", "my.weights", "my.safetensors", "office", "office.world",
+    "rgbd_dataset_freiburg1_room", "things.yaml",
+)  # fmt: skip
+"""What the pages name of the reader's own, empty here."""
+DATA = ("data/ramps", "data/arenas", "data/rooms")
+"""Datasets that other pages make."""
+RUN = ("run_episode", "export_arena", "export_map", "validate_mission", "score_mission")
+"""Commands whose lines are run whole, if they name nothing of the reader's own."""
+
+
+def blocks(page: Path, language: str) -> list[str]:
+    """The blocks of a language on a page, in their order."""
+    return [text for kind, text in BLOCK.findall(page.read_text()) if kind == language]
+
+
+def lines(page: Path) -> list[list[str]]:
+    """The words of each call of Python in the shell's blocks of a page; ``$network`` is a name in a loop."""
+    text = "\n".join(blocks(page, "sh")).replace("\\\n", " ").replace("$network", "pointnext")
+    found = [COMMAND.search(line) for line in re.split(r"\n|;|&+", text)]
+    return [[match[1] or match[2], *shlex.split(match[3], comments=True)] for match in found if match]
+
+
+@pytest.fixture
+def desk(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder like that of a checkout, without what a reader would make in it."""
+    for name in ("assets", "docs", "scripts"):
+        (tmp_path / name).symlink_to(ROOT / name)
+    monkeypatch.chdir(tmp_path)
+    return tmp_path
+
+
+class Parsed(BaseException):
+    """What a command was given; raised in place of running it."""
+
+    def __init__(self, given: Mapping[str, Any]):
+        self.given = given
+
+
+def given_to(command: str, words: list[str], monkeypatch: pytest.MonkeyPatch) -> Mapping[str, Any]:
+    """The settings that a command reads from the words of its line, which name what is there."""
+
+    def stop(given: Mapping[str, Any]) -> None:
+        names.check_names(given)
+        raise Parsed(given)
+
+    monkeypatch.setattr(sys, "argv", [f"{command}.py", *words])
+    for module in (cli, settings):
+        monkeypatch.setattr(module, "check_names", stop)
+    with pytest.raises(Parsed) as parsed:
+        import_module(f"scripts.{command}").main()
+    return parsed.value.given
+
+
+def make(command: str, given: Mapping[str, Any]) -> None:
+    """Leave what a command would, as far as later lines name it."""
+    out = given.get("out")
+    if command == "run_episode":
+        config = EpisodeConfig(**given)
+        out = config.folder
+        out.mkdir(parents=True, exist_ok=bool(config.resume))
+        for name in ("report.json", "topology.json", "report.html"):
+            (out / name).touch()
+        save_settings(config, out / "config.yaml")
+        if config.mission != "explore":
+            (out / "handed_in").mkdir()
+        for extra in (config.bag, config.tum):
+            if extra:
+                extra.mkdir(parents=True)
+    elif out and out.suffix:
+        for made in {out, out.with_suffix(".cfg"), out.with_suffix(".yaml")}:
+            made.touch()
+    elif out:
+        (out / "scenes").mkdir(parents=True, exist_ok=command == "sweep")
+        (out / "scenes" / "00000.h5").touch()
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES if lines(page)], ids=lambda page: page.name)
+def test_every_line_is_one_that_its_command_takes_and_names_what_is_there(
+    page: Path, desk: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (desk / "mine.py").write_text("\n".join(blocks(ROOT / "docs" / "extend.md", "python")))
+    for name in OWN:
+        (desk / name).mkdir(parents=True) if not Path(name).suffix else (desk / name).touch()
+    (desk / "things.yaml").write_text(blocks(ROOT / "docs" / "arenas.md", "yaml")[0])
+    mentioned = " ".join(" ".join(line) for line in lines(page))
+    for name in DATA:
+        if f"--out {name} " not in mentioned:
+            (desk / name / "scenes").mkdir(parents=True)
+            (desk / name / "scenes" / "00000.h5").touch()
+    for command, *words in lines(page):
+        if command.startswith("-m"):
+            files = [word.partition("=")[2] or word for word in words if not word.startswith("--") or "=" in word]
+            assert all(Path(file).exists() for file in files), words
+            continue
+        with monkeypatch.context() as patch:
+            given = given_to(command, words, patch)
+        make(command, given)
+
+
+@pytest.fixture
+def few_steps(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Let explorers end after a drive, unless everything is run whole."""
+    step = Explorer.step
+
+    def ended(explorer: Explorer) -> Step:
+        made = step(explorer)
+        return replace(made, viewpoint=None, plan=None) if explorer.steps > 1 else made
+
+    if not WHOLE:
+        monkeypatch.setattr(Explorer, "step", ended)
+
+
+@pytest.mark.parametrize("page", [page for page in PAGES[1:] if blocks(page, "python")], ids=lambda page: page.name)
+def test_the_python_of_a_page_runs_from_its_top(
+    page: Path, desk: Path, episode: Path, few_steps: None, capsys: pytest.CaptureFixture[str]
+) -> None:
+    code = "\n".join(blocks(page, "python"))
+    (desk / "runs").mkdir()
+    (desk / "runs" / "nist_6x4-0").symlink_to(episode)
+    if "data/ramps" in code:
+        generate(RECIPE, 1, desk / "data" / "ramps", InProcess())
+    exec(compile(code, page.name, "exec"), {"__name__": "page"})
+
+
+def test_the_explorer_of_the_page_of_sweeps_sees_more_than_a_random_walk() -> None:
+    space: dict[str, Any] = {}
+    exec("\n".join(blocks(ROOT / "docs" / "sweeps.md", "python")), space)
+
+    def seen(explorer: Explorer2D) -> float:
+        world = GridWorld(grid_scene("grid:test:2"), PAPERS)
+        explore(world, explorer, np.random.default_rng(0), lambda world: None)
+        return world.explored_fraction
+
+    (own,) = (thing for thing in space.values() if isinstance(thing, type))
+    assert seen(own()) > seen(EXPLORERS["random_walk"])
+
+
+def test_five_drives_in_vain_are_as_many_as_the_page_of_driving_says() -> None:
+    page, numbers = (ROOT / "docs" / "driving.md").read_text(), PipelineConfig()
+    words = dict(enumerate(["none", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten"]))
+    assert f"After {words[numbers.explorer.patience]} such drives" in page
+    assert f"{words[numbers.exploration.patience]} drives\nbrought the robot no nearer" in page
+
+
+def calls(page: Path) -> list[list[str]]:
+    """The lines of a page that can be run whole without a screen, a network of one's own or a file of one's own."""
+    own = [*OWN, "mine:", ".safetensors", "--view"]
+    return [line for line in lines(page) if line[0] in RUN and not any(o in word for o in own for word in line[1:])]
+
+
+@pytest.fixture(scope="module")
+def default_episode(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The folder of the episode with which many pages begin."""
+    out = tmp_path_factory.mktemp("default") / "run"
+    subprocess.run([sys.executable, ROOT / "scripts" / "run_episode.py", "--out", out], check=True)
+    return out
+
+
+@pytest.mark.skipif(not WHOLE, reason="whole episodes: make endurance runs them")
+@pytest.mark.parametrize("page", [page for page in PAGES if calls(page)], ids=lambda page: page.name)
+def test_the_lines_of_a_page_run_in_their_order(page: Path, desk: Path, default_episode: Path) -> None:
+    for command, *words in calls(page):
+        if (command, words) == ("run_episode", []):
+            (desk / "runs").mkdir(exist_ok=True)
+            (desk / "runs" / "nist_6x4-0").symlink_to(default_episode)
+        else:
+            subprocess.run([sys.executable, f"scripts/{command}.py", *words], check=True, stdout=subprocess.DEVNULL)

@@ -15,13 +15,12 @@ class KeyframePolicy:
 
     Attributes:
         way: m that the robot drives from one keyframe to the next.
-        turn: rad that it turns from one keyframe to the next: two that are 58° wide share more than half of what they
-            show.
+        turn: rad that it turns from one keyframe to the next.
         labelled_every: of so many keyframes taken on the way one is labelled: the network is the slowest stage.
     """
 
     way: float = 0.3
-    turn: float = radians(25)
+    turn: float = radians(15)
     labelled_every: int = 6
 
     def is_due(self, T_odom_keyframe: Pose, T_odom_base: Pose) -> bool:

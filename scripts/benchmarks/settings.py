@@ -284,7 +284,7 @@ class VictimsSettings(EpisodesSettings):
         frames: number of frames of an arena.
         seed: seed of these arenas, on which no network was trained.
         rounds: number of timed rounds; 0 skips the timing.
-        detector: victim detector: a YOLO as Darknet's .cfg and weights, or .safetensors with its .cfg beside it.
+        detector: .cfg and .weights of any Darknet network, or .safetensors as shipped.
     """
 
     scenes: int = 30

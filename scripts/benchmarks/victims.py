@@ -5,18 +5,11 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import torch
-from numpy.typing import NDArray
 from rich.table import Table
 
 from pipeline.semantic_map.networks.threads import torch_threads
 from pipeline.victims.config import DetectorConfig
-from pipeline.victims.detection.darknet_cfg import DarknetCfg, adapted
 from pipeline.victims.detection.detector import VictimDetector
-from pipeline.victims.detection.inference import FusedNetwork, to_tensor
-from pipeline.victims.detection.network import DarknetNetwork
-from pipeline.victims.detection.weights import load_network
-from sarsim.assets import asset
 from sarsim.commands.cli import tracked
 from sarsim.sensors.lighting import Lighting
 from scripts.benchmarks.common import Result, at_least, seconds
@@ -52,14 +45,11 @@ def measure(settings: VictimsSettings) -> Result:
     """
     at_least(0, settings, "scenes", "rounds", "nist", "esogu", "random", "seed")
     at_least(1, settings, "frames", "workers")
-    network, rounds = load_network(*settings.detector), settings.rounds
+    rounds, precise = settings.rounds, DetectorConfig(confidence=LEAST_CONFIDENCE)
     jobs = [Job(group, "ours", config) for group, config in configs(settings.episode, settings)]
-    figures = speed(network, rounds) if rounds else {}
-    if rounds:
-        figures |= {f"tiny.{name}": value for name, value in speed(tiny(), rounds).items()}
-    precision, by = _precision(
-        _frames(VictimDetector(network, DetectorConfig(confidence=LEAST_CONFIDENCE)), settings)
-    )
+    detector = VictimDetector.load(*settings.detector)
+    figures = speed(detector, rounds) if rounds else {}
+    precision, by = _precision(_frames(VictimDetector.load(*settings.detector, config=precise), settings))
     figures |= precision
     episodes, failed = _episodes(jobs, settings)
     figures |= episodes
@@ -135,37 +125,9 @@ def _table(figures: Mapping[str, float]) -> Table | None:
     return table
 
 
-class PlainNetwork(FusedNetwork):
-    """A network in plain PyTorch, in place of :class:`pipeline.victims.detection.inference.FusedNetwork`."""
-
-    def __init__(self, network: DarknetNetwork):
-        self.cfg, self._network = network.cfg, network
-
-    def __call__(self, image: NDArray[np.uint8]) -> list[NDArray[np.float32]]:
-        """The input of each [yolo] layer, from an (H, W, 3) image of the network's size."""
-        with torch.inference_mode():
-            return [head[0].contiguous().numpy() for head in self._network(to_tensor(image[None]).contiguous())]
-
-
-def speed(network: DarknetNetwork, rounds: int) -> dict[str, float]:
-    """Median ms per frame of the detector, and the time of plain PyTorch over it; they take turns."""
-    ours, plain = VictimDetector(network), VictimDetector(network, make_fast=PlainNetwork)
+def speed(detector: VictimDetector, rounds: int) -> dict[str, float]:
+    """Median ms per frame of the detector."""
     image = np.random.default_rng(0).integers(0, 255, (HEIGHT, WIDTH, 3), np.uint8)
     with torch_threads(THREADS):
-        times = np.array([[seconds(d.detect, image) for d in (ours, plain)] for _ in range(2 + rounds)])[2:]
-    fast, slow = times.T
-    return {"detector_ms": float(1e3 * np.median(fast)), "detector_vs_torch": float(np.median(slow / fast))}
-
-
-def tiny() -> DarknetNetwork:
-    """YOLOv3-tiny for one class that finds nothing: its time does not depend on its weights."""
-    path = asset("weights", "yolov3-tiny.cfg")
-    coco = DarknetCfg.read(path)
-    text = adapted(path.read_text(), coco.width, coco.height, 1, coco.heads[0].anchors)
-    network = DarknetNetwork(DarknetCfg.parse(text)).eval()
-    for layer in network.convolutions:
-        if layer.norm is None:
-            torch.nn.init.zeros_(layer.conv.weight)
-            assert layer.conv.bias is not None
-            torch.nn.init.constant_(layer.conv.bias, -10)
-    return network
+        times = [seconds(detector.detect, image) for _ in range(2 + rounds)][2:]
+    return {"detector_ms": float(1e3 * np.median(times))}

@@ -41,7 +41,9 @@ def load_shipped(path: Path) -> tuple[YoloSmall, YoloTiny]:
             beside it has, with the ending ``.sha256``, as ``sha256sum`` writes it.
     """
     check_hash(path)
-    arena, coco = YoloSmall(), YoloTiny()
+    with torch.device("meta"):  # no random weights: they would take longer than the reading
+        arena, coco = YoloSmall(), YoloTiny()
+    arena.to_empty(device="cpu"), coco.to_empty(device="cpu")
     parts = ((ARENA_LAYERS, arena), (COCO_LAYERS, coco))
     wanted = {
         f"layers.{number}.{name}": tensor

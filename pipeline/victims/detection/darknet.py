@@ -32,9 +32,9 @@ KIND_OF = {kind: kind for kind in KINDS} | dict.fromkeys(("person", "doll"), VIC
 WHOLE = re.compile(
     "width|height|channels|filters|size|stride|pad|padding|groups|group_id|batch_normalize|classes|num"
 )
-SEVERAL = re.compile("anchors|mask|layers|from|scale_x_y|new_coords|coords")
-"""Settings that are a whole number, and those that are numbers separated by commas."""
-NUMBER = r"-?\d*\.?\d+"
+PLACES = re.compile("mask|layers|from")
+DECIMAL = re.compile("anchors|scale_x_y")
+"""Settings that are a whole number, and those that are whole numbers or decimals separated by commas."""
 DEFAULTS = {
     "convolutional": {"filters": "1", "size": "1", "activation": "logistic"},
     "maxpool": {"stride": "1"},
@@ -72,7 +72,8 @@ class DarknetNetwork:
         self._size = int(net["width"]), int(net["height"])
         text = "".join(section.text for section in sections).encode()
         self._net = cv2.dnn.readNetFromDarknet(*(np.frombuffer(content, np.uint8) for content in (text, weights)))
-        self._heads = self._net.getUnconnectedOutLayersNames()
+        self._layers = {name: self._net.getLayer(self._net.getLayerId(name)) for name in self._net.getLayerNames()}
+        self._heads = [name for name, layer in self._layers.items() if layer.type == "Region"]
 
     @classmethod
     def load(cls, cfg: Path, weights: Path) -> Self:
@@ -89,8 +90,12 @@ class DarknetNetwork:
         size = len(content) - header_size(content, weights)
         if (said := answer_apart(lambda: cls._tried(sections, content, size), SECONDS, MEMORY)) != GOOD:
             raise InputError(f"{cfg}, {weights}: {said or CRASHED}")
-        network = cls(sections, content, kinds)
-        if not np.isfinite(network._rows(np.full((*network._size[::-1], 3), 128, np.uint8))).all():
+        try:
+            network = cls(sections, content, kinds)
+            rows = network._rows(np.full((*network._size[::-1], 3), 128, np.uint8))
+        except cv2.error as error:
+            raise InputError(f"{cfg}: OpenCV cannot run it: {' '.join(error.err.split())}") from error
+        if not np.isfinite(rows).all():
             raise InputError(f"{weights}: with them the network computes numbers that are not finite")
         return network
 
@@ -122,9 +127,8 @@ class DarknetNetwork:
 
     def _weights_size(self) -> int:
         """Bytes of the weights of all layers that have some."""
-        layers = [self._net.getLayer(self._net.getLayerId(name)) for name in self._net.getLayerNames()]
-        learnt = [layer for layer in layers if layer.type in ("Convolution", "BatchNorm", "InnerProduct")]
-        return sum(blob.nbytes for layer in learnt for blob in layer.blobs)
+        kinds = "Convolution", "BatchNorm", "InnerProduct"
+        return sum(b.nbytes for layer in self._layers.values() if layer.type in kinds for b in layer.blobs)
 
 
 @dataclass(frozen=True)
@@ -156,7 +160,8 @@ class Section:
         for key, value in self.settings.items():
             if WHOLE.fullmatch(key) and not re.fullmatch(r"\d{1,9}", value):
                 raise self.error(f"{key}={value:.80}: not a whole number")
-            if SEVERAL.fullmatch(key) and not re.fullmatch(f"{NUMBER}( *, *{NUMBER})*,?", value):
+            number = r"-?\d{1,9}" if PLACES.fullmatch(key) else r"\d*\.?\d+" if DECIMAL.fullmatch(key) else ""
+            if number and not re.fullmatch(f"{number}( *, *{number})*,?", value):
                 raise self.error(f"{key}={value:.80}: not numbers")
             if value != only.get(key, value):
                 raise self.error(f"{key}={value:.80}: only {only[key]} can be run")

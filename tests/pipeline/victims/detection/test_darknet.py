@@ -43,6 +43,14 @@ def test_layers_are_run(name: str, tmp_path: Path) -> None:
     assert detector.detect(np.full((8, 16, 3), 200, np.uint8))
 
 
+def test_layers_after_the_last_head_do_not_matter(tmp_path: Path) -> None:
+    numbers = np.concatenate([small_numbers(), np.zeros(7 * 3)])
+    text = SMALL + "[route]\nlayers=1\n[convolutional]\nfilters=3\nactivation=linear\n"
+    image = np.full((8, 16, 3), 200, np.uint8)
+    found = [VictimDetector.load(*files).detect(image) for files in (darknet_files(tmp_path, text, numbers),)]
+    assert found == [VictimDetector.load(*darknet_files(tmp_path)).detect(image)]
+
+
 def test_defaults_are_those_of_darknet(tmp_path: Path) -> None:
     """OpenCV pools with a stride of 2, and upsamples by 1, where nothing is said."""
     image = np.random.default_rng(1).integers(0, 256, (8, 16, 3), np.uint8)
@@ -94,6 +102,8 @@ def test_published_networks_find_what_their_makers_found(name: str) -> None:
         ("width=16\nheight=8", "width=30000\nheight=20000", "OpenCV|too large"),
         ("filters=2", "filters=900000000", "OpenCV"),
         ("mask=0", "mask=1", "mask=1"),
+        ("mask=0", "mask=0.5", "mask=0.5"),
+        ("mask=0", "mask=", "mask="),
         ("anchors=4,6", "anchors=a,6", "anchors=a,6"),
         ("num=1", "num=2", "OpenCV"),
         ("channels=3", "channels=4", "4 channels"),

@@ -89,7 +89,7 @@ def network(tmp_path) -> tuple[Path, Path]:
 
 
 def test_a_frame_is_timed(network):
-    figures = speed(VictimDetector.load(*network), 1)
+    figures = speed(VictimDetector.load(*network), 2, seed=2)
     assert set(figures) == {"detector_ms"}
     assert min(figures.values()) > 0
 

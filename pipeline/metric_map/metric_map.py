@@ -154,12 +154,14 @@ class MetricMap:
         return np.array((UNKNOWN, OCCUPIED, FREE), np.float32)[signs]
 
     def is_surface(self, points: Places, normal: Direction) -> Mask:
-        """Whether places are occupied and not unknown on the side of the ``normal``.
+        """Whether places are occupied, with free space before them on the side of the ``normal``.
 
         A thin wall is occupied for both its sides; on one that no frame has shown, the voxels before it are unknown.
+        Noise spreads a surface over two voxels at most; inside of what stands on the surface, more are occupied.
         """
-        before = self.state_at(points + self.voxel_size * normal)
-        return (self.state_at(points) == OCCUPIED) & (before != UNKNOWN)
+        before, next_before = (self.state_at(points + n * self.voxel_size * normal) for n in (1, 2))
+        is_open = (before == FREE) | (before == OCCUPIED) & (next_before == FREE)
+        return (self.state_at(points) == OCCUPIED) & is_open
 
     def is_free_along(
         self,

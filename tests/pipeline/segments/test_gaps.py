@@ -94,3 +94,17 @@ def seen_wall(camera_y: float, gap: tuple[float, float]) -> MetricMap:
 def test_the_metric_map_closes_the_gap_of_a_wall_seen_from_this_side(camera_y, gap, pieces) -> None:
     metric_map = seen_wall(camera_y, gap)
     assert len(joined(metric_map.is_surface, wall_patch(0, 1), wall_patch(2, 3))) == pieces
+
+
+@pytest.mark.parametrize("wall_height", [0.0, 1.0])
+def test_two_decks_of_one_height_are_one_surface_only_without_a_wall_between_them(wall_height) -> None:
+    metric_map, grid = MetricMap(MetricMapConfig(voxel_size=0.1)), np.arange(0.01, 3, 0.02)
+    x, y = (g.ravel() for g in np.meshgrid(grid, grid[grid < 1]))
+    level = np.column_stack([x, y, np.full_like(x, 0.3)])
+    y, z = (g.ravel() for g in np.meshgrid(grid[grid < 1], np.arange(0.31, 0.3 + wall_height, 0.02)))
+    for side, eye in ((-1, 0.3), (1, 2.7)):  # a wall from x = 1.4 to 1.6, seen from both its sides
+        wall = np.column_stack([np.full_like(y, 1.5 + 0.1 * side), y, z])
+        near = level[side * (level[:, 0] - 1.5) > 0.1] if wall_height else level
+        metric_map.integrate_points(np.vstack([near, wall]), (eye, 0.5, 1.0))
+    pieces = joined(metric_map.is_surface, deck(0, 1, 0, 1, z=0.3), deck(2, 3, 0, 1, z=0.3))
+    assert len(pieces) == (2 if wall_height else 1)

@@ -146,7 +146,7 @@ class PerceptionConfig:
     Attributes:
         labels: network, height and slope (rules), simulator's truth, or MODULE:CLASS.
         weights: weights file of the network, from train.py; by default the shipped one.
-        detector: .cfg and .weights of any Darknet network, or .safetensors as shipped; None: off.
+        detector: .cfg and .weights of Darknet, or .safetensors as shipped; None: off.
         detector_class: your own detector, MODULE:CLASS.
         reader: class of your own that finds objects in images.
         pipeline: all numbers of the robot's software; a run writes them, and only ``--config`` changes them.

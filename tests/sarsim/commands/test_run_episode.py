@@ -213,7 +213,7 @@ BAD_LABEL = IN_A_WALL.replace('user="1"', 'user="11"').replace("0.5 0.5 0.5", "0
     [
         (None, "No such file"),
         ("<mujoco><worldbody>", "not readable XML"),
-        ("<robot/>", "not a readable MJCF file"),
+        ("<robot/>", "no free start"),
         (BOMB, "declares a document type"),
         (NO_FLOOR, "no free start"),
         (IN_A_WALL, "no free start"),

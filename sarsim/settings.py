@@ -71,8 +71,8 @@ NOT_PORTABLE = r"[^\w.-]+"
 """What no name of a folder has, as a colon, which Windows and scp take for something else."""
 EXPLORE = "explore"
 """The mission without a clock, of which nothing is handed in."""
-DETECTOR = asset("weights", "victims.cfg"), asset("weights", "victims.safetensors")
-"""Files of the default detector."""
+DETECTOR = (asset("weights", "victims.safetensors"),)
+"""File of the default detector."""
 Networks = Annotated[  # the hint keeps the place of the installation out of --help, whose lines it would break
     tuple[Path, Path] | tuple[Path] | None, tyro.conf.arg(help_behavior_hint="(default: the shipped one)")
 ]
@@ -146,7 +146,7 @@ class PerceptionConfig:
     Attributes:
         labels: network, height and slope (rules), simulator's truth, or MODULE:CLASS.
         weights: weights file of the network, from train.py; by default the shipped one.
-        detector: YOLO: .cfg and weights, or .safetensors beside .cfg; None: off.
+        detector: .cfg and .weights of Darknet, or .safetensors as shipped; None: off.
         detector_class: your own detector, MODULE:CLASS.
         reader: class of your own that finds objects in images.
         pipeline: all numbers of the robot's software; a run writes them, and only ``--config`` changes them.

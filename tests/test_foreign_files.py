@@ -40,7 +40,6 @@ from pipeline.semantic_map.networks.classifier import load_classifier, save_clas
 from pipeline.semantic_map.rules import RuleClassifier
 from pipeline.transforms import from_yaw
 from pipeline.victims.detection.detector import VictimDetector
-from pipeline.victims.detection.weights import write_weights
 from sarsim.arenas.load import load_arena
 from sarsim.commands.settings import load_settings, settings_from
 from sarsim.dataset.exports.export import Export
@@ -58,7 +57,7 @@ from tests.pipeline.kinematic_robot import KinematicRobot
 from tests.pipeline.polygon_scene import floor, look, pose, wall
 from tests.pipeline.robot_model import PIONEER
 from tests.pipeline.semantic_map.networks.small_network import network
-from tests.pipeline.victims.detection.networks import SMALL, random_network
+from tests.pipeline.victims.detection.networks import SMALL, darknet_files
 from tests.sarsim.dataset.small import toys
 
 KINDS = 12  # of what is mutated: the tests that draw
@@ -258,8 +257,7 @@ def test_weights_of_a_point_network(tmp_path: Path) -> None:
 
 
 def test_networks_of_darknet(tmp_path: Path) -> None:
-    cfg, weights = tmp_path / "n.cfg", tmp_path / "n.weights"
-    write_weights(weights, random_network(SMALL))
+    cfg, weights = darknet_files(tmp_path)
     content, results = weights.read_bytes(), []
     for rng in draws():
         lines = SMALL.strip().splitlines()

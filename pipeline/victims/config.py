@@ -31,22 +31,35 @@ class DetectorConfig:
         suppressing_iou: intersection over union above which the less confident of two boxes is dropped.
         most_boxes: that are compared: a network that sees a person in every cell would otherwise take minutes an
             image.
-        witness: least confidence of a box that bears witness to one of another [yolo]: so uncertain a network sees
-            people in hardly any image without people, and where two networks see them by chance is not the same.
-        witness_iou: overlap of the two must be greater.
-        smaller: size of a second input relative to the network's own, for people who are so near that they are too
-            large for the network.
-        large_box: least length of the longer side of a box found in it, relative to the image's longer side.
+        size: width and height of the image in the arena network, pixels, multiples of 32.
+        near_size: of the image in it once more, for people who are so near that they are too large for the network.
+        large_box: least length of the longer side of a box found in this one, relative to the image's longer side.
+        hint: least confidence of a box that hints at a person, however faintly.
+        most_hints: in an image of an arena; where there are more, the image is like none that the arena network has
+            learned from. Of 485 frames of three arenas 1 % have more, of 116 photos of rooms and people all.
+        witness: least confidence of a box of the COCO network that bears witness: so uncertain a network sees people
+            in hardly any image without people, and where two networks see them by chance is not the same.
+        witness_iou: overlap of the two boxes must be greater.
+        view: side of the square in which the COCO network sees a suspect, pixels, a multiple of 32.
+        context: side of this square in the image, relative to the suspect's longer side.
+        lying: least width of a suspect, relative to its height, for it to be seen turned to either side too: photos
+            teach few people who lie.
         exposure: how uneven light is compensated.
     """
 
     confidence: float = 0.25
     suppressing_iou: float = 0.45
     most_boxes: int = 3000
+    size: tuple[int, int] = (512, 384)
+    near_size: tuple[int, int] = (224, 160)
+    large_box: float = 0.15
+    hint: float = 0.02
+    most_hints: int = 7
     witness: float = 0.05
     witness_iou: float = 0.3
-    smaller: float = 0.6
-    large_box: float = 0.15
+    view: int = 128
+    context: float = 1.25
+    lying: float = 0.8
     exposure: ExposureConfig = ExposureConfig()
 
 

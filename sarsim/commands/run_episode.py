@@ -48,7 +48,6 @@ def run_episode(config: EpisodeConfig) -> None:
 
 def cache_outputs(episode: "Episode") -> "OutputCache":
     """Cache the outputs of an episode's networks in its folder, so that a resumed episode need not run them again."""
-    from pipeline.victims.detection.weights import network_files
     from sarsim.commands.network_cache import CachedClassifier, CachedDetector, OutputCache
 
     config, mapper = episode.config, episode.explorer.mapper
@@ -57,7 +56,7 @@ def cache_outputs(episode: "Episode") -> "OutputCache":
         weights = config.weights or asset("weights", f"{config.labels}.safetensors")
         mapper.classifier = CachedClassifier(mapper.classifier, cache, weights)
     if mapper.detector and config.detector and not config.detector_class:
-        mapper.detector = CachedDetector(mapper.detector, cache, *network_files(*config.detector))
+        mapper.detector = CachedDetector(mapper.detector, cache, *config.detector)
     return cache
 
 

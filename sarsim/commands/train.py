@@ -38,8 +38,6 @@ if TYPE_CHECKING:
     from pipeline.semantic_map.networks.training_loop import TrainingLoop
 
 Config = TypeVar("Config", bound=TrainingConfig)
-ARCHITECTURES = {"yolov3-small": "yolov3-small.cfg", "yolov3-tiny": "yolov3-tiny.cfg", "yolov3": "yolov3.cfg"}
-"""The file that describes each of the networks for people."""
 VALIDATION_FRAMES = 40
 """Largest number of clouds for validation, spread over its scenes; 200 took as long as 1,000 training steps."""
 
@@ -54,8 +52,7 @@ class TrainingFiles:
             checkpoint, a table (.csv) and the settings (.yaml) get its name with other endings. The same command
             continues an interrupted training from its checkpoint.
         stride: use only every n-th frame of each scene: fewer frames to load, and fewer that look alike.
-        init: file of initial weights, as written by train.py, whose .cfg then sets a yolo's network, width and
-            height; by default the weights are random.
+        init: file of initial weights, as written by train.py; by default the weights are random.
         tensorboard: folder for TensorBoard's events of loss and scores; TensorBoard must be installed.
     """
 
@@ -173,8 +170,8 @@ def train_yolo(settings: TrainYolo) -> None:
     with next(splits) as training, next(splits) as validation:
         about = {"data": list(map(str, settings.data)), "images": [len(training), len(validation)]}
         about |= {"stride": settings.stride, "init": str(settings.init) if settings.init else None}
-        initial = settings.init or asset("weights", ARCHITECTURES[config.network])
-        learner = YoloLearner(training, validation, config, initial, worker.device)
+        cfg = asset("weights", "yolov3-small.cfg")
+        learner = YoloLearner(training, validation, config, cfg, settings.init, worker.device)
         _train(TrainingLoop(learner, config, settings.out, worker, about), settings, "AP50", settings.tensorboard)
 
 

@@ -32,6 +32,7 @@ EXACT = 17  # digits with which a float64 is the same again
 PATHS = {"mesh": "mesh_pathadr", "hfield": "hfield_pathadr", "texture": "tex_pathadr", "skin": "skin_pathadr"}
 """Elements with a file, and where a compiled model says which one MuJoCo opened."""
 _Classes = dict[str, dict[str, dict[str, str]]]
+Check = Callable[[mujoco.MjModel], None]
 _TOP = "main"
 """MuJoCo's name of the default class that holds everywhere."""
 DEFAULTS_OF = {"equality": "equality", "tendon": "tendon", "actuator": "general"}
@@ -43,14 +44,21 @@ SIZES = (
 """Attributes of ``<size>`` for more than the file alone."""
 
 
-def resolved(path: Path) -> tuple[mujoco.MjModel, mjcf.RootElement]:
+def _no_check(model: mujoco.MjModel) -> None: ...
+
+
+def resolved(path: Path, check: Check = _no_check) -> tuple[mujoco.MjModel, mjcf.RootElement]:
     """A model as MuJoCo compiles it, and as MJCF that means the same wherever it is joined in.
 
+    Args:
+        path: of the file.
+        check: raises InputError for a compiled model that is not to be written again.
+
     Raises:
-        InputError: the file is missing, or MuJoCo or PyMJCF cannot read it.
+        InputError: the file is missing, or MuJoCo or PyMJCF cannot read it; or by ``check``.
     """
     with _one_line("not a readable MJCF file"):
-        return _resolved(mujoco.MjSpec.from_file(str(path)), lambda name: Path(name).read_bytes(), path.parent)
+        return _resolved(mujoco.MjSpec.from_file(str(path)), lambda name: Path(name).read_bytes(), path.parent, check)
 
 
 def resolved_root(root: mjcf.RootElement, name: str) -> tuple[mujoco.MjModel, mjcf.RootElement]:
@@ -74,7 +82,7 @@ def _one_line(beginning: str) -> Iterator[None]:
 
 
 def _resolved(
-    spec: mujoco.MjSpec, read: Callable[[str], bytes], folder: Path
+    spec: mujoco.MjSpec, read: Callable[[str], bytes], folder: Path, check: Check = _no_check
 ) -> tuple[mujoco.MjModel, mjcf.RootElement]:
     spec.compiler.saveinertial = True
     spec.compiler.fusestatic = False  # it takes the names of bodies away, and moves nothing
@@ -82,6 +90,7 @@ def _resolved(
     for joint in spec.joints:
         joint.align = mujoco.mjtAlignFree.mjALIGNFREE_AUTO  # it moves a body's frame, and nothing in it
     model = spec.compile()
+    check(model)
     root = _written(spec)
     _set_options(root, spec)
     files = _with_files(root, model, spec, read, folder)

@@ -66,8 +66,7 @@ def vet_mjcf(path: Path) -> None:
 def _tried(path: Path) -> str:
     """``GOOD``, or what is wrong with a file; empty if MuJoCo ran out of memory."""
     try:
-        model, root = resolved(path)
-        check_model(model)
+        model, root = resolved(path, check_model)
         mujoco.mj_step(model, mujoco.MjData(model))
         again = mujoco.MjModel.from_xml_string(root.to_xml_string(precision=EXACT), root.get_assets())
         if not are_alike(model, again):

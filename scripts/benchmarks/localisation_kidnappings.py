@@ -3,6 +3,7 @@
 from collections import Counter
 from dataclasses import replace
 from pathlib import Path
+from shutil import rmtree
 
 import mujoco
 import numpy as np
@@ -34,7 +35,9 @@ def kidnap(config: EpisodeConfig, times: int, folder: Path) -> Counter[str]:
     """
     if not (folder / KEYFRAMES).exists():
         Episode(replace(config, out=folder)).run()
-    episode = Episode(replace(config, out=folder / "kidnapped", map=folder))
+    out = folder / "kidnapped"
+    rmtree(out, ignore_errors=True)
+    episode = Episode(replace(config, out=out, map=folder))
     robot, counts, rng = episode.robot, Counter(dict.fromkeys(OUTCOMES, 0)), np.random.default_rng(config.seed)
     explorer = placed(episode, folder)
     for _ in range(times):

@@ -283,8 +283,8 @@ class VictimsSettings(EpisodesSettings):
         scenes: number of random arenas to render; 0 for none.
         frames: number of frames of an arena.
         seed: seed of these arenas, on which no network was trained.
-        rounds: number of timed rounds; 0 skips the timing.
-        detector: victim detector: a YOLO as Darknet's .cfg and weights, or .safetensors with its .cfg beside it.
+        rounds: number of timed frames; 0 skips the timing.
+        detector: .cfg and .weights of any Darknet network, or .safetensors as shipped.
     """
 
     scenes: int = 30

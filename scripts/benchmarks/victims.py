@@ -5,18 +5,13 @@ from dataclasses import replace
 from typing import Any
 
 import numpy as np
-import torch
-from numpy.typing import NDArray
 from rich.table import Table
 
+from pipeline.arrays import Rgb
 from pipeline.semantic_map.networks.threads import torch_threads
 from pipeline.victims.config import DetectorConfig
-from pipeline.victims.detection.darknet_cfg import DarknetCfg, adapted
+from pipeline.victims.detection.detection import Detection, Detector
 from pipeline.victims.detection.detector import VictimDetector
-from pipeline.victims.detection.inference import FusedNetwork, to_tensor
-from pipeline.victims.detection.network import DarknetNetwork
-from pipeline.victims.detection.weights import load_network
-from sarsim.assets import asset
 from sarsim.commands.cli import tracked
 from sarsim.sensors.lighting import Lighting
 from scripts.benchmarks.common import Result, at_least, seconds
@@ -26,7 +21,6 @@ from scripts.benchmarks.settings import VictimsSettings
 from scripts.benchmarks.victims_frames import DISTANCES, HIDDEN, PeopleInFrame, ap50, ap50_by, recipe, scene_frames
 
 THREADS = 2
-WIDTH, HEIGHT = 640, 480  # pixels of the image that is timed
 LEAST_CONFIDENCE = 0.01  # Average precision needs detections at all thresholds
 BOUNDS = {"distance": DISTANCES, "hidden": HIDDEN}
 """By attribute of people, bounds of the intervals for which average precision is given separately."""
@@ -52,14 +46,11 @@ def measure(settings: VictimsSettings) -> Result:
     """
     at_least(0, settings, "scenes", "rounds", "nist", "esogu", "random", "seed")
     at_least(1, settings, "frames", "workers")
-    network, rounds = load_network(*settings.detector), settings.rounds
+    rounds, precise = settings.rounds, DetectorConfig(confidence=LEAST_CONFIDENCE)
     jobs = [Job(group, "ours", config) for group, config in configs(settings.episode, settings)]
-    figures = speed(network, rounds) if rounds else {}
-    if rounds:
-        figures |= {f"tiny.{name}": value for name, value in speed(tiny(), rounds).items()}
-    precision, by = _precision(
-        _frames(VictimDetector(network, DetectorConfig(confidence=LEAST_CONFIDENCE)), settings)
-    )
+    detector = VictimDetector.load(*settings.detector)
+    figures = speed(detector, rounds, settings.seed) if rounds else {}
+    precision, by = _precision(_frames(VictimDetector.load(*settings.detector, config=precise), settings))
     figures |= precision
     episodes, failed = _episodes(jobs, settings)
     figures |= episodes
@@ -135,37 +126,21 @@ def _table(figures: Mapping[str, float]) -> Table | None:
     return table
 
 
-class PlainNetwork(FusedNetwork):
-    """A network in plain PyTorch, in place of :class:`pipeline.victims.detection.inference.FusedNetwork`."""
+def speed(detector: Detector, rounds: int, seed: int) -> dict[str, float]:
+    """Mean ms of the detector over frames of one random arena: its time depends on what an image shows."""
+    times: list[float] = []
 
-    def __init__(self, network: DarknetNetwork):
-        self.cfg, self._network = network.cfg, network
+    class Timed:
+        """The detector, timed."""
 
-    def __call__(self, image: NDArray[np.uint8]) -> list[NDArray[np.float32]]:
-        """The input of each [yolo] layer, from an (H, W, 3) image of the network's size."""
-        with torch.inference_mode():
-            return [head[0].contiguous().numpy() for head in self._network(to_tensor(image[None]).contiguous())]
+        def detect(self, rgb: Rgb) -> list[Detection]:
+            """As the detector, warmed up."""
+            if not times:
+                detector.detect(rgb)
+            times.append(seconds(detector.detect, rgb))
+            return []
 
-
-def speed(network: DarknetNetwork, rounds: int) -> dict[str, float]:
-    """Median ms per frame of the detector, and the time of plain PyTorch over it; they take turns."""
-    ours, plain = VictimDetector(network), VictimDetector(network, make_fast=PlainNetwork)
-    image = np.random.default_rng(0).integers(0, 255, (HEIGHT, WIDTH, 3), np.uint8)
     with torch_threads(THREADS):
-        times = np.array([[seconds(d.detect, image) for d in (ours, plain)] for _ in range(2 + rounds)])[2:]
-    fast, slow = times.T
-    return {"detector_ms": float(1e3 * np.median(fast)), "detector_vs_torch": float(np.median(slow / fast))}
-
-
-def tiny() -> DarknetNetwork:
-    """YOLOv3-tiny for one class that finds nothing: its time does not depend on its weights."""
-    path = asset("weights", "yolov3-tiny.cfg")
-    coco = DarknetCfg.read(path)
-    text = adapted(path.read_text(), coco.width, coco.height, 1, coco.heads[0].anchors)
-    network = DarknetNetwork(DarknetCfg.parse(text)).eval()
-    for layer in network.convolutions:
-        if layer.norm is None:
-            torch.nn.init.zeros_(layer.conv.weight)
-            assert layer.conv.bias is not None
-            torch.nn.init.constant_(layer.conv.bias, -10)
-    return network
+        for _ in scene_frames(recipe(seed, rounds), 0, Lighting.normal, Timed()):
+            pass
+    return {"detector_ms": float(1e3 * np.mean(times))}

@@ -8,13 +8,12 @@ import pytest
 
 from pipeline.errors import InputError
 from pipeline.victims.detection.detector import VictimDetector
-from pipeline.victims.detection.weights import load_network, write_weights
 from sarsim.sensors.lighting import Lighting
 from scripts.benchmarks import victims
 from scripts.benchmarks.settings import VictimsSettings
-from scripts.benchmarks.victims import speed, tiny
+from scripts.benchmarks.victims import speed
 from scripts.benchmarks.victims_frames import PeopleInFrame, ap50, ap50_by, recipe, scene_frames
-from tests.pipeline.victims.detection.networks import OWN, random_network
+from tests.pipeline.victims.detection.networks import darknet_files
 
 BOXES = np.array([(0, 0, 20, 20), (100, 0, 140, 20), (200, 0, 240, 40)], np.float64)
 
@@ -65,10 +64,6 @@ def test_the_same_people_are_seen_in_every_light():
         assert (a.distance > 0.2).all()
 
 
-def test_a_network_that_finds_nothing_is_timed_like_any_other():
-    assert VictimDetector(tiny()).detect(np.zeros((48, 64, 3), np.uint8)) == []
-
-
 def result(visible, found, alarms, errors, time):
     victims = {"present": 4, "found": found, "false_alarms": alarms, "visible": visible, "visible_found": found}
     victims["position_error_m"] = float(np.median(errors)) if errors else None
@@ -90,16 +85,12 @@ def test_shares_and_errors_are_of_all_victims_and_times_of_pairs():
 
 @pytest.fixture
 def network(tmp_path) -> tuple[Path, Path]:
-    cfg, weights = tmp_path / "a.cfg", tmp_path / "a.weights"
-    text = OWN.replace("width=128", "width=64").replace("height=96", "height=64")
-    cfg.write_text(text)
-    write_weights(weights, random_network(text))
-    return cfg, weights
+    return darknet_files(tmp_path)
 
 
-def test_a_frame_is_timed_beside_plain_pytorch(network):
-    figures = speed(load_network(*network), 1)
-    assert set(figures) == {"detector_ms", "detector_vs_torch"}
+def test_a_frame_is_timed(network):
+    figures = speed(VictimDetector.load(*network), 2, seed=2)
+    assert set(figures) == {"detector_ms"}
     assert min(figures.values()) > 0
 
 
@@ -112,7 +103,11 @@ def test_what_is_left_out_has_no_figures(network, tmp_path):
 
 @pytest.mark.parametrize(
     ("flags", "message"),
-    [({"scenes": -1}, "--scenes"), ({"frames": 0}, "--frames 0"), ({"detector": (Path("a"), Path("b"))}, "a: ")],
+    [
+        ({"scenes": -1}, "--scenes"),
+        ({"frames": 0}, "--frames 0"),
+        ({"detector": (Path("a.cfg"), Path("b"))}, "a.cfg: "),
+    ],
 )
 def test_what_cannot_be_measured_is_refused(flags, message, network, tmp_path):
     with pytest.raises(InputError, match=message):

@@ -1,70 +1,73 @@
-"""The network for inference on the robot's processor.
+"""The networks for inference on the robot's processor.
 
 Batch normalization is folded into the convolution, which also applies the activation; kernels are stored in oneDNN's
 layout, and images have their channels last. These are the operators that torch.compile calls on a processor; called
 directly, they need no C++ compiler on the robot and no minute of compiling.
 """
 
+from copy import deepcopy
+from itertools import islice
+
 import numpy as np
 import torch
 from numpy.typing import NDArray
 from torch import Tensor, nn
 
-from pipeline.victims.detection.network import ACTIVATE, LEAKY_SLOPE, DarknetConvolution, DarknetNetwork
-
-ONEDNN_ACTIVATIONS: dict[str, tuple[str, list[float]]] = {
-    "linear": ("none", []),
-    "leaky": ("leaky_relu", [LEAKY_SLOPE]),
-    "relu": ("relu", []),
-    "logistic": ("sigmoid", []),
-    "swish": ("swish", []),
-}
-"""Name and parameters of the activations that oneDNN's convolution applies; others follow it."""
+from pipeline.arrays import Rgb
+from pipeline.victims.detection.boxes import Boxes, decode, joined
+from pipeline.victims.detection.input_image import Letterbox
+from pipeline.victims.detection.yolo import LEAKY_SLOPE, Convolution, Yolo
 
 
-class FusedNetwork:
-    """A faster :class:`DarknetNetwork` in evaluation mode, for one image at a time."""
+class FusedYolo:
+    """A faster :class:`Yolo` in evaluation mode, for one image at a time, of any size."""
 
-    def __init__(self, network: DarknetNetwork) -> None:
+    def __init__(self, network: Yolo) -> None:
         """Copy the weights of a network, which stays unchanged."""
-        self.cfg = network.cfg
-        self._network = DarknetNetwork(network.cfg).eval()
-        shapes = [(self.cfg.channels, self.cfg.height, self.cfg.width), *network.shapes]
-        modules = zip(network.layers, shapes[:-1], strict=True)
-        self._network.layers = nn.ModuleList(
-            _FusedConvolution(module, shape) if isinstance(module, DarknetConvolution) else module
-            for module, shape in modules
-        )
+        self._network = deepcopy(network).eval()
+        for parent in list(self._network.modules()):
+            for name, module in parent.named_children():
+                if isinstance(module, Convolution):
+                    parent.add_module(name, _FusedConvolution(module))
 
-    def __call__(self, image: NDArray[np.uint8]) -> list[NDArray[np.float32]]:
-        """(anchors · (5 + classes), H, W) float32 input of each [yolo], from a (height, width, 3) uint8 image."""
+    def boxes(self, image: Rgb, size: tuple[int, int], least: float, heads: int | None = None) -> Boxes:
+        """Boxes of people in an image, pixels, several of each, and their (N, 1) confidences.
+
+        Args:
+            image: to find people in.
+            size: width and height to fit it into, multiples of 32 pixels.
+            least: objectness of a box.
+            heads: number of heads to compute, the coarsest first; by default all.
+        """
+        letterbox, canvas = Letterbox.fit(image, *size)
         with torch.inference_mode():
-            return [head[0].contiguous().numpy() for head in self._network(to_tensor(image[None]))]
+            answers = [head[0].numpy() for head in islice(self._network.heads(to_tensor(canvas[None])), heads)]
+        grids = zip(answers, self._network.grids, strict=False)
+        boxes, scores = joined(decode(answer, grid, *size, least) for answer, grid in grids)
+        return letterbox.to_image(boxes), scores
 
 
 class _FusedConvolution(nn.Module):
     """Convolution, batch normalization and activation as one operator."""
 
-    def __init__(self, layer: DarknetConvolution, shape: tuple[int, int, int]) -> None:
+    def __init__(self, layer: Convolution) -> None:
         super().__init__()
+        conv = layer.conv
         kernel, self._bias = _folded(layer)
         kernel = kernel.cpu().contiguous(memory_format=torch.channels_last)
-        conv = layer.conv
-        window = (list(conv.padding), list(conv.stride), list(conv.dilation), conv.groups)
-        self._kernel = torch.ops.mkldnn._reorder_convolution_weight(kernel, *window, [1, *shape])
-        self._window = window
-        is_fused = layer.activation in ONEDNN_ACTIVATIONS
-        self._activation = ONEDNN_ACTIVATIONS[layer.activation if is_fused else "linear"]
-        self._activate = ACTIVATE["linear" if is_fused else layer.activation]
+        self._window = (list(conv.padding), list(conv.stride), list(conv.dilation), conv.groups)
+        self._kernel = torch.ops.mkldnn._reorder_convolution_weight(kernel, *self._window)
+        self._activation = ("none", []) if layer.norm is None else ("leaky_relu", [LEAKY_SLOPE])
 
     def forward(self, x: Tensor) -> Tensor:
-        """(1, C, H, W) in and out."""
-        x = torch.ops.mkldnn._convolution_pointwise(x, self._kernel, self._bias, *self._window, *self._activation, "")
-        return self._activate(x)
+        """(N, C, H, W) in and out."""
+        fused = torch.ops.mkldnn._convolution_pointwise
+        result: Tensor = fused(x, self._kernel, self._bias, *self._window, *self._activation, "")
+        return result
 
 
 @torch.no_grad()
-def _folded(layer: DarknetConvolution) -> tuple[Tensor, Tensor]:
+def _folded(layer: Convolution) -> tuple[Tensor, Tensor]:
     """Kernel (filters, channels, size, size) and bias (filters,) with the batch normalization folded in."""
     conv, norm = layer.conv, layer.norm
     if norm is None:
@@ -74,7 +77,7 @@ def _folded(layer: DarknetConvolution) -> tuple[Tensor, Tensor]:
     # In double precision: a variance close to 0 gives factors that float32 rounds badly.
     scale = norm.weight.double() / (norm.running_var.double() + norm.eps).sqrt()
     bias = norm.bias.double() - scale * norm.running_mean.double()
-    return (conv.weight.double() * scale[:, None, None, None]).float(), bias.float()
+    return conv.weight * scale.float()[:, None, None, None], bias.float()
 
 
 def to_tensor(images: NDArray[np.uint8]) -> Tensor:

@@ -15,8 +15,8 @@ from torch import Tensor
 from torch.nn.functional import binary_cross_entropy_with_logits, logsigmoid
 
 from pipeline.victims.detection.boxes import LARGEST_EXPONENT, size_overlaps
-from pipeline.victims.detection.darknet_cfg import OBJECTNESS, DarknetCfg, YoloHead
 from pipeline.victims.detection.labelled_image import TrainingImage
+from pipeline.victims.detection.yolo import OBJECTNESS, Grid
 
 ASSIGNED_IOU = 0.3  # Least overlap of an anchor's size with a person's for the anchor to be assigned to that person
 IGNORED_IOU = 0.7
@@ -29,19 +29,24 @@ Index = tuple[Tensor, ...]
 
 
 class YoloLoss:
-    """The loss of a network with one class: a detector of people."""
+    """The loss of a network with one class: a detector of people.
 
-    def __init__(self, cfg: DarknetCfg) -> None:
-        self.cfg = cfg
+    Attributes:
+        grids: of the network.
+        size: width and height of its input, pixels.
+    """
+
+    def __init__(self, grids: Sequence[Grid], size: tuple[int, int]) -> None:
+        self.grids, self.size = grids, size
 
     def __call__(self, heads: Sequence[Tensor], batch: Sequence[TrainingImage]) -> Tensor:
-        """() sum of three losses of a network's heads, (N, anchors · (5 + classes), H, W) each, for N canvases."""
+        """() sum of three losses of a network's heads, (N, anchors · NUMBERS, H, W) each, for N canvases."""
         boxes = objectness = classes = heads[0].new_zeros(())
         asked = 0
-        for head, yolo in zip(heads, self.cfg.heads, strict=True):
-            cells = head.float().unflatten(1, (len(yolo.mask), -1)).movedim(2, -1)
-            index, truths = self._targets(batch, yolo, *head.shape[2:])
-            predicted = self._boxes(cells, yolo)
+        for head, grid in zip(heads, self.grids, strict=True):
+            cells = head.float().unflatten(1, (len(grid.mask), -1)).movedim(2, -1)
+            index, truths = self._targets(batch, grid, *head.shape[2:])
+            predicted = self._boxes(cells, grid)
             boxes = boxes + (1 - ciou(predicted[index], truths)).sum()
             objectness = objectness + self._objectness(cells, predicted.detach(), index, batch)
             classes = classes - logsigmoid(cells[..., OBJECTNESS + 1][index]).sum()  # the only class is person
@@ -66,21 +71,19 @@ class YoloLoss:
             far &= iou(predicted, box) < IGNORED_IOU
         return far
 
-    def _targets(
-        self, batch: Sequence[TrainingImage], yolo: YoloHead, rows: int, columns: int
-    ) -> tuple[Index, Tensor]:
+    def _targets(self, batch: Sequence[TrainingImage], grid: Grid, rows: int, columns: int) -> tuple[Index, Tensor]:
         """Cells of one scale that are assigned to people, and these people's (P, 4) boxes in pixels of the input."""
-        anchors = np.array(yolo.anchors)
+        anchors = np.array(grid.anchors)
         parts = [np.zeros((0, 2), int)]
         boxes = [np.zeros((0, 4), np.float32)]
         for number, image in enumerate(batch):
             seen = image.boxes[~image.ignored]
-            person, anchor = self._asked(seen, anchors, yolo.mask)
+            person, anchor = self._asked(seen, anchors, grid.mask)
             parts.append(np.stack([np.full(len(person), number), anchor], axis=1))
             boxes.append(seen[person])
         all_boxes = np.concatenate(boxes)
         middle = (all_boxes[:, :2] + all_boxes[:, 2:]) / 2
-        cell = middle * (columns / self.cfg.width, rows / self.cfg.height)
+        cell = middle * np.divide((columns, rows), self.size)
         column, row = np.minimum(cell.astype(int), (columns - 1, rows - 1)).T
         image_number, anchor = np.concatenate(parts).T
         index = tuple(torch.from_numpy(numbers) for numbers in (image_number, anchor, row, column))
@@ -97,13 +100,13 @@ class YoloLoss:
         person, anchor = np.nonzero(asked[:, list(mask)])
         return person, anchor
 
-    def _boxes(self, cells: Tensor, yolo: YoloHead) -> Tensor:
+    def _boxes(self, cells: Tensor, grid: Grid) -> Tensor:
         """(N, anchors, H, W, 4) boxes in pixels of the input, as :func:`.boxes.decode` gives."""
         rows, columns = cells.shape[2:4]
         y, x = torch.meshgrid(torch.arange(rows), torch.arange(columns), indexing="ij")
-        stride = torch.tensor([self.cfg.width / columns, self.cfg.height / rows], device=cells.device)
+        stride = torch.tensor([self.size[0] / columns, self.size[1] / rows], device=cells.device)
         middle = (cells[..., :2].sigmoid() + torch.stack([x, y], dim=-1).to(cells.device)) * stride
-        sizes = torch.tensor(yolo.anchors, device=cells.device)[list(yolo.mask)][None, :, None, None]
+        sizes = torch.tensor(grid.anchors, device=cells.device)[list(grid.mask)][None, :, None, None]
         half = cells[..., 2:OBJECTNESS].clamp(max=LARGEST_EXPONENT).exp() * sizes / 2
         return torch.cat([middle - half, middle + half], dim=-1)
 

@@ -1,33 +1,40 @@
 """Training of a network on random canvases."""
 
 import json
+import re
 from math import log
 from pathlib import Path
-from typing import Any, cast
+from typing import Any, ClassVar
 
 import numpy as np
 import torch
 from torch import Tensor, nn
 
+from pipeline.arrays import Rgb
 from pipeline.errors import InputError
 from pipeline.files import read_text, whole_file
 from pipeline.semantic_map.networks.training_loop import Learner
+from pipeline.tracks.find import VICTIM
 from pipeline.victims.config import DetectorConfig
 from pipeline.victims.detection.augmentation import CanvasSampler
 from pipeline.victims.detection.average_precision import AveragePrecision
-from pipeline.victims.detection.boxes import fit_anchors
-from pipeline.victims.detection.darknet_cfg import OBJECTNESS, DarknetCfg, YoloHead, adapted
+from pipeline.victims.detection.boxes import Boxes
 from pipeline.victims.detection.detector import VictimDetector
-from pipeline.victims.detection.inference import to_tensor
+from pipeline.victims.detection.inference import FusedYolo, to_tensor
 from pipeline.victims.detection.labelled_image import TrainingImage, TrainingImages
 from pipeline.victims.detection.loss import YoloLoss
-from pipeline.victims.detection.network import LEAKY_SLOPE, DarknetConvolution, DarknetNetwork
 from pipeline.victims.detection.training_config import YoloTrainingConfig
-from pipeline.victims.detection.weights import load_network, write_weights
+from pipeline.victims.detection.weights import read_weights, write_weights
+from pipeline.victims.detection.yolo import LEAKY_SLOPE, OBJECTNESS, STRIDE, Anchors, YoloSmall
+
+Size = tuple[int, int]
+"""Width and height of a network's input, pixels."""
+USUAL = DetectorConfig().size
+"""The input to which the anchors belong."""
 
 
-class YoloLearner(Learner[list[TrainingImage], DarknetNetwork]):
-    """A YOLO that learns from canvases; the network (.cfg) and a card (.json) are written beside the weights."""
+class YoloLearner(Learner[list[TrainingImage], YoloSmall]):
+    """A YOLOv3-small that learns from canvases; its .cfg and a card (.json) are written beside the weights."""
 
     SCORES = ("ap50",)
 
@@ -36,7 +43,8 @@ class YoloLearner(Learner[list[TrainingImage], DarknetNetwork]):
         training: TrainingImages,
         validation: TrainingImages,
         config: YoloTrainingConfig,
-        initial: Path,
+        cfg: Path,
+        initial: Path | None,
         device: torch.device,
     ) -> None:
         """Prepare the network.
@@ -45,32 +53,27 @@ class YoloLearner(Learner[list[TrainingImage], DarknetNetwork]):
             training: images to learn from.
             validation: images for the score.
             config: settings; the samples of a batch are canvases.
-            initial: weights to begin with, their network beside them with the ending .cfg; or a .cfg, whose network
-                gets the input of ``config``, anchors fitted to the images' people, and random weights.
+            cfg: Darknet's description of YOLOv3-small, whose input and anchors are replaced.
+            initial: weights to begin with, as an earlier training wrote them; by default they are random.
             device: on which it learns.
 
         Raises:
-            InputError: images show no people, or the initial network cannot be read, fits no such input, or has
-                weights and more than one class.
+            InputError: images show no people, the initial weights cannot be read or are another network's, or the
+                input is no multiple of the coarsest cell.
         """
         if not any(len(validation.people(index)) for index in range(len(validation))):
             raise InputError("the images to validate with show no people")
         torch.manual_seed(config.seed)
         self._sampler = CanvasSampler(training, config)
         self._validation, self._config, self._device = validation, config, device
-        path = initial.with_suffix(".cfg")
-        cfg, self._text = DarknetCfg.read(path), read_text(path)
-        if initial == path:
-            self._text = fitted_cfg(self._text, training, config)
-            network = new_network(self._text, config.prior)
-        elif cfg.classes > 1:
-            raise InputError(f"{path}: distinguishes {cfg.classes} classes, not people alone")
-        elif any(head.scale_x_y != 1 or head.new_coords for head in cfg.heads):
-            raise InputError(f"{path}: scale_x_y, new_coords: such boxes are not trained")
-        else:
-            network = load_network(path, initial)
+        self._size = config.width, config.height
+        anchors = scaled_anchors(self._size)
+        network = new_network(anchors, config.prior)
+        if initial is not None:
+            read_weights(initial, network)
+        self._text = with_input(read_text(cfg), self._size, anchors)
         self.network = network.to(device).train()
-        self._yolo_loss = YoloLoss(network.cfg)
+        self._yolo_loss = YoloLoss(network.grids, self._size)
         self.data = f"{len(training)} {len(validation)} {self._text}"
 
     def batch(self, number: int) -> list[TrainingImage]:
@@ -82,11 +85,11 @@ class YoloLearner(Learner[list[TrainingImage], DarknetNetwork]):
         images = to_tensor(np.stack([image.rgb for image in batch])).to(self._device)
         return self._yolo_loss(network(images), batch)
 
-    def validate(self, network: DarknetNetwork) -> list[float]:
+    def validate(self, network: YoloSmall) -> list[float]:
         """The average precision."""
-        return [validate(network, self._validation, self._config.prior)]
+        return [validate(network, self._size, self._validation, self._config.prior)]
 
-    def write(self, network: DarknetNetwork, out: Path, about: dict[str, Any]) -> None:
+    def write(self, network: YoloSmall, out: Path, about: dict[str, Any]) -> None:
         """Write weights, network and card."""
         write_weights(out, network, about["step"] * self._config.batch)
         for ending, text in ((".cfg", self._text), (".json", json.dumps(about, indent=1) + "\n")):
@@ -94,43 +97,54 @@ class YoloLearner(Learner[list[TrainingImage], DarknetNetwork]):
                 file.write_text(text)
 
 
-def fitted_cfg(text: str, images: TrainingImages, config: YoloTrainingConfig) -> str:
-    """The ``.cfg`` of a ``text``'s network for people alone, with anchors fitted to the images' people.
-
-    Raises:
-        InputError: people are too few, or the network does not halve such an input evenly.
-    """
-    cfg = DarknetCfg.parse(text)
-    with torch.device("meta"):
-        stride = DarknetNetwork(cfg).stride
-    if min(config.width, config.height) < 1 or config.width % stride or config.height % stride:
-        raise InputError(f"--width {config.width} --height {config.height}: multiples of {stride}")
-    count = len(cfg.heads[0].anchors)
-    shares = np.concatenate([images.people(index) for index in range(len(images))])
-    rng = np.random.default_rng(config.seed)
-    anchors = fit_anchors(shares * (config.width, config.height), count, rng)
-    return adapted(text, config.width, config.height, 1, [(w, h) for w, h in anchors.round(1).tolist()])
+def scaled_anchors(size: Size) -> Anchors:
+    """The anchors for an input of another size; InputError if the network does not halve it evenly."""
+    width, height = size
+    if min(size) < 1 or width % STRIDE or height % STRIDE:
+        raise InputError(f"--width {width} --height {height}: multiples of {STRIDE}")
+    across, down = width / USUAL[0], height / USUAL[1]
+    return tuple((round(w * across, 1), round(h * down, 1)) for w, h in YoloSmall.ANCHORS)
 
 
-def new_network(text: str, prior: float) -> DarknetNetwork:
+def with_input(text: str, size: Size, anchors: Anchors) -> str:
+    """A ``.cfg`` with another input and other anchors."""
+    listed = ", ".join(f"{w:g},{h:g}" for w, h in anchors)
+    for key, value in (("width", size[0]), ("height", size[1]), ("anchors", listed)):
+        text = re.sub(rf"^{key}=.*", f"{key}={value}", text, flags=re.MULTILINE)
+    return text
+
+
+def new_network(anchors: Anchors, prior: float) -> YoloSmall:
     """A network with random weights, its objectness biased to ``prior`` because people are rare."""
-    network = DarknetNetwork(DarknetCfg.parse(text))
+    network = YoloSmall(anchors)
     for layer in network.convolutions:
         nn.init.kaiming_normal_(layer.conv.weight, LEAKY_SLOPE, mode="fan_out")
         layer.conv.weight.data = layer.conv.weight.data.contiguous(memory_format=torch.channels_last)
-    heads = [i for i, layer in enumerate(network.cfg.layers) if isinstance(layer, YoloHead)]
-    for index, yolo in zip(heads, network.cfg.heads, strict=True):
-        conv = cast(DarknetConvolution, network.layers[index - 1]).conv
-        bias = torch.zeros(yolo.channels).view(len(yolo.mask), -1)
-        bias[:, OBJECTNESS] = log(prior / (1 - prior))
-        nn.init.zeros_(conv.weight)
-        conv.bias = nn.Parameter(bias.flatten())
+        if layer.conv.bias is not None:  # the last before a grid
+            bias = torch.zeros(len(layer.conv.bias)).view(len(network.grids[0].mask), -1)
+            bias[:, OBJECTNESS] = log(prior / (1 - prior))
+            nn.init.zeros_(layer.conv.weight)
+            layer.conv.bias = nn.Parameter(bias.flatten())
     return network
 
 
-def validate(network: DarknetNetwork, images: TrainingImages, least: float) -> float:
-    """Average precision, at an overlap of 0.5, of the robot's detections of ``least`` confidence or more."""
-    detector = VictimDetector(network, DetectorConfig(confidence=least))
+class ArenaNetworkAlone:
+    """A network as a detector has it, without a witness."""
+
+    kinds: ClassVar[dict[str, list[int]]] = {VICTIM: [0]}
+
+    def __init__(self, network: YoloSmall, size: Size) -> None:
+        """Copy the network, for images fitted into ``size``."""
+        self._network, self._size = FusedYolo(network), size
+
+    def find(self, image: Rgb, least: float) -> Boxes:
+        """Boxes of people in an image, and their (N, 1) confidences."""
+        return self._network.boxes(image, self._size, least)
+
+
+def validate(network: YoloSmall, size: Size, images: TrainingImages, least: float) -> float:
+    """Average precision, at an overlap of 0.5, of the detections of ``least`` confidence or more."""
+    detector = VictimDetector(ArenaNetworkAlone(network, size), DetectorConfig(confidence=least))
     result = AveragePrecision()
     for index in range(len(images)):
         image = images[index]

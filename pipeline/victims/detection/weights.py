@@ -1,10 +1,13 @@
-"""Weights of networks: Darknet's ``.weights``, or safetensors.
+"""Weights of the networks: the shipped safetensors, and Darknet's ``.weights``.
+
+A tensor of the shipped file is named ``layers.N.conv.weight`` and so on by the number of its layer, in Darknet's way
+of counting, in a whole of both networks: layer 0 copied the image, 1 to 24 are the COCO network, 26 on the arena
+network. Their convolutions come in the order of :attr:`Yolo.convolutions`.
 
 Darknet's file has a header, then float32 in the order of the layers. The header is three int32 (major, minor,
 revision) and the number of images seen, int64 (int32 before version 0.2). Each convolution has, in the order in which
 Darknet's ``parser.c`` reads them, its biases, then, if it has batch normalization, scales, means and variances, and
-then its kernel (filters, channels of a group, size, size). A safetensors file has the same tensors by the names that
-they have in :class:`DarknetNetwork`.
+then its kernel (filters, channels of a group, size, size).
 """
 
 import struct
@@ -14,84 +17,77 @@ from pathlib import Path
 
 import numpy as np
 import torch
-from safetensors.torch import save
 from torch import Tensor
 
 from pipeline.errors import InputError
 from pipeline.files import read_bytes, read_text, whole_file
-from pipeline.semantic_map.networks.network import whole
 from pipeline.semantic_map.networks.tensor_file import copy_tensors, read_tensors
-from pipeline.victims.detection.darknet_cfg import DarknetCfg
-from pipeline.victims.detection.network import DarknetNetwork
+from pipeline.victims.detection.yolo import Convolution, Yolo, YoloSmall, YoloTiny
 
 WRITTEN_VERSION = (0, 2, 5)  # as the Darknet that published YOLOv3 writes
 NUMBER = np.dtype("<f4")
-TENSORS = ".safetensors"
+TENSORS = ("conv.bias", "norm.bias", "norm.weight", "norm.running_mean", "norm.running_var", "conv.weight")
+"""Of a convolution, in Darknet's order."""
+COCO_LAYERS = (1, 3, 5, 7, 9, 11, 13, 14, 15, 16, 19, 22, 23)
+ARENA_LAYERS = (*(26, 27, 28, 29, 30, 32, 33, 34, 36, 37, 38, 40, 41, 42), *(45, 48, 49, 50, 53, 56, 57, 58))
+"""Numbers of the convolutions of each network in the shipped file."""
 
 
-def network_files(*files: Path) -> tuple[Path, Path]:
-    """The ``.cfg`` and the weights of a network, given both, or the weights alone, beside which the ``.cfg`` lies.
-
-    Raises:
-        InputError: a ``.cfg`` alone, or anything else without an ending.
-    """
-    if not files[1:] and files[0].suffix in ("", ".cfg"):
-        raise InputError(f"--detector {files[0]}: give the .cfg and the weights, or .safetensors beside its .cfg")
-    return (files[0], files[1]) if files[1:] else (files[0].with_suffix(".cfg"), files[0])
-
-
-def load_network(*files: Path) -> DarknetNetwork:
-    """A network in evaluation mode, from the files of :func:`network_files`.
+def load_shipped(path: Path) -> tuple[YoloSmall, YoloTiny]:
+    """The arena network and the COCO network of the shipped safetensors, in evaluation mode.
 
     Raises:
-        InputError: as :meth:`DarknetCfg.read`, :class:`DarknetNetwork` and :func:`read_weights`.
+        InputError: no such file, weights of other networks, numbers that are not finite, or another hash than a file
+            beside it has, with the ending ``.sha256``, as ``sha256sum`` writes it.
     """
-    cfg, weights = network_files(*files)
-    network = DarknetNetwork(DarknetCfg.read(cfg))
-    read_weights(weights, network)
-    return network.eval()
-
-
-def read_weights(path: Path, network: DarknetNetwork) -> int:
-    """Fill a network; returns the number of images that it has seen in training.
-
-    Raises:
-        InputError: no such file, too short or too long for the network, numbers that are not finite, or another hash
-            than a file beside it has, with the ending ``.sha256``, as ``sha256sum`` writes it.
-    """
-    _check_hash(path)
-    wanted = dict(_tensors(network))
-    tensors, seen = _read_tensors(path) if path.suffix == TENSORS else _read_darknet(path, wanted, network.cfg.name)
+    check_hash(path)
+    with torch.device("meta"):  # no random weights: they would take longer than the reading
+        arena, coco = YoloSmall(), YoloTiny()
+    arena.to_empty(device="cpu"), coco.to_empty(device="cpu")
+    parts = ((ARENA_LAYERS, arena), (COCO_LAYERS, coco))
+    wanted = {
+        f"layers.{number}.{name}": tensor
+        for numbers, network in parts
+        for number, layer in zip(numbers, network.convolutions, strict=True)
+        for name, tensor in _tensors(layer)
+    }
+    tensors = {name: tensor for name, tensor in read_tensors(path)[0].items() if not name.startswith("layers.0.")}
     copy_tensors(tensors, wanted, path)
-    return seen
+    return arena.eval(), coco.eval()
 
 
-def write_weights(path: Path, network: DarknetNetwork, seen: int = 0) -> None:
-    """Write a network's weights, trained on ``seen`` images; kernels of safetensors in half precision.
+def read_weights(path: Path, network: Yolo) -> None:
+    """Fill a network from Darknet's file.
+
+    Raises:
+        InputError: no such file, another length than the network has, numbers that are impossible, or as
+            :func:`check_hash`.
+    """
+    check_hash(path)
+    wanted = {f"{i}.{name}": t for i, layer in enumerate(network.convolutions) for name, t in _tensors(layer)}
+    counts = [tensor.numel() for tensor in wanted.values()]
+    content = read_bytes(path)
+    start = header_size(content, path)
+    if len(content) != (needed := start + NUMBER.itemsize * sum(counts)):
+        raise InputError(f"{path}: {len(content)} bytes, not the {needed} of YOLOv3-small for people alone")
+    numbers = torch.from_numpy(np.frombuffer(content, NUMBER, offset=start).astype(np.float32))
+    parts = zip(wanted.items(), numbers.split(counts), strict=True)
+    copy_tensors({name: part.view(tensor.shape) for (name, tensor), part in parts}, wanted, path)
+
+
+def write_weights(path: Path, network: Yolo, seen: int = 0) -> None:
+    """Write a network's weights, trained on ``seen`` images, into Darknet's file.
 
     Raises:
         InputError: the file cannot be written.
     """
-    tensors = {name: tensor.detach().cpu().contiguous() for name, tensor in _tensors(network)}
+    tensors = (tensor for layer in network.convolutions for _, tensor in _tensors(layer))
+    header = np.array(WRITTEN_VERSION, "<i4").tobytes() + np.array(seen, "<i8").tobytes()
     with whole_file(path) as partial:
-        if path.suffix == TENSORS:
-            small = {name: tensor.half() if tensor.ndim > 1 else tensor for name, tensor in tensors.items()}
-            partial.write_bytes(save(small, {"seen": str(seen)}))
-            return
-        header = np.array(WRITTEN_VERSION, "<i4").tobytes() + np.array(seen, "<i8").tobytes()
-        partial.write_bytes(header + b"".join(t.numpy().astype(NUMBER).tobytes() for t in tensors.values()))
+        partial.write_bytes(header + b"".join(t.detach().cpu().numpy().astype(NUMBER).tobytes() for t in tensors))
 
 
-def _tensors(network: DarknetNetwork) -> Iterator[tuple[str, Tensor]]:
-    """All tensors by name, in the order of Darknet's file, shared with the network."""
-    for index, layer in enumerate(network.layers):
-        named = dict(layer.state_dict(keep_vars=True))
-        for name in ("conv.bias", "norm.bias", "norm.weight", "norm.running_mean", "norm.running_var", "conv.weight"):
-            if name in named:
-                yield f"layers.{index}.{name}", named[name]
-
-
-def _check_hash(path: Path) -> None:
+def check_hash(path: Path) -> None:
     """Raise InputError if a file beside the weights says that they have another SHA-256."""
     beside = path.with_name(f"{path.name}.sha256")
     if beside.exists():
@@ -100,34 +96,18 @@ def _check_hash(path: Path) -> None:
             raise InputError(f"{path}: SHA-256 {found}, not {wanted:.80} as {beside.name} has it: damaged?")
 
 
-def _read_tensors(path: Path) -> tuple[dict[str, Tensor], int]:
-    """The tensors of a safetensors file, and number of images seen; 0 if it has none."""
-    tensors, metadata = read_tensors(path)
-    return tensors, whole(metadata.get("seen", ""))
+def _tensors(layer: Convolution) -> Iterator[tuple[str, Tensor]]:
+    """Tensors of a convolution by name, in the order of Darknet's file, shared with it."""
+    named = dict(layer.state_dict(keep_vars=True))
+    return ((name, named[name]) for name in TENSORS if name in named)
 
 
-def _read_darknet(path: Path, wanted: dict[str, Tensor], name: str) -> tuple[dict[str, Tensor], int]:
-    """The tensors of Darknet's file, for those ``wanted`` by the network ``name``, and number of images seen."""
-    content = read_bytes(path)
-    seen, start = _read_header(content, path)
-    counts = [tensor.numel() for tensor in wanted.values()]
-    needed = start + NUMBER.itemsize * sum(counts)
-    if len(content) != needed:
-        which = "short" if len(content) < needed else "long"
-        raise InputError(f"{path}: {len(content)} bytes, too {which} for {name}, which needs {needed}")
-    numbers = torch.tensor(np.frombuffer(content, NUMBER, offset=start))
-    parts = zip(wanted.items(), numbers.split(counts), strict=True)
-    return {name: part.view(tensor.shape) for (name, tensor), part in parts}, seen
-
-
-def _read_header(content: bytes, path: Path) -> tuple[int, int]:
-    """Number of images that the network has seen in training, and number of bytes of the header."""
+def header_size(content: bytes, path: Path) -> int:
+    """Number of bytes of the header of Darknet's file; InputError if it has none."""
     try:
         major, minor, revision = struct.unpack_from("<iii", content)
-        header = struct.Struct("<iiiq" if (major, minor) >= (0, 2) else "<iiii")
-        seen = header.unpack_from(content)[-1]
     except struct.error as error:
         raise InputError(f"{path}: {len(content)} bytes, too short for Darknet weights") from error
     if not all(0 <= part < 1000 for part in (major, minor)):  # as Darknet's parser.c
         raise InputError(f"{path}: not Darknet weights: version {major}.{minor}.{revision}")
-    return seen, header.size
+    return 20 if 10 * major + minor >= 2 else 16

@@ -179,9 +179,9 @@ def test_a_scene_and_its_tum_folder_make_one_map_and_one_verdict(poses: str, tmp
 
 
 def explored(page: Path) -> str:
-    """What the page says of how much was explored."""
+    """What the page says of how much ground was seen."""
     words = re.sub(r"\s+", " ", re.sub("<[^>]*>", " ", page.read_text()))
-    found = re.search(r"Explored .{40}", words)
+    found = re.search(r"Ground seen .{40}", words)
     assert found
     return found.group()
 

@@ -15,12 +15,11 @@ import open3d as o3d
 import pytest
 
 from pipeline.metric_map.io.npz import load_metric_map
-from pipeline.victims.detection.weights import write_weights
 from sarsim.commands import run_episode
 from sarsim.episode import Episode
 from sarsim.settings import WEIGHTS, EpisodeConfig
 from scripts.benchmarks.semantic_confusion import confusion
-from tests.pipeline.victims.detection.networks import SMALL, random_network
+from tests.pipeline.victims.detection.networks import SMALL, darknet_files
 from tests.sarsim.rooms import room
 from tests.source_tree import ROOT
 
@@ -145,9 +144,7 @@ def test_ctrl_c_leaves_a_whole_recording_and_report(tmp_path, monkeypatch, capsy
 @pytest.mark.skipif(not WEIGHTS.exists(), reason="no network has been trained")
 def test_an_episode_with_networks_that_was_stopped_goes_on_bit_for_bit(tmp_path, monkeypatch, capsys):
     whole, stopped = tmp_path / "whole", tmp_path / "stopped"
-    files = tmp_path / "a.cfg", tmp_path / "a.weights"
-    files[0].write_text(SMALL)
-    write_weights(files[1], random_network(SMALL))
+    files = darknet_files(tmp_path)
     flags = ("--steps", 2, "--detector", *files)
     run_command(monkeypatch, *flags, "--out", whole)
     ended_in_step(1, signal.SIGTERM, monkeypatch)
@@ -216,7 +213,7 @@ BAD_LABEL = IN_A_WALL.replace('user="1"', 'user="11"').replace("0.5 0.5 0.5", "0
     [
         (None, "No such file"),
         ("<mujoco><worldbody>", "not readable XML"),
-        ("<robot/>", "not a readable MJCF file"),
+        ("<robot/>", "no free start"),
         (BOMB, "declares a document type"),
         (NO_FLOOR, "no free start"),
         (IN_A_WALL, "no free start"),
@@ -258,7 +255,7 @@ def test_a_bad_flag_is_one_line_and_status_2(flags, message, tmp_path, monkeypat
 
 @pytest.mark.parametrize(
     ("cfg", "weights", "message"),
-    [(SMALL + "[gru]\n", b"", "[gru]"), (SMALL, b"\0" * 300, "too short"), (SMALL, b"\0" * 3000, "too long")],
+    [(SMALL + "[gru]\n", b"\0" * 300, "gru"), (SMALL, b"\0" * 300, "too short"), (SMALL, b"\0" * 3000, "too long")],
 )
 def test_a_bad_detector_is_one_line_and_status_2(cfg, weights, message, tmp_path, monkeypatch, capsys):
     files = tmp_path / "a.cfg", tmp_path / "a.weights"

@@ -2,15 +2,8 @@
 
 from pathlib import Path
 
-import torch
+import numpy as np
 
-from pipeline.victims.detection.darknet_cfg import DarknetCfg
-from pipeline.victims.detection.network import DarknetNetwork
-
-SHIPPED = Path(__file__).parents[4] / "assets" / "weights"
-TINY = (SHIPPED / "yolov3-tiny.cfg").read_text()
-FULL = (SHIPPED / "yolov3.cfg").read_text().replace("width=416", "width=160").replace("height=416", "height=128")
-OWN = (SHIPPED / "yolov3-small.cfg").read_text().replace("width=512", "width=128").replace("height=384", "height=96")
 SMALL = """
 [net]
 width=16
@@ -37,18 +30,30 @@ classes=1
 num=1
 """
 """One convolution and one anchor in 8 × 4 cells."""
+HEADER = np.array([0, 2, 5, 0, 0], "<i4").tobytes()
+"""Of Darknet's weights, of a network that has seen no images."""
 
 
-def random_network(text: str, seed: int = 0) -> DarknetNetwork:
-    """Random weights and statistics that keep the numbers about as large from layer to layer."""
-    torch.manual_seed(seed)
-    network = DarknetNetwork(DarknetCfg.parse(text)).eval()
-    for layer in network.convolutions:
-        torch.nn.init.kaiming_normal_(layer.conv.weight, 0.1)
-        if layer.norm is not None:
-            assert layer.norm.running_mean is not None and layer.norm.running_var is not None
-            layer.norm.running_mean.uniform_(-0.1, 0.1)
-            layer.norm.running_var.uniform_(0.8, 1.2)
-            torch.nn.init.uniform_(layer.norm.weight, 0.7, 0.9)
-            torch.nn.init.uniform_(layer.norm.bias, -0.1, 0.1)
-    return network
+def darknet_files(folder: Path, text: str = SMALL, numbers: np.ndarray | None = None) -> tuple[Path, Path]:
+    """The files of a network, with random weights unless some are given."""
+    files = folder / "n.cfg", folder / "n.weights"
+    files[0].write_text(text)
+    numbers = small_numbers() if numbers is None else numbers
+    files[1].write_bytes(HEADER + numbers.astype("<f4").tobytes())
+    return files
+
+
+def small_numbers(seed: int = 0) -> np.ndarray:
+    """Random weights of SMALL."""
+    return np.random.default_rng(seed).uniform(0.1, 0.9, 4 * 2 + 2 * 27 + 6 + 12)
+
+
+def bright_spots(classes: int = 1) -> np.ndarray:
+    """Weights with which SMALL sees a person of 4 × 6 pixels wherever its input is white."""
+    last = np.zeros((5 + classes, 2))
+    last[4:, 0] = 20
+    bias = np.where(np.arange(5 + classes) < 4, 0, -10)
+    kernel = np.zeros((2, 3, 3, 3))
+    kernel[:, :, 1, 1] = 1 / 3
+    first = [0, 0, 1, 1, 0, 0, 1, 1]  # biases, scales, means, variances
+    return np.concatenate([first, kernel.ravel(), bias, last.ravel()])

@@ -1,14 +1,12 @@
-"""Boxes: decoding and overlap by hand, suppression by its properties and OpenCV's, anchors fitted to sizes."""
+"""Boxes: decoding and overlap by hand, suppression by its properties and OpenCV's."""
 
 import cv2
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from pipeline.errors import InputError
-from pipeline.victims.detection.boxes import decode, fit_anchors, overlaps, size_overlaps, suppress
-from pipeline.victims.detection.darknet_cfg import YoloHead
+from pipeline.victims.detection.boxes import decode, overlaps, size_overlaps, suppress
+from pipeline.victims.detection.yolo import Grid
 
 
 def random_boxes(count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
@@ -18,7 +16,7 @@ def random_boxes(count: int, seed: int) -> tuple[np.ndarray, np.ndarray]:
 
 
 def test_a_cell_is_decoded_by_hand() -> None:
-    yolo = YoloHead(((10, 20), (30, 40)), (1,), classes=2)
+    yolo = Grid(((10, 20), (30, 40)), (1,))
     head = np.full((7, 3, 4), -9, np.float32)
     head[:, 1, 2] = np.log([1, 1, 2, 1, 3, 1, 1 / 3])  # σ = ½ ½, twice as wide, ¾, ½, ¼
     boxes, scores = decode(head, yolo, width=40, height=60, threshold=0.5)
@@ -28,7 +26,7 @@ def test_a_cell_is_decoded_by_hand() -> None:
 
 def test_what_is_far_out_stays_finite() -> None:
     head = np.full((6, 1, 1), 1e4, np.float32)
-    boxes, scores = decode(head, YoloHead(((10.0, 20.0),), (0,), 1), 40, 60, 0.5)
+    boxes, scores = decode(head, Grid(((10.0, 20.0),), (0,)), 40, 60, 0.5)
     assert np.isfinite(boxes).all()
     assert scores.tolist() == [[1.0]]
 
@@ -57,31 +55,3 @@ def test_one_box_is_left_for_each_thing(count: int, seed: int, overlap: float) -
 def test_size_overlap_by_hand() -> None:
     result = size_overlaps(np.array([[2.0, 4.0]]), np.array([[2.0, 4.0], [4.0, 2.0], [1.0, 1.0]]))
     np.testing.assert_allclose(result, [[1, 4 / 12, 1 / 8]])
-
-
-def test_clusters_are_found_and_sorted() -> None:
-    rng = np.random.default_rng(0)
-    middles = np.array([[80.0, 60.0], [10.0, 20.0], [30.0, 15.0]])
-    sizes = np.concatenate([m * rng.uniform(0.95, 1.05, (50, 2)) for m in middles])
-    anchors = fit_anchors(sizes, 3, np.random.default_rng(1))
-    np.testing.assert_allclose(anchors, middles[[1, 2, 0]], rtol=0.03)
-
-
-def test_fitted_anchors_overlap_more_than_those_of_coco() -> None:
-    rng = np.random.default_rng(0)
-    sizes = np.exp(rng.normal([4.5, 4.3], 0.8, (400, 2)))
-    coco = np.array([(10, 14), (23, 27), (37, 58), (81, 82), (135, 169), (344, 319)], float)
-    fitted = fit_anchors(sizes, 6, np.random.default_rng(0))
-    means = [size_overlaps(sizes, anchors).max(axis=1).mean() for anchors in (fitted, coco)]
-    assert means[0] > means[1] + 0.05
-
-
-def test_the_same_seed_gives_the_same_anchors() -> None:
-    sizes = np.random.default_rng(0).uniform(5, 90, (60, 2))
-    first, again = (fit_anchors(sizes, 5, np.random.default_rng(3)) for _ in range(2))
-    np.testing.assert_array_equal(first, again)
-
-
-def test_too_few_sizes_are_refused() -> None:
-    with pytest.raises(InputError, match="1 boxes"):
-        fit_anchors(np.array([[4.0, 6.0], [4.0, 6.0]]), 2, np.random.default_rng(0))

@@ -1,0 +1,221 @@
+"""Networks of Darknet, of whoever made them: OpenCV reads, runs and decodes them.
+
+OpenCV believes what the files say: it reads short weights as zeros, ignores settings that it does not know, and may
+crash on numbers that make no sense. So a network is first tried in a process of its own, and OpenCV gets Darknet's
+defaults where its own differ.
+"""
+
+import re
+import sys
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from math import prod
+from pathlib import Path
+from typing import Self
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.arrays import Rgb
+from pipeline.errors import InputError
+from pipeline.files import GOOD, answer_apart, read_bytes, read_text
+from pipeline.tracks.find import KINDS, VICTIM
+from pipeline.victims.detection.boxes import Boxes
+from pipeline.victims.detection.input_image import Letterbox
+from pipeline.victims.detection.weights import check_hash, header_size
+
+PERSON = {1: (0, "people"), 20: (14, "Pascal VOC's"), 80: (0, "COCO's")}
+"""Number of the class ``person``, and whose classes they are taken for, by their number if they have no names."""
+KIND_OF = {kind: kind for kind in KINDS} | dict.fromkeys(("person", "doll"), VICTIM)
+"""Kind of the classes of networks by their names, spaces as underscores; other classes are ignored."""
+WHOLE = re.compile(
+    "width|height|channels|filters|size|stride|pad|padding|groups|group_id|batch_normalize|classes|num"
+)
+PLACES = re.compile("mask|layers|from")
+DECIMAL = re.compile("anchors|scale_x_y")
+"""Settings that are a whole number, and those that are whole numbers or decimals separated by commas."""
+DEFAULTS = {
+    "convolutional": {"filters": "1", "size": "1", "activation": "logistic"},
+    "maxpool": {"stride": "1"},
+    "upsample": {"stride": "2"},
+    "reorg": {"stride": "1"},
+}
+"""Settings for which OpenCV has other defaults than Darknet."""
+IGNORED = {
+    "convolutional": dict.fromkeys(("antialiasing", "binary", "xnor", "deform", "assisted_excitation"), "0")
+    | {"dilation": "1"},
+    "maxpool": {"maxpool_depth": "0", "antialiasing": "0"},
+    "upsample": {"scale": "1"},
+    "shortcut": {"weights_type": "none"},
+    "scale_channels": {"scale_wh": "0"},
+    "region": {"coords": "4"},
+}
+"""Settings that OpenCV ignores, and the only value with which the layer is still the same."""
+HEADS = {"yolo": {"thresh": "0.0001", "nms_threshold": "0"}, "region": {"thresh": "0.0001"}}
+"""Sections that decode boxes, and settings by which OpenCV gives nearly all of them."""
+SECONDS, MEMORY = 60, 3_000_000_000
+"""Of processor time, and bytes, that a network may take to be read, and bytes of what it computes."""
+CRASHED = f"OpenCV crashes, or takes over {SECONDS} s or {MEMORY / 1e9:g} GB"
+
+
+class DarknetNetwork:
+    """A network of Darknet with [yolo] or [region] layers.
+
+    Attributes:
+        kinds: numbers of its classes by the kind of object.
+    """
+
+    def __init__(self, sections: "Sequence[Section]", weights: bytes, kinds: dict[str, list[int]]) -> None:
+        """Make it of the sections of a ``.cfg`` and the content of its weights; cv2.error if that is impossible."""
+        self.kinds, net = kinds, sections[0].settings
+        self._size = int(net["width"]), int(net["height"])
+        text = "".join(section.text for section in sections).encode()
+        self._net = cv2.dnn.readNetFromDarknet(*(np.frombuffer(content, np.uint8) for content in (text, weights)))
+        self._layers = {name: self._net.getLayer(self._net.getLayerId(name)) for name in self._net.getLayerNames()}
+        self._heads = [name for name, layer in self._layers.items() if layer.type == "Region"]
+
+    @classmethod
+    def load(cls, cfg: Path, weights: Path) -> Self:
+        """Read a ``.cfg``, its weights, and beside it ``.names`` if there is such a file.
+
+        Raises:
+            InputError: a file is missing or broken, they do not belong together, OpenCV cannot run the network, or
+                none of its classes is known.
+        """
+        sections, beside = read_sections(cfg), cfg.with_suffix(".names")
+        kinds = _kinds(cfg, sections, read_text(beside).split("\n") if beside.exists() else ())
+        check_hash(weights)
+        content = read_bytes(weights)
+        size = len(content) - header_size(content, weights)
+        if (said := answer_apart(lambda: cls._tried(sections, content, size), SECONDS, MEMORY)) != GOOD:
+            raise InputError(f"{cfg}, {weights}: {said or CRASHED}")
+        try:
+            network = cls(sections, content, kinds)
+            rows = network._rows(np.full((*network._size[::-1], 3), 128, np.uint8))
+        except cv2.error as error:
+            raise InputError(f"{cfg}: OpenCV cannot run it: {' '.join(error.err.split())}") from error
+        if not np.isfinite(rows).all():
+            raise InputError(f"{weights}: with them the network computes numbers that are not finite")
+        return network
+
+    @classmethod
+    def _tried(cls, sections: "Sequence[Section]", weights: bytes, size: int) -> str:
+        """What is wrong with a network whose weights have a ``size`` without their header, bytes; GOOD if nothing."""
+        try:
+            network = cls(sections, weights, {})
+            _, _, shapes = network._net.getLayersShapes([1, 3, *network._size[::-1]])
+        except cv2.error as error:
+            return f"OpenCV cannot run it: {' '.join(error.err.split())}"
+        if size != (needed := network._weights_size()):
+            return f"weights too {'short' if size < needed else 'long'}: {size} bytes instead of {needed}"
+        outputs = sum(4 * prod(map(int, shape)) for layer in shapes for shape in layer)
+        return GOOD if outputs <= MEMORY else f"too large: {outputs / 1e9:.2g} GB, at most {MEMORY / 1e9:g}"
+
+    def find(self, image: Rgb, least: float) -> Boxes:
+        """Boxes in an image, pixels, several of each object, and (N, classes) confidences of at least ``least``."""
+        letterbox, canvas = Letterbox.fit(image, *self._size)
+        rows = self._rows(canvas)
+        rows = rows[rows[:, 5:].max(axis=1, initial=0) >= least]
+        middle, half = rows[:, :2] * self._size, rows[:, 2:4] * self._size / 2
+        return letterbox.to_image(np.concatenate([middle - half, middle + half], axis=1)), rows[:, 5:]
+
+    def _rows(self, canvas: Rgb) -> NDArray[np.float32]:
+        """(N, 5 + classes) middle and size of boxes as shares of the canvas, objectness, and confidences."""
+        self._net.setInput(cv2.dnn.blobFromImage(canvas, 1 / 255))
+        return np.concatenate([head.reshape(-1, head.shape[-1]) for head in self._net.forward(self._heads)])
+
+    def _weights_size(self) -> int:
+        """Bytes of the weights of all layers that have some."""
+        kinds = "Convolution", "BatchNorm", "InnerProduct"
+        return sum(b.nbytes for layer in self._layers.values() if layer.type in kinds for b in layer.blobs)
+
+
+@dataclass(frozen=True)
+class Section:
+    """A section of a ``.cfg``.
+
+    Attributes:
+        kind: the word in its brackets.
+        where: file and line of its head.
+        settings: by key.
+    """
+
+    kind: str
+    where: str
+    settings: dict[str, str] = field(default_factory=dict)
+
+    @property
+    def text(self) -> str:
+        """As OpenCV reads it."""
+        settings = DEFAULTS.get(self.kind, {}) | self.settings | HEADS.get(self.kind, {})
+        if self.kind == "maxpool":
+            settings = {"size": settings["stride"]} | settings
+        return "\n".join([f"[{self.kind}]", *(f"{key}={value}" for key, value in settings.items())]) + "\n"
+
+    def check(self) -> None:
+        """Raise InputError for a setting that OpenCV would misread or ignore."""
+        stride = self.settings.get("stride", "1")
+        only = IGNORED.get(self.kind, {}) | {"stride_x": stride, "stride_y": stride}
+        for key, value in self.settings.items():
+            if WHOLE.fullmatch(key) and not re.fullmatch(r"\d{1,9}", value):
+                raise self.error(f"{key}={value:.80}: not a whole number")
+            number = r"-?\d{1,9}" if PLACES.fullmatch(key) else r"\d*\.?\d+" if DECIMAL.fullmatch(key) else ""
+            if number and not re.fullmatch(f"{number}( *, *{number})*,?", value):
+                raise self.error(f"{key}={value:.80}: not numbers")
+            if value != only.get(key, value):
+                raise self.error(f"{key}={value:.80}: only {only[key]} can be run")
+        if self.kind == "yolo":
+            count = self.settings.get("anchors", "").strip(", ").count(",") // 2 + 1
+            if any(not 0 <= int(word) < count for word in self.settings.get("mask", "0").strip(", ").split(",")):
+                raise self.error(f"mask={self.settings['mask']:.80}: it has {count} anchors")
+
+    def error(self, message: str) -> InputError:
+        """An error that names this section."""
+        return InputError(f"{self.where}: [{self.kind}] {message}")
+
+
+def read_sections(path: Path) -> list[Section]:
+    """The sections of a ``.cfg``, the first of which is [net].
+
+    Raises:
+        InputError: it cannot be read or is none, or, with the line, a setting that OpenCV would misread or ignore.
+    """
+    sections: list[Section] = []
+    for number, raw in enumerate(read_text(path).splitlines(), 1):
+        line = re.split("[#;]", raw)[0].strip()
+        key, equals, value = line.partition("=")
+        if line.startswith("[") and line.endswith("]"):
+            sections.append(Section(line[1:-1].strip() if sections else "net", f"{path}:{number}"))
+        elif equals and sections:
+            sections[-1].settings[key.strip()] = value.strip()
+        elif line:
+            raise InputError(f"{path}:{number}: neither [section] nor key=value: {line:.40}")
+    if not sections or not {"width", "height"} <= sections[0].settings.keys():
+        raise InputError(f"{path}: a Darknet .cfg begins with [net], width and height")
+    for section in sections:
+        section.check()
+    return sections
+
+
+def _kinds(cfg: Path, sections: Sequence[Section], names: Sequence[str]) -> dict[str, list[int]]:
+    """Numbers of the network's classes by their kind."""
+    counts = {section.settings.get("classes", "20") for section in sections if section.kind in HEADS}
+    if len(counts) != 1:
+        raise InputError(f"{cfg}: no [yolo] or [region] section, or several numbers of classes: not a YOLO network")
+    if (channels := sections[0].settings.get("channels", "3")) != "3":
+        raise InputError(f"{cfg}: a network for {channels} channels, not for colour images")
+    count, words = int(counts.pop()), ["_".join(word.split()).casefold() for word in names if word.strip()]
+    if not words and count in PERSON:
+        number, whose = PERSON[count]
+        if count > 1:
+            print(f"{cfg}: its {count} classes have no .names, and are taken for {whose}", file=sys.stderr)
+        return {VICTIM: [number]}
+    if words and len(words) != count:
+        raise InputError(f"{cfg}: {count} classes, but {len(words)} names")
+    kinds = [KIND_OF.get(word) for word in words]
+    if not any(kinds):
+        raise InputError(
+            f"{cfg}: which of its {count} classes is a person? Beside it, .names has none of {', '.join(KIND_OF)}"
+        )
+    return {kind: [i for i, other in enumerate(kinds) if other == kind] for kind in KINDS if kind in kinds}

@@ -28,12 +28,14 @@ class OverhangConfig:
         deviations: standard deviations of the sensor's noise that do not count, besides.
         reach: m, farthest that an overhang goes on behind its edge.
         fewest: pixels one above the other that must show it; fewer are noise of an edge.
+        beside: m to either side where it must go on, with ground below: upright edges hide what is behind them, too.
     """
 
     nearer: float = 0.05
     deviations: float = 3.0
     reach: float = 2.0
     fewest: int = 2
+    beside: float = 0.05
 
 
 @dataclass(frozen=True)

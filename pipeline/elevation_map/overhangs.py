@@ -32,5 +32,6 @@ def find_overhangs(frame: Frame, points: Points, headroom: float, config: Overha
         nearer=config.nearer,
         reach=config.reach,
         fewest=config.fewest,
+        beside=config.beside,
     )
     return kernels.overhangs(in_camera, noise, frame.depth, np.array([k.fx, k.fy, k.cx, k.cy]), up, limits)

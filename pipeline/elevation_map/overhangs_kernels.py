@@ -15,7 +15,7 @@ class Limits(NamedTuple):
     Attributes:
         headroom: m above a return.
         nearest, farthest: m of depth between which surfaces surely give returns.
-        nearer, reach, fewest: as of :class:`pipeline.elevation_map.config.OverhangConfig`.
+        nearer, reach, fewest, beside: as of :class:`pipeline.elevation_map.config.OverhangConfig`.
     """
 
     headroom: float
@@ -24,6 +24,7 @@ class Limits(NamedTuple):
     nearer: float
     reach: float
     fewest: int
+    beside: float
 
 
 @njit(cache=True, nogil=True)
@@ -63,9 +64,35 @@ def _space_above(point, noise, depth, pinhole, up, limits):
         d, height = depth[v, u], below + k * step
         if d > 0:
             result = result if d >= z - noise else UNSURE
-            hidden = hidden + 1 if z - limits.reach <= d < z - noise - limits.nearer else 0
+            hidden = hidden + 1 if _hides(d, z, noise, limits) else 0
         elif not (is_far and (height >= 0 or z * below / height >= limits.farthest)):
             result = UNSURE
-        if hidden >= limits.fewest:
+        if d > 0 and hidden >= limits.fewest and _goes_on_beside(point, noise, depth, pinhole, (u, v), z, limits):
             return ROOFED
     return result
+
+
+@njit(cache=True)
+def _hides(d, z, noise, limits):
+    """Whether a return at depth ``d`` hides what lies at depth ``z``, not too far behind it."""
+    return z - limits.reach <= d < z - noise - limits.nearer
+
+
+@njit(cache=True)
+def _goes_on_beside(point, noise, depth, pinhole, pixel, z, limits):
+    """Whether what hides the space above a return at a pixel does so on both sides, and the ground is seen there too.
+
+    Beside the upright edge of a wall or a post, a camera that leans sees the ground, and the wall above it.
+    """
+    fx, fy, cx, cy = pinhole
+    u, v = pixel
+    foot_u, foot_v = int(np.floor(fx * point[0] / point[2] + cx)), int(np.floor(fy * point[1] / point[2] + cy))
+    for side in (-1, 1):
+        above = u + side * int(np.ceil(limits.beside * fx / depth[v, u]))
+        foot = foot_u + side * int(np.ceil(limits.beside * fx / point[2]))
+        if not (0 <= above < depth.shape[1] and 0 <= foot < depth.shape[1] and 0 <= foot_v < depth.shape[0]):
+            return False
+        d, ground = depth[v, above], depth[foot_v, foot]
+        if not (d > 0 and _hides(d, z, noise, limits)) or 0 < ground < point[2] - noise - limits.nearer:
+            return False
+    return True

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from pipeline.arrays import Points, Pose
+from pipeline.arrays import Place, Places, Points, Pose
 from pipeline.exploration.frontiers import find_frontiers
 from pipeline.exploration.mission import Mission
 from pipeline.exploration.next_best_view import NextBestView
@@ -18,9 +18,9 @@ from pipeline.navigation.speed_limit import SpeedLimit
 from pipeline.pilot import Pilot
 from pipeline.planning.path_plan import TOPOLOGICAL, PathPlan, Planner
 from pipeline.planning.pose_paths import PosePaths
+from pipeline.planning.stretches import Stretch, stretches_of
 from pipeline.robot import Robot
 from pipeline.sink import Sink, Step
-from pipeline.transforms import yaw_of
 
 
 class Explorer:
@@ -74,6 +74,8 @@ class Explorer:
         mapper.connect(keyframe, context.paths)
         with mapper.stopwatch("path_plan"):
             plan = self._plan(viewpoint, context) if viewpoint else None
+        if plan is None:
+            self.pilot.halt()
         can_drive = context.paths.start is not None and not self.is_held
         was_carried = bool(confirmed.was_carried) and self.steps > 0
         decided = viewpoint, plan, frontiers, left, self.mission.explores, ended, can_drive, was_carried
@@ -112,7 +114,8 @@ class Explorer:
     def _choose(self, keyframe: Keyframe) -> tuple[Viewpoint | None, Context]:
         # After failed drives clearance weighs more, so that the same way is not tried again.
         caution, is_tight = 1.0 + self._failed_drives, self.mission.is_tight
-        context = context_of(self.mapper, keyframe, caution, is_tight, self.reobservation)
+        pose = self.pilot.next_pose(keyframe.T_map_base)
+        context = context_of(self.mapper, keyframe, pose, caution, is_tight, self.reobservation)
         self.mission.observe(context)
         return None if self.is_held else self.mission.choose(context), context
 
@@ -157,7 +160,18 @@ class Explorer:
         people = [victim.points for victim in self.mapper.victims.confirmed]
         speed_limit = SpeedLimit(step.traversability, ramps, people, self._config.navigation.speed_limit)
         heading, start = viewpoint.heading if viewpoint.turn else None, step.keyframe.T_map_base[:2, 3]
-        return self.pilot.follow(check, plan.way_points[:, :2], heading, plan.backwards, start, speed_limit)
+        way = self._way(step, plan, heading)
+        return self.pilot.follow(check, way, heading, start, speed_limit, rolls=viewpoint.turn)
+
+    def _way(self, step: Step, plan: PathPlan, heading: float | None) -> list[Stretch]:
+        """The stretches of a plan, with arcs where there is room for them on level ground."""
+        ground = step.traversability
+
+        def fits(poses: Places) -> bool:
+            return bool((ground.rooms(poses) >= 0).all() and not ground.grid.at(ground.ramp, poses).any())
+
+        start, arcs = self.pilot.next_pose(step.keyframe.T_map_base), self._config.navigation.arcs
+        return stretches_of(plan.way_points[:, :2], plan.backwards, start, heading, fits, arcs)
 
     def _learn_from_drive(self, obstacles: Points) -> None:
         """Pass obstacles, the track of the drive and what the robot touched on to the mapper."""
@@ -169,14 +183,14 @@ class Explorer:
 
 
 def context_of(
-    mapper: Mapper, keyframe: Keyframe, caution: float, is_tight: bool, rewards: ViewpointRewards
+    mapper: Mapper, keyframe: Keyframe, pose: Place, caution: float, is_tight: bool, rewards: ViewpointRewards
 ) -> Context:
     """What the robot knows at a keyframe when it decides where to go; see :class:`PosePaths` for ``caution``.
 
-    ``is_tight``: ways need no margin. ``rewards``: of viewpoints that confirm what was found.
+    ``pose``: (3,) x, y and heading from which its ways lead. ``is_tight``: ways need no margin. ``rewards``: of
+    viewpoints that confirm what was found.
     """
     ground = mapper.traversability.without_margin if is_tight else mapper.traversability
-    T_map_base = keyframe.T_map_base
-    paths = PosePaths(ground, T_map_base[:2, 3], yaw_of(T_map_base), caution)
+    paths = PosePaths(ground, pose[:2], float(pose[2]), caution)
     measured = mapper.elevation_map.measured
-    return Context(keyframe.frame, T_map_base, measured, paths, mapper.keyframes.poses, rewards)
+    return Context(keyframe.frame, keyframe.T_map_base, measured, paths, mapper.keyframes.poses, rewards)

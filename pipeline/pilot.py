@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from pipeline.arrays import Mask, Place, Places, Points, Pose
+from pipeline.arrays import Place, Places, Points, Pose
 from pipeline.errors import InputError
 from pipeline.frame import Frame
 from pipeline.localisation.belief import MotionState
@@ -16,8 +16,9 @@ from pipeline.localisation.pose_check import Confirmed, PoseCheck
 from pipeline.mapper import Keyframe, Mapper
 from pipeline.navigation.commands import STOP, Approach, Commands, Outcome, Verdict
 from pipeline.navigation.faults import Faults
-from pipeline.navigation.navigator import DrivenLeg, Halt, Navigator, SpeedAt
+from pipeline.navigation.navigator import DrivenLeg, Halt, Navigator, SpeedAlong
 from pipeline.navigation.obstacle_check import ObstacleCheck
+from pipeline.planning.stretches import Stretch
 from pipeline.robot import Robot, Velocity
 from pipeline.sink import Sink
 
@@ -47,6 +48,13 @@ class Pilot:
     def T_map_base(self) -> Pose:
         """Where the robot is after its newest motion."""
         return self.navigator.T_map_base
+
+    def next_pose(self, T_map_base: Pose) -> Place:
+        """(3,) x, y and heading in ``map`` from which the next way leads of a robot that is at a pose.
+
+        It may roll on from there to the end of its newest way.
+        """
+        return self.navigator.next_pose(T_map_base)
 
     @property
     def track(self) -> Places:
@@ -106,18 +114,23 @@ class Pilot:
     def follow(
         self,
         check: ObstacleCheck,
-        way_points: Places,
+        way: Sequence[Stretch],
         heading: float | None = None,
-        backwards: Mask | None = None,
         start: Place | None = None,
-        speed_limit: SpeedAt = lambda here, along: np.inf,
+        speed_along: SpeedAlong | None = None,
+        rolls: bool = False,
     ) -> Outcome:
         """Follow a way as :meth:`Navigator.follow` says; take keyframes and look for obstacles on it."""
-        commands = self.navigator.follow(way_points, heading, backwards, start, speed_limit)
+        commands = self.navigator.follow(way, heading, start, speed_along, rolls)
         outcome = self._run(commands, check)
         motion = self.navigator.motion
         self._T_odom_left = None if outcome is Outcome.MOVED or motion is None else motion.T_odom_base
         return outcome
+
+    def halt(self) -> None:
+        """Come to rest, if the robot still rolls."""
+        if self.navigator.motion is not None:
+            self._run(self.navigator.halt())
 
     def _run(self, commands: Commands, check: ObstacleCheck | None = None) -> Outcome:
         """Give one command after the other to the robot, as long as it may follow them; unchecked without a check."""
@@ -148,10 +161,9 @@ class Pilot:
             return Verdict.FINE
         verdict = self._look()
         if verdict is Verdict.FINE and isinstance(command, Approach) and command.v > 0:
-            here, target = self.navigator.T_map_base[:2, 3], command.target
-            if check.is_due(here, target):
-                check.look(here, target, self._returns())
-            return Verdict.FINE if check.is_clear(here, target) else Verdict.BLOCKED
+            if check.is_due(command):
+                check.look(command, self._returns())
+            return Verdict.FINE if check.is_clear(command) else Verdict.BLOCKED
         return verdict
 
     def _look(self) -> Verdict:

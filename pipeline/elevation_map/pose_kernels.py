@@ -260,6 +260,20 @@ def room_at(x, y, cos, sin, terrain, costs):
 
 
 @njit(cache=True)
+def rooms(poses, terrain, costs):
+    """(N,) :func:`room_at` of poses (N, 3): x and y in m, heading in rad; negative where the robot cannot stand."""
+    nx, ny = terrain.least.shape
+    result = np.empty(len(poses))
+    for n in range(len(poses)):
+        x, y, heading = poses[n, 0], poses[n, 1], poses[n, 2]
+        i, j = cell_at(x, y, terrain.origin, terrain.cell)
+        room = room_at(x, y, np.cos(heading), np.sin(heading), terrain, costs)
+        is_free = 0 <= i < nx and 0 <= j < ny and 100 * room >= terrain.least[i, j] - 0.5
+        result[n] = max(room, 0.0) if is_free else -1.0
+    return result
+
+
+@njit(cache=True)
 def line_seconds(ax, ay, bx, by, backward, terrain, costs):
     """Cost of a straight drive between points, m, in s; inf if the footprint meets an obstacle.
 

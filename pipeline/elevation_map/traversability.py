@@ -116,6 +116,10 @@ class Traversability:
         a, b = np.ascontiguousarray(a), np.ascontiguousarray(b)
         return pose_kernels.lines_seconds(a, b, self.terrain, self.costs())
 
+    def rooms(self, poses: Places) -> Values:
+        """(N,) m around the footprint at poses (N, 3), see :func:`pose_kernels.rooms`; negative without enough."""
+        return pose_kernels.rooms(np.ascontiguousarray(poses, np.float64), self.terrain, self.costs())
+
     def has_ramp(self, xy: ArrayLike) -> bool:
         """Whether the robot minds a ramp near a place (2,), m."""
         places = self.grid.centre_of(np.argwhere(self.ramp))

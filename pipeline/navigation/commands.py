@@ -4,7 +4,8 @@ from collections.abc import Generator
 from dataclasses import dataclass
 from enum import Enum
 
-from pipeline.arrays import Place
+from pipeline.arrays import Places
+from pipeline.planning.stretches import Stretch
 from pipeline.robot import Velocity
 
 
@@ -14,13 +15,25 @@ class Turn(Velocity):
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Approach(Velocity):
-    """A command to drive straight to a way point.
+    """A command to drive along a stretch.
 
     Attributes:
-        target: (2,) the way point.
+        stretch: that the robot follows.
+        at: number of its pose beside which the robot is.
     """
 
-    target: Place
+    stretch: Stretch
+    at: int
+
+    @property
+    def way(self) -> Places:
+        """(N, 2) m, from the robot to the end of the stretch."""
+        return self.stretch.after(self.at).poses[:, :2]
+
+    @property
+    def left(self) -> float:
+        """Length of the way, m."""
+        return self.stretch.length - float(self.stretch.along[self.at])
 
 
 STOP = Velocity()

@@ -3,17 +3,24 @@
 from dataclasses import dataclass
 from math import radians
 
+from pipeline.planning.stretches import ArcConfig
+
 
 @dataclass(frozen=True)
 class FollowerConfig:
     """How the robot follows way points.
 
     Attributes:
-        turn_gain: 1/s, turn rate over heading error: the wider the angle, the faster the turn (thesis 4.5).
+        turn_gain: 1/s, turn rate over heading error (thesis 4.5).
         position_tolerance: m; a way point counts as reached this close to it.
         heading_tolerance: rad; a heading counts as reached this close to it.
         lean: rad; a robot that leans more is on a ramp, even if only its first wheels are.
         ramp_margin: m from where it leaned within which it minds the ramp: on the crest of a ridge it stands level.
+        braking: share of its turn acceleration by which it ends a turn, so that the wheels do not skid past its end.
+        shown: rad by which the heading may be off where a viewpoint is passed: the view shows the same.
+        lead: s by which turn rates follow the curvature ahead: the drive takes time to follow.
+        least_pace: share of its speed that the robot keeps however far it is off its heading.
+        still: m/s; a robot that is slower stands, and may turn in place.
         pivot_level: rad; on level ground smaller deviations of the way from its heading are corrected on the way.
         pivot_ramp: rad; the same on a ramp, where turns in place slide.
         widest_return: rad, greatest angle at which it returns to its line.
@@ -27,7 +34,12 @@ class FollowerConfig:
     heading_tolerance: float = radians(2)
     lean: float = radians(6)
     ramp_margin: float = 0.2
-    pivot_level: float = radians(5)
+    braking: float = 0.8
+    shown: float = radians(10)
+    lead: float = 0.2
+    least_pace: float = 0.2
+    still: float = 0.02
+    pivot_level: float = radians(15)
     pivot_ramp: float = radians(35)
     widest_return: float = 0.5
     hold_gain: float = 1.0
@@ -106,11 +118,15 @@ class SpeedLimitConfig:
         beside_people: m from a person within which it drives no faster than ``people_speed``.
         people_speed: m/s.
         beside_ramps: m from a ramp within which it drives as on the ramp: its wheels may already be on it.
+        arc_turn_rate: rad/s, greatest turn rate of a robot that drives along an arc.
+        braking: share of its acceleration by which it plans to brake, so that the wheels do not skid past the end.
     """
 
     beside_people: float = 1.0
     people_speed: float = 0.2
     beside_ramps: float = 0.2
+    arc_turn_rate: float = 0.8
+    braking: float = 0.8
 
 
 @dataclass(frozen=True)
@@ -149,5 +165,6 @@ class NavigationConfig:
     progress: ProgressConfig = ProgressConfig()
     obstacle_check: ObstacleCheckConfig = ObstacleCheckConfig()
     speed_limit: SpeedLimitConfig = SpeedLimitConfig()
+    arcs: ArcConfig = ArcConfig()
     attitude: AttitudeConfig = AttitudeConfig()
     faults: FaultConfig = FaultConfig()

@@ -1,32 +1,33 @@
-"""Navigation (thesis 4.5): drive a path of way points without tipping.
+"""Navigation (thesis 4.5): drive along stretches without tipping.
 
 The navigator commands nothing by itself: it yields one command after the other, and whoever gives them to the robot
 answers with a verdict and reports each motion.
 """
 
-from collections.abc import Callable, Generator, Iterator
+from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.arrays import Mask, Place, Places, Pose
+from pipeline.arrays import Place, Places, Pose, Values
 from pipeline.localisation.localisation import check_pose
 from pipeline.navigation.attitude import Attitude
 from pipeline.navigation.commands import STOP, Approach, Commands, Outcome, Turn, Verdict
 from pipeline.navigation.config import NavigationConfig
 from pipeline.navigation.progress import Progress
+from pipeline.planning.stretches import Stretch
 from pipeline.robot import Motion, RobotModel, Velocity
-from pipeline.transforms import transform_points, wrap_angle, yaw_of
+from pipeline.transforms import inverse, transform_points, wrap_angle, yaw_of
 
 REFUSED = {Verdict.UNSURE: Outcome.UNSURE, Verdict.BLOCKED: Outcome.BLOCKED}
 """How a leg ends when the robot must not go on."""
-SpeedAt = Callable[[Place, Place], float]
-"""m/s, the greatest speed of a robot at a place (2,) that drives along a direction (2,)."""
+SpeedAlong = Callable[[Stretch], Values]
+"""(N,) m/s, the greatest speeds at the poses of a stretch."""
 
 
 @dataclass
 class DrivenLeg:
-    """One straight drive to a way point, for the log and the report.
+    """The drive of one stretch, for the log and the report.
 
     Attributes:
         target: (2,) where it led to.
@@ -66,7 +67,7 @@ class Halt:
 
 
 class Navigator:
-    """Leads a robot along way points in ``map``.
+    """Leads a robot along stretches in ``map``.
 
     Attributes:
         legs: every leg driven so far.
@@ -89,7 +90,7 @@ class Navigator:
         self._before: Motion | None = None
         self._T_map_odom = np.eye(4)
         self._leaned_at: Place | None = None
-        self._speed_limit: SpeedAt = lambda here, along: np.inf
+        self._rest: Stretch | None = None  # in odom, what is left of a stretch to whose end the robot rolls
 
     def correct(self, T_map_odom: Pose) -> None:
         """Go on with the newest pose of ``odom`` in ``map``, also within a drive."""
@@ -104,64 +105,97 @@ class Navigator:
             self._leaned_at = self.T_map_base[:3, 3]
         self.track.append(np.append(self.T_map_base[:2, 3], yaw_of(self.T_map_base)))
 
+    def next_pose(self, T_map_base: Pose) -> Place:
+        """(3,) x, y and heading where a robot at a pose comes to rest: it may roll on after a way that it was to pass."""
+        if self._rest is None:
+            return np.append(T_map_base[:2, 3], yaw_of(T_map_base))
+        rest = self._in_map(self._rest)
+        return np.append(rest.poses[-1, :2], rest.last_heading)
+
+    def _in_map(self, stretch: Stretch) -> Stretch:
+        return stretch.moved(self._T_map_odom)
+
     def follow(
         self,
-        way_points: Places,
+        way: Sequence[Stretch],
         heading: float | None = None,
-        backwards: Mask | None = None,
         start: Place | None = None,
-        speed_limit: SpeedAt = lambda here, along: np.inf,
+        speed_along: SpeedAlong | None = None,
+        rolls: bool = False,
     ) -> Commands:
-        """Drive through way points; the outcome is ``REACHED`` if all of them, and the heading, were reached.
+        """Drive along stretches; the outcome is ``REACHED`` if all of them, and the heading, were reached.
 
         Args:
-            way_points: (N, 2), at least one.
+            way: from where the robot stands, or rolls to; at least a heading if there are none.
             heading: rad, of the robot at the end; None for any.
-            backwards: which of the way points the robot backs up to; None for none.
-            start: (2,), where the way begins. A robot that stands elsewhere was carried and does not follow it.
-            speed_limit: by the ground on the way.
+            start: (2,), where the robot was when the way was planned. One that is elsewhere was carried.
+            speed_along: by the ground; by default as fast as the robot may drive at all.
+            rolls: whether the robot need not stand at the end. It has reached the end where it must brake for it;
+                :attr:`next_pose` is then ahead of it, and it goes on with the next way, or else must be halted.
         """
-        self.halts, self.track, self._speed_limit = [], [], speed_limit
-        yield STOP
+        self.halts, self.track = [], []
+        way = self._joined(way)
+        if self._rest is None:
+            yield STOP
+        self._rest = None
         here = self.T_map_base[:2, 3]
         if start is not None and np.linalg.norm(here - start) > self._config.follower.carried_way:
             self.legs.append(DrivenLeg(here, Outcome.MOVED))
+            yield STOP
             return Outcome.MOVED
-        backwards = np.zeros(len(way_points), np.bool_) if backwards is None else backwards
-        for target, backs in zip(way_points, backwards, strict=True):
-            outcome = yield from self._drive_leg(target, bool(backs))
+        turns = heading is not None and (not way or not self._shows(way[-1].last_heading, heading))
+        for number, stretch in enumerate(way, start=1):
+            is_passed = rolls and not turns and number == len(way)
+            outcome = yield from self._drive_leg(stretch, speed_along, is_passed)
             if outcome is not Outcome.REACHED:
                 return outcome
         outcome = Outcome.REACHED
-        if heading is not None:
+        if heading is not None and turns:
             outcome = yield from self._supervised(self._turn_to(heading))
-        if outcome is not Outcome.REACHED:
+        if outcome is not Outcome.REACHED and self.legs:
             # A turn that fails is a leg that failed.
             self.legs[-1].outcome = outcome
         return outcome
 
+    def _joined(self, way: Sequence[Stretch]) -> list[Stretch]:
+        """The way, after what the robot still rolls along."""
+        if self._rest is None:
+            return list(way)
+        rest = self._in_map(self._rest)
+        if way and rest.leads_to(way[0], self._config.follower.pivot_level):
+            return [rest.and_then(way[0]), *way[1:]]
+        return [rest, *way]
+
+    def _shows(self, heading: float, wanted: float) -> bool:
+        return abs(wrap_angle(heading - wanted)) < self._config.follower.shown
+
+    def halt(self) -> Commands:
+        """Come to rest at the end of the way along which the robot rolls."""
+        rest, self._rest = self._rest, None
+        if rest is None:
+            yield STOP
+            return Outcome.REACHED
+        return (yield from self._supervised(self._along(self._in_map(rest), None)))
+
     def turn(self, angle: float) -> Commands:
         """Turn in place by an angle, rad, counter-clockwise."""
-        yield STOP
-        return (yield from self._supervised(self._turn_to(yaw_of(self.T_map_base) + angle)))
+        heading = yaw_of(self.T_map_base) + angle
+        yield from self.halt()
+        return (yield from self._supervised(self._turn_to(heading)))
 
-    def _drive_leg(self, target: Place, backwards: bool) -> Commands:
-        """Turn towards the way point, or away from it, then drive straight to it."""
-        T, outcome = self.T_map_base, Outcome.REACHED
-        length = float(np.linalg.norm(target - T[:2, 3]))
-        if length > self._config.follower.position_tolerance:
-            outcome = yield from self._supervised(self._approach(T, target, backwards), length)
-        self.legs.append(DrivenLeg(target, outcome))
+    def _drive_leg(self, stretch: Stretch, speed_along: SpeedAlong | None, is_passed: bool) -> Commands:
+        """Turn to the heading of the stretch, then drive along it."""
+        speeds = None if speed_along is None else speed_along(stretch)
+        outcome = yield from self._supervised(self._approach(stretch, speeds, is_passed), stretch.length)
+        self.legs.append(DrivenLeg(stretch.poses[-1, :2], outcome))
         return outcome
 
-    def _approach(self, T: Pose, target: Place, backwards: bool) -> Iterator[Velocity]:
-        """Commands that turn the robot to the way point and drive it there."""
-        # The bearing before the turn: while the robot slides in the turn, that of a near way point changes as well.
-        heading = float(np.arctan2(*(target - T[:2, 3])[::-1])) + np.pi * backwards
+    def _approach(self, stretch: Stretch, speeds: Values | None, is_passed: bool) -> Iterator[Velocity]:
         config = self._config.follower
-        if abs(wrap_angle(heading - yaw_of(T))) > (config.pivot_ramp if self._on_ramp else config.pivot_level):
-            yield from self._turn_to(heading)
-        yield from self._straight_to(self.T_map_base[:2, 3].copy(), target, backwards)
+        error = abs(wrap_angle(stretch.heading - yaw_of(self.T_map_base)))
+        if error > (config.pivot_ramp if self._on_ramp else config.pivot_level):
+            yield from self._turn_to(stretch.heading)
+        yield from self._along(stretch, speeds, is_passed)
 
     @property
     def _leans(self) -> bool:
@@ -185,15 +219,18 @@ class Navigator:
 
     def _turn_to(self, heading: float) -> Iterator[Velocity]:
         """Commands that turn in place, the shorter way, to a heading."""
-        place, tolerance = self.T_map_base[:2, 3].copy(), self._config.follower.heading_tolerance
+        config = self._config.follower
+        while self._speed > config.still:
+            yield STOP
+        place, tolerance = self.T_map_base[:2, 3].copy(), config.heading_tolerance
         while True:
             T = self.T_map_base
             error = wrap_angle(heading - yaw_of(T))
             if abs(error) < tolerance:
                 return
             model, (_, fastest) = self._robot, self._limits
-            # It brakes half as fast as it could, so that wheels do not skid past the heading.
-            slower = np.sqrt(model.turn_acceleration * (abs(error) - tolerance))
+            # It brakes less hard than it could, so that wheels do not skid past the heading.
+            slower = np.sqrt(2 * config.braking * model.turn_acceleration * (abs(error) - tolerance))
             rate = np.clip(slower, model.min_turn_rate, fastest)
             yield Turn(self._hold(T, place, error) if self._on_ramp else 0.0, float(np.sign(error) * rate))
 
@@ -208,28 +245,40 @@ class Navigator:
         speed = self._config.follower.hold_gain * (place - T[:2, 3] - slide) @ ahead
         return float(np.clip(speed, -self._robot.ramp_speed, self._robot.ramp_speed))
 
-    def _straight_to(self, start: Place, target: Place, backwards: bool) -> Iterator[Velocity]:
-        """Commands that follow the line from ``start`` until the robot is abreast of the target."""
-        length = max(float(np.linalg.norm(target - start)), np.finfo(np.float64).eps)
-        along = (target - start) / length
-        left = np.array([-along[1], along[0]])
-        bearing = np.arctan2(along[1], along[0]) + (np.pi if backwards else 0.0)
-        model, config = self._robot, self._config.follower
-        # By this gain the robot returns to the line with a damping ratio of 0.7 at full speed, and more at less.
-        gain = config.turn_gain / (2 * model.speed)
+    def _along(self, stretch: Stretch, speeds: Values | None, is_passed: bool = False) -> Iterator[Velocity]:
+        """Commands that follow a stretch until the robot is abreast of its end, or must brake for it if it passes it.
+
+        ``speeds``: (N,) m/s, greatest at its poses; None for no limit.
+        """
+        model, config, at = self._robot, self._config.follower, 0
         while True:
             T = self.T_map_base
-            remaining = float(length - (T[:2, 3] - start) @ along)
+            at = stretch.nearest(T[:2, 3], at)
+            remaining, left = stretch.offsets(T[:2, 3], at)
+            slowing = 2 * config.braking * model.acceleration
             if remaining < config.position_tolerance:
                 return
-            widest = config.widest_return
-            offset = float(np.clip(gain * ((T[:2, 3] - start) @ left), -widest, widest))
-            error = wrap_angle(bearing - offset - yaw_of(T))
-            # Slowing down before the way point keeps the wheels from skidding past it.
-            slower = np.sqrt(model.acceleration * max(0.0, remaining - config.position_tolerance))
-            speed = min(self._limits[0], max(model.ramp_speed / 3, slower), self._speed_limit(T[:2, 3], along))
-            rate = float(np.clip(config.turn_gain * error, -model.turn_rate, model.turn_rate))
-            yield Approach(-speed if backwards else speed, rate, target=target)
+            if is_passed and remaining <= max(self._speed**2 / slowing, config.position_tolerance):
+                self._rest = stretch.after(at).moved(inverse(self._T_map_odom))
+                return
+            limit = np.inf if speeds is None else float(speeds[at])
+            # Slowing down before the end keeps the wheels from skidding past it.
+            slower = np.sqrt(slowing * max(0.0, remaining - config.position_tolerance))
+            speed = min(self._limits[0], max(model.ramp_speed / 3, slower), limit)
+            yield self._steered(stretch, at, left, speed)
+
+    def _steered(self, stretch: Stretch, at: int, left: float, speed: float) -> Approach:
+        """The command at a speed, m/s, of a robot that is ``left`` m to the left of a pose of its stretch."""
+        model, config = self._robot, self._config.follower
+        # By this gain the robot returns to its line with a damping ratio of 0.7 at full speed, and more at less.
+        gain, widest = config.turn_gain / (2 * model.speed), config.widest_return
+        back = float(np.clip(gain * left, -widest, widest))
+        error = wrap_angle(stretch.poses[at, 2] - back + np.pi * stretch.backwards - yaw_of(self.T_map_base))
+        # Off its heading it drives more slowly, or it would leave the line.
+        speed *= max(config.least_pace, float(np.cos(2 * error)))
+        rate = config.turn_gain * error + speed * stretch.curvature_at(at, config.lead * speed)
+        rate = float(np.clip(rate, -model.turn_rate, model.turn_rate))
+        return Approach(-speed if stretch.backwards else speed, rate, stretch=stretch, at=at)
 
     def _supervised(self, commands: Iterator[Velocity], length: float = 0.0) -> Commands:
         """Yield commands until they end or must not be followed; back out if the robot leans too far or is held.
@@ -252,7 +301,8 @@ class Navigator:
                 self.halts.append(Halt(T, command, (yield from self._back_out(start, command, leans))))
                 self.recovered += self.halts[-1].freed
                 return Outcome.TILTED if leans else Outcome.STUCK
-        yield STOP
+        if self._rest is None:
+            yield STOP
         return Outcome.REACHED
 
     @property
@@ -305,6 +355,12 @@ class Navigator:
         # By the odometry, which no correction of the map moves.
         assert self.motion is not None
         return self.motion.T_odom_base
+
+    @property
+    def _speed(self) -> float:
+        """m/s by the encoders."""
+        assert self.motion is not None
+        return abs(self.motion.twist.v)
 
     @property
     def _time(self) -> float:

@@ -5,10 +5,13 @@ checks the depth image while it drives.
 """
 
 import numpy as np
+from scipy.spatial import KDTree
 
-from pipeline.arrays import Place, Points
+from pipeline.arrays import Mask, Places, Points
 from pipeline.elevation_map.traversability import Traversability
+from pipeline.navigation.commands import Approach
 from pipeline.navigation.config import ObstacleCheckConfig
+from pipeline.planning.stretches import Stretch
 from pipeline.sensor import SensorModel
 
 
@@ -23,44 +26,51 @@ class ObstacleCheck:
         """Watch a drive over ground that is known so well, with a camera."""
         self.obstacles: Points = np.zeros((0, 3), np.float32)
         self._traversability, self._sensor, self._config = traversability, sensor, config
-        self._target: Place | None = None
-        self._last = np.zeros(2)
+        self._stretch: Stretch | None = None
+        self._left = np.inf  # m of the stretch, when it was last looked at
 
-    def is_due(self, position: Place, target: Place) -> bool:
-        """Whether to look again from a position on a straight way to a way point (2,): a new one, or some way on."""
-        is_new = target is not self._target
-        is_far = is_new or bool(np.linalg.norm(position - self._last) >= self._config.every)
-        return is_far and not self._is_too_near(position, target)
+    def is_due(self, command: Approach) -> bool:
+        """Whether to look again: at a new stretch, or some way on."""
+        is_far = command.stretch is not self._stretch or self._left - command.left >= self._config.every
+        return is_far and not self._is_too_near(command)
 
-    def is_clear(self, position: Place, target: Place) -> bool:
-        """Whether no obstacle was seen between a position and a way point."""
-        return self._is_too_near(position, target) or not len(self.obstacles)
+    def is_clear(self, command: Approach) -> bool:
+        """Whether no obstacle was seen on the way."""
+        return self._is_too_near(command) or not len(self.obstacles)
 
-    def look(self, position: Place, target: Place, points: Points) -> None:
-        """Find the obstacles among the camera's returns between a position and a way point, on traversable ground.
+    def look(self, command: Approach, points: Points) -> None:
+        """Find the obstacles among the camera's returns on the way, on traversable ground.
 
         They are between half of the body's height and the headroom above the ground in the map.
         """
-        self._target, self._last = target, position
-        self.obstacles = self._obstacles(position, target, points)
-
-    def _is_too_near(self, position: Place, target: Place) -> bool:
-        """Whether the camera does not see what stands before the way point."""
-        reach = np.linalg.norm(target - position) + self._traversability.robot.half_length
-        return bool(reach < self._sensor.nearest)
-
-    def _obstacles(self, start: Place, target: Place, points: Points) -> Points:
+        self._stretch, self._left = command.stretch, command.left
         ground = self._traversability
-        robot, cell = ground.robot, ground.grid.cell
-        length = max(float(np.linalg.norm(target - start)), np.finfo(np.float64).eps)
-        ahead = (target - start) / length
-        along = (points[:, :2] - start) @ ahead
-        across = (points[:, :2] - start) @ np.array([-ahead[1], ahead[0]])
-        on_way = (along > 0) & (along < min(length + robot.half_length + 2 * cell, self._config.ahead))
-        near = points[on_way & (abs(across) < robot.half_width + cell / 2)]
-        height = near[:, 2] - ground.grid.at(ground.elevation, near, outside=np.nan)
-        near = near[
-            ground.grid.at(ground.traversable, near) & (height > robot.body_height / 2) & (height < robot.headroom)
-        ]
+        robot = ground.robot
+        height = points[:, 2] - ground.grid.at(ground.elevation, points, outside=np.nan)
+        is_high = (height > robot.body_height / 2) & (height < robot.headroom)
+        near = points[is_high & ground.grid.at(ground.traversable, points)]
+        near = near[self._on_way(near, command.way)]
         _, number, count = np.unique(ground.grid.cell_of(near), axis=0, return_inverse=True, return_counts=True)
-        return near[count[number.ravel()] >= self._config.least_returns]
+        self.obstacles = near[count[number.ravel()] >= self._config.least_returns]
+
+    def _is_too_near(self, command: Approach) -> bool:
+        """Whether the camera does not see what stands before the end of the stretch."""
+        return command.left + self._traversability.robot.half_length < self._sensor.nearest
+
+    def _on_way(self, points: Points, way: Places) -> Mask:
+        """(N,) which points lie where the footprint passes, up to the end of the way and not too far ahead."""
+        robot, cell = self._traversability.robot, self._traversability.grid.cell
+        way = _extended(way, robot.half_length + 2 * cell)
+        far = np.linalg.norm(np.diff(way, axis=0), axis=1).cumsum() < self._config.ahead
+        way = way[np.append(True, far)]
+        distance, number = KDTree(way).query(points[:, :2], distance_upper_bound=robot.half_width + cell / 2)
+        is_behind = (points[:, :2] - way[0]) @ (way[1] - way[0]) <= 0
+        beyond = (points[:, :2] - way[-1]) @ (way[-1] - way[-2]) >= 0
+        return np.isfinite(distance) & ~(is_behind & (number == 0)) & ~(beyond & (number == len(way) - 1))
+
+
+def _extended(way: Places, by: float) -> Places:
+    """A way (N, 2) that goes on straight by so many m."""
+    ahead = (way[-1] - way[-2]) / np.linalg.norm(way[-1] - way[-2])
+    steps = np.arange(0.0, by, np.linalg.norm(way[-1] - way[-2]))[1:, None]
+    return np.vstack([way, way[-1] + steps * ahead])

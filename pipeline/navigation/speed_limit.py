@@ -1,4 +1,4 @@
-"""The greatest speed on the ground before the wheels."""
+"""The greatest speed along a stretch, by what the maps show under and beside the wheels."""
 
 from collections.abc import Sequence
 
@@ -6,14 +6,15 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial import KDTree
 
-from pipeline.elevation_map.pose_kernels import STANDING, level_speed
+from pipeline.arrays import Places, Values
+from pipeline.elevation_map.pose_kernels import level_speed
 from pipeline.elevation_map.traversability import Traversability
 from pipeline.navigation.config import SpeedLimitConfig
-from pipeline.planning.pose_paths import nearest_heading
+from pipeline.planning.stretches import Stretch
 
 
 class SpeedLimit:
-    """Computes the greatest speed from what the maps show under and before the wheels."""
+    """Computes the greatest speed on the ground of a map."""
 
     def __init__(
         self,
@@ -23,22 +24,35 @@ class SpeedLimit:
         config: SpeedLimitConfig = SpeedLimitConfig(),
     ):
         """``ramps``, ``people``: (N, 3) points of each inclined ramp and person of the semantic map, m."""
-        self._traversability, robot, cell = traversability, traversability.robot, traversability.grid.cell
-        # Far enough to brake from full speed half as fast as it could, so that wheels do not skid.
-        self._ahead = np.arange(0.0, robot.half_length + robot.speed**2 / robot.acceleration + cell, cell)
-        slow = ((ramps, config.beside_ramps, robot.ramp_speed), (people, config.beside_people, config.people_speed))
+        self._traversability, self._config = traversability, config
+        slow = (
+            (ramps, config.beside_ramps, traversability.robot.ramp_speed),
+            (people, config.beside_people, config.people_speed),
+        )
         self._slow = [(KDTree(np.vstack(these)[:, :2]), near, most) for these, near, most in slow if len(these)]
 
-    def __call__(self, here: NDArray[np.float64], along: NDArray[np.float64]) -> float:
-        """m/s for a robot at (2,) m that drives along a unit vector (2,): it can brake in time for slower ground."""
+    def __call__(self, stretch: Stretch) -> Values:
+        """(N,) m/s at the poses of a stretch, from which the robot can brake in time for what follows."""
+        robot, poses = self._traversability.robot, stretch.poses
+        turning = self._config.arc_turn_rate / np.maximum(np.abs(stretch.curvature), np.finfo(np.float64).eps)
+        speeds = np.minimum(self._on_ground(poses), turning)
+        return braked(speeds, stretch.along, self._config.braking * robot.acceleration)
+
+    def _on_ground(self, poses: Places) -> Values:
+        """(N,) m/s at poses on the ground there."""
         t, robot = self._traversability, self._traversability.robot
-        places = here + self._ahead[:, None] * along
-        clearance = t.clearance[..., nearest_heading(float(np.arctan2(along[1], along[0]))) % STANDING]
         costs = t.config.costs
-        speeds = level_speed(0.01 * t.grid.at(clearance, places), robot.speed, costs.comfort, costs.narrow_speed)
-        speeds = np.where(t.grid.at(t.ramp, places), np.minimum(robot.ramp_speed, speeds), speeds)
+        front = poses[:, :2] + robot.half_length * np.column_stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])])
+        speeds = level_speed(t.rooms(poses), robot.speed, costs.comfort, costs.narrow_speed)
+        on_ramp = t.grid.at(t.ramp, poses) | t.grid.at(t.ramp, front)
+        speeds = np.where(on_ramp, np.minimum(robot.ramp_speed, speeds), speeds)
         for tree, near, most in self._slow:
-            is_near = np.isfinite(tree.query(places, distance_upper_bound=near)[0])
+            is_near = np.isfinite(np.minimum(*(tree.query(at[:, :2], distance_upper_bound=near)[0] for at in (poses, front))))
             speeds = np.where(is_near, np.minimum(most, speeds), speeds)
-        left = np.maximum(self._ahead - robot.half_length, 0.0)
-        return float(np.sqrt(speeds**2 + robot.acceleration * left).min())
+        return speeds
+
+
+def braked(speeds: Values, along: Values, deceleration: float) -> Values:
+    """(N,) m/s, the greatest speeds from which a robot can brake for those farther along its way, in m."""
+    squares = speeds**2 + 2 * deceleration * along
+    return np.sqrt(np.minimum.accumulate(squares[::-1])[::-1] - 2 * deceleration * along)

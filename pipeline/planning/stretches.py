@@ -1,0 +1,253 @@
+"""Stretches: what the robot drives in one direction without standing still, lines that arcs join.
+
+A plan's bends are turns in place. Where the ground has room for it, an arc takes the place of a turn: the robot turns
+while it drives.
+"""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import groupby, pairwise
+
+import numpy as np
+
+from pipeline.arrays import Mask, Place, Places, Pose, Values
+from pipeline.transforms import transform_points, wrap_angle, yaw_of
+
+Fits = Callable[[Places], bool]
+"""Whether the footprint has room at all poses (N, 3): x and y in m, and the direction of travel in rad."""
+
+
+@dataclass(frozen=True)
+class ArcConfig:
+    """Which arcs take the place of turns.
+
+    Attributes:
+        radii: m, tried one after the other.
+        widest: rad, the greatest turn by an arc; for a wider one the robot turns in place.
+        straight: rad; smaller turns are steered along a line.
+        spacing: m from one pose of a stretch to the next.
+    """
+
+    radii: tuple[float, ...] = (0.6, 0.45, 0.3, 0.2)
+    widest: float = float(np.radians(120))
+    straight: float = float(np.radians(5))
+    spacing: float = 0.02
+
+
+@dataclass(frozen=True, eq=False)
+class Stretch:
+    """What is driven in one direction without standing still.
+
+    Attributes:
+        poses: (N, 3) x and y in m and the direction of travel in rad; N is at least 2.
+        backwards: whether the robot drives backwards.
+    """
+
+    poses: Places
+    backwards: bool
+
+    @property
+    def heading(self) -> float:
+        """Rad, of a robot at the first pose."""
+        return float(self.poses[0, 2]) + np.pi * self.backwards
+
+    @property
+    def last_heading(self) -> float:
+        """Rad, of a robot at the last pose."""
+        return float(self.poses[-1, 2]) + np.pi * self.backwards
+
+    @cached_property
+    def along(self) -> Values:
+        """(N,) m from the first pose."""
+        return np.append(0.0, np.cumsum(np.linalg.norm(np.diff(self.poses[:, :2], axis=0), axis=1)))
+
+    @property
+    def length(self) -> float:
+        """In m."""
+        return float(self.along[-1])
+
+    def nearest(self, place: Place, after: int) -> int:
+        """Number of the pose nearest to a place (2,), of those that follow number ``after`` within half a metre."""
+        ahead = self.poses[after : after + self._window, :2]
+        return after + int(np.linalg.norm(ahead - place, axis=1).argmin())
+
+    @property
+    def _window(self) -> int:
+        return 1 + int(0.5 * len(self.poses) / max(self.length, 0.5))
+
+    def offsets(self, place: Place, at: int) -> tuple[float, float]:
+        """Of a place (2,) beside a pose: m along the stretch to its end, and m to the left of it."""
+        x, y, direction = self.poses[at]
+        (a, b), off = _unit(direction), place - (x, y)
+        return self.length - float(self.along[at] + a * off[0] + b * off[1]), float(a * off[1] - b * off[0])
+
+    def curvature_at(self, at: int, ahead: float) -> float:
+        """1/m, ``ahead`` m behind a pose."""
+        return float(self.curvature[np.searchsorted(self.along, self.along[at] + ahead).clip(max=len(self.poses) - 1)])
+
+    def after(self, at: int) -> "Stretch":
+        """What is left after a pose, two poses at least."""
+        return Stretch(self.poses[min(at, len(self.poses) - 2) :], self.backwards)
+
+    def moved(self, T: Pose) -> "Stretch":
+        """In another frame, whose axis z is nearly the same."""
+        moved = transform_points(T, np.column_stack([self.poses[:, :2], np.zeros(len(self.poses))]))[:, :2]
+        return Stretch(np.column_stack([moved, self.poses[:, 2] + yaw_of(T)]), self.backwards)
+
+    def leads_to(self, other: "Stretch", widest: float) -> bool:
+        """Whether another stretch goes on in the same direction, off by at most ``widest`` rad."""
+        angle = wrap_angle(other.poses[0, 2] - self.poses[-1, 2])
+        return self.backwards == other.backwards and bool(abs(angle) < widest)
+
+    def and_then(self, other: "Stretch") -> "Stretch":
+        """This stretch and the one that follows."""
+        return Stretch(_joined([self.poses, other.poses]), self.backwards)
+
+    @cached_property
+    def curvature(self) -> Values:
+        """(N,) 1/m, positive to the left; that of the last pose is that of the one before it."""
+        turned = wrap_angle(np.diff(self.poses[:, 2]))
+        return np.append(turned, turned[-1]) / np.append(np.diff(self.along), self.along[-1] - self.along[-2])
+
+
+def stretches_of(
+    way_points: Places, backwards: Mask, start: Place, heading: float | None, fits: Fits, config: ArcConfig = ArcConfig()
+) -> list[Stretch]:
+    """The stretches of a way; between two of them the robot turns in place, or changes its direction.
+
+    Args:
+        way_points: (N, 2) m.
+        backwards: (N,) which of them the robot backs up to.
+        start: (3,) x, y and heading of the robot.
+        heading: rad, of the robot at the end; None for any. If no arc leads to it, the last stretch ends otherwise.
+        fits: on the ground.
+        config: of the arcs.
+    """
+    result: list[Stretch] = []
+    number = 0
+    for back, group in groupby(backwards.tolist()):
+        places = way_points[number : (number := number + len(list(group)))]
+        end = None if heading is None or number < len(way_points) else heading + np.pi * back
+        for poses in _Bends(fits, config).round(start + np.array([0, 0, np.pi * back]), places, end):
+            result.append(Stretch(poses, back))
+        if result:
+            start = np.append(places[-1], result[-1].last_heading)
+    return result
+
+
+class _Bends:
+    """Draws lines, and arcs where they fit."""
+
+    def __init__(self, fits: Fits, config: ArcConfig):
+        self._fits, self._config = fits, config
+        self._done: list[Places] = []
+        self._now: list[Places] = []
+
+    def round(self, start: Place, places: Places, end: float | None) -> list[Places]:
+        """(M, 3) poses of each stretch from a pose (3,) through places (N, 2) to a direction at the last of them."""
+        places = np.array([p for a, p in pairwise([start[:2], *places]) if np.linalg.norm(p - a) > self._config.spacing])
+        if not len(places):
+            return []
+        last = self._arc_in(places[-2] if len(places) > 1 else start[:2], places[-1], end)
+        goals = [*places[:-1], last[0, :2]] if last is not None else list(places)
+        first = self._arc_out(start, goals[0])
+        here = start[:2]
+        if first is not None:
+            self._now.append(first)
+            here = first[-1, :2]
+        for number, (corner, after) in enumerate(pairwise(goals), start=2):
+            here = self._corner(here, corner, after, is_last=number == len(goals))
+        self._line(here, goals[-1])
+        if last is not None:
+            self._now.append(last)
+        self._stop()
+        return self._done
+
+    def _corner(self, here: Place, corner: Place, after: Place, is_last: bool) -> Place:
+        """Drive from a place to a corner and around it towards the next; returns where the line from it begins."""
+        before, beyond = _direction(here, corner), _direction(corner, after)
+        angle = float(wrap_angle(beyond - before))
+        reach = np.linalg.norm(corner - here), np.linalg.norm(after - corner) * (1.0 if is_last else 0.5)
+        for radius in self._radii(angle):
+            tangent = radius * np.tan(abs(angle) / 2)
+            if tangent > min(reach):
+                continue
+            arc = self._arc(np.append(corner - tangent * _unit(before), before), angle, radius)
+            if self._fits(arc):
+                self._line(here, arc[0, :2])
+                self._now.append(arc)
+                return arc[-1, :2]
+        self._line(here, corner)
+        if abs(angle) > self._config.straight:
+            self._stop()
+        return corner
+
+    def _arc_out(self, start: Place, target: Place) -> Places | None:
+        """The arc from a pose after which a line leads to a place; None if there is none."""
+        for radius in self._radii(float(wrap_angle(_direction(start[:2], target) - start[2]))):
+            angle = _angle_to(start, target, radius)
+            if angle is None or abs(angle) > self._config.widest:
+                continue
+            arc = self._arc(start, angle, radius)
+            if self._fits(np.vstack([arc, self._straight(arc[-1, :2], target)])):
+                return arc
+        return None
+
+    def _arc_in(self, before: Place, place: Place, end: float | None) -> Places | None:
+        """The arc that ends at a place with a direction, and to which a line leads from the place before it."""
+        if end is None:
+            return None
+        back = self._arc_out(np.append(place, end + np.pi), before)
+        return None if back is None else back[::-1] + np.array([0, 0, np.pi])
+
+    def _radii(self, angle: float) -> Sequence[float]:
+        is_arc = self._config.straight < abs(angle) <= self._config.widest
+        return self._config.radii if is_arc else ()
+
+    def _arc(self, pose: Place, angle: float, radius: float) -> Places:
+        number = max(2, int(np.ceil(abs(angle) * radius / self._config.spacing)) + 1)
+        directions, side = pose[2] + np.linspace(0.0, angle, number), np.sign(angle) * radius
+        centre = pose[:2] + side * np.array([-np.sin(pose[2]), np.cos(pose[2])])
+        return np.column_stack([centre + side * np.column_stack([np.sin(directions), -np.cos(directions)]), directions])
+
+    def _straight(self, here: Place, there: Place) -> Places:
+        number = max(2, int(np.ceil(np.linalg.norm(there - here) / self._config.spacing)) + 1)
+        return np.column_stack([np.linspace(here, there, number), np.full(number, _direction(here, there))])
+
+    def _line(self, here: Place, there: Place) -> None:
+        if np.linalg.norm(there - here) > self._config.spacing / 2:
+            self._now.append(self._straight(here, there))
+
+    def _stop(self) -> None:
+        if self._now:
+            self._done.append(_joined(self._now))
+        self._now = []
+
+
+def _joined(parts: list[Places]) -> Places:
+    """(N, 3) the poses of successive parts, without those that repeat the place before them."""
+    poses = np.vstack(parts)
+    moved = np.linalg.norm(np.diff(poses[:, :2], axis=0), axis=1) > np.finfo(np.float32).eps
+    return poses[np.append(True, moved)]
+
+
+def _angle_to(pose: Place, target: Place, radius: float) -> float | None:
+    """Rad, of the arc from a pose (3,) after which a line leads to a place (2,); None if that lies inside the arc."""
+    side = float(np.sign(wrap_angle(_direction(pose[:2], target) - pose[2]))) or 1.0
+    centre = pose[:2] + side * radius * np.array([-np.sin(pose[2]), np.cos(pose[2])])
+    to_target = target - centre
+    distance = float(np.linalg.norm(to_target))
+    if distance <= radius:
+        return None
+    line = np.sqrt(distance**2 - radius**2)
+    direction = np.arctan2(to_target[1], to_target[0]) + side * np.arctan2(radius, line)
+    return float(side * ((side * (direction - pose[2])) % (2 * np.pi)))
+
+
+def _direction(here: Place, there: Place) -> float:
+    return float(np.arctan2(there[1] - here[1], there[0] - here[0]))
+
+
+def _unit(direction: float) -> Place:
+    return np.array([np.cos(direction), np.sin(direction)])

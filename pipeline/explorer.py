@@ -161,7 +161,11 @@ class Explorer:
         speed_limit = SpeedLimit(step.traversability, ramps, people, self._config.navigation.speed_limit)
         heading, start = viewpoint.heading if viewpoint.turn else None, step.keyframe.T_map_base[:2, 3]
         way = self._way(step, plan, heading)
-        return self.pilot.follow(check, way, heading, start, speed_limit, rolls=viewpoint.turn)
+
+        def is_done() -> bool:
+            return self.mission.is_shown(self.mapper.elevation_map)
+
+        return self.pilot.follow(check, way, heading, start, speed_limit, rolls=viewpoint.turn, is_done=is_done)
 
     def _way(self, step: Step, plan: PathPlan, heading: float | None) -> list[Stretch]:
         """The stretches of a plan, with arcs where there is room for them on level ground."""

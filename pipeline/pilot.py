@@ -3,7 +3,7 @@
 It decides nothing: the navigator says what to command, the pose check which views it needs, the mapper what is new.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -41,6 +41,7 @@ class Pilot:
         maps = mapper.localisation, mapper.metric_map, mapper.elevation_map, mapper.keyframes
         self.pose_check = PoseCheck(*maps, robot.model, localisation)
         self._mapper, self._sinks, self._carried_way = mapper, sinks, localisation.pose_check.carried_way
+        self._is_done: Callable[[], bool] = lambda: False
         self._last: Frame | None = None
         self._T_odom_left: Pose | None = None  # where the last drive ended; None if the robot was carried
 
@@ -119,8 +120,13 @@ class Pilot:
         start: Place | None = None,
         speed_along: SpeedAlong | None = None,
         rolls: bool = False,
+        is_done: Callable[[], bool] = lambda: False,
     ) -> Outcome:
-        """Follow a way as :meth:`Navigator.follow` says; take keyframes and look for obstacles on it."""
+        """Follow a way as :meth:`Navigator.follow` says; take keyframes and look for obstacles on it.
+
+        ``is_done``: asked after each keyframe whether the drive may end there.
+        """
+        self._is_done = is_done
         commands = self.navigator.follow(way, heading, start, speed_along, rolls)
         outcome = self._run(commands, check)
         motion = self.navigator.motion
@@ -178,7 +184,9 @@ class Pilot:
             return Verdict.UNSURE
         self._mapper.offer(localised)
         self.correct()
-        return Verdict.SPINNING if belief.is_sure_of(MotionState.HELD) else Verdict.FINE
+        if belief.is_sure_of(MotionState.HELD):
+            return Verdict.SPINNING
+        return Verdict.DONE if self._is_done() else Verdict.FINE
 
     def _returns(self) -> Points:
         """The camera's present returns; their frame becomes a keyframe."""

@@ -74,6 +74,7 @@ class ExplorationConfig:
         arrived: m; a robot this close to a viewpoint or goal has reached it.
         patience: drives that bring the robot no nearer after which a goal is given up.
         progress: s by which the way to a goal must shrink to count as nearer: the cost of a bend.
+        shown: share of the expected ground after which a viewpoint has shown enough, even on the way to it.
         visibility: what a view is expected to show.
         inspection: of walls, once nothing is left to explore.
     """
@@ -85,5 +86,6 @@ class ExplorationConfig:
     arrived: float = 0.15
     patience: int = 5
     progress: float = 1.5
+    shown: float = 0.8
     visibility: VisibilityConfig = VisibilityConfig()
     inspection: InspectionConfig = InspectionConfig()

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from pipeline.arrays import Place, Pose
+from pipeline.elevation_map.elevation_map import ElevationMap
 from pipeline.exploration.config import ExplorationConfig
 from pipeline.exploration.deadline import Deadline
 from pipeline.exploration.viewpoint import Context, Strategy, Viewpoint
@@ -49,6 +50,7 @@ class Mission:
         self.may_explore = True
         self.deadline: Deadline | None = None
         self.inspection: Strategy | None = None
+        self._sender = exploration
         self._visited: dict[str, Goals] = {}
         self._reported: dict[str, int] = {}
 
@@ -102,8 +104,13 @@ class Mission:
                 if not self._has_time(viewpoint, context):
                     return None
                 strategy.commit(viewpoint, context)
+                self._sender = strategy
                 return viewpoint
         return None
+
+    def is_shown(self, elevation_map: ElevationMap) -> bool:
+        """Whether the drive to the last viewpoint has already shown what the robot set out for."""
+        return self._sender.is_shown(elevation_map)
 
     def _has_time(self, viewpoint: Viewpoint, context: Context) -> bool:
         """Whether the clock allows the drive; the robot then sets out. Once it turns back, it is not asked again."""

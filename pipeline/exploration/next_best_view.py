@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from pipeline.arrays import Cells, MaskLayer, Places
+from pipeline.elevation_map.elevation_map import ElevationMap
 from pipeline.elevation_map.pose_kernels import ANGLES
 from pipeline.exploration import visibility
 from pipeline.exploration.config import ExplorationConfig
@@ -82,6 +83,7 @@ class NextBestView(Strategy):
         self.config, self.sightings = config, Sightings(robot, config)
         self._robot = robot
         self._began: float | None = None
+        self._promised, self._is_for_ground = (np.zeros((0, 2)), 0.0), False
         # Rays cast for one guess of the ground behind crests are of no use for the other.
         self._gains = {falls: visibility.ViewpointGains(config.visibility.stride) for falls in (True, False)}
 
@@ -108,11 +110,22 @@ class NextBestView(Strategy):
 
     def commit(self, viewpoint: Viewpoint, context: Context) -> None:
         """Remember what a keyframe from this viewpoint should show."""
-        ends = np.stack([context.T_map_base[:2, 3], viewpoint.position])
-        self.sightings.expect(np.argwhere(self.outlook.in_view(viewpoint)), ends, context.poses)
+        ends, cells = np.stack([context.T_map_base[:2, 3], viewpoint.position]), self.outlook.in_view(viewpoint)
+        self.sightings.expect(np.argwhere(cells), ends, context.poses)
+        terrain = self.outlook.terrain
+        area = float(terrain.probability[cells].sum()) * terrain.cell**2
+        self._promised = context.traversability.grid.centre_of(np.argwhere(cells)), area
+        self._is_for_ground = viewpoint.gain <= area * (1 + self.config.shown)
         if self.takes_rewards and context.rewards is not None:
             place = context.traversability.on_ground(viewpoint.position[None])[0]
             context.rewards.aim(place, viewpoint.heading)
+
+    def is_shown(self, elevation_map: ElevationMap) -> bool:
+        """Whether the map already has most of the ground for which the robot set out."""
+        places, area = self._promised
+        cell = elevation_map.grid.cell
+        seen = np.isfinite(elevation_map.grid.at(elevation_map.measured, places, outside=np.nan)).sum() * cell**2
+        return self._is_for_ground and bool(seen >= self.config.shown * area)
 
     def worth(self, gains: NDArray[np.float64], seconds: NDArray[np.float64]) -> NDArray[np.float64]:
         """(N, 16) scores of viewpoints, of which the greatest is chosen; not above 0 for those that show nothing.

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import Layer, Place, Places, Pose, Poses, Values
+from pipeline.elevation_map.elevation_map import ElevationMap
 from pipeline.elevation_map.traversability import Traversability
 from pipeline.frame import Frame
 from pipeline.planning.pose_paths import PosePaths
@@ -95,6 +96,10 @@ class Strategy(Protocol):
     def commit(self, viewpoint: Viewpoint, context: Context) -> None:
         """Remember that the robot sets out for a viewpoint that this strategy has named."""
         ...
+
+    def is_shown(self, elevation_map: ElevationMap) -> bool:
+        """Whether the drive to the last viewpoint has already shown what the robot set out for."""
+        return False
 
     def leftovers(self, context: Context) -> list[Viewpoint]:
         """Viewpoints that would show more, whether or not they are worth the drive; the call changes nothing."""

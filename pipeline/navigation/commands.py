@@ -43,6 +43,7 @@ class Verdict(Enum):
     """Whether the robot may follow a command; it follows only what is fine."""
 
     FINE = "it moves as the odometry says, and the way is clear"
+    DONE = "what the drive was for is done"
     SPINNING = "its wheels turn and it stays"
     UNSURE = "its pose is in doubt"
     BLOCKED = "an obstacle stands in the way"

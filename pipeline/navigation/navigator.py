@@ -147,7 +147,7 @@ class Navigator:
         for number, stretch in enumerate(way, start=1):
             is_passed = rolls and not turns and number == len(way)
             outcome = yield from self._drive_leg(stretch, speed_along, is_passed)
-            if outcome is not Outcome.REACHED:
+            if outcome is not Outcome.REACHED or self._rest is not None:
                 return outcome
         outcome = Outcome.REACHED
         if heading is not None and turns:
@@ -258,8 +258,8 @@ class Navigator:
             slowing = 2 * config.braking * model.acceleration
             if remaining < config.position_tolerance:
                 return
-            if is_passed and remaining <= max(self._speed**2 / slowing, config.position_tolerance):
-                self._rest = stretch.after(at).moved(inverse(self._T_map_odom))
+            if is_passed and remaining <= self._braking_way + config.position_tolerance:
+                self._rest = self._rest_of(stretch, at)
                 return
             limit = np.inf if speeds is None else float(speeds[at])
             # Slowing down before the end keeps the wheels from skidding past it.
@@ -292,6 +292,8 @@ class Navigator:
             if verdict in REFUSED:
                 yield STOP
                 return REFUSED[verdict]
+            if verdict is Verdict.DONE:
+                return (yield from self._roll_out(command))
             if verdict is Verdict.FINE and self._was_carried:
                 yield STOP
                 return Outcome.MOVED
@@ -304,6 +306,25 @@ class Navigator:
         if self._rest is None:
             yield STOP
         return Outcome.REACHED
+
+    def _roll_out(self, command: Velocity) -> Commands:
+        """End a drive on the way: the robot rolls on as far as it takes to brake."""
+        if isinstance(command, Approach):
+            self._rest = self._rest_of(command.stretch, command.at)
+        else:
+            yield STOP
+        return Outcome.REACHED
+
+    def _rest_of(self, stretch: Stretch, at: int) -> Stretch:
+        """What of a stretch, in odom, the robot needs to brake."""
+        brakes = stretch.along[at] + self._braking_way + self._config.follower.position_tolerance
+        end = int(np.searchsorted(stretch.along, brakes)) + 1
+        return Stretch(stretch.poses[:end], stretch.backwards).after(at).moved(inverse(self._T_map_odom))
+
+    @property
+    def _braking_way(self) -> float:
+        """M in which the robot comes to rest."""
+        return self._speed**2 / (2 * self._config.follower.braking * self._robot.acceleration)
 
     @property
     def _was_carried(self) -> bool:

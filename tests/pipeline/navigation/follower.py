@@ -3,10 +3,14 @@
 from collections.abc import Callable
 from dataclasses import replace
 
+import numpy as np
+
 from pipeline.navigation.commands import Commands, Outcome, Verdict
 from pipeline.navigation.config import FollowerConfig, NavigationConfig
 from pipeline.navigation.navigator import Navigator
+from pipeline.planning.stretches import Stretch, stretches_of
 from pipeline.robot import Robot, Velocity
+from pipeline.transforms import yaw_of
 
 
 class Follower(Navigator):
@@ -17,11 +21,31 @@ class Follower(Navigator):
         super().__init__(robot.model, robot.control_period, config)
         self.robot = robot
 
-    def drive(self, *args, watch: Callable[[Velocity], Verdict] = lambda command: Verdict.FINE, **kwargs) -> bool:
-        """Drive through way points; True if all of them, and the heading, were reached."""
-        return self._outcome(self.follow(*args, **kwargs), watch) is Outcome.REACHED
+    def way(self, way_points, heading=None, backwards=None, arcs: bool = False) -> list[Stretch]:
+        """The way from where the robot is through points (N, 2), with arcs or without."""
+        if self.motion is None:
+            self.moved(self.robot.drive(Velocity()))
+        T, backwards = self.T_map_base, np.zeros(len(way_points), np.bool_) if backwards is None else backwards
+        start = np.append(T[:2, 3], yaw_of(T))
+        return stretches_of(np.asarray(way_points, float), backwards, start, heading, lambda poses: arcs)
 
-    def _outcome(self, commands: Commands, watch: Callable[[Velocity], Verdict]) -> Outcome:
+    def drive(
+        self,
+        way_points,
+        heading=None,
+        backwards=None,
+        arcs: bool = False,
+        watch: Callable[[Velocity], Verdict] = lambda command: Verdict.FINE,
+        **kwargs,
+    ) -> bool:
+        """Drive through way points; True if all of them, and the heading, were reached."""
+        way = self.way(way_points, heading, backwards, arcs)
+        return self.outcome(self.follow(way, heading, **kwargs), watch) is Outcome.REACHED
+
+    def outcome(
+        self, commands: Commands, watch: Callable[[Velocity], Verdict] = lambda command: Verdict.FINE
+    ) -> Outcome:
+        """How a drive by these commands ends."""
         try:
             command = next(commands)
             while True:

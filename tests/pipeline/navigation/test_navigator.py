@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 from pipeline.navigation.commands import Approach, Outcome, Verdict
 from pipeline.navigation.config import ProgressConfig, RecoveryConfig
 from pipeline.navigation.navigator import Halt
+from pipeline.planning.stretches import stretches_of
 from pipeline.robot import Velocity
 from pipeline.transforms import from_yaw, wrap_angle, yaw_of
 from tests.pipeline.kinematic_robot import KinematicRobot
@@ -65,7 +66,12 @@ def test_it_drives_at_the_speed_of_the_thesis_and_slower_on_ramps():
 def test_it_slows_down_to_the_pace_of_the_ground_ahead():
     robot = KinematicRobot()
     navigator = Follower(robot)
-    assert navigator.drive(np.array([(3.0, 0.0)]), speed_limit=lambda here, along: 0.1 if 1 < here[0] < 2 else np.inf)
+
+    def speed_along(stretch):
+        x = stretch.poses[:, 0]
+        return np.where((x > 1) & (x < 2), 0.1, np.inf)
+
+    assert navigator.drive(np.array([(3.0, 0.0)]), speed_along=speed_along)
     speeds = [c.v for c in robot.commands]
     assert speeds.count(0.1) * robot.control_period > 9
     assert max(speeds) == PIONEER.speed
@@ -177,6 +183,59 @@ def test_a_blocked_look_is_a_leg_that_failed():
     navigator = Follower(robot)
     assert not navigator.drive(np.array([(1, 0)]), heading=3.0)
     assert [leg.outcome for leg in navigator.legs] == [Outcome.STUCK]
+
+
+def stops(robot):
+    """Numbers of the commands, but the first and the last, by which the robot stands."""
+    return [k for k, command in enumerate(robot.commands[2:-1]) if command == Velocity()]
+
+
+def test_where_there_is_room_it_turns_while_it_drives():
+    corners = np.array([(1.0, 0.0), (1.0, 1.0), (2.0, 1.0)])
+    for arcs in (True, False):
+        robot = KinematicRobot()
+        assert Follower(robot).drive(corners, np.deg2rad(60), arcs=arcs)
+        pivots = any(command.omega and not command.v for command in robot.commands)
+        assert pivots != arcs
+        np.testing.assert_allclose(robot.T[:2, 3], corners[-1], atol=0.06)
+        assert abs(yaw_of(robot.T) - np.deg2rad(60)) < np.deg2rad(10)
+
+
+def test_it_rolls_through_the_end_of_a_way_that_it_passes():
+    robot = KinematicRobot()
+    navigator = Follower(robot)
+    assert navigator.drive([(1.0, 0.0)], 0.0, arcs=True, rolls=True)
+    assert robot.commands[-1].v > 0
+    ahead = navigator.next_pose(navigator.T_map_base)
+    np.testing.assert_allclose(ahead, (1.0, 0.0, 0.0), atol=0.02)
+    way = stretches_of(np.array([(2.0, 0.0)]), np.zeros(1, np.bool_), ahead, None, lambda poses: True)
+    assert navigator.outcome(navigator.follow(way)) is Outcome.REACHED
+    assert not stops(robot)
+    np.testing.assert_allclose(robot.T[:2, 3], (2.0, 0.0), atol=0.06)
+
+
+def test_a_robot_that_rolls_goes_to_the_end_before_it_turns_back():
+    robot = KinematicRobot()
+    navigator = Follower(robot)
+    assert navigator.drive([(1.0, 0.0)], 0.0, rolls=True)
+    ahead = navigator.next_pose(navigator.T_map_base)
+    way = stretches_of(np.array([(0.0, 0.0)]), np.zeros(1, np.bool_), ahead, None, lambda poses: False)
+    assert navigator.outcome(navigator.follow(way)) is Outcome.REACHED
+    assert max(place[0] for place in navigator.track) == pytest.approx(1.0, abs=0.06)
+    np.testing.assert_allclose(robot.T[:2, 3], (0.0, 0.0), atol=0.06)
+
+
+def test_a_drive_that_is_done_before_its_end_goes_on_with_the_next_one():
+    robot = KinematicRobot()
+    navigator = Follower(robot)
+    assert navigator.drive([(3.0, 0.0)], watch=lambda c: Verdict.FINE if robot.T[0, 3] < 1 else Verdict.DONE)
+    assert [leg.outcome for leg in navigator.legs] == [Outcome.REACHED]
+    x, y, heading = navigator.next_pose(navigator.T_map_base)
+    assert 1.0 < x < 1.2
+    assert abs(y) + abs(heading) < 0.01
+    assert navigator.outcome(navigator.halt()) is Outcome.REACHED
+    np.testing.assert_allclose(robot.T[:2, 3], (x, y), atol=0.06)
+    assert robot.commands[-1] == Velocity()
 
 
 def test_a_robot_that_was_lifted_stops():
@@ -328,14 +387,14 @@ def test_it_stops_before_what_blocks_its_way():
 
     def watch(command):
         if isinstance(command, Approach):
-            asked.add(tuple(command.target))
+            asked.add(tuple(command.way[-1]))
         return Verdict.FINE if robot.T[0, 3] < 0.8 else Verdict.BLOCKED
 
-    assert not navigator.drive(np.array([(0.5, 0), (2, 0), (2, 2)]), watch=watch)
+    assert not navigator.drive(np.array([(0, 0.5), (2, 0.5), (2, 2)]), watch=watch)
     assert [leg.outcome for leg in navigator.legs] == [Outcome.REACHED, Outcome.BLOCKED]
     assert 0.8 <= robot.T[0, 3] < 0.85
     assert robot.commands[-1] == Velocity()
-    assert asked == {(0.5, 0), (2, 0)}
+    assert asked == {(0, 0.5), (2, 0.5)}
 
 
 def test_it_turns_before_it_approaches():

@@ -4,13 +4,22 @@ import numpy as np
 import pytest
 
 from pipeline.elevation_map.traversability import assess_map
+from pipeline.navigation.commands import Approach
 from pipeline.navigation.config import ObstacleCheckConfig
 from pipeline.navigation.obstacle_check import ObstacleCheck
+from pipeline.planning.stretches import Stretch
 from pipeline.sensor import XTION
 from tests.pipeline.worlds import flat, ground_points, ridge, surface_of, wall_points
 
 START, TARGET = np.array([0.0, 0.0]), np.array([2.0, 0.0])
 FLOOR = assess_map(surface_of(ground_points(flat, (-1, 4), (-1, 1))))
+
+
+def straight(start, target):
+    """The stretch from one place to another."""
+    number = 2 + int(np.linalg.norm(target - start) / 0.02)
+    direction = np.arctan2(*(target - start)[::-1])
+    return Stretch(np.column_stack([np.linspace(start, target, number), np.full(number, direction)]), False)
 
 
 class Watch:
@@ -20,11 +29,12 @@ class Watch:
         self.check = ObstacleCheck(traversability, XTION, ObstacleCheckConfig())
         self.looks, self._cloud = 0, np.vstack(seen).astype(np.float32)
 
-    def is_clear(self, position, target):
-        if self.check.is_due(position, target):
+    def is_clear(self, stretch, at=0):
+        command = Approach(0.2, stretch=stretch, at=at)
+        if self.check.is_due(command):
             self.looks += 1
-            self.check.look(position, target, self._cloud)
-        return self.check.is_clear(position, target)
+            self.check.look(command, self._cloud)
+        return self.check.is_clear(command)
 
 
 def box(x, y, height=0.4):
@@ -48,32 +58,39 @@ def box(x, y, height=0.4):
 )
 def test_what_stands_in_the_corridor_is_in_the_way(seen, clear):
     watch = Watch(seen)
-    assert watch.is_clear(START, TARGET) == clear
+    assert watch.is_clear(straight(START, TARGET)) == clear
     assert (len(watch.check.obstacles) == 0) == clear
 
 
 def test_what_the_map_knows_is_no_news():
     walled = assess_map(surface_of(ground_points(flat, (-1, 4), (-1, 1)), wall_points((1.5, -1), (1.5, 1))))
-    assert Watch(wall_points((1.5, -1), (1.5, 1)), traversability=walled).is_clear(START, TARGET)
+    assert Watch(wall_points((1.5, -1), (1.5, 1)), traversability=walled).is_clear(straight(START, TARGET))
 
 
 def test_a_ramp_is_no_obstacle():
     traversability = assess_map(surface_of(ground_points(ridge, (-2, 2), (-1, 1))))
     seen = ground_points(ridge, (-1, 1), (-1, 1))
-    assert Watch(seen, traversability=traversability).is_clear(np.array([-1.5, 0.0]), np.array([1.5, 0.0]))
+    assert Watch(seen, traversability=traversability).is_clear(straight(np.array([-1.5, 0.0]), np.array([1.5, 0.0])))
 
 
 def test_what_stands_behind_the_way_point_does_not_matter():
-    assert Watch(box(1.5, 0.0)).is_clear(START, np.array([1.1, 0.0]))
-    assert not Watch(box(1.4, 0.0)).is_clear(START, np.array([1.1, 0.0]))
+    assert Watch(box(1.5, 0.0)).is_clear(straight(START, np.array([1.1, 0.0])))
+    assert not Watch(box(1.4, 0.0)).is_clear(straight(START, np.array([1.1, 0.0])))
 
 
-def test_it_checks_at_each_new_way_point_and_every_stride():
-    watch = Watch(np.zeros((0, 3)))
-    for x in np.arange(0, 1.0, 0.01):
-        assert watch.is_clear(np.array([x, 0.0]), TARGET)
+def test_what_stands_beside_a_line_may_stand_on_an_arc():
+    around = np.linspace(0, np.pi / 2, 100)
+    arc = Stretch(np.column_stack([0.6 * np.sin(around), 0.6 - 0.6 * np.cos(around), around]), False)
+    assert not Watch(box(0.55, 0.5)).is_clear(arc)
+    assert Watch(box(1.5, 0.0)).is_clear(arc)
+
+
+def test_it_checks_each_new_stretch_and_at_every_stride():
+    watch, first, second = Watch(np.zeros((0, 3))), straight(START, TARGET), straight(TARGET, TARGET + (0, 2))
+    for at in range(50):
+        assert watch.is_clear(first, at)
     assert watch.looks == 3
-    assert watch.is_clear(np.array([1.0, 0.0]), np.array([1.0, 2.0]))
+    assert watch.is_clear(second)
     assert watch.looks == 4
-    assert watch.is_clear(np.array([1.0, 1.9]), np.array([1.2, 1.9]))  # nearer than the camera sees
+    assert watch.is_clear(second, len(second.poses) - 10)  # nearer than the camera sees
     assert watch.looks == 4

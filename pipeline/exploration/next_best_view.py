@@ -153,7 +153,10 @@ class NextBestView(Strategy):
         return self._opening(outlook, context)
 
     def _opening(self, outlook: Outlook, context: Context) -> Viewpoint | None:
-        """The first viewpoint left that is worth its time by the ground to which the way may be free, if any."""
+        """The first viewpoint that is worth its time by the ground to which the way may be free, if any.
+
+        However small what bars the way: only cells on both sides of which the robot could stand count.
+        """
         traversability, reachable = context.traversability, context.paths.reachable
         pieces, number = ndimage.label(traversability.traversable & ~reachable, np.ones((3, 3)))
         if not number:
@@ -162,13 +165,17 @@ class NextBestView(Strategy):
         areas[0] = 0.0  # no piece
 
         def opened(cells: MaskLayer) -> float:
-            """m² of the pieces to which the way may be free once these cells are seen."""
-            near = near_ground(context, cells)
-            return float(areas[np.unique(pieces[near])].sum()) if (near & reachable).any() else 0.0
+            """m² of the pieces to which the way may be free once these cells are seen, times the chance of that."""
+            if not cells.any():
+                return 0.0
+            near, chance = near_ground(context, cells), outlook.terrain.probability[cells].max()
+            return float(chance * areas[np.unique(pieces[near])].sum()) if (near & reachable).any() else 0.0
 
+        bars = outlook.terrain.target & near_ground(context, pieces > 0) & near_ground(context, reachable)
+        outlook = replace(outlook, terrain=outlook.terrain._replace(target=bars))
         context = replace(context, rewards=None)
         while self._may_be_worth(outlook, context, opened(outlook.terrain.target)):
-            viewpoint = self._best(outlook, context)
+            viewpoint = self._best(outlook, context, least=0.0)
             if viewpoint is None:
                 return None
             if viewpoint.gain + opened(outlook.in_view(viewpoint)) >= self.needed(viewpoint.seconds):
@@ -178,7 +185,7 @@ class NextBestView(Strategy):
 
     def _may_be_worth(self, outlook: Outlook, context: Context, opened: float) -> bool:
         """Whether any viewpoint can be worth the drive if its way is straight and it opens ``opened`` m² as well."""
-        offer = self._offer(outlook, context)
+        offer = self._offer(outlook, context, least=0.0)
         if offer is None:
             return False
         least = self.config.keyframe_time + context.paths.without_risk.least_seconds_to(offer.cells)
@@ -193,17 +200,20 @@ class NextBestView(Strategy):
             yield viewpoint
             outlook = outlook.after(viewpoint)
 
-    def _best(self, outlook: Outlook, context: Context) -> Viewpoint | None:
+    def _best(self, outlook: Outlook, context: Context, least: float | None = None) -> Viewpoint | None:
         """The viewpoint of the greatest worth; None if none shows anything."""
-        offer = self._offer(outlook, context)
+        offer = self._offer(outlook, context, least)
         if offer is None or (found := self._quickest(offer.gains, offer.cells, context)) is None:
             return None
         n, m, seconds = found
         heading, gain = wrap_angle(float(ANGLES[m])), float(offer.gains[n, m])
         return Viewpoint(offer.places[n], heading, True, gain, seconds, outlook.terrain.falls)
 
-    def _offer(self, outlook: Outlook, context: Context) -> Offer | None:
-        """The viewpoints that show enough to count; None if there are none."""
+    def _offer(self, outlook: Outlook, context: Context, least: float | None = None) -> Offer | None:
+        """The viewpoints that show enough to count; None if there are none.
+
+        ``least``: m² that count; by default a strip of cells as wide as the robot.
+        """
         paths, traversability = context.paths, context.traversability
         if paths.start is None:
             return None
@@ -211,8 +221,8 @@ class NextBestView(Strategy):
         places = np.vstack([paths.start, traversability.grid.centre_of(cells)])
         there = np.vstack([traversability.grid.cell_of(paths.start), cells])
         gains = self._gains_of(places, cells, outlook, context)
-        is_wide = gains >= self._robot.width * outlook.terrain.cell
-        gains = np.where(bits(paths.headings[tuple(there.T)]) & is_wide, gains, 0.0)
+        least = self._robot.width * outlook.terrain.cell if least is None else least
+        gains = np.where(bits(paths.headings[tuple(there.T)]) & (gains >= least), gains, 0.0)
         is_some = gains.any(axis=1)
         return Offer(places[is_some], there[is_some], gains[is_some]) if is_some.any() else None
 

@@ -143,18 +143,18 @@ class Navigator:
             self.legs.append(DrivenLeg(here, Outcome.MOVED))
             yield STOP
             return Outcome.MOVED
-        turns = heading is not None and (not way or not self._shows(way[-1].last_heading, heading))
+        turns = heading is not None and not (way and self._shows(way[-1].last_heading, heading))
         for number, stretch in enumerate(way, start=1):
             is_passed = rolls and not turns and number == len(way)
             outcome = yield from self._drive_leg(stretch, speed_along, is_passed)
             if outcome is not Outcome.REACHED or self._rest is not None:
                 return outcome
-        outcome = Outcome.REACHED
-        if heading is not None and turns:
-            outcome = yield from self._supervised(self._turn_to(heading))
-        if outcome is not Outcome.REACHED and self.legs:
-            # A turn that fails is a leg that failed.
-            self.legs[-1].outcome = outcome
+        if not turns:
+            return Outcome.REACHED
+        if not way:
+            self.legs.append(DrivenLeg(here, Outcome.REACHED))
+        # A turn that fails is a leg that failed.
+        outcome = self.legs[-1].outcome = yield from self._supervised(self._turn_to(heading))
         return outcome
 
     def _joined(self, way: Sequence[Stretch]) -> list[Stretch]:
@@ -179,9 +179,8 @@ class Navigator:
 
     def turn(self, angle: float) -> Commands:
         """Turn in place by an angle, rad, counter-clockwise."""
-        heading = yaw_of(self.T_map_base) + angle
         yield from self.halt()
-        return (yield from self._supervised(self._turn_to(heading)))
+        return (yield from self._supervised(self._turn_to(yaw_of(self.T_map_base) + angle)))
 
     def _drive_leg(self, stretch: Stretch, speed_along: SpeedAlong | None, is_passed: bool) -> Commands:
         """Turn to the heading of the stretch, then drive along it."""

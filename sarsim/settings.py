@@ -169,7 +169,7 @@ class MissionConfig:
         map: folder of an earlier episode here, in whose map the robot goes on.
         goals: places to drive to after exploring, x y x y … in m in the map; the robot chooses a short order.
         home: drive back at the end.
-        speed: top speed, m/s, on seen level ground with enough room; the thesis drives at 0.2.
+        speed: top speed, m/s, on seen level ground with enough room; by default the robot's, 0.2 is the thesis's.
         view: live view of the run: in a new window (spawn), in the browser (web), or none.
         mission: explore, or with files handed in: league, virtual, FILE.
         minutes: clock of a mission, which ends it in place of --steps; by default its own.
@@ -180,7 +180,7 @@ class MissionConfig:
     map: Path | None = None
     goals: tuple[tuple[float, float], ...] = ()
     home: bool = False
-    speed: float = 0.5
+    speed: float | None = None
     view: Literal["none", "spawn", "web"] = "none"
     mission: str = EXPLORE
     minutes: float | None = None
@@ -190,7 +190,7 @@ class MissionConfig:
         """Raise InputError for settings out of range."""
         if self.minutes is not None and (self.mission == EXPLORE or not 0 < self.minutes < float("inf")):
             raise InputError(f"--minutes {self.minutes:g}: more than 0, and only with a --mission that has a clock")
-        if not 0 < self.speed < float("inf"):
+        if self.speed is not None and not 0 < self.speed < float("inf"):
             raise InputError(f"--speed {self.speed:g}: more than 0")
 
 

@@ -17,6 +17,7 @@ from sarsim.arenas.things.thing import things_of
 from sarsim.arenas.things.warmth import temperatures
 from sarsim.environment import CONTROL_TIMESTEP, RescueEnvironment
 from sarsim.ground_truth.contacts import CollisionCounter
+from sarsim.robots.model import paced_model
 from sarsim.robots.names import ROBOTS
 from sarsim.robots.pose import Pose
 from sarsim.sensors.air import Air
@@ -95,8 +96,7 @@ class SimulatedRobot:
         self._conditions = Conditions(SENSORS[config.sensor], lighting, Air(config.dust))
         self._environment = RescueEnvironment(arena, config.robot)
         self.robot = self._environment.robot
-        speed = min(config.speed or self.robot.model.speed, self.robot.drive.top_speed)
-        self.model = replace(self.robot.model, speed=speed)
+        self.model = paced_model(config.robot, config.speed)
         self.physics = self._environment.physics
         set_lighting(self.physics, self.robot, lighting)
         self.renderer = Renderer(self.physics.model.ptr)

@@ -45,7 +45,8 @@ class PathCosts:
     Attributes:
         comfort: m of room around the footprint from which on the robot drives as fast as it can; more makes no
             difference, so clearances are computed up to here.
-        narrow_speed: m/s, greatest speed where obstacles leave no room around the footprint.
+        narrow_stop: m in which the robot can stop where obstacles leave no room around its footprint; a Pioneer then
+            drives at 0.2 m/s.
         ramp_pace: share of its speed, and of its turn rate, that the robot reaches on ramps, where it aligns itself
             and slips.
         turn_pace: share of its greatest turn rate that the robot reaches, since it speeds up and brakes.
@@ -57,7 +58,7 @@ class PathCosts:
     """
 
     comfort: float = 0.2
-    narrow_speed: float = 0.2
+    narrow_stop: float = 0.067
     ramp_pace: float = 0.65
     turn_pace: float = 0.35
     stray: float = 0.1

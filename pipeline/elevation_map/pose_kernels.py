@@ -64,7 +64,8 @@ class Costs(NamedTuple):
         slide: additional deviation in a turn, m per unit of slope.
         lean: how far the top of the body leans downhill, m per unit of slope: its height.
         across: relative increase of the time by driving across a slope, per unit of slope.
-        comfort, narrow_speed, backing, risk, stop, tick: as of :class:`pipeline.elevation_map.config.PathCosts`.
+        narrow_speed: m/s where no room is left around the footprint.
+        comfort, backing, risk, stop, tick: as of :class:`pipeline.elevation_map.config.PathCosts`.
     """
 
     half_length: float

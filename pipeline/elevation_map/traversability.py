@@ -103,7 +103,7 @@ class Traversability:
             lean=robot.body_height,
             across=1 / np.tan(robot.max_tilt),
             comfort=costs.comfort,
-            narrow_speed=costs.narrow_speed,
+            narrow_speed=float(np.sqrt(2 * robot.acceleration * costs.narrow_stop)),
             backing=costs.backing,
             risk=costs.risk,
             stop=costs.stop,

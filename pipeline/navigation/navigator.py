@@ -106,7 +106,7 @@ class Navigator:
         self.track.append(np.append(self.T_map_base[:2, 3], yaw_of(self.T_map_base)))
 
     def next_pose(self, T_map_base: Pose) -> Place:
-        """(3,) x, y and heading where a robot at a pose comes to rest: it may roll on after a way that it was to pass."""
+        """(3,) x, y and heading where a robot at a pose comes to rest: it may roll on after a way that it passed."""
         if self._rest is None:
             return np.append(T_map_base[:2, 3], yaw_of(T_map_base))
         rest = self._in_map(self._rest)
@@ -149,7 +149,7 @@ class Navigator:
             outcome = yield from self._drive_leg(stretch, speed_along, is_passed)
             if outcome is not Outcome.REACHED or self._rest is not None:
                 return outcome
-        if not turns:
+        if heading is None or not turns:
             return Outcome.REACHED
         if not way:
             self.legs.append(DrivenLeg(here, Outcome.REACHED))
@@ -269,8 +269,8 @@ class Navigator:
     def _steered(self, stretch: Stretch, at: int, left: float, speed: float) -> Approach:
         """The command at a speed, m/s, of a robot that is ``left`` m to the left of a pose of its stretch."""
         model, config = self._robot, self._config.follower
-        # By this gain the robot returns to its line with a damping ratio of 0.7 at full speed, and more at less.
-        gain, widest = config.turn_gain / (2 * model.speed), config.widest_return
+        # By this gain the robot returns to its line with a damping ratio of 0.7.
+        gain, widest = config.turn_gain / (2 * max(speed, config.least_speed)), config.widest_return
         back = float(np.clip(gain * left, -widest, widest))
         error = wrap_angle(stretch.poses[at, 2] - back + np.pi * stretch.backwards - yaw_of(self.T_map_base))
         # Off its heading it drives more slowly, or it would leave the line.

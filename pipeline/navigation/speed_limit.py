@@ -34,20 +34,23 @@ class SpeedLimit:
     def __call__(self, stretch: Stretch) -> Values:
         """(N,) m/s at the poses of a stretch, from which the robot can brake in time for what follows."""
         robot, poses = self._traversability.robot, stretch.poses
-        turning = self._config.arc_turn_rate / np.maximum(np.abs(stretch.curvature), np.finfo(np.float64).eps)
+        turn_rate = min(robot.turn_rate, self._config.arc_lag * robot.turn_acceleration)
+        turning = turn_rate / np.maximum(np.abs(stretch.curvature), np.finfo(np.float64).eps)
         speeds = np.minimum(self._on_ground(poses), turning)
         return braked(speeds, stretch.along, self._config.braking * robot.acceleration)
 
     def _on_ground(self, poses: Places) -> Values:
         """(N,) m/s at poses on the ground there."""
         t, robot = self._traversability, self._traversability.robot
-        costs = t.config.costs
+        costs = t.costs()
         front = poses[:, :2] + robot.half_length * np.column_stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])])
         speeds = level_speed(t.rooms(poses), robot.speed, costs.comfort, costs.narrow_speed)
         on_ramp = t.grid.at(t.ramp, poses) | t.grid.at(t.ramp, front)
         speeds = np.where(on_ramp, np.minimum(robot.ramp_speed, speeds), speeds)
         for tree, near, most in self._slow:
-            is_near = np.isfinite(np.minimum(*(tree.query(at[:, :2], distance_upper_bound=near)[0] for at in (poses, front))))
+            is_near = np.isfinite(
+                np.minimum(*(tree.query(at[:, :2], distance_upper_bound=near)[0] for at in (poses, front)))
+            )
             speeds = np.where(is_near, np.minimum(most, speeds), speeds)
         return speeds
 

@@ -84,7 +84,9 @@ class Stretch:
 
     def curvature_at(self, at: int, ahead: float) -> float:
         """1/m, ``ahead`` m behind a pose."""
-        return float(self.curvature[np.searchsorted(self.along, self.along[at] + ahead).clip(max=len(self.poses) - 1)])
+        return float(
+            self.curvature[np.searchsorted(self.along, self.along[at] + ahead).clip(max=len(self.poses) - 1)]
+        )
 
     def after(self, at: int) -> "Stretch":
         """What is left after a pose, two poses at least."""
@@ -112,7 +114,12 @@ class Stretch:
 
 
 def stretches_of(
-    way_points: Places, backwards: Mask, start: Place, heading: float | None, fits: Fits, config: ArcConfig = ArcConfig()
+    way_points: Places,
+    backwards: Mask,
+    start: Place,
+    heading: float | None,
+    fits: Fits,
+    config: ArcConfig = ArcConfig(),
 ) -> list[Stretch]:
     """The stretches of a way; between two of them the robot turns in place, or changes its direction.
 
@@ -146,7 +153,9 @@ class _Bends:
 
     def round(self, start: Place, places: Places, end: float | None) -> list[Places]:
         """(M, 3) poses of each stretch from a pose (3,) through places (N, 2) to a direction at the last of them."""
-        places = np.array([p for a, p in pairwise([start[:2], *places]) if np.linalg.norm(p - a) > self._config.spacing])
+        places = np.array(
+            [p for a, p in pairwise([start[:2], *places]) if np.linalg.norm(p - a) > self._config.spacing]
+        )
         if not len(places):
             return []
         last = self._arc_in(places[-2] if len(places) > 1 else start[:2], places[-1], end)
@@ -209,7 +218,9 @@ class _Bends:
         number = max(2, int(np.ceil(abs(angle) * radius / self._config.spacing)) + 1)
         directions, side = pose[2] + np.linspace(0.0, angle, number), np.sign(angle) * radius
         centre = pose[:2] + side * np.array([-np.sin(pose[2]), np.cos(pose[2])])
-        return np.column_stack([centre + side * np.column_stack([np.sin(directions), -np.cos(directions)]), directions])
+        return np.column_stack(
+            [centre + side * np.column_stack([np.sin(directions), -np.cos(directions)]), directions]
+        )
 
     def _straight(self, here: Place, there: Place) -> Places:
         number = max(2, int(np.ceil(np.linalg.norm(there - here) / self._config.spacing)) + 1)

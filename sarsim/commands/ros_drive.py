@@ -1,7 +1,6 @@
 """A run of a ROS 2 robot, without ground truth."""
 
 from collections.abc import Callable
-from dataclasses import replace
 from typing import Any, NamedTuple
 
 from pipeline.arrays import Pose
@@ -23,7 +22,7 @@ from pipeline.run import ExplorerRun
 from pipeline.sink import Result, Sink, Step
 from sarsim.composition import compose, make_mapper
 from sarsim.methods.make import make_exploration
-from sarsim.robots.model import robot_model
+from sarsim.robots.model import paced_model
 from sarsim.settings import RosExploration
 
 STARTING_TIME = 120.0
@@ -90,7 +89,7 @@ class RosDrive(ExplorerRun):
         """Raises InputError if no robot is found, or a file cannot be read or written."""
         check_folder(config.out)
         camera = config.camera and CameraPose(*config.camera).T_base_camera
-        model = replace(robot_model(config.robot), speed=config.speed)
+        model = paced_model(config.robot, config.speed)
         self.robot = RosRobot(
             node,
             model,

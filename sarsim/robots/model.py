@@ -1,6 +1,7 @@
 """The numbers of a robot, from its MJCF as mere XML: a program for a real robot needs them, and no simulator."""
 
-from dataclasses import fields
+import sys
+from dataclasses import fields, replace
 from typing import TypeVar
 
 from pipeline.errors import InputError
@@ -22,6 +23,14 @@ def robot_model(robot: str = ROBOTS[0]) -> RobotModel:
 def drive_model(robot: str = ROBOTS[0]) -> DriveModel:
     """Parameters of a robot for its firmware; raises InputError as :func:`robot_model` does."""
     return _filled(DriveModel, robot)
+
+
+def paced_model(robot: str, speed: float | None) -> RobotModel:
+    """:func:`robot_model` with another speed, m/s, at most the robot's top speed; None leaves the robot's own."""
+    model, top = robot_model(robot), drive_model(robot).top_speed
+    if speed is not None and speed > top:
+        print(f"--speed {speed:g}: the robot drives at {top:g} m/s at most, and so at this speed", file=sys.stderr)
+    return model if speed is None else replace(model, speed=min(speed, top))
 
 
 def _filled(kind: type[Model], robot: str) -> Model:

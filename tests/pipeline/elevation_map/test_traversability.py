@@ -231,7 +231,7 @@ def test_a_passage_that_needs_no_daring_is_the_same_without_margin():
 
 def test_other_numbers_hold_in_the_map_on_the_ground_and_for_the_way():
     clouds = ground_points(flat, (-2, 2), (-2, 2)), wall_points((0, -2), (0, 0.4))
-    costs = PathCosts(stop=3.0, narrow_speed=0.1)
+    costs = PathCosts(stop=3.0, narrow_stop=0.02)
     world = ElevationMap(PIONEER, ElevationConfig(cell=0.1, traversability=TraversabilityConfig(costs=costs)))
     world.update(np.vstack(clouds))
     slow, usual = (PosePaths(assess_map(w), (-1.0, -1.0), 0.0) for w in (world, surface_of(*clouds)))

@@ -86,7 +86,7 @@ def test_what_stands_beside_a_line_may_stand_on_an_arc():
 
 
 def test_it_checks_each_new_stretch_and_at_every_stride():
-    watch, first, second = Watch(np.zeros((0, 3))), straight(START, TARGET), straight(TARGET, TARGET + (0, 2))
+    watch, first, second = Watch(np.zeros((0, 3))), straight(START, TARGET), straight(TARGET, np.array([2.0, 2.0]))
     for at in range(50):
         assert watch.is_clear(first, at)
     assert watch.looks == 3

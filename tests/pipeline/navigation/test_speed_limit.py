@@ -21,7 +21,9 @@ def speed_limit(world, speed=0.5, **semantic):
 def line(x, y=0.0, direction=EAST, length=3.0):
     """A straight stretch whose first pose is at (x, y)."""
     along = np.arange(0, length, 0.02)
-    poses = np.column_stack([x + along * np.cos(direction), y + along * np.sin(direction), np.full(len(along), direction)])
+    poses = np.column_stack(
+        [x + along * np.cos(direction), y + along * np.sin(direction), np.full(len(along), direction)]
+    )
     return Stretch(poses, False)
 
 

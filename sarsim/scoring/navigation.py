@@ -28,7 +28,8 @@ class NavigationScore:
     def report(self) -> dict[str, Any]:
         """The figures for report.json; without speed and times if the robot was not given a single command."""
         trajectory = self._robot.trajectory[self._first :]
-        figures = {"collisions": self._robot.collisions.collisions, **motion_figures(self._robot.trajectory)}
+        contacts, motion = self._robot.collisions.collisions, motion_figures(self._robot.trajectory)
+        figures: dict[str, Any] = {"collisions": contacts, **motion}
         if len(trajectory) > 1:
             figures["mean_speed"] = driven(trajectory) / (trajectory[-1].time - trajectory[0].time)
             figures["time_s"] = time_figures(trajectory, self.ground)

@@ -203,7 +203,8 @@ class EpisodeScore(Sink):
         scene = true_scene(robot.physics.model.ptr, robot.physics.data.ptr, robot.base_body)
         ground = self._navigation.ground
         start = np.array([*T[:2, 3], yaw_of(T)])
-        oracle = Oracle(ground, Sight(self.surface, ground, scene, frame), start, MOST["t99_s"])
+        sight = Sight(self.surface, ground, scene, frame)
+        oracle = Oracle(ground, sight, start, MOST["t99_s"], robot.robot.drive)
         figures = oracle.figures()
         if figures and t99 is not None:
             way = driven([pose for pose in robot.trajectory if pose.time - self._start_time <= t99])

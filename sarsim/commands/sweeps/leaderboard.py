@@ -24,8 +24,8 @@ KEPT = (
     "navigation.time_s.turning", "navigation.time_s.backing", "navigation.time_s.still", "navigation.time_s.narrow",
     "navigation.time_s.ramp", "exploration.explored_fraction", "exploration.t90_s",
     "exploration.t99_s", "exploration.auc_time", "exploration.auc_way", "exploration.path_over_oracle",
-    "exploration.time_over_oracle", "semantic_map.f1_5cm", "semantic_map.f1_10cm", "victims.present",
-    "victims.found", "failed",
+    "exploration.time_over_oracle", "exploration.time_over_physical", "semantic_map.f1_5cm", "semantic_map.f1_10cm",
+    "victims.present", "victims.found", "failed",
 )  # fmt: skip
 """Keys of a row that an entry keeps."""
 ENTRY_DIGITS = 6
@@ -238,6 +238,7 @@ TABLE_COLUMNS: dict[str, Callable[[Sequence[Entry]], list[Values]]] = {
     "explored, mean over way": _mean("way"),
     "path over oracle": _over_oracle("way", "exploration.path_over_oracle"),
     "time over oracle": _over_oracle("time", "exploration.time_over_oracle"),
+    "time over physical": _shown("exploration.time_over_physical"),
     "mean speed, m/s": _mean_speed,
     "turning in place": _turning,
     "map F1, 5 cm": _shown("semantic_map.f1_5cm", 0.0),

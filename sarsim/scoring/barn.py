@@ -76,6 +76,8 @@ def read_path(file: Path) -> Places:
     try:
         # Mapped, so that a file that claims to be huge takes no memory.
         cells = np.load(file, mmap_mode="r", allow_pickle=False)
+    except FileNotFoundError as error:
+        raise InputError(f"{file}: no such file; each world_N.world needs its path_N.npy beside it") from error
     except (OSError, ValueError, EOFError, BadZipFile) as error:
         raise InputError(f"{file}: not a reference path: {' '.join(str(error).split())}") from error
     if not isinstance(cells, np.ndarray) or cells.ndim != 2 or cells.shape[1] != 2 or cells.dtype.kind not in "iuf":

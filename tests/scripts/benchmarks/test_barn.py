@@ -15,7 +15,7 @@ from pipeline.run import TimeIsUpError
 from sarsim.scoring import barn as rules
 from sarsim.scoring.barn import optimal_seconds
 from scripts import benchmark
-from scripts.benchmarks.barn import Crossing, figures, jobs_of, measure, table, worlds_in
+from scripts.benchmarks.barn import Crossing, figures, jobs_of, measure, run_job, table, worlds_in
 from scripts.benchmarks.settings import BarnSettings
 from tests.refusal import refusal
 
@@ -96,15 +96,19 @@ def test_a_robot_that_touches_a_post_has_failed(tmp_path: Path) -> None:
         assert run.episode.robot.trajectory[-1].T_world_base[1, 3] < 4.0
 
 
-def test_a_run_ends_with_the_clock_and_says_how_it_went(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_run_ends_with_the_clock_and_what_is_done_is_not_run_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(rules, "LIMIT", 2.0)
     write_world(tmp_path, 0, (-3.5, 5.0), (-1.0, 6.0))
-    run = Crossing(jobs_of(BarnSettings(worlds=tmp_path), "world_0")[0].config, tmp_path / "out")
-    run.episode.run()
-    result = run.result
-    assert result["ended"] == "time" and result["collisions"] == 0
-    assert result["seconds"] <= 2.0 + run.episode.robot.control_period
-    assert result["distance_m"] < 4
+    settings = BarnSettings(worlds=tmp_path, seeds=1, runs=tmp_path / "runs")
+    settings.runs.mkdir()
+    run_job(jobs_of(settings, "world_0")[0], settings.runs)
+    result = measure(settings)
+    (run,) = result.details["runs"]["world_0"]
+    assert run["ended"] == "time" and run["collisions"] == 0
+    assert run["seconds"] <= 2.1 and run["distance_m"] < 4
+    assert result.figures["worlds"] == 1 and result.figures["success"] == result.figures["score.mean"] == 0
 
 
 def test_figures_of_runs() -> None:

@@ -28,7 +28,8 @@ from sarsim.environment import CONTROL_TIMESTEP, RescueEnvironment
 from sarsim.recording import EpisodeRecorder
 from sarsim.robots.names import ROBOTS
 from sarsim.scoring.coverage import Coverage
-from sarsim.scoring.trajectory import TrajectoryScore, motion_figures
+from sarsim.scoring.navigation import NavigationScore
+from sarsim.scoring.trajectory import TrajectoryScore
 from sarsim.settings import PerceptionConfig, TeleopConfig
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 
@@ -168,6 +169,7 @@ class _Score(Sink):
 
     def __init__(self, robot: SimulatedRobot, trajectory: TrajectoryScore):
         self._robot, self._trajectory, self._coverage = robot, trajectory, Coverage(robot)
+        self._navigation = NavigationScore(robot, self._coverage.surface)
 
     def on_keyframe(self, keyframe: Keyframe) -> None:
         """Add the newest keyframe to the scores."""
@@ -177,10 +179,9 @@ class _Score(Sink):
 
     def finish(self, result: Result) -> None:
         """Add the figures."""
-        contacts = {"collisions": self._robot.collisions.collisions}
         result.add(
             {
-                "navigation": contacts | motion_figures(self._robot.trajectory),
+                "navigation": self._navigation.report(),
                 "exploration": {"explored_fraction": self._coverage.fraction},
                 "localisation": self._trajectory.report(),
             }

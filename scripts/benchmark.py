@@ -21,6 +21,7 @@ from sarsim.commands.settings import run_one_of, save_settings
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # scripts/ is not installed
 from scripts.benchmarks.settings import (
+    BarnSettings,
     CameraSettings,
     CorrectionSettings,
     CostSettings,
@@ -43,6 +44,7 @@ if TYPE_CHECKING:
 
 
 SUBJECTS: dict[str, type[SubjectSettings]] = {
+    "barn": BarnSettings,
     "camera": CameraSettings,
     "correction": CorrectionSettings,
     "cost": CostSettings,

@@ -20,7 +20,8 @@ from pipeline.ros.topics import Joints, OdometrySample, RobotTopics
 from sarsim.methods.arena import make_arena
 from sarsim.robots.skid_steered import WHEELS
 from sarsim.scoring.coverage import Coverage
-from sarsim.scoring.trajectory import motion_figures, write_true_tum
+from sarsim.scoring.navigation import NavigationScore
+from sarsim.scoring.trajectory import write_true_tum
 from sarsim.settings import RosRobotConfig
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig, TrueFrame
 
@@ -57,6 +58,7 @@ class SimulatedNode:
         with ExitStack() as refused:
             refused.callback(self.robot.close)
             self.coverage = Coverage(self.robot)
+            self._navigation = NavigationScore(self.robot, self.coverage.surface)
             if config.out:
                 make_folder(config.out)
             refused.pop_all()
@@ -135,6 +137,6 @@ class SimulatedNode:
             "sim_time_s": sim_time,
             "wall_time_s": wall_time,
             "real_time_factor": sim_time / wall_time,
-            "navigation": {"collisions": self.robot.collisions.collisions, **motion_figures(self.robot.trajectory)},
+            "navigation": self._navigation.report(),
             "exploration": {"explored_fraction": self.coverage.fraction},
         }

@@ -17,8 +17,8 @@ from sarsim.ground_truth.meshes import true_scene
 from sarsim.scoring.coverage import Coverage
 from sarsim.scoring.fiducials import FiducialScore
 from sarsim.scoring.finds import FindScore
-from sarsim.scoring.navigation import navigation_figures
-from sarsim.scoring.oracle import Oracle, true_traversability
+from sarsim.scoring.navigation import NavigationScore, navigation_figures
+from sarsim.scoring.oracle import Oracle
 from sarsim.scoring.progress import MOST, ExploredCurve, progress_figures
 from sarsim.scoring.segments import SegmentScore
 from sarsim.scoring.semantics import KeyframeTruth, compared
@@ -54,6 +54,7 @@ class EpisodeScore(Sink):
         model, data = robot.physics.model.ptr, robot.physics.data.ptr
         self._coverage = Coverage(robot)
         self.surface = self._coverage.surface
+        self._navigation = NavigationScore(robot, self.surface)
         self._segments = SegmentScore(true_faces(model, data), are_whole=explorer.mapper.keyframes.loaded > 0)
         self._voxels = VoxelScore(explorer.mapper.metric_map)
         voxel = explorer.mapper.semantic_map.config.voxel
@@ -148,7 +149,7 @@ class EpisodeScore(Sink):
             "segments": self._segments.report(explorer.mapper.segments),
             "topological_map": score_topology(explorer.mapper.topological_map, self.surface),
             "path_plan": self._path_plan(),
-            "navigation": navigation_figures(explorer.pilot.navigator, self._robot, self._kidnaps),
+            "navigation": navigation_figures(explorer.pilot.navigator, self._navigation, self._kidnaps),
             "exploration": self._exploration(),
             "localisation": self.trajectory.report()
             | {"relocalised": explorer.pilot.relocalised}
@@ -200,9 +201,10 @@ class EpisodeScore(Sink):
         """The figures of the oracle; none if no tour sees as much, and no ratios if the robot has not seen it."""
         robot, T = self._robot, self._T_world_start
         scene = true_scene(robot.physics.model.ptr, robot.physics.data.ptr, robot.base_body)
-        ground = true_traversability(self.surface, robot.model)
+        ground = self._navigation.ground
         start = np.array([*T[:2, 3], yaw_of(T)])
-        oracle = Oracle(ground, Sight(self.surface, ground, scene, frame), start, MOST["t99_s"])
+        sight = Sight(self.surface, ground, scene, frame)
+        oracle = Oracle(ground, sight, start, MOST["t99_s"], robot.robot.drive)
         figures = oracle.figures()
         if figures and t99 is not None:
             way = driven([pose for pose in robot.trajectory if pose.time - self._start_time <= t99])

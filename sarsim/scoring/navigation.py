@@ -1,14 +1,42 @@
 """How the robot has driven."""
 
+from functools import cached_property
 from typing import Any
 
+from pipeline.elevation_map.traversability import Traversability
 from pipeline.navigation.commands import Outcome
 from pipeline.navigation.navigator import Navigator
-from sarsim.scoring.trajectory import motion_figures
+from sarsim.ground_truth.true_surface import TrueSurface
+from sarsim.scoring.oracle import true_traversability
+from sarsim.scoring.pace import time_figures
+from sarsim.scoring.trajectory import driven, motion_figures
 from sarsim.simulated_robot import SimulatedRobot
 
 
-def navigation_figures(navigator: Navigator, robot: SimulatedRobot, kidnaps: int) -> dict[str, Any]:
+class NavigationScore:
+    """Scores how a robot drives, whoever drives it."""
+
+    def __init__(self, robot: SimulatedRobot, surface: TrueSurface):
+        """Score a robot from its current pose on; ``surface``: the true ground."""
+        self._robot, self._surface, self._first = robot, surface, len(robot.trajectory) - 1
+
+    @cached_property
+    def ground(self) -> Traversability:
+        """The true ground, as the robot's planner would see it."""
+        return true_traversability(self._surface, self._robot.model)
+
+    def report(self) -> dict[str, Any]:
+        """The figures for report.json; without speed and times if the robot was not given a single command."""
+        trajectory = self._robot.trajectory[self._first :]
+        contacts, motion = self._robot.collisions.collisions, motion_figures(self._robot.trajectory)
+        figures: dict[str, Any] = {"collisions": contacts, **motion}
+        if len(trajectory) > 1:
+            figures["mean_speed"] = driven(trajectory) / (trajectory[-1].time - trajectory[0].time)
+            figures["time_s"] = time_figures(trajectory, self.ground)
+        return figures
+
+
+def navigation_figures(navigator: Navigator, score: NavigationScore, kidnaps: int) -> dict[str, Any]:
     """The figures of all drives for report.json; ``kidnaps``: how often the robot was carried."""
     return {
         "legs": len(navigator.legs),
@@ -16,6 +44,5 @@ def navigation_figures(navigator: Navigator, robot: SimulatedRobot, kidnaps: int
         "kidnapped": kidnaps,
         "stuck": sum(leg.outcome is Outcome.STUCK for leg in navigator.legs),
         "recovered": navigator.recovered,
-        "collisions": robot.collisions.collisions,
-        **motion_figures(robot.trajectory),
+        **score.report(),
     }

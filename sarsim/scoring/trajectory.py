@@ -17,6 +17,7 @@ from sarsim.robots.pose import Pose
 
 TIPPED = np.deg2rad(45)
 LIFT = 0.15  # m from one control period to the next; in a larger step the robot was carried
+STILL = 5e-4  # m from one control period to the next; springs cause smaller steps, not wheels
 
 
 FALSE_LOOP = 0.2, np.deg2rad(5)  # m and rad by which the relative pose of a false loop is off
@@ -82,10 +83,10 @@ def driven(trajectory: Sequence[Pose]) -> float:
 def ways_driven(trajectory: Sequence[Pose]) -> Values:
     """Way in m along the true trajectory of a simulated robot up to each of its poses, one each control period.
 
-    Left out are steps below half a millimetre, which springs cause, not wheels, and steps beyond ``LIFT``.
+    Left out are steps up to ``STILL``, and steps from ``LIFT`` on.
     """
     steps = np.linalg.norm(np.diff([p.T_world_base[:2, 3] for p in trajectory], axis=0), axis=1)
-    return np.concatenate([[0.0], np.cumsum(np.where((steps > 5e-4) & (steps < LIFT), steps, 0))])
+    return np.concatenate([[0.0], np.cumsum(np.where((steps > STILL) & (steps < LIFT), steps, 0))])
 
 
 def motion_figures(trajectory: Sequence[Pose]) -> dict[str, float]:

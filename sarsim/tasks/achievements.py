@@ -7,11 +7,12 @@ from numpy.typing import NDArray
 
 from pipeline.explorer import Explorer
 from pipeline.mapper import Keyframe, Mapper
+from pipeline.rescue_report.figures import figures as flat
 from pipeline.sink import Sink, Step
 from pipeline.tracks.find import HEAT
 from sarsim.scoring.coverage import Coverage
 from sarsim.scoring.finds import FindScore
-from sarsim.scoring.navigation import navigation_figures
+from sarsim.scoring.navigation import NavigationScore, navigation_figures
 from sarsim.scoring.trajectory import is_tipped
 from sarsim.scoring.victims import VictimScore
 from sarsim.simulated_robot import SimulatedRobot
@@ -27,6 +28,7 @@ class Achievements(Sink):
         """``explorer``: that drives ``robot``, which stands at its start."""
         model, data = robot.physics.model.ptr, robot.physics.data.ptr
         self._robot, self._explorer, self._coverage = robot, explorer, Coverage(robot)
+        self._navigation = NavigationScore(robot, self._coverage.surface)
         self._victims, self._finds = VictimScore(model, data), FindScore(model, data, np.zeros((0, 3)))
         self._start, self._kidnaps, self._frontiers, self._has_thermal = robot.time, 0, 0, False
 
@@ -68,11 +70,11 @@ class Achievements(Sink):
 
     def figures(self) -> dict[str, Any]:
         """Figures by their keys in report.json; those that there are none of are missing."""
-        navigation = navigation_figures(self._explorer.pilot.navigator, self._robot, self._kidnaps)
+        navigation = navigation_figures(self._explorer.pilot.navigator, self._navigation, self._kidnaps)
         seen = {"explored_fraction": self._coverage.fraction, "frontiers_left": self._frontiers}
         stages = {"navigation": navigation, "exploration": seen, **self._found()}
-        named = {f"{stage}.{name}": value for stage, all in stages.items() for name, value in all.items()}
-        return {name: value for name, value in named.items() if value is not None}
+        named = [figure for stage, all in stages.items() for figure in flat(stage, all)]
+        return {name: value for name, value in named if value is not None}
 
     def _found(self) -> dict[str, dict[str, Any]]:
         mapper = self._explorer.mapper

@@ -15,7 +15,7 @@ NOT_FIGURES = ("arena", "seed", "version", "config")
 MORE_IS_BETTER = {
     "real_time_factor", "occupied_recall", "occupied_precision", "free_recall", "miou_four", "miou",
     "iou", "accuracy", "matched", "boxes_iou", "coverage", "reached", "recovered", "explored_fraction",
-    "found",
+    "found", "mean_speed",
 }  # fmt: skip
 """Parts of names of figures whose worst value is the lowest; the worst of all others is the highest."""
 
@@ -81,6 +81,10 @@ ROWS: Mapping[str, str] = {
     "90 % seen by": "seen90_runs",
     "90 % seen after, s, median": "exploration.t90_s.median",
     "done after, s, median": "sim_time_s.median",
+    "mean speed, m/s, median": "navigation.mean_speed.median",
+    "driving, s, median": "navigation.time_s.driving.median",
+    "turning in place, s, median": "navigation.time_s.turning.median",
+    "still, s, median": "navigation.time_s.still.median",
     "legs": "navigation.legs.sum",
     "legs reached": "navigation.reached.sum",
     "tipped": "navigation.tipped.sum",

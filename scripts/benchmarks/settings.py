@@ -5,6 +5,7 @@ from pathlib import Path
 
 from tyro.conf import Fixed, FlagConversionOff
 
+from pipeline.config import PipelineConfig
 from sarsim.arenas.settings import RandomArenaConfig
 from sarsim.settings import DETECTOR, WEIGHTS, EpisodeConfig, LightingName, Odometry, PerceptionConfig, Robot
 
@@ -310,6 +311,31 @@ class LanesSettings(PerceptionConfig, SubjectSettings):
     repetitions: int = 10
     robot: Robot = "pioneer3at"
     seed: int = 0
+
+
+@dataclass(frozen=True, kw_only=True)
+class BarnSettings(SubjectSettings):
+    """BARN's worlds of cylinders, crossed by the robot itself with its own camera.
+
+    Nobody looks for people or finds there, and labels come from height and slope.
+
+    Attributes:
+        worlds: folder with world_N.world and path_N.npy of the BARN challenge.
+        robot: pioneer3at, jackal, or the path of an MJCF file structured like theirs.
+        seeds: number of runs in each world.
+        speed: top speed, m/s, on seen level ground with enough room.
+        workers: number of runs at a time; by default one per core.
+        runs: folder for the result of each run; runs with a result in it are not run again.
+        pipeline: all numbers of the robot's software; only ``--config`` changes them.
+    """
+
+    worlds: Path = SHARED / "barn"
+    robot: Robot = "jackal"
+    seeds: int = 3
+    speed: float = EpisodeConfig.speed
+    workers: int | None = None
+    runs: Path = Path("runs/benchmark-barn")
+    pipeline: Fixed[PipelineConfig] = PipelineConfig()
 
 
 @dataclass(frozen=True, kw_only=True)

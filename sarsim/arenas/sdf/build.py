@@ -21,6 +21,7 @@ from sarsim.robots.model import robot_model
 from sarsim.vetting.model_files import MOST_GEOMS
 
 MARGIN = 2.0  # m of ground around everything: room to drive around what stands outermost, 0.6 m, and to see it from
+BEYOND = 2.0  # m by which planes, which end nowhere, reach farther still: goals lie before what stands outermost, too
 MOST_THROWN = 0.1  # of a world's bodies that may lie far out
 FAR_OUT = 3.0  # times as far from the middle as the others: what lies there does not belong to the world
 HEADROOM = robot_model().headroom  # m; a surface that is higher over the lowest point of a model is no ground
@@ -150,9 +151,10 @@ def _built(path: Path, bodies: list[_Body], is_model: bool) -> ArenaBuilder:
     if ground is None or raised:
         ground = 0.0
         builder.add_floor(low, high)
+    ends = _ends_of_planes(low, high)
     for body in bodies:
         label = label_of(body.outline, ground).name.lower()
-        builder.add_geom(label, _geom(builder, body, low, high), body.solid.colour)
+        builder.add_geom(label, _geom(builder, body, *ends), body.solid.colour)
     builder.add_surroundings(low, high)
     return builder
 
@@ -162,6 +164,12 @@ def _bounds(bodies: list[_Body]) -> tuple[NDArray[np.float64], NDArray[np.float6
     corners = [body.corners[:, :2] for body in bodies if body.solid.kind != "plane"]
     around = np.concatenate(corners or [body.solid.T_world[None, :2, 3] for body in bodies])
     return around.min(axis=0) - MARGIN, around.max(axis=0) + MARGIN
+
+
+def _ends_of_planes(low: NDArray[np.float64], high: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
+    """The lowest and the highest (x, y) m of planes: ``BEYOND`` the bounds, unless too large an arena came of it."""
+    beyond = BEYOND if np.prod(high - low + 2 * BEYOND) <= MOST_AREA else 0.0
+    return low - beyond, high + beyond
 
 
 def _geom(builder: ArenaBuilder, body: _Body, low: NDArray[np.float64], high: NDArray[np.float64]) -> Attributes:

@@ -18,6 +18,7 @@ Wide is an area of at least 0.6 m × 0.6 m; to a facet of a larger surface count
 """
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from numpy.typing import NDArray
@@ -25,6 +26,7 @@ from scipy.spatial import ConvexHull, QhullError
 
 from pipeline.arrays import Pose
 from pipeline.labels import RAMP_TILT, Label
+from pipeline.robot import RobotModel
 from sarsim.ground_truth.true_surface import clearance_of
 from sarsim.robots.skid_steered import robot_model
 
@@ -33,6 +35,12 @@ SLENDER = 0.25  # thickness over length of a panel, at most
 LARGE = 0.25  # of the world's bounding rectangle: level surfaces that fill it are the ground
 _DIRECTIONS = np.array([(np.cos(angle), np.sin(angle)) for angle in np.arange(16) * np.pi / 16])
 """(16, 2) directions in a plane in which widths are measured: between two of them a width is 0.5 % larger at most."""
+
+
+@cache
+def _pioneer() -> RobotModel:
+    """The P3-AT, whose file is read once for all bodies."""
+    return robot_model()
 
 
 @dataclass(frozen=True, eq=False)
@@ -67,7 +75,7 @@ def outline_of(corners: NDArray[np.float64], surface: float = 0.0) -> Outline:
     normals, face = np.unique(hull.equations[:, :3].round(4), axis=0, return_inverse=True)
     a, b, c = corners[hull.simplices].swapaxes(0, 1)
     areas = np.bincount(face.ravel(), np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2).round(6)
-    areas[normals[:, 2] < -np.sin(robot_model().max_tilt)] = 0.0
+    areas[normals[:, 2] < -np.sin(_pioneer().max_tilt)] = 0.0
     largest = np.lexsort((normals[:, 2], areas))[-1]  # of two as large, the one that faces up
     normal, area = normals[largest], float(areas[largest])
     across = _DIRECTIONS @ np.linalg.svd(normal[None])[2][1:]
@@ -85,7 +93,7 @@ def ground_of(outlines: list[Outline], footprint: float) -> float | None:
     """Height of the ground, m, of a world in a rectangle of ``footprint`` m²; None if it has none."""
     level = sorted((o.high, o.area) for o in outlines if _is_level(o))
     tops, areas = np.array(level).reshape(-1, 2).T
-    robot = robot_model()
+    robot = _pioneer()
     for top in tops.tolist():
         is_above, is_near = tops >= top, tops <= top + 2 * robot.max_step
         area = areas[is_above & is_near].sum()
@@ -97,7 +105,7 @@ def ground_of(outlines: list[Outline], footprint: float) -> float | None:
 
 def label_of(outline: Outline, ground: float) -> Label:
     """The label of a body, if the ground is at height ``ground`` m."""
-    robot = robot_model()
+    robot = _pioneer()
     wide, top = 2 * clearance_of(robot), outline.high - ground
     if outline.slope >= np.cos(robot.max_tilt):
         if not _is_level(outline):

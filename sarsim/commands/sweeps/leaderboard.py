@@ -20,10 +20,12 @@ from sarsim.scoring.progress import mean_up_to
 REFERENCE = "nearest_frontier"
 """The method with whose times the others' are compared."""
 KEPT = (
-    "checksum", "sim_time_s", "navigation.distance_m", "exploration.explored_fraction", "exploration.t90_s",
+    "checksum", "sim_time_s", "navigation.distance_m", "navigation.mean_speed", "navigation.time_s.driving",
+    "navigation.time_s.turning", "navigation.time_s.backing", "navigation.time_s.still", "navigation.time_s.narrow",
+    "navigation.time_s.ramp", "exploration.explored_fraction", "exploration.t90_s",
     "exploration.t99_s", "exploration.auc_time", "exploration.auc_way", "exploration.path_over_oracle",
-    "exploration.time_over_oracle", "semantic_map.f1_5cm", "semantic_map.f1_10cm", "victims.present",
-    "victims.found", "failed",
+    "exploration.time_over_oracle", "exploration.time_over_physical", "semantic_map.f1_5cm", "semantic_map.f1_10cm",
+    "victims.present", "victims.found", "failed",
 )  # fmt: skip
 """Keys of a row that an entry keeps."""
 ENTRY_DIGITS = 6
@@ -206,6 +208,20 @@ def _mean(axis: str) -> Callable[[Sequence[Entry]], list[Values]]:
     return means
 
 
+def _mean_speed(group: Sequence[Entry]) -> list[Values]:
+    """m/s, 0 in episodes that failed, if any entry has it; inf for entries of before it was measured."""
+    found = [entry.values("navigation.mean_speed", np.nan) for entry in group]
+    if not np.isfinite(found).any():
+        return []
+    return [np.nan_to_num(speeds) if np.isfinite(speeds).any() else np.full_like(speeds, np.inf) for speeds in found]
+
+
+def _turning(group: Sequence[Entry]) -> list[Values]:
+    """Shares of the time that went into turns in place, if any episode has it; inf in those that have not."""
+    found = [e.values("navigation.time_s.turning", np.inf) / e.values("sim_time_s", 1.0) for e in group]
+    return found if np.isfinite(found).any() else []
+
+
 def _people_found(group: Sequence[Entry]) -> list[Values]:
     """Shares of the people that were found, in the arenas that have any."""
     present = np.max([entry.values("victims.present", 0.0) for entry in group], axis=0)
@@ -222,6 +238,9 @@ TABLE_COLUMNS: dict[str, Callable[[Sequence[Entry]], list[Values]]] = {
     "explored, mean over way": _mean("way"),
     "path over oracle": _over_oracle("way", "exploration.path_over_oracle"),
     "time over oracle": _over_oracle("time", "exploration.time_over_oracle"),
+    "time over physical": _shown("exploration.time_over_physical"),
+    "mean speed, m/s": _mean_speed,
+    "turning in place": _turning,
     "map F1, 5 cm": _shown("semantic_map.f1_5cm", 0.0),
     "map F1, 10 cm": _shown("semantic_map.f1_10cm", 0.0),
     "people found": _people_found,

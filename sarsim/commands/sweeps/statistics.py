@@ -3,6 +3,7 @@
 After Agarwal et al., "Deep reinforcement learning at the edge of the statistical precipice" (NeurIPS 2021).
 """
 
+from collections.abc import Callable
 from functools import cache
 from typing import NamedTuple
 
@@ -15,8 +16,12 @@ RESAMPLED = 2000
 """Number of times: an end of the interval is then the 50th value from below or above."""
 
 
+Mean = Callable[[NDArray[np.float64]], NDArray[np.float64]]
+"""(...) means of (..., N) values of any unit."""
+
+
 class Estimate(NamedTuple):
-    """An interquartile mean and its interval; infinite where too many episodes did not get there."""
+    """A mean and its interval; an interquartile one is infinite where too many episodes did not get there."""
 
     value: float
     low: float
@@ -30,15 +35,21 @@ def interquartile_mean(values: NDArray[np.float64]) -> NDArray[np.float64]:
     return middle
 
 
-def estimate(values: NDArray[np.float64]) -> Estimate:
-    """The interquartile mean of (arenas, seeds) values of any unit, with its interval.
+def plain_mean(values: NDArray[np.float64]) -> NDArray[np.float64]:
+    """(...) means of (..., N) values of any unit."""
+    means: NDArray[np.float64] = values.mean(axis=-1)
+    return means
+
+
+def estimate(values: NDArray[np.float64], mean: Mean = interquartile_mean) -> Estimate:
+    """The mean of (arenas, seeds) values of any unit, with its interval.
 
     The seeds of an arena differ only where the method or the robot draws random numbers; else resampling them
     changes nothing.
     """
-    means = np.sort(interquartile_mean(values.ravel()[_drawn(*values.shape)]))
+    means = np.sort(mean(values.ravel()[_drawn(*values.shape)]))
     out = round(RESAMPLED * (1 - SHARE) / 2)
-    return Estimate(float(interquartile_mean(values.ravel())), float(means[out]), float(means[-1 - out]))
+    return Estimate(float(mean(values.ravel())), float(means[out]), float(means[-1 - out]))
 
 
 @cache

@@ -9,7 +9,7 @@ import open3d as o3d
 from pipeline.frame import Frame, Intrinsics
 from pipeline.grid_map import Grid
 from sarsim.ground_truth.true_surface import CELL, TrueSurface
-from sarsim.robots.skid_steered import robot_model
+from sarsim.robots.model import drive_model, robot_model
 from sarsim.scoring.oracle import Oracle, true_traversability
 from sarsim.scoring.sight import Sight
 
@@ -43,7 +43,7 @@ def oracle_in(length, width, start, wall=None, share=1.0):
     surface = TrueSurface(grid, np.where(floor, 0.0, np.nan), floor & (to_wall > 0.3), np.zeros(grid.shape, np.bool_))
     frame = Frame(0, np.zeros((0, 0, 3), np.uint8), np.zeros((0, 0), np.float32), LENS, T_BASE_CAMERA, np.eye(4))
     ground = true_traversability(surface, robot_model())
-    return Oracle(ground, Sight(surface, ground, scene, frame), np.array(start), share)
+    return Oracle(ground, Sight(surface, ground, scene, frame), np.array(start), share, drive_model())
 
 
 def test_in_a_corridor_all_ahead_shows_at_once_and_the_ground_behind_needs_a_drive():
@@ -78,3 +78,10 @@ def test_a_robot_is_compared_with_the_tour():
     oracle = oracle_in(4.0, 1.2, (2.0, 0.6, 0.0))
     tour = oracle.quickest
     assert oracle.ratios(2 * tour.metres, 3 * tour.seconds)["time_over_oracle"] == 3
+    assert oracle.ratios(2 * tour.metres, 3 * tour.seconds)["time_over_physical"] > 3
+
+
+def test_physics_allows_less_time_than_the_robots_own_planner_takes():
+    oracle = oracle_in(4.0, 2.0, (1.0, 1.0, 0.0), wall=((1.9, 0.0), (2.1, 0.9)), share=0.95)
+    figures, body = oracle.figures(), oracle.body
+    assert figures["oracle_path_m"] / body.top_speed < figures["physical_time_s"] < figures["oracle_time_s"]

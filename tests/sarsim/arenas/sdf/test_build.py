@@ -40,6 +40,13 @@ def test_simple_shapes_have_the_sizes_of_the_file(tmp_path):
     assert world.ray(1, 1, 5, along=DOWN) == pytest.approx(5, abs=MM)  # the ground
 
 
+def test_a_plane_has_room_for_goals_before_what_stands_outermost(tmp_path, shared):
+    for path in (write(tmp_path, PLANE, model("m", box(0.4, 0.4, 0.4))), shared / "barn" / "world_0.world"):
+        world = Compiled(path)
+        highest = world.model.geom_pos[1:, 1].max()
+        assert world.ray(-2, highest + 3.5, 5, along=DOWN) == pytest.approx(5, abs=MM)
+
+
 def test_nested_models_links_and_shapes_add_their_poses(tmp_path):
     inner = model("inner", box(0.2, 0.2, 0.2, "0.5 0 0 0 0 0"), pose=f"1 0 0 0 0 {pi / 2}")
     world = Compiled(write(tmp_path, PLANE, model("outer", pose=f"2 3 1 0 0 {pi / 2}", inside=inner)))

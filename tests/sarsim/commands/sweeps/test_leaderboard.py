@@ -76,6 +76,17 @@ def test_a_map_that_no_episode_has_is_no_column() -> None:
     assert [found.tolist() for found in column([with_map, FAST])] == [[[0.9, 0.9]] * 2, [[0.0, 0.0]] * 2]
 
 
+def test_pace_is_shown_of_entries_that_have_it_and_a_failed_episode_went_nowhere() -> None:
+    figures = {"navigation.mean_speed": 0.25, "navigation.time_s.turning": 10.0}
+    rows = [row("a", 0, 1.0, **figures), {"arena": "a", "seed": 1, "failed": "threw"}]
+    paced = entry_of(rows, **(ABOUT | {"method": "paced"}))
+    older = replace(FAST, rows=FAST.rows[:2])
+    speed, turning = TABLE_COLUMNS["mean speed, m/s"], TABLE_COLUMNS["turning in place"]
+    assert [found.tolist() for found in speed([paced, older])] == [[[0.25, 0.0]], [[np.inf, np.inf]]]
+    assert [found.tolist() for found in turning([paced, older])] == [[[0.1, np.inf]], [[np.inf, np.inf]]]
+    assert speed([older]) == turning([older]) == []
+
+
 def test_ways_over_the_oracle_s_where_it_is_an_entry() -> None:
     oracle = entry("oracle", [10.0] * 4, end=50.0)
     ratios = TABLE_COLUMNS["path over oracle"]([SLOW, oracle])

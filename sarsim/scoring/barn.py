@@ -1,0 +1,87 @@
+"""The rules of the BARN challenge: who has crossed a field of cylinders, and how well.
+
+As its program has them (github.com/Daffan/the-barn-challenge, run.py): Perille et al., "Benchmarking Metric Ground
+Navigation" (SSRR 2020), and Xiao et al., "Autonomous Ground Navigation in Highly Constrained Spaces" (2022).
+"""
+
+from dataclasses import dataclass
+from pathlib import Path
+from zipfile import BadZipFile
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.arrays import Places, Pose
+from pipeline.errors import InputError
+
+START = (-2.25, 3.0, 90.0)
+"""Where the robot is set down: x and y in m, heading in degrees."""
+GOAL = (-2.25, 13.0)
+"""m; 10 m ahead."""
+ARRIVED = 1.0  # m from the goal
+MOVED = 0.1  # m from the start after which the clock starts
+LIMIT = 100.0  # s
+SPEED = 2.0  # m/s with which the reference path is driven: the Jackal's, by its data sheet
+BEST, WORST = 2.0, 8.0  # Times the reference's time between which the score of a success falls
+CELL, FIRST_CELL = (
+    0.15,
+    np.array([-4.575, 5.075]),
+)  # m, side of a cell of the reference path, and the middle of (0, 0)
+
+
+@dataclass
+class BarnJudge:
+    """Judges a run by the true pose of the robot.
+
+    Attributes:
+        begin: when the robot was set down, s.
+        started: when it had moved so far that the clock started, s; None before.
+        ended: ``reached``, ``contact`` or ``time``; None before.
+        seconds: of the clock at the end; 0 as long as it has not started.
+    """
+
+    begin: float
+    started: float | None = None
+    ended: str | None = None
+    seconds: float = 0.0
+
+    def see(self, time: float, T_world_base: Pose, contacts: int) -> bool:
+        """Judge a true pose at a time, s, and the number of contacts so far: whether the run may go on.
+
+        A robot that never sets out has as much time as one that does.
+        """
+        place = T_world_base[:2, 3]
+        if self.started is None and np.linalg.norm(place - START[:2]) >= MOVED:
+            self.started = time
+        self.seconds = 0.0 if self.started is None else time - self.started
+        late = time - (self.begin if self.started is None else self.started) >= LIMIT
+        arrived = bool(np.linalg.norm(place - GOAL) <= ARRIVED)
+        self.ended = "contact" if contacts else "time" if late else "reached" if arrived else None
+        return self.ended is None
+
+
+def score(seconds: float | None, optimal: float) -> float:
+    """Score of a run, from 1/8 to 1/2, or 0 without success, which is None ``seconds``; ``optimal``: s."""
+    return 0.0 if seconds is None else optimal / float(np.clip(seconds, BEST * optimal, WORST * optimal))
+
+
+def optimal_seconds(cells: NDArray[np.float64]) -> float:
+    """Time in s of the reference path over (K, 2) cells, from the start to the goal."""
+    path = np.vstack([START[:2], FIRST_CELL + CELL * cells, GOAL])
+    return float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum()) / SPEED
+
+
+def read_path(file: Path) -> Places:
+    """(K, 2) cells of the reference path in a NumPy file; InputError if it has none."""
+    try:
+        # Mapped, so that a file that claims to be huge takes no memory.
+        cells = np.load(file, mmap_mode="r", allow_pickle=False)
+    except FileNotFoundError as error:
+        raise InputError(f"{file}: no such file; each world_N.world needs its path_N.npy beside it") from error
+    except (OSError, ValueError, EOFError, BadZipFile) as error:
+        raise InputError(f"{file}: not a reference path: {' '.join(str(error).split())}") from error
+    if not isinstance(cells, np.ndarray) or cells.ndim != 2 or cells.shape[1] != 2 or cells.dtype.kind not in "iuf":
+        raise InputError(f"{file}: not a reference path: it must hold cells (K, 2), as numbers")
+    if not np.isfinite(cells).all():
+        raise InputError(f"{file}: not a reference path: a cell is not finite")
+    return np.array(cells, np.float64)

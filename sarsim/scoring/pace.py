@@ -1,0 +1,83 @@
+"""Where the time of a drive goes: what the robot does in each control period, and on what ground."""
+
+from collections.abc import Sequence
+from enum import IntEnum
+
+import numpy as np
+
+from pipeline.arrays import Mask, Places, Values
+from pipeline.elevation_map.traversability import Traversability
+from pipeline.robot import RobotModel
+from pipeline.transforms import wrap_angle, yaw_of
+from sarsim.robots.pose import Pose
+from sarsim.scoring.trajectory import LIFT, STILL
+
+
+class Doing(IntEnum):
+    """What a robot does in a control period."""
+
+    DRIVING = 0
+    TURNING = 1
+    """In place: the centre of the turn lies between its wheels, so that those of one side stand or go back."""
+    BACKING = 2
+    STILL = 3
+
+
+def time_figures(trajectory: Sequence[Pose], ground: Traversability) -> dict[str, float]:
+    """``navigation.time_s`` for report.json.
+
+    Args:
+        trajectory: true poses, one each control period.
+        ground: the true one, for the robot that was driven.
+
+    Returns:
+        s spent driving, backing, turning in place and still, which sum up to the whole time, and of the driving those
+        where the robot has less room at its sides, both together, than its width, and those on ramps.
+    """
+    doing, lasted = what_it_does(trajectory, ground.robot), np.diff([pose.time for pose in trajectory])
+    is_driving = doing == Doing.DRIVING
+    places = np.array([[*pose.T_world_base[:2, 3], yaw_of(pose.T_world_base)] for pose in trajectory[1:]])
+    places, driving = places[is_driving], lasted[is_driving]
+    on_ramp = ground.grid.at(ground.ramp, places)
+    each = {kind.name.lower(): float(lasted[doing == kind].sum()) for kind in Doing}
+    return each | {"narrow": float(driving[is_narrow(ground, places)].sum()), "ramp": float(driving[on_ramp].sum())}
+
+
+def what_it_does(trajectory: Sequence[Pose], robot: RobotModel) -> Values:
+    """(N - 1,) :class:`Doing` between N true poses; a robot that is carried stands still."""
+    T = np.array([pose.T_world_base for pose in trajectory])
+    steps = np.diff(T[:, :2, 3], axis=0)
+    moved = np.linalg.norm(steps, axis=1)
+    ahead = np.einsum("ij,ij->i", steps, T[:-1, :2, 0])
+    headings = np.arctan2(T[:, 1, 0], T[:, 0, 0])
+    swung = np.abs(wrap_angle(np.diff(headings))) * robot.half_width
+    doing = np.where(ahead < 0, Doing.BACKING, Doing.DRIVING)
+    doing[swung > moved] = Doing.TURNING
+    doing[(np.maximum(moved, swung) <= STILL) | (moved >= LIFT)] = Doing.STILL
+    return doing
+
+
+def is_narrow(ground: Traversability, places: Places) -> Mask:
+    """Whether a robot has less room at its sides, both together, than its width.
+
+    ``places``: (N, 3) x and y in m, heading in rad.
+    """
+    return room_on(ground, places, 1.0) + room_on(ground, places, -1.0) < ground.robot.width
+
+
+def room_on(ground: Traversability, places: Places, side: float) -> Values:
+    """(N,) m between the footprint and the nearest obstacle on its left (1) or right (-1), at most its width.
+
+    To half a cell: the middle of each cell's length beside the footprint is looked at.
+    """
+    robot, cell = ground.robot, ground.grid.cell
+    cos, sin = np.cos(places[:, 2]), np.sin(places[:, 2])
+    ahead, left = np.column_stack([cos, sin]), side * np.column_stack([-sin, cos])
+    away = np.arange(0.0, robot.width, cell)
+    room = np.full(len(places), robot.width)
+    for along in np.arange(-robot.half_length, robot.half_length + cell, cell):
+        beside = places[:, :2] + along * ahead
+        points = beside[:, None] + (robot.half_width + away + cell / 2)[:, None] * left[:, None]
+        blocked = ground.grid.at(ground.obstacle, points, outside=1) != 0
+        room = np.minimum(room, np.where(blocked.any(axis=1), away[blocked.argmax(axis=1)], robot.width))
+    return room

@@ -1,0 +1,166 @@
+"""BARN's worlds of cylinders, crossed by the whole pipeline with the robot's own camera and localisation."""
+
+import re
+import tempfile
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+import numpy as np
+from rich.table import Table
+
+from pipeline.errors import InputError
+from pipeline.robot import Motion
+from pipeline.run import TimeIsUpError
+from pipeline.sink import Sink
+from sarsim.commands.sweeps.statistics import estimate, plain_mean
+from sarsim.episode import Episode
+from sarsim.robots.model import robot_model
+from sarsim.scoring.barn import GOAL, START, BarnJudge, optimal_seconds, read_path, score
+from sarsim.settings import EpisodeConfig
+from sarsim.simulated_robot import SimulatedRobot
+from scripts.benchmarks.common import Result, at_least
+from scripts.benchmarks.episodes import Job, leave, run_jobs
+from scripts.benchmarks.settings import BarnSettings
+
+PUBLISHED = {"the challenge's baseline: DWA with a lidar of 270°": 0.169, "the best possible": 0.5}
+"""Scores to compare with."""
+
+Run = Mapping[str, Any]
+"""How a run ended, and its s by the clock, m of way and contacts; None in its place if its process failed."""
+
+
+def measure(settings: BarnSettings) -> Result:
+    """Success, contacts, time and score in each world, and the mean score with its interval.
+
+    Raises:
+        InputError: the folder has no worlds, or one without its path; or another setting is wrong.
+    """
+    at_least(1, settings, "seeds", "workers")
+    worlds = worlds_in(settings.worlds)
+    robot_model(settings.robot)
+    jobs = [job for name in worlds for job in jobs_of(settings, name)]
+    results = run_jobs(jobs, settings.runs, settings.workers, run_job)
+    if failed := [job.name for job, result in zip(jobs, results, strict=True) if result is None]:
+        raise InputError(f"{', '.join(failed)} failed: see the log in {settings.runs}")
+    runs = [result["run"] for result in results if result]
+    by_world = {name: runs[n * settings.seeds : (n + 1) * settings.seeds] for n, name in enumerate(worlds)}
+    found = figures(by_world, worlds)
+    return Result(found, {"runs": by_world, "published": PUBLISHED}, table(by_world, found))
+
+
+def worlds_in(folder: Path) -> dict[str, float]:
+    """Names of the worlds in a folder, by number, and the s of their reference paths.
+
+    Raises:
+        InputError: there is no world, or a path is missing or broken.
+    """
+    numbers = sorted(
+        int(m[1]) for file in folder.glob("world_*.world") if (m := re.fullmatch(r"world_(\d+)", file.stem))
+    )
+    if not numbers:
+        raise InputError(f"--worlds {folder}: no world_N.world is there")
+    return {f"world_{n}": optimal_seconds(read_path(folder / f"path_{n}.npy")) for n in numbers}
+
+
+def jobs_of(settings: BarnSettings, world: str) -> list[Job]:
+    """The runs in a world: one for each seed."""
+    configs = [
+        EpisodeConfig(
+            arena=str(settings.worlds / f"{world}.world"),
+            start=START,
+            goals=(GOAL,),
+            robot=settings.robot,
+            seed=seed,
+            speed=settings.speed,
+            labels="rules",
+            detector=None,
+            pipeline=settings.pipeline,
+        )
+        for seed in range(settings.seeds)
+    ]
+    return [Job("barn", "ours", config) for config in configs]
+
+
+def run_job(job: Job, folder: Path) -> None:
+    """Cross a world and write how it went to a folder."""
+    leave(job, folder, lambda: {"run": _run(job.config)})
+
+
+def _run(config: EpisodeConfig) -> Run:
+    with tempfile.TemporaryDirectory(prefix="sarsim-") as out:
+        crossing = Crossing(config, Path(out))
+        crossing.episode.run()
+    return crossing.result
+
+
+class Crossing(Sink):
+    """An episode with BARN's goal, which ends when the judge says so."""
+
+    def __init__(self, config: EpisodeConfig, out: Path):
+        """``out``: folder for the files of the episode."""
+        self.episode = Episode(replace(config, out=out))
+        self._robot: SimulatedRobot = self.episode.robot
+        self.judge = BarnJudge(self._robot.time)
+        self.episode.explorer.watch(self)
+
+    def on_motion(self, motion: Motion) -> None:
+        """Raises TimeIsUpError, which ends the episode, if the run is over."""
+        pose = self._robot.trajectory[-1]
+        if not self.judge.see(pose.time, pose.T_world_base, self._robot.collisions.collisions):
+            raise TimeIsUpError
+
+    @property
+    def result(self) -> Run:
+        """How the run went; a robot that ended by itself has not arrived."""
+        judge, episode = self.judge, self.episode
+        ended = judge.ended or ("lost" if episode.lost else "given_up")
+        navigation = episode.report["navigation"]
+        return {"ended": ended, "seconds": judge.seconds} | {
+            key: navigation[key] for key in ("distance_m", "collisions", "mean_speed", "time_s") if key in navigation
+        }
+
+
+def figures(runs: Mapping[str, Sequence[Run]], optimal: Mapping[str, float]) -> dict[str, float]:
+    """The figures of all worlds by name; a world that nobody has crossed has no time."""
+    scores, found = [], dict[str, float]()
+    for world, made in runs.items():
+        times = [run["seconds"] if run["ended"] == "reached" else None for run in made]
+        scores.append([score(time, optimal[world]) for time in times])
+        found[f"{world}.success"] = float(np.mean([time is not None for time in times]))
+        if reached := [time for time in times if time is not None]:
+            found[f"{world}.time_s"] = median(reached)
+        found[f"{world}.score"] = float(np.mean(scores[-1]))
+    mean = estimate(np.array(scores), plain_mean)
+    every = [run["ended"] for made in runs.values() for run in made]
+    return {
+        "worlds": len(runs),
+        "success": every.count("reached") / len(every),
+        "contacts": every.count("contact") / len(every),
+        "score.mean": mean.value,
+        "score.low": mean.low,
+        "score.high": mean.high,
+        **found,
+    }
+
+
+def table(runs: Mapping[str, Sequence[Run]], found: Mapping[str, float]) -> Table:
+    """A row for each world, and one for all; the note is how runs without success ended."""
+    result = Table("world", title="BARN")
+    for column in ("success", "s, median", "score"):
+        result.add_column(column, justify="right")
+    result.add_column("note")
+    for world, made in runs.items():
+        ended = Counter(run["ended"] for run in made)
+        seconds = found.get(f"{world}.time_s")
+        failed = ", ".join(f"{count} {how}" for how, count in ended.items() if how != "reached")
+        shown = "–" if seconds is None else f"{seconds:.1f}"
+        result.add_row(world, f"{ended['reached']}/{len(made)}", shown, f"{found[f'{world}.score']:.3f}", failed)
+    interval = f"{found['score.low']:.3f} to {found['score.high']:.3f}"
+    score = f"{found['score.mean']:.3f}"
+    result.add_row("all", f"{found['success']:.1%}", "", score, f"{interval}; {found['contacts']:.1%} contact")
+    result.caption = "; ".join(f"{who}: {value:g}" for who, value in PUBLISHED.items())
+    return result

@@ -165,7 +165,8 @@ class Explorer:
         def is_done() -> bool:
             return self.mission.is_shown(self.mapper.elevation_map)
 
-        return self.pilot.follow(check, way, heading, start, speed_limit, rolls=viewpoint.turn, is_done=is_done)
+        planned = viewpoint.seconds - self._config.exploration.keyframe_time if viewpoint.seconds else None
+        return self.pilot.follow(check, way, heading, start, speed_limit, viewpoint.turn, planned, is_done)
 
     def _way(self, step: Step, plan: PathPlan, heading: float | None) -> list[Stretch]:
         """The stretches of a plan, with arcs where there is room for them on level ground."""

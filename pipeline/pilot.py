@@ -120,6 +120,7 @@ class Pilot:
         start: Place | None = None,
         speed_along: SpeedAlong | None = None,
         rolls: bool = False,
+        planned: float | None = None,
         is_done: Callable[[], bool] = lambda: False,
     ) -> Outcome:
         """Follow a way as :meth:`Navigator.follow` says; take keyframes and look for obstacles on it.
@@ -127,7 +128,7 @@ class Pilot:
         ``is_done``: asked after each keyframe whether the drive may end there.
         """
         self._is_done = is_done
-        commands = self.navigator.follow(way, heading, start, speed_along, rolls)
+        commands = self.navigator.follow(way, heading, start, speed_along, rolls, planned)
         outcome = self._run(commands, check)
         motion = self.navigator.motion
         self._T_odom_left = None if outcome is Outcome.MOVED or motion is None else motion.T_odom_base

@@ -53,6 +53,7 @@ class Outcome(Enum):
     """How a leg ended."""
 
     REACHED = "reached"
+    DONE = "ended on the way, for what it was for is done"
     STUCK = "stuck"
     TILTED = "tilted"
     BLOCKED = "blocked"

@@ -121,8 +121,8 @@ class SpeedLimitConfig:
         people_speed: m/s.
         beside_ramps: m from a ramp within which it drives as on the ramp: its wheels may already be on it.
         arc_lag: s in which a robot that enters an arc must turn as fast as the arc asks; until then it drives too
-            straight. A Pioneer reaches 0.8 rad/s; there it slides outwards by 4 to 6° of its heading, measured, and by
-            12° at 1.5 rad/s.
+            straight. A Pioneer reaches 0.8 rad/s, at which it slides outwards by 4 to 6° of its heading, measured; at
+            1.5 rad/s it slides by 12°.
         braking: share of its acceleration by which it plans to brake, so that the wheels do not skid past the end.
     """
 

@@ -6,6 +6,7 @@ answers with a verdict and reports each motion.
 
 from collections.abc import Callable, Generator, Iterator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -36,6 +37,13 @@ class DrivenLeg:
 
     target: Place
     outcome: Outcome
+
+
+class DriveTime(NamedTuple):
+    """How long a drive should have taken that got to its end, and how long it took, s."""
+
+    planned: float
+    driven: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,6 +79,7 @@ class Navigator:
 
     Attributes:
         legs: every leg driven so far.
+        times: of the planned drives so far that got to their ends.
         halts: the robot's halts on the last way that it followed.
         track: (3,) m and rad in ``map``, places and headings of the robot since it began to follow that way.
         recovered: number of times so far that the robot backed out of a halt.
@@ -81,6 +90,7 @@ class Navigator:
     def __init__(self, robot: RobotModel, control_period: float, config: NavigationConfig = NavigationConfig()):
         """``control_period``: s that a command holds."""
         self.legs: list[DrivenLeg] = []
+        self.times: list[DriveTime] = []
         self.halts: list[Halt] = []
         self.track: list[Place] = []
         self.recovered = 0
@@ -122,6 +132,7 @@ class Navigator:
         start: Place | None = None,
         speed_along: SpeedAlong | None = None,
         rolls: bool = False,
+        planned: float | None = None,
     ) -> Commands:
         """Drive along stretches; the outcome is ``REACHED`` if all of them, and the heading, were reached.
 
@@ -131,8 +142,25 @@ class Navigator:
             start: (2,), where the robot was when the way was planned. One that is elsewhere was carried.
             speed_along: by the ground; by default as fast as the robot may drive at all.
             rolls: whether the robot need not stand at the end. It has reached the end where it must brake for it;
-                :attr:`next_pose` is then ahead of it, and it goes on with the next way, or else must be halted.
+                :meth:`next_pose` is then ahead of it, and it goes on with the next way, or else must be halted.
+            planned: s that the drive should take, for :attr:`times`; None if nobody planned it.
         """
+        began = None if self.motion is None else self._time
+        outcome = yield from self._follow(way, heading, start, speed_along, rolls)
+        if outcome is Outcome.DONE:
+            return Outcome.REACHED
+        if outcome is Outcome.REACHED and planned is not None and began is not None:
+            self.times.append(DriveTime(planned, self._time - began))
+        return outcome
+
+    def _follow(
+        self,
+        way: Sequence[Stretch],
+        heading: float | None,
+        start: Place | None,
+        speed_along: SpeedAlong | None,
+        rolls: bool,
+    ) -> Commands:
         self.halts, self.track = [], []
         way = self._joined(way)
         if self._rest is None:
@@ -154,7 +182,8 @@ class Navigator:
         if not way:
             self.legs.append(DrivenLeg(here, Outcome.REACHED))
         # A turn that fails is a leg that failed.
-        outcome = self.legs[-1].outcome = yield from self._supervised(self._turn_to(heading))
+        outcome = yield from self._supervised(self._turn_to(heading))
+        self.legs[-1].outcome = Outcome.REACHED if outcome is Outcome.DONE else outcome
         return outcome
 
     def _joined(self, way: Sequence[Stretch]) -> list[Stretch]:
@@ -186,7 +215,8 @@ class Navigator:
         """Turn to the heading of the stretch, then drive along it."""
         speeds = None if speed_along is None else speed_along(stretch)
         outcome = yield from self._supervised(self._approach(stretch, speeds, is_passed), stretch.length)
-        self.legs.append(DrivenLeg(stretch.poses[-1, :2], outcome))
+        reached = Outcome.REACHED if outcome is Outcome.DONE else outcome
+        self.legs.append(DrivenLeg(stretch.poses[-1, :2], reached))
         return outcome
 
     def _approach(self, stretch: Stretch, speeds: Values | None, is_passed: bool) -> Iterator[Velocity]:
@@ -312,7 +342,7 @@ class Navigator:
             self._rest = self._rest_of(command.stretch, command.at)
         else:
             yield STOP
-        return Outcome.REACHED
+        return Outcome.DONE
 
     def _rest_of(self, stretch: Stretch, at: int) -> Stretch:
         """What of a stretch, in odom, the robot needs to brake."""

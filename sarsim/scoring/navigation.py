@@ -3,6 +3,8 @@
 from functools import cached_property
 from typing import Any
 
+import numpy as np
+
 from pipeline.elevation_map.traversability import Traversability
 from pipeline.navigation.commands import Outcome
 from pipeline.navigation.navigator import Navigator
@@ -44,5 +46,12 @@ def navigation_figures(navigator: Navigator, score: NavigationScore, kidnaps: in
         "kidnapped": kidnaps,
         "stuck": sum(leg.outcome is Outcome.STUCK for leg in navigator.legs),
         "recovered": navigator.recovered,
+        **_time_figures(navigator),
         **score.report(),
     }
+
+
+def _time_figures(navigator: Navigator) -> dict[str, float]:
+    """The median of planned over driven time; nothing without a planned drive on which the robot moved."""
+    ratios = [time.planned / time.driven for time in navigator.times if time.driven > 0 and time.planned > 0]
+    return {"planned_over_driven": float(np.median(ratios))} if ratios else {}

@@ -332,7 +332,7 @@ class BarnSettings(SubjectSettings):
     worlds: Path = SHARED / "barn"
     robot: Robot = "jackal"
     seeds: int = 3
-    speed: float = EpisodeConfig.speed
+    speed: float | None = EpisodeConfig.speed
     workers: int | None = None
     runs: Path = Path("runs/benchmark-barn")
     pipeline: Fixed[PipelineConfig] = PipelineConfig()

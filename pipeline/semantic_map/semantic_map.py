@@ -1,24 +1,28 @@
 """The semantic map: a labelled point for every small voxel with returns (thesis 3.2, figure 3)."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.arrays import Labels, Mask, Points, Probabilities
+from pipeline.arrays import Boxes, Labels, Mask, Points, Probabilities
 from pipeline.errors import InputError
 from pipeline.geometry.voxel_hash_kernels import EMPTY, insert_all
+from pipeline.grid_map import Grid, roomier
 from pipeline.labels import COLOURS, Label
 from pipeline.semantic_map.config import SemanticMapConfig
 from pipeline.semantic_map.ply import write_ply
-from pipeline.semantic_map.semantic_map_kernels import accumulate
+from pipeline.semantic_map.semantic_map_kernels import BLOCK, COLUMN, GONE, accumulate, forget, renumber
 from pipeline.semantic_map.uprights import RAMPS
 
 IsInaccessible = Callable[[Points, Mask], Mask]
 """Takes points labelled as ramps, and which are straight ones; where no robot can drive."""
 Revise = Callable[[Points, Labels], Labels]
 """Takes all points and their labels; labels that fit together."""
+EVERYWHERE = np.zeros(2, np.int64), np.zeros((0, 0), np.bool_)
+"""Columns in which points are added: all."""
 
 
 class SemanticMap:
@@ -47,6 +51,8 @@ class SemanticMap:
         self._block_keys = np.empty(0, np.int64)
         self._voxels = np.empty((0, 64), np.int32)
         self._rows = np.empty((0, 4 + len(Label)), np.float32)
+        self._born = np.empty(0, np.int64)
+        self._columns = EVERYWHERE
         self._reserve(1)
 
     def __len__(self) -> int:
@@ -57,6 +63,7 @@ class SemanticMap:
         points: Points,
         probabilities: Probabilities | NDArray[np.uint8],
         hits: NDArray[np.unsignedinteger] | None = None,
+        keyframe: int = 0,
     ) -> None:
         """Add the points of a frame.
 
@@ -67,6 +74,7 @@ class SemanticMap:
             points: in ``map``; points that are not finite are left out.
             probabilities: of their classes, as float32 or as uint8 in units of 1/255.
             hits: (N,) number of returns of which each point is the mean; 1 if not given.
+            keyframe: number of the frame, by which :meth:`made_anew` keeps the order of voxels.
 
         Raises:
             InputError: if the shapes do not fit.
@@ -81,21 +89,46 @@ class SemanticMap:
         unit = 1 / 255 if probabilities.dtype == np.uint8 else 1.0
         self._blocks, self._size = accumulate(
             points, probabilities, unit, counts, 1 / self.config.voxel, self._slots, self._block_of_slot, self._shift,
-            self._block_keys, self._voxels, self._rows, (self._blocks, self._size),
+            self._block_keys, self._voxels, self._rows, self._born, keyframe << 32, self._columns,
+            (self._blocks, self._size),
         )  # fmt: skip
 
-    def clear(self) -> None:
-        """Forget all points."""
-        self._blocks, self._size = 0, 0
-        self._slots.fill(EMPTY)
+    @contextmanager
+    def made_anew(self, boxes: Boxes) -> Iterator[Callable[[Boxes], Mask]]:
+        """Forget the columns that boxes in ``map`` touch; the block of the ``with`` statement adds all frames again.
+
+        Only these columns change. Frames are added in their order.
+
+        Yields:
+            A function that says which of other boxes touch them.
+        """
+        columns = Grid.around(boxes, COLUMN * BLOCK * self.config.voxel)
+        within, meets = columns.touched(boxes)
+        self._columns = columns.low, within
+        forget(self._block_keys[: self._blocks], self._voxels[: self._blocks], self._born, self._columns)
+        try:
+            yield meets
+        finally:
+            self._columns = EVERYWHERE
+            self._sort()
+
+    def _sort(self) -> None:
+        """Drop the voxels that are gone, and sort the others by the points that hit them first."""
+        left = np.flatnonzero(self._born[: self._size] != GONE)
+        order = left[np.argsort(self._born[left], kind="stable")]
+        row = np.empty(self._size, np.int32)
+        row[order] = np.arange(len(order))
+        self._size = len(order)
+        self._rows[: self._size], self._born[: self._size] = self._rows[order], self._born[order]
+        renumber(self._voxels[: self._blocks], row)
 
     def _reserve(self, more: int) -> None:
         """Make room for ``more`` blocks and voxels; doubling keeps the mean cost of growth constant."""
-        self._rows = _roomier(self._rows, self._size, more)
+        self._rows, self._born = (roomier(values, self._size, more) for values in (self._rows, self._born))
         if self._blocks + more <= len(self._block_keys):
             return
-        self._block_keys = _roomier(self._block_keys, self._blocks, more)
-        self._voxels = _roomier(self._voxels, self._blocks, more)
+        self._block_keys = roomier(self._block_keys, self._blocks, more)
+        self._voxels = roomier(self._voxels, self._blocks, more)
         # Twice as many slots as blocks: linear probing is fast while half of the slots are empty.
         size = 2 * len(self._block_keys)
         self._slots, self._block_of_slot = np.full(size, EMPTY, np.int64), np.empty(size, np.int32)
@@ -130,12 +163,3 @@ class SemanticMap:
         """Write a binary PLY: ``x y z``, ``red green blue`` of the label, ``label``. InputError if it cannot."""
         labels = self.labels()
         write_ply(path, self.points(), COLOURS[labels], labels)
-
-
-def _roomier(values: NDArray, size: int, more: int) -> NDArray:
-    """The array itself if it has room for ``more`` rows after its first ``size``, else a copy of them in 2ⁿ rows."""
-    if size + more <= len(values):
-        return values
-    result = np.empty((1 << (size + more).bit_length(), *values.shape[1:]), values.dtype)
-    result[:size] = values[:size]
-    return result

@@ -16,9 +16,9 @@ GONE = np.iinfo(np.int64).max
 @njit(cache=True, nogil=True)
 def accumulate(
     points, weights, unit, counts, per_metre, keys, indices, shift, block_keys, blocks, rows, born, first,
-    columns, size,
+    columns, free, size,
 ):  # fmt: skip
-    """Add points to the voxels that contain them; returns the numbers of blocks and voxels afterwards.
+    """Add points to the voxels that contain them; returns the numbers of blocks, rows and free rows afterwards.
 
     Points that are not finite, too far out for a key, without finite weights, or in no column are left out.
 
@@ -34,9 +34,10 @@ def accumulate(
         born: (M,) int64, for every voxel the place in the order of points of the first that hit it.
         first: place in this order of points[0].
         columns: (2,) index of the first, and (nx, ny) bool which are chosen; if these are empty, all.
-        size: numbers of blocks and voxels so far.
+        free: (F,) int32 rows of voxels that were forgotten, which are used first.
+        size: numbers of blocks, rows and free rows so far.
     """
-    (number, voxels), are_all = size, columns[1].size == 0
+    (number, used, left), are_all = size, columns[1].size == 0
     last_key, block = int64(EMPTY), int64(EMPTY)
     for n in range(len(points)):
         total = 0.0
@@ -60,9 +61,10 @@ def accumulate(
             continue
         cell = (i & 3) << 4 | (j & 3) << 2 | (k & 3)
         if blocks[block, cell] == EMPTY:
-            blocks[block, cell] = voxels
-            rows[voxels], born[voxels] = 0.0, first + n
-            voxels += 1
+            new = free[left - 1] if left else used
+            blocks[block, cell] = new
+            rows[new], born[new] = 0.0, first + n
+            left, used = (left - 1, used) if left else (left, used + 1)
         row = rows[blocks[block, cell]]
         row[0] += counts[n]
         share, weight = np.float32(counts[n] / row[0]), np.float32(counts[n] * unit)
@@ -70,7 +72,7 @@ def accumulate(
             row[1 + c] += (points[n, c] - row[1 + c]) * share
         for c in range(weights.shape[1]):
             row[4 + c] += weights[n, c] * weight
-    return number, voxels
+    return number, used, left
 
 
 @njit(cache=True, inline="always")
@@ -83,23 +85,19 @@ def _is_chosen(i, j, columns):
 
 @njit(cache=True, nogil=True)
 def forget(block_keys, blocks, born, columns):
-    """Empty the ``blocks`` (B, 64) of the chosen columns; their voxels are GONE. As for :func:`accumulate`."""
-    index = unpacked(block_keys)
+    """Empty the ``blocks`` (B, 64) of the chosen columns; returns the rows of their voxels, which are GONE.
+
+    For the arguments see :func:`accumulate`.
+    """
+    index, free, size = unpacked(block_keys), np.empty(len(born), np.int32), 0
     for b in range(len(blocks)):
         if _is_chosen(index[b, 0], index[b, 1], columns):
             for cell in range(blocks.shape[1]):
                 if blocks[b, cell] != EMPTY:
-                    born[blocks[b, cell]] = GONE
+                    born[blocks[b, cell]], free[size] = GONE, blocks[b, cell]
+                    size += 1
             blocks[b] = EMPTY
-
-
-@njit(cache=True, nogil=True)
-def renumber(blocks, row):
-    """Replace the rows of voxels in ``blocks`` (B, 64) by those that they have now, ``row`` (M,)."""
-    for b in range(len(blocks)):
-        for cell in range(blocks.shape[1]):
-            if blocks[b, cell] != EMPTY:
-                blocks[b, cell] = row[blocks[b, cell]]
+    return free[:size].copy()
 
 
 @njit(cache=True, nogil=True)

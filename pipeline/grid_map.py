@@ -1,16 +1,17 @@
 """Regular grids over the xy plane of ``map``: where cells lie, and named layers that grow and track their changes."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from functools import cached_property, reduce
 from math import prod
 from types import EllipsisType
+from typing import Self
 
 import numpy as np
 from numpy.typing import ArrayLike, DTypeLike, NDArray
 from scipy import ndimage
 
-from pipeline.arrays import Cells, MaskLayer, Place
+from pipeline.arrays import Boxes, Cells, Mask, MaskLayer, Place
 from pipeline.errors import InputError
 from pipeline.files import MOST_MEMORY
 
@@ -38,6 +39,15 @@ class Grid:
     low: NDArray[np.int64]
     cell: float
     shape: tuple[int, int]
+
+    @classmethod
+    def around(cls, boxes: Boxes, cell: float) -> Self:
+        """The grid of cells with a side of ``cell`` m that boxes (M, 2, 3), m, touch, and one more on each side."""
+        low, high = (
+            np.floor(corner[:2] / cell).astype(np.int64) for corner in (boxes.min((0, 1)), boxes.max((0, 1)))
+        )
+        nx, ny = (high - low + 3).tolist()
+        return cls(low - 1, cell, (nx, ny))
 
     @cached_property
     def origin(self) -> Place:
@@ -70,6 +80,20 @@ class Grid:
         mask = np.zeros(self.shape, np.bool_)
         mask[i, j] = True
         return mask
+
+    def touched(self, boxes: Boxes) -> tuple[MaskLayer, Callable[[Boxes], Mask]]:
+        """The cells that boxes (M, 2, 3), m, on the grid touch, and a function that says which others touch these."""
+        mask = np.zeros(self.shape, np.bool_)
+        for (i, j), (k, m) in self.cell_of(boxes):
+            mask[i : k + 1, j : m + 1] = True
+        before = np.pad(mask.cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))
+        first_end = np.array([[0], [1]])
+
+        def meets(others: Boxes) -> Mask:
+            (i, j), (k, m) = (self.cell_of(others) + first_end).clip(0, self.shape).transpose(1, 2, 0)
+            return np.asarray(before[k, m] - before[i, m] - before[k, j] + before[i, j] > 0)
+
+        return mask, meets
 
     def distance_to(self, mask: MaskLayer) -> NDArray[np.float64]:
         """(nx, ny) m from every cell to the nearest of the mask, from centre to centre; infinite if it is empty."""
@@ -259,3 +283,12 @@ def inside(inner: Box, outer: Box) -> Box:
     """The box ``inner`` in indices from the first corner of the box ``outer``, which holds it."""
     i, j = (slice(a.start - b.start, a.stop - b.start) for a, b in zip(inner, outer, strict=True))
     return i, j
+
+
+def roomier(values: NDArray, size: int, more: int) -> NDArray:
+    """An array if it has room for ``more`` rows after its first ``size``, else a copy of 2ⁿ rows, the others 0."""
+    if size + more <= len(values):
+        return values
+    result = np.zeros((1 << (size + more).bit_length(), *values.shape[1:]), values.dtype)
+    result[:size] = values[:size]
+    return result

@@ -144,10 +144,10 @@ class Seen:
         T_map_camera = T_map_base @ self.T_base_camera
         metric_map.integrate(self._depth, self.intrinsics, T_map_camera, self.points_at(T_map_base))
 
-    def put_classes(self, semantic_map: SemanticMap, T_map_base: Pose) -> None:
-        """Add its labelled points, if it has any, at a pose of the robot."""
+    def put_classes(self, semantic_map: SemanticMap, T_map_base: Pose, number: int) -> None:
+        """Add its labelled points, if it has any, at a pose of the robot; ``number``: of the keyframe."""
         if self.shares is not None:
-            semantic_map.update(self.points_at(T_map_base), self.shares.probabilities, self.hits)
+            semantic_map.update(self.points_at(T_map_base), self.shares.probabilities, self.hits, number)
 
     def put(self, elevation_map: ElevationMap, T_map_base: Pose) -> None:
         """Add its returns, dropouts and rays, and that the robot can stand there, at a pose of the robot."""

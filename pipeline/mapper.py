@@ -264,7 +264,7 @@ class Mapper:
         if probabilities is None:
             return Keyframe(frame, T_map_base, in_map, np.zeros(0, np.uint8), [], [], index)
         with self.stopwatch("semantic_map"):
-            seen.put_classes(self.semantic_map, T_map_base)
+            seen.put_classes(self.semantic_map, T_map_base, index)
         labels = probabilities.argmax(axis=1).astype(np.uint8)
         with self.stopwatch("segments"):
             patches = find_planes(frame, labels, T_map_camera, self._seed + index, self.segments.config)
@@ -342,7 +342,7 @@ class Mapper:
         # In two threads, for the kernels of both release Python's lock.
         with ThreadPoolExecutor(1) as other:
             metric_map = other.submit(self._make_metric_map, boxes)
-            semantic_map = other.submit(self._make_semantic_map, moving)
+            semantic_map = other.submit(self._make_semantic_map, moving, boxes)
             with self.stopwatch("correction_elevation_map"):
                 self._make_elevation_map(boxes)
             metric_map.result()
@@ -353,7 +353,7 @@ class Mapper:
             self.victims.place(poses)
             self.finds.place(poses)
         with self.stopwatch("correction_topological_map"):
-            self.topological_map.place(poses)
+            self.topological_map.place(poses, moving)
 
     def _make_metric_map(self, boxes: NDArray[np.float64]) -> None:
         keyframes = self.keyframes
@@ -361,14 +361,13 @@ class Mapper:
             for k in np.flatnonzero(meets(keyframes.boxes())):
                 keyframes.seen[k].put_depth(self.metric_map, keyframes.poses[k])
 
-    def _make_semantic_map(self, moving: NDArray[np.bool_]) -> None:
+    def _make_semantic_map(self, moving: NDArray[np.bool_], boxes: NDArray[np.float64]) -> None:
         keyframes = self.keyframes
         if not any(keyframes.seen[k].shares for k in np.flatnonzero(moving)):
             return
-        with self.stopwatch("correction_semantic_map"):
-            self.semantic_map.clear()
-            for seen, T in zip(keyframes.seen, keyframes.poses, strict=True):
-                seen.put_classes(self.semantic_map, T)
+        with self.stopwatch("correction_semantic_map"), self.semantic_map.made_anew(boxes) as meets:
+            for k in np.flatnonzero(meets(keyframes.boxes())):
+                keyframes.seen[k].put_classes(self.semantic_map, keyframes.poses[k], int(k))
 
     def _make_elevation_map(self, boxes: NDArray[np.float64]) -> None:
         keyframes = self.keyframes

@@ -4,9 +4,12 @@ from typing import NamedTuple
 
 import numpy as np
 from numba import njit
+from numpy.typing import NDArray
 
 MOST_HITS = np.iinfo(np.uint16).max
 """Number of returns at which the count of a bin saturates."""
+NO_COLUMN = -1
+"""Row of the column of a cell without a return."""
 _DIRECTIONS = ((1, 0), (0, 1), (1, 1), (1, -1))
 
 
@@ -26,6 +29,20 @@ class Columns(NamedTuple):
     noise: float
 
 
+class Bins(NamedTuple):
+    """The bins of the cells' columns; cells without a return have none.
+
+    Attributes:
+        row: (nx, ny) int32, row of the cell's column.
+        height: (M, levels) float32 m, mean of the returns in each bin.
+        hits: (M, levels) uint16, number of these.
+    """
+
+    row: NDArray[np.int32]
+    height: NDArray[np.float32]
+    hits: NDArray[np.uint16]
+
+
 @njit(cache=True)
 def cell_at(x, y, origin, cell):
     """The cell (i, j) of a point, m, on a grid of ``cell`` m whose corner is ``origin`` (2,)."""
@@ -33,13 +50,14 @@ def cell_at(x, y, origin, cell):
 
 
 @njit(cache=True, nogil=True)
-def accumulate(points, counts, origin, cell, within, columns, height, hits, returns):
-    """Fold points (N, 3), m, into the mean ``height`` of bins (nx, ny, nz), and return their cells, (K, 2) int64.
+def accumulate(points, counts, origin, cell, within, columns, bins, number, returns):
+    """Fold points (N, 3), m, into bins; return their cells, (K, 2) int64, and the number of columns afterwards.
 
     Each point is the mean of ``counts`` (N,) returns. ``returns`` (nx, ny), 0 before, counts the returns by cell.
-    Only cells ``within`` (nx, ny) change; so it is with the other functions that take it.
+    ``number``: of columns before; there is room for N more. Only cells ``within`` (nx, ny) change; so it is with the
+    other functions that take it.
     """
-    nx, ny, nz = height.shape
+    (nx, ny), nz = returns.shape, bins.height.shape[1]
     cells, size = np.empty((len(points), 2), np.int64), 0
     for n in range(points.shape[0]):
         z = points[n, 2]
@@ -47,15 +65,19 @@ def accumulate(points, counts, origin, cell, within, columns, height, hits, retu
         k = int(np.floor((z - columns.lowest) / columns.bin))
         if not (0 <= i < nx and 0 <= j < ny and 0 <= k < nz and within[i, j]):
             continue
-        count = np.int64(counts[n])
-        total = min(hits[i, j, k] + count, MOST_HITS)
-        hits[i, j, k] = total
-        height[i, j, k] += (z - height[i, j, k]) * min(count / total, 1.0)
+        row = bins.row[i, j]
+        if row == NO_COLUMN:
+            row = bins.row[i, j] = number
+            number += 1
+        count, height, hits = np.int64(counts[n]), bins.height[row], bins.hits[row]
+        total = min(hits[k] + count, MOST_HITS)
+        hits[k] = total
+        height[k] += (z - height[k]) * min(count / total, 1.0)
         if returns[i, j] == 0:
             cells[size, 0], cells[size, 1] = i, j
             size += 1
         returns[i, j] += count
-    return cells[:size]
+    return cells[:size], number
 
 
 @njit(cache=True, nogil=True)
@@ -69,13 +91,16 @@ def lower_to_lowest(points, chosen, origin, cell, within, lowest):
 
 
 @njit(cache=True)
-def column_height(height, hits, columns):
-    """Height in m of the lowest surface with enough headroom in a column (nz,); NaN if nothing was measured.
+def column_height(bins, i, j, columns):
+    """Height in m of the lowest surface with enough headroom in the column of a cell; NaN if nothing was measured.
 
     Adjacent filled bins are one body, and so are bodies with too little air between them. Of a body thinner than
     half a bin, a sloping or noisy floor, the mean counts; of a thicker one, an obstacle, the top counts. A bin with
     few hits next to a bin with many is noise of the latter.
     """
+    if bins.row[i, j] == NO_COLUMN:
+        return np.nan
+    height, hits = bins.height[bins.row[i, j]], bins.hits[bins.row[i, j]]
     bottom, top = np.nan, np.nan
     total, weight = 0.0, 0.0
     for k in range(height.shape[0]):
@@ -95,7 +120,7 @@ def column_height(height, hits, columns):
 
 
 @njit(cache=True, nogil=True)
-def count_dropouts(points, counts, origin, cell, within, columns, height, hits, dropouts):
+def count_dropouts(points, counts, origin, cell, within, columns, bins, dropouts):
     """(K, 2) int64, the cells of those points (N, 3), m, within two bins of the ground or where it is unknown.
 
     Each point is the mean of ``counts`` (N,) dropouts. ``dropouts`` (nx, ny), 0 before, counts the dropouts by cell.
@@ -106,7 +131,7 @@ def count_dropouts(points, counts, origin, cell, within, columns, height, hits, 
         i, j = cell_at(points[n, 0], points[n, 1], origin, cell)
         if not (0 <= i < nx and 0 <= j < ny and within[i, j]):
             continue
-        if abs(points[n, 2] - column_height(height[i, j], hits[i, j], columns)) > 2 * columns.bin:
+        if abs(points[n, 2] - column_height(bins, i, j, columns)) > 2 * columns.bin:
             continue
         if dropouts[i, j] == 0:
             cells[size, 0], cells[size, 1] = i, j
@@ -213,10 +238,10 @@ def forget(cells, offsets, distances, within, been):
 
 
 @njit(cache=True, nogil=True)
-def extract_elevation(height, hits, cells, columns, elevation):
+def extract_elevation(bins, cells, columns, elevation):
     """Renew ``elevation`` (nx, ny) in ``cells`` (K, 2)."""
     for i, j in cells:
-        elevation[i, j] = column_height(height[i, j], hits[i, j], columns)
+        elevation[i, j] = column_height(bins, i, j, columns)
 
 
 @njit(cache=True)

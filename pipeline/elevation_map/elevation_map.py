@@ -16,7 +16,7 @@ from pipeline.elevation_map import elevation_kernels as kernels
 from pipeline.elevation_map import pose_kernels
 from pipeline.elevation_map.config import ElevationConfig
 from pipeline.elevation_map.overhangs_kernels import OPEN, ROOFED
-from pipeline.grid_map import Box, Grid, GridMap, Layer, box_around, inside
+from pipeline.grid_map import Box, Grid, GridMap, Layer, box_around, check_memory, inside, roomier
 from pipeline.robot import RobotModel
 from pipeline.sensor import XTION
 
@@ -31,20 +31,18 @@ _SCRATCH = {
 }
 
 
-def _evidence(levels: int) -> dict[str, Layer]:
-    """The layers that keyframes change, with columns of so many bins."""
-    return {
-        "height": Layer(np.float32, per_cell=(levels,), in_place=True),
-        "hits": Layer(np.uint16, per_cell=(levels,), in_place=True),
-        "ceiling": Layer(np.float32, np.inf, in_place=True),
-        "roofed": Layer(np.float32, np.inf, in_place=True),
-        "open": Layer(np.float32, np.inf, in_place=True),
-        "assumed": Layer(np.float32, np.nan, in_place=True),
-        "touched": Layer(np.float32, np.nan, in_place=True),
-        "dropout_direction": Layer(np.float32, per_cell=(2,), in_place=True),
-        "been": Layer(np.uint16, in_place=True),
-        "swept": Layer(np.bool_, in_place=True),
-    }
+_EVIDENCE = {
+    "ceiling": Layer(np.float32, np.inf, in_place=True),
+    "roofed": Layer(np.float32, np.inf, in_place=True),
+    "open": Layer(np.float32, np.inf, in_place=True),
+    "assumed": Layer(np.float32, np.nan, in_place=True),
+    "touched": Layer(np.float32, np.nan, in_place=True),
+    "dropout_direction": Layer(np.float32, per_cell=(2,), in_place=True),
+    "been": Layer(np.uint16, in_place=True),
+    "swept": Layer(np.bool_, in_place=True),
+}
+"""The layers that keyframes change, besides the bins of columns."""
+_ROWS = {"row": Layer(np.int32, kernels.NO_COLUMN, in_place=True)}
 
 
 class ElevationMap:
@@ -59,9 +57,11 @@ class ElevationMap:
 
     def __init__(self, robot: RobotModel, config: ElevationConfig = ElevationConfig()):
         self.robot, self.config = robot, config
-        self._evidence, self.start_height = _evidence(config.levels), 0.0
+        self.start_height = 0.0
         self._columns = kernels.Columns(config.lowest, config.bin, robot.headroom, config.fewest, config.noise)
-        self.layers = GridMap(config.cell, _DERIVED | self._evidence | _SCRATCH)
+        self.layers = GridMap(config.cell, _DERIVED | _EVIDENCE | _ROWS | _SCRATCH)
+        self._height, self._hits = (np.zeros((0, config.levels), dtype) for dtype in (np.float32, np.uint16))
+        self._size = 0  # number of columns
         self._making: MaskLayer | None = None
         self._everywhere = np.zeros((0, 0), np.bool_)
 
@@ -175,8 +175,9 @@ class ElevationMap:
         self.cover(points)
         layers, cell, within = self.layers, (self.grid.origin, self.grid.cell), self._within
         returns, missing = layers["returns"], layers["dropouts"]
-        judged = within, self._columns, layers["height"], layers["hits"]
-        shown = kernels.accumulate(points, _counts(points, hits), *cell, *judged, returns)
+        self._reserve(len(points))
+        judged = within, self._columns, self._bins
+        shown, self._size = kernels.accumulate(points, _counts(points, hits), *cell, *judged, self._size, returns)
         if above is not None:
             kernels.lower_to_lowest(points, above == ROOFED, *cell, within, layers["roofed"])
             kernels.lower_to_lowest(points, above == OPEN, *cell, within, layers["open"])
@@ -199,20 +200,13 @@ class ElevationMap:
             A function that says which of other boxes lie within them in part.
         """
         self.cover(boxes.reshape(-1, boxes.shape[-1]))
-        within = np.zeros(self.grid.shape, np.bool_)
-        for (i, j), (k, m) in self.grid.cell_of(boxes):
-            within[i : k + 1, j : m + 1] = True
-        for name, layer in self._evidence.items():
+        within, meets = self.grid.touched(boxes)
+        for name, layer in _EVIDENCE.items():
             self.layers[name][within] = layer.fill
+        rows = self.layers["row"][within]
+        rows = rows[rows != kernels.NO_COLUMN]
+        self._height[rows], self._hits[rows] = 0, 0
         self._making = within
-        before = np.pad(within.cumsum(axis=0).cumsum(axis=1), ((1, 0), (1, 0)))
-
-        first_end = np.array([[0], [1]])
-
-        def meets(others: Boxes) -> Mask:
-            (i, j), (k, m) = (self.grid.cell_of(others) + first_end).clip(0, self.grid.shape).transpose(1, 2, 0)
-            return np.asarray(before[k, m] - before[i, m] - before[k, j] + before[i, j] > 0)
-
         try:
             yield meets
         finally:
@@ -223,6 +217,16 @@ class ElevationMap:
         """Grow the grid to hold points (N, 2 or 3), m; InputError if it would take too much memory."""
         if self._making is None:
             self.layers.cover(points)
+
+    def _reserve(self, more: int) -> None:
+        """Make room for ``more`` columns; InputError if they would take too much memory."""
+        per_column = self._height.itemsize + self._hits.itemsize
+        check_memory(f"the heights of {self._size} cells", (self._size + more) * self.config.levels * per_column)
+        self._height, self._hits = (roomier(values, self._size, more) for values in (self._height, self._hits))
+
+    @property
+    def _bins(self) -> kernels.Bins:
+        return kernels.Bins(self.layers["row"], self._height, self._hits)
 
     @property
     def _within(self) -> MaskLayer:
@@ -240,8 +244,7 @@ class ElevationMap:
         layers, gap = self.layers, round(self.robot.max_gap / self.grid.cell) + 1
         changed = np.zeros(self.grid.shape, np.bool_)
         changed[where] = True
-        columns, cells = (layers["height"], layers["hits"]), np.argwhere(changed)
-        kernels.extract_elevation(*columns, cells, self._columns, layers["returned"])
+        kernels.extract_elevation(self._bins, np.argwhere(changed), self._columns, layers["returned"])
         layers.write("driven", layers["been"][where], where)
         # A panel may stand wherever the robot has not been.
         missing = layers["dropout_direction"][where].any(axis=-1)

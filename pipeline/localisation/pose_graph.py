@@ -11,8 +11,8 @@ from scipy.sparse.csgraph import dijkstra
 from pipeline.arrays import Covariance, Direction, Directions, Information, Pose, Poses, Values
 from pipeline.localisation.config import LocalisationConfig
 from pipeline.localisation.localisation import Loop, OdometryErrors
-from pipeline.localisation.motion_model import MeasuredMotion
-from pipeline.transforms import inverse, orthonormal
+from pipeline.localisation.motion_model import MeasuredMotion, backwards
+from pipeline.transforms import orthonormal
 
 _ERRORS = 1 << 40  # key of the odometry's systematic errors, which all motions share
 
@@ -34,6 +34,8 @@ class PoseGraph:
         self.ups: list[Direction] = []
         self._links: dict[tuple[int, int], NDArray[np.float64]] = {}  # variances of position, m², and rotation, rad²
         self._marginals: gtsam.Marginals | None = None
+        self._motions: list[MeasuredMotion] = []
+        self._corrected = b"", np.zeros((0, 4, 4))
 
     def __len__(self) -> int:
         """Number of keyframes."""
@@ -88,16 +90,25 @@ class PoseGraph:
 
     def drive(self, motion: MeasuredMotion) -> None:
         """Add the robot's motion by odometry from the previous keyframe to the newest one."""
-        noise, j = motion.noise(self._config.odometry), len(self) - 1
+        noise, j, k = motion.noise(self._config.odometry), len(self) - 1, len(self._motions)
+        self._motions.append(motion)
         model = gtsam.noiseModel.Gaussian.Covariance(noise)
 
         def error(_: object, values: gtsam.Values, H: list[NDArray[np.float64]] | None) -> NDArray[np.float64]:
             between, errors = values.atPose3(j - 1).between(values.atPose3(j)), values.atVector(_ERRORS)
             if H is not None:
                 H[0], H[1], H[2] = -between.inverse().AdjointMap(), np.eye(6), -motion.jacobian
-            return np.asarray(gtsam.Pose3.Logmap(gtsam.Pose3(inverse(motion.without(errors))).compose(between)))
+            return np.asarray(gtsam.Pose3.Logmap(gtsam.Pose3(self._back(errors)[k]).compose(between)))
 
         self._factors.add(gtsam.CustomFactor(model, [j - 1, j, _ERRORS], error))
+
+    def _back(self, errors: Values) -> Poses:
+        """All motions backwards, corrected by errors (5,): the optimiser asks for one after the other."""
+        key, back = errors.tobytes(), self._corrected[1]
+        if self._corrected[0] != key or len(back) < len(self._motions):
+            back = backwards(self._motions, errors)
+            self._corrected = key, back
+        return back
 
     def link(self, i: int, j: int, covariance: Covariance) -> None:
         """Remember the covariance of the pose of keyframe j relative to i; of several the smallest one counts."""

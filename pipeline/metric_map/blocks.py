@@ -30,12 +30,6 @@ class BlockArray:
         """Bytes of all blocks."""
         return len(self._blocks) * SIDE**3
 
-    def clear(self, keys: Iterable[Key]) -> None:
-        """Set every value of these blocks to zero; those that exist stay allocated."""
-        for key in keys:
-            if key in self._blocks:
-                self._blocks[key].fill(0)
-
     def __contains__(self, key: Key) -> bool:
         """Whether this block exists."""
         return key in self._blocks

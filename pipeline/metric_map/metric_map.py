@@ -1,6 +1,6 @@
 """The robot's 3D occupancy grid (thesis 3.1): each voxel is free, occupied or unknown."""
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from math import prod
 
@@ -8,11 +8,11 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 from scipy.spatial import cKDTree
 
-from pipeline.arrays import Boxes, Cells, Depth, Direction, Mask, Place, Places, Points, Pose
+from pipeline.arrays import Boxes, Cells, Depth, Direction, Mask, MaskLayer, Place, Places, Points, Pose
 from pipeline.errors import InputError
 from pipeline.frame import Intrinsics
-from pipeline.grid_map import check_memory
-from pipeline.metric_map.blocks import BlockArray, Key, parts
+from pipeline.grid_map import Grid, check_memory
+from pipeline.metric_map.blocks import BlockArray, parts
 from pipeline.metric_map.config import MetricMapConfig
 from pipeline.metric_map.grid_kernels import WORD, any_mark, fold
 from pipeline.metric_map.updates import Scan, Updater
@@ -21,6 +21,7 @@ from pipeline.transforms import FARTHEST, POSE, are_poses
 OCCUPIED, UNKNOWN, FREE = 0.0, 0.5, 1.0  # The thesis's three values of a voxel
 
 LOG_ODDS = 0.1  # Log-odds per unit of the map's int8 values
+COLUMN = 8  # Voxels along each side of the columns that are made anew
 
 
 class MetricMap:
@@ -38,7 +39,7 @@ class MetricMap:
         self.config, self.voxel_size, self.max_range = config, config.voxel_size, config.max_range
         self.corner: Place = np.array(config.offset) * config.voxel_size
         self._log_odds = BlockArray(config.max_bytes)
-        self._making: set[Key] | None = None
+        self._making: tuple[Grid, MaskLayer] | None = None
         self._updater = Updater(config)
 
     @property
@@ -48,24 +49,31 @@ class MetricMap:
 
     @contextmanager
     def made_anew(self, boxes: Boxes) -> Iterator[Callable[[Boxes], Mask]]:
-        """Forget the blocks that boxes in ``map`` touch; the block of the ``with`` statement adds all scans again.
+        """Forget the columns that boxes in ``map`` touch; the block of the ``with`` statement adds all scans again.
 
-        Only these blocks change.
+        Only these columns change, whatever their height.
 
         Yields:
             A function that says which of other boxes touch them.
         """
-        making = self._making = {key for box in boxes for key in self._blocks(box)}
-        self._log_odds.clear(making)
+        columns = Grid.around(boxes - self.corner, COLUMN * self.voxel_size)
+        within, meets = columns.touched(boxes - self.corner)
+        self._making = columns, within
+        for first, block in self._log_odds.items():
+            block[self._are_made(first, block.shape)] = 0
         try:
-            yield lambda others: np.array([not making.isdisjoint(self._blocks(box)) for box in others], np.bool_)
+            yield lambda others: meets(others - self.corner)
         finally:
             self._making = None
 
-    def _blocks(self, box: NDArray[np.float64]) -> Iterable[Key]:
-        """The keys of the blocks that a box (2, 3), m in ``map``, touches."""
-        low, high = self.voxel_index(box)
-        return (key for key, _, _ in parts(low, tuple((high - low + 1).tolist())))
+    def _are_made(self, lower: NDArray[np.int64], shape: tuple[int, ...]) -> MaskLayer:
+        """(nx, ny) which voxels of a box, given by its first index and shape, are in columns that are made anew."""
+        assert self._making is not None
+        columns, within = self._making
+        axes = zip(lower[:2], shape[:2], columns.low, columns.shape, strict=True)
+        # The columns at the edge of their grid are not among them.
+        i, j = (((v + np.arange(n)) // COLUMN - low).clip(0, size - 1) for v, n, low, size in axes)
+        return within[np.ix_(i, j)]
 
     def integrate(
         self, depth: Depth, intrinsics: Intrinsics, T_map_camera: Pose, returns: Points | None = None
@@ -189,6 +197,12 @@ class MetricMap:
         line = line[np.logical_and.accumulate(to_target > margin)]
         return bool((self.state_at(line) >= (UNKNOWN if may_be_unknown else FREE)).all())
 
+    @property
+    def counts(self) -> tuple[int, int]:
+        """Numbers of the occupied and of the free voxels."""
+        blocks = [block for _, block in self._log_odds.items()]
+        return sum(int(np.count_nonzero(b > 0)) for b in blocks), sum(int(np.count_nonzero(b < 0)) for b in blocks)
+
     def occupied_centres(self) -> Points:
         """Centres of the occupied voxels; InputError if they take too much memory."""
         return self._centres([(first, block > 0) for first, block in self._log_odds.items()])
@@ -206,11 +220,11 @@ class MetricMap:
         return np.concatenate([np.zeros((0, 3), np.float32), *centres])
 
     def _fold(self, scan: Scan) -> None:
+        if self._making is not None:
+            scan.marks[~self._are_made(scan.lower, scan.marks.shape)] = 0
         words = scan.marks.view(np.uint64)  # eight marks each
         marked = []
         for key, (i, j, k), in_block in parts(scan.lower, scan.marks.shape):
-            if self._making is not None and key not in self._making:
-                continue
             part = words[i, j, k.start // WORD : k.stop // WORD]
             if key in self._log_odds or any_mark(part):
                 marked.append((key, part, in_block))

@@ -87,14 +87,17 @@ def label_image(frame: Frame, labels: Labels) -> rr.SegmentationImage:
     return rr.SegmentationImage(image)
 
 
-def occupied_voxels(metric_map: MetricMap, centres: Points) -> rr.VoxelGridMap:
-    """Voxels of the map, given by their centres, coloured by height from 0 to 1 m."""
+def occupied_voxels(metric_map: MetricMap) -> rr.VoxelGridMap:
+    """The occupied voxels of the map, coloured by height from 0 to 1 m."""
+    centres = metric_map.occupied_centres()
     return _voxels(metric_map, centres, values=centres[:, 2].clip(0, 1), colormap="viridis")
 
 
-def free_voxels(metric_map: MetricMap, centres: Points) -> rr.VoxelGridMap:
-    """Voxels of the map, given by their centres, nearly transparent."""
-    return _voxels(metric_map, centres, colors=[FREE_COLOUR] * len(centres), opacity=0.03)
+def free_voxels(metric_map: MetricMap) -> rr.VoxelGridMap:
+    """The free voxels of the map, nearly transparent."""
+    centres = metric_map.free_centres()
+    colours = np.tile(np.array(FREE_COLOUR, np.uint8), (len(centres), 1))
+    return _voxels(metric_map, centres, colors=colours, opacity=0.03)
 
 
 def _voxels(metric_map: MetricMap, centres: Points, **style: Any) -> rr.VoxelGridMap:

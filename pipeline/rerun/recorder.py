@@ -64,6 +64,7 @@ class Recorder(Sink):
         self._times_run: dict[str, int] = {}
         self._moved: tuple[float, float] | None = None
         self._logged_size: dict[str, int] = {}
+        self._shifts = np.zeros(0)  # m by which what each keyframe shows may lie off what is drawn
         self._mapper: Mapper | None = None
         self.stream.send_blueprint(layout or blueprint())
         self.stream.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, drawings.annotations(), static=True)
@@ -118,9 +119,15 @@ class Recorder(Sink):
         return True
 
     def on_correction(self, moves: Moves) -> None:
-        """Log that keyframes were corrected; the corrected maps are logged with the next step."""
-        self._logged_size.clear()
+        """Log that keyframes were corrected; clouds that moved visibly are logged with the next step."""
+        self._logged_size.pop("keyframes", None)
         ways, turns = moves.ways, moves.turns
+        shifts = np.maximum(ways, turns * moves.reach)
+        shifts[: len(self._shifts)] += self._shifts
+        self._shifts = shifts
+        if shifts.max() > self._config.grain:
+            self._logged_size.clear()
+            self._shifts = np.zeros(0)
         count = np.count_nonzero(moves.are_noticeable)
         farthest = f"{ways.max():.3f} m and {np.rad2deg(turns.max()):.1f}°"
         moved = f"{count} of {len(ways)} keyframes moved by up to {farthest}; the maps were made anew"
@@ -233,16 +240,14 @@ class Recorder(Sink):
     def _log_clouds(self, mapper: Mapper) -> None:
         """Log the metric and the semantic map, each if its size has changed enough."""
         metric_map, semantic_map = mapper.metric_map, mapper.semantic_map
-        occupied, free = metric_map.occupied_centres(), metric_map.free_centres()
-        if self._has_changed("occupied", len(occupied), 0.0):
-            self.stream.log("world/metric_map/occupied", drawings.occupied_voxels(metric_map, occupied))
-        if self._has_changed("free", len(free), self._config.growth):
-            self.stream.log("world/metric_map/free", drawings.free_voxels(metric_map, free))
+        occupied, free = metric_map.counts
+        if self._has_changed("occupied", occupied, 0.0):
+            self.stream.log("world/metric_map/occupied", drawings.occupied_voxels(metric_map))
+        if self._has_changed("free", free, self._config.growth):
+            self.stream.log("world/metric_map/free", drawings.free_voxels(metric_map))
         if self._has_changed("semantic", len(semantic_map), self._config.growth):
             self.stream.log("world/semantic_map", drawings.labelled_points(semantic_map, self._config.grain))
-        self._log_metrics(
-            "map/", occupied_voxels=len(occupied), free_voxels=len(free), semantic_points=len(semantic_map)
-        )
+        self._log_metrics("map/", occupied_voxels=occupied, free_voxels=free, semantic_points=len(semantic_map))
 
     def _has_changed(self, cloud: str, size: int, growth: float) -> bool:
         """Whether a size differs from that logged last by more than a share ``growth``; it then counts as logged."""

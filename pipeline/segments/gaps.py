@@ -69,6 +69,7 @@ class Gaps:
         """Without ``is_surface`` no gap is closed."""
         self._is_surface = is_surface
         self._gaps: dict[tuple[Segment, Segment], Gap | None] = {}
+        self._joined: dict[tuple[Segment, ...], Segment] = {}
 
     def closed(self, segments: Sequence[Segment]) -> list[Segment]:
         """The segments, those without an open gap between them joined, oldest first."""
@@ -81,8 +82,10 @@ class Gaps:
         for pair, gap in self._gaps.items():
             if gap and gap.is_closed(self._is_surface):
                 joined.merge(*pair)
-        groups = [sorted(group, key=_id) for group in joined.subsets()]
-        return sorted((reduce(Segment.merged, group) for group in groups), key=_id)
+        whole, self._joined = self._joined, {}
+        for group in (tuple(sorted(group, key=_id)) for group in joined.subsets()):
+            self._joined[group] = whole[group] if group in whole else reduce(Segment.merged, group)
+        return sorted(self._joined.values(), key=_id)
 
 
 def _neighbours(segments: Sequence[Segment]) -> Iterator[tuple[Segment, Segment]]:

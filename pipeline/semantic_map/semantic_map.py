@@ -1,24 +1,28 @@
 """The semantic map: a labelled point for every small voxel with returns (thesis 3.2, figure 3)."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.arrays import Labels, Mask, Points, Probabilities
+from pipeline.arrays import Boxes, Indices, Labels, Mask, Points, Probabilities
 from pipeline.errors import InputError
 from pipeline.geometry.voxel_hash_kernels import EMPTY, insert_all
+from pipeline.grid_map import Grid, roomier
 from pipeline.labels import COLOURS, Label
 from pipeline.semantic_map.config import SemanticMapConfig
 from pipeline.semantic_map.ply import write_ply
-from pipeline.semantic_map.semantic_map_kernels import accumulate
+from pipeline.semantic_map.semantic_map_kernels import BLOCK, COLUMN, GONE, accumulate, forget
 from pipeline.semantic_map.uprights import RAMPS
 
 IsInaccessible = Callable[[Points, Mask], Mask]
 """Takes points labelled as ramps, and which are straight ones; where no robot can drive."""
 Revise = Callable[[Points, Labels], Labels]
 """Takes all points and their labels; labels that fit together."""
+EVERYWHERE = np.zeros(2, np.int64), np.zeros((0, 0), np.bool_)
+"""Columns in which points are added: all."""
 
 
 class SemanticMap:
@@ -43,20 +47,25 @@ class SemanticMap:
         """An empty map. Without ``is_inaccessible``, ramps keep their labels; without ``revise``, all points do."""
         self.config = config
         self._is_inaccessible, self._revise = is_inaccessible, revise
-        self._blocks, self._size = 0, 0
+        self._blocks, self._size, self._frames = 0, 0, 0
         self._block_keys = np.empty(0, np.int64)
         self._voxels = np.empty((0, 64), np.int32)
         self._rows = np.empty((0, 4 + len(Label)), np.float32)
+        self._born = np.empty(0, np.int64)
+        self._free = np.empty(0, np.int32)
+        self._known_order: Indices | None = None
+        self._columns = EVERYWHERE
         self._reserve(1)
 
     def __len__(self) -> int:
-        return self._size
+        return self._size - len(self._free)
 
     def update(
         self,
         points: Points,
         probabilities: Probabilities | NDArray[np.uint8],
         hits: NDArray[np.unsignedinteger] | None = None,
+        keyframe: int | None = None,
     ) -> None:
         """Add the points of a frame.
 
@@ -67,6 +76,7 @@ class SemanticMap:
             points: in ``map``; points that are not finite are left out.
             probabilities: of their classes, as float32 or as uint8 in units of 1/255.
             hits: (N,) number of returns of which each point is the mean; 1 if not given.
+            keyframe: number of the frame, which gives voxels their order; by default the next.
 
         Raises:
             InputError: if the shapes do not fit.
@@ -79,23 +89,50 @@ class SemanticMap:
         self._reserve(len(points))
         counts = np.ones(len(points), np.uint32) if hits is None else hits
         unit = 1 / 255 if probabilities.dtype == np.uint8 else 1.0
-        self._blocks, self._size = accumulate(
+        number = self._frames if keyframe is None else keyframe
+        self._frames = max(self._frames, number + 1)
+        self._blocks, self._size, left = accumulate(
             points, probabilities, unit, counts, 1 / self.config.voxel, self._slots, self._block_of_slot, self._shift,
-            self._block_keys, self._voxels, self._rows, (self._blocks, self._size),
+            self._block_keys, self._voxels, self._rows, self._born, number << 32, self._columns, self._free,
+            (self._blocks, self._size, len(self._free)),
         )  # fmt: skip
+        self._free, self._known_order = self._free[:left], None
 
-    def clear(self) -> None:
-        """Forget all points."""
-        self._blocks, self._size = 0, 0
-        self._slots.fill(EMPTY)
+    @contextmanager
+    def made_anew(self, boxes: Boxes) -> Iterator[Callable[[Boxes], Mask]]:
+        """Forget the columns that boxes in ``map`` touch; the block of the ``with`` statement adds all frames again.
+
+        Only these columns change. Frames are added in their order.
+
+        Yields:
+            A function that says which of other boxes touch them.
+        """
+        columns = Grid.around(boxes, COLUMN * BLOCK * self.config.voxel)
+        within, meets = columns.touched(boxes)
+        self._columns = columns.low, within
+        blocks, born = slice(self._blocks), self._born[: self._size]
+        gone = forget(self._block_keys[blocks], self._voxels[blocks], born, self._columns)
+        self._free, self._known_order = np.concatenate([self._free, gone]), None
+        try:
+            yield meets
+        finally:
+            self._columns = EVERYWHERE
+
+    @property
+    def _order(self) -> Indices:
+        """The rows of the voxels in the order of the points that hit them first."""
+        if self._known_order is None:
+            rows = np.flatnonzero(self._born[: self._size] != GONE)
+            self._known_order = rows[np.argsort(self._born[rows], kind="stable")]
+        return self._known_order
 
     def _reserve(self, more: int) -> None:
         """Make room for ``more`` blocks and voxels; doubling keeps the mean cost of growth constant."""
-        self._rows = _roomier(self._rows, self._size, more)
+        self._rows, self._born = (roomier(values, self._size, more) for values in (self._rows, self._born))
         if self._blocks + more <= len(self._block_keys):
             return
-        self._block_keys = _roomier(self._block_keys, self._blocks, more)
-        self._voxels = _roomier(self._voxels, self._blocks, more)
+        self._block_keys = roomier(self._block_keys, self._blocks, more)
+        self._voxels = roomier(self._voxels, self._blocks, more)
         # Twice as many slots as blocks: linear probing is fast while half of the slots are empty.
         size = 2 * len(self._block_keys)
         self._slots, self._block_of_slot = np.full(size, EMPTY, np.int64), np.empty(size, np.int32)
@@ -104,38 +141,29 @@ class SemanticMap:
 
     def points(self) -> Points:
         """The mean point of every voxel."""
-        return self._rows[: self._size, 1:4].copy()
+        return self._rows[self._order, 1:4]
 
     def labels(self) -> Labels:
         """The most probable class of every voxel (the lower id wins a tie), as the other maps revise it."""
-        labels = self._rows[: self._size, 4:].argmax(axis=1).astype(np.uint8)
+        labels, points = self._rows[self._order, 4:].argmax(axis=1).astype(np.uint8), self.points()
         if self._is_inaccessible is not None:
             ramps = np.flatnonzero(np.isin(labels, RAMPS))
             is_deck = labels[ramps] == Label.STRAIGHT_RAMP
-            labels[ramps[self._is_inaccessible(self._rows[ramps, 1:4], is_deck)]] = Label.CLUTTER
+            labels[ramps[self._is_inaccessible(points[ramps], is_deck)]] = Label.CLUTTER
         if self._revise is not None:
-            labels = self._revise(self.points(), labels)
+            labels = self._revise(points, labels)
         return labels
 
     def probabilities(self) -> Probabilities:
         """Of the classes of every voxel: the mean over all its returns."""
-        hits = self._rows[: self._size, :1]
-        return np.divide(self._rows[: self._size, 4:], hits, dtype=np.float32)
+        rows = self._rows[self._order]
+        return np.divide(rows[:, 4:], rows[:, :1], dtype=np.float32)
 
     def hits(self) -> NDArray[np.uint32]:
         """(M,) uint32 number of returns in every voxel."""
-        return self._rows[: self._size, 0].astype(np.uint32)
+        return self._rows[self._order, 0].astype(np.uint32)
 
     def save(self, path: Path) -> None:
         """Write a binary PLY: ``x y z``, ``red green blue`` of the label, ``label``. InputError if it cannot."""
         labels = self.labels()
         write_ply(path, self.points(), COLOURS[labels], labels)
-
-
-def _roomier(values: NDArray, size: int, more: int) -> NDArray:
-    """The array itself if it has room for ``more`` rows after its first ``size``, else a copy of them in 2ⁿ rows."""
-    if size + more <= len(values):
-        return values
-    result = np.empty((1 << (size + more).bit_length(), *values.shape[1:]), values.dtype)
-    result[:size] = values[:size]
-    return result

@@ -3,14 +3,24 @@
 import numpy as np
 from numba import int64, njit
 
-from pipeline.geometry.voxel_hash_kernels import EMPTY, NO_INDEX, find_slot, indices_of, packed
+from pipeline.geometry.voxel_hash_kernels import EMPTY, NO_INDEX, find_slot, indices_of, packed, unpacked
+
+BLOCK = 4
+"""Voxels along each side of a block."""
+COLUMN = 4
+"""Blocks along each side of a column, which is as high as the map."""
+GONE = np.iinfo(np.int64).max
+"""Place in the order of points of a voxel that was forgotten."""
 
 
 @njit(cache=True, nogil=True)
-def accumulate(points, weights, unit, counts, per_metre, keys, indices, shift, block_keys, blocks, rows, size):
-    """Add points to the voxels that contain them; returns the numbers of blocks and voxels afterwards.
+def accumulate(
+    points, weights, unit, counts, per_metre, keys, indices, shift, block_keys, blocks, rows, born, first,
+    columns, free, size,
+):  # fmt: skip
+    """Add points to the voxels that contain them; returns the numbers of blocks, rows and free rows afterwards.
 
-    Points that are not finite, too far out for a key, or without finite weights are left out.
+    Points that are not finite, too far out for a key, without finite weights, or in no column are left out.
 
     Args:
         points, weights: (N, 3) float32, and (N, C) evidence per class in the given ``unit``.
@@ -21,10 +31,14 @@ def accumulate(points, weights, unit, counts, per_metre, keys, indices, shift, b
         block_keys, blocks: (B,) int64 key of every block of 4 × 4 × 4 voxels, and (B, 64) int32 rows of its voxels,
             EMPTY where there is none; B is at least N more than the blocks so far.
         rows: (M, 4 + C) float32, for every voxel its number of returns, their mean and the sums of their weights.
-        size: numbers of blocks and voxels so far.
+        born: (M,) int64, for every voxel the place in the order of points of the first that hit it.
+        first: place in this order of points[0].
+        columns: (2,) index of the first, and (nx, ny) bool which are chosen; if these are empty, all.
+        free: (F,) int32 rows of voxels that were forgotten, which are used first.
+        size: numbers of blocks, rows and free rows so far.
     """
-    number, voxels = size
-    last_key, block = int64(EMPTY), int64(0)
+    (number, used, left), are_all = size, columns[1].size == 0
+    last_key, block = int64(EMPTY), int64(EMPTY)
     for n in range(len(points)):
         total = 0.0
         for c in range(weights.shape[1]):
@@ -35,17 +49,22 @@ def accumulate(points, weights, unit, counts, per_metre, keys, indices, shift, b
         key = packed(i >> 2, j >> 2, k >> 2)
         # Neighbouring points mostly share a block, so most need no search in the table.
         if key != last_key:
-            slot = find_slot(keys, shift, key)
-            if keys[slot] == EMPTY:
-                keys[slot], indices[slot], block_keys[number] = key, number, key
-                blocks[number] = EMPTY
-                number += 1
-            last_key, block = key, int64(indices[slot])
+            last_key, block = key, int64(EMPTY)
+            if are_all or _is_chosen(i >> 2, j >> 2, columns):
+                slot = find_slot(keys, shift, key)
+                if keys[slot] == EMPTY:
+                    keys[slot], indices[slot], block_keys[number] = key, number, key
+                    blocks[number] = EMPTY
+                    number += 1
+                block = int64(indices[slot])
+        if block == EMPTY:
+            continue
         cell = (i & 3) << 4 | (j & 3) << 2 | (k & 3)
         if blocks[block, cell] == EMPTY:
-            blocks[block, cell] = voxels
-            rows[voxels] = 0.0
-            voxels += 1
+            new = free[left - 1] if left else used
+            blocks[block, cell] = new
+            rows[new], born[new] = 0.0, first + n
+            left, used = (left - 1, used) if left else (left, used + 1)
         row = rows[blocks[block, cell]]
         row[0] += counts[n]
         share, weight = np.float32(counts[n] / row[0]), np.float32(counts[n] * unit)
@@ -53,7 +72,32 @@ def accumulate(points, weights, unit, counts, per_metre, keys, indices, shift, b
             row[1 + c] += (points[n, c] - row[1 + c]) * share
         for c in range(weights.shape[1]):
             row[4 + c] += weights[n, c] * weight
-    return number, voxels
+    return number, used, left
+
+
+@njit(cache=True, inline="always")
+def _is_chosen(i, j, columns):
+    """Whether the column of the blocks (i, j) is one of those chosen."""
+    low, chosen = columns
+    u, v = i // COLUMN - low[0], j // COLUMN - low[1]
+    return 0 <= u < chosen.shape[0] and 0 <= v < chosen.shape[1] and chosen[u, v]
+
+
+@njit(cache=True, nogil=True)
+def forget(block_keys, blocks, born, columns):
+    """Empty the ``blocks`` (B, 64) of the chosen columns; returns the rows of their voxels, which are GONE.
+
+    For the arguments see :func:`accumulate`.
+    """
+    index, free, size = unpacked(block_keys), np.empty(len(born), np.int32), 0
+    for b in range(len(blocks)):
+        if _is_chosen(index[b, 0], index[b, 1], columns):
+            for cell in range(blocks.shape[1]):
+                if blocks[b, cell] != EMPTY:
+                    born[blocks[b, cell]], free[size] = GONE, blocks[b, cell]
+                    size += 1
+            blocks[b] = EMPTY
+    return free[:size].copy()
 
 
 @njit(cache=True, nogil=True)

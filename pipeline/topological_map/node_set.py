@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import networkx as nx
 import numpy as np
 
-from pipeline.arrays import Cells, MaskLayer, Place, Places
+from pipeline.arrays import Cells, Mask, MaskLayer, Place, Places
 from pipeline.elevation_map.traversability import Traversability
 from pipeline.labels import Label
 from pipeline.segments.segment import Segment
@@ -48,15 +48,16 @@ class NodeSet:
         self.free = nx.Graph()
         self.cover = NodeCover(config)
         self._next_id = 0
-        self._have_moved = False
+        self._moved: list[Place] = []
 
     def renew(self, traversability: Traversability, reachable: MaskLayer, walls: Sequence[Segment]) -> MaskLayer:
         """Update the nodes to the ground; if the robot cannot turn there, they move up to ``snap`` m or go.
 
         See :meth:`NodeCover.update` for the arguments and the result, the cells that changed.
         """
-        changed = self.cover.update(traversability, reachable, walls) | self._have_moved
-        self._have_moved = False
+        changed = self.cover.update(traversability, reachable, walls)
+        changed |= self.cover.grid.mask_of(np.reshape(self._moved, (-1, 3)))
+        self._moved.clear()
         self.links = StraightDrives(traversability, walls, self._config.wall_gap)
         nodes = list(self.nodes.values())
         stand = self.cover.grid.at(self.cover.standable, np.array([n.position for n in nodes]).reshape(-1, 3))
@@ -78,13 +79,15 @@ class NodeSet:
                 self.remove(node.id)
             self._put(node.id, node.label, node.position[:2])
 
-    def place(self, positions: Places) -> None:
-        """Move the nodes to (N, 3) positions; the next :meth:`renew` tests which drives join them."""
-        for node, position in zip(list(self.nodes.values()), positions, strict=True):
+    def place(self, positions: Places, moving: Mask) -> None:
+        """Move those nodes (N,) to (N, 3) positions; the next :meth:`renew` tests which drives join them."""
+        nodes = list(self.nodes.values())
+        for k in np.flatnonzero(moving):
+            node, position = nodes[k], positions[k]
             self.cover.remove(node.id)
             self.cover.add(node.id, position[:2])
             self.nodes[node.id] = Node(node.id, node.label, position)
-        self._have_moved = bool(self.nodes)
+            self._moved += [node.position, position]
 
     def add(self, label: Label, xy: Place) -> int:
         """Add a node at (2,) m; returns its id."""

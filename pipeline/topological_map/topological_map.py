@@ -8,7 +8,7 @@ from typing import Literal
 import networkx as nx
 import numpy as np
 
-from pipeline.arrays import MaskLayer, Place, Poses
+from pipeline.arrays import Mask, MaskLayer, Place, Poses
 from pipeline.arrays import Places as Points
 from pipeline.elevation_map.traversability import Traversability
 from pipeline.files import whole_file
@@ -85,9 +85,9 @@ class TopologicalMap:
             if "bends" in edge
         }
 
-    def place(self, poses: Poses) -> None:
-        """Move nodes and ways along with the keyframes; :meth:`update` fits them to the ground."""
-        self._set.place(self._places.at(poses))
+    def place(self, poses: Poses, moving: Mask) -> None:
+        """Move nodes and ways along with the (K,) keyframes that move; :meth:`update` fits them to the ground."""
+        self._set.place(self._places.at(poses), moving[self._places.keyframe])
         for edge, bends in self._bends.items():
             self.graph.edges[edge]["bends"] = bends.at(poses)
 

@@ -133,9 +133,9 @@ def test_returns_besides_the_image_are_end_points_up_to_its_range():
     assert (denser.state_at(far) != OCCUPIED).all()
 
 
-def test_only_the_blocks_that_a_box_touches_are_made_anew():
+def test_only_the_columns_that_a_box_touches_are_made_anew():
     metric_map = MetricMap()
-    places = np.array([(0.5, 0.5, 0.5), (30.5, 0.5, 0.5)])
+    places = np.array([(0.5, 0.5, 0.5), (2.5, 0.5, 0.5)])
     for place in places:
         metric_map.integrate_points(place[None], place - (0.0, 0.0, 1.0))
     box = np.array([[(0.0, 0.0, 0.0), (1.0, 1.0, 1.0)]])

@@ -16,6 +16,7 @@ from pipeline.labels import COLOURS, Label
 from pipeline.localisation.localisation import Localised, Loop
 from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.mapper import Mapper
+from pipeline.rerun.config import RerunConfig
 from pipeline.rerun.recorder import Recorder
 from pipeline.semantic_map.classifier import TruthClassifier
 from pipeline.transforms import from_yaw, wrap_angle
@@ -295,6 +296,20 @@ def test_what_was_corrected_is_logged_where_it_is_now(corrected, entity, compone
     assert [row["step"] for row in rows[f"/world/{entity}"]][-2:] == [2, 2]
     # Boxes may be joined meanwhile, which moves their mean.
     np.testing.assert_allclose(last[:2] - before[:2], [0.2, 0.3], atol=0.06)
+
+
+def test_clouds_are_logged_anew_once_corrections_add_up_to_what_can_be_seen(tmp_path):
+    explorer = Explorer(StillRobot(), Mapper(PIONEER, TruthClassifier(), localisation=OdometryLocalisation()))
+    recorder = Recorder(tmp_path / "episode.rrd")
+    explorer.watch(recorder)
+    explorer.step()
+    for _ in range(2):
+        be_elsewhere(explorer, pose(0.6 * RerunConfig().grain))
+        explorer.step()
+    recorder.close()
+    rows = read(tmp_path / "episode.rrd")
+    assert [row["step"] for row in rows["/world/semantic_map"]] == [0, 2, 2]  # and at the end
+    assert [row["step"] for row in rows["/world/localisation/keyframes"]][:3] == [0, 1, 2]
 
 
 def test_corrected_voxels_are_logged_even_if_they_are_as_many_as_before(corrected):

@@ -115,3 +115,25 @@ def test_shapes_that_do_not_fit_are_refused() -> None:
     ):
         with pytest.raises(InputError, match="semantic map"):
             SemanticMap().update(points.astype(np.float32), probabilities.astype(np.float32))
+
+
+def test_columns_made_anew_are_as_if_their_frames_had_been_there_from_the_start() -> None:
+    rng = np.random.default_rng(0)
+    frames = [cloud(*rng.uniform((x, -0.2, 0), (x + 0.8, 0.2, 1), (400, 3))) for x in (-1.0, -0.8, 0.0, 5.0)]
+    there = [frame + np.float32([0.3 * (k == 1), 0, 0]) for k, frame in enumerate(frames)]
+    labels = one_hot(*rng.integers(0, 8, 400))
+    boxes = np.array([(frame.min(axis=0), frame.max(axis=0)) for frame in (frames[1], there[1])])
+    semantic_map, expected = SemanticMap(), SemanticMap()
+    for k, (frame, now) in enumerate(zip(frames, there, strict=True)):
+        semantic_map.update(frame, labels, keyframe=k)
+        expected.update(now, labels, keyframe=k)
+    with semantic_map.made_anew(boxes) as meets:
+        are_met = meets(np.array([(now.min(axis=0), now.max(axis=0)) for now in there]))
+        for k in np.flatnonzero(are_met):
+            semantic_map.update(there[k], labels, keyframe=k)
+    assert are_met.tolist() == [True, True, True, False]
+    for values in ("points", "probabilities", "hits", "labels"):
+        np.testing.assert_array_equal(getattr(semantic_map, values)(), getattr(expected, values)())
+    semantic_map.update(frames[0], labels)
+    expected.update(frames[0], labels)
+    np.testing.assert_array_equal(semantic_map.points(), expected.points())

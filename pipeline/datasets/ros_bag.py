@@ -19,7 +19,7 @@ from pipeline.frame import SAME_TIME, Calibration, Frame
 from pipeline.localisation.trajectory import Trajectory
 from pipeline.ros.cameras import IMAGE_TYPES, INFO_TYPE, ImageSource, RgbdCamera, info_topic
 from pipeline.ros.images import colour_of, depth_of, label_of
-from pipeline.ros.links import TF_TYPES, CameraMount, FrameTree, tf_topics
+from pipeline.ros.links import TF_TYPES, FrameTree, tf_topics
 from pipeline.ros.messages import NANO, STORE, Message, pose_matrix, seconds, vector_of
 
 KEYFRAME_TOPIC, LABELLED_TOPIC, STEP_TOPIC = "/keyframe", "/semantic_cloud", "/map"
@@ -63,17 +63,11 @@ def read_ros_bag(
     recording.steps = beside.steps
     recording.has_camera_pose = mount.T_base_camera is not None
     recording.up = beside.up(camera.frame, config.at_rest)
-    for line in filter(None, (*chosen.notes, *beside.notes, camera.note, _mounted(mount))):
+    for line in filter(None, (*chosen.notes, *beside.notes, camera.note, mount.note)):
         recording.note(line)
     if recording.odometry is None and beside.links.moves:
         recording.note(f"no odometry: neither nav_msgs/Odometry nor a transform from odom; found: {beside.links}")
     return recording
-
-
-def _mounted(mount: CameraMount) -> str:
-    """The note on a camera's pose, and what is done without it."""
-    without = "; the floor in the first frame gives its height and tilt, unless --camera does"
-    return mount.note + (without if mount.T_base_camera is None else "")
 
 
 def holds_bag(path: Path) -> bool:

@@ -82,7 +82,7 @@ class Mapper:
         config: all numbers.
         policy: how keyframes are spaced.
         keyframes: what they have shown, and their poses.
-        knows_camera: whether the camera's place on the robot is known, and so the ground under the robot at its start.
+        knows_camera: whether it is known where the camera is on the robot, and so the ground where that started.
         stopwatch: the time that each stage took.
     """
 

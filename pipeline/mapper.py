@@ -82,6 +82,7 @@ class Mapper:
         config: all numbers.
         policy: how keyframes are spaced.
         keyframes: what they have shown, and their poses.
+        knows_camera: whether it is known where the camera is on the robot, and so the ground where that started.
         stopwatch: the time that each stage took.
     """
 
@@ -126,6 +127,7 @@ class Mapper:
         self.stopwatch = Stopwatch()
         reach, cell = self.metric_map.max_range, self.elevation_map.grid.cell
         self.keyframes = Keyframes(robot, reach, cell, config.keyframes.noticeable)
+        self.knows_camera = True
         self._set_down: NDArray[np.float64] | None = None
         self._newest_at_drive = 0
         self._T_odom_keyframe: Pose | None = None
@@ -174,8 +176,10 @@ class Mapper:
             at_stop: whether to correct the maps before, and to connect the topological map afterwards.
             labelled: whether the keyframe is labelled; by default as often as the policy says.
             may_repeat: make a keyframe even if it repeats another one.
-            on_ground: whether the robot stands on ground that is level where it begins.
+            on_ground: whether the robot stands on ground that is level where it begins; False where it is not known
+                where the camera is on the robot.
         """
+        self.knows_camera = on_ground
         if at_stop:
             self.settle()
         localised, set_down = self.localise(frame), on_ground and not len(self.keyframes)

@@ -119,6 +119,7 @@ class Replay:
         self._has_begun = True
         if not self._is_on_ground:
             self._T_base_camera = self._above_floor(frame)
+            self.recording.note(_measured(self._T_base_camera))
         T_base_camera = frame.T_base_camera if self._T_base_camera is None else self._T_base_camera
         up = self._up(frame, T_base_camera) if self._is_on_ground else np.array([0.0, 0.0, 1.0])
         T_map_base = from_rotation(level(up / np.linalg.norm(up)), np.zeros(3))
@@ -194,3 +195,10 @@ class Replay:
             track = np.column_stack([poses[:, :2, 3], np.arctan2(poses[:, 1, 0], poses[:, 0, 0])])
             self.mapper.add_drive(track, np.zeros((0, 3), np.float32), [])
         self._track.clear()
+
+
+def _measured(T_base_camera: Pose) -> str:
+    """The note on a camera's pose on the robot that nobody gave."""
+    height, down = T_base_camera[2, 3], np.degrees(np.arcsin(np.clip(-T_base_camera[2, 2], -1, 1)))
+    given = "the camera's place on the robot is not known (--camera gives it)"
+    return f"{given}: by the lowest in the first frame it is {height:.2f} m up and looks down by {down:.0f}°"

@@ -17,9 +17,18 @@ from pipeline.errors import InputError
 from pipeline.files import check_regular, read_text
 from pipeline.frame import SAME_TIME, Calibration, Frame
 from pipeline.localisation.trajectory import Trajectory
-from pipeline.ros.cameras import IMAGE_TYPES, INFO_TYPE, ImageSource, RgbdCamera, info_topic
+from pipeline.ros.cameras import (
+    EXTRINSIC_TYPE,
+    IMAGE_TYPES,
+    INFO_TYPE,
+    ImageSource,
+    RgbdCamera,
+    extrinsic,
+    info_topic,
+    stream_of,
+)
 from pipeline.ros.images import colour_of, depth_of, label_of
-from pipeline.ros.links import TF_TYPES, CameraMount, FrameTree, tf_topics
+from pipeline.ros.links import TF_TYPES, FrameTree, tf_topics
 from pipeline.ros.messages import NANO, STORE, Message, pose_matrix, seconds, vector_of
 
 KEYFRAME_TOPIC, LABELLED_TOPIC, STEP_TOPIC = "/keyframe", "/semantic_cloud", "/map"
@@ -63,17 +72,11 @@ def read_ros_bag(
     recording.steps = beside.steps
     recording.has_camera_pose = mount.T_base_camera is not None
     recording.up = beside.up(camera.frame, config.at_rest)
-    for line in filter(None, (*chosen.notes, *beside.notes, camera.note, _mounted(mount))):
+    for line in filter(None, (*chosen.notes, *beside.notes, camera.note, mount.note)):
         recording.note(line)
     if recording.odometry is None and beside.links.moves:
         recording.note(f"no odometry: neither nav_msgs/Odometry nor a transform from odom; found: {beside.links}")
     return recording
-
-
-def _mounted(mount: CameraMount) -> str:
-    """The note on a camera's pose, and what is done without it."""
-    without = "; the floor in the first frame gives its height and tilt, unless --camera does"
-    return mount.note + (without if mount.T_base_camera is None else "")
 
 
 def holds_bag(path: Path) -> bool:
@@ -180,8 +183,14 @@ class _Beside:
         self._felt: list[tuple[float, Pose]] = []
         self._imu_frame = ""
         self._first = {name: _first(reader, name) for name in (topics.depth, topics.colour) if name}
+        self._streams = [
+            s for name, kind in topics.kinds.items() if kind == EXTRINSIC_TYPE and (s := stream_of(name))
+        ]
+        for name in [name for name in topics.kinds if stream_of(name) in self._streams]:
+            self.links.hang(*extrinsic(name, _first(reader, name)))
         infos = [name for name, kind in topics.kinds.items() if kind == INFO_TYPE]
         self._infos = {name: _first(reader, name) for name in infos}
+        self._imu_stream = self._stream(topics.imu) if topics.imu else ""
         takers: dict[str | None, Callable[[Any, float], None]] = {
             topics.odometry: self._take_odometry,
             topics.imu: self._take_imu,
@@ -210,15 +219,21 @@ class _Beside:
             if name is not None:
                 self.notes.append(f"{name}, of the same frame, is taken for the camera_info of {topic}")
         info = None if name is None else self._infos[name]
+        if stream := self._stream(topic):
+            return ImageSource(topic, info, stream)
         frames = [m.header.frame_id for m in (info, self._first[topic]) if m is not None]
         return ImageSource(topic, info, next((frame for frame in frames if self.links.knows(frame)), frames[0]))
+
+    def _stream(self, topic: str) -> str:
+        """The frame of a RealSense stream, whose messages name none; empty for other topics."""
+        return next((stream.strip("/") for stream in self._streams if topic.startswith(f"{stream}/")), "")
 
     def _take_odometry(self, message: Message, time: float) -> None:
         self.links.base = message.child_frame_id
         self._odometry.append((time, _pose(message.pose.pose)))
 
     def _take_imu(self, message: Message, time: float) -> None:
-        self._imu_frame = message.header.frame_id
+        self._imu_frame = self._imu_stream or message.header.frame_id
         self._felt.append((time, vector_of(message.linear_acceleration)))
 
     def _take_tf(self, message: Message, time: float) -> None:

@@ -112,6 +112,9 @@ def _frames(recording: Recording, pairs: Sequence[Pair], calibration: Calibratio
         if colour is None:
             recording.leave_out("depth images without a colour image")
             continue
+        if not (file.exists() and colour.exists()):
+            recording.leave_out("depth images that are listed but missing, or whose colour image is")
+            continue
         metres = _depth(file, scale)
         rgb = np.ascontiguousarray(_image(colour, cv2.IMREAD_COLOR)[..., ::-1])
         size = size or metres.shape

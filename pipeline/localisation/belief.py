@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.linalg import expm
 
-from pipeline.arrays import Values
+from pipeline.arrays import Indices, Values
 from pipeline.localisation.config import BeliefConfig
 
 
@@ -111,13 +111,20 @@ def _by_place(explained: int, contradicted: int, missing: int, config: BeliefCon
     return outcomes @ (explained, contradicted, missing) / config.correlated_tiles
 
 
-def evidence_of_overlap(overlap: float, chance: float, config: BeliefConfig) -> float:
-    """Logarithm of how much likelier a frame with this share of its points seen before is at a right pose.
+def evidence_of_overlap(overlap: float, chance: float, config: BeliefConfig, covered: float = 1.0) -> float:
+    """Logarithm of how much likelier points of which this share fits are at a right pose.
 
-    A share that ``chance`` gives shows nothing: the rest may be new ground, or dust.
+    A share that ``chance`` gives shows nothing: the rest may be new ground, or dust. ``covered``: share of the image
+    in which the points lie.
     """
-    parts = config.tiles**2 * config.image_share / config.correlated_tiles
+    parts = covered * config.tiles**2 * config.image_share / config.correlated_tiles
     return float(-np.log(chance) * parts * max(0.0, overlap - chance))
+
+
+def tiles_covered(pixels: Indices, width: int, config: BeliefConfig) -> float:
+    """Share of an image of a ``width`` in whose tiles (N, 2) pixels lie, rows and columns."""
+    row, column = (pixels * config.tiles // width).T
+    return len(np.unique(row * config.tiles + column)) / (config.tiles**2 * config.image_share)
 
 
 def place_bounded(log_likelihoods: Values, config: BeliefConfig) -> Values:

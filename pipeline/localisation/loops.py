@@ -132,12 +132,22 @@ def seen_through(frame: Frame, T_map_base: Pose, points: Places | Points, margin
 
     At a wrong pose a frame looks through surfaces that were seen. ``T_map_base``: assumed pose of the robot.
     """
+    _, z, depth = in_view(frame, T_map_base, points)
+    in_reach = (z > frame.sensor.nearest) & (z < frame.sensor.farthest)
+    return float(np.mean(depth[in_reach] > z[in_reach] + margin)) if in_reach.any() else 0.0
+
+
+def in_view(frame: Frame, T_map_base: Pose, points: Places | Points) -> tuple[Indices, Values, Values]:
+    """Points in ``map`` that lie in pixels with returns, if a frame was taken at a pose of the robot.
+
+    Returns:
+        (N, 2) rows and columns of the pixels; (N,) m along the optical axis to the points, and to the returns.
+    """
     in_camera = transform_points(inverse(T_map_base @ frame.T_base_camera), points)
     pixels, inside = frame.intrinsics.project(in_camera)
-    z = in_camera[inside, 2]
-    depth = frame.depth[tuple(pixels[inside].T)]
-    seen = (depth > 0) & (z > frame.sensor.nearest) & (z < frame.sensor.farthest)
-    return float(np.mean(depth[seen] > z[seen] + margin)) if seen.any() else 0.0
+    pixels, z = pixels[inside], in_camera[inside, 2]
+    depth = frame.depth[tuple(pixels.T)]
+    return pixels[depth > 0], z[depth > 0], depth[depth > 0]
 
 
 def looks_the_same(frame: Frame, loop: Pose, before: Pose, points: Places, margin: float) -> bool:

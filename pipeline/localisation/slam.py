@@ -17,11 +17,11 @@ from scipy.spatial.transform import Rotation
 from pipeline.arrays import Covariance, Information, Mask, Places, Points, Pose, Poses, Values
 from pipeline.errors import InputError
 from pipeline.frame import Frame
-from pipeline.localisation.belief import Belief, MotionState, evidence_of_overlap, place_bounded
+from pipeline.localisation.belief import Belief, MotionState, evidence_of_overlap, place_bounded, tiles_covered
 from pipeline.localisation.config import LocalisationConfig, RegistrationConfig
 from pipeline.localisation.local_map import LocalMap
 from pipeline.localisation.localisation import Localisation, Localised, LostError, SavedKeyframes, check_odometry
-from pipeline.localisation.loops import Loops, looks_the_same
+from pipeline.localisation.loops import Loops, in_view, looks_the_same
 from pipeline.localisation.motion_model import POSE, MeasuredMotion, MotionModel, Prediction
 from pipeline.localisation.pose_graph import PoseGraph, spread
 from pipeline.localisation.registration import (
@@ -314,7 +314,7 @@ class Slam(Localisation):
         if not nominal.is_sure:
             found |= otherwise(target, cloud, first, self.T_map_reference, frame, self._config)
         self.belief.observe(
-            self._likelihoods({state: registration for state, (_, registration) in found.items()}, frame)
+            self._likelihoods({state: registration for state, (_, registration) in found.items()}, target, frame)
         )
         state = max(found, key=lambda state: self.belief.probabilities[state])
         prior, registration = found[state]
@@ -327,11 +327,11 @@ class Slam(Localisation):
         way = np.linalg.norm((odometry.T_map_base - self.T_map_reference)[:3, 3])
         return bool(way > self._config.slam.jump)
 
-    def _likelihoods(self, found: dict[MotionState, Registration], frame: Frame) -> Values:
-        """(5,) log-likelihoods of a frame that was registered under some states."""
+    def _likelihoods(self, found: dict[MotionState, Registration], target: Target, frame: Frame) -> Values:
+        """(5,) log-likelihoods of a frame that was registered with a target under some states."""
         config, likely = self._config, np.full(len(MotionState), -np.inf)
         for state, registration in found.items():
-            likely[state] = log_likelihood(registration, config)
+            likely[state] = log_likelihood(registration, target, frame, config)
         motion = min(found.values(), key=lambda registration: registration.surprise)
         # Elsewhere, either the frame happens to fit here as well, or it fits nowhere near.
         reach = max(config.slam.least_extent, float(np.ptp(self.poses[:, :3, 3], axis=0).max()))
@@ -439,9 +439,18 @@ def prior_of(prediction: Prediction) -> Prior:
     return Prior(prediction.T_map_base, np.asarray(np.linalg.inv(prediction.covariance[POSE, POSE])))
 
 
-def log_likelihood(registration: Registration, config: LocalisationConfig) -> float:
-    """Logarithm of the likelihood of a frame under the priors, up to a constant of the frame."""
-    fit = evidence_of_overlap(registration.overlap, config.registration.chance_overlap, config.belief)
+def log_likelihood(registration: Registration, target: Target, frame: Frame, config: LocalisationConfig) -> float:
+    """Logarithm of the likelihood of a frame under the priors, up to a constant of the frame.
+
+    What it shows was seen before, and what was seen before it shows. New ground makes the first share smaller, what
+    hides old ground the second, so that the better one counts.
+    """
+    chance, fine = config.registration.chance_overlap, config.registration.fine
+    pixels, z, depth = in_view(frame, registration.T, target.points)
+    shown = float(np.mean(np.abs(depth - z) < fine)) if len(z) else 0.0
+    covered = tiles_covered(pixels, frame.intrinsics.width, config.belief)
+    fits = (registration.overlap, 1.0), (shown, covered)
+    fit = max(evidence_of_overlap(share, chance, config.belief, part) for share, part in fits)
     return fit - registration.surprise
 
 
@@ -475,7 +484,7 @@ def otherwise(
     slipped = [registered(begin, slips) for begin in begins]
     return {
         MotionState.HELD: (held, registered(held)),
-        MotionState.SLIPPING: (slips, max(slipped, key=lambda found: log_likelihood(found, config))),
+        MotionState.SLIPPING: (slips, max(slipped, key=lambda found: log_likelihood(found, target, frame, config))),
     }
 
 

@@ -88,6 +88,8 @@ class Situation:
             moved by others, or the robot had other goals.
         left: viewpoints that would have shown more ground but were not worth the drive.
         trust: how far the map can be trusted.
+        can_leave: whether the robot's map has a way out of the entrance.
+        knows_camera: whether the camera's place on the robot was known, not merely measured from a floor in view.
         config: of the report.
     """
 
@@ -107,6 +109,8 @@ class Situation:
     ended: str | None
     left: Sequence[Viewpoint]
     trust: Trust
+    can_leave: bool
+    knows_camera: bool
     config: RescueReportConfig
 
     @property
@@ -117,8 +121,8 @@ class Situation:
     @property
     def is_explored(self) -> bool:
         """Whether all ground to which the robot's map leads was seen, as far as a map tells that can be trusted."""
-        unseen = self.unseen
-        return self.finished and unseen.share is not None and not unseen.places and self.trust.is_good
+        knows_all = self.can_leave and self.unseen.share is not None and not self.unseen.places
+        return self.finished and knows_all and self.trust.is_good
 
     @property
     def others(self) -> list[Find]:
@@ -162,7 +166,9 @@ def situation_of(
     robot = traversability.robot
     poses = mapper.keyframes.poses[mapper.keyframes.loaded :]
     paths, points = PosePaths(traversability, poses[0][:2, 3]), mapper.semantic_map.points()
-    hazards = find_hazards(traversability, paths.reachable, points, robot, config.hazards)
+    # Also where nobody saw the ground at the entrance, or between there and where the robot went.
+    reachable = PosePaths(traversability, poses[:, :2, 3]).reachable
+    hazards = find_hazards(traversability, reachable, points, robot, config.hazards)
     maps = traversability, paths, mapper.topological_map, mapper.metric_map
     finds = mapper.finds.reported
     router = Router(*maps, hazards, robot, yaw_of(poses[0]), camera_height, config.routes)
@@ -175,7 +181,7 @@ def situation_of(
         points=points,
         labels=mapper.semantic_map.labels(),
         hazards=hazards,
-        unseen=find_unseen(traversability, measured, paths.reachable, robot, config.unseen),
+        unseen=find_unseen(traversability, measured, reachable, robot, config.unseen),
         people=[_person(*found, router, finds, config) for found in confirmed_ids(mapper.victims)],
         sightings=[_person(*found, router, finds, config) for found in unconfirmed_ids(mapper.victims)],
         finds=finds,
@@ -183,6 +189,8 @@ def situation_of(
         ended=ended,
         left=left,
         trust=trust_in(mapper, config.trust),
+        can_leave=bool(paths.reachable.any()),
+        knows_camera=mapper.knows_camera,
         config=config,
     )
 

@@ -20,7 +20,7 @@ class Unseen:
         places: places of unseen ground large enough for a person, the largest first.
         rest: m² of smaller unseen patches.
         seen: m² of ground that was seen, of ground that joins what the robot can reach if there is any.
-        is_reachable: whether the robot can reach any ground; if not, nobody knows what joins it.
+        is_reachable: whether the robot can reach any ground from where it was; if not, nobody knows what joins it.
     """
 
     places: list[ReportedPlace]

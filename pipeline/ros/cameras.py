@@ -1,5 +1,6 @@
 """A depth and a colour camera by their topics: which camera_info is whose, and depth registered to colour."""
 
+import re
 from collections.abc import Mapping
 from itertools import product, takewhile
 from pathlib import Path
@@ -11,11 +12,14 @@ from pipeline.arrays import Depth, Pose, Rgb
 from pipeline.errors import InputError
 from pipeline.frame import Calibration, Intrinsics
 from pipeline.ros.links import FrameTree
-from pipeline.ros.messages import Message
+from pipeline.ros.messages import Message, pose_matrix
 from pipeline.ros.pinhole import Pinhole
+from pipeline.transforms import inverse
 
 IMAGE_TYPES = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 INFO_TYPE = "sensor_msgs/msg/CameraInfo"
+EXTRINSIC = re.compile(r"(?P<stream>(?P<device>/device_\d+)/sensor_\d+/\w+)/tf/(?P<reference>\d+)")
+EXTRINSIC_TYPE = "geometry_msgs/msg/Transform"
 TRANSPORTS = "compressed", "compressedDepth", "theora", "ffmpeg", "zstd"  # At the end of a topic's name
 SAME_PLACE = 1e-3  # m and rad between cameras; below, they are one
 
@@ -65,6 +69,23 @@ def info_topic(topic: str, kinds: Mapping[str, str]) -> str | None:
     }
     nearest = [name for name, shared in near.items() if shared == max(near.values())]
     return nearest[0] if len(nearest) == 1 else None
+
+
+def stream_of(topic: str) -> str:
+    """The stream of a RealSense camera to which the topic of an extrinsic belongs; empty for other topics."""
+    found = EXTRINSIC.fullmatch(topic)
+    return found["stream"] if found else ""
+
+
+def extrinsic(topic: str, message: Message) -> tuple[str, str, Pose]:
+    """Names of a RealSense stream's frame and of its device's reference, and the stream's pose in that.
+
+    librealsense records, as a Transform on ``STREAM/tf/REFERENCE``, the pose of the reference in the stream.
+    """
+    found = EXTRINSIC.fullmatch(topic)
+    assert found
+    T = pose_matrix(message.translation, message.rotation)
+    return found["stream"].strip("/"), f"{found['device'].strip('/')}/reference_{found['reference']}", inverse(T)
 
 
 def _shared(info: str, image: str) -> int:
@@ -123,7 +144,10 @@ class RgbdCamera:
         cameras = f"depth is of {_told(of_depth, self._depth)}, colour of {_told(of_colour, self._colour)}"
         if T is not None:
             self._T_colour_depth, self.frame = T, of_colour
-            self.note = f"{cameras}: depth is registered to colour by camera_info and the transforms"
+            place = (
+                "the transforms" if of_depth != of_colour else f"as both name the frame {of_depth}, from one place"
+            )
+            self.note = f"{cameras}: depth is registered to colour by camera_info and {place}"
             return
         self.note = f"{cameras}: depth is not registered to colour, and no transform says how to"
         if not self._depth.fits(self._colour):

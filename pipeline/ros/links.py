@@ -63,9 +63,13 @@ class FrameTree:
         parent, child = message.header.frame_id.strip("/"), message.child_frame_id.strip("/")
         if child in self._links and not np.allclose(self._links[child][1], T, rtol=0, atol=STILL):
             self._moving.add(child)
-        self._links[child] = parent, T
+        self.hang(child, parent, T)
         if _is_called(parent, ODOM):
             self._odometry.setdefault(child, []).append((seconds(message.header.stamp) or time, T))
+
+    def hang(self, child: str, parent: str, T_parent_child: Pose) -> None:
+        """Store where a frame is in the one that it hangs on."""
+        self._links[child] = parent, T_parent_child
 
     def odometry(self, camera: str) -> list[tuple[float, Pose]]:
         """The poses in ``odom``, at times in s, of the frame that hangs on it and carries a camera."""

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from rosbags.convert import convert
 from scipy.spatial import KDTree
+from scipy.spatial.transform import Rotation
 
 from pipeline.datasets.recording import Recording
 from pipeline.datasets.ros_bag import LABELS, read_ros_bag
@@ -17,7 +18,7 @@ from pipeline.errors import InputError
 from pipeline.frame import Calibration
 from pipeline.ros import messages
 from pipeline.ros.topics import ImageFormat
-from pipeline.transforms import from_rotation, inverse
+from pipeline.transforms import from_rotation, inverse, transform_points
 from tests.pipeline.datasets import recorded_room
 from tests.pipeline.datasets.recorded_room import ODOMETRY, SQLITE, TO_ROS_1, WAY, Change, frames, unchanged, without
 
@@ -348,6 +349,42 @@ def test_the_topics_of_realsenses_viewer_are_read(tmp_path: Path) -> None:
     recording = read_ros_bag(write_bag(tmp_path / "room", change=viewers))
     assert_whole(recording)
     assert not recording.notes
+
+
+def test_the_streams_of_realsenses_viewer_are_registered_by_their_extrinsics(tmp_path: Path) -> None:
+    depth, colour = "/device_0/sensor_0/Depth_0", "/device_0/sensor_1/Color_0"
+    T_colour_depth = from_rotation(Rotation.from_euler("y", 1, degrees=True).as_matrix(), [0.015, 0.0, 0.0])
+
+    def viewers(name: str, time: float, message: Any) -> Iterable[tuple[str, float, Any]]:
+        names = {
+            DEPTH: f"{depth}/image/data", INFO: f"{depth}/info/camera_info",
+            COLOUR: f"{colour}/image/data", COLOUR_INFO: f"{colour}/info/camera_info",
+        }  # fmt: skip
+        if name in names:
+            message.header.frame_id = "0"  # of all streams
+        if name == COLOUR_INFO:
+            message.k = message.k * np.array([1.5, 1, 1, 1, 1.5, 1, 1, 1, 1])
+        if time == 0.0 and name == DEPTH:
+            yield f"{depth}/tf/0", time, transform(np.eye(4))
+            yield f"{colour}/tf/0", time, transform(T_colour_depth)
+        if name not in ("/tf", "/tf_static", "/odom"):
+            yield names.get(name, name), time, message
+
+    recording = read_ros_bag(write_bag(tmp_path / "room", change=viewers))
+    frame, true = next(recording.frames()), frames()[0]
+    assert any(depth[1:] in note and colour[1:] in note for note in recording.notes)
+    found = transform_points(inverse(T_colour_depth), frame.points(np.eye(4)))
+    assert len(found) > 10_000
+    distance, _ = KDTree(true.points(np.eye(4))).query(found)
+    assert np.quantile(distance, 0.95) < 0.03
+
+
+def transform(T: np.ndarray) -> Any:
+    """A pose as a Transform."""
+    make, q = messages.make, Rotation.from_matrix(T[:3, :3]).as_quat()
+    return make(
+        "geometry_msgs/Transform", make("geometry_msgs/Vector3", *T[:3, 3]), make("geometry_msgs/Quaternion", *q)
+    )
 
 
 def test_several_inertial_sensors_are_said(tmp_path: Path) -> None:

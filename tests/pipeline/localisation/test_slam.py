@@ -14,7 +14,7 @@ from pipeline.localisation.config import LocalisationConfig, RegistrationConfig,
 from pipeline.localisation.localisation import LostError
 from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.localisation.registration import logarithm
-from pipeline.localisation.slam import Slam, cloud_of_frame
+from pipeline.localisation.slam import Slam, cloud_of_frame, log_likelihood
 from pipeline.transforms import from_yaw, inverse, transform_points
 from tests.pipeline.localisation.driving_robot import drifting, drive, seen
 from tests.pipeline.polygon_scene import floor, wall
@@ -218,6 +218,16 @@ def test_wheels_that_spin_before_a_long_wall_do_not_carry_the_robot_along() -> N
     spun = seen(poses[-1], poses[-1] @ from_yaw(0.3, 0.0, 0.0, 0.0), time=50, faces=faces)
     assert abs(slam.localise(spun).T_map_base[0, 3] - poses[-1][0, 3]) < 0.02
     assert slam.slips == 1
+
+
+def test_where_most_of_a_frame_is_new_it_shows_where_it_was_taken_by_what_was_seen_before() -> None:
+    slam, (here, there) = driven(4), AROUND[3:5]
+    match = slam.localise(frames()[4])
+    assert match.registration is not None and match.target is not None
+    # As if the rest of the frame showed new ground, which says nothing.
+    registered = [replace(match.registration, T=T, overlap=0.3) for T in (here, there)]
+    held, moved = (log_likelihood(r, match.target, frames()[4], LocalisationConfig()) for r in registered)
+    assert moved > held + 3
 
 
 def test_a_robot_that_was_set_down_goes_on_from_there() -> None:

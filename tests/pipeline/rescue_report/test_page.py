@@ -157,7 +157,7 @@ ADRIFT = replace(WHOLE, is_reachable=False)
         ("time", WHOLE, "!!!", "stopped early"),
         ("steps", WHOLE, "!!!", "cut short"),
         (None, WHOLE, "!!!", "Nobody searched for unseen ground"),
-        (None, ADRIFT, "!!!", "no way out of the entrance"),
+        (None, ADRIFT, "!!!", "slopes and drops were not looked for"),
         ("nothing_left", ADRIFT, "!!!", "Unknown"),
     ],
 )
@@ -168,6 +168,12 @@ def test_no_tick_is_given_that_the_robot_did_not_earn(ended, unseen, signs, said
     assert "".join("+" if "good" in tile.attributes["class"] else "!" for tile in tiles) == signs
     assert said in root.text
     assert f"{unseen.seen:.0f} m² " in root.text
+
+
+def test_a_robot_that_cannot_leave_the_entrance_has_not_explored() -> None:
+    situation = replace(before_a_wall(victims()), unseen=WHOLE, can_leave=False)
+    tiles = read(page(situation, {"arena": "a"})).all("div", "tile")
+    assert not [tile.text for tile in tiles if "good" in tile.attributes["class"]]
 
 
 def test_people_are_all_found_only_where_all_was_seen() -> None:
@@ -250,8 +256,9 @@ def test_the_worst_places_are_listed_and_the_others_counted() -> None:
 
 def test_a_robot_that_cannot_leave_the_entrance_says_so() -> None:
     situation = before_a_wall(victims(ALICE))
-    stranded = replace(situation, people=[replace(person, route=None) for person in situation.people])
-    root = read(page(stranded, {"arena": "a"}))
+    without = [replace(person, route=None) for person in situation.people]
+    root = read(page(replace(situation, people=without, can_leave=False), {"arena": "a"}))
+    assert not [tile.text for tile in root.all("div", "tile") if "good" in tile.attributes["class"]]
     assert "no way out of the entrance" in "".join(texts(root, "span", "warning"))
     assert "The robot cannot drive up to person 1." in "".join(texts(root, "p", "summary"))
     assert list(root.all("ol")) == []

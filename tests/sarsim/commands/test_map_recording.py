@@ -2,7 +2,7 @@
 
 import json
 import os
-import re
+import shutil
 from collections.abc import Iterable
 from dataclasses import replace
 from pathlib import Path
@@ -18,6 +18,7 @@ from pipeline.localisation.trajectory import write_tum
 from pipeline.metric_map.io.npz import load_metric_map
 from sarsim.commands.map_recording import MapRecording, map_recording, open_recording
 from sarsim.commands.settings import run_with_settings
+from sarsim.dataset.exports.mcap import Mcap
 from sarsim.dataset.exports.tum import Tum
 from sarsim.dataset.generate import generate
 from sarsim.dataset.recipe import Recipe
@@ -32,7 +33,7 @@ from tests.pipeline.datasets.recorded_room import (
     write_tum_folder,
 )
 from tests.pipeline.localisation.driving_robot import T_BASE_CAMERA
-from tests.pipeline.rescue_report.html_page import read
+from tests.pipeline.rescue_report.html_page import Tag, read
 from tests.refusal import refusal
 from tests.sarsim.dataset.small import InProcess
 
@@ -163,27 +164,49 @@ def test_a_scene_is_one_whatever_it_is_called(tmp_path: Path) -> None:
     assert len(list(open_recording(MapRecording(path=path, out=tmp_path / "out")).frames())) == 2
 
 
-@pytest.mark.parametrize("poses", ["truth", "slam"])
-def test_a_scene_and_its_tum_folder_make_one_map_and_one_verdict(poses: str, tmp_path: Path) -> None:
+@pytest.fixture(scope="module")
+def ways_in(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """The same frames as a scene's file, a TUM folder with and without the camera's place, and a ROS bag."""
+    folder = tmp_path_factory.mktemp("ways")
     recipe = Recipe(seed=3, frames=6, width=160, height=120, arenas=("nist_6x4",))
-    generate(recipe, 1, tmp_path / "data", InProcess())
-    list(Tum(tmp_path / "data", tmp_path / "tum").run())
-    (scene,) = (tmp_path / "data" / "scenes").glob("*.h5")
-    for name, path in (("a", scene), ("b", tmp_path / "tum" / "arena_0")):
-        run(path, "--out", tmp_path / name, "--labels", "rules", "--poses", poses)
-    a, b = (load_metric_map(tmp_path / name / "metric_map.npz") for name in "ab")
-    np.testing.assert_array_equal(a.bounds(), b.bounds())
-    np.testing.assert_array_equal(a.log_odds(*a.bounds()), b.log_odds(*b.bounds()))
-    a_explored, b_explored = (explored(tmp_path / name / "report.html") for name in "ab")
-    assert a_explored == b_explored
+    generate(recipe, 1, folder / "data", InProcess())
+    (scene,) = (folder / "data" / "scenes").glob("*.h5")
+    list(Tum(folder / "data", folder / "tum").run())
+    list(Mcap(folder / "data", folder / "bags").run())
+    shutil.copytree(folder / "tum" / "arena_0", folder / "without")
+    (folder / "without" / "camera.txt").unlink()
+    bag, tum = folder / "bags" / "arena_0", folder / "tum" / "arena_0"
+    return {"scene": scene, "tum": tum, "bag": bag, "without": folder / "without"}
 
 
-def explored(page: Path) -> str:
-    """What the page says of how much ground was seen."""
-    words = re.sub(r"\s+", " ", re.sub("<[^>]*>", " ", page.read_text()))
-    found = re.search(r"Ground seen .{40}", words)
-    assert found
-    return found.group()
+@pytest.mark.parametrize("poses", ["truth", "slam"])
+def test_the_same_frames_make_one_map_and_one_verdict(poses: str, ways_in: dict[str, Path], tmp_path: Path) -> None:
+    for name in ("scene", "tum", "bag"):
+        run(ways_in[name], "--out", tmp_path / name, "--labels", "rules", "--poses", poses)
+    verdicts = {tuple(tile.text for tile in tiles(tmp_path / name)) for name in ("scene", "tum", "bag")}
+    assert len(verdicts) == 1
+    scene, tum, bag = (load_metric_map(tmp_path / name / "metric_map.npz") for name in ("scene", "tum", "bag"))
+    np.testing.assert_array_equal(scene.bounds(), tum.bounds())
+    np.testing.assert_array_equal(scene.log_odds(*scene.bounds()), tum.log_odds(*tum.bounds()))
+    # A bag's poses are quaternions, so a ray in a million may end in the voxel beside.
+    assert len(bag.occupied_centres()) == pytest.approx(len(scene.occupied_centres()), rel=1e-3)
+    errors = [json.loads((tmp_path / name / "report.json").read_text())["localisation"] for name in ("tum", "bag")]
+    assert errors[0]["ate_rmse_m"] == pytest.approx(errors[1]["ate_rmse_m"], abs=1e-4)
+
+
+def tiles(folder: Path) -> list[Tag]:
+    """The verdicts on a run's page."""
+    return read((folder / "report.html").read_text()).all("div", "tile")
+
+
+def test_without_the_cameras_place_the_page_says_what_it_cannot_tell(
+    ways_in: dict[str, Path], tmp_path: Path
+) -> None:
+    run(ways_in["without"], "--out", tmp_path, "--labels", "rules")
+    assert not [tile.text for tile in tiles(tmp_path) if "good" in tile.attributes["class"] or " 0 %" in tile.text]
+    (summary,) = read((tmp_path / "report.html").read_text()).all("p", "summary")
+    (note,) = json.loads((tmp_path / "report.json").read_text())["recording"]["notes"]
+    assert "--camera" in summary.text and "--camera" in note
 
 
 @pytest.mark.parametrize(

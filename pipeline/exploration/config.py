@@ -73,6 +73,7 @@ class ExplorationConfig:
         horizon: s of driving up to which ways to viewpoints are searched for at first; doubled as long as needed.
         arrived: m; a robot this close to a viewpoint or goal has reached it.
         patience: drives that bring the robot no nearer after which a goal is given up.
+        looks: at what bars the way to seen ground, after which the robot takes it for barred.
         progress: s by which the way to a goal must shrink to count as nearer: the cost of a bend.
         shown: share of the expected ground after which a viewpoint has shown enough, even on the way to it.
         visibility: what a view is expected to show.
@@ -85,6 +86,7 @@ class ExplorationConfig:
     horizon: float = 1.5
     arrived: float = 0.15
     patience: int = 5
+    looks: int = 3
     progress: float = 1.5
     shown: float = 0.8
     visibility: VisibilityConfig = VisibilityConfig()

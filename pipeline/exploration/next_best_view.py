@@ -1,5 +1,6 @@
 """Frontier exploration on the metric map: the next best view."""
 
+from collections import Counter
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from itertools import islice
@@ -83,6 +84,7 @@ class NextBestView(Strategy):
         self.config, self.sightings = config, Sightings(robot, config)
         self._robot = robot
         self._began: float | None = None
+        self._looks: Counter[tuple[float, float]] = Counter()  # by the places of cells that bar a way
         self._promised, self._is_for_ground = (np.zeros((0, 2)), 0.0), False
         # Rays cast for one guess of the ground behind crests are of no use for the other.
         self._gains = {falls: visibility.ViewpointGains(config.visibility.stride) for falls in (True, False)}
@@ -116,6 +118,8 @@ class NextBestView(Strategy):
         area = float(terrain.probability[cells].sum()) * terrain.cell**2
         self._promised = context.traversability.grid.centre_of(np.argwhere(cells)), area
         self._is_for_ground = viewpoint.gain <= area * (1 + self.config.shown)
+        if viewpoint.opens:
+            self._looks.update(map(tuple, self._promised[0].round(2).tolist()))
         if self.takes_rewards and context.rewards is not None:
             place = context.traversability.on_ground(viewpoint.position[None])[0]
             context.rewards.aim(place, viewpoint.heading)
@@ -172,6 +176,7 @@ class NextBestView(Strategy):
             return float(chance * areas[np.unique(pieces[near])].sum()) if (near & reachable).any() else 0.0
 
         bars = outlook.terrain.target & near_ground(context, pieces > 0) & near_ground(context, reachable)
+        bars &= ~traversability.grid.mask_of(self._often_looked_at)
         outlook = replace(outlook, terrain=outlook.terrain._replace(target=bars))
         context = replace(context, rewards=None)
         while self._may_be_worth(outlook, context, opened(outlook.terrain.target)):
@@ -179,9 +184,15 @@ class NextBestView(Strategy):
             if viewpoint is None:
                 return None
             if viewpoint.gain + opened(outlook.in_view(viewpoint)) >= self.needed(viewpoint.seconds):
-                return viewpoint
+                return replace(viewpoint, opens=True)
             outlook = outlook.after(viewpoint)
         return None
+
+    @property
+    def _often_looked_at(self) -> Places:
+        """(N, 2) m, cells that kept the way barred however often the robot looked at them."""
+        often = [place for place, looks in self._looks.items() if looks >= self.config.looks]
+        return np.array(often).reshape(-1, 2)
 
     def _may_be_worth(self, outlook: Outlook, context: Context, opened: float) -> bool:
         """Whether any viewpoint can be worth the drive if its way is straight and it opens ``opened`` m² as well."""

@@ -26,6 +26,7 @@ class Viewpoint:
         gain: m² of ground expected to be seen for the first time, and the rewards of the viewpoint.
         seconds: expected until the keyframe is taken.
         falls: whether the gain assumes that unknown ground behind crests falls.
+        opens: whether it is to show what bars the way to ground that was seen.
     """
 
     position: Place
@@ -34,6 +35,7 @@ class Viewpoint:
     gain: float
     seconds: float = 0.0
     falls: bool = True
+    opens: bool = False
 
 
 class ViewpointRewards(Protocol):

@@ -119,7 +119,7 @@ class NextBestView(Strategy):
         self._promised = context.traversability.grid.centre_of(np.argwhere(cells)), area
         self._is_for_ground = viewpoint.gain <= area * (1 + self.config.shown)
         if viewpoint.opens:
-            self._looks.update(map(tuple, self._promised[0].round(2).tolist()))
+            self._looks.update((float(x), float(y)) for x, y in self._promised[0].round(2))
         if self.takes_rewards and context.rewards is not None:
             place = context.traversability.on_ground(viewpoint.position[None])[0]
             context.rewards.aim(place, viewpoint.heading)

@@ -314,14 +314,18 @@ def test_also_keyframes_on_the_way_show_where_no_ground_is():
     assert gains[1] < 0.5 * gains[0]
 
 
-@pytest.mark.parametrize(("beyond", "is_looked_at"), [(3.0, True), (0.5, False)])
-def test_a_patch_that_is_not_worth_the_drive_is_looked_at_if_it_bars_the_way_to_other_ground(beyond, is_looked_at):
+def barred_corridor(beyond, half=0.1):
+    """A corridor up to ``beyond`` m, seen but for a patch of twice ``half`` m behind a door that is just wide enough."""
     ground = ground_points(flat, (-3, beyond), (-1, 1))
-    in_door = (np.abs(ground[:, 0] - 0.2) < 0.1) & (np.abs(ground[:, 1]) < 0.1)
+    in_door = (np.abs(ground[:, 0] - 0.2) < half) & (np.abs(ground[:, 1]) < half)
     corners = [(-3, -1), (beyond, -1), (beyond, 1), (-3, 1), (-3, -1)]
     posts = [wall_points((0, side), (0, side / 2)) for side in (-1, 1)]
-    world = surface_of(ground[~in_door], *posts, *(wall_points(a, b) for a, b in pairwise(corners)))
-    exploration, pose = NextBestView(PIONEER), from_yaw(-2.5, 0, 0, np.pi)
+    return surface_of(ground[~in_door], *posts, *(wall_points(a, b) for a, b in pairwise(corners)))
+
+
+@pytest.mark.parametrize(("beyond", "is_looked_at"), [(3.0, True), (0.5, False)])
+def test_a_patch_that_is_not_worth_the_drive_is_looked_at_if_it_bars_the_way_to_other_ground(beyond, is_looked_at):
+    world, exploration, pose = barred_corridor(beyond), NextBestView(PIONEER), from_yaw(-2.5, 0, 0, np.pi)
     here = context(world, pose)
     assert not here.paths.reachable[tuple(here.traversability.grid.cell_of(np.array([0.5, 0.0])))]
     viewpoint = next_viewpoint(exploration, world, pose)
@@ -329,3 +333,15 @@ def test_a_patch_that_is_not_worth_the_drive_is_looked_at_if_it_bars_the_way_to_
     if viewpoint is not None:
         assert viewpoint.gain < exploration.needed(viewpoint.seconds)
         assert viewpoint.position[0] < 0
+
+
+def test_a_patch_that_bars_a_way_is_looked_at_however_small_it_is_but_not_forever():
+    exploration = NextBestView(PIONEER)
+    here, looks = context(barred_corridor(3.0, half=0.06), from_yaw(-2.5, 0, 0, np.pi)), 0
+    exploration.observe(here)
+    while viewpoint := exploration.next_viewpoint(here):
+        assert viewpoint.opens
+        looks += 1
+        assert looks < 10
+        exploration.commit(viewpoint, here)
+    assert looks > 1

@@ -89,7 +89,9 @@ class Traversability:
         """
         grid = self.grid.around(places, margin)
         box = grid.box_of(self.grid)
-        known = {name: _spread(getattr(self, name), grid, box, UNSEEN.get(name, 0)) for name in LAYERS}
+        known: dict[str, Any] = {
+            name: _spread(getattr(self, name), grid, box, UNSEEN.get(name, 0)) for name in LAYERS
+        }
         hazard = (known["obstacle"] == pose_kernels.HAZARD if doubts else known["hazard"]) | grid.mask_of(shut)
         distance = np.minimum(grid.distance_to(hazard), reach_of(self.robot, self.config, grid.cell))
         obstacle = np.where(hazard, pose_kernels.HAZARD, 0).astype(np.uint8)

@@ -75,7 +75,7 @@ class UnseenWaysConfig:
     """
 
     margin: float = 3.0
-    farthest: float = 100.0
+    farthest: float = 60.0
     ahead: float = 1.5
     second_look: float = 5.0
     detour: float = 20.0

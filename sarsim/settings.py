@@ -166,11 +166,10 @@ class MissionConfig:
     """Settings of everything that drives a robot by its own maps.
 
     Attributes:
-        steps: most steps of exploring, which may end earlier; by default 160, or with --goals no limit.
+        steps: most steps of exploring; by default 160, or with --goals no limit.
         map: folder of an earlier episode here, in whose map the robot goes on.
-        goals: places to drive to, x y x y … in m in the map, at once or after exploring; the robot chooses a short
-            order.
-        explore: explore before driving to goals, as with --steps.
+        goals: places to drive to at once, x y x y … in m in the map; the robot orders them.
+        explore: explore first, as with --steps.
         home: drive back at the end.
         speed: top speed, m/s, on seen level ground with enough room; the thesis drives at 0.2.
         view: live view of the run: in a new window (spawn), in the browser (web), or none.

@@ -116,6 +116,7 @@ class Explorer:
         caution, is_tight = 1.0 + self._failed_drives, self.mission.is_tight
         pose = self.pilot.next_pose(keyframe.T_map_base)
         context = context_of(self.mapper, keyframe, pose, caution, is_tight, self.reobservation)
+        context = replace(context, driven=self.pilot.driven)
         self.mission.observe(context)
         return None if self.is_held else self.mission.choose(context), context
 

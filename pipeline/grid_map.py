@@ -127,6 +127,13 @@ class Grid:
         i, j = (slice(int(s), int(s) + n) for s, n in zip(part.low - self.low, part.shape, strict=True))
         return i, j
 
+    def around(self, xy: NDArray[np.float64], margin: float) -> "Grid":
+        """The least grid of the same cells that holds this one and all within ``margin`` m of points (N, 2)."""
+        reach = int(np.ceil(margin / self.cell))
+        cells = self.low + np.vstack([self.cell_of(xy) - reach, self.cell_of(xy) + reach + 1, [(0, 0)], [self.shape]])
+        low, high = cells.min(axis=0), cells.max(axis=0)
+        return Grid(low, self.cell, (int(high[0] - low[0]), int(high[1] - low[1])))
+
     def is_same(self, other: "Grid") -> bool:
         """Whether another grid has the very same cells."""
         return self.cell == other.cell and self.shape == other.shape and bool((self.low == other.low).all())

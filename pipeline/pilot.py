@@ -31,6 +31,7 @@ class Pilot:
         navigator: leads along way points.
         pose_check: whether the robot is where it thinks.
         faults: of the robot's sensors and wheels.
+        driven: m so far, by odometry.
     """
 
     def __init__(self, robot: Robot, mapper: Mapper, sinks: Sequence[Sink]):
@@ -41,6 +42,7 @@ class Pilot:
         maps = mapper.localisation, mapper.metric_map, mapper.elevation_map, mapper.keyframes
         self.pose_check = PoseCheck(*maps, robot.model, localisation)
         self._mapper, self._sinks, self._carried_way = mapper, sinks, localisation.pose_check.carried_way
+        self.driven = 0.0
         self._is_done: Callable[[], bool] = lambda: False
         self._last: Frame | None = None
         self._T_odom_left: Pose | None = None  # where the last drive ended; None if the robot was carried
@@ -153,12 +155,14 @@ class Pilot:
 
     def _move(self, command: Velocity) -> None:
         """Let the robot follow a command for a control period; LostError, at a standstill, without odometry."""
-        motion = self.robot.drive(command)
+        before, motion = self.navigator.motion, self.robot.drive(command)
         try:
             self.navigator.moved(motion)
         except LostError:
             self.robot.drive(STOP)  # stand, before anything else
             raise
+        if before is not None:
+            self.driven += float(np.linalg.norm((motion.T_odom_base - before.T_odom_base)[:3, 3]))
         for sink in self._sinks:
             sink.on_motion(motion)
 

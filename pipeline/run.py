@@ -140,7 +140,7 @@ class ExplorerRun(Run, ABC):
         explorer: Explorer,
         parts: RunParts,
         trajectory: EstimatedTrajectory[Any],
-        steps: int,
+        steps: float,
         goals: Sequence[ArrayLike] = (),
         home: bool = False,
     ):
@@ -150,8 +150,8 @@ class ExplorerRun(Run, ABC):
             explorer: that drives the robot.
             parts: of the run; the clock of its mission, if it has one, ends exploring in place of ``steps``.
             trajectory: the estimated one.
-            steps: most steps of exploring.
-            goals: (2,) m in ``map`` each, places to drive to afterwards.
+            steps: most steps of exploring; with 0 the robot drives to its goals at once.
+            goals: (2,) m in ``map`` each, places to drive to.
             home: whether to drive back to the start at the end.
         """
         super().__init__(parts)
@@ -190,7 +190,7 @@ class ExplorerRun(Run, ABC):
         self._start_deadline(begin)
         mission = self.explorer.mission
         try:
-            for task in mission.tasks(self._goals, self._home, self.explorer):
+            for task in mission.tasks(self._goals, self._home, self.explorer, explores=self._steps > 0):
                 while self._may_step() and not interrupted() and self.step():
                     on_step(f"{self.parts.place}: {task}, {self.explored}")
                 if mission.explores and self.ended == "interrupted" and not interrupted():
@@ -292,8 +292,9 @@ class ExplorerRun(Run, ABC):
     def _figures(self) -> dict[str, Any]:
         """The figures of exploring, tasks and failures for report.json."""
         left = [{"position": v.position.tolist(), "area_m2": v.gain, "seconds": v.seconds} for v in self._left]
+        exploration = {"exploration": {"ended": self.ended, **({"left": left} if left else {})}}
         return {
-            "exploration": {"ended": self.ended, **({"left": left} if left else {})},
+            **(exploration if self._steps else {}),
             **self.explorer.mission.report(),
             **({"lost": self.lost} if self.lost else {}),
             "faults": [asdict(fault) for fault in self._faults.all],

@@ -5,8 +5,6 @@ from contextlib import ExitStack
 from dataclasses import replace
 from functools import partial
 
-import numpy as np
-
 from pipeline.arrays import Pose
 from pipeline.errors import InputError
 from pipeline.explorer import Explorer
@@ -42,10 +40,8 @@ class Episode(ExplorerRun):
 
     def __init__(self, config: EpisodeConfig, brief: MissionBrief | None = None):
         """Explore, or play a mission; raises InputError if the arena, the folder or the viewer is not available."""
-        if config.steps < 1 or config.seed < 0:
-            raise InputError(f"--steps {config.steps} --seed {config.seed}: at least 1 step, and no negative seed")
-        if not np.isfinite(config.goals).all():
-            raise InputError(f"--goals {' '.join(f'{x:g} {y:g}' for x, y in config.goals)}: no place is there")
+        if config.seed < 0:
+            raise InputError(f"--seed {config.seed}: not negative")
         config = replace(config, out=config.folder)
         check_folder(config.folder, config.continues)
         arena = make_arena(config.arena, config.start, config.random, config.seed)
@@ -74,7 +70,7 @@ class Episode(ExplorerRun):
             about = config.arena, seed, config.view, recorder, others, brief
             parts = compose(config, mapper, config.folder, *about, config.continues)
             refused.pop_all()
-        super().__init__(explorer, parts, self.score.trajectory, config.steps, config.goals, config.home)
+        super().__init__(explorer, parts, self.score.trajectory, config.most_steps, config.goals, config.home)
 
     def _mapper(self) -> Mapper:
         config, model = self.config, self.robot.model

@@ -5,6 +5,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from importlib.metadata import entry_points
 from itertools import chain, count
+from math import inf, isfinite
 from pathlib import Path
 from typing import Annotated, Literal, get_args
 
@@ -165,9 +166,10 @@ class MissionConfig:
     """Settings of everything that drives a robot by its own maps.
 
     Attributes:
-        steps: most steps of exploring, which may end earlier.
+        steps: most steps of exploring; by default 160, or with --goals no limit.
         map: folder of an earlier episode here, in whose map the robot goes on.
-        goals: places to drive to after exploring, x y x y … in m in the map; the robot chooses a short order.
+        goals: places to drive to at once, x y x y … in m in the map; the robot orders them.
+        explore: explore first, as with --steps.
         home: drive back at the end.
         speed: top speed, m/s, on seen level ground with enough room; by default the robot's, 0.2 is the thesis's.
         view: live view of the run: in a new window (spawn), in the browser (web), or none.
@@ -176,9 +178,10 @@ class MissionConfig:
         exploration: what chooses viewpoints; a class of your own by MODULE:CLASS.
     """
 
-    steps: int = 160
+    steps: int | None = None
     map: Path | None = None
     goals: tuple[tuple[float, float], ...] = ()
+    explore: bool = False
     home: bool = False
     speed: float | None = None
     view: Literal["none", "spawn", "web"] = "none"
@@ -192,6 +195,17 @@ class MissionConfig:
             raise InputError(f"--minutes {self.minutes:g}: more than 0, and only with a --mission that has a clock")
         if self.speed is not None and not 0 < self.speed < float("inf"):
             raise InputError(f"--speed {self.speed:g}: more than 0")
+        if self.steps is not None and self.steps < 1:
+            raise InputError(f"--steps {self.steps}: at least 1 step")
+        if not all(map(isfinite, chain.from_iterable(self.goals))):
+            raise InputError(f"--goals {' '.join(f'{x:g} {y:g}' for x, y in self.goals)}: no place is there")
+
+    @property
+    def most_steps(self) -> float:
+        """Most steps of exploring: none where the robot drives to goals at once."""
+        if self.steps is not None:
+            return self.steps
+        return 160 if not self.goals else inf if self.explore else 0
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -76,6 +76,35 @@ class Traversability:
         turnable = (self.clearance.min(axis=2) >= 0) & ~self.ramp
         return replace(self, least=least, free=free, turnable=turnable, is_tight=True)
 
+    def with_unseen_free(
+        self, places: NDArray[np.float64], margin: float, shut: NDArray[np.float64], doubts: bool = True
+    ) -> "Traversability":
+        """The same ground if all of it that is unknown is free and level, on a grid that holds more.
+
+        Args:
+            places: (N, 2) m that the grid holds, with ``margin`` m around each.
+            margin: in m.
+            shut: (M, 2) m, unknown ground that is not free nonetheless.
+            doubts: whether depth dropouts, where a thin panel may stand, are not free.
+        """
+        grid = self.grid.around(places, margin)
+        box = grid.box_of(self.grid)
+        known: dict[str, Any] = {
+            name: _spread(getattr(self, name), grid, box, UNSEEN.get(name, 0)) for name in LAYERS
+        }
+        hazard = (known["obstacle"] == pose_kernels.HAZARD if doubts else known["hazard"]) | grid.mask_of(shut)
+        distance = np.minimum(grid.distance_to(hazard), reach_of(self.robot, self.config, grid.cell))
+        obstacle = np.where(hazard, pose_kernels.HAZARD, 0).astype(np.uint8)
+        everywhere = slice(None), slice(None)
+        clearance = _clearances(obstacle, distance, self.robot, grid.cell, self.config, everywhere)
+        # Where the robot has driven it has more.
+        clearance = np.maximum(clearance, known["clearance"])
+        least = known["least"]
+        least[np.isnan(known["elevation"])] = 0 if self.is_tight else least_clearance(grid.cell)
+        known |= {"obstacle": obstacle, "to_obstacle": distance, "clearance": clearance, "least": least}
+        known["free"] = pose_kernels.free_poses(clearance, least, sweep_of(self.config))
+        return replace(self, grid=grid, **known)
+
     def part(self, box: Box) -> "Traversability":
         """The part in a box of cells, with contiguous arrays."""
         layers: dict[str, Any] = {name: np.ascontiguousarray(getattr(self, name)[box]) for name in LAYERS}
@@ -130,6 +159,13 @@ class Traversability:
         return np.column_stack([np.asarray(xy, np.float64), self.grid.at(self.elevation, xy)])
 
 
+UNSEEN: dict[str, float] = {
+    "elevation": np.nan,
+    "sealed": np.nan,
+    "to_hazard": np.inf,
+    "clearance": np.iinfo(np.int8).min,
+}
+"""What layers hold beyond the map, unless it is 0."""
 LAYERS = [field.name for field in fields(Traversability) if field.name not in ("grid", "robot", "config", "is_tight")]
 
 
@@ -218,6 +254,13 @@ def assess(
         robot=robot,
         config=config,
     )
+
+
+def _spread(layer: NDArray[Any], grid: Grid, box: Box, fill: float) -> NDArray[Any]:
+    """A layer in a box of a grid; ``fill`` elsewhere."""
+    spread = np.full((*grid.shape, *layer.shape[2:]), fill, layer.dtype)
+    spread[box] = layer
+    return spread
 
 
 def _obstacles(elevation: Layer, hazard: MaskLayer, cell: float, reach: float) -> tuple[NDArray[np.uint8], Layer]:

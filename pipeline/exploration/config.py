@@ -60,6 +60,30 @@ class InspectionConfig:
 
 
 @dataclass(frozen=True)
+class UnseenWaysConfig:
+    """How ways to goals through unseen ground are looked for.
+
+    Attributes:
+        margin: m around a goal in which a way may lead round what is before it.
+        farthest: m from the robot to a goal; only seen ground leads to one farther away, for the time and the memory
+            of the search grow with the area.
+        ahead: m of the unseen way that a view is to show.
+        second_look: s that another view costs where one shows nothing of these.
+        detour: s of a detour within which views are looked for at first; farther ones where there are none.
+        least_share: of these that a view must show to be worth it.
+        tries: views that did not show ground after which it does not count as free any more.
+    """
+
+    margin: float = 3.0
+    farthest: float = 60.0
+    ahead: float = 1.5
+    second_look: float = 5.0
+    detour: float = 20.0
+    least_share: float = 0.2
+    tries: int = 3
+
+
+@dataclass(frozen=True)
 class ExplorationConfig:
     """When a viewpoint is worth a drive, and when a drive has ended.
 
@@ -77,6 +101,7 @@ class ExplorationConfig:
         progress: s by which the way to a goal must shrink to count as nearer: the cost of a bend.
         shown: share of the expected ground after which a viewpoint has shown enough, even on the way to it.
         visibility: what a view is expected to show.
+        unseen_ways: of ways to goals through unseen ground.
         inspection: of walls, once nothing is left to explore.
     """
 
@@ -90,4 +115,5 @@ class ExplorationConfig:
     progress: float = 1.5
     shown: float = 0.8
     visibility: VisibilityConfig = VisibilityConfig()
+    unseen_ways: UnseenWaysConfig = UnseenWaysConfig()
     inspection: InspectionConfig = InspectionConfig()

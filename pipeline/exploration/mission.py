@@ -11,6 +11,7 @@ from pipeline.arrays import Place, Pose
 from pipeline.elevation_map.elevation_map import ElevationMap
 from pipeline.exploration.config import ExplorationConfig
 from pipeline.exploration.deadline import Deadline
+from pipeline.exploration.unseen_ways import UnseenWays, WayView
 from pipeline.exploration.viewpoint import Context, Strategy, Viewpoint
 from pipeline.planning.path_plan import goal_name, obstacle_to, order_goals
 from pipeline.planning.pose_paths import PosePaths
@@ -38,7 +39,7 @@ class Mission:
     Attributes:
         exploration: the strategy that explores unseen ground.
         goals: the goals of the present task; None while the task is to explore.
-        may_explore: whether exploring is allowed, also on the way to goals.
+        may_explore: whether the task to explore may go on.
         deadline: the clock that runs; None if none does.
         inspection: what is done when nothing is left to explore; None for nothing.
     """
@@ -50,20 +51,22 @@ class Mission:
         self.may_explore = True
         self.deadline: Deadline | None = None
         self.inspection: Strategy | None = None
-        self._sender = exploration
+        self._sender, self._is_on_retreat = exploration, False
         self._visited: dict[str, Goals] = {}
         self._reported: dict[str, int] = {}
 
     @property
-    def strategies(self) -> list[Strategy]:
-        """The strategies in the order in which they are asked: goals, then exploring as long as goals are left.
+    def strategies(self) -> Iterator[Strategy]:
+        """The strategies in the order in which they are asked: goals, then exploring if that may open a way to them.
 
         Without goals, exploring, then inspecting.
         """
-        explore: list[Strategy] = [self.exploration] if self.may_explore else []
-        if self.goals is None:
-            return [*explore, self.inspection] if explore and self.inspection else explore
-        return [self.goals, *(explore if self.goals.left else [])]
+        if self.goals is not None:
+            yield self.goals
+        if self.may_explore if self.goals is None else self.goals.may_open:
+            yield self.exploration
+        if self.goals is None and self.may_explore and self.inspection is not None:
+            yield self.inspection
 
     def observe(self, context: Context) -> None:
         """Let every strategy take the newest keyframe into account."""
@@ -116,7 +119,7 @@ class Mission:
         """Whether the clock allows the drive; the robot then sets out. Once it turns back, it is not asked again."""
         if self.deadline is None:
             return True
-        if self.goals is None and not self.deadline.allows(viewpoint.position, context):
+        if not self._is_on_retreat and not self.deadline.allows(viewpoint.position, context):
             return False
         self.deadline.set_out(viewpoint.position, context)
         return True
@@ -125,19 +128,22 @@ class Mission:
         """What would show more of the unseen ground but is not worth the drive."""
         return self.exploration.leftovers(context)
 
-    def tasks(self, goals: Sequence[ArrayLike], home: bool, robot: RobotState) -> Iterator[str]:
-        """Begin one task after the other: explore, drive to goals (2,) m in ``map``, drive home.
+    def tasks(
+        self, goals: Sequence[ArrayLike], home: bool, robot: RobotState, explores: bool = True
+    ) -> Iterator[str]:
+        """Begin one task after the other: explore if it ``explores``, drive to goals (2,) m in ``map``, drive home.
 
         With a clock, the retreat of :attr:`deadline` is the end.
 
         Yields:
             The name of each task as it begins; the robot makes steps until one has no plan.
         """
-        yield "exploring"
+        if explores:
+            yield "exploring"
         if goals:
             yield from self._visit("goals", self._goals(goals), robot)
         if self.deadline is not None and self.deadline.retreat is not None:
-            retreat = self.deadline.retreat
+            retreat, self._is_on_retreat = self.deadline.retreat, True
             yield from self._visit(retreat.task, self._goals([retreat.position], may_be_near=True), robot)
         elif home and robot.T_map_start is not None:
             yield from self._visit("home", self._goals([robot.T_map_start[:2, 3]], may_be_near=True), robot)
@@ -148,6 +154,8 @@ class Mission:
     def _visit(self, name: str, goals: "Goals", robot: RobotState) -> Iterator[str]:
         self.goals = self._visited[name] = goals
         yield name
+        if not self._is_on_retreat and self.is_out_of_time:
+            goals.refuse("the way back leaves no time for it")
         goals.refuse("the robot is held where it stands" if robot.is_held else None)
 
     def new_outcomes(self) -> Iterator[tuple[str, bool]]:
@@ -165,9 +173,15 @@ class Mission:
                 "given": len(goals.visits) + len(goals.left),
                 "reached": sum(visit.obstacle is None for visit in goals.visits),
                 "refused": [visit.obstacle for visit in goals.visits if visit.obstacle],
+                "each": [{"way_m": visit.way, "time_s": visit.end - visit.begin} for visit in goals.visits],
             }
             for name, goals in self._visited.items()
         }
+
+    @property
+    def visits(self) -> dict[str, list["Visit"]]:
+        """The outcomes of goals so far, by the name of the task."""
+        return {name: goals.visits for name, goals in self._visited.items()}
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,14 +191,19 @@ class Visit:
     Attributes:
         goal: (2,).
         obstacle: why the robot did not reach it, in a line for the log; None if it did.
+        way: m driven for it, by odometry.
+        begin, end: the robot's time when it set out, from the start or the last goal, and when it was there, s.
     """
 
     goal: Place
     obstacle: str | None
+    way: float
+    begin: float
+    end: float
 
 
 class Goals(Strategy):
-    """Drives to goals in an order that keeps the drive short, computed anew at every step.
+    """Drives to goals in an order that keeps the drive short, computed anew at every step, through unseen ground too.
 
     Attributes:
         left: (2,) each, goals still to be visited.
@@ -210,13 +229,16 @@ class Goals(Strategy):
         self.is_tight = False
         self._may_be_near, self._config = may_be_near, config
         self._context: Context | None = None
+        self._since: Context | None = None  # when the way to the next goal began
         self._goal: Place | None = None
+        self._unseen: UnseenWays | None = None
+        self._view: WayView | None = None
         # By a goal's id: s of the shortest way to it so far, and how many drives since did not shorten it.
         self._tries: dict[int, tuple[float, int]] = {}
 
     def observe(self, context: Context) -> None:
         """Count goals that are near as visited, and give up a goal if drives bring the robot no nearer to it."""
-        self._context = context
+        self._context, self._since = context, self._since or context
         for goal in list(self.left):
             place = self._place(goal, context.paths)
             if np.linalg.norm(place - context.T_map_base[:2, 3]) <= self._config.arrived:
@@ -224,27 +246,70 @@ class Goals(Strategy):
             elif goal is self._goal and self._is_hopeless(goal, context.paths.cost_to(place)):
                 drives = self._config.patience
                 self._end(goal, f"{goal_name(goal)} is given up: {drives} drives brought the robot no nearer")
-        self._goal = None
+        self._goal = self._view = None
+        if any(obstacle_to(context.paths, self._place(goal, context.paths)) for goal in self.left):
+            self._unseen = self._unseen or UnseenWays(context.traversability.robot, self._config)
+            self._unseen.observe(context)
 
     def next_viewpoint(self, context: Context) -> Viewpoint | None:
-        """The next goal; None if none is left that is reachable on the map so far."""
+        """The next goal, or a view of unseen ground on the way to it; None if no way is left to any."""
         places = [self._place(goal, context.paths) for goal in self.left]
-        order = order_goals(context.paths, places)
-        if not order:
-            return None
-        way = places[order[0]] - context.T_map_base[:2, 3]
-        return Viewpoint(places[order[0]], float(np.arctan2(way[1], way[0])), turn=False, gain=0.0)
+        are_known = all(obstacle_to(context.paths, place) is None for place in places)
+        order = order_goals(context.paths, places) if are_known else self._order_through_unseen(places, context)
+        for place in (places[k] for k in order):
+            if obstacle_to(context.paths, place) is None:
+                way = place - context.T_map_base[:2, 3]
+                return Viewpoint(place, float(np.arctan2(way[1], way[0])), turn=False, gain=0.0)
+            assert self._unseen is not None
+            if (view := self._unseen.view_towards(place, context)) is not None:
+                return view
+        return None
+
+    def _order_through_unseen(self, places: list[Place], context: Context) -> list[int]:
+        """The order of those places to which ways lead if unseen ground is free, by their index."""
+        assert self._unseen is not None
+        near = [k for k, place in enumerate(places) if not self._unseen.is_far(place, context)]
+        if context.paths.start is None or len(near) < 2:
+            return near
+        ground = self._unseen.ground_towards(np.array([places[k] for k in near]), context)
+        paths = PosePaths(ground, context.paths.start, context.paths.heading, context.paths.caution)
+        return [near[k] for k in order_goals(paths, [places[k] for k in near])]
+
+    @property
+    def may_open(self) -> bool:
+        """Whether no way to the goals left is known, but exploring may open one, since no hazard is in its way."""
+        unseen, context = self._unseen, self._context
+        if unseen is None or context is None or not self.is_tight:
+            return False
+        return any(unseen.may_open(self._place(goal, context.paths), context) for goal in self.left)
+
+    def is_shown(self, elevation_map: ElevationMap) -> bool:
+        """Whether the map shows the unseen ground for which the robot set out."""
+        return self._view is not None and self._unseen is not None and self._unseen.is_shown(elevation_map)
 
     def commit(self, viewpoint: Viewpoint, context: Context) -> None:
-        """Remember the goal to which the robot sets out."""
+        """Remember the goal to which the robot sets out, or the ground that it is to see."""
+        if isinstance(viewpoint, WayView) and self._unseen is not None:
+            self._view = viewpoint
+            self._unseen.commit(viewpoint, context)
+            return
         self._goal = next(g for g in self.left if (self._place(g, context.paths) == viewpoint.position).all())
         self._tries.setdefault(id(self._goal), (context.paths.cost_to(viewpoint.position), 0))
 
     def refuse(self, why: str | None = None) -> None:
         """Give up the goals that are left; the reason is ``why``, or else the obstacle that the last step showed."""
         for goal in list(self.left):
-            obstacle = obstacle_to(self._context.paths, goal) if why is None and self._context else None
+            obstacle = self._obstacle_to(goal) if why is None else None
             self._end(goal, obstacle or f"{goal_name(goal)} was not reached: {why or 'the episode ended'}")
+
+    def _obstacle_to(self, goal: Place) -> str | None:
+        """Why no way leads to a goal, in a line for the log; None if one may lead there."""
+        context, unseen = self._context, self._unseen
+        if context is None or unseen is None or (known := obstacle_to(context.paths, goal)) is None:
+            return None
+        if unseen.view_towards(self._place(goal, context.paths), context) is not None:
+            return None
+        return unseen.obstacle_to(goal, context) or known
 
     def _place(self, goal: Place, paths: PosePaths) -> Place:
         """The place to drive to for a goal: the nearest reachable one near it, or else the goal."""
@@ -263,4 +328,10 @@ class Goals(Strategy):
 
     def _end(self, goal: Place, obstacle: str | None) -> None:
         self.left = [other for other in self.left if other is not goal]
-        self.visits.append(Visit(goal, obstacle))
+        begin, end = self._since, self._context
+        if begin is None or end is None:
+            self.visits.append(Visit(goal, obstacle, 0.0, 0.0, 0.0))
+            return
+        way, times = end.driven - begin.driven, (begin.frame.time, end.frame.time)
+        self.visits.append(Visit(goal, obstacle, way, *times))
+        self._since = end

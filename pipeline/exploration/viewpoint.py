@@ -66,6 +66,7 @@ class Context:
         paths: cheapest ways from where the robot stands.
         poses: ``T_map_base`` of all keyframes, the newest last.
         rewards: of viewpoints, besides unseen ground; None for no such rewards.
+        driven: m that the robot has driven so far, by its odometry.
     """
 
     frame: Frame
@@ -74,6 +75,7 @@ class Context:
     paths: PosePaths
     poses: Poses
     rewards: ViewpointRewards | None = None
+    driven: float = 0.0
 
     @property
     def traversability(self) -> Traversability:

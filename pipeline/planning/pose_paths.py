@@ -37,6 +37,7 @@ class PosePaths:
     Attributes:
         traversability: of the ground.
         start: (2,) m, the (first) start; None if the robot can stand nowhere near.
+        heading: rad, of the robot at the start; None for any.
         caution: factor of the measured deviations that the costs allow for; with 0 they are times.
     """
 
@@ -51,7 +52,7 @@ class PosePaths:
         """
         self._costs, self.caution = traversability.costs(caution), caution
         self.traversability, self._grid = traversability, traversability.grid
-        self._heading = heading
+        self.heading = heading
         wanted = np.atleast_2d(np.asarray(start, np.float64)[..., :2])
         if heading is None:
             snapped = [
@@ -69,8 +70,8 @@ class PosePaths:
     def _states(self, places: list[Place]) -> NDArray[np.int64]:
         """(K, 3) the cells and headings to start with."""
         cells = self._grid.cell_of(np.array(places).reshape(-1, 2))
-        if self._heading is not None:
-            return np.column_stack([cells, np.full(len(cells), nearest_heading(self._heading))])
+        if self.heading is not None:
+            return np.column_stack([cells, np.full(len(cells), nearest_heading(self.heading))])
         row, heading = np.nonzero(bits(self.traversability.free[tuple(cells.T)][:, 0].astype(np.uint16) * 257))
         return np.column_stack([cells[row], heading])
 
@@ -114,7 +115,7 @@ class PosePaths:
     def without_risk(self) -> "PosePaths":
         """The quickest ways from the (first) start, however near to obstacles: their costs are times."""
         assert self.start is not None
-        return PosePaths(self.traversability, self.start, self._heading, caution=0.0)
+        return PosePaths(self.traversability, self.start, self.heading, caution=0.0)
 
     def _known(self, where: tuple[NDArray, ...] | EllipsisType) -> NDArray[np.float32]:
         """(..., 16) s to be at cells with each heading; inf where the search has not got yet."""
@@ -169,6 +170,16 @@ class PosePaths:
         """Cost to a point, s; inf where no way leads."""
         return float(self._settle(xy).min())
 
+    def seconds_at(self, xy: ArrayLike, heading: int) -> float:
+        """Cost to be at a point with one of the 16 headings, by its index, s; inf where no way leads."""
+        return float(self._settle(xy, heading)[heading])
+
+    def can_reach(self, states: Cells) -> Mask:
+        """(N,) whether ways lead to cells with headings (N, 3), on the grid or not, where the robot can stand."""
+        inside = self._grid.holds(states[:, :2])
+        i, j, heading = np.where(inside[:, None], states, 0).T
+        return np.asarray(inside & bits(self.headings[i, j])[np.arange(len(states)), heading])
+
     def nearest(self, places: Places) -> int | None:
         """Index of the place on the grid that costs least to reach; None if no way leads to any."""
         cost = self._settle(places).min(axis=1)
@@ -213,7 +224,7 @@ class PosePaths:
         places[(states[:, :2] == states[-1, :2]).all(axis=1)] = goal
         if self.start is not None and len(np.unique(self._search.starts[:, :2], axis=0)) == 1:
             places[(states[:, :2] == states[0, :2]).all(axis=1)] = self.start
-        first = ANGLES[states[0, 2]] if self._heading is None else self._heading
+        first = ANGLES[states[0, 2]] if self.heading is None else self.heading
         flat = np.ravel_multi_index(tuple(states.T), (*self._grid.shape, HEADINGS))
         moves, seconds = self._search.came_by[flat], (self._search.cost[flat] - 1) * self._costs.tick
         bends, backwards = kernels.straighten(
@@ -222,6 +233,11 @@ class PosePaths:
         ends = slice(min(1, len(bends) - 1), None)
         end = float(ANGLES[last]) if heading is None else heading
         return Way(places[bends[ends]], backwards[ends], end)
+
+    def states_to(self, xy: ArrayLike, heading: int) -> Cells:
+        """(N, 3) cells and headings from the start to a point with one of the 16 headings that can be reached."""
+        self._settle(xy, heading)
+        return self._states_to(self._grid.cell_of(xy), heading)
 
     def _states_to(self, cell: Cells, heading: int) -> NDArray[np.int64]:
         """(N, 3) cells and headings from the start to a reachable pose."""

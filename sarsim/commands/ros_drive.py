@@ -107,7 +107,7 @@ class RosDrive(ExplorerRun):
         estimate = EstimatedTrajectory(mapper.localisation, self._poses)
         others = [_Topics(node, explorer, estimate, config.io.ros)]
         parts = compose(config, mapper, config.out, config.out.name, view=config.view, others=others, brief=brief)
-        super().__init__(explorer, parts, estimate, config.steps, config.goals, config.home)
+        super().__init__(explorer, parts, estimate, config.most_steps, config.goals, config.home)
         self.stopped: str | None = None
 
     def run(

@@ -24,7 +24,7 @@ def ros_explore(config: RosExploration) -> None:
             lambda interrupted, on_step: drive.run(interrupted, lambda line: on_step(drive.explorer.steps, line)),
             config.out.name,
             "steps",
-            None if brief else config.steps,
+            None if brief or config.goals else config.most_steps,
         )
     show_results(drive.report, config.out)
     end_by(ended_by)

@@ -33,7 +33,7 @@ def run_episode(config: EpisodeConfig) -> None:
         lambda interrupted, on_step: episode.run(interrupted, lambda line: on_step(episode.explorer.steps, line)),
         config.arena,
         "steps",
-        None if brief else config.steps,
+        None if brief or config.goals else config.most_steps,
     )
     if not ended_by:
         shutil.rmtree(cache.folder)

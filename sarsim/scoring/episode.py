@@ -1,5 +1,6 @@
 """The score of an episode: what goes into report.json."""
 
+from bisect import bisect_left
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import Any
 
@@ -154,6 +155,7 @@ class EpisodeScore(Sink):
             "localisation": self.trajectory.report()
             | {"relocalised": explorer.pilot.relocalised}
             | self._fiducials.report(list(keyframes.poses[keyframes.loaded :])),
+            **self._goals(),
             **({"victims": self._victims.report(self._confirmed)} if explorer.mapper.detector else {}),
             **(
                 {"finds": self._finds.report(explorer.mapper.finds.reported, self._has_thermal)}
@@ -210,6 +212,22 @@ class EpisodeScore(Sink):
             way = driven([pose for pose in robot.trajectory if pose.time - self._start_time <= t99])
             figures |= oracle.ratios(way, t99)
         return figures
+
+    def _goals(self) -> dict[str, Any]:
+        """What each goal took, beside the length of the shortest way, if one leads there, on the true ground."""
+        tasks, visits = self._explorer.mission.report(), self._explorer.mission.visits
+        for name, task in tasks.items():
+            for figures, visit in zip(task["each"], visits[name], strict=True):
+                is_place = np.isfinite(visit.goal).all()
+                shortest = self._optimum(self._place_at(visit.begin), visit.goal) if is_place else np.nan
+                figures |= {"shortest_m": shortest} if np.isfinite(shortest) else {}
+        return {name: {"each": task["each"]} for name, task in tasks.items()}
+
+    def _place_at(self, time: float) -> NDArray[np.float64]:
+        """(2,) the true place of the robot at a time, s."""
+        poses = self._robot.trajectory
+        at = min(bisect_left(poses, time, key=lambda pose: pose.time), len(poses) - 1)
+        return poses[at].T_world_base[:2, 3]
 
     def _path_plan(self) -> dict[str, Any]:
         ratios = np.array([r for r in self._cost_ratios if np.isfinite(r)])

@@ -179,7 +179,7 @@ def _record(job: DriveJob, path: Path) -> int:
         explorer.watch(recorder)
         step = explorer.step()
         recorder.take(step.keyframe.frame)
-        while step.plan is not None and explorer.steps < config.steps and len(writer) < job.frames:
+        while step.plan is not None and explorer.steps < config.most_steps and len(writer) < job.frames:
             explorer.drive(step)
             step = explorer.step()
             recorder.take(step.keyframe.frame)

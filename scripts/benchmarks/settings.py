@@ -297,6 +297,27 @@ class VictimsSettings(EpisodesSettings):
 
 
 @dataclass(frozen=True, kw_only=True)
+class GoalsSettings(SubjectSettings):
+    """Goals 5 to 15 m away in unseen ground of random arenas: the way over the shortest possible one.
+
+    Nobody looks for people or finds there, and labels come from height and slope.
+
+    Attributes:
+        arenas: number of random arenas, from random:0 on, in which there are such goals.
+        goals: number of goals in each, every one in a run of its own.
+        robot: pioneer3at, jackal, or the path of an MJCF file structured like theirs.
+        workers: number of runs at a time; by default one per core.
+        runs: folder for the result of each run; runs with a result in it are not run again.
+    """
+
+    arenas: int = 10
+    goals: int = 10
+    robot: Robot = "pioneer3at"
+    workers: int | None = None
+    runs: Path = Path("runs/benchmark-goals")
+
+
+@dataclass(frozen=True, kw_only=True)
 class LanesSettings(PerceptionConfig, SubjectSettings):
     """Traverses of RoboCup Rescue's lanes that the robot drives by itself, in both directions.
 

@@ -1,13 +1,15 @@
 """Driving to goals on known ground, by a robot that gets wherever it is sent unless it is held."""
 
-from itertools import count
+from dataclasses import replace
+from itertools import count, pairwise
 
 import numpy as np
 import pytest
 
 from pipeline.exploration import mission
 from pipeline.exploration.config import ExplorationConfig
-from pipeline.exploration.mission import Goals
+from pipeline.exploration.deadline import Deadline
+from pipeline.exploration.mission import Goals, Mission
 from pipeline.exploration.viewpoint import Context
 from pipeline.planning.pose_paths import PosePaths
 from pipeline.transforms import from_yaw
@@ -21,7 +23,8 @@ PATIENT = ExplorationConfig(patience=PATIENCE)
 
 @pytest.fixture(scope="module")
 def world():
-    traversability, _ = room((-3, 3), (-2, 2), U_TURN)
+    corners: list[tuple[float, float]] = [(-3, -2), (3, -2), (3, 2), (-3, 2), (-3, -2)]
+    traversability, _ = room((-3, 3), (-2, 2), [*U_TURN, *pairwise(corners)])
     return traversability
 
 
@@ -59,7 +62,7 @@ def test_what_cannot_be_reached_is_refused_with_a_reason_and_the_rest_visited(wo
     assert drive(world, goals) == [(-1.0, -1.4)]
     outcomes = {tuple(visit.goal): visit.obstacle for visit in goals.visits}
     assert outcomes[-1.0, -1.4] is None
-    assert "off the map" in outcomes[9.0, 9.0]
+    assert "(9.00, 9.00) m" in str(outcomes[9.0, 9.0])
     assert "in a wall" in outcomes[0.02, -1.0]
     assert sum("not a place" in str(obstacle) for obstacle in outcomes.values()) == 1
 
@@ -107,7 +110,24 @@ def test_what_cannot_be_reached_yet_is_not_refused_before_all_is_over(world):
     assert goals.next_viewpoint(context) is None
     assert len(goals.left) == 1
     goals.refuse()
-    assert "off the map" in str(goals.visits[0].obstacle)
+    assert "(9.00, 9.00) m" in str(goals.visits[0].obstacle)
+
+
+def test_each_goal_has_its_own_way_and_time(world):
+    goals = Goals([(-1.0, -1.4), (1.5, -1.5)])
+    for second, (place, driven) in enumerate([(START, 1.0), ((-1.0, -1.4), 3.0), ((1.5, -1.5), 10.0)]):
+        here = replace(context_at(world, place), driven=driven)
+        goals.observe(replace(here, frame=replace(here.frame, time=10.0 * second)))
+    assert [visit.way for visit in goals.visits] == [2.0, 7.0]
+    assert [(visit.begin, visit.end) for visit in goals.visits] == [(0.0, 10.0), (10.0, 20.0)]
+
+
+def test_a_mission_turns_back_on_the_way_to_goals_in_time(world):
+    mission = Mission(Goals([]))
+    mission.deadline = Deadline(0.0, 1.0, list, home=True)
+    mission.goals, here = Goals([(1.5, -1.5)]), context_at(world, START)
+    mission.observe(here)
+    assert mission.choose(here) is None and mission.is_out_of_time
 
 
 def test_a_goal_is_refused_when_the_episode_ends_before_any_step():

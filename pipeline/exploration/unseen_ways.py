@@ -1,0 +1,290 @@
+"""Ways to goals through unseen ground, as if it were free (Koenig & Likhachev 2002), and views that show it."""
+
+from dataclasses import dataclass, field
+from functools import cached_property
+from itertools import pairwise, product
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.arrays import Cells, MaskLayer, Place
+from pipeline.elevation_map.elevation_map import ElevationMap
+from pipeline.elevation_map.pose_kernels import ANGLES, HEADINGS, STANDING, UNKNOWN, footprint_distances
+from pipeline.elevation_map.traversability import Traversability
+from pipeline.exploration import visibility
+from pipeline.exploration.config import ExplorationConfig
+from pipeline.exploration.sightings import Sightings
+from pipeline.exploration.viewpoint import Context, Viewpoint
+from pipeline.exploration.visibility_kernels import CameraView, SearchedTerrain
+from pipeline.grid_map import best_of_blocks
+from pipeline.keyframes import Places
+from pipeline.planning.path_plan import goal_name
+from pipeline.planning.pose_paths import PosePaths, bits, nearest_heading
+from pipeline.robot import RobotModel
+from pipeline.transforms import wrap_angle
+
+NONE = np.zeros((0, 2))
+
+
+@dataclass(frozen=True, eq=False)
+class WayView(Viewpoint):
+    """A view of unseen ground on a way to a goal.
+
+    Attributes:
+        shows: (N, 2) m, the ground that it is to show.
+    """
+
+    shows: NDArray[np.float64] = field(default_factory=lambda: NONE)
+
+
+@dataclass(frozen=True, eq=False)
+class GoalSearch:
+    """The cheapest ways to a goal from all poses.
+
+    Attributes:
+        ground: on a grid that may be larger than that of the map.
+        goal: (2,) m.
+        caution: of the costs, see :class:`PosePaths`.
+    """
+
+    ground: Traversability
+    goal: Place
+    caution: float
+
+    @cached_property
+    def _paths(self) -> PosePaths:
+        """Ways from the goal; with the opposite headings they lead back, at the same cost."""
+        return PosePaths(self.ground, self.goal, caution=self.caution)
+
+    def seconds_from(self, places: NDArray[np.float64], until: float = np.inf) -> NDArray[np.float32]:
+        """(N, 16) s from places with each heading to the goal; inf beyond ``until`` s."""
+        seconds = self._paths.seconds_to(self.ground.grid.cell_of(places), until)
+        return np.roll(seconds, STANDING, axis=1)
+
+    def least_seconds_from(self, xy: Place, heading: int) -> float:
+        """Seconds from a pose to the goal; inf if no way leads there."""
+        return self._paths.seconds_at(xy, (heading + STANDING) % HEADINGS)
+
+    def states_from(self, xy: Place, heading: int) -> Cells:
+        """(N, 3) cells of the ground and headings from a pose to the goal, if a way leads there."""
+        states = self._paths.states_to(xy, (heading + STANDING) % HEADINGS)[::-1]
+        return np.column_stack([states[:, :2], (states[:, 2] + STANDING) % HEADINGS])
+
+
+class Gap(NamedTuple):
+    """The unseen ground that a way to a goal meets first.
+
+    Attributes:
+        hidden: the cells that keep the robot from the way.
+        before: (N, 3) cells of the map and headings of the way up to there.
+        seconds: of the whole way.
+    """
+
+    hidden: MaskLayer
+    before: Cells
+    seconds: float
+
+
+class UnseenWays:
+    """Finds the view of the cheapest way to a goal if unseen ground were free, where it first meets such ground.
+
+    What several views did not show is not taken for free any more.
+    """
+
+    def __init__(self, robot: RobotModel, config: ExplorationConfig):
+        self._config, self._numbers = config, config.unseen_ways
+        self._sightings = Sightings(robot, config)
+        self._terrain: SearchedTerrain
+        self._camera: CameraView
+        # What the last view was to show: in map, and anchored until it is judged.
+        self._promised, self._awaited = NONE, Places.joined([])
+        self._failed: list[Places] = []
+
+    def observe(self, context: Context) -> None:
+        """Judge the last view, and note what keyframes showed and did not."""
+        self._camera = visibility.camera_view(context.frame, self._config.visibility)
+        self._terrain = self._sightings.observe(context, self._camera)
+        ground, awaited = context.traversability, self._awaited
+        is_hidden = np.isnan(ground.grid.at(ground.elevation, awaited.at(context.poses), np.nan))
+        if is_hidden.sum() > (1 - self._config.shown) * len(is_hidden):
+            self._failed.append(Places(awaited.keyframe[is_hidden], awaited.position[is_hidden]))
+        self._awaited = Places.joined([])
+
+    def ground_towards(self, goals: NDArray[np.float64], context: Context, doubts: bool = True) -> Traversability:
+        """The ground if what is unseen is free, on a grid that holds goals (N, 2) that are not :meth:`is_far`.
+
+        ``doubts``: whether it is not free where views failed to show it, nor where thin panels may stand.
+        """
+        shut = self._shut(context) if doubts else NONE
+        return context.traversability.with_unseen_free(goals, self._numbers.margin, shut, doubts)
+
+    def is_far(self, goal: Place, context: Context) -> bool:
+        """Whether a goal is too far away for a search through unseen ground."""
+        return not np.linalg.norm(goal - context.T_map_base[:2, 3]) <= self._numbers.farthest
+
+    def obstacle_to(self, goal: Place, context: Context) -> str | None:
+        """Why no way through unseen ground leads to a goal, for the log; None if the ground there was seen."""
+        ground, robot = context.traversability, context.T_map_base[:2, 3]
+        if not np.isfinite(goal).all() or context.paths.start is None:
+            return None
+        if self.is_far(goal, context):
+            away, most = np.linalg.norm(goal - robot), self._numbers.farthest
+            return f"{goal_name(goal)} is {away:.0f} m away: unseen ground is crossed to goals within {most:g} m only"
+        is_seen = np.isfinite(ground.grid.at(ground.elevation, goal, outside=np.nan))
+        if is_seen or ground.grid.at(ground.to_hazard, goal, outside=np.inf) < ground.robot.half_width:
+            return None
+        return f"{goal_name(goal)} cannot be reached: every way there is blocked, and its ground was not seen"
+
+    def may_open(self, goal: Place, context: Context) -> bool:
+        """Whether a way leads to a goal if nothing but hazards that were seen is in the way."""
+        start = context.paths.start
+        if start is None or self.is_far(goal, context):
+            return False
+        ground = self.ground_towards(goal[None], context, doubts=False)
+        return bool(np.isfinite(PosePaths(ground, start, context.paths.heading).cost_to(goal)))
+
+    def view_towards(self, goal: Place, context: Context) -> WayView | None:
+        """The view by which the robot gets to a goal soonest; None if no way is left to it, or none to be viewed."""
+        if context.paths.start is None or self.is_far(goal, context):
+            return None
+        shut = self._shut(context)
+        while True:
+            ground = context.traversability.with_unseen_free(goal[None], self._numbers.margin, shut)
+            if not ground.grid.at(ground.traversable, goal):
+                return None
+            search = GoalSearch(ground, goal, context.paths.caution)
+            gap = self._first_gap(search, context)
+            if gap is None:
+                return None
+            # A deck behind a crest shows from below, ground that falls does not: the robot looks for decks last.
+            for falls, within in product((True, False), (self._numbers.detour, np.inf)):
+                if (view := self._best_view(gap, search, context, falls, within)) is not None:
+                    return view
+            # Nothing shows this ground, so the way has to lead elsewhere.
+            shut = np.vstack([shut, context.traversability.grid.centre_of(np.argwhere(gap.hidden))])
+
+    def commit(self, view: WayView, context: Context) -> None:
+        """Remember what a view that :meth:`view_towards` named is to show."""
+        self._promised = view.shows
+        self._awaited = Places.anchored(view.shows, context.poses, len(context.poses) - 1)
+        ends, grid = np.stack([context.T_map_base[:2, 3], view.position]), context.traversability.grid
+        self._sightings.expect(grid.cell_of(view.shows), ends, context.poses)
+
+    def is_shown(self, elevation_map: ElevationMap) -> bool:
+        """Whether the map has most of the ground that the last view was to show."""
+        seen = np.isfinite(elevation_map.grid.at(elevation_map.elevation, self._promised, outside=np.nan))
+        return bool(seen.sum() >= self._config.shown * len(seen))
+
+    def _shut(self, context: Context) -> NDArray[np.float64]:
+        """(N, 2) m, cells that are still unseen after as many views as should be enough."""
+        grid = context.traversability.grid
+        failures = np.zeros(grid.shape, np.int64)
+        for places in self._failed:
+            failures += grid.mask_of(places.at(context.poses))
+        is_shut = (failures >= self._numbers.tries) & np.isnan(context.traversability.elevation)
+        return grid.centre_of(np.argwhere(is_shut))
+
+    def _first_gap(self, search: GoalSearch, context: Context) -> Gap | None:
+        """The first gap of the way from where the robot is; None if there is no way, or no gap."""
+        start = self._start(search, context)
+        if start is None:
+            return None
+        states, t = search.states_from(*start), context.traversability
+        states[:, :2] += search.ground.grid.low - t.grid.low
+        first = self._known_until(states, search, context)
+        if first == len(states):
+            return None
+        metres = t.grid.cell * np.linalg.norm(np.diff(states[first:, :2], axis=0), axis=1).cumsum()
+        last = first + 1 + int((metres <= self._numbers.ahead).sum())
+        hidden = _unknown_around(states[max(first - 1, 0) : last], t)
+        return Gap(hidden, states[:first], search.least_seconds_from(*start)) if hidden.any() else None
+
+    def _known_until(self, states: Cells, search: GoalSearch, context: Context) -> int:
+        """The number of poses of a way, (N, 3) cells of the map and headings, up to the first gap.
+
+        What the robot can drive round sooner than it looks there is no gap.
+        """
+        can_reach = context.paths.can_reach(states)
+        known, (i, j, heading) = np.flatnonzero(can_reach), states[can_reach].T
+        if not len(known):
+            return 0
+        cells, rows, paths = np.column_stack([i, j]), np.arange(len(known)), context.paths
+        places = context.traversability.grid.centre_of(cells)
+        left = search.seconds_from(places)[rows, heading]
+        until = paths.seconds_at(places[0], int(heading[0])) + float(np.ptp(left)) + self._numbers.second_look
+        detour = paths.seconds_to(cells, until)[rows, heading] + left - left[0]
+        near = known[detour <= detour[0] + self._numbers.second_look]
+        return int(near.max()) + 1
+
+    def _start(self, search: GoalSearch, context: Context) -> tuple[Place, int] | None:
+        """Where the way begins: where the robot is, or else with too little room there, where it can get."""
+        paths, grid = context.paths, context.traversability.grid
+        assert paths.start is not None
+        headings = range(HEADINGS) if paths.heading is None else [nearest_heading(paths.heading)]
+        seconds = [search.least_seconds_from(paths.start, heading) for heading in headings]
+        if np.isfinite(min(seconds)):
+            return paths.start, headings[int(np.argmin(seconds))]
+        cells = best_of_blocks(np.bitwise_count(paths.headings), self._config.visibility.stride)
+        places, can_stand = grid.centre_of(cells), bits(paths.headings[tuple(cells.T)])
+        total = np.where(can_stand, paths.seconds_to(cells) + search.seconds_from(places), np.inf)
+        if not np.isfinite(total).any():
+            return None
+        n, heading = np.unravel_index(total.argmin(), total.shape)
+        return places[n], int(heading)
+
+    def _best_view(
+        self, gap: Gap, search: GoalSearch, context: Context, falls: bool, within: float
+    ) -> WayView | None:
+        """The view by which the robot gets to the goal soonest; None if none shows enough of a gap.
+
+        ``within``: s by which it may get there later than without a look.
+        """
+        t, paths, camera = context.traversability, context.paths, self._camera
+        terrain = self._terrain._replace(target=gap.hidden, falls=falls)
+        cells = self._candidates(gap, context)
+        places = t.grid.centre_of(cells)
+        shares = visibility.gains(places, camera, terrain) / (gap.hidden.sum() * t.grid.cell**2)
+        shares = np.where(bits(paths.headings[tuple(cells.T)]), np.minimum(shares, 1.0), 0.0)
+        some = (shares >= self._numbers.least_share).any(axis=1)
+        cells, places, shares = cells[some], places[some], shares[some]
+        left = search.seconds_from(places, gap.seconds + within)
+        if not np.isfinite(left).any():
+            return None
+        there = paths.seconds_to(cells, float(gap.seconds + within - left.min()))
+        cost = there + left + self._numbers.second_look * (1 - shares)
+        cost[shares < self._numbers.least_share] = np.inf
+        n, m = np.unravel_index(cost.argmin(), cost.shape)
+        if np.isinf(cost[n, m]):
+            return None
+        heading = wrap_angle(float(ANGLES[m]))
+        shown = visibility.cells_in_view(places[n], heading, camera, terrain)
+        seconds = self._config.keyframe_time + float(there[n, m])
+        gain, shows = float(shown.sum()) * t.grid.cell**2, t.grid.centre_of(np.argwhere(shown))
+        return WayView(places[n], heading, True, gain, seconds, falls, shows)
+
+    def _candidates(self, gap: Gap, context: Context) -> Cells:
+        """(N, 2) cells from which a gap may be in view: some all around, and all on the way to it."""
+        t, paths = context.traversability, context.paths
+        cells = best_of_blocks(np.bitwise_count(paths.headings), self._config.visibility.stride)
+        cells = np.unique(np.vstack([cells, gap.before[:, :2]]), axis=0)
+        hidden = t.grid.centre_of(np.argwhere(gap.hidden))
+        low, high = hidden.min(axis=0) - self._camera.reach, hidden.max(axis=0) + self._camera.reach
+        places = t.grid.centre_of(cells)
+        return cells[((places >= low) & (places <= high)).all(axis=1)]
+
+
+def _unknown_around(states: Cells, t: Traversability) -> MaskLayer:
+    """The unknown cells that keep the robot from successive poses (N, 3), cells and headings, but for the first."""
+    length, width = t.robot.half_length, t.robot.half_width
+    offsets, distances, _ = footprint_distances(length, width, t.grid.cell, t.config.costs.comfort)
+    is_near = distances + 100 * t.config.leniency < t.least.max()
+    hidden = np.zeros(t.grid.shape, np.bool_)
+    for (i, j, h), (a, b, k) in pairwise(states.tolist()):
+        near = is_near[:, k % STANDING]
+        if (i, j) == (a, b):
+            turn = h if (k - h) % HEADINGS == 1 else k
+            near = near | is_near[:, STANDING + turn % STANDING]
+        cells = offsets[near] + (a, b)
+        hidden[tuple(cells[t.grid.holds(cells)].T)] = True
+    return hidden & (t.obstacle == UNKNOWN)

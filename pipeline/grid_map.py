@@ -127,7 +127,7 @@ class Grid:
         i, j = (slice(int(s), int(s) + n) for s, n in zip(part.low - self.low, part.shape, strict=True))
         return i, j
 
-    def around(self, xy: NDArray[np.float64], margin: float) -> "Grid":
+    def widened(self, xy: NDArray[np.float64], margin: float) -> "Grid":
         """The least grid of the same cells that holds this one and all within ``margin`` m of points (N, 2)."""
         reach = int(np.ceil(margin / self.cell))
         cells = self.low + np.vstack([self.cell_of(xy) - reach, self.cell_of(xy) + reach + 1, [(0, 0)], [self.shape]])

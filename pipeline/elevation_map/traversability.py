@@ -87,7 +87,7 @@ class Traversability:
             shut: (M, 2) m, unknown ground that is not free nonetheless.
             doubts: whether depth dropouts, where a thin panel may stand, are not free.
         """
-        grid = self.grid.around(places, margin)
+        grid = self.grid.widened(places, margin)
         box = grid.box_of(self.grid)
         known: dict[str, Any] = {
             name: _spread(getattr(self, name), grid, box, UNSEEN.get(name, 0)) for name in LAYERS

@@ -261,7 +261,7 @@ class UnseenWays:
         shown = visibility.cells_in_view(places[n], heading, camera, terrain)
         seconds = self._config.keyframe_time + float(there[n, m])
         gain, shows = float(shown.sum()) * t.grid.cell**2, t.grid.centre_of(np.argwhere(shown))
-        return WayView(places[n], heading, True, gain, seconds, falls, shows)
+        return WayView(places[n], heading, True, gain, seconds, falls, shows=shows)
 
     def _candidates(self, gap: Gap, context: Context) -> Cells:
         """(N, 2) cells from which a gap may be in view: some all around, and all on the way to it."""

@@ -153,8 +153,8 @@ def test_growth_keeps_values_and_changes_are_those_of_a_comparison(changes, sinc
 def test_a_grid_around_places_holds_them_with_their_margin_and_the_grid_itself():
     grid = Grid(np.array([3, -7]), 0.05, (40, 30))
     places = np.array([(2.0, 1.0), (-1.0, 0.0)])
-    around = grid.around(places, 0.5)
+    around = grid.widened(places, 0.5)
     assert around.part(around.box_of(grid)).is_same(grid)
     corners = np.vstack([places - 0.5, places + 0.5])
     assert around.holds(around.cell_of(corners)).all()
-    assert grid.around(np.array([(0.5, 0.0)]), 0.0).is_same(grid)
+    assert grid.widened(np.array([(0.5, 0.0)]), 0.0).is_same(grid)

@@ -122,7 +122,7 @@ def test_while_it_drives_the_robot_is_where_its_newest_keyframe_has_it(tmp_path)
     robot.close()
     rows = read(tmp_path / "episode.rrd")
     moving = [row for row in rows["/world/robot"] if row.get("step") is None]
-    assert len(moving) > 10
+    assert len(moving) > 5
     assert len(slam.poses) > 2
     for row in moving:
         np.testing.assert_allclose(row["Transform3D:translation"][0], believed[round(row["sim_time"], 3)], atol=1e-6)

@@ -166,7 +166,9 @@ class Explorer:
         def is_done() -> bool:
             return self.mission.is_shown(self.mapper.elevation_map)
 
-        return self.pilot.follow(check, way, heading, start, speed_limit, rolls=viewpoint.turn, is_done=is_done)
+        # To a viewpoint to which it rolls already it drives on until it stands, or it would choose the same again.
+        rolls = viewpoint.turn and len(way) > 0
+        return self.pilot.follow(check, way, heading, start, speed_limit, rolls=rolls, is_done=is_done)
 
     def _way(self, step: Step, plan: PathPlan, heading: float | None) -> list[Stretch]:
         """The stretches of a plan, with arcs where there is room for them on level ground."""

@@ -167,7 +167,9 @@ class Explorer:
             return self.mission.is_shown(self.mapper.elevation_map)
 
         planned = viewpoint.seconds - self._config.exploration.keyframe_time if viewpoint.seconds else None
-        return self.pilot.follow(check, way, heading, start, speed_limit, viewpoint.turn, planned, is_done)
+        # To a viewpoint to which it rolls already it drives on until it stands, or it would choose the same again.
+        rolls = viewpoint.turn and len(way) > 0
+        return self.pilot.follow(check, way, heading, start, speed_limit, rolls, planned, is_done)
 
     def _way(self, step: Step, plan: PathPlan, heading: float | None) -> list[Stretch]:
         """The stretches of a plan, with arcs where there is room for them on level ground."""

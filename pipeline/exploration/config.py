@@ -71,6 +71,7 @@ class UnseenWaysConfig:
         second_look: s that another view costs where one shows nothing of these.
         detour: s of a detour within which views are looked for at first; farther ones where there are none.
         least_share: of these that a view must show to be worth it.
+        alternatives: most ways through different unseen ground that are compared.
         tries: views that did not show ground after which it does not count as free any more.
     """
 
@@ -80,6 +81,7 @@ class UnseenWaysConfig:
     second_look: float = 5.0
     detour: float = 20.0
     least_share: float = 0.2
+    alternatives: int = 3
     tries: int = 3
 
 

@@ -86,6 +86,18 @@ class Gap(NamedTuple):
     seconds: float
 
 
+class Offer(NamedTuple):
+    """A view of a gap.
+
+    Attributes:
+        view: of it.
+        seconds: to the goal by way of the view, with what another look may cost.
+    """
+
+    view: WayView
+    seconds: float
+
+
 class UnseenWays:
     """Finds the view of the cheapest way to a goal if unseen ground were free, where it first meets such ground.
 
@@ -145,24 +157,32 @@ class UnseenWays:
         return bool(np.isfinite(PosePaths(ground, start, context.paths.heading).cost_to(goal)))
 
     def view_towards(self, goal: Place, context: Context) -> WayView | None:
-        """The view by which the robot gets to a goal soonest; None if no way is left to it, or none to be viewed."""
+        """The view by which the robot gets to a goal soonest; None if no way is left to it, or none to be viewed.
+
+        A few ways through different ground are compared.
+        """
         if context.paths.start is None or self.is_far(goal, context):
             return None
-        shut = self._shut(context)
-        while True:
+        shut, offers = self._shut(context), list[Offer]()
+        while len(offers) < self._numbers.alternatives:
             ground = context.traversability.with_unseen_free(goal[None], self._numbers.margin, shut)
-            if not ground.grid.at(ground.traversable, goal):
-                return None
             search = GoalSearch(ground, goal, context.paths.caution)
-            gap = self._first_gap(search, context)
-            if gap is None:
-                return None
-            # A deck behind a crest shows from below, ground that falls does not: the robot looks for decks last.
-            for falls, within in product((True, False), (self._numbers.detour, np.inf)):
-                if (view := self._best_view(gap, search, context, falls, within)) is not None:
-                    return view
-            # Nothing shows this ground, so the way has to lead elsewhere.
+            gap = self._first_gap(search, context) if ground.grid.at(ground.traversable, goal) else None
+            if gap is None or gap.seconds >= min((offer.seconds for offer in offers), default=np.inf):
+                break
+            if (offer := self._best_offer(gap, search, context)) is not None:
+                offers.append(offer)
+            # Another way may need no look, or a quicker one; if nothing shows this ground, it has to lead elsewhere.
             shut = np.vstack([shut, context.traversability.grid.centre_of(np.argwhere(gap.hidden))])
+        return min(offers, key=lambda offer: offer.seconds).view if offers else None
+
+    def _best_offer(self, gap: Gap, search: GoalSearch, context: Context) -> Offer | None:
+        """The best view of a gap; None if none shows enough of it."""
+        # A deck behind a crest shows from below, ground that falls does not: the robot looks for decks last.
+        for falls, within in product((True, False), (self._numbers.detour, np.inf)):
+            if (offer := self._best_view(gap, search, context, falls, within)) is not None:
+                return offer
+        return None
 
     def commit(self, view: WayView, context: Context) -> None:
         """Remember what a view that :meth:`view_towards` named is to show."""
@@ -233,9 +253,7 @@ class UnseenWays:
         n, heading = np.unravel_index(total.argmin(), total.shape)
         return places[n], int(heading)
 
-    def _best_view(
-        self, gap: Gap, search: GoalSearch, context: Context, falls: bool, within: float
-    ) -> WayView | None:
+    def _best_view(self, gap: Gap, search: GoalSearch, context: Context, falls: bool, within: float) -> Offer | None:
         """The view by which the robot gets to the goal soonest; None if none shows enough of a gap.
 
         ``within``: s by which it may get there later than without a look.
@@ -261,7 +279,8 @@ class UnseenWays:
         shown = visibility.cells_in_view(places[n], heading, camera, terrain)
         seconds = self._config.keyframe_time + float(there[n, m])
         gain, shows = float(shown.sum()) * t.grid.cell**2, t.grid.centre_of(np.argwhere(shown))
-        return WayView(places[n], heading, True, gain, seconds, falls, shows=shows)
+        view = WayView(places[n], heading, True, gain, seconds, falls, shows=shows)
+        return Offer(view, float(cost[n, m]))
 
     def _candidates(self, gap: Gap, context: Context) -> Cells:
         """(N, 2) cells from which a gap may be in view: some all around, and all on the way to it."""

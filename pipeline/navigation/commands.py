@@ -31,6 +31,11 @@ class Approach(Velocity):
         return self.stretch.after(self.at).poses[:, :2]
 
     @property
+    def direction(self) -> float:
+        """Of travel, rad."""
+        return float(self.stretch.poses[self.at, 2])
+
+    @property
     def left(self) -> float:
         """Length of the way, m."""
         return self.stretch.length - float(self.stretch.along[self.at])

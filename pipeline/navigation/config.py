@@ -103,11 +103,13 @@ class ObstacleCheckConfig:
 
     Attributes:
         every: m of straight driving between two checks.
+        turn: rad by which an arc turns the camera between two checks: about as often as keyframes are taken.
         ahead: m from the robot's middle; farther obstacles do not count yet.
         least_returns: in a cell with an obstacle; noise gives none, the thickest dust at most 17, measured.
     """
 
     every: float = 0.4
+    turn: float = radians(15)
     ahead: float = 2.0
     least_returns: int = 50
 

@@ -13,6 +13,7 @@ from pipeline.navigation.commands import Approach
 from pipeline.navigation.config import ObstacleCheckConfig
 from pipeline.planning.stretches import Stretch
 from pipeline.sensor import SensorModel
+from pipeline.transforms import wrap_angle
 
 
 class ObstacleCheck:
@@ -27,12 +28,15 @@ class ObstacleCheck:
         self.obstacles: Points = np.zeros((0, 3), np.float32)
         self._traversability, self._sensor, self._config = traversability, sensor, config
         self._stretch: Stretch | None = None
-        self._left = np.inf  # m of the stretch, when it was last looked at
+        # Of the stretch when it was last looked at: m left, and its direction there, rad.
+        self._left, self._direction = np.inf, 0.0
 
     def is_due(self, command: Approach) -> bool:
-        """Whether to look again: at a new stretch, or some way on."""
-        is_far = command.stretch is not self._stretch or self._left - command.left >= self._config.every
-        return is_far and not self._is_too_near(command)
+        """Whether to look again: at a new stretch, some way on, or where an arc has turned the camera."""
+        is_far = self._left - command.left >= self._config.every
+        has_turned = abs(wrap_angle(command.direction - self._direction)) >= self._config.turn
+        is_new = command.stretch is not self._stretch
+        return (is_new or is_far or has_turned) and not self._is_too_near(command)
 
     def is_clear(self, command: Approach) -> bool:
         """Whether no obstacle was seen on the way."""
@@ -43,7 +47,7 @@ class ObstacleCheck:
 
         They are between half of the body's height and the headroom above the ground in the map.
         """
-        self._stretch, self._left = command.stretch, command.left
+        self._stretch, self._left, self._direction = command.stretch, command.left, command.direction
         ground = self._traversability
         robot = ground.robot
         height = points[:, 2] - ground.grid.at(ground.elevation, points, outside=np.nan)

@@ -315,7 +315,7 @@ def test_also_keyframes_on_the_way_show_where_no_ground_is():
 
 
 def barred_corridor(beyond, half=0.1):
-    """A corridor up to ``beyond`` m, seen but for a patch of twice ``half`` m behind a door that is just wide enough."""
+    """A corridor up to ``beyond`` m, seen but for a patch of twice ``half`` m behind a door just wide enough."""
     ground = ground_points(flat, (-3, beyond), (-1, 1))
     in_door = (np.abs(ground[:, 0] - 0.2) < half) & (np.abs(ground[:, 1]) < half)
     corners = [(-3, -1), (beyond, -1), (beyond, 1), (-3, 1), (-3, -1)]

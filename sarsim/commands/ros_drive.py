@@ -47,9 +47,7 @@ class TimedPose(NamedTuple):
 class _Topics(Sink):
     """Publishes the maps and the plan, and counts how the robot has driven."""
 
-    def __init__(
-        self, send: Send, explorer: Explorer, estimate: EstimatedTrajectory[TimedPose], config: RosConfig
-    ):
+    def __init__(self, send: Send, explorer: Explorer, estimate: EstimatedTrajectory[TimedPose], config: RosConfig):
         self._maps, self._frontiers = MapTopics(send, config=config), 0
         self._explorer, self._estimate = explorer, estimate
 

@@ -108,10 +108,7 @@ class Nav2Navigator(Navigator):
     """Leads a robot whose Nav2 stack drives it: only where a way ends counts, and the robot stands there."""
 
     def __init__(
-        self,
-        robot: Nav2Robot,
-        config: NavigationConfig = NavigationConfig(),
-        nav2: Nav2Config = Nav2Config(),
+        self, robot: Nav2Robot, config: NavigationConfig = NavigationConfig(), nav2: Nav2Config = Nav2Config()
     ):
         super().__init__(robot.model, robot.control_period, config)
         self._body, self._nav2 = robot, nav2
@@ -172,7 +169,7 @@ class Nav2Navigator(Navigator):
             return Outcome.MOVED
         if (has_arrived := self._body.has_arrived) is not None:
             if not has_arrived:
-                _log.warning("Nav2, goal %s: %s", place_name(place), self._body.why_ended())
+                _log.warning("Nav2, goal %s: %s", place_name(place[:2]), self._body.why_ended())
             return Outcome.REACHED if has_arrived else Outcome.BLOCKED
         return Outcome.STUCK if self._time > latest else None
 

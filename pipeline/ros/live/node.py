@@ -53,6 +53,7 @@ class RosNode:
             stack.callback(context.try_shutdown)
             self._node = rclpy.create_node(name, context=context)
             stack.callback(self._node.destroy_node)
+            self._clients = stack.enter_context(ExitStack())  # of actions, which would keep the node
             self._executor = import_module("rclpy.executors").SingleThreadedExecutor(context=context)
             self._executor.add_node(self._node)
             thread = Thread(target=self._listen, daemon=True)
@@ -129,7 +130,9 @@ class RosNode:
         if found is None:
             package = kind.partition("/")[0]
             raise InputError(f"{name}: its type {kind} is not installed here; ROS's package {package} has it")
-        return Action(import_module("rclpy.action").ActionClient(self._node, found, name), found)
+        client = import_module("rclpy.action").ActionClient(self._node, found, name)
+        self._clients.callback(client.destroy)
+        return Action(client, found)
 
     def wait(self, until: Callable[[], bool], seconds: float) -> bool:
         """Wait until a condition, checked after every message, holds; False if it does not within ``seconds``."""

@@ -127,15 +127,15 @@ class End:
 
 
 class RoomRobot:
-    """A robot by topics in a room, with a camera of 5 images a second.
+    """A robot by topics in a room, with a camera that takes an image every so many control periods.
 
     Attributes:
         body: the robot itself.
         frames: that were sent, by their time in s.
     """
 
-    def __init__(self, wire: Wire, kind: str = "geometry_msgs/msg/Twist"):
-        self.end, self.body = End(wire, "robot"), KinematicRobot()
+    def __init__(self, wire: Wire, kind: str = "geometry_msgs/msg/Twist", every: int = 4):
+        self.end, self.body, self._every = End(wire, "robot"), KinematicRobot(), every
         self.body.T = from_yaw(1.2, 1.0, 0.0, 0.0)
         self.frames: dict[float, Frame] = {}
         self._kind, self._command, self._periods = kind, Velocity(), 0
@@ -152,7 +152,7 @@ class RoomRobot:
         self._topics.motion(motion)
         twist = Velocity(self._command.v, float(motion.gyro[2]))
         self._topics.odometry(OdometrySample(motion.time, motion.T_odom_base, twist))
-        if self._periods % 4 == 0:
+        if self._periods % self._every == 0:
             frame = replace(painted(seen(self.body.T, self.body.T), self.body.T), time=motion.time)
             self.frames[motion.time] = frame
             self._topics.frame(frame)

@@ -15,19 +15,19 @@ NEAR, ALONG = 0.05, 0.06
 
 
 class Nav2Stack:
-    """Turns to its goal, drives straight to it and turns to its heading; a robot that gets no nearer gives up.
+    """Turns to its goal, drives straight to it and turns to its heading; a robot that does not move gives up.
 
     It knows the robot by its odometry alone, so goals must be in that frame.
 
     Attributes:
         goals: all that were sent, with the place of each: x, y and heading.
-        patience: s without getting nearer after which a goal is aborted.
+        patience: s without moving after which a goal is aborted.
     """
 
     def __init__(self, wire: Wire, name: str = "/navigate_to_pose", odom: str = "/odom"):
         self.end, self.goals, self.patience = End(wire, "nav2"), list[tuple[Goal, Place]](), 3.0
         self.accepts = True
-        self._nearest, self._since = np.inf, 0.0
+        self._anchor, self._since = np.eye(4), 0.0
         self._is_there = False
         self.end.listen(odom, self._take_odometry)
         self.end.serve(name, self._take_goal)
@@ -47,7 +47,7 @@ class Nav2Stack:
         if self.goals and self.goals[-1][0].end is None:
             self.goals[-1][0].end = GoalEnd.ABORTED
         self.goals.append((goal, np.append(T[:2, 3], yaw_of(T))))
-        self._nearest, self._is_there = np.inf, False
+        self._anchor, self._is_there = np.full((4, 4), np.inf), False
         if not self.accepts:
             goal.end = GoalEnd.REJECTED
 
@@ -62,7 +62,7 @@ class Nav2Stack:
             goal.end = GoalEnd.CANCELED
         elif command == Velocity():
             goal.end = GoalEnd.SUCCEEDED
-        elif self._is_stuck(T, place, time):
+        elif self._is_stuck(T, time):
             goal.end, goal.why = GoalEnd.ABORTED, "failed to make progress"
         if goal.end is not None:
             command = Velocity()
@@ -78,8 +78,7 @@ class Nav2Stack:
             return Velocity(0.0, float(np.clip(2 * error, -0.6, 0.6)))
         return Velocity() if self._is_there else Velocity(min(0.3, float(np.linalg.norm(way))), error)
 
-    def _is_stuck(self, T: Pose, place: Place, time: float) -> bool:
-        off = float(np.linalg.norm(place[:2] - T[:2, 3])) + abs(wrap_angle(place[2] - yaw_of(T)))
-        if off < self._nearest - 0.02:
-            self._nearest, self._since = off, time
+    def _is_stuck(self, T: Pose, time: float) -> bool:
+        if not np.allclose(T, self._anchor, rtol=0, atol=0.02):
+            self._anchor, self._since = T, time
         return time > self._since + self.patience

@@ -175,7 +175,8 @@ class Nav2Navigator(Navigator):
 
     def _in_odom(self, place: Place) -> Place:
         """X, y and heading, in ``map``, in ``odom``."""
-        T = inverse(self._T_map_odom) @ from_yaw(*place[:2], self.T_map_base[2, 3], place[2])
+        x, y, heading = place
+        T = inverse(self._T_map_odom) @ from_yaw(x, y, float(self.T_map_base[2, 3]), heading)
         return np.append(T[:2, 3], yaw_of(T))
 
     def _is_off(self, sent: Place, place: Place) -> bool:

@@ -152,15 +152,16 @@ class RosDrive(ExplorerRun):
             raise InterruptedDriveError
 
     def _send(self, topic: str, time: float, message: Message) -> None:
-        """Send what is in our ``map``, unless the robot has another one: its Nav2 would mix them up."""
+        """Send what is in our ``map``, unless Nav2 has another one and would mix them up."""
         if not self._has_other_map:
             self._node.send(topic, time, message)
 
     @cached_property
     def _has_other_map(self) -> bool:
-        if self.robot.has_map:
-            _log.warning("the robot has a map of its own, so none is sent; goals are in its odometry's frame")
-        return self.robot.has_map
+        has_other = isinstance(self.robot, Nav2Robot) and self.robot.has_map
+        if has_other:
+            _log.warning("the robot has a map of its own, so ours is not sent; goals are in its odometry's frame")
+        return has_other
 
     def _time(self) -> float:
         return self.robot.time

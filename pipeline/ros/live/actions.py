@@ -35,8 +35,8 @@ class ActionGoal:
 
     def cancel(self) -> None:
         """Ask the other node to end it, now or as soon as it accepts it."""
-        self._is_cancelled = True
-        if self._handle is not None and self.end is None:
+        was_cancelled, self._is_cancelled = self._is_cancelled, True
+        if self._handle is not None and self.end is None and not was_cancelled:
             self._handle.cancel_goal_async()
 
     def _take_answer(self, answer: Any) -> None:

@@ -42,9 +42,9 @@ class Drive:
     def __init__(self, T_map_odom: Pose = from_yaw(0, 0, 0, 0), nav2: Nav2Config = Nav2Config()):
         self.wire = Wire()
         self.room, self.stack = RoomRobot(self.wire, every=20), Nav2Stack(self.wire)
-        end = End(self.wire, "explorer")
-        end.work = self.room.period
-        self.robot = Nav2Robot(end, PIONEER, TopicNames(), T_BASE_CAMERA, patience=2.0)
+        self.end = End(self.wire, "explorer")
+        self.end.work = self.room.period
+        self.robot = Nav2Robot(self.end, PIONEER, TopicNames(), T_BASE_CAMERA, patience=2.0)
         self.navigator = Nav2Navigator(self.robot, nav2=nav2)
         self.navigator.correct(T_map_odom)
 
@@ -65,10 +65,14 @@ class Drive:
         except StopIteration as end:
             return end.value
 
+    def hold(self) -> None:
+        """Keep the robot where it is, whatever it is commanded."""
+        self.wire.takers["/cmd_vel"] = [("robot", lambda data: None)]
+
     def moves(self, seconds: float) -> bool:
         """Whether the robot moves within so many seconds."""
         before = self.room.body.T
-        self.robot._node.wait(lambda: False, seconds)
+        self.end.wait(lambda: False, seconds)
         return not np.allclose(self.room.body.T, before, atol=1e-3)
 
 
@@ -157,7 +161,7 @@ def test_the_end_of_a_drive_is_asked_for_after_each_keyframe(drive: Drive) -> No
 
 
 def test_what_nav2_refuses_or_gives_up_is_a_failed_drive(drive: Drive, caplog: pytest.LogCaptureFixture) -> None:
-    drive.room.body._blocked = lambda time: True
+    drive.hold()
     assert drive.to((1.8, 1.0), 0.0) is Outcome.BLOCKED
     assert "make progress" in caplog.text
     drive.stack.accepts = False
@@ -169,7 +173,7 @@ def test_what_nav2_refuses_or_gives_up_is_a_failed_drive(drive: Drive, caplog: p
 def test_a_drive_that_does_not_end_is_ended() -> None:
     drive = Drive(nav2=SOON)
     drive.stack.patience = np.inf
-    drive.room.body._blocked = lambda time: True
+    drive.hold()
     assert drive.to((1.8, 1.0), 0.0) is Outcome.STUCK
     assert drive.stack.ends == [GoalEnd.CANCELED]
 

@@ -15,7 +15,7 @@ setup: .venv/installed ## install the system packages that are missing, and the 
 
 ros: setup ## add ROS 2 to .venv, where no installation of it is sourced; make test then tests with it too
 	$(PYTHON) -m pip --disable-pip-version-check --quiet install --constraint requirements.txt --no-build-isolation \
-	    --editable '.[ros]'
+	    --editable '.[ros]' ros-test-msgs==2.3.0
 
 episode: setup ## explore the NIST 6 x 4 m arena; leaves a recording and a report in runs/nist_6x4-0
 	$(PYTHON) scripts/run_episode.py

@@ -13,6 +13,7 @@ from pipeline.finds.reobservation import Reobservation
 from pipeline.labels import Label
 from pipeline.mapper import Keyframe, Mapper
 from pipeline.navigation.commands import Outcome
+from pipeline.navigation.navigator import Navigator
 from pipeline.navigation.obstacle_check import ObstacleCheck
 from pipeline.navigation.speed_limit import SpeedLimit
 from pipeline.pilot import Pilot
@@ -34,9 +35,17 @@ class Explorer:
     """
 
     def __init__(
-        self, robot: Robot, mapper: Mapper, exploration: Strategy | None = None, planner: Planner = TOPOLOGICAL
+        self,
+        robot: Robot,
+        mapper: Mapper,
+        exploration: Strategy | None = None,
+        planner: Planner = TOPOLOGICAL,
+        navigator: Navigator | None = None,
     ):
-        """Begin where the robot stands, with the maps as they are; by default with the next best view."""
+        """Begin where the robot stands, with the maps as they are; by default with the next best view.
+
+        ``navigator``: leads the robot; by default one that commands velocities.
+        """
         self.mapper = mapper
         self.reobservation = Reobservation(
             (mapper.victims, mapper.finds), mapper.metric_map, mapper.keyframes, mapper.config.tracks.reobservation
@@ -44,7 +53,7 @@ class Explorer:
         self._planner, self._config, numbers = planner, mapper.config, mapper.config.exploration
         self.mission = Mission(exploration or NextBestView(robot.model, config=numbers), config=numbers)
         self._sinks: list[Sink] = []
-        self.pilot = Pilot(robot, mapper, self._sinks)
+        self.pilot = Pilot(robot, mapper, self._sinks, navigator)
         self.steps = 0
         self._failed_drives = 0
 

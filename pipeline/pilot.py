@@ -34,11 +34,11 @@ class Pilot:
         driven: m so far, by odometry.
     """
 
-    def __init__(self, robot: Robot, mapper: Mapper, sinks: Sequence[Sink]):
-        """``sinks``: notified of each motion; the list may grow."""
+    def __init__(self, robot: Robot, mapper: Mapper, sinks: Sequence[Sink], navigator: Navigator | None = None):
+        """``sinks``: notified of each motion; the list may grow. ``navigator``: by default one of velocities."""
         localisation, navigation = mapper.config.localisation, mapper.config.navigation
         self.robot, self.faults = robot, Faults(navigation.faults, localisation.vertical)
-        self.navigator = Navigator(robot.model, robot.control_period, navigation)
+        self.navigator = navigator or Navigator(robot.model, robot.control_period, navigation)
         maps = mapper.localisation, mapper.metric_map, mapper.elevation_map, mapper.keyframes
         self.pose_check = PoseCheck(*maps, robot.model, localisation)
         self._mapper, self._sinks, self._carried_way = mapper, sinks, localisation.pose_check.carried_way

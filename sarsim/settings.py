@@ -365,6 +365,7 @@ class RosExploration(SinkConfig, PerceptionConfig, MissionConfig):
         camera: pose of the camera on the robot: x y z in m, roll pitch yaw in degrees, positive pitch looks down; by
             default from the robot's transforms.
         topics: names of the robot's topics.
+        nav2: send viewpoints as goals to the robot's Nav2 stack instead of velocities.
         patience: longest silence of the robot or of one of its topics, s, before the drive ends.
         name: name of the ROS 2 node.
         network: connect to other machines as well; by default only to this machine.
@@ -374,6 +375,7 @@ class RosExploration(SinkConfig, PerceptionConfig, MissionConfig):
     robot: Robot = "pioneer3at"
     camera: tuple[float, float, float, float, float, float] | None = None
     topics: TopicNames = field(default_factory=TopicNames)
+    nav2: bool = False
     patience: float = 5.0
     name: str = "sarsim_explorer"
     network: bool = False

@@ -7,6 +7,24 @@ from pipeline.localisation.config import TrajectoryConfig
 
 
 @dataclass(frozen=True)
+class Nav2Config:
+    """Drives by a robot's Nav2 stack.
+
+    Attributes:
+        patience: s that a drive may take beyond the time for its way: Nav2 may wait, back up and try again.
+        least_speed: m/s, mean over the planned way, below which a drive is given up.
+        moved, turned: m and rad by which a goal moves in ``odom``, when the map is corrected, before it is sent anew.
+        braking: s that a robot takes to stand, at most.
+    """
+
+    patience: float = 30.0
+    least_speed: float = 0.05
+    moved: float = 0.1
+    turned: float = radians(5)
+    braking: float = 2.0
+
+
+@dataclass(frozen=True)
 class LiveConfig:
     """Robots on a network.
 
@@ -22,6 +40,7 @@ class LiveConfig:
             frame may be half as much older than the newest odometry.
         starting: messages of odometry from which its period is estimated.
         trajectory: how long odometry is valid.
+        nav2: drives by a robot's Nav2 stack.
     """
 
     discovery: float = 1.0
@@ -36,6 +55,7 @@ class LiveConfig:
     hold: float = 0.2
     starting: int = 5
     trajectory: TrajectoryConfig = TrajectoryConfig()
+    nav2: Nav2Config = Nav2Config()
 
 
 @dataclass(frozen=True)

@@ -145,6 +145,10 @@ class FrameTree:
         alike = [name for name in known if name.endswith(f"/{frame}") or frame.endswith(f"/{name}")]
         return alike[0] if frame and frame not in known and len(alike) == 1 else frame
 
+    def hangs(self, frame: str) -> bool:
+        """Whether a frame hangs on another one."""
+        return self.named(frame) in self._links
+
     def between(self, frame: str, other: str) -> Pose | None:
         """Pose of another frame in a frame; None if they hang on no common one, or the frame moves on that."""
         frame, other = frame.strip("/"), other.strip("/")

@@ -1,6 +1,8 @@
 """A run of a ROS 2 robot, without ground truth."""
 
+import logging
 from collections.abc import Callable
+from functools import cached_property
 from typing import Any, NamedTuple
 
 from pipeline.arrays import Pose
@@ -14,10 +16,11 @@ from pipeline.mapper import Keyframe, Mapper
 from pipeline.navigation.commands import Outcome
 from pipeline.robot import Motion
 from pipeline.ros.config import RosConfig
+from pipeline.ros.live.nav2 import Nav2Navigator, Nav2Robot
 from pipeline.ros.live.node import RosNode
 from pipeline.ros.live.ros_robot import RosRobot
-from pipeline.ros.messages import MAP, ODOM, transforms
-from pipeline.ros.topics import MapTopics
+from pipeline.ros.messages import MAP, ODOM, Message, transforms
+from pipeline.ros.topics import MapTopics, Send
 from pipeline.run import ExplorerRun
 from pipeline.sink import Result, Sink, Step
 from sarsim.composition import compose, make_mapper
@@ -25,6 +28,7 @@ from sarsim.methods.make import make_exploration
 from sarsim.robots.model import paced_model
 from sarsim.settings import RosExploration
 
+_log = logging.getLogger(__name__)
 STARTING_TIME = 120.0
 """s that a robot which is not there yet may take to start: a simulated one compiles first."""
 
@@ -43,10 +47,8 @@ class TimedPose(NamedTuple):
 class _Topics(Sink):
     """Publishes the maps and the plan, and counts how the robot has driven."""
 
-    def __init__(
-        self, node: RosNode, explorer: Explorer, estimate: EstimatedTrajectory[TimedPose], config: RosConfig
-    ):
-        self._maps, self._frontiers = MapTopics(node.send, config=config), 0
+    def __init__(self, send: Send, explorer: Explorer, estimate: EstimatedTrajectory[TimedPose], config: RosConfig):
+        self._maps, self._frontiers = MapTopics(send, config=config), 0
         self._explorer, self._estimate = explorer, estimate
 
     def on_keyframe(self, keyframe: Keyframe) -> None:
@@ -90,7 +92,7 @@ class RosDrive(ExplorerRun):
         check_folder(config.out)
         camera = config.camera and CameraPose(*config.camera).T_base_camera
         model = paced_model(config.robot, config.speed)
-        self.robot = RosRobot(
+        self.robot = (Nav2Robot if config.nav2 else RosRobot)(
             node,
             model,
             config.topics,
@@ -102,10 +104,13 @@ class RosDrive(ExplorerRun):
         )
         mapper = make_mapper(config, model, earlier=config.map)
         strategy = make_exploration(config.exploration, model, config=config.pipeline.exploration)
-        explorer = Explorer(self.robot, mapper, strategy)
+        navigator = None
+        if isinstance(self.robot, Nav2Robot):
+            navigator = Nav2Navigator(self.robot, config.pipeline.navigation, config.io.ros.live.nav2)
+        explorer = Explorer(self.robot, mapper, strategy, navigator=navigator)
         self._node, self._poses = node, list[TimedPose]()
         estimate = EstimatedTrajectory(mapper.localisation, self._poses)
-        others = [_Topics(node, explorer, estimate, config.io.ros)]
+        others = [_Topics(self._send, explorer, estimate, config.io.ros)]
         parts = compose(config, mapper, config.out, config.out.name, view=config.view, others=others, brief=brief)
         super().__init__(explorer, parts, estimate, config.most_steps, config.goals, config.home)
         self.stopped: str | None = None
@@ -132,20 +137,31 @@ class RosDrive(ExplorerRun):
         """One step of the robot; InputError if the robot had to be stopped."""
         try:
             return super().step()
-        except InputError as error:
-            self.stopped = str(error)
-            raise
-        except InterruptedDriveError:
-            self.robot.stop()
+        except BaseException as error:
+            self.robot.stop()  # at once: to write the results takes time
+            if isinstance(error, InputError):
+                self.stopped = str(error)
             raise
 
     def _log_motion(self, motion: Motion) -> None:
         self._poses.append(TimedPose(motion.time, motion.T_odom_base))
         if self.explorer.steps:
             link = {(MAP, ODOM): self.mapper.T_map_odom}
-            self._node.send("/tf", motion.time, transforms(motion.time, link))
+            self._send("/tf", motion.time, transforms(motion.time, link))
         if self._interrupted():
             raise InterruptedDriveError
+
+    def _send(self, topic: str, time: float, message: Message) -> None:
+        """Send what is in our ``map``, unless Nav2 has another one and would mix them up."""
+        if not self._has_other_map:
+            self._node.send(topic, time, message)
+
+    @cached_property
+    def _has_other_map(self) -> bool:
+        has_other = isinstance(self.robot, Nav2Robot) and self.robot.has_map
+        if has_other:
+            _log.warning("the robot has a map of its own, so ours is not sent; goals are in its odometry's frame")
+        return has_other
 
     def _time(self) -> float:
         return self.robot.time

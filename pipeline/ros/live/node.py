@@ -13,6 +13,8 @@ from warnings import filterwarnings
 from pipeline.errors import InputError
 from pipeline.ros.bag import LATCHED
 from pipeline.ros.config import LiveConfig
+from pipeline.ros.live.actions import Action
+from pipeline.ros.live.interfaces import interface
 from pipeline.ros.messages import Message, encode, type_of
 
 
@@ -51,6 +53,7 @@ class RosNode:
             stack.callback(context.try_shutdown)
             self._node = rclpy.create_node(name, context=context)
             stack.callback(self._node.destroy_node)
+            self._clients = stack.enter_context(ExitStack())  # of actions, which would keep the node
             self._executor = import_module("rclpy.executors").SingleThreadedExecutor(context=context)
             self._executor.add_node(self._node)
             thread = Thread(target=self._listen, daemon=True)
@@ -87,7 +90,7 @@ class RosNode:
         Its messages are reliable, which suits every listener: with best effort, parts of images get lost even on one
         machine.
         """
-        qos, kind = import_module("rclpy.qos"), message_type(name)
+        qos, kind = import_module("rclpy.qos"), interface(name)
         durability = qos.DurabilityPolicy.TRANSIENT_LOCAL if topic in LATCHED else qos.DurabilityPolicy.VOLATILE
         profile = qos.QoSProfile(depth=1 if topic in LATCHED else self._config.queue, durability=durability)
         self._publishers[topic] = kind and self._node.create_publisher(kind, topic, profile)
@@ -104,7 +107,7 @@ class RosNode:
             InputError: the type is not installed.
         """
         qos, name = import_module("rclpy.qos"), name or self.types()[topic][0]
-        kind = message_type(name)
+        kind = interface(name)
         if kind is None:
             raise InputError(f"{topic}: its type {name} is not installed here")
         is_offered = bool(self.senders(topic))
@@ -120,6 +123,16 @@ class RosNode:
                 self.received.notify_all()
 
         self._node.create_subscription(kind, topic, heard, profile, raw=True)
+
+    def action(self, name: str, kind: str) -> Action:
+        """An action that another node serves; InputError if its type, ``package/action/Name``, is not installed."""
+        found = interface(kind)
+        if found is None:
+            package = kind.partition("/")[0]
+            raise InputError(f"{name}: its type {kind} is not installed here; ROS's package {package} has it")
+        client = import_module("rclpy.action").ActionClient(self._node, found, name)
+        self._clients.callback(client.destroy)
+        return Action(client, found)
 
     def wait(self, until: Callable[[], bool], seconds: float) -> bool:
         """Wait until a condition, checked after every message, holds; False if it does not within ``seconds``."""
@@ -153,12 +166,3 @@ def _rclpy() -> Any:
     except ImportError as error:
         remedy = "source an installation of ROS 2, or pip install 'sarsim[ros]' (Python 3.11 to 3.13)"
         raise InputError(f"there is no rclpy here: {remedy}; {error}") from error
-
-
-def message_type(name: str) -> Any:
-    """The class of messages ``package/msg/Name``; None if it is not installed."""
-    package, _, kind = name.partition("/msg/")
-    try:
-        return getattr(import_module(f"{package}.msg"), kind)
-    except ImportError:
-        return None

@@ -83,7 +83,7 @@ class RosRobot:
 
         def missing() -> list[str]:
             silent = [f"nothing sends {topic}" for topic in needed if not node.senders(topic)]
-            return silent + [f"nothing listens to {topics.cmd_vel}"] * (not node.listeners(topics.cmd_vel))
+            return silent + self._deaf()
 
         if not node.wait(lambda: not missing(), self._patience):
             _log.warning("no robot yet: %s", ", ".join(missing()))
@@ -93,15 +93,23 @@ class RosRobot:
         for topic in needed:
             if len(senders := node.senders(topic)) > 1:
                 raise InputError(f"{topic}: several nodes send it, {' and '.join(senders)}")
+        self._prepare_commands()
         types = node.types()
-        self._kind = STAMPED if STAMPED in types[topics.cmd_vel] else "geometry_msgs/msg/Twist"
-        node.offer(topics.cmd_vel, self._kind)
         self._listen(topics.depth, senses.take_depth(types[topics.depth][0]))
         self._listen(topics.color, senses.take_colour(types[topics.color][0]))
         self._listen(topics.camera_info, senses.take_info)
         self._listen(topics.odom, senses.take_odometry)
         self._listen_to_others()
         self._wait(lambda: senses.info is not None and senses.poses >= self._config.starting and self._sees(-np.inf))
+
+    def _deaf(self) -> list[str]:
+        """What is missing of those who follow its commands."""
+        return [] if self._node.listeners(self.topics.cmd_vel) else [f"nothing listens to {self.topics.cmd_vel}"]
+
+    def _prepare_commands(self) -> None:
+        kinds = self._node.types()[self.topics.cmd_vel]
+        self._kind = STAMPED if STAMPED in kinds else "geometry_msgs/msg/Twist"
+        self._node.offer(self.topics.cmd_vel, self._kind)
 
     def _listen_to_others(self) -> None:
         """Listen to what not every robot sends: inertial data, transforms, a camera_info of the colour images."""
@@ -196,6 +204,11 @@ class RosRobot:
     def time(self) -> float:
         """Time of the newest odometry, s."""
         return self._senses.time
+
+    @property
+    def has_map(self) -> bool:
+        """Whether somebody publishes where the robot's ``odom`` is in a map."""
+        return self._senses.links.hangs(self._senses.odom_frame)
 
     def stop(self) -> None:
         """Command the robot to stand."""

@@ -16,7 +16,7 @@ from pipeline.ros.cameras import ImageSource, RgbdCamera
 from pipeline.ros.config import LiveConfig
 from pipeline.ros.images import colour_of, depth_of
 from pipeline.ros.links import FrameTree
-from pipeline.ros.messages import Message, decode, pose_matrix, seconds, time_of, vector_of
+from pipeline.ros.messages import ODOM, Message, decode, pose_matrix, seconds, time_of, vector_of
 
 
 class Senses:
@@ -26,6 +26,7 @@ class Senses:
         links: transforms between the frames of the robot.
         info: the camera_info of the depth images.
         colour_info: that of the colour images, if there is one.
+        odom_frame: name of the frame in which the odometry is.
         T_driven_base: pose of ``base_link``, on the ground, in the frame whose odometry comes.
         imu_frame: name of the frame in which the inertial sensors measure; empty before their first message.
     """
@@ -36,7 +37,7 @@ class Senses:
         self.info: Message | None = None
         self.colour_info: Message | None = None
         self._camera_frame = ""
-        self.imu_frame = ""
+        self.imu_frame, self.odom_frame = "", ODOM
         self.T_driven_base = np.eye(4)
         self._half_width = half_width
         self._depth: deque[tuple[float, str, bytes]] = deque(maxlen=config.queue)
@@ -69,7 +70,7 @@ class Senses:
         time, pose, twist = seconds(message.header.stamp), message.pose.pose, message.twist.twist
         T = pose_matrix(pose.position, pose.orientation)
         if np.isfinite(T).all() and (not self._poses or time > self._poses[-1][0]):
-            self.links.base = message.child_frame_id
+            self.links.base, self.odom_frame = message.child_frame_id, message.header.frame_id or ODOM
             self._poses.append((time, T))
             self._twist = np.array([twist.linear.x, twist.angular.z])
 

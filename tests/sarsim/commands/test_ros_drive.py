@@ -12,11 +12,13 @@ from pipeline.league.validation import validate
 from pipeline.metric_map.io.npz import load_metric_map
 from pipeline.robot import Velocity
 from pipeline.ros import messages
+from pipeline.ros.live.actions import GoalEnd
 from pipeline.transforms import yaw_of
 from sarsim.commands.ros_drive import RosDrive
 from sarsim.commands.simulated_node import WATCHDOG, SimulatedNode
 from sarsim.settings import RosExploration, RosRobotConfig
 from tests.pipeline.ros.live.loopback import End, Wire
+from tests.pipeline.ros.live.nav2_stack import Nav2Stack
 
 FILES = {
     "episode.rrd", "finds.json", "keyframes.npz", "metric_map.npz", "report.html", "report.json", "semantic_map.ply",
@@ -30,6 +32,7 @@ class Pair:
     def __init__(self, folder: Path, brief: MissionBrief | None = None, **config: object):
         self.wire = Wire()
         self.simulated = SimulatedNode(RosRobotConfig(out=folder / "truth"), End(self.wire, "robot"))
+        self.nav2 = Nav2Stack(self.wire) if config.get("nav2") else None
         end = End(self.wire, "explorer")
         end.work = self.work
         self.out = folder / "run"
@@ -112,3 +115,31 @@ def test_where_the_robot_falls_silent_what_was_mapped_is_kept(tmp_path: Path) ->
     assert validate(pair.out) == []
     assert pair.report["stopped"].startswith("/odom: silent")
     assert messages.command_of(pair.wire.heard["/cmd_vel"][-1]) == Velocity()
+
+
+def test_its_nav2_drives_it_where_it_is_to_explore(tmp_path: Path) -> None:
+    pair = Pair(tmp_path, nav2=True, steps=1, goals=((-1.2, -1.35),))
+    assert pair.drive.run()
+    assert {path.name for path in pair.out.iterdir()} == FILES
+    report = pair.report
+    assert report["navigation"]["legs"] == report["navigation"]["reached"] > 0
+    assert report["goals"]["reached"] == 1
+    assert report["localisation"]["keyframes"] > 3
+    assert pair.nav2 and set(pair.nav2.ends) == {GoalEnd.SUCCEEDED}
+    assert pair.wire.senders["/cmd_vel"] == ["nav2"]
+    assert pair.simulated.report()["navigation"]["distance_m"] > 1.0
+    assert {"/map", "/tf", "/keyframe"} <= set(pair.wire.heard)
+
+
+def test_an_interrupted_drive_of_nav2_ends_and_a_robot_with_a_map_gets_no_other(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    pair = Pair(tmp_path, nav2=True)
+    link = messages.transforms(pair.wire.time, {("map", "odom"): np.eye(4)})
+    End(pair.wire, "slam").send("/tf", pair.wire.time, link)
+    assert pair.nav2
+    assert not pair.drive.run(lambda: bool(pair.nav2 and pair.nav2.goals))
+    assert pair.nav2.ends == [GoalEnd.CANCELED]
+    assert {path.name for path in pair.out.iterdir()} == FILES
+    assert "/map" not in pair.wire.heard
+    assert "map of its own" in caplog.text

@@ -3,11 +3,12 @@
 from collections.abc import Callable
 from contextlib import nullcontext
 from dataclasses import replace
-from typing import Any
+from typing import Any, NamedTuple
 
 from pipeline.frame import Frame
 from pipeline.robot import Velocity
 from pipeline.ros.bag import LATCHED
+from pipeline.ros.live.actions import GoalEnd
 from pipeline.ros.messages import command_of, decode, encode, type_of
 from pipeline.ros.topics import OdometrySample, RobotTopics
 from pipeline.transforms import from_yaw
@@ -23,6 +24,29 @@ def unchanged(topic: str, time: float, message: Any) -> list[tuple[str, float, A
     return [(topic, time, message)]
 
 
+class Goal:
+    """A goal of an action, which both ends see; ``fields`` are CDR."""
+
+    def __init__(self, fields: dict[str, bytes]):
+        self.fields, self.is_cancelled = fields, False
+        self.end: GoalEnd | None = None
+        self.why = ""
+
+    def cancel(self) -> None:
+        self.is_cancelled = True
+
+
+class ServedAction(NamedTuple):
+    """An action as its clients see it."""
+
+    take: Callable[[Goal], None]
+
+    def send(self, **fields: Any) -> Goal:
+        goal = Goal({name: encode(message) for name, message in fields.items()})
+        self.take(goal)
+        return goal
+
+
 class Wire:
     """Passes messages between ends on at once.
 
@@ -30,6 +54,7 @@ class Wire:
         time: the wall's, s.
         change: what is done to messages.
         heard: all that was sent, by topic.
+        served: what takes the goals of an action, by its name.
     """
 
     def __init__(self) -> None:
@@ -39,6 +64,7 @@ class Wire:
         self.kinds: dict[str, str] = {}
         self.senders: dict[str, list[str]] = {}
         self.takers: dict[str, list[tuple[str, Callable[[bytes], None]]]] = {}
+        self.served: dict[str, Callable[[Goal], None]] = {}
 
     def carry(self, topic: str, message: Any) -> None:
         self.heard.setdefault(topic, []).append(message)
@@ -74,6 +100,13 @@ class End:
         for message in self.wire.heard.get(topic, [])[-1:] if topic in LATCHED else ():
             take(encode(message))
 
+    def serve(self, name: str, take: Callable[[Goal], None]) -> None:
+        self.offer(f"{name}/_action/status", "action_msgs/msg/GoalStatusArray")
+        self.wire.served[name] = take
+
+    def action(self, name: str, kind: str) -> ServedAction:
+        return ServedAction(self.wire.served[name])
+
     def types(self) -> dict[str, list[str]]:
         return {topic: [name] for topic, name in self.wire.kinds.items()}
 
@@ -94,15 +127,15 @@ class End:
 
 
 class RoomRobot:
-    """A robot by topics in a room, with a camera of 5 images a second.
+    """A robot by topics in a room, with a camera that takes an image every so many control periods.
 
     Attributes:
         body: the robot itself.
         frames: that were sent, by their time in s.
     """
 
-    def __init__(self, wire: Wire, kind: str = "geometry_msgs/msg/Twist"):
-        self.end, self.body = End(wire, "robot"), KinematicRobot()
+    def __init__(self, wire: Wire, kind: str = "geometry_msgs/msg/Twist", every: int = 4):
+        self.end, self.body, self._every = End(wire, "robot"), KinematicRobot(), every
         self.body.T = from_yaw(1.2, 1.0, 0.0, 0.0)
         self.frames: dict[float, Frame] = {}
         self._kind, self._command, self._periods = kind, Velocity(), 0
@@ -119,7 +152,7 @@ class RoomRobot:
         self._topics.motion(motion)
         twist = Velocity(self._command.v, float(motion.gyro[2]))
         self._topics.odometry(OdometrySample(motion.time, motion.T_odom_base, twist))
-        if self._periods % 4 == 0:
+        if self._periods % self._every == 0:
             frame = replace(painted(seen(self.body.T, self.body.T), self.body.T), time=motion.time)
             self.frames[motion.time] = frame
             self._topics.frame(frame)

@@ -2,6 +2,11 @@
 
 import os
 from collections.abc import Iterator
+from contextlib import closing
+from importlib import import_module
+from threading import Thread
+from time import monotonic, sleep
+from typing import Any
 
 import numpy as np
 import pytest
@@ -9,6 +14,7 @@ import pytest
 from pipeline.errors import InputError
 from pipeline.robot import Velocity
 from pipeline.ros import messages
+from pipeline.ros.live.actions import ActionGoal, GoalEnd
 from pipeline.ros.live.node import RosNode
 from pipeline.ros.messages import decode, type_of
 
@@ -61,6 +67,74 @@ def test_a_late_listener_gets_the_map(pair: tuple[RosNode, RosNode]) -> None:
     got: list[bytes] = []
     explorer.listen("/camera/transform", got.append)
     assert explorer.wait(lambda: bool(got), LONG)
+
+
+class Sleeper:
+    """Serves an action whose goals say what to do: 1 succeeds, 2 is aborted, 3 is refused, any other goes on."""
+
+    def __init__(self, kind: Any, name: str):
+        rclpy, actions, executors = (import_module(f"rclpy{part}") for part in ("", ".action", ".executors"))
+        self._kind, self._context = kind, rclpy.Context()
+        self._context.init(args=[])
+        answers = actions.GoalResponse
+        self._node = rclpy.create_node("test_server", context=self._context)
+        self._server = actions.ActionServer(
+            self._node,
+            kind,
+            name,
+            self._pursue,
+            goal_callback=lambda goal: answers.REJECT if number_of(goal) == 3 else answers.ACCEPT,
+            cancel_callback=lambda goal: actions.CancelResponse.ACCEPT,
+            callback_group=import_module("rclpy.callback_groups").ReentrantCallbackGroup(),
+        )
+        self._executor = executors.MultiThreadedExecutor(4, context=self._context)
+        self._executor.add_node(self._node)
+        self._thread = Thread(target=self._executor.spin, daemon=True)
+        self._thread.start()
+
+    def _pursue(self, goal: Any) -> Any:
+        number, end = number_of(goal.request), monotonic() + LONG
+        while number > 3 and not goal.is_cancel_requested and monotonic() < end:
+            sleep(0.02)
+        {1: goal.succeed, 2: goal.abort}.get(number, goal.canceled)()
+        return self._kind.Result()
+
+    def close(self) -> None:
+        self._executor.shutdown()
+        self._thread.join()
+        self._server.destroy()
+        self._node.destroy_node()
+        self._context.try_shutdown()
+
+
+def number_of(goal: Any) -> int:
+    return goal.nested_different_pkg.sec
+
+
+def test_goals_are_pursued_until_they_end_or_are_cancelled(pair: tuple[RosNode, RosNode]) -> None:
+    kind, (_, explorer) = pytest.importorskip("test_msgs.action", reason="make ros adds it").NestedMessage, pair
+    with closing(Sleeper(kind, "/nested")):
+        assert explorer.wait(lambda: bool(explorer.senders("/nested/_action/status")), LONG)
+        action = explorer.action("/nested", "test_msgs/action/NestedMessage")
+
+        def sent(number: int) -> ActionGoal:
+            return action.send(nested_different_pkg=messages.stamp(float(number)))
+
+        for number, end in ((1, GoalEnd.SUCCEEDED), (2, GoalEnd.ABORTED), (3, GoalEnd.REJECTED)):
+            goal = sent(number)
+            assert explorer.wait(lambda goal=goal: goal.end is not None, LONG)
+            assert goal.end is end
+        for seconds in (0.0, 0.5):  # before it is accepted, and after
+            goal = sent(4)
+            assert not explorer.wait(lambda goal=goal: goal.end is not None, seconds)
+            goal.cancel()
+            assert explorer.wait(lambda goal=goal: goal.end is not None, LONG)
+            assert goal.end is GoalEnd.CANCELED
+
+
+def test_an_action_whose_type_is_not_installed_is_refused(pair: tuple[RosNode, RosNode]) -> None:
+    with pytest.raises(InputError, match=r"/fly: .*no_such_msgs"):
+        pair[1].action("/fly", "no_such_msgs/action/Fly")
 
 
 def test_of_two_nodes_with_one_name_the_second_is_refused(pair: tuple[RosNode, RosNode]) -> None:

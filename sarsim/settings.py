@@ -171,7 +171,7 @@ class MissionConfig:
         goals: places to drive to at once, x y x y … in m in the map; the robot orders them.
         explore: explore first, as with --steps.
         home: drive back at the end.
-        speed: top speed, m/s, on seen level ground with enough room; by default the robot's, 0.2 is the thesis's.
+        speed: top speed, m/s; by default the robot's. The thesis drives at 0.2.
         view: live view of the run: in a new window (spawn), in the browser (web), or none.
         mission: explore, or with files handed in: league, virtual, FILE.
         minutes: clock of a mission, which ends it in place of --steps; by default its own.

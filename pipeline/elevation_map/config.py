@@ -60,7 +60,7 @@ class PathCosts:
     comfort: float = 0.2
     narrow_stop: float = 0.067
     ramp_pace: float = 0.65
-    turn_pace: float = 0.5
+    turn_pace: float = 0.42
     stray: float = 0.1
     backing: float = 2.0
     risk: float = 20.0

@@ -171,7 +171,7 @@ class Navigator:
             self.legs.append(DrivenLeg(here, Outcome.MOVED))
             yield STOP
             return Outcome.MOVED
-        turns = heading is not None and not (way and self._shows(way[-1].last_heading, heading))
+        turns = heading is not None and not (rolls and way and self._shows(way[-1].last_heading, heading))
         for number, stretch in enumerate(way, start=1):
             is_passed = rolls and not turns and number == len(way)
             outcome = yield from self._drive_leg(stretch, speed_along, is_passed)

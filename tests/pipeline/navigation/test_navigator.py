@@ -194,7 +194,9 @@ def test_where_there_is_room_it_turns_while_it_drives():
     corners = np.array([(1.0, 0.0), (1.0, 1.0), (2.0, 1.0)])
     for arcs in (True, False):
         robot = KinematicRobot()
-        assert Follower(robot).drive(corners, np.deg2rad(60), arcs=arcs)
+        navigator = Follower(robot)
+        assert navigator.drive(corners, np.deg2rad(60), arcs=arcs, rolls=arcs)
+        assert navigator.outcome(navigator.halt()) is Outcome.REACHED
         pivots = any(command.omega and not command.v for command in robot.commands)
         assert pivots != arcs
         np.testing.assert_allclose(robot.T[:2, 3], corners[-1], atol=0.06)

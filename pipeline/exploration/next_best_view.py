@@ -157,35 +157,27 @@ class NextBestView(Strategy):
         return self._opening(outlook, context)
 
     def _opening(self, outlook: Outlook, context: Context) -> Viewpoint | None:
-        """The first viewpoint that is worth its time by the ground to which the way may be free, if any.
+        """A viewpoint that is worth its time by the ground to which the way may be free, the most first, if any.
 
         However small what bars the way: only cells on both sides of which the robot could stand count.
         """
-        traversability, reachable = context.traversability, context.paths.reachable
-        pieces, number = ndimage.label(traversability.traversable & ~reachable, np.ones((3, 3)))
-        if not number:
-            return None
-        areas = np.bincount(pieces.ravel()) * outlook.terrain.cell**2
+        traversability, reachable, terrain = context.traversability, context.paths.reachable, outlook.terrain
+        pieces, _ = ndimage.label(traversability.traversable & ~reachable, np.ones((3, 3)))
+        areas = np.bincount(pieces.ravel()) * terrain.cell**2
         areas[0] = 0.0  # no piece
-
-        def opened(cells: MaskLayer) -> float:
-            """m² of the pieces to which the way may be free once these cells are seen, times the chance of that."""
-            if not cells.any():
-                return 0.0
-            near, chance = near_ground(context, cells), outlook.terrain.probability[cells].max()
-            return float(chance * areas[np.unique(pieces[near])].sum()) if (near & reachable).any() else 0.0
-
-        bars = outlook.terrain.target & near_ground(context, pieces > 0) & near_ground(context, reachable)
+        bars = terrain.target & near_ground(context, reachable)
         bars &= ~traversability.grid.mask_of(self._often_looked_at)
-        outlook = replace(outlook, terrain=outlook.terrain._replace(target=bars))
         context = replace(context, rewards=None)
-        while self._may_be_worth(outlook, context, opened(outlook.terrain.target)):
-            viewpoint = self._best(outlook, context, least=0.0)
-            if viewpoint is None:
+        for piece in np.argsort(-areas):
+            if areas[piece] < self.needed(self.config.keyframe_time):
                 return None
-            if viewpoint.gain + opened(outlook.in_view(viewpoint)) >= self.needed(viewpoint.seconds):
+            barred = bars & near_ground(context, pieces == piece)
+            viewpoint = self._best(replace(outlook, terrain=terrain._replace(target=barred)), context, least=0.0)
+            if viewpoint is None:
+                continue
+            opened = terrain.probability[barred].max() * areas[piece]
+            if viewpoint.gain + opened >= self.needed(viewpoint.seconds):
                 return replace(viewpoint, opens=True)
-            outlook = outlook.after(viewpoint)
         return None
 
     @property
@@ -193,14 +185,6 @@ class NextBestView(Strategy):
         """(N, 2) m, cells that kept the way barred however often the robot looked at them."""
         often = [place for place, looks in self._looks.items() if looks >= self.config.looks]
         return np.array(often).reshape(-1, 2)
-
-    def _may_be_worth(self, outlook: Outlook, context: Context, opened: float) -> bool:
-        """Whether any viewpoint can be worth the drive if its way is straight and it opens ``opened`` m² as well."""
-        offer = self._offer(outlook, context, least=0.0)
-        if offer is None:
-            return False
-        least = self.config.keyframe_time + context.paths.without_risk.least_seconds_to(offer.cells)
-        return bool((offer.gains.max(axis=1) + opened >= self.needed(least)).any())
 
     def _in_turn(
         self, best: Callable[[Outlook, Context], Viewpoint | None], outlook: Outlook, context: Context

@@ -39,6 +39,11 @@ class DrivenLeg:
     outcome: Outcome
 
 
+def of_leg(outcome: Outcome) -> Outcome:
+    """How a leg counts whose drive ended so: one that ended early because it was done got where it was to."""
+    return Outcome.REACHED if outcome is Outcome.DONE else outcome
+
+
 class DriveTime(NamedTuple):
     """How long a drive should have taken that got to its end, and how long it took, s."""
 
@@ -167,7 +172,7 @@ class Navigator:
             yield STOP
         self._rest = None
         here = self.T_map_base[:2, 3]
-        if start is not None and np.linalg.norm(here - start) > self._config.follower.carried_way:
+        if self._is_elsewhere(start):
             self.legs.append(DrivenLeg(here, Outcome.MOVED))
             yield STOP
             return Outcome.MOVED
@@ -183,8 +188,13 @@ class Navigator:
             self.legs.append(DrivenLeg(here, Outcome.REACHED))
         # A turn that fails is a leg that failed.
         outcome = yield from self._supervised(self._turn_to(heading))
-        self.legs[-1].outcome = Outcome.REACHED if outcome is Outcome.DONE else outcome
+        self.legs[-1].outcome = of_leg(outcome)
         return outcome
+
+    def _is_elsewhere(self, start: Place | None) -> bool:
+        """Whether the robot was carried since its way was planned, from (2,) m."""
+        here = self.T_map_base[:2, 3]
+        return start is not None and bool(np.linalg.norm(here - start) > self._config.follower.carried_way)
 
     def _joined(self, way: Sequence[Stretch]) -> list[Stretch]:
         """The way, after what the robot still rolls along."""
@@ -215,8 +225,7 @@ class Navigator:
         """Turn to the heading of the stretch, then drive along it."""
         speeds = None if speed_along is None else speed_along(stretch)
         outcome = yield from self._supervised(self._approach(stretch, speeds, is_passed), stretch.length)
-        reached = Outcome.REACHED if outcome is Outcome.DONE else outcome
-        self.legs.append(DrivenLeg(stretch.poses[-1, :2], reached))
+        self.legs.append(DrivenLeg(stretch.poses[-1, :2], of_leg(outcome)))
         return outcome
 
     def _approach(self, stretch: Stretch, speeds: Values | None, is_passed: bool) -> Iterator[Velocity]:

@@ -13,7 +13,7 @@ import numpy as np
 from pipeline.arrays import Place
 from pipeline.navigation.commands import STOP, Commands, Outcome, Verdict
 from pipeline.navigation.config import NavigationConfig
-from pipeline.navigation.navigator import DrivenLeg, Navigator, SpeedAlong
+from pipeline.navigation.navigator import DrivenLeg, Navigator, SpeedAlong, of_leg
 from pipeline.planning.path_plan import place_name
 from pipeline.planning.stretches import Stretch
 from pipeline.robot import Velocity
@@ -141,11 +141,11 @@ class Nav2Navigator(Navigator):
         end = way[-1].poses[-1, :2] if way else here
         heading = way[-1].last_heading if heading is None and way else heading
         outcome = Outcome.MOVED
-        if start is None or np.linalg.norm(here - start) <= self._config.follower.carried_way:
+        if not self._is_elsewhere(start):
             heading = yaw_of(self.T_map_base) if heading is None else heading
             length = sum(stretch.length for stretch in way)
             outcome = yield from self._go_to(np.append(end, heading), length)
-        self.legs.append(DrivenLeg(end, Outcome.REACHED if outcome is Outcome.DONE else outcome))
+        self.legs.append(DrivenLeg(end, of_leg(outcome)))
         return outcome
 
     def _go_to(self, place: Place, length: float) -> Commands:

@@ -29,7 +29,7 @@ ELSEWHERE = re.compile(r"[a-z]+:")
 HEADING = re.compile(r"^#+ +(.+)$", re.MULTILINE)
 FENCED = re.compile(r"^```.*?^```", re.DOTALL | re.MULTILINE)
 NAMED = re.compile(r"(?<![\w/.])((?:pipeline|sarsim|scripts|tests|docs|assets)/(?!NAME|\w+-v\d)[\w./-]*\w/?)")
-FLAG = re.compile(r"scripts/\w+\.py[^`#\n]*?--[^`#\n]*")
+FLAG = re.compile(r"(?:scripts/\w+\.py|sarsim-[a-z])[^`#\n]*?--[^`#\n]*")
 PYTHON = re.compile(r"^```python\n(.*?)^```", re.DOTALL | re.MULTILINE)
 PIN = re.compile(r"^([\w.-]+)==(\S+)", re.MULTILINE)
 
@@ -139,7 +139,7 @@ def test_shipped_weights_have_a_card_as_hugging_face_reads_them(weights: Path) -
 def test_the_site_has_every_page_once() -> None:
     listed = re.findall(r"[:-] ([\w/-]+\.md)$", (ROOT / "mkdocs.yml").read_text(), re.MULTILINE)
     pages = [str(page.relative_to(ROOT / "docs")) for page in [*PAGES, *RESULTS]]
-    assert sorted(listed) == sorted([*pages, "index.md", "gallery.md", "install.md", "commands.md", "notebook.md"])
+    assert sorted(listed) == sorted([*pages, "index.md", "gallery.md", "flags.md", "notebook.md"])
 
 
 def test_goals_that_a_page_names_can_be_reached() -> None:

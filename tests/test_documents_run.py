@@ -8,6 +8,7 @@ import re
 import shlex
 import subprocess
 import sys
+import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
 from importlib import import_module
@@ -32,7 +33,9 @@ from tests.source_tree import ROOT
 
 PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 BLOCK = re.compile(r"^ *```(\w+)\n(.*?)^ *```", re.DOTALL | re.MULTILINE)
-COMMAND = re.compile(r"python (?:scripts/(\w+)\.py|(-m \S+))(.*)")
+COMMAND = re.compile(r"(?:python (?:scripts/(\w+)\.py|(-m \S+))|\b(sarsim-[a-z-]+))(.*)")
+ENTRIES = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["scripts"]
+"""The module and function of each installed command, by name."""
 WHOLE = bool(os.environ.get("SARSIM_DOCUMENTS"))
 """Whether what takes over a minute runs too."""
 OWN = (
@@ -51,11 +54,19 @@ def blocks(page: Path, language: str) -> list[str]:
     return [text for kind, text in BLOCK.findall(page.read_text()) if kind == language]
 
 
+def script(entry: str) -> str:
+    """The script in ``scripts/`` that runs the same command as an entry point."""
+    return ENTRIES[entry].partition(":")[0].rpartition(".")[2]
+
+
 def lines(page: Path) -> list[list[str]]:
-    """The words of each call of Python in the shell's blocks of a page; ``$network`` is a name in a loop."""
+    """The command and its words of each line of a page's shell blocks; ``$network`` is a name in a loop."""
     text = "\n".join(blocks(page, "sh")).replace("\\\n", " ").replace("$network", "pointnext")
+    text = text.replace("make episode", "sarsim-episode")
     found = [COMMAND.search(line) for line in re.split(r"\n|;|&+", text)]
-    return [[match[1] or match[2], *shlex.split(match[3], comments=True)] for match in found if match]
+    return [
+        [match[1] or match[2] or script(match[3]), *shlex.split(match[4], comments=True)] for match in found if match
+    ]
 
 
 @pytest.fixture

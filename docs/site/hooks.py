@@ -1,8 +1,12 @@
-"""What mkdocs does beside its plugins: writes home page, gallery and API reference, and leads links to code there."""
+"""What mkdocs does beside its plugins: writes home page, gallery, flags and API reference, and links code to the latter."""
 
 import json
 import os
 import re
+import subprocess
+import sys
+import tomllib
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from posixpath import normpath
 
@@ -22,6 +26,9 @@ CODE = re.compile("`[^`\\n]+`")
 NOTEBOOK = "docs/episode.ipynb"
 PICTURE = re.compile(r"!\[([^\]]+)\]\((images/[^)]+)\)")
 """A picture of a page: what it shows, and its file."""
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+WIDTH = 80
+"""Columns of the help texts on the page of flags."""
 
 
 def packages(top: str) -> list[Path]:
@@ -51,13 +58,26 @@ def reference(package: Path) -> str:
 def home() -> str:
     """README.md as a page of the site."""
     text = (ROOT / "README.md").read_text().replace(NOTEBOOK, "docs/notebook.md")
+    text = re.sub(r"\bADDRESS\b", PROJECT["urls"]["Repository"], text)
     return IN_README.sub(lambda link: link[1] if link[2] else f"{link[1]}../", text)
 
 
-def section(heading: str) -> str:
-    """A section of README.md as a page of its own."""
-    text = home().partition(f"\n## {heading}\n")[2].partition("\n## ")[0]
-    return f"# {heading}\n{text}\n"
+def help_of(command: str) -> str:
+    """What ``command --help`` prints."""
+    module, _, function = PROJECT["scripts"][command].partition(":")
+    call = f"import sys; sys.argv = [{command!r}, '--help']; from {module} import {function}; {function}()"
+    environment = os.environ | {"COLUMNS": str(WIDTH), "PYTHONPATH": str(ROOT), "PYTHONIOENCODING": "utf-8"}
+    done = subprocess.run([sys.executable, "-c", call], capture_output=True, check=True, env=environment)
+    return done.stdout.decode()
+
+
+def flags() -> str:
+    """A page with the help text of every installed command."""
+    with ThreadPoolExecutor(os.cpu_count()) as pool:
+        texts = zip(PROJECT["scripts"], pool.map(help_of, PROJECT["scripts"]), strict=True)
+        parts = [f"## {command}\n\n```text\n{text.strip()}\n```\n" for command, text in texts]
+    about = "Every flag of every command, as `--help` prints it. [Commands](commands.md) says what each command is for."
+    return f"# Flags\n\n{about}\n\n" + "\n".join(parts)
 
 
 def notebook() -> str:
@@ -87,8 +107,7 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add the pages that no file in ``docs/`` holds."""
-    own = {"index.md": home(), "gallery.md": gallery(), "notebook.md": notebook()}
-    own |= {f"{heading.lower()}.md": section(heading) for heading in ("Install", "Commands")}
+    own = {"index.md": home(), "flags.md": flags(), "gallery.md": gallery(), "notebook.md": notebook()}
     for name, content in own.items():
         files.append(File.generated(config, name, content=content))
     for top in PACKAGES:

@@ -39,12 +39,14 @@ ENTRIES = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]["scrip
 WHOLE = bool(os.environ.get("SARSIM_DOCUMENTS"))
 """Whether what takes over a minute runs too."""
 OWN = (
-    "FOLDER", "bags/office", "my.cfg", "my.weights", "my.safetensors", "office", "office.world",
-    "rgbd_dataset_freiburg1_room", "things.yaml",
+    "FOLDER", "bags/office", "my.cfg", "my.weights", "my.safetensors", "my_images", "my_robot.xml", "office",
+    "office.world", "rgbd_dataset_freiburg1_room", "things.yaml",
 )  # fmt: skip
 """What the pages name of the reader's own, empty here."""
 DATA = ("data/ramps", "data/arenas", "data/rooms")
 """Datasets that other pages make."""
+MODULES = {"mine": "extend.md", "my_explorer": "tutorial-method.md"}
+"""The reader's own modules, and the pages that hold their code."""
 RUN = ("run_episode", "export_arena", "export_map", "validate_mission", "score_mission")
 """Commands whose lines are run whole, if they name nothing of the reader's own."""
 
@@ -127,7 +129,8 @@ def make(command: str, given: Mapping[str, Any]) -> None:
 def test_every_line_is_one_that_its_command_takes_and_names_what_is_there(
     page: Path, desk: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    (desk / "mine.py").write_text("\n".join(blocks(ROOT / "docs" / "extend.md", "python")))
+    for module, source in MODULES.items():
+        (desk / f"{module}.py").write_text("\n".join(blocks(ROOT / "docs" / source, "python")))
     for name in OWN:
         (desk / name).mkdir(parents=True) if not Path(name).suffix else (desk / name).touch()
     (desk / "things.yaml").write_text(blocks(ROOT / "docs" / "arenas.md", "yaml")[0])
@@ -167,8 +170,9 @@ def test_the_python_of_a_page_runs_from_its_top(
     if "runs/nist_6x4-0" in code:  # an episode takes long, and most pages need none
         (desk / "runs").mkdir()
         (desk / "runs" / "nist_6x4-0").symlink_to(request.getfixturevalue("episode"))
-    if "data/ramps" in code:
-        generate(RECIPE, 1, desk / "data" / "ramps", InProcess())
+    for name in ("ramps", "first"):
+        if f"data/{name}" in code:
+            generate(RECIPE, 1, desk / "data" / name, InProcess())
     exec(compile(code, page.name, "exec"), {"__name__": "page"})
 
 
@@ -194,7 +198,7 @@ def test_five_drives_in_vain_are_as_many_as_the_page_of_driving_says() -> None:
 
 def calls(page: Path) -> list[list[str]]:
     """The lines of a page that can be run whole without a screen, a network of one's own or a file of one's own."""
-    own = [*OWN, "mine:", ".safetensors", "--view"]
+    own = [*OWN, *(f"{module}:" for module in MODULES), ".safetensors", "--view"]
     return [line for line in lines(page) if line[0] in RUN and not any(o in word for o in own for word in line[1:])]
 
 

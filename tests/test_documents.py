@@ -3,6 +3,7 @@
 import ast
 import json
 import re
+import runpy
 import tomllib
 from importlib import import_module
 from pathlib import Path
@@ -107,7 +108,17 @@ def test_targets_and_headings_are_found() -> None:
 
 def test_every_picture_is_shown_on_a_page() -> None:
     pictures = {f"images/{path.name}" for path in (ROOT / "docs" / "images").iterdir()}
-    assert pictures <= set().union(*(targets(page.read_text()) for page in PAGES))
+    shown = set().union(*(targets(page.read_text()) for page in PAGES))
+    assert pictures <= shown | {target.removeprefix("docs/") for target in targets(README.read_text())}
+
+
+def test_badges_are_drawn_from_the_project() -> None:
+    namespace = runpy.run_path(str(ROOT / "docs" / "figures" / "draw_badges.py"))
+    assert {file: file.read_text() for file in namespace["badges"]()} == namespace["badges"]()
+
+
+def test_the_readme_is_short() -> None:
+    assert len(README.read_text().split()) <= 1600
 
 
 def test_pages_of_results_are_what_is_made_of_the_figures() -> None:
@@ -182,6 +193,7 @@ def test_the_notebook_runs_from_an_episode_to_files(tmp_path: Path, monkeypatch:
     monkeypatch.chdir(tmp_path)
     cells = json.loads((ROOT / "docs" / "episode.ipynb").read_text())["cells"]
     code = "\n".join("".join(cell["source"]) for cell in cells if cell["cell_type"] == "code")
+    assert all(cell["outputs"] for cell in cells[2:] if cell["cell_type"] == "code")  # after the imports
     assert "STEPS = 20\n" in code
     exec(compile(code.replace("STEPS = 20\n", "STEPS = 1\n"), "episode.ipynb", "exec"), {})
     files = {path.name for path in (tmp_path / "runs" / "notebook").iterdir()}

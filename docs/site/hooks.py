@@ -9,6 +9,7 @@ import tomllib
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from posixpath import normpath
+from typing import Any
 
 from mkdocs.config.defaults import MkDocsConfig
 from mkdocs.structure.files import File, Files
@@ -81,10 +82,20 @@ def flags() -> str:
 
 
 def notebook() -> str:
-    """The notebook as a page: its text and its code."""
-    cells = json.loads((ROOT / NOTEBOOK).read_text())["cells"]
-    parts = [(cell["cell_type"], "".join(cell["source"])) for cell in cells]
-    return "\n\n".join(text if kind == "markdown" else f"```python\n{text}\n```" for kind, text in parts) + "\n"
+    """The notebook as a page: its text, its code, and what that printed and drew."""
+    parts = []
+    for cell in json.loads((ROOT / NOTEBOOK).read_text())["cells"]:
+        text = "".join(cell["source"])
+        parts.append(text if cell["cell_type"] == "markdown" else f"```python\n{text}\n```")
+        parts += [shown(output) for output in cell.get("outputs", ())]
+    return "\n\n".join(parts) + "\n"
+
+
+def shown(output: dict[str, Any]) -> str:
+    """An output of a cell of the notebook, text or picture, as Markdown."""
+    if output["output_type"] == "stream":
+        return f"```text\n{''.join(output['text']).rstrip()}\n```"
+    return f'<img alt="What this code draws" src="data:image/png;base64,{output["data"]["image/png"]}">'
 
 
 def gallery() -> str:

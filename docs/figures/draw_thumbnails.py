@@ -1,0 +1,32 @@
+"""Cut README's thumbnails out of the pictures of the pages, each to what is legible at its size: ``draw_thumbnails.py``."""
+
+from pathlib import Path
+
+from PIL import Image
+
+IMAGES = Path(__file__).parents[1] / "images"
+SIZE = (420, 280)  # px, about one and a half times as large as README shows them
+CROPS = {
+    "arenas": ("arenas-random", [(60, 30, 810, 530)]),
+    "recording": ("recording-native", [(130, 120, 910, 640)]),
+    "report": ("rescue-report", [(43, 225, 689, 656)]),
+    "dataset": ("camera", [(0, 36, 248, 366), (896, 36, 1144, 366)]),
+    "rooms": ("real-desk", [(70, 0, 250, 240), (390, 0, 570, 240)]),
+    "grid": ("metric-map", [(820, 562, 1576, 1066)]),
+}
+"""Name of each thumbnail, its picture, and the pieces (left, upper, right, lower) that are put side by side."""
+
+
+def thumbnail(picture: Image.Image, pieces: list[tuple[int, int, int, int]]) -> Image.Image:
+    """The pieces of a picture side by side."""
+    width, height = SIZE[0] // len(pieces), SIZE[1]
+    made = Image.new("RGB", SIZE)
+    for index, piece in enumerate(pieces):
+        made.paste(picture.resize((width, height), Image.Resampling.LANCZOS, box=piece), (index * width, 0))
+    return made
+
+
+if __name__ == "__main__":
+    for name, (file, pieces) in CROPS.items():
+        with Image.open(IMAGES / f"{file}.jpg") as picture:
+            thumbnail(picture.convert("RGB"), pieces).save(IMAGES / f"thumbnail-{name}.jpg", quality=85)

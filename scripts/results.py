@@ -203,7 +203,7 @@ def text_of(name: str, page: Mapping[str, Any], record: Record | None) -> str:
     if record is None:
         return markdown(*parts, f"{NOT_MEASURED.capitalize()}.")
     whole, done = shown(page["command"]), shown(record["command"])
-    part = [f"These figures are a part of those of `{whole}`."] if done != whole else []
+    part = [f"The complete measurement is `{whole}`."] if done != whole else []
     tables = [text for table in page["tables"] if (text := table_of(table, record["figures"]))]
     every = f"All figures are in [{name}.json]({name}.json)."
     return markdown(*parts, f"{origin(record)} `{done}`.", *part, *tables, every)

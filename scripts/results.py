@@ -30,12 +30,16 @@ ENTRIES = FOLDER / "leaderboard"
 README = ROOT / "README.md"
 MARKERS = ("<!-- results: written by make results -->", "<!-- end of results -->")
 WRITTEN = "Written by make results from pages.yaml and JSON"  # In every page
-NOT_MEASURED = "not measured on this state yet"
+NOT_MEASURED = "not measured yet"
 DIGITS = 5  # Significant digits of a figure that is kept
 LEADERBOARD = """\
-Methods of exploration on the same frozen arenas with the same seeds: interquartile means, with 95 % intervals by a
-bootstrap that is resampled by arena, then by seed. [Sweeps](../sweeps.md) explains the columns and how to enter a
-method of your own."""
+The leaderboard compares methods of exploration on the same frozen arenas with the same seeds. Figures are
+interquartile means with 95 % intervals, from a bootstrap over arenas and then over seeds. [Sweeps](../sweeps.md)
+explains the columns and how to enter a method of your own."""
+INDEX = """\
+These pages show what was measured of each part of the project: on which date, at which commit, and compared with
+other software where there is any. They help you to judge what to expect. Each page names the command that repeats its
+measurement."""
 
 Record = Mapping[str, Any]
 """Figures, by name, and for what they hold: date, commit, command, version, machine, processor_s."""
@@ -160,23 +164,23 @@ def readme_parts(content: Mapping[str, Any], records: Mapping[str, Record | None
     claims = [claim_row(c, pages[c["page"]], records[c["page"]]) for c in content["claims"]]
     return [
         "## Results",
-        "\n".join(["| what | here | peer | computed by | measured |", "|---|---|---|---|---|", *rows]),
+        "\n".join(["| figure | sarsim | peer | computed by | measured |", "|---|---|---|---|---|", *rows]),
         "[All results](docs/results/index.md)",
         "## Reproduce",
-        "`make claims` runs these commands, in so many minutes of processor time, and reports which claims hold:",
+        "`make claims` runs these commands and reports which claims hold. The minutes are processor time.",
         "\n".join(["| claim | command | minutes | expected | measured |", "|---|---|---|---|---|", *claims]),
     ]
 
 
 def index_of(pages: Mapping[str, Any], records: Mapping[str, Record | None]) -> str:
     """The page that lists all pages of results, as Markdown."""
-    rows = ["| results | measured | takes |", "|---|---|---|"]
+    rows = ["| page | measured | takes |", "|---|---|---|"]
     for name, page in pages.items():
         when = f"{record['date']}, {record['commit']}" if (record := records[name]) else NOT_MEASURED
         rows.append(line([f"[{page['title']}]({name}.md)", when, duration(page, record)]))
     board = "The [leaderboard](leaderboard.md) compares methods of exploration."
-    about = "[Earlier states](earlier.md) have older figures, [what was tried](../tried.md) those of ideas left out."
-    return markdown("Results", "make results   # measure all", "\n".join(rows), board, about)
+    older = "[Earlier states](earlier.md) has older figures, [what was tried](../tried.md) those of rejected ideas."
+    return markdown("Results", INDEX, "make results   # measure everything", "\n".join(rows), board, older)
 
 
 @cache
@@ -189,32 +193,32 @@ def leaderboard(files: tuple[Path, ...], about: str) -> str:
         rows = [line(board.heads), "|---" * len(board.heads) + "|", *(line(row) for row in board.rows)]
         parts += [f"## {board.title}", "\n".join(rows)]
     command = "make leaderboard   # run the frozen 2D maps again, and write this page"
-    return markdown("Results: leaderboard", command, about, *parts or [f"{NOT_MEASURED.capitalize()}."])
+    return markdown("Results: leaderboard", about, command, *parts or [f"{NOT_MEASURED.capitalize()}."])
 
 
 def text_of(name: str, page: Mapping[str, Any], record: Record | None) -> str:
     """A page as Markdown."""
     command = f"make results PAGE={name}   # about {duration(page, record)}"
-    parts = [f"Results: {page['title']}", command, page["about"]]
+    parts = [f"Results: {page['title']}", page["about"], command]
     if record is None:
         return markdown(*parts, f"{NOT_MEASURED.capitalize()}.")
     whole, done = shown(page["command"]), shown(record["command"])
-    part = [f"This is a part of `{whole}`."] if done != whole else []
+    part = [f"The complete measurement is `{whole}`."] if done != whole else []
     tables = [text for table in page["tables"] if (text := table_of(table, record["figures"]))]
-    every = f"[{name}.json]({name}.json) has every figure."
+    every = f"All figures are in [{name}.json]({name}.json)."
     return markdown(*parts, f"{origin(record)} `{done}`.", *part, *tables, every)
 
 
-def markdown(title: str, command: str, *parts: str) -> str:
-    """A page with a title, the command that makes it, and paragraphs or tables."""
-    return "\n\n".join([f"# {title}", f"<!-- {WRITTEN} -->", f"```sh\n{command}\n```", *parts]) + "\n"
+def markdown(title: str, about: str, command: str, *parts: str) -> str:
+    """A page with a title, what it is about, the command that makes it, and paragraphs or tables."""
+    return "\n\n".join([f"# {title}", f"<!-- {WRITTEN} -->", about, f"```sh\n{command}\n```", *parts]) + "\n"
 
 
 def origin(record: Record) -> str:
     """When, on what code and on what machine the figures were measured."""
     machine = record["machine"]
     on = f"{machine['cores']} cores of {machine['processor']} ({machine['instructions']})"
-    return f"Measured on {record['date']}, commit {record['commit']}, version {record['version']}, on {on} by"
+    return f"Measured on {record['date']} at commit {record['commit']} (version {record['version']}) on {on} by"
 
 
 def shown(command: str) -> str:

@@ -222,8 +222,13 @@ def origin(record: Record) -> str:
 
 
 def shown(command: str) -> str:
-    """A command as a page shows it: without the folder of unfinished runs."""
-    return re.sub(r" --runs \S+", "", command)
+    """A command as a page shows it: by its installed name if it has one, without the folder of unfinished runs."""
+    command = re.sub(r" --runs \S+", "", command)
+    return (
+        command.replace("run_episode.py", "sarsim-episode")
+        if command.startswith("run")
+        else f"python scripts/{command}"
+    )
 
 
 def table_of(table: Mapping[str, Any], figures: Mapping[str, float]) -> str:
@@ -268,7 +273,7 @@ def claim_row(claim: Mapping[str, Any], page: Mapping[str, Any], record: Record 
     """A row of README's claims."""
     figures = record["figures"] if record else {}
     value = number(figures[claim["figure"]]) if claim["figure"] in figures else NOT_MEASURED
-    command = f"`python scripts/{page['command']}`"
+    command = f"`{shown(page['command'])}`"
     return line([claim["claim"], command, f"{seconds(page, record) / 60:.1f}", expected(claim), value])
 
 

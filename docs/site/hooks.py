@@ -77,7 +77,9 @@ def flags() -> str:
     with ThreadPoolExecutor(os.cpu_count()) as pool:
         texts = zip(PROJECT["scripts"], pool.map(help_of, PROJECT["scripts"]), strict=True)
         parts = [f"## {command}\n\n```text\n{text.strip()}\n```\n" for command, text in texts]
-    about = "Every flag of every command, as `--help` prints it. [Commands](commands.md) says what each command is for."
+    about = (
+        "Every flag of every command, as `--help` prints it. [Commands](commands.md) says what each command is for."
+    )
     return f"# Flags\n\n{about}\n\n" + "\n".join(parts)
 
 

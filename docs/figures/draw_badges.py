@@ -1,4 +1,4 @@
-"""Draw the badges of README.md from pyproject.toml: ``draw_badges.py``. They are files, so that no page loads any from elsewhere."""
+"""Draw README's badges from pyproject.toml: ``draw_badges.py``. As files, they need no network to be shown."""
 
 import tomllib
 from pathlib import Path
@@ -6,7 +6,8 @@ from pathlib import Path
 ROOT = Path(__file__).parents[2]
 FOLDER = ROOT / "docs" / "badges"
 CHARACTER, MARGIN, HEIGHT = 6.4, 6, 20  # px, at a font size of 11
-TEMPLATE = """<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" role="img" aria-label="{left}: {right}">
+TEMPLATE = """<svg xmlns="http://www.w3.org/2000/svg" width="{width}" height="{height}" role="img"
+ aria-label="{left}: {right}">
 <rect width="{width}" height="{height}" rx="3" fill="#444"/>
 <path d="M{middle} 0h{rest}a3 3 0 0 1 3 3v14a3 3 0 0 1-3 3h-{rest}z" fill="#00695c"/>
 <g fill="#fff" font-family="Verdana,DejaVu Sans,sans-serif" font-size="11">

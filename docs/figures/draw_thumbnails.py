@@ -1,4 +1,4 @@
-"""Cut README's thumbnails out of the pictures of the pages, each to what is legible at its size: ``draw_thumbnails.py``."""
+"""Cut README's thumbnails out of the pages' pictures, so that each is legible at its size: ``draw_thumbnails.py``."""
 
 from pathlib import Path
 

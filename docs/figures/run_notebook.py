@@ -1,4 +1,4 @@
-"""Run docs/episode.ipynb and store what its cells print and draw in it: ``MPLBACKEND=agg run_notebook.py``, in an empty folder."""
+"""Run docs/episode.ipynb and store its outputs in it: ``MPLBACKEND=agg run_notebook.py``, in an empty folder."""
 
 import base64
 import io

@@ -1,4 +1,4 @@
-"""What mkdocs does beside its plugins: writes home page, gallery, flags and API reference, and links code to the latter."""
+"""What mkdocs does beside its plugins: writes home, gallery, flags and API reference, and links code to the last."""
 
 import json
 import os

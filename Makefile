@@ -24,7 +24,7 @@ ros: develop ## add ROS 2 to .venv, where no installation of it is sourced; make
 	    --editable '.[ros]' ros-test-msgs==2.3.0
 
 episode: setup ## explore the NIST 6 x 4 m arena; leaves a recording and a report in runs/nist_6x4-0
-	$(PYTHON) scripts/run_episode.py
+	$(PYTHON) scripts/run_episode.py --view web
 
 # Each core begins with tests that stand together, which share fixtures, and takes over others' when it is done.
 test: develop ## run every test, on every core

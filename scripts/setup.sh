@@ -22,8 +22,7 @@ install_episode() {
     install_libraries
     make_venv
     say "installing them takes some minutes"
-    install_torch
-    install_pinned requirements.txt
+    install_python_packages
     pip install --no-deps --no-build-isolation --editable .
     # Functions that an earlier version compiled may name classes that are gone, and then numba fails to load them.
     find pipeline sarsim -name '*.nb[ic]' -delete
@@ -100,13 +99,26 @@ usable() {
     "$1" -c 'import ensurepip, sys, venv; sys.exit(not (3, 11) <= sys.version_info < (3, 15))' 2>/dev/null
 }
 
-# torch comes with what its build for this machine needs. PyPI's build for Linux brings 3 GB of CUDA, which is of no use
-# without a GPU; PyTorch's own index has one without.
+# torch is unpacked beside all others, for pip uses one core. Its build for this machine may need more than a CPU's does.
+install_python_packages() {
+    others=.venv/requirements-but-torch.txt
+    grep -v '^torch==' requirements.txt >"$others"
+    install_torch --no-deps &
+    torch=$!
+    install_pinned "$others" || {
+        wait
+        exit 1
+    }
+    wait "$torch"
+    install_torch
+}
+
+# PyPI's build for Linux brings 3 GB of CUDA, which is of no use without a GPU; PyTorch's own index has one without.
 install_torch() {
     if [ "$(uname)" = Linux ] && ! command -v nvidia-smi >/dev/null && reachable "$TORCH_FOR_CPUS"; then
-        pip install --constraint requirements.txt --extra-index-url "$TORCH_FOR_CPUS" torch
+        pip install --constraint requirements.txt --extra-index-url "$TORCH_FOR_CPUS" "$@" torch
     else
-        pip install --constraint requirements.txt torch
+        pip install --constraint requirements.txt "$@" torch
     fi
 }
 

@@ -36,9 +36,9 @@ def run_episode(config: EpisodeConfig) -> None:
         print(f"Driven again from its start, with {cache.hits} cached outputs of its networks")
     show_results(episode.report, config.folder, is_verbose())
     end_by(ended_by)
-    if episode.recorder.viewer and episode.recorder.viewer.page:
+    if (viewer := episode.recorder.viewer) and viewer.was_opened:
         print("Ctrl-C ends the page", flush=True)
-        episode.recorder.viewer.wait()
+        viewer.wait()
 
 
 def cache_outputs(episode: "Episode") -> "OutputCache":

@@ -186,6 +186,13 @@ def test_what_cannot_be_resumed_is_reported(tmp_path, monkeypatch, capsys):
     assert_refused(resume, "--resume as a flag", monkeypatch, capsys)
 
 
+def test_a_page_that_nobody_opened_ends_with_the_episode(tmp_path, monkeypatch, capsys):
+    run_command(monkeypatch, *QUICK, "--steps", 1, "--view", "web", "--out", tmp_path / "out")
+    first, *_ = capsys.readouterr().out.splitlines()
+    assert "http://127.0.0.1:" in first
+    assert (tmp_path / "out" / "report.html").exists()
+
+
 def test_sigterm_ends_the_page_and_leaves_the_report(tmp_path):
     flags = [*QUICK, "--view", "web", "--out", str(tmp_path)]
     program = ROOT / "scripts" / "run_episode.py"

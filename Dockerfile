@@ -9,4 +9,5 @@ COPY assets assets
 COPY pipeline pipeline
 COPY sarsim sarsim
 RUN make setup && rm -rf /var/lib/apt/lists/* /root/.cache
-CMD ["make", "episode"]
+# Without the live page, whose port nobody outside the container could reach.
+CMD [".venv/bin/python", "scripts/run_episode.py"]

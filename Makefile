@@ -2,53 +2,59 @@
 PYTHON := .venv/bin/python
 SUBJECT ?= camera
 
-.PHONY: help setup ros episode test endurance lint benchmark results leaderboard claims docs dist clean
+.PHONY: help setup develop ros episode test endurance lint benchmark results leaderboard claims docs dist clean
 
 help: ## show this list
 	@sed -n 's/^\([a-z]*\):.*## /  make \1\t/p' Makefile
 
-setup: .venv/installed ## install the system packages that are missing, and the Python packages into .venv
+setup: .venv/installed ## install what an episode needs: the system packages that are missing, and .venv
+
+develop: .venv/installed-dev ## install what tests, style checks and benchmarks need, too
 
 .venv/installed: pyproject.toml setup.py requirements.txt scripts/setup.sh
 	@scripts/setup.sh
 	@touch $@
 
-ros: setup ## add ROS 2 to .venv, where no installation of it is sourced; make test then tests with it too
+.venv/installed-dev: .venv/installed requirements-dev.txt
+	@scripts/setup.sh dev
+	@touch $@
+
+ros: develop ## add ROS 2 to .venv, where no installation of it is sourced; make test then tests with it too
 	$(PYTHON) -m pip --disable-pip-version-check --quiet install --constraint requirements.txt --no-build-isolation \
 	    --editable '.[ros]' ros-test-msgs==2.3.0
 
 episode: setup ## explore the NIST 6 x 4 m arena; leaves a recording and a report in runs/nist_6x4-0
-	$(PYTHON) scripts/run_episode.py
+	$(PYTHON) scripts/run_episode.py --view web
 
 # Each core begins with tests that stand together, which share fixtures, and takes over others' when it is done.
-test: setup ## run every test, on every core
+test: develop ## run every test, on every core
 	$(PYTHON) -m pytest -n logical --dist worksteal
 
-endurance: setup ## check 200 random arenas, try 2,000 broken files and robots, kill a dataset generator, run all pages
+endurance: develop ## check 200 random arenas, try 2,000 broken files and robots, kill a dataset generator, run all pages
 	SEEDS=200 KILLS=10 SARSIM_MUTATIONS=2000 SARSIM_DOCUMENTS=1 $(PYTHON) -m pytest \
 	    tests/sarsim/arenas/test_random_arena.py tests/sarsim/dataset/test_disturbed.py tests/test_foreign_files.py \
 	    tests/test_documents_run.py
 
-lint: setup ## check style and types
+lint: develop ## check style and types
 	$(PYTHON) -m ruff check
 	$(PYTHON) -m ruff format --check
 	$(PYTHON) -m mypy
 
-benchmark: setup ## measure against peers: make benchmark SUBJECT=camera
+benchmark: develop ## measure against peers: make benchmark SUBJECT=camera
 	$(PYTHON) scripts/benchmark.py $(SUBJECT)
 
-results: setup ## measure all pages of results and write them, or one: make results PAGE=metric-map FLAGS="--frames 8" AGAIN=1
+results: develop ## measure all pages of results and write them, or one: make results PAGE=metric-map FLAGS="--frames 8" AGAIN=1
 	$(PYTHON) scripts/results.py $(PAGE) $(if $(FLAGS),--flags="$(FLAGS)") $(if $(AGAIN),--again)
 
-leaderboard: setup ## compare all explorers on the frozen 2D maps, and write the page of the leaderboard
+leaderboard: develop ## compare all explorers on the frozen 2D maps, and write the page of the leaderboard
 	$(PYTHON) scripts/sweep.py --arenas grid:test --seeds 0 1 2 --out runs/leaderboard
 	mkdir -p docs/results/leaderboard && cp runs/leaderboard/entries/*.json docs/results/leaderboard
 	$(PYTHON) scripts/results.py --write
 
-claims: setup ## run the claims of README's section Reproduce, and report which hold
+claims: develop ## run the claims of README's section Reproduce, and report which hold
 	$(PYTHON) scripts/claims.py
 
-docs: setup .venv/docs-installed ## build the documentation's site in build/site
+docs: develop .venv/docs-installed ## build the documentation's site in build/site
 	NO_MKDOCS_2_WARNING=1 $(PYTHON) -m mkdocs build --strict --quiet
 	@echo "to read it: $(PYTHON) -m http.server --bind 127.0.0.1 --directory build/site"
 

@@ -24,6 +24,8 @@ from pipeline.sink import Result, Sink
 class MapFiles(Sink):
     """Writes every map, and the estimated trajectory."""
 
+    finishing = "writing the maps"
+
     def finish(self, result: Result) -> None:
         """Write them, each by itself; InputError if one cannot be written."""
         if result.steps:
@@ -32,6 +34,8 @@ class MapFiles(Sink):
 
 class HandIn(Sink):
     """Writes the files that a league wants."""
+
+    finishing = "writing the league's files"
 
     def __init__(self, brief: MissionBrief, *, config: LeagueConfig = LeagueConfig()):
         self._brief, self._config = brief, config
@@ -47,6 +51,8 @@ class HandIn(Sink):
 
 class ReportFile(Sink):
     """Writes report.json."""
+
+    finishing = "writing report.json"
 
     def __init__(self, settings: Any, place: str, seed: int):
         """Of a run with such settings, a dataclass, at a place, with a seed of all random numbers."""

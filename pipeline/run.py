@@ -23,6 +23,7 @@ from pipeline.localisation.trajectory import EstimatedTrajectory
 from pipeline.mapper import Keyframe, Mapper
 from pipeline.navigation.commands import Outcome
 from pipeline.planning.path_plan import place_name
+from pipeline.progress import Progress
 from pipeline.rerun.recorder import Level, Recorder
 from pipeline.rescue_report.report import RescueReport
 from pipeline.robot import Motion
@@ -52,6 +53,10 @@ class RunParts:
     brief: MissionBrief | None = None
 
 
+def _ignore(progress: Progress) -> None:
+    """Watch a run without a word."""
+
+
 class Run:
     """A mapper and the sinks that watch it until the run ends.
 
@@ -65,6 +70,7 @@ class Run:
     def __init__(self, parts: RunParts):
         self.parts, self.mapper, self.recorder = parts, parts.mapper, parts.recorder
         self.report: dict[str, Any] = {}
+        self._watch: Callable[[Progress], object] = _ignore
         self.start_clock()
 
     def start_clock(self) -> None:
@@ -86,9 +92,19 @@ class Run:
         """
         times = sim_time, perf_counter() - self._wall_begin
         result = Result(self.parts.folder, self.mapper, trajectory, steps, *times, figures, self.report)
-        settle = [self.mapper.settle] if steps else []
+        phases: list[tuple[str, Callable[[], object]]] = (
+            [("correcting the maps", self.mapper.settle)] if steps else []
+        )
+        # A sink of the user's own need not say what it does.
+        phases += [
+            (getattr(sink, "finishing", Sink.finishing), partial(sink.finish, result)) for sink in self.parts.sinks
+        ]
         with uninterrupted():
-            each(*settle, *(partial(sink.finish, result) for sink in self.parts.sinks))
+            each(*(partial(self._show_phase, *phase) for phase in phases))
+
+    def _show_phase(self, name: str, action: Callable[[], object]) -> None:
+        self._watch(Progress(f"{self.parts.place}: {name}"))
+        action()
 
 
 class MappingRun(Run):
@@ -172,27 +188,26 @@ class ExplorerRun(Run, ABC):
         return f"{area:.0f} m² mapped"
 
     def run(
-        self,
-        interrupted: Callable[[], bool] = lambda: False,
-        on_step: Callable[[str], object] = lambda description: None,
+        self, interrupted: Callable[[], bool] = lambda: False, on_progress: Callable[[Progress], object] = _ignore
     ) -> bool:
         """Explore, drive to the goals and home, and write the results.
 
         Args:
             interrupted: called before each step; the run ends if it returns True.
-            on_step: called after each step with a line on the task and how much is explored.
+            on_progress: called before the first step, after each, and before each phase of writing the results.
 
         Returns:
             Whether the run ended without an interruption.
         """
-        begin = self._time()
+        begin, self._watch = self._time(), on_progress
         self.start_clock()
+        on_progress(Progress(f"{self.parts.place}: taking a first look"))
         self._start_deadline(begin)
         mission = self.explorer.mission
         try:
             for task in mission.tasks(self._goals, self._home, self.explorer, explores=self._steps > 0):
                 while self._may_step() and not interrupted() and self.step():
-                    on_step(f"{self.parts.place}: {task}, {self.explored}")
+                    on_progress(self._progress_of(str(task)))
                 if mission.explores and self.ended == "interrupted" and not interrupted():
                     self.ended = "steps"
             self._log_outcomes()
@@ -205,6 +220,19 @@ class ExplorerRun(Run, ABC):
         finally:
             self._finish(self._time() - begin)
         return not interrupted()
+
+    def _progress_of(self, task: str) -> Progress:
+        """How far the run is after a step of a task: by the clock of a mission, else by what is explored."""
+        text, deadline = f"{self.parts.place}: {task}, {self.explored}", self.explorer.mission.deadline
+        if deadline is None:
+            return Progress(f"{text}, step {self.explorer.steps}", self._explored_share())
+        past, all_of_it = self._time() - deadline.begin, deadline.end - deadline.begin
+        minutes = f"{past / 60:.1f} of {all_of_it / 60:g} simulated minutes"
+        return Progress(f"{text}, {minutes}", min(past / all_of_it, 1.0), is_timed=True)
+
+    def _explored_share(self) -> float | None:
+        """Share of the ground that is explored, 0 to 1; None where only the truth could say."""
+        return None
 
     def _start_deadline(self, begin: float) -> None:
         """Start the clock of the mission, if there is one, at the robot's time ``begin``, s."""

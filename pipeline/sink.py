@@ -89,7 +89,13 @@ class Result:
 
 
 class Sink:
-    """Watches a run and takes its result; what a subclass does not override, it ignores."""
+    """Watches a run and takes its result; what a subclass does not override, it ignores.
+
+    Attributes:
+        finishing: what :meth:`finish` does, for those who watch the run's progress.
+    """
+
+    finishing: str = "writing the results"
 
     def on_motion(self, motion: Motion) -> None:
         """The robot has moved for a control period."""

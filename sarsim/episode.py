@@ -1,6 +1,8 @@
 """An episode: a simulated run, and its score."""
 
 import shutil
+import sys
+from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import replace
 from functools import partial
@@ -11,6 +13,7 @@ from pipeline.explorer import Explorer
 from pipeline.files import check_folder, each
 from pipeline.league.brief import MissionBrief
 from pipeline.mapper import Mapper
+from pipeline.progress import Progress
 from pipeline.robot import Robot
 from pipeline.ros.recorded_robot import ExplorerBag, RecordedRobot
 from pipeline.ros.topics import Joints
@@ -20,6 +23,7 @@ from sarsim.arenas.fiducials import hang_fiducials
 from sarsim.composition import compose, make_mapper
 from sarsim.methods.arena import make_arena
 from sarsim.methods.make import make_exploration, make_localisation, make_planner
+from sarsim.progress import shown_run
 from sarsim.recording import EpisodeRecorder
 from sarsim.robots.skid_steered import WHEELS
 from sarsim.scoring.episode import EpisodeScore
@@ -115,7 +119,28 @@ class Episode(ExplorerRun):
     @property
     def explored(self) -> str:
         """How much is explored, by the truth, as text."""
-        return f"{self.score.coverage.fraction:.0%} of all drivable ground seen"
+        return f"{self._explored_share():.0%} of all drivable ground seen"
+
+    def _explored_share(self) -> float:
+        return self.score.coverage.fraction
+
+    def run(
+        self,
+        interrupted: Callable[[], bool] = lambda: False,
+        on_progress: Callable[[Progress], object] | None = None,
+        show_progress: bool = True,
+    ) -> bool:
+        """See :meth:`pipeline.run.ExplorerRun.run`.
+
+        Args:
+            interrupted: called before each step; the run ends if it returns True.
+            on_progress: takes the progress; by default a terminal shows it.
+            show_progress: whether a terminal shows it.
+        """
+        if on_progress is None and show_progress and sys.stderr.isatty():
+            with shown_run(self.config.arena) as show:
+                return super().run(interrupted, show)
+        return super().run(interrupted, on_progress or (lambda progress: None))
 
     def _time(self) -> float:
         return self.robot.time

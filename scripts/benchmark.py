@@ -11,7 +11,10 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from rich.console import Console
+try:
+    from rich.console import Console
+except ModuleNotFoundError as error:
+    raise SystemExit(f"error: {error.name} is not installed here: make develop, then . .venv/bin/activate") from None
 from rich.table import Table
 
 from pipeline.files import whole_file

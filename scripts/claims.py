@@ -6,7 +6,10 @@ from itertools import groupby
 from pathlib import Path
 from typing import Any
 
-from sarsim.commands.cli import run
+try:
+    from sarsim.commands.cli import run
+except ModuleNotFoundError as error:
+    raise SystemExit(f"error: {error.name} is not installed here: make develop, then . .venv/bin/activate") from None
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # scripts/ is not installed
 from scripts.results import ROOT, expected, measured, number, plan

@@ -1,6 +1,9 @@
 """Write any arena as plain MJCF, which MuJoCo's viewer opens: ``export_arena.py --arena A --out FILE.xml``."""
 
-from sarsim.commands.export_arena import main
+try:
+    from sarsim.commands.export_arena import main
+except ModuleNotFoundError as error:
+    raise SystemExit(f"error: {error.name} is not installed here: make setup, then . .venv/bin/activate") from None
 
 if __name__ == "__main__":
     main()

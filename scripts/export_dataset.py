@@ -1,6 +1,9 @@
 """Export a dataset to a layout that other tools read: ``export_dataset.py FORMAT --data DIR --out DIR``."""
 
-from sarsim.commands.export_dataset import main
+try:
+    from sarsim.commands.export_dataset import main
+except ModuleNotFoundError as error:
+    raise SystemExit(f"error: {error.name} is not installed here: make setup, then . .venv/bin/activate") from None
 
 if __name__ == "__main__":
     main()

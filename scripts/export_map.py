@@ -1,6 +1,9 @@
 """Write the map of an episode for other programs: ``export_map.py EPISODE --out FILE.bt|.ot|.ply|.pgm|.tif|…``."""
 
-from sarsim.commands.export_map import main
+try:
+    from sarsim.commands.export_map import main
+except ModuleNotFoundError as error:
+    raise SystemExit(f"error: {error.name} is not installed here: make setup, then . .venv/bin/activate") from None
 
 if __name__ == "__main__":
     main()

@@ -1,6 +1,9 @@
 """Generate a labelled RGB-D dataset in random rescue arenas."""
 
-from sarsim.commands.generate_dataset import main
+try:
+    from sarsim.commands.generate_dataset import main
+except ModuleNotFoundError as error:
+    raise SystemExit(f"error: {error.name} is not installed here: make setup, then . .venv/bin/activate") from None
 
 if __name__ == "__main__":
     main()

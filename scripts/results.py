@@ -15,7 +15,10 @@ from functools import cache
 from pathlib import Path
 from typing import Annotated, Any
 
-import tyro
+try:
+    import tyro
+except ModuleNotFoundError as error:
+    raise SystemExit(f"error: {error.name} is not installed here: make develop, then . .venv/bin/activate") from None
 import yaml
 
 from pipeline.errors import InputError

@@ -1,6 +1,9 @@
 """Explore with a ROS 2 robot: ``ros_explore.py --out DIR``."""
 
-from sarsim.commands.ros_explore import main
+try:
+    from sarsim.commands.ros_explore import main
+except ModuleNotFoundError as error:
+    raise SystemExit(f"error: {error.name} is not installed here: make setup, then . .venv/bin/activate") from None
 
 if __name__ == "__main__":
     main()

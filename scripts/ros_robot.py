@@ -1,6 +1,9 @@
 """The simulated robot as a ROS 2 robot: ``ros_robot.py --arena A``."""
 
-from sarsim.commands.ros_robot import main
+try:
+    from sarsim.commands.ros_robot import main
+except ModuleNotFoundError as error:
+    raise SystemExit(f"error: {error.name} is not installed here: make setup, then . .venv/bin/activate") from None
 
 if __name__ == "__main__":
     main()

@@ -1,6 +1,9 @@
 """Run an episode: the robot explores an arena, builds its maps and writes a recording and a report."""
 
-from sarsim.commands.run_episode import main
+try:
+    from sarsim.commands.run_episode import main
+except ModuleNotFoundError as error:
+    raise SystemExit(f"error: {error.name} is not installed here: make setup, then . .venv/bin/activate") from None
 
 if __name__ == "__main__":
     main()

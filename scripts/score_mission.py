@@ -1,6 +1,9 @@
 """Score a mission's files as the leagues do: ``score_mission.py DIR --arena A``."""
 
-from sarsim.commands.score_mission import main
+try:
+    from sarsim.commands.score_mission import main
+except ModuleNotFoundError as error:
+    raise SystemExit(f"error: {error.name} is not installed here: make setup, then . .venv/bin/activate") from None
 
 if __name__ == "__main__":
     main()

@@ -1,15 +1,41 @@
 #!/bin/sh
 # Make sarsim run on this machine: the system packages that it lacks, then .venv with the pinned Python packages.
+#   scripts/setup.sh        what an episode and the other commands need
+#   scripts/setup.sh dev    the rest: what tests, style checks, benchmarks, Ray and the training of explorers need
 set -eu
 
 LIBRARIES="libegl1 libgl1 libgl1-mesa-dri libgomp1 libidn2-0 libusb-1.0-0" # rendering without a screen; Open3D
+TORCH_FOR_CPUS=https://download.pytorch.org/whl/cpu
 PYTHONS="python3.11 python3 python3.12 python3.13 python3.14"    # every pinned package has a build for 3.11 to 3.14
 
 main() {
     cd "$(dirname "$0")/.."
+    case "${1:-}" in
+    "") install_episode ;;
+    dev) install_development ;;
+    *) fail "$1: scripts/setup.sh takes no argument, or dev" ;;
+    esac
+}
+
+install_episode() {
+    say "an episode needs $(count requirements.txt) Python packages in .venv: about 1.3 GB to download, 4 GB on disk"
     install_libraries
     make_venv
+    say "installing them takes some minutes"
     install_python_packages
+    pip install --no-deps --no-build-isolation --editable .
+    # Functions that an earlier version compiled may name classes that are gone, and then numba fails to load them.
+    find pipeline sarsim -name '*.nb[ic]' -delete
+}
+
+install_development() {
+    say "tests and benchmarks need $(count requirements-dev.txt) more packages: about 0.3 GB to download, 1 GB on disk"
+    install_pinned requirements-dev.txt
+}
+
+# Number of packages in a file of requirements.
+count() {
+    grep -c '^[^#]*==' "$1"
 }
 
 install_libraries() {
@@ -73,18 +99,41 @@ usable() {
     "$1" -c 'import ensurepip, sys, venv; sys.exit(not (3, 11) <= sys.version_info < (3, 15))' 2>/dev/null
 }
 
+# torch is unpacked beside all others, for pip uses one core. Its build for this machine may need more than a CPU's does.
 install_python_packages() {
-    say "installing Python packages into .venv; the first time this takes some minutes and 4 to 8 GB"
-    # torch comes with what its build for this machine needs; of all else requirements.txt holds the last detail.
-    pip install --constraint requirements.txt torch
-    pip install --no-deps --requirement requirements.txt
-    pip install --no-deps --no-build-isolation --editable .
-    # Functions that an earlier version compiled may name classes that are gone, and then numba fails to load them.
-    find pipeline sarsim -name '*.nb[ic]' -delete
+    others=.venv/requirements-but-torch.txt
+    grep -v '^torch==' requirements.txt >"$others"
+    install_torch --no-deps &
+    torch=$!
+    install_pinned "$others" || {
+        wait
+        exit 1
+    }
+    wait "$torch"
+    install_torch
 }
 
+# PyPI's build for Linux brings 3 GB of CUDA, which is of no use without a GPU; PyTorch's own index has one without.
+install_torch() {
+    if [ "$(uname)" = Linux ] && ! command -v nvidia-smi >/dev/null && reachable "$TORCH_FOR_CPUS"; then
+        pip install --constraint requirements.txt --extra-index-url "$TORCH_FOR_CPUS" "$@" torch
+    else
+        pip install --constraint requirements.txt "$@" torch
+    fi
+}
+
+reachable() {
+    .venv/bin/python -c 'import sys, urllib.request; urllib.request.urlopen(sys.argv[1], timeout=5)' "$1" 2>/dev/null
+}
+
+# The file has the last detail, so pip need not look for what its packages need.
+install_pinned() {
+    pip install --no-deps --requirement "$1"
+}
+
+# Python compiles what it imports; pip would compile ten times as much, for a minute and 0.4 GB.
 pip() {
-    .venv/bin/python -m pip --disable-pip-version-check --quiet "$@"
+    .venv/bin/python -m pip --disable-pip-version-check --quiet "$@" --no-compile
 }
 
 say() {
@@ -96,4 +145,4 @@ fail() {
     exit 1
 }
 
-main
+main "$@"

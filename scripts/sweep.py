@@ -1,6 +1,9 @@
 """Run methods of exploration on the same arenas with the same seeds, and compare them."""
 
-from sarsim.commands.sweep import main
+try:
+    from sarsim.commands.sweep import main
+except ModuleNotFoundError as error:
+    raise SystemExit(f"error: {error.name} is not installed here: make setup, then . .venv/bin/activate") from None
 
 if __name__ == "__main__":
     main()

@@ -1,6 +1,9 @@
 """Drive the robot through an arena by keyboard or gamepad, in MuJoCo's viewer: ``teleop.py --arena A``."""
 
-from sarsim.commands.teleop import main
+try:
+    from sarsim.commands.teleop import main
+except ModuleNotFoundError as error:
+    raise SystemExit(f"error: {error.name} is not installed here: make setup, then . .venv/bin/activate") from None
 
 if __name__ == "__main__":
     main()

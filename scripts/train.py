@@ -1,6 +1,9 @@
 """Train one of the robot's networks: ``train.py NETWORK --data DIR --out FILE``."""
 
-from sarsim.commands.train import main
+try:
+    from sarsim.commands.train import main
+except ModuleNotFoundError as error:
+    raise SystemExit(f"error: {error.name} is not installed here: make setup, then . .venv/bin/activate") from None
 
 if __name__ == "__main__":
     main()

@@ -1,6 +1,9 @@
 """Report what a judge would reject in a mission's files: ``validate_mission.py DIR``."""
 
-from sarsim.commands.validate_mission import main
+try:
+    from sarsim.commands.validate_mission import main
+except ModuleNotFoundError as error:
+    raise SystemExit(f"error: {error.name} is not installed here: make setup, then . .venv/bin/activate") from None
 
 if __name__ == "__main__":
     main()

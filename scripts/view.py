@@ -1,6 +1,9 @@
 """Open the recording of an episode in the Rerun viewer: ``view.py PATH [--web]``."""
 
-from sarsim.commands.view import main
+try:
+    from sarsim.commands.view import main
+except ModuleNotFoundError as error:
+    raise SystemExit(f"error: {error.name} is not installed here: make setup, then . .venv/bin/activate") from None
 
 if __name__ == "__main__":
     main()

@@ -59,7 +59,8 @@ def files(top: Path, *folders: str) -> dict[Path, bytes]:
 
 
 def test_the_wheel_holds_every_module_asset_and_template_and_nothing_else(installed: Path) -> None:
-    expected = {path: text for path, text in files(ROOT, "pipeline", "sarsim").items() if path.suffix == ".py"}
+    source = files(ROOT, "pipeline", "sarsim").items()
+    expected = {path: text for path, text in source if path.suffix == ".py" or path.name == "py.typed"}
     for folder in ("pipeline/rescue_report", "sarsim/dataset", "sarsim/commands/sweeps"):
         templates = files(ROOT, f"{folder}/templates")
         assert templates
@@ -99,7 +100,10 @@ def pins(lines: list[str]) -> dict[str, str]:
     return {canonicalize_name(pair[1]): pair[2] for pair in pairs if pair}
 
 
-LOCKED = pins((ROOT / "requirements.txt").read_text().splitlines())
+EPISODE, DEVELOPMENT = (
+    pins((ROOT / name).read_text().splitlines()) for name in ("requirements.txt", "requirements-dev.txt")
+)
+LOCKED = EPISODE | DEVELOPMENT
 
 
 def test_requirements_are_what_the_project_begins_with() -> None:
@@ -136,3 +140,48 @@ def is_met(need: Requirement) -> bool:
         return need.specifier.contains(version(need.name), prereleases=True)
     except PackageNotFoundError:
         return False
+
+
+WITHOUT = """
+import sys
+from importlib import import_module
+from importlib.metadata import packages_distributions
+
+development, modules = (set(words.split()) for words in sys.argv[1:])
+for module, owners in packages_distributions().items():
+    if {owner.lower().replace("_", "-") for owner in owners} <= development:
+        sys.modules[module] = None
+for name in modules:
+    import_module(name)
+"""
+"""Imports modules where the packages of some distributions are missing."""
+
+
+def test_commands_need_no_package_that_only_development_brings() -> None:
+    paths = [
+        path.relative_to(ROOT).with_suffix("")
+        for path in (ROOT / "sarsim").rglob("[!_]*.py")
+        if path.parent.name != "tasks"  # which the extra ``rl`` is for; sweeps import what needs none of it
+    ]
+    modules = [".".join(path.parts) for path in paths]
+    assert "sarsim.episode" in modules and "sarsim.commands.sweep" in modules
+    words = [" ".join(DEVELOPMENT), " ".join(modules)]
+    done = subprocess.run([sys.executable, "-c", WITHOUT, *words], capture_output=True, text=True, cwd=ROOT)
+    assert done.returncode == 0, done.stderr
+
+
+def test_the_two_files_of_requirements_share_no_package() -> None:
+    assert EPISODE.keys().isdisjoint(DEVELOPMENT)
+
+
+COMMANDS = sorted(path for path in (ROOT / "scripts").glob("[!_]*.py") if path.stem != "release")
+"""All scripts but the one that needs no environment."""
+
+
+@pytest.mark.parametrize("script", COMMANDS, ids=lambda path: path.stem)
+def test_a_script_outside_the_environment_says_how_to_enter_it(script: Path) -> None:
+    outside = [sys.executable, "-E", "-S", script, "--help"]  # without any installed package
+    done = subprocess.run(outside, capture_output=True, text=True)
+    assert done.returncode and not done.stdout
+    (line,) = done.stderr.splitlines()
+    assert ".venv/bin/activate" in line

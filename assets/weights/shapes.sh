@@ -6,7 +6,7 @@ set -e
 
 dataset() { # NAME SCENES FRAMES SEED THINGS FLAGS
   echo "random: {things: $5}" > data/$1.yaml
-  python scripts/generate_dataset.py --config data/$1.yaml --out data/$1 --scenes $2 --frames $3 --seed $4 $6
+  python scripts/generate_dataset.py --harder --config data/$1.yaml --out data/$1 --scenes $2 --frames $3 --seed $4 $6
 }
 mkdir -p data
 dataset rooms 47 30 1077 "[14, 35]" "--random.furniture 0 0.35 --random.furnished 0 0.2 --random.painted 0.3 --random.victims 0 4"

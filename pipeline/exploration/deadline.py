@@ -43,6 +43,7 @@ class Deadline:
     """Weighs the time that is left against the way to the place where the mission ends.
 
     Attributes:
+        begin: the robot's time at which the clock started, s.
         end: the robot's time at which the clock stops, s.
         retreat: where the robot is to be by then; None if that does not matter.
         has_called: whether the way back forbade to explore on.
@@ -70,7 +71,7 @@ class Deadline:
         self.end = end
         self.retreat: Retreat | None = None
         self.has_called = False
-        self._begin, self._finds, self._wants_home = begin, finds, home
+        self.begin, self._finds, self._wants_home = begin, finds, home
         # By the distance at which a place counts as reached the robot may stop short of it.
         self._near = None if beside is None else beside - config.arrived
         self._arrived = config.arrived
@@ -105,7 +106,7 @@ class Deadline:
         now = context.frame.time
         if self.retreat is None:
             return True
-        under_way = now - self._begin
+        under_way = now - self.begin
         there = _finite(context.paths.without_risk.cost_to(position), 0.0)
         ways = PosePaths(context.traversability, self.retreat.position, caution=0.0)
         back = under_way + there if ways.start is None else _finite(ways.cost_to(position), under_way + there)

@@ -36,6 +36,8 @@ class Recorder(Sink):
         viewer: shows the recording while it grows; None if there is none.
     """
 
+    finishing = "writing the recording"
+
     def __init__(
         self,
         path: Path,

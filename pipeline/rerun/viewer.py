@@ -65,6 +65,11 @@ class Viewer:
             print(f"shown at {self.page}", flush=True)
 
     @property
+    def was_opened(self) -> bool:
+        """Whether somebody has opened the page."""
+        return self._local is not None and self._local.was_opened
+
+    @property
     def sink(self) -> rr.GrpcSink:
         """The sink that streams a recording to the viewer."""
         return rr.GrpcSink(self._address)
@@ -116,13 +121,16 @@ class LocalPage(ThreadingHTTPServer):
     """A proxy of Rerun's page, while this process lives, with a policy that allows requests only to this machine.
 
     Without the policy, the page sends telemetry and requests fonts, examples and the newest version (Rerun 0.41).
+
+    Attributes:
+        was_opened: whether anything was asked for.
     """
 
     daemon_threads = True
 
     def __init__(self, rerun: str, recording: str) -> None:
         """``rerun``: address of Rerun's own page; ``recording``: the other address that the page may read."""
-        self.rerun = rerun
+        self.rerun, self.was_opened = rerun, False
         self.policy = f"{LOCAL}; connect-src 'self' data: blob: {recording}"
         super().__init__((HOST, 0), _Passing)
         Thread(target=self.serve_forever, daemon=True).start()
@@ -133,6 +141,7 @@ class _Passing(BaseHTTPRequestHandler):
 
     def do_GET(self) -> None:
         """Answer with Rerun's answer, but this server's content security policy."""
+        self.server.was_opened = True
         passed = {name: self.headers[name] for name in ("Accept-Encoding",) if name in self.headers}
         try:
             with urlopen(Request(self.server.rerun + self.path, headers=passed)) as answer:

@@ -25,6 +25,8 @@ class RescueReport(Sink):
         situation: the robot's knowledge at the end; None before.
     """
 
+    finishing = "planning routes to the people found"
+
     def __init__(
         self, recorder: Recorder | None = None, *, config: RescueReportConfig = RescueReportConfig()
     ) -> None:
@@ -60,6 +62,8 @@ class RescueReport(Sink):
 
 class RescuePage(Sink):
     """Writes the page for rescuers."""
+
+    finishing = "writing the report page"
 
     def __init__(self, rescue_report: RescueReport):
         self._rescue_report = rescue_report

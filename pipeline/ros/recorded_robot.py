@@ -94,6 +94,8 @@ class ExplorerBag(Bag, Sink):
         robot: the robot for the explorer to drive.
     """
 
+    finishing = "writing the bag"
+
     def __init__(
         self,
         path: Path,

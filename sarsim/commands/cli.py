@@ -11,7 +11,6 @@ import select
 import signal
 import stat
 import sys
-import time
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, redirect_stderr
 from difflib import get_close_matches
@@ -22,11 +21,12 @@ from types import FrameType
 from typing import Any, Self, TypeVar
 
 import tyro
-from rich.console import Console
-from rich.progress import MofNCompleteColumn, Progress, Task, TaskID, TimeElapsedColumn
+from rich.progress import Progress as Bars
 
 from pipeline.errors import InputError
+from pipeline.progress import Progress
 from sarsim.commands.names import check_names
+from sarsim.progress import progress_bars, shown_run
 
 BAD_INPUT = 2
 ENDINGS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
@@ -34,12 +34,17 @@ ENDINGS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 SIGNALLED = 128  # plus the number of the signal, as in shells
 UNREAD = 141  # 128 + SIGPIPE
 HELP_INDENT = 8 * " "  # before the help of a flag in tyro's messages about wrong ones
-LINE_EVERY = 10.0  # s between lines of progress if there is no terminal
 COMMON = (
-    "Every command also takes --version, --quiet (errors alone) and --log-level LEVEL (debug, info, warning, error)."
+    "Every command also takes --version, --quiet (errors alone), --verbose (every figure of a run's report) and "
+    "--log-level LEVEL (debug, info, warning, error)."
 )
 Item = TypeVar("Item")
-_quiet = False
+_quiet = _verbose = False
+
+
+def is_verbose() -> bool:
+    """Whether the command line asks for every figure."""
+    return _verbose
 
 
 def run(command: Callable[..., object], args: Sequence[str] | None = None) -> None:
@@ -69,10 +74,12 @@ def common(args: Sequence[str] | None = None) -> list[str]:
     Raises:
         InputError: one of these flags is wrong.
     """
-    global _quiet
+    global _quiet, _verbose
     flags = argparse.ArgumentParser(add_help=False, allow_abbrev=False, exit_on_error=False)
     flags.add_argument("--version", action="store_true")
-    flags.add_argument("--quiet", action="store_true")
+    output = flags.add_mutually_exclusive_group()
+    output.add_argument("--quiet", action="store_true")
+    output.add_argument("--verbose", action="store_true")
     flags.add_argument("--log-level", choices=("debug", "info", "warning", "error"), default="warning")
     words = list(sys.argv[1:] if args is None else args)
     for flag, value in pairwise(["", *words]):
@@ -85,7 +92,7 @@ def common(args: Sequence[str] | None = None) -> list[str]:
     if given.version:
         print("sarsim", version("sarsim"))
         raise SystemExit
-    _quiet = given.quiet
+    _quiet, _verbose = given.quiet, given.verbose
     if _quiet:
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
     level = "error" if given.quiet else given.log_level
@@ -122,51 +129,13 @@ def unboxed(text: str) -> str:
     return errors + (f"; perhaps you meant {' or '.join(flags)}" if flags else "")
 
 
-class PlainProgress(Progress):
-    """Progress as lines on stderr, one every :data:`LINE_EVERY` s and a last one, for a file or a service's log."""
-
-    def start(self) -> None:
-        """Draw nothing."""
-        self._due = time.monotonic() + LINE_EVERY
-
-    def stop(self) -> None:
-        """Draw nothing."""
-
-    def __exit__(self, error: type[BaseException] | None, *_: Any) -> None:
-        """Print the final progress of every task, unless an error ended them."""
-        for task in self.tasks if error is None else []:
-            self._tell(task)
-
-    def update(self, task_id: TaskID, **changes: Any) -> None:
-        """Update a task, and print its progress if a line is due."""
-        super().update(task_id, **changes)
-        if time.monotonic() >= self._due:
-            self._due = time.monotonic() + LINE_EVERY
-            self._tell(self._tasks[task_id])
-
-    def advance(self, task_id: TaskID, advance: float = 1) -> None:
-        """Update a task by ``advance``."""
-        self.update(task_id, advance=advance)
-
-    def _tell(self, task: Task) -> None:
-        if not self.disable:
-            of = f" of {task.total:g}" if task.total else ""
-            print(
-                f"{task.description}: {task.completed:g}{of}, {task.elapsed or 0:.0f} s", file=sys.stderr, flush=True
-            )
-
-
-def progress(disable: bool = False, transient: bool = False) -> Progress:
+def progress(disable: bool = False, transient: bool = False) -> Bars:
     """A progress bar on stderr, with counts and the time elapsed; lines if stderr is no terminal.
 
     ``transient``: the bar vanishes at its end.
     """
     announce_compilation()
-    console, disable = Console(stderr=True), disable or _quiet
-    if not console.is_terminal:
-        return PlainProgress(auto_refresh=False, disable=disable)
-    columns = (*Progress.get_default_columns(), MofNCompleteColumn(), TimeElapsedColumn())
-    return Progress(*columns, console=console, transient=transient, disable=disable)
+    return progress_bars(disable or _quiet, transient)
 
 
 def tracked(items: Iterable[Item], description: str) -> Iterator[Item]:
@@ -307,22 +276,14 @@ class Interruptible:
 
 
 def run_watched(
-    run: Callable[[Callable[[], bool], Callable[[float, str], None]], object],
-    description: str,
-    unit: str,
-    total: float | None = None,
+    run: Callable[[Callable[[], bool], Callable[[Progress], None]], object], description: str
 ) -> int | None:
-    """Call ``run`` under a progress bar; returns the number of the signal that ended it, such as Ctrl-C, if any.
+    """Call ``run`` and show its progress; returns the number of the signal that ended it, such as Ctrl-C, if any.
 
-    ``run`` ends when its first argument returns True, and calls its second with the number of units done and a
-    description.
+    ``run`` ends when its first argument returns True, and calls its second with its progress.
     """
-    with progress() as bars, Interruptible() as control:
-        bar = bars.add_task(f"{description}; {unit}", total=total)
-
-        def show(done: float, line: str) -> None:
-            bars.update(bar, completed=done, description=f"{line}; {unit}")
-
+    announce_compilation()
+    with shown_run(description, _quiet) as show, Interruptible() as control:
         run(lambda: control.signal is not None, show)
     return control.signal
 

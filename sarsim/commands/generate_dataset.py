@@ -1,6 +1,7 @@
 """Generate a labelled RGB-D dataset in random rescue arenas."""
 
-from dataclasses import dataclass, fields
+import sys
+from dataclasses import dataclass, fields, replace
 from pathlib import Path
 from typing import Literal
 
@@ -11,7 +12,7 @@ from pipeline.files import check_folder
 from sarsim.arenas.names import check_arena_name
 from sarsim.commands.cli import progress
 from sarsim.commands.settings import run_with_settings, save_settings
-from sarsim.dataset.settings import RANDOM, DatasetConfig
+from sarsim.dataset.settings import RANDOM, DatasetConfig, HarderDatasetConfig
 from sarsim.jobs.engines import make_engine
 
 
@@ -25,16 +26,26 @@ class GenerateDataset(DatasetConfig):
         workers: number of processes, by default one per core; the dataset does not depend on it.
         engine: processes on this machine (local), or tasks on the Ray cluster that RAY_ADDRESS names (ray; without
             RAY_ADDRESS on this machine).
+        harder: other defaults: obstacles and ceilings among the ramps, dim light and darkness, dust, some scenes
+            without the sensor's noise. Other flags still change each of them.
     """
 
     out: Path
     scenes: int = 10
     workers: int | None = None
     engine: Literal["local", "ray"] = "local"
+    harder: bool = False
+
+
+@dataclass(frozen=True, kw_only=True)
+class GenerateHarder(HarderDatasetConfig, GenerateDataset):
+    """The same, with the defaults of the harder mix."""
 
 
 def generate_dataset(settings: GenerateDataset) -> None:
     """Generate a dataset, or the missing part of one, and print its folder."""
+    if settings.harder and not isinstance(settings, GenerateHarder):
+        raise InputError("harder: only the flag --harder chooses the harder mix; a --config file names its values")
     if settings.scenes < 1 or (settings.workers is not None and settings.workers < 1):
         raise InputError("--scenes, --workers: at least 1")
     for arena in {*settings.arenas} - {RANDOM}:
@@ -54,11 +65,11 @@ def generate_dataset(settings: GenerateDataset) -> None:
         manifest = generate(
             recipe, settings.scenes, settings.out, engine, lambda made: bars.update(bar, completed=made)
         )
-    save_settings(settings, settings.out / "config.yaml")
+    save_settings(replace(settings, harder=False), settings.out / "config.yaml")
     text = f"{len(manifest.scenes)} scenes in {settings.out}; look at them in {settings.out / 'index.html'}"
     Console().print(text, soft_wrap=True)
 
 
 def main() -> None:
     """Entry point."""
-    run_with_settings(generate_dataset, GenerateDataset)
+    run_with_settings(generate_dataset, GenerateHarder if "--harder" in sys.argv[1:] else GenerateDataset)

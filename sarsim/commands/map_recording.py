@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING
 
 from pipeline.errors import InputError
 from pipeline.files import check_folder
-from sarsim.commands.cli import end_by, run_watched
+from sarsim.commands.cli import end_by, is_verbose, run_watched
 from sarsim.commands.settings import run_with_settings, save_settings, wanted_mission
 from sarsim.commands.tables import show_results
 from sarsim.settings import MapRecording
@@ -26,16 +26,12 @@ def map_recording(config: MapRecording) -> None:
 
     drive = RecordedDrive(open_recording(config), config, brief)
     try:
-        ended_by = run_watched(
-            lambda interrupted, on_frame: drive.run(interrupted, lambda line: on_frame(drive.frames, line)),
-            config.path.name,
-            "frames",
-        )
+        ended_by = run_watched(drive.run, config.path.name)
     finally:
         if drive.report:
             save_settings(config, config.out / "config.yaml")
     if drive.report:
-        show_results(drive.report, config.out)
+        show_results(drive.report, config.out, is_verbose())
     if drive.error:
         raise InputError(drive.error)
     end_by(ended_by)

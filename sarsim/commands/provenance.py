@@ -11,7 +11,7 @@ from pipeline.errors import InputError
 
 ROOT = Path(__file__).resolve().parents[2]
 UNRELATED = ":!*.md", ":!*.sh", ":!*.yaml", ":!scripts/results.py"
-CODE = ("pipeline", "sarsim", "scripts", "assets", "requirements.txt", *UNRELATED)
+CODE = ("pipeline", "sarsim", "scripts", "assets", "requirements*.txt", *UNRELATED)
 """What figures depend on, as git names it: a change elsewhere leaves them valid."""
 
 

@@ -12,6 +12,7 @@ from pipeline.datasets.replay import Replay, Replayed, default_poses, localisati
 from pipeline.errors import InputError
 from pipeline.league.brief import MissionBrief
 from pipeline.localisation.localisation import LostError
+from pipeline.progress import Progress
 from pipeline.run import MappingRun
 from pipeline.sink import Result, Sink
 from pipeline.transforms import inverse
@@ -61,14 +62,17 @@ class RecordedDrive(MappingRun):
     def run(
         self,
         interrupted: Callable[[], bool] = lambda: False,
-        on_frame: Callable[[str], object] = lambda description: None,
+        on_progress: Callable[[Progress], object] = lambda progress: None,
     ) -> None:
         """Map until the recording ends, breaks, or is ``interrupted``, and write the results."""
+        self._watch = on_progress
         self.start_clock()
         try:
             for replayed in self._replay:
                 self._add(replayed)
-                on_frame(f"{self.parts.place}: {len(self.mapper.keyframes)} keyframes")
+                on_progress(
+                    Progress(f"{self.parts.place}: {len(self.mapper.keyframes)} keyframes of {self.frames} frames")
+                )
                 if interrupted():
                     break
         except (InputError, LostError) as error:

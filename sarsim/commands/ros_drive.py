@@ -14,6 +14,7 @@ from pipeline.league.brief import MissionBrief
 from pipeline.localisation.trajectory import EstimatedTrajectory
 from pipeline.mapper import Keyframe, Mapper
 from pipeline.navigation.commands import Outcome
+from pipeline.progress import Progress
 from pipeline.robot import Motion
 from pipeline.ros.config import RosConfig
 from pipeline.ros.live.nav2 import Nav2Navigator, Nav2Robot
@@ -118,7 +119,7 @@ class RosDrive(ExplorerRun):
     def run(
         self,
         interrupted: Callable[[], bool] = lambda: False,
-        on_step: Callable[[str], object] = lambda description: None,
+        on_progress: Callable[[Progress], object] = lambda progress: None,
     ) -> bool:
         """Like every run, except that the robot stops at once when it is ``interrupted``.
 
@@ -127,7 +128,7 @@ class RosDrive(ExplorerRun):
         """
         self._interrupted = interrupted
         try:
-            return super().run(interrupted, on_step)
+            return super().run(interrupted, on_progress)
         except InterruptedDriveError:
             return False
         finally:

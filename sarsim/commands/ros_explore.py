@@ -2,7 +2,7 @@
 
 from contextlib import closing
 
-from sarsim.commands.cli import end_by, run_watched
+from sarsim.commands.cli import end_by, is_verbose, run_watched
 from sarsim.commands.settings import run_with_settings, save_settings, wanted_mission
 from sarsim.commands.tables import show_results
 from sarsim.settings import RosExploration
@@ -20,13 +20,8 @@ def ros_explore(config: RosExploration) -> None:
     with closing(RosNode(config.name, config.network, config=config.io.ros.live)) as node:
         drive = RosDrive(config, node, brief)
         save_settings(config, config.out / "config.yaml")
-        ended_by = run_watched(
-            lambda interrupted, on_step: drive.run(interrupted, lambda line: on_step(drive.explorer.steps, line)),
-            config.out.name,
-            "steps",
-            None if brief or config.goals else config.most_steps,
-        )
-    show_results(drive.report, config.out)
+        ended_by = run_watched(drive.run, config.out.name)
+    show_results(drive.report, config.out, is_verbose())
     end_by(ended_by)
 
 

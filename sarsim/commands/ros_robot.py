@@ -4,6 +4,7 @@ from contextlib import closing
 
 from rich.console import Console
 
+from pipeline.progress import Progress
 from sarsim.commands.cli import end_by, run_watched
 from sarsim.commands.settings import run_with_settings
 from sarsim.settings import RosRobotConfig
@@ -17,11 +18,10 @@ def ros_robot(config: RosRobotConfig) -> None:
     with closing(RosNode(config.name, config.network, config=config.io.ros.live)) as node:
         simulated = SimulatedNode(config, node)
         ended_by = run_watched(
-            lambda interrupted, on_period: simulated.run(
-                interrupted, lambda time: on_period(round(time, 1), config.arena)
+            lambda interrupted, show: simulated.run(
+                interrupted, lambda time: show(Progress(f"{config.arena}: {time:.1f} simulated s"))
             ),
             config.arena,
-            "simulated s",
         )
     if config.out:
         Console().print(f"What is true of the drive is in {config.out}", soft_wrap=True)

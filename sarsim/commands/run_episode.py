@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 from pipeline.errors import InputError
 from pipeline.files import check_folder
 from sarsim.assets import asset
-from sarsim.commands.cli import announce_compilation, end_by, run_watched
+from sarsim.commands.cli import announce_compilation, end_by, is_verbose, run_watched
 from sarsim.commands.settings import run_with_settings, save_settings, wanted_mission
 from sarsim.commands.tables import show_results
 from sarsim.settings import POINT_NETWORKS, EpisodeConfig
@@ -29,21 +29,16 @@ def run_episode(config: EpisodeConfig) -> None:
     config = episode.config
     save_settings(config, config.folder / "config.yaml")
     cache = cache_outputs(episode)
-    ended_by = run_watched(
-        lambda interrupted, on_step: episode.run(interrupted, lambda line: on_step(episode.explorer.steps, line)),
-        config.arena,
-        "steps",
-        None if brief or config.goals else config.most_steps,
-    )
+    ended_by = run_watched(episode.run, config.arena)
     if not ended_by:
         shutil.rmtree(cache.folder)
     if config.resume:
         print(f"Driven again from its start, with {cache.hits} cached outputs of its networks")
-    show_results(episode.report, config.folder)
+    show_results(episode.report, config.folder, is_verbose())
     end_by(ended_by)
-    if episode.recorder.viewer and episode.recorder.viewer.page:
+    if (viewer := episode.recorder.viewer) and viewer.was_opened:
         print("Ctrl-C ends the page", flush=True)
-        episode.recorder.viewer.wait()
+        viewer.wait()
 
 
 def cache_outputs(episode: "Episode") -> "OutputCache":

@@ -1,8 +1,12 @@
 """What a command prints of the results that it leaves."""
 
 import os
+import shutil
 import sys
+from collections.abc import Mapping
+from math import floor
 from pathlib import Path
+from shlex import quote
 from typing import Any
 
 from rich.console import Console
@@ -11,6 +15,18 @@ from rich.table import Table
 from pipeline.rescue_report.figures import figures
 
 SKIPPED = ("config", "timing_ms")
+VIEW = "sarsim-view"
+ENDINGS = {
+    "nothing_left": "nothing is left to see",
+    "not_worth_it": "no remaining viewpoint is worth the drive",
+    "held": "something held the robot",
+    "shut_in": "the robot was shut in",
+    "lost": "the robot lost track of its position",
+    "interrupted": "interrupted",
+    "time": "the time is up",
+    "steps": "the limit of steps is reached",
+}
+"""Why exploring ended, by ``exploration.ended``."""
 
 
 def report_table(report: dict[str, Any]) -> Table:
@@ -29,12 +45,90 @@ def report_table(report: dict[str, Any]) -> Table:
     return table
 
 
-def show_results(report: dict[str, Any], folder: Path) -> None:
-    """Print what report.json holds, if anything, and how to look at the files of a run."""
-    console = Console()
-    if report:
+def summary(report: Mapping[str, Any]) -> dict[str, str]:
+    """The outcome of a run in a few words, by what they are about; what did not run, or has no truth, is left out."""
+    lines = {
+        "explored": _explored(report),
+        "legs": _legs(report),
+        "pose": _pose(report.get("localisation", {})),
+        "labels": _labels(report.get("semantic_map", {})),
+        "people": _people(report.get("victims", {})),
+    }
+    return {about: line for about, line in lines.items() if line}
+
+
+def _explored(report: Mapping[str, Any]) -> str:
+    exploration = report.get("exploration", {})
+    lasted = f"{report['steps']} steps in {_clock(report['sim_time_s'])} of the robot's time"
+    share = exploration.get("explored_fraction")
+    seen = f"{_percent(share)} of the drivable ground, " if share is not None else ""
+    points = [f"{league} {report[league]['points']:g} points" for league in ("league", "virtual") if league in report]
+    ended = [ENDINGS.get(exploration["ended"], exploration["ended"])] if "ended" in exploration else []
+    return "; ".join([f"{seen}{lasted}", *ended, *points])
+
+
+def _legs(report: Mapping[str, Any]) -> str:
+    driven, goals, faults = report.get("navigation"), report.get("goals"), report.get("faults")
+    parts = []
+    if driven:
+        parts += [f"{driven['reached']} of {driven['legs']} reached", f"{driven['distance_m']:.1f} m driven"]
+        parts += [_counted(driven["collisions"], "contact") + " with walls or clutter"]
+        parts += ["the robot tipped over"] if driven["tipped"] else []
+    if goals:
+        parts += [f"{goals['reached']} of {goals['given']} goals reached"]
+    return ", ".join(parts + ([_counted(len(faults), "fault") + " noticed"] if faults else []))
+
+
+def _pose(localisation: Mapping[str, Any]) -> str:
+    if localisation.get("ate_rmse_m") is None:
+        return ""
+    return f"{100 * localisation['ate_rmse_m']:.1f} cm and {localisation['heading_rmse_deg']:.2f}° off (RMS)"
+
+
+def _labels(semantic_map: Mapping[str, Any]) -> str:
+    if semantic_map.get("accuracy") is None:
+        return ""
+    miou = semantic_map.get("miou_four")
+    mean = f"; mean IoU of wall, terrain and ramps {miou:.3f}" if miou is not None else ""
+    return f"{_percent(semantic_map['accuracy'])} of {semantic_map['points']:,} points right{mean}"
+
+
+def _people(victims: Mapping[str, Any]) -> str:
+    if not victims:
+        return ""
+    error, alarms = victims["position_error_m"], _counted(victims["false_alarms"], "false alarm")
+    off = f", {100 * error:.0f} cm off" if error is not None else ""
+    return f"{victims['found']} of {victims['present']} found{off}, {alarms}"
+
+
+def _counted(count: int, what: str) -> str:
+    return f"{count or 'no'} {what}{'s' * (count != 1)}"
+
+
+def _percent(share: float) -> str:
+    """A share; never 100 % of what is not whole."""
+    return f"{floor(1e3 * share) / 10:g} %"
+
+
+def _clock(seconds: float) -> str:
+    return f"{round(seconds) // 60}:{round(seconds) % 60:02d} min"
+
+
+def show_results(report: dict[str, Any], folder: Path, every_figure: bool = False) -> None:
+    """Print the outcome of a run, if there is one, and how to look at its files."""
+    console = Console(highlight=False)
+    if report and every_figure:
         console.print(report_table(report))
-    viewer = os.path.relpath(Path(sys.executable).with_name("sarsim-view"))
-    console.print(f"Results in {folder}; to look at the recording: {viewer} {folder}", soft_wrap=True)
-    if (folder / "report.html").exists():
-        console.print(f"The page for rescuers: {folder / 'report.html'}", soft_wrap=True)
+    lines = summary(report) if report else {}
+    page = folder / "report.html"
+    files = [f"{folder}", f"recording: {_viewer()} {quote(str(folder))}"]
+    files += [f"report page: python3 -m webbrowser {quote(str(page))}"] if page.exists() else []
+    for about, line in {**lines, "results": "; ".join(files)}.items():
+        console.print(f"{about:9} {line}", soft_wrap=True, markup=False)
+
+
+def _viewer() -> str:
+    """The command that opens a recording, as one types it here."""
+    installed = Path(sys.executable).with_name(VIEW)
+    on_path = shutil.which(VIEW)
+    return VIEW if on_path and Path(on_path).samefile(installed) else os.path.relpath(installed)

@@ -197,7 +197,7 @@ def train_explorer(settings: TrainExplorer) -> None:
     try:
         from sarsim.tasks import ppo
     except ModuleNotFoundError as error:
-        raise InputError("Stable-Baselines3 is missing: pip install stable-baselines3") from error
+        raise InputError(f"explorer: the package {error.name} is missing: pip install 'sarsim[rl]'") from error
     from safetensors.torch import save_file
 
     with progress() as bars:

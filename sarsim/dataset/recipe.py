@@ -2,13 +2,12 @@
 
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
-from typing import Annotated, Any, Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
-import tyro
 
 from sarsim.arenas.settings import RandomArenaConfig
-from sarsim.dataset.settings import RANDOM, DatasetConfig, check
+from sarsim.dataset.settings import RANDOM, DatasetConfig
 from sarsim.sensors.air import Air
 from sarsim.sensors.conditions import Conditions
 from sarsim.sensors.lighting import Lighting
@@ -52,21 +51,11 @@ class SceneRecipe:
 
 @dataclass(frozen=True)
 class Recipe(DatasetConfig):
-    """What decides every byte of a dataset's scenes.
-
-    Attributes:
-        clear: share of the scenes without dust.
-        ideal: share of the scenes where the depth sensor makes no errors.
-    """
-
-    clear: Annotated[float, tyro.conf.Suppress] = 0.75
-    ideal: Annotated[float, tyro.conf.Suppress] = 0.1
+    """What decides every byte of a dataset's scenes."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name in ("clear", "ideal"):
-            check(name, getattr(self, name), 0, 1)
-        for dust in self.dust:
+        for dust in self.dust or ():
             Air(dust)
 
     def rng(self, index: int, purpose: Purpose) -> np.random.Generator:
@@ -80,6 +69,8 @@ class Recipe(DatasetConfig):
         sensor = Xtion.ideal() if rng.random() < self.ideal else noisy
         shares = np.array(self.lighting, np.float64)
         lighting = list(Lighting)[rng.choice(len(shares), p=shares / shares.sum())]
+        if self.dust is None:
+            return Conditions(sensor, lighting, Air())
         dusty = Air(round(rng.uniform(*self.dust), 3))
         return Conditions(sensor, lighting, Air() if rng.random() < self.clear else dusty)
 

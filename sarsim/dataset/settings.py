@@ -17,7 +17,7 @@ MIN_SIZE = 16  # pixels of an image
 
 @dataclass(frozen=True)
 class ArenaRange:
-    """Random arenas are drawn evenly between these values, ends included.
+    """Random arenas are drawn evenly between these values, ends included; by default they look like the thesis's.
 
     Attributes:
         tiles: number of tiles of 1.2 m along x and along y; large arenas show long views.
@@ -37,11 +37,11 @@ class ArenaRange:
 
     tiles: tuple[int, int] = (4, 8)
     wall_density: Fixed[tuple[float, float]] = (0.2, 0.7)
-    ramps: tuple[float, float] = (0.2, 0.5)
-    clutter: Fixed[tuple[float, float]] = (0.05, 0.2)
+    ramps: tuple[float, float] = (0.3, 0.6)
+    clutter: Fixed[tuple[float, float]] = (0.0, 0.0)
     victims: tuple[int, int] = (1, 4)
-    difficulty: tuple[int, int] = (0, 3)
-    ceilings: Fixed[float] = 0.2
+    difficulty: tuple[int, int] = (1, 2)
+    ceilings: Fixed[float] = 0.0
     furniture: tuple[float, float] = (0.0, 0.0)
     bulky: Fixed[tuple[float, float]] = (0.0, 0.0)
     furnished: tuple[float, float] = (0.0, 0.0)
@@ -75,8 +75,18 @@ class ArenaRange:
 
 
 @dataclass(frozen=True)
+class HarderArenaRange(ArenaRange):
+    """The ranges of the harder mix: fewer ramps, among obstacles, of every difficulty, some under a ceiling."""
+
+    ramps: tuple[float, float] = (0.2, 0.5)
+    clutter: Fixed[tuple[float, float]] = (0.05, 0.2)
+    difficulty: tuple[int, int] = (0, 3)
+    ceilings: Fixed[float] = 0.2
+
+
+@dataclass(frozen=True)
 class DatasetConfig:
-    """Settings of the scenes of a dataset.
+    """Settings of the scenes of a dataset; by default they look like the thesis's: ramps, light, the sensor's noise.
 
     Attributes:
         seed: seed of all random numbers; another seed makes other scenes.
@@ -86,9 +96,11 @@ class DatasetConfig:
         arenas: names or paths of arenas, used in turn; "random" is a new random arena each time.
         random: ranges from which each random arena is drawn, ends included.
         lighting: shares of the scenes in normal light, in dim light, and in the dark with the robot's lamp on.
-        dust: lowest and highest concentration of dust, 0 to 1, in scenes with dust in the air.
+        dust: lowest and highest concentration of dust, 0 to 1, in a quarter of the scenes; by default there is none.
         keyframes: distance (m) or turn (rad) between two frames; larger values show more of the arena.
         frames_per_second: frames per second of the drive, as SLAM needs them; replaces --keyframes.
+        clear: share of the scenes without dust, where there is dust at all.
+        ideal: share of the scenes where the depth sensor makes no errors.
     """
 
     seed: int = 0
@@ -97,10 +109,12 @@ class DatasetConfig:
     height: int = 480
     arenas: tuple[str, ...] = (RANDOM,)
     random: ArenaRange = field(default_factory=ArenaRange)
-    lighting: tuple[float, float, float] = (0.5, 0.25, 0.25)
-    dust: tuple[float, float] = (0.02, 0.4)
+    lighting: tuple[float, float, float] = (1.0, 0.0, 0.0)
+    dust: tuple[float, float] | None = None
     keyframes: tuple[float, float] = KEYFRAME_WAY
     frames_per_second: float | None = None
+    clear: Fixed[float] = 0.75
+    ideal: Fixed[float] = 0.0
 
     def __post_init__(self) -> None:
         for name, low in (("seed", 0), ("frames", 1), ("width", MIN_SIZE), ("height", MIN_SIZE)):
@@ -113,7 +127,20 @@ class DatasetConfig:
             raise InputError(f"--keyframes {self.keyframes[0]:g} {self.keyframes[1]:g}: from 0.01 to 10 each")
         if self.frames_per_second is not None:
             check("frames-per-second", self.frames_per_second, 0.5, 60)
-        check_order("dust", self.dust)
+        if self.dust is not None:
+            check_order("dust", self.dust)
+        for name in ("clear", "ideal"):
+            check(name, getattr(self, name), 0, 1)
+
+
+@dataclass(frozen=True)
+class HarderDatasetConfig(DatasetConfig):
+    """Settings of the harder mix: half of the scenes in dim light or darkness, some with dust, some without noise."""
+
+    random: HarderArenaRange = field(default_factory=HarderArenaRange)
+    lighting: tuple[float, float, float] = (0.5, 0.25, 0.25)
+    dust: tuple[float, float] | None = (0.02, 0.4)
+    ideal: Fixed[float] = 0.1
 
 
 def check_order(flag: str, bounds: tuple[float, float]) -> None:

@@ -41,6 +41,8 @@ class EpisodeScore(Sink):
         trajectory: the estimated trajectory against the true one.
     """
 
+    finishing = "scoring by ground truth"
+
     def __init__(self, robot: SimulatedRobot, explorer: Explorer, T_world_tag: Poses, oracle: bool = False):
         """Score a robot from its current pose on.
 

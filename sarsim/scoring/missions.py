@@ -15,6 +15,8 @@ from sarsim.simulated_robot import SimulatedRobot
 class MissionScore(Sink):
     """Adds what the files that an episode has handed in are worth to its report."""
 
+    finishing = "scoring the mission"
+
     def __init__(self, robot: SimulatedRobot, brief: MissionBrief):
         self._robot, self._brief = robot, brief
 

@@ -11,11 +11,10 @@ from numpy.typing import ArrayLike, NDArray
 
 from pipeline.errors import InputError
 from pipeline.labels import Label
+from sarsim.tasks.settings import VIEWPOINTS
 
 LOCAL_SIDE = 64
 """Rows and columns of the local maps."""
-VIEWPOINTS = 32
-"""Number of viewpoints to choose from."""
 FARTHEST_COORDINATE = 10_000.0
 """m; poses are cut off here."""
 ROBOT_COLOUR = (220, 40, 40)

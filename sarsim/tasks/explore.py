@@ -24,7 +24,6 @@ from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 from sarsim.tasks.achievements import Achievements
 from sarsim.tasks.exploration_task import (
     LOCAL_SIDE,
-    VIEWPOINTS,
     Action,
     ExplorationTask,
     Maps,
@@ -32,7 +31,7 @@ from sarsim.tasks.exploration_task import (
     observation,
     wanted_pose,
 )
-from sarsim.tasks.settings import ExploreWeights
+from sarsim.tasks.settings import VIEWPOINTS, ExploreWeights
 from sarsim.tasks.surroundings import LOCAL_CELL, local_maps, picture
 
 MOST_SEEDS = 1_000_000

@@ -24,12 +24,18 @@ from sarsim.tasks.exploration_task import (
     wanted_pose,
 )
 from sarsim.tasks.grid_explorers import Sights, viewpoint_rows
-from sarsim.tasks.grid_scenes import DRAWINGS, GridScene, draw_scene, dungeon_files, read_dungeon, read_ros_scene
+from sarsim.tasks.grid_scenes import (
+    DRAWINGS,
+    SIZES,
+    GridScene,
+    draw_scene,
+    dungeon_files,
+    read_dungeon,
+    read_ros_scene,
+)
 from sarsim.tasks.grid_world import RULES, GridWorld, route
 from sarsim.tasks.settings import RewardWeights
 
-SIZES = {"camera": ((120, 160), 10, 0.1), "papers": ((480, 640), 20, 1.0)}
-"""Rows and columns, width of corridors in cells, and m of a cell, of the maps that are drawn."""
 LABEL_OF = np.array([Label.UNLABELLED, Label.TERRAIN, Label.WALL], np.uint8)
 BELIEF_COLOURS = np.array([(127, 127, 127), (255, 255, 255), (0, 0, 0)], np.uint8)
 

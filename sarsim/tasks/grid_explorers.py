@@ -13,8 +13,8 @@ from pipeline.arrays import Cells, Values
 from pipeline.planning.visiting_order import visiting_order
 from sarsim.assets import asset
 from sarsim.tasks import grid_kernels as kernels
-from sarsim.tasks.exploration_task import VIEWPOINTS
 from sarsim.tasks.grid_world import GridWorld, route
+from sarsim.tasks.settings import VIEWPOINTS
 
 if TYPE_CHECKING:
     from sarsim.tasks.viewpoint_network import ViewpointNetwork

@@ -21,6 +21,8 @@ LIGHT = 150
 """Grey value above which a pixel of a dungeon map is free."""
 ROOMS = 14
 """Number of rooms that are tried for a drawn map."""
+SIZES = {"camera": ((120, 160), 10, 0.1), "papers": ((480, 640), 20, 1.0)}
+"""Rows and columns, width of corridors in cells, and m of a cell, of the maps that are drawn."""
 DRAWINGS = {"train": 0, "val": 1_000_000, "test": 2_000_000}
 """The first seed of each split of the drawn maps."""
 

@@ -14,9 +14,8 @@ from stable_baselines3.common.policies import ActorCriticPolicy
 from stable_baselines3.common.vec_env import DummyVecEnv, VecNormalize
 from torch import Tensor, nn
 
-from sarsim.tasks.exploration_task import VIEWPOINTS
 from sarsim.tasks.explore_2d import Explore2D
-from sarsim.tasks.settings import ExplorerTrainingConfig, RewardWeights
+from sarsim.tasks.settings import VIEWPOINTS, ExplorerTrainingConfig, RewardWeights
 from sarsim.tasks.viewpoint_network import WIDTH, ViewpointNetwork
 
 

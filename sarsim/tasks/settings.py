@@ -4,6 +4,9 @@ from dataclasses import dataclass
 
 from tyro.conf import Fixed
 
+VIEWPOINTS = 32
+"""Number of viewpoints that an agent chooses from."""
+
 
 @dataclass(frozen=True)
 class RewardWeights:

@@ -93,7 +93,7 @@ def run_job(job: Job, folder: Path) -> None:
 def _run(config: EpisodeConfig) -> Run:
     with tempfile.TemporaryDirectory(prefix="sarsim-") as out:
         crossing = Crossing(config, Path(out))
-        crossing.episode.run()
+        crossing.episode.run(show_progress=False)
     return crossing.result
 
 

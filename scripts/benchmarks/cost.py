@@ -67,7 +67,7 @@ def measure(settings: CostSettings) -> Result:
     at_least(0, settings, "seed")
     figures = dict[str, float]()
     with tempfile.TemporaryDirectory() as name:
-        Episode(EpisodeConfig(arena=settings.arenas[0], steps=1, out=Path(name, "first"))).run()
+        Episode(EpisodeConfig(arena=settings.arenas[0], steps=1, out=Path(name, "first"))).run(show_progress=False)
         for number, arena in enumerate(tracked(settings.arenas, "arenas")):
             out = Path(name, str(number))
             config = EpisodeConfig(arena=arena, seed=settings.seed, steps=settings.steps, out=out)
@@ -80,7 +80,7 @@ def _cost(config: EpisodeConfig) -> dict[str, float]:
     episode = Episode(config)
     drive, steps = Drive(episode.robot), StepTimes(episode)
     with Sampler() as sampler:
-        episode.run()
+        episode.run(show_progress=False)
     world, total = drive.again(config), sum(sampler.seconds.values())
     by_size = sorted(sampler.seconds.items(), key=lambda item: -item[1])
     return {

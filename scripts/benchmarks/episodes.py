@@ -208,7 +208,7 @@ def _run(job: Job, folder: Path) -> dict[str, Any] | None:
             episode = BenchmarkEpisode(job, Path(out))
         except InputError as error:
             return {"left_out": str(error)}
-        if not episode.run():
+        if not episode.run(show_progress=False):
             return None
         cv2.imwrite(str(folder / f"{job.name}.png"), cv2.cvtColor(episode.picture(), cv2.COLOR_RGB2BGR))
         score = episode.score

@@ -84,7 +84,7 @@ def run_job(job: Job, folder: Path) -> None:
 def _run(config: EpisodeConfig) -> Run:
     with tempfile.TemporaryDirectory(prefix="sarsim-") as out:
         episode = Episode(replace(config, out=Path(out)))
-        episode.run()
+        episode.run(show_progress=False)
     goals, navigation = episode.report["goals"], episode.report["navigation"]
     refused = [episode.lost] if episode.lost else goals["refused"]
     return {"goal": config.goals[0], "refused": refused, "collisions": navigation["collisions"], **goals["each"][0]}

@@ -34,7 +34,7 @@ def kidnap(config: EpisodeConfig, times: int, folder: Path) -> Counter[str]:
     ``times`` times. If its place is wrong or in doubt, or it does not notice, it begins anew at its true pose.
     """
     if not (folder / KEYFRAMES).exists():
-        Episode(replace(config, out=folder)).run()
+        Episode(replace(config, out=folder)).run(show_progress=False)
     out = folder / "kidnapped"
     rmtree(out, ignore_errors=True)
     episode = Episode(replace(config, out=out, map=folder))

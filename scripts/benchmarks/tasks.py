@@ -18,9 +18,9 @@ from sarsim.commands.cli import tracked
 from sarsim.environment import CONTROL_TIMESTEP
 from sarsim.sensors.camera import optical_pose
 from sarsim.tasks.drive import PERIODS, Drive
-from sarsim.tasks.explore_2d import SIZES, Explore2D
+from sarsim.tasks.explore_2d import Explore2D
 from sarsim.tasks.grid_explorers import EXPLORERS, explore
-from sarsim.tasks.grid_scenes import DRAWINGS, GridScene, draw_scene, dungeon_files, read_dungeon
+from sarsim.tasks.grid_scenes import DRAWINGS, SIZES, GridScene, draw_scene, dungeon_files, read_dungeon
 from sarsim.tasks.grid_world import PAPERS, GridWorld
 from scripts.benchmarks.common import Result, at_least
 from scripts.benchmarks.settings import TasksSettings

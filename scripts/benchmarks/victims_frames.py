@@ -12,7 +12,7 @@ from pipeline.victims.detection.average_precision import AveragePrecision
 from pipeline.victims.detection.detection import Detector
 from sarsim.dataset.recipe import Recipe
 from sarsim.dataset.render import World, find_scene
-from sarsim.dataset.settings import ArenaRange
+from sarsim.dataset.settings import HarderArenaRange
 from sarsim.scoring.visibility import VISIBLE
 from sarsim.sensors.lighting import Lighting
 from sarsim.sensors.rendering import Renderer
@@ -51,7 +51,7 @@ class PeopleInFrame:
 
 def recipe(seed: int, frames: int) -> Recipe:
     """Arenas with people, as in the training data except for the seed; the air is clear in three of four scenes."""
-    arenas = ArenaRange(victims=(1, 6), furniture=(0.05, 0.35), bulky=(0.0, 0.4))
+    arenas = HarderArenaRange(victims=(1, 6), furniture=(0.05, 0.35), bulky=(0.0, 0.4))
     return Recipe(seed=seed, frames=frames, random=arenas, keyframes=(0.5, 0.8))
 
 

@@ -1,7 +1,11 @@
 """Goals, and failures on the way to them, in short simulated episodes in small rooms."""
 
+import io
 import json
+import sys
 from collections.abc import Callable
+from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 import mujoco
@@ -10,7 +14,9 @@ import pytest
 
 from pipeline.errors import InputError
 from pipeline.explorer import Step
+from pipeline.progress import Progress
 from pipeline.transforms import from_yaw
+from sarsim import episode as episode_module
 from sarsim.episode import Episode
 from sarsim.settings import EpisodeConfig
 from sarsim.simulated_robot import SimulatedRobot
@@ -59,6 +65,28 @@ def test_a_late_failure_costs_no_result_but_its_own(tmp_path):
     maps = {"keyframes.npz", "metric_map.npz", "semantic_map.ply", "topology.json"}
     assert maps | {"trajectory_true.tum", "trajectory_estimated.tum"} <= {file.name for file in out.iterdir()}
     assert "metric_map" not in json.loads((out / "report.json").read_text())
+
+
+def test_a_terminal_shows_the_progress_and_the_phases_of_the_end(tmp_path, monkeypatch):
+    path = tmp_path / "arena.xml"
+    path.write_text(room((-1.0, 2.8), (-1.3, 1.3)))
+    shown: list[Progress] = []
+
+    @contextmanager
+    def terminal(place: str):
+        yield shown.append
+
+    monkeypatch.setattr(episode_module, "shown_run", terminal)
+    stderr = io.StringIO()
+    stderr.isatty = lambda: True
+    monkeypatch.setattr(sys, "stderr", stderr)
+    config = EpisodeConfig(arena=str(path), labels="truth", detector=None, steps=1)
+    Episode(replace(config, out=tmp_path / "unseen")).run(show_progress=False)
+    assert not shown
+    Episode(replace(config, out=tmp_path / "seen")).run()
+    first, explored, *phases = shown
+    assert (first.share, explored.is_timed) == (None, False) and 0 < explored.share < 1
+    assert {phase.share for phase in phases} == {None} and len({phase.text for phase in phases}) >= 5
 
 
 def test_a_refused_episode_closes_its_robot(tmp_path, monkeypatch):

@@ -11,8 +11,7 @@ from pipeline.errors import InputError
 from sarsim.arenas.load import load_arena
 from sarsim.assets import asset
 from sarsim.commands.sweeps.names import GRID
-from sarsim.tasks.explore_2d import SIZES
-from sarsim.tasks.grid_scenes import DRAWINGS, GridScene, draw_scene, dungeon_files, read_dungeon
+from sarsim.tasks.grid_scenes import DRAWINGS, SIZES, GridScene, draw_scene, dungeon_files, read_dungeon
 
 MAPS, ARENAS = 100, 12
 """Numbers of 2D maps and of arenas in a split."""

@@ -208,7 +208,7 @@ def driven(job: SweepJob, steps: int) -> tuple[Row, ExploredCurve]:
             arena=job.arena, seed=job.seed, steps=steps, exploration=job.method, oracle=True, out=Path(out)
         )
         episode = Episode(config)
-        episode.run()
+        episode.run(show_progress=False)
         figures = {name.lstrip("."): value for name, value in flat("", episode.report)}
     kept = {key: value for key, value in figures.items() if isinstance(value, bool | int | float | str)}
     row = {"checksum": found} | {key: value for key, value in kept.items() if not OF_THE_RUN.match(key)}

@@ -39,6 +39,7 @@ def test_the_page_is_served(page):
     with urllib.request.urlopen(page.page) as answer:
         assert answer.status == 200
         assert b"rerun" in answer.read().lower()
+    assert page.was_opened
 
 
 def test_the_page_is_as_dark_as_what_it_shows(page):

@@ -13,8 +13,10 @@ from pathlib import Path
 import pytest
 
 from pipeline.errors import InputError
-from sarsim.commands import cli
+from pipeline.progress import Progress
+from sarsim import progress as progress_module
 from sarsim.commands.cli import progress, run, run_watched, tracked
+from sarsim.progress import shown_run
 
 
 def command(count: int, *, fail: str = "", pair: tuple[int, int] | None = None) -> None:
@@ -82,16 +84,17 @@ STEPS = """
 import time
 from importlib.metadata import version
 from pathlib import Path
+from pipeline.progress import Progress
 from sarsim.commands.cli import end_by, run, run_watched
 
-def take(interrupted, on_step):
+def take(interrupted, show):
     print("begun", flush=True)
     while not interrupted():
         time.sleep(0.02)
-        on_step(1, "a step")
+        show(Progress("a step"))
 
 def steps(out: Path) -> None:
-    ended_by = run_watched(take, "place", "steps")
+    ended_by = run_watched(take, "place")
     out.write_text(f"whole {ended_by}")
     end_by(ended_by)
 
@@ -180,7 +183,7 @@ def test_the_log_has_the_level_that_is_asked_for(capsys: pytest.CaptureFixture[s
 def test_progress_is_lines_without_a_terminal(
     capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(cli, "LINE_EVERY", -1.0)
+    monkeypatch.setattr(progress_module, "LINE_EVERY", -1.0)
     with progress() as bars:
         bar = bars.add_task("steps", total=5)
         for _ in range(5):
@@ -192,11 +195,25 @@ def test_progress_is_lines_without_a_terminal(
 
 
 def test_progress_says_what_is_counted(capsys: pytest.CaptureFixture[str]) -> None:
-    run_watched(lambda interrupted, on_step: on_step(11, "arena: exploring, 6 m² mapped"), "arena", "steps", 12)
+    run_watched(lambda interrupted, show: show(Progress("arena: exploring, 6 m² mapped, step 11", 0.5)), "arena")
     assert list(tracked("ab", "letters")) == ["a", "b"]
     captured = capsys.readouterr()
     lines = [line.partition(", 0 s")[0] for line in captured.err.splitlines()]
-    assert (lines, captured.out) == (["arena: exploring, 6 m² mapped; steps: 11 of 12", "letters: 2 of 2"], "")
+    assert (lines, captured.out) == (["arena: exploring, 6 m² mapped, step 11", "letters: 2 of 2"], "")
+
+
+def test_the_time_left_is_shown_where_a_clock_runs(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(progress_module, "LINE_EVERY", -1.0)
+    with shown_run("arena") as show:
+        show(Progress("first look"))
+        show(Progress("mission", 0.25, is_timed=True))
+        show(Progress("exploring", 0.5))
+        show(Progress("writing"))
+    first, mission, exploring, writing, _ = capsys.readouterr().err.splitlines()
+    assert mission.startswith("mission, ") and mission.endswith(" left")
+    assert not any("left" in line or " of " in line for line in (first, exploring, writing))
 
 
 def test_progress_leaves_the_last_word_to_an_error(capsys: pytest.CaptureFixture[str]) -> None:

@@ -138,7 +138,7 @@ def test_ctrl_c_leaves_a_whole_recording_and_report(tmp_path, monkeypatch, capsy
     assert stop.value.code == 128 + signal.SIGINT
     assert json.loads((tmp_path / "report.json").read_text())["steps"] == 2
     assert (tmp_path / "episode.rrd").stat().st_size > 100_000
-    assert "Results in" in capsys.readouterr().out
+    assert str(tmp_path) in capsys.readouterr().out
 
 
 @pytest.mark.skipif(not WEIGHTS.exists(), reason="no network has been trained")
@@ -155,7 +155,7 @@ def test_an_episode_with_networks_that_was_stopped_goes_on_bit_for_bit(tmp_path,
     assert (stopped / "episode.rrd").stat().st_size > 100_000
     kept = len(list((stopped / "network_outputs").iterdir()))
     assert kept >= 2
-    assert "Results in" in capsys.readouterr().out
+    assert str(stopped) in capsys.readouterr().out
     assert_refused([*map(str, flags), "--out", str(whole)], f"{whole}: ", monkeypatch, capsys)
     run_command(monkeypatch, "--resume", stopped)
     assert f"with {kept} cached outputs" in capsys.readouterr().out
@@ -184,6 +184,13 @@ def test_what_cannot_be_resumed_is_reported(tmp_path, monkeypatch, capsys):
     assert_refused([*resume, "--config", "x.yaml"], "brings the settings", monkeypatch, capsys)
     (tmp_path / "config.yaml").write_text("resume: /tmp/else\n")
     assert_refused(resume, "--resume as a flag", monkeypatch, capsys)
+
+
+def test_a_page_that_nobody_opened_ends_with_the_episode(tmp_path, monkeypatch, capsys):
+    run_command(monkeypatch, *QUICK, "--steps", 1, "--view", "web", "--out", tmp_path / "out")
+    first, *_ = capsys.readouterr().out.splitlines()
+    assert "http://127.0.0.1:" in first
+    assert (tmp_path / "out" / "report.html").exists()
 
 
 def test_sigterm_ends_the_page_and_leaves_the_report(tmp_path):

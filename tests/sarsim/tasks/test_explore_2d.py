@@ -8,8 +8,8 @@ from gymnasium.utils.env_checker import check_env
 from PIL import Image
 
 from pipeline.errors import InputError
-from sarsim.tasks.exploration_task import VIEWPOINTS
 from sarsim.tasks.explore_2d import Explore2D, best_heading
+from sarsim.tasks.settings import VIEWPOINTS
 
 NAME = "sarsim.tasks:sarsim/Explore2D-v0"
 

@@ -1,0 +1,108 @@
+"""Progress on stderr: a bar in a terminal, lines in a file or in a service's log."""
+
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from datetime import timedelta
+from typing import Any
+
+from rich.console import Console
+from rich.progress import (
+    BarColumn,
+    MofNCompleteColumn,
+    ProgressColumn,
+    SpinnerColumn,
+    Task,
+    TaskID,
+    TextColumn,
+    TimeElapsedColumn,
+)
+from rich.progress import Progress as Bars
+from rich.text import Text
+
+from pipeline.progress import Progress
+
+LINE_EVERY = 10.0  # s between lines of progress if there is no terminal
+
+
+class PlainBars(Bars):
+    """Progress as lines on stderr, one every :data:`LINE_EVERY` s and a last one, for a file or a service's log."""
+
+    def start(self) -> None:
+        """Draw nothing."""
+        self._due = time.monotonic() + LINE_EVERY
+
+    def stop(self) -> None:
+        """Draw nothing."""
+
+    def __exit__(self, error: type[BaseException] | None, *_: Any) -> None:
+        """Print the final progress of every task, unless an error ended them."""
+        for task in self.tasks if error is None else []:
+            self._print(task)
+
+    def update(self, task_id: TaskID, **changes: Any) -> None:
+        """Update a task, and print its progress if a line is due."""
+        super().update(task_id, **changes)
+        if time.monotonic() >= self._due:
+            self._due = time.monotonic() + LINE_EVERY
+            self._print(self._tasks[task_id])
+
+    def advance(self, task_id: TaskID, advance: float = 1) -> None:
+        """Update a task by ``advance``."""
+        self.update(task_id, advance=advance)
+
+    def _print(self, task: Task) -> None:
+        if self.disable:
+            return
+        of = f" of {task.total:g}" if task.total else ""
+        counted = f": {task.completed:g}{of}" if "is_timed" not in task.fields else ""
+        left = f", {left_of(task)}" if left_of(task) else ""
+        print(f"{task.description}{counted}, {task.elapsed or 0:.0f} s{left}", file=sys.stderr, flush=True)
+
+
+class _Left(ProgressColumn):
+    """The time left of a run, where it can be known."""
+
+    def render(self, task: Task) -> Text:
+        return Text(left_of(task), style="progress.remaining")
+
+
+def left_of(task: Task) -> str:
+    """The time left, as text, of a task whose field ``is_timed`` is true; else, and at first, nothing."""
+    if not task.fields.get("is_timed") or not task.elapsed or not task.completed or not task.total:
+        return ""
+    seconds = round(task.elapsed * (task.total - task.completed) / task.completed)
+    return f"about {timedelta(seconds=seconds)} left"
+
+
+def progress_bars(disable: bool = False, transient: bool = False) -> Bars:
+    """Bars with counts and the time elapsed; lines if stderr is no terminal.
+
+    ``transient``: the bars vanish at their end.
+    """
+    columns = *Bars.get_default_columns(), MofNCompleteColumn(), TimeElapsedColumn()
+    return _bars(columns, disable, transient)
+
+
+@contextmanager
+def shown_run(description: str, disable: bool = False) -> Iterator[Callable[[Progress], None]]:
+    """Show a run while the block of the ``with`` statement goes on: a function that takes its progress."""
+    columns = SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), _Left()
+    with _bars(columns, disable) as bars:
+        bar = bars.add_task(description, total=None, is_timed=False)
+
+        def show(progress: Progress) -> None:
+            has_share = progress.share is not None
+            # Rich leaves a total as it is if the new one is None.
+            bars.tasks[0].total = 1.0 if has_share else None
+            bars.update(bar, description=progress.text, completed=progress.share or 0.0, is_timed=progress.is_timed)
+
+        yield show
+
+
+def _bars(columns: tuple[ProgressColumn, ...], disable: bool, transient: bool = False) -> Bars:
+    console = Console(stderr=True)
+    if not console.is_terminal:
+        return PlainBars(auto_refresh=False, disable=disable)
+    return Bars(*columns, console=console, transient=transient, disable=disable)

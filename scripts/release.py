@@ -1,0 +1,77 @@
+"""Check that a tag can be released, and print its notes: ``release.py v0.1.0``. It needs no installed package."""
+
+import re
+import sys
+import tomllib
+from itertools import dropwhile, takewhile
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+DATE = r"\d{4}-\d\d-\d\d"
+RESULTS = "<!-- results: written by make results -->"
+"""Where README's results begin and end."""
+ROW = re.compile(rf", {DATE}, ([0-9a-f]{{7,40}}\+?) \|$", re.MULTILINE)
+"""The end of a row of README's results: when and on which commit it was measured."""
+
+
+def main() -> None:
+    """Entry point: notes on stdout; or what is wrong on stderr, and status 1."""
+    if len(sys.argv) != 2:
+        raise SystemExit("usage: scripts/release.py TAG")
+    version = tomllib.loads(text("pyproject.toml"))["project"]["version"]
+    heading, notes = changes(text("CHANGELOG.md"), version)
+    wrong = [
+        *faults_of_tag(sys.argv[1], version),
+        *faults_of_dates(heading, text("CITATION.cff"), version),
+        *faults_of_results(text("README.md")),
+    ]
+    if wrong:
+        raise SystemExit("\n".join(f"error: {fault}" for fault in wrong))
+    print(notes)
+
+
+def text(name: str) -> str:
+    """The text of a file of the checkout."""
+    return (ROOT / name).read_text()
+
+
+def changes(changelog: str, version: str) -> tuple[str, str]:
+    """The heading of a version in the changelog, and what stands below it."""
+    found = re.search(rf"^## {re.escape(version)}\b(.*)\n((?:(?!## ).*\n?)*)", changelog, re.MULTILINE)
+    return (found[1], found[2].strip()) if found else ("", "")
+
+
+def faults_of_tag(tag: str, version: str) -> list[str]:
+    """What is wrong with a tag."""
+    return (
+        [] if tag == f"v{version}" else [f"tag {tag}: pyproject.toml has version {version}, so it must be v{version}"]
+    )
+
+
+def faults_of_dates(heading: str, citation: str, version: str) -> list[str]:
+    """What is wrong with the dates of a version: CHANGELOG and CITATION must have one, and the same."""
+    date = re.search(DATE, heading)
+    if not date:
+        return [
+            f"CHANGELOG.md: the heading of {version} needs the date of its release, as in '## {version}, 2026-11-27'"
+        ]
+    wanted = f"version: {version}", f"date-released: {date[0]}"
+    return [f"CITATION.cff: needs the line '{line}'" for line in wanted if line not in citation.splitlines()]
+
+
+def faults_of_results(readme: str) -> list[str]:
+    """What is wrong with README's results: every row must be measured, and all on one commit without changes."""
+    lines = iter(readme.partition(RESULTS)[2].splitlines())
+    table = takewhile(lambda line: line.startswith("|"), dropwhile(lambda line: not line.startswith("|"), lines))
+    rows = list(table)[2:]  # after the heads of the columns and the line below them
+    commits = [found[1] if (found := ROW.search(row)) else "none" for row in rows]
+    if not rows:
+        return ["README.md: has no table of results"]
+    if len({commit[:7] for commit in commits}) == 1 and ROW.search(rows[0]) and not commits[0].endswith("+"):
+        return []
+    of = ", ".join(f"{commits.count(commit)} of {commit}" for commit in dict.fromkeys(commits))
+    return [f"README.md: its {len(rows)} results must be of one commit, but are: {of}; run make results"]
+
+
+if __name__ == "__main__":
+    main()

@@ -59,6 +59,7 @@ def reference(package: Path) -> str:
 def home() -> str:
     """README.md as a page of the site."""
     text = (ROOT / "README.md").read_text().replace(NOTEBOOK, "docs/notebook.md")
+    text = text.replace("`ADDRESS` is this repository's address. ", "")
     text = re.sub(r"\bADDRESS\b", PROJECT["urls"]["Repository"], text)
     return IN_README.sub(lambda link: link[1] if link[2] else f"{link[1]}../", text)
 

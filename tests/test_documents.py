@@ -100,6 +100,13 @@ def test_python_in_pages_imports_what_is_there(page: Path) -> None:
                 assert all(hasattr(module, alias.name) for alias in node.names), ast.unparse(node)
 
 
+@pytest.mark.parametrize("page", PAGES, ids=lambda path: path.name)
+def test_a_page_begins_with_what_it_is_about(page: Path) -> None:
+    title, opening = page.read_text().split("\n\n")[:2]
+    assert title.startswith("# ") and "\n" not in title
+    assert opening[0] not in "`|#!<-" and len(opening.split()) > 10
+
+
 def test_targets_and_headings_are_found() -> None:
     text = '[a](a.md#part) ![b](b%20c.png "title") <img src="d.jpg"> [e](https://e.org) [f](#f) `[g](g)`\n[h]: h.md\n'
     assert targets(text) == ["a.md#part", "b c.png", "d.jpg", "#f", "h.md"]

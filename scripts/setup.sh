@@ -18,7 +18,7 @@ main() {
 }
 
 install_episode() {
-    say "an episode needs $(count requirements.txt) Python packages in .venv: about 1.3 GB to download, 4 GB on disk"
+    say "an episode needs $(count requirements.txt) Python packages in .venv: about 1.2 GB to download, 3.6 GB on disk"
     install_libraries
     make_venv
     say "installing them takes some minutes"
@@ -29,7 +29,7 @@ install_episode() {
 }
 
 install_development() {
-    say "tests and benchmarks need $(count requirements-dev.txt) more packages: about 0.3 GB to download, 1 GB on disk"
+    say "tests and benchmarks need $(count requirements-dev.txt) more packages: about 0.2 GB to download, 0.5 GB on disk"
     install_pinned requirements-dev.txt
 }
 
@@ -115,7 +115,7 @@ install_python_packages() {
 
 # PyPI's build for Linux brings 3 GB of CUDA, which is of no use without a GPU; PyTorch's own index has one without.
 install_torch() {
-    if [ "$(uname)" = Linux ] && ! command -v nvidia-smi >/dev/null && reachable "$TORCH_FOR_CPUS"; then
+    if [ "$(uname)" = Linux ] && ! command -v nvidia-smi >/dev/null && reachable "$TORCH_FOR_CPUS/torch/"; then
         pip install --constraint requirements.txt --extra-index-url "$TORCH_FOR_CPUS" "$@" torch
     else
         pip install --constraint requirements.txt "$@" torch

@@ -13,7 +13,7 @@ cd "$1"
 "${2:-python3}" -m venv venv
 unset PYTHONPATH VIRTUAL_ENV
 PATH="$PWD/venv/bin:$PATH"
-python -m pip --disable-pip-version-check --quiet install --constraint "$root/requirements.txt" "$root"/dist/*.whl
+python -m pip --disable-pip-version-check --quiet install --no-compile --constraint "$root/requirements.txt" "$root"/dist/*.whl
 du -sh venv
 
 try() {

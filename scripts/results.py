@@ -36,9 +36,8 @@ WRITTEN = "Written by make results from pages.yaml and JSON"  # In every page
 NOT_MEASURED = "not measured yet"
 DIGITS = 5  # Significant digits of a figure that is kept
 LEADERBOARD = """\
-The leaderboard compares methods of exploration on the same frozen arenas with the same seeds. Figures are
-interquartile means with 95 % intervals, from a bootstrap over arenas and then over seeds. [Sweeps](../sweeps.md)
-explains the columns and how to enter a method of your own."""
+The leaderboard compares methods of exploration on the same frozen arenas with the same seeds. Brackets hold 95 %
+intervals. [Sweeps](../sweeps.md) explains the columns, and how to enter a method of your own."""
 INDEX = """\
 These pages show what was measured of each part of the project: on which date, at which commit, and compared with
 other software where there is any. They help you to judge what to expect. Each page names the command that repeats its

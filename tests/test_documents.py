@@ -157,7 +157,8 @@ def test_shipped_weights_have_a_card_as_hugging_face_reads_them(weights: Path) -
 def test_the_site_has_every_page_once() -> None:
     listed = re.findall(r"[:-] ([\w/-]+\.md)$", (ROOT / "mkdocs.yml").read_text(), re.MULTILINE)
     pages = [str(page.relative_to(ROOT / "docs")) for page in [*PAGES, *RESULTS]]
-    assert sorted(listed) == sorted([*pages, "index.md", "gallery.md", "flags.md", "notebook.md"])
+    made = ["index.md", "contributing.md", "changelog.md", "gallery.md", "flags.md", "notebook.md"]
+    assert sorted(listed) == sorted([*pages, *made])
 
 
 def test_goals_that_a_page_names_can_be_reached() -> None:

@@ -16,6 +16,8 @@ ROOT = Path(__file__).parents[1]
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
 
 
+DATA = ("py.typed", "kernels.json")
+
 BUILD = """
 import os, shutil, sys
 from setuptools import build_meta
@@ -60,7 +62,7 @@ def files(top: Path, *folders: str) -> dict[Path, bytes]:
 
 def test_the_wheel_holds_every_module_asset_and_template_and_nothing_else(installed: Path) -> None:
     source = files(ROOT, "pipeline", "sarsim").items()
-    expected = {path: text for path, text in source if path.suffix == ".py" or path.name == "py.typed"}
+    expected = {path: text for path, text in source if path.suffix == ".py" or path.name in DATA}
     for folder in ("pipeline/rescue_report", "sarsim/dataset", "sarsim/commands/sweeps"):
         templates = files(ROOT, f"{folder}/templates")
         assert templates

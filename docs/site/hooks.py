@@ -2,13 +2,13 @@
 
 import json
 import os
+import posixpath
 import re
 import subprocess
 import sys
 import tomllib
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from posixpath import normpath
 from typing import Any
 
 from mkdocs.config.defaults import MkDocsConfig
@@ -17,12 +17,12 @@ from mkdocs.structure.pages import Page
 
 ROOT = Path(__file__).parents[2]
 PACKAGES = ("pipeline", "sarsim")
-OUTSIDE = re.compile(r"\[([^\]]*)\]\((\.\./[^)#\s]+)(?:#[^)]*)?\)")
-"""Markdown links that leave ``docs/``."""
-
-
-IN_README = re.compile(r"(\]\(|src=\")(?!https?:|#)(docs/)?")
-"""Where a link of README.md begins that leads into the repository, and whether it leads into ``docs/``."""
+UPWARDS = re.compile(r"\[(!\[[^\]]*\]\([^)]*\)|[^\]]*)\]\((\.\./[^)#\s]+)(#[^)]*)?\)")
+"""Markdown links that leave their page's folder: text or picture, path and anchor."""
+ROOT_PAGES = {"README.md": "index.md", "CONTRIBUTING.md": "contributing.md", "CHANGELOG.md": "changelog.md"}
+"""Pages of the site that are files of the repository's root."""
+AT_ROOT = re.compile(r"(\]\(|src=\")(?!https?:|#)(docs/)?")
+"""Where a link of a root page begins that leads into the repository, and whether it leads into ``docs/``."""
 CODE = re.compile("`[^`\\n]+`")
 NOTEBOOK = "docs/episode.ipynb"
 PICTURE = re.compile(r"!\[([^\]]+)\]\((images/[^)]+)\)")
@@ -56,12 +56,12 @@ def reference(package: Path) -> str:
     return own + "".join(f"\n::: {module}\n" for module in modules)
 
 
-def home() -> str:
-    """README.md as a page of the site."""
-    text = (ROOT / "README.md").read_text().replace(NOTEBOOK, "docs/notebook.md")
+def root_page(name: str) -> str:
+    """A file of the repository's root as a page of the site."""
+    text = (ROOT / name).read_text().replace(NOTEBOOK, "docs/notebook.md")
     text = text.replace("`ADDRESS` is this repository's address. ", "")
     text = re.sub(r"\bADDRESS\b", PROJECT["urls"]["Repository"], text)
-    return IN_README.sub(lambda link: link[1] if link[2] else f"{link[1]}../", text)
+    return AT_ROOT.sub(lambda link: link[1] if link[2] else f"{link[1]}../", text)
 
 
 def help_of(command: str) -> str:
@@ -121,7 +121,8 @@ def on_config(config: MkDocsConfig) -> MkDocsConfig:
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add the pages that no file in ``docs/`` holds."""
-    own = {"index.md": home(), "flags.md": flags(), "gallery.md": gallery(), "notebook.md": notebook()}
+    own = {page: root_page(name) for name, page in ROOT_PAGES.items()}
+    own |= {"flags.md": flags(), "gallery.md": gallery(), "notebook.md": notebook()}
     for name, content in own.items():
         files.append(File.generated(config, name, content=content))
     for top in PACKAGES:
@@ -136,14 +137,19 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
     Unlike GitHub, mkdocs would show the backslash before a bar in a table's code.
     """
     markdown = CODE.sub(lambda code: code[0].replace("\\|", "|"), markdown)
-    return OUTSIDE.sub(lambda link: inside(link[1], normpath(f"docs/{link[2]}")), markdown)
+    folder = posixpath.dirname(f"docs/{page.file.src_uri}")
+    return UPWARDS.sub(lambda link: inside(link, posixpath.normpath(f"{folder}/{link[2]}"), folder), markdown)
 
 
-def inside(text: str, path: str) -> str:
-    """A link with this text to this path of the repository, as the site has it."""
-    target = Path(path)
+def inside(link: re.Match[str], path: str, folder: str) -> str:
+    """A link of a page in a folder to a path of the repository, as the site has it."""
+    text, target = link[1], Path(path)
+    if path in ROOT_PAGES:
+        return f"[{text}]({posixpath.relpath(f'docs/{ROOT_PAGES[path]}', folder)}{link[3] or ''})"
+    if target.parts[0] == "docs":
+        return link[0]
     if target.parts[0] not in PACKAGES:
         return text
     if target.suffix == ".py":
-        return f"[{text}]({page_of(target.parent)}#{dotted(target)})"
-    return f"[{text}]({page_of(target)})"
+        return f"[{text}]({posixpath.relpath(f'docs/{page_of(target.parent)}', folder)}#{dotted(target)})"
+    return f"[{text}]({posixpath.relpath(f'docs/{page_of(target)}', folder)})"

@@ -1,9 +1,7 @@
 """Rerun's viewer, in a process of its own that only this machine can reach."""
 
 import atexit
-import ctypes
 import os
-import signal
 import socket
 import time
 from collections.abc import Callable
@@ -23,6 +21,7 @@ from urllib.request import Request, urlopen
 import rerun as rr
 
 from pipeline.errors import InputError
+from pipeline.processes import end_with_parent
 
 ViewerKind = Literal["spawn", "web"]  # A window of its own, or a page for the browser
 
@@ -98,7 +97,7 @@ class Viewer:
             flags += ["--serve-web", "--web-viewer-port", str(rerun_port)]
         else:
             flags += ["--hide-welcome-screen"]
-        process = start_rerun(*flags, *recordings, preexec=_end_with_parent if kind == "web" else None)
+        process = start_rerun(*flags, *recordings, preexec=end_with_parent if kind == "web" else None)
         if kind == "web":
             atexit.register(process.terminate)
         return process
@@ -178,12 +177,6 @@ def start_rerun(*arguments: str | Path, preexec: Callable[[], None] | None = Non
     return Popen(
         command, env=quiet, stdin=DEVNULL, stdout=DEVNULL, stderr=DEVNULL, start_new_session=True, preexec_fn=preexec
     )
-
-
-def _end_with_parent() -> None:
-    """Let Linux end this process when its parent is gone, be it killed (prctl's PR_SET_PDEATHSIG)."""
-    with suppress(AttributeError):
-        ctypes.CDLL(None).prctl(1, signal.SIGTERM)
 
 
 def _free_port() -> int:

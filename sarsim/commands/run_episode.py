@@ -9,6 +9,7 @@ from sarsim.assets import asset
 from sarsim.commands.cli import announce_compilation, end_by, is_verbose, run_watched
 from sarsim.commands.settings import run_with_settings, save_settings, wanted_mission
 from sarsim.commands.tables import show_results
+from sarsim.compilation import compile_on_two_cores
 from sarsim.settings import POINT_NETWORKS, EpisodeConfig
 
 if TYPE_CHECKING:
@@ -25,6 +26,7 @@ def run_episode(config: EpisodeConfig) -> None:
     from sarsim.episode import Episode  # and, with it, what takes seconds to import
 
     announce_compilation()
+    compile_on_two_cores()
     episode = Episode(config, brief)
     config = episode.config
     save_settings(config, config.folder / "config.yaml")

@@ -62,7 +62,9 @@ def _explored(report: Mapping[str, Any]) -> str:
     lasted = f"{report['steps']} steps in {_clock(report['sim_time_s'])} of the robot's time"
     share = exploration.get("explored_fraction")
     seen = f"{_percent(share)} of the drivable ground, " if share is not None else ""
-    points = [f"{league} {report[league]['points']:g} points" for league in ("league", "virtual") if league in report]
+    points = [
+        f"{name} {report[name]['total']['points']:.4g} points" for name in ("league", "virtual") if name in report
+    ]
     ended = [ENDINGS.get(exploration["ended"], exploration["ended"])] if "ended" in exploration else []
     return "; ".join([f"{seen}{lasted}", *ended, *points])
 

@@ -55,8 +55,8 @@ def test_what_has_no_truth_is_left_out(tmp_path: Path, capsys: pytest.CaptureFix
 def test_a_mission_shows_goals_points_and_faults(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
     goals = {"given": 3, "reached": 2, "refused": 1, "each": []}
     faults = [{"kind": "stuck", "time_s": 1.0, "text": "leg"}]
-    explored, legs, *_ = lines(
-        REPORT | {"goals": goals, "league": {"points": 12}, "faults": faults}, tmp_path, capsys
-    )
+    league = {"map": {"points": 5.0}, "total": {"points": 12.0}}
+    report = REPORT | {"goals": goals, "league": league, "faults": faults}
+    explored, legs, *_ = lines(report, tmp_path, capsys)
     assert "12 points" in explored
     assert "2 of 3 goals" in legs and "1 fault " in legs

@@ -1,0 +1,80 @@
+"""Compilation of an episode's functions on two cores: numba's cache is filled from the far end by a second process.
+
+numba compiles a function when it is first called, one after the other, which takes a minute on a new machine. The
+second process goes through ``kernels.json`` backwards, from what an episode needs last, until it meets the first.
+"""
+
+import json
+import os
+import sys
+from collections.abc import Iterable
+from contextlib import suppress
+from importlib import import_module
+from importlib.resources import files
+from subprocess import DEVNULL, Popen
+from typing import Any
+
+from pipeline.processes import end_with_parent
+
+Argument = str | list[Any]
+"""A type: the name of a number's; or ``["array", dtype, dimensions, layout, is read-only]``, ``["literal", value]``,
+``["omitted", default]`` or ``["tuple", module:class or null, types]``."""
+
+
+def compile_on_two_cores() -> None:
+    """Start the second process as soon as numba compiles anything, unless there is only one core."""
+    from numba.core import event  # imported here, because it takes too long for --help
+
+    class Starter(event.Listener):
+        is_wanted = (os.cpu_count() or 1) > 1
+
+        def on_start(self, event: event.Event) -> None:
+            if self.is_wanted:
+                self.is_wanted = False
+                command = [sys.executable, "-m", "sarsim.compilation"]
+                self.process = Popen(
+                    command, stdin=DEVNULL, stdout=DEVNULL, stderr=DEVNULL, preexec_fn=end_with_parent
+                )
+
+        def on_end(self, event: event.Event) -> None:
+            """Do nothing."""
+
+    event.register("numba:compile", Starter())
+
+
+def listed() -> list[tuple[str, list[Argument]]]:
+    """Functions, as ``module:name``, and the types of their arguments, in the order in which they are needed."""
+    return [(name, arguments) for name, arguments in json.loads((files("sarsim") / "kernels.json").read_text())]
+
+
+def compile_listed(functions: Iterable[tuple[str, list[Argument]]]) -> None:
+    """Compile functions for types of arguments into numba's cache; one that is not there any more is left out."""
+    for name, arguments in functions:
+        # A list that is older than the code costs no more than the time that it does not save.
+        with suppress(Exception):
+            named(name).compile(tuple(map(type_of, arguments)))
+
+
+def named(name: str) -> Any:
+    """What a module holds under a name, ``module:name``."""
+    module, _, attribute = name.partition(":")
+    return getattr(import_module(module), attribute)
+
+
+def type_of(argument: Argument) -> Any:
+    """The type in numba of an argument."""
+    from numba import types  # imported here, because it takes too long for --help
+
+    if isinstance(argument, str):
+        return getattr(types, argument)
+    kind, *about = argument
+    if kind in ("literal", "omitted"):
+        return {"literal": types.literal, "omitted": types.Omitted}[kind](*about)
+    if kind == "tuple":
+        return types.BaseTuple.from_types([type_of(inner) for inner in about[1]], about[0] and named(about[0]))
+    dtype, dimensions, layout, is_readonly = about
+    return types.Array(getattr(types, dtype), dimensions, layout, readonly=is_readonly)
+
+
+if __name__ == "__main__":
+    compile_listed(reversed(listed()))

@@ -1,0 +1,63 @@
+"""Write sarsim/kernels.json, the functions that numba compiles for the default episode: ``list_kernels.py``."""
+
+import json
+import os
+import tempfile
+from pathlib import Path
+from typing import Any
+
+OWN = ("pipeline", "sarsim")
+FILE = Path(__file__).resolve().parents[1] / "sarsim" / "kernels.json"
+
+try:
+    import tyro as tyro
+except ModuleNotFoundError as error:
+    raise SystemExit(f"error: {error.name} is not installed here: make setup, then . .venv/bin/activate") from None
+
+
+def main() -> None:
+    """Entry point: run the default episode with an empty cache."""
+    with tempfile.TemporaryDirectory() as folder:
+        os.environ["NUMBA_CACHE_DIR"] = f"{folder}/cache"  # numba reads it when it is imported
+        lines = [json.dumps(one) for one in compiled(Path(folder, "episode"))]
+    FILE.write_text("[\n" + ",\n".join(lines) + "\n]\n")
+    print(f"{len(lines)} functions in {FILE}")
+
+
+def compiled(out: Path) -> list[tuple[str, list[Any]]]:
+    """What numba compiles in the default episode, as :func:`sarsim.compilation.listed` returns it."""
+    from numba.core import event
+
+    from sarsim.episode import Episode
+    from sarsim.settings import EpisodeConfig
+
+    with event.install_recorder("numba:compile") as recorder:
+        Episode(EpisodeConfig(out=out)).run()
+    ends = [entry.data for _, entry in recorder.buffer if entry.is_end]
+    functions = [(data["dispatcher"].py_func, data["args"]) for data in ends]
+    return [
+        (f"{function.__module__}:{function.__qualname__}", list(map(described, arguments)))
+        for function, arguments in functions
+        if function.__module__.partition(".")[0] in OWN and "<locals>" not in function.__qualname__
+    ]
+
+
+def described(argument: Any) -> Any:
+    """A type as :data:`sarsim.compilation.Argument`."""
+    from numba import types
+
+    if isinstance(argument, types.Array):
+        return ["array", str(argument.dtype), argument.ndim, argument.layout, not argument.mutable]
+    if isinstance(argument, types.Literal):
+        return ["literal", argument.literal_value]
+    if isinstance(argument, types.Omitted):
+        return ["omitted", argument.value]
+    if isinstance(argument, types.BaseTuple):
+        kind = getattr(argument, "instance_class", None)
+        name = f"{kind.__module__}:{kind.__qualname__}" if kind else None
+        return ["tuple", name, list(map(described, argument))]
+    return str(argument)
+
+
+if __name__ == "__main__":
+    main()

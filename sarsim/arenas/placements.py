@@ -19,7 +19,7 @@ from pipeline.transforms import FARTHEST
 from sarsim.arenas.elements import ArenaBuilder
 from sarsim.arenas.settings import StartPose
 from sarsim.arenas.things.thing import ALIVE, DEAD, declare
-from sarsim.victims.victims import PREFIX, make_victim
+from sarsim.victims.victims import PREFIX, Posture, make_victim
 
 VICTIM_WORDS = ("victim", "survivor", "casualty", "rescue_randy")
 """Words in the names of models that are victims; the last is the manikin of DARPA's Subterranean Challenge."""
@@ -27,6 +27,8 @@ STATE_WORDS = {"hot": ALIVE, "warm": ALIVE, "moving": ALIVE, "alive": ALIVE, "co
 """What words in the name of a victim say of its state; the Virtual Robot league has hot, cold and moving ones."""
 START_WORDS = ("start", "robot")
 """Words in the names of lines that are starts of the robot."""
+ON_THE_GROUND: tuple[Posture, ...] = ("lying", "prone", "side")
+"""Postures of people whom a world only gives a place."""
 MOST_LINES = 1000
 """Lines of a list that are read; the league's worlds have at most 20 victims."""
 _SEPARATORS = re.compile(r"[\s,;:()\[\]{}=]+")
@@ -127,7 +129,8 @@ def add_person(builder: ArenaBuilder, pose: WorldPose) -> None:
     """Add a person who lies with the head towards the pose's x axis; the same number of victim looks the same."""
     name = builder.next_victim
     number = name.removeprefix(PREFIX)
-    person = make_victim(number, np.random.default_rng(int(number)))
+    rng = np.random.default_rng(int(number))
+    person = make_victim(number, rng, ON_THE_GROUND[int(rng.integers(len(ON_THE_GROUND)))])
     ahead, aside = person.footprint.mean(axis=0)  # the middle of the person is where the pose is
     cos, sin = np.cos(pose.yaw), np.sin(pose.yaw)
     middle = (pose.x - cos * ahead + sin * aside, pose.y - sin * ahead - cos * aside, pose.z)

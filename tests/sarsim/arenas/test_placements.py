@@ -72,8 +72,7 @@ def test_people_lie_where_the_list_has_them(tmp_path: Path) -> None:
     hot, cold = things_of(model, data)
     assert hot.state == ALIVE and cold.state == DEAD
     np.testing.assert_allclose([hot.centre[:2], cold.centre[:2]], [(2, 1), (4, -2)], atol=0.05)
-    long, wide = np.ptp(hot.box, axis=0)[:2]
-    assert long > 2 * wide and abs(hot.T_world_thing[1, 0]) > 0.99  # its long axis is along y
+    assert hot.T_world_thing[1, 0] > 0.99  # the head is towards +y
     np.testing.assert_allclose(arena.T_world_start[:2, 3], (-4, 0))
 
 

@@ -72,7 +72,7 @@ def build_sdf(path: Path) -> ArenaBuilder:
 
 
 def _solids(path: Path, world: SdfWorld) -> list[Solid]:
-    reader, solids = SolidReader(world.resources), list[Solid]()
+    reader, solids = SolidReader(world.meshes), list[Solid]()
     for shape in world.shapes():
         with world.without():
             solids += reader.solids(shape)

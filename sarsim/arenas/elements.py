@@ -131,6 +131,24 @@ class ArenaBuilder:
         """A name for the body of a further victim."""
         return f"{PREFIX}{1 + sum(body.get('name', '').startswith(PREFIX) for body in self._world.iterfind('body'))}"
 
+    def add_victim(
+        self, position: ArrayLike, geoms: Sequence[tuple[Attributes, Sequence[float] | None]], state: str
+    ) -> None:
+        """Add a victim of geoms that are no element's.
+
+        Args:
+            position: (3,) m of its body.
+            geoms: MJCF's attributes of each in its body, and its colour, red, green, blue, from 0 to 1.
+            state: alive or dead; empty if it is not known yet.
+        """
+        name = self.next_victim
+        body = SubElement(self._world, "body", name=name, pos=_text(position))
+        for n, (geom, colour) in enumerate(geoms):
+            paint = {} if colour is None else {"material": self._material(colour)}
+            named = {"name": f"{name}_part_{n}", "class": "victim"}
+            body.append(Element("geom", named | _written(geom) | paint))
+        declare(self.root, name, VICTIM, state=state)
+
     def settle_states(self, state: str) -> int:
         """Give a state to the victims that have none; returns how many these are."""
         unsettled = [text for text in self.root.findall("custom/text") if text.get("data") == data_of(VICTIM)]

@@ -90,7 +90,7 @@ def _set_victims(name: str, builder: ArenaBuilder, victims: WorldVictims) -> Sta
     settled = builder.settle_states(victims.state)
     if settled:
         _log.warning(
-            "%s: %d victims, of which nothing says whether they are alive, are %s (--victims-state)",
+            "%s: nothing says whether %d of its victims live; they are %s (--victims-state)",
             name, settled, victims.state,
         )  # fmt: skip
     return listed and listed.start

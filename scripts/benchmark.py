@@ -38,6 +38,7 @@ from scripts.benchmarks.settings import (
     SubjectSettings,
     TasksSettings,
     VictimsSettings,
+    WorldsSettings,
 )
 
 if TYPE_CHECKING:
@@ -61,6 +62,7 @@ SUBJECTS: dict[str, type[SubjectSettings]] = {
     "semantic": SemanticSettings,
     "tasks": TasksSettings,
     "victims": VictimsSettings,
+    "worlds": WorldsSettings,
 }
 
 

@@ -30,6 +30,8 @@ OVERVIEW, CUT = (720, 540), (45, 467)
 """Pixels of the picture from above, and its rows that show something."""
 SIDE = 300
 """Pixels that the column beside it is wide."""
+DARK = 16
+"""Largest value of a colour of the sky in the robot's noisy image."""
 SKY = 20.0
 """m from the picture's camera beyond which nothing of the arena lies."""
 BEHIND = 0.03
@@ -182,7 +184,7 @@ def beside(picture: NDArray[np.uint8], view: NDArray[np.uint8], time: float, exp
     image = Image.new("RGB", (OVERVIEW[0] + SIDE, height), GROUND)
     image.paste(Image.fromarray(picture[slice(*CUT)]), (0, 0))
     tall = SIDE * view.shape[0] // view.shape[1]
-    view = np.where(view.any(axis=2, keepdims=True), view, np.array(GROUND, np.uint8))
+    view = np.where(view.max(axis=2, keepdims=True) > DARK, view, np.array(GROUND, np.uint8))
     image.paste(Image.fromarray(cv2.resize(view, (SIDE, tall), interpolation=cv2.INTER_AREA)), (OVERVIEW[0], 0))
     draw, left, top = ImageDraw.Draw(image), OVERVIEW[0] + 16, tall + 10
     minutes, seconds = divmod(int(time), 60)

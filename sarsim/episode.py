@@ -48,7 +48,7 @@ class Episode(ExplorerRun):
             raise InputError(f"--seed {config.seed}: not negative")
         config = replace(config, out=config.folder)
         check_folder(config.folder, config.continues)
-        arena = make_arena(config.arena, config.start, config.random, config.seed)
+        arena = make_arena(config.arena, config.start, config.random, config.seed, config.world_victims)
         fiducials = hang_fiducials(arena, config.fiducials, config.seed)
         simulation = SimulationConfig(
             config.odometry,

@@ -16,7 +16,7 @@ from pipeline.config import PipelineConfig
 from pipeline.errors import InputError
 from pipeline.io_config import IoConfig
 from pipeline.ros.live.topic_names import TopicNames
-from sarsim.arenas.settings import RandomArenaConfig, StartPose
+from sarsim.arenas.settings import RandomArenaConfig, StartPose, WorldVictims
 from sarsim.assets import asset
 
 NetworkName = Literal["pointnet", "pointnet2", "pointcnn", "dgcnn", "pointnext"]
@@ -131,6 +131,8 @@ class SimulatorConfig:
         start: start pose: x and y in m, yaw in degrees; by default the arena's own.
         seed: seed of all random numbers.
         lighting: light in the arena; in the dark, the robot's lamp is on.
+        victims: list of victims and starts for an SDF, .raf or map file, lines of NAME x y z roll pitch yaw.
+        victims_state: state of victims whose names do not end in _hot, _moving or _cold.
     """
 
     arena: str = "nist_6x4"
@@ -138,6 +140,13 @@ class SimulatorConfig:
     start: StartPose | None = None
     seed: int = 0
     lighting: LightingName = "normal"
+    victims: Path | None = None
+    victims_state: Literal["alive", "dead"] = "dead"
+
+    @property
+    def world_victims(self) -> WorldVictims:
+        """Settings of the victims of a world of others."""
+        return WorldVictims(self.victims, self.victims_state)
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -41,6 +41,7 @@ from scripts.benchmarks.settings import (
     SubjectSettings,
     TasksSettings,
     VictimsSettings,
+    WorldsSettings,
 )
 
 if TYPE_CHECKING:
@@ -64,6 +65,7 @@ SUBJECTS: dict[str, type[SubjectSettings]] = {
     "semantic": SemanticSettings,
     "tasks": TasksSettings,
     "victims": VictimsSettings,
+    "worlds": WorldsSettings,
 }
 
 

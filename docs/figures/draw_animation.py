@@ -1,98 +1,201 @@
 """Draw docs/images/episode.webp: an episode seen from above, with the labels that the robot gives, and by its camera.
 
-``python docs/figures/draw_animation.py runs/nist_6x4-0`` takes the episode's keyframes.npz.
+``python docs/figures/draw_animation.py runs/nist_6x4-0`` takes the files of an episode in that arena.
 """
 
+import json
 import sys
 from collections.abc import Iterator
+from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
 import numpy as np
 from numpy.typing import NDArray
-from PIL import Image
-from scipy.spatial.transform import Rotation
+from PIL import Image, ImageDraw, ImageFont
+from scipy.spatial.transform import Rotation, Slerp
 
-from pipeline.frame import Frame
+from pipeline.files import read_numbers
 from pipeline.keyframes import Seen
 from pipeline.labels import COLOURS, Label
-from pipeline.map_file import load_keyframes
-from pipeline.mapper import Mapper
+from pipeline.map_file import read_keyframes
+from pipeline.transforms import from_rotation
 from sarsim.arenas.load import load_arena
-from sarsim.composition import TRUE_LABELS, make_mapper
+from sarsim.scoring.coverage import Coverage
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 
-FRAMES, SHOWN, LAST = 80, 130, 3000
-"""Largest number of images; ms that each is shown, and the last one."""
-OVERVIEW, VIEW = (640, 480), (266, 200)
-"""Pixels of the picture from above, and of each of the robot's images right of it."""
-CUT = 40, 440
-"""Rows of the picture from above that show something."""
+STEP, SHOWN, LAST = 1.0, 90, 3500
+"""s of the episode from one image to the next; ms that each is shown, and the last one."""
+OVERVIEW, CUT = (720, 540), (45, 467)
+"""Pixels of the picture from above, and its rows that show something."""
+SIDE = 300
+"""Pixels that the column beside it is wide."""
+DARK = 16
+"""Largest value of a colour of the sky in the robot's noisy image."""
+SKY = 20.0
+"""m from the picture's camera beyond which nothing of the arena lies."""
 BEHIND = 0.03
 """m that a point may lie behind the surface of the picture, and still be painted on it."""
-PAINT = 0.85
+PAINT = 0.8
 """Opacity of a label's colour."""
-QUALITY = 70
+AROUND = 0.1
+"""m around a person who was found within which points are the person's."""
+NAMES = {Label.WALL: "wall", Label.TERRAIN: "terrain", Label.INCLINED_RAMP: "inclined ramp",
+         Label.STRAIGHT_RAMP: "straight ramp", Label.VICTIM: "person found"}  # fmt: skip
+INK, DIM, GROUND, TRACK = (240, 240, 240), (160, 165, 170), (24, 27, 31), (255, 255, 255)
+QUALITY = 62
 IMAGE = Path(__file__).parents[1] / "images" / "episode.webp"
+
+
+@dataclass(frozen=True, eq=False)
+class Drive:
+    """What an episode's folder holds of the drive.
+
+    Attributes:
+        times: (N,) s of the true poses.
+        places: (N, 3) m.
+        turns: their rotations, by time.
+        keyframes: time in s, and what was seen of each.
+        poses: of the keyframes.
+        people: time in s at which each was found, its place (3,) and its size (3,), m.
+    """
+
+    times: NDArray[np.float64]
+    places: NDArray[np.float64]
+    turns: Slerp
+    keyframes: list[tuple[float, Seen]]
+    poses: NDArray[np.float64]
+    people: list[tuple[float, NDArray[np.float64], NDArray[np.float64]]]
 
 
 def main() -> None:
     robot = SimulatedRobot(load_arena("nist_6x4"), SimulationConfig(), seed=0)
-    mapper = make_mapper(TRUE_LABELS, robot.model)
-    load_keyframes(Path(sys.argv[1]) / "keyframes.npz", mapper)
-    first, *others = [Image.fromarray(picture) for picture in growing(mapper, robot)]
+    first, *others = list(growing(read(Path(sys.argv[1]), robot), robot))
     durations = [SHOWN] * len(others) + [LAST]
-    first.save(IMAGE, save_all=True, append_images=others, duration=durations, loop=0, quality=QUALITY, method=4)
+    first.save(IMAGE, save_all=True, append_images=others, duration=durations, loop=0, quality=QUALITY, method=6)
     print(f"{IMAGE}: {1 + len(others)} pictures, {IMAGE.stat().st_size / 1e6:.2f} MB")
     robot.close()
 
 
-def growing(mapper: Mapper, robot: SimulatedRobot) -> Iterator[NDArray[np.uint8]]:
-    """(H, W, 3) uint8 images after every n-th keyframe and the last one."""
-    keyframes = mapper.keyframes
-    clouds = [labelled(seen, T) for seen, T in zip(keyframes.seen, keyframes.poses, strict=True)]
-    every = 1 + len(clouds) // FRAMES
-    for k in sorted({*range(0, len(clouds), every), len(clouds) - 1}):
-        T = keyframes.poses[k]
+def read(folder: Path, robot: SimulatedRobot) -> Drive:
+    """What the folder of an episode holds of its drive."""
+    columns = "t x y z qx qy qz qw"
+    true = read_numbers(folder / "trajectory_true.tum", columns)
+    keyframes = read_keyframes(folder / "keyframes.npz", robot.model)
+    people = [
+        (person["times"][min(1, len(person["times"]) - 1)], np.array(person["position"]), np.array(person["size"]))
+        for person in json.loads((folder / "victims.json").read_text())["people"]
+        if person["confirmed"]
+    ]
+    times = true[passed(true[:, 1:], np.array(keyframes.poses)), 0].tolist()
+    seen = list(zip(times, keyframes.seen, strict=True))
+    turns = Slerp(true[:, 0], Rotation.from_quat(true[:, 4:]))
+    return Drive(true[:, 0], true[:, 1:4], turns, seen, keyframes.poses, people)
+
+
+def passed(track: NDArray[np.float64], poses: NDArray[np.float64]) -> NDArray[np.int64]:
+    """(K,) indices of the poses (N, 7) of a drive, position and quaternion, at which it passed ``poses`` (K, 4, 4).
+
+    Of all choices in the order of the drive, that of the least sum of distances, by dynamic programming.
+    """
+    quaternions = Rotation.from_matrix(poses[:, :3, :3]).as_quat()
+    apart = np.linalg.norm(track[:, :3] - poses[:, None, :3, 3], axis=2)
+    apart += 1 - np.abs(quaternions @ track[:, 3:].T)
+    total, back = apart[0], []
+    for row in apart[1:]:
+        best = np.minimum.accumulate(total)
+        back.append(np.maximum.accumulate(np.where(total == best, np.arange(len(total)), 0)))
+        total = row + best
+    chosen = [int(total.argmin())]
+    for before in reversed(back):
+        chosen.append(int(before[chosen[-1]]))
+    return np.array(chosen[::-1])
+
+
+def growing(drive: Drive, robot: SimulatedRobot) -> Iterator[Image.Image]:
+    """Images every ``STEP`` of the drive."""
+    coverage, done = Coverage(robot), 0
+    clouds = [(np.zeros((0, 3), np.float32), np.zeros(0, np.int64))]
+    for time in np.arange(drive.times[0], drive.times[-1] + STEP, STEP).clip(max=drive.times[-1]):
+        while done < len(drive.keyframes) and drive.keyframes[done][0] <= time:
+            clouds.append(labelled(drive.keyframes[done][1], drive.poses[done]))
+            coverage.see(drive.keyframes[done][1].points_at(drive.poses[done]))
+            done += 1
+        place = np.array([np.interp(time, drive.times, along) for along in drive.places.T])
+        T = from_rotation(drive.turns(time).as_matrix(), place)
         robot.robot.set_pose(robot.physics, T[:3, 3], np.roll(Rotation.from_matrix(T[:3, :3]).as_quat(), 1))
         robot.physics.forward()
-        points, colours = (np.concatenate(parts) for parts in zip(*clouds[: k + 1], strict=True))
-        yield beside(painted(robot, points, colours), robot.sense())
+        points, labels = (np.concatenate(parts) for parts in zip(*clouds, strict=True))
+        for found, middle, size in drive.people:
+            is_person = (np.abs(points - middle) <= size / 2 + AROUND).all(axis=1) & (labels == Label.CLUTTER)
+            labels = np.where(is_person & (found <= time), Label.VICTIM, labels)
+        track = drive.places[drive.times <= time]
+        picture = painted(robot, points, COLOURS[labels], track)
+        yield beside(picture, robot.sense().rgb, time - drive.times[0], coverage.fraction)
 
 
-def labelled(seen: Seen, T: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.uint8]]:
-    """(N, 3) points in ``map``, m, without the ceiling, and their colours (N, 3); none if it was not labelled."""
+def labelled(seen: Seen, T: NDArray[np.float64]) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
+    """(N, 3) points in ``map``, m, without the ceiling, and their labels (N,); none if it was not labelled."""
     if seen.shares is None:
-        return np.zeros((0, 3)), np.zeros((0, 3), np.uint8)
-    labels = seen.shares.classes[:, 0]
+        return np.zeros((0, 3), np.float32), np.zeros(0, np.int64)
+    labels = seen.shares.classes[:, 0].astype(np.int64)
     kept = labels != Label.CEILING
-    return seen.points_at(T)[kept], COLOURS[labels[kept]]
+    return seen.points_at(T)[kept], labels[kept]
 
 
-def painted(robot: SimulatedRobot, points: NDArray[np.float64], colours: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """(H, W, 3) the arena from above, with the points that are in sight painted on it."""
+def painted(
+    robot: SimulatedRobot, points: NDArray[np.float32], colours: NDArray[np.uint8], track: NDArray[np.float64]
+) -> NDArray[np.uint8]:
+    """(H, W, 3) the arena from above, with the points in sight painted on it, and the track (N, 3) m of the robot."""
     data = robot.physics.data.ptr
     picture = cv2.resize(robot.renderer.colour(data, "overview"), OVERVIEW)
     depth = cv2.resize(robot.renderer.segmentation_and_depth(data, "overview")[1], OVERVIEW)
+    uv, far = in_picture(robot, points)
+    layer = np.zeros_like(picture)
+    for step in ((0, 0), (1, 0), (0, 1), (1, 1), (-1, 0), (0, -1)):
+        u, v = (uv.astype(int) + step).clip(0, np.array(OVERVIEW) - 1).T
+        in_sight = far < depth[v, u] + BEHIND
+        layer[v[in_sight], u[in_sight]] = colours[in_sight]
+    opacity = PAINT * layer.any(axis=2, keepdims=True)
+    picture = np.ascontiguousarray((picture * (1 - opacity) + layer * opacity).astype(np.uint8))
+    picture[(depth <= 0) | (depth >= SKY)] = GROUND
+    line, far = in_picture(robot, track + np.array([0, 0, BEHIND]))
+    u, v = line.astype(int).clip(0, np.array(OVERVIEW) - 1).T
+    in_sight = far < depth[v, u] + BEHIND
+    for n in np.flatnonzero(in_sight[1:] & in_sight[:-1]):
+        start, end = line[n : n + 2].round().astype(int).tolist()
+        cv2.line(picture, start, end, TRACK, 2, cv2.LINE_AA)
+    return picture
+
+
+def in_picture(
+    robot: SimulatedRobot, points: NDArray[np.floating]
+) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """(N, 2) pixels of points (N, 3) m in the picture from above, and (N,) m along its optical axis."""
     view = robot.physics.named
     in_camera = (points - view.data.cam_xpos["overview"]) @ view.data.cam_xmat["overview"].reshape(3, 3)
     focal = OVERVIEW[1] / 2 / np.tan(np.radians(view.model.cam_fovy["overview"]) / 2)
-    uv = (in_camera[:, :2] * (1, -1) / -in_camera[:, 2:] * focal + np.array(OVERVIEW) / 2).astype(int)
-    layer = np.zeros_like(picture)
-    for step in ((0, 0), (1, 0), (0, 1), (1, 1), (-1, 0), (0, -1)):
-        u, v = (uv + step).clip(0, np.array(OVERVIEW) - 1).T
-        in_sight = -in_camera[:, 2] < depth[v, u] + BEHIND
-        layer[v[in_sight], u[in_sight]] = colours[in_sight]
-    opacity = PAINT * layer.any(axis=2, keepdims=True)
-    return (picture * (1 - opacity) + layer * opacity).astype(np.uint8)
+    return in_camera[:, :2] * (1, -1) / -in_camera[:, 2:] * focal + np.array(OVERVIEW) / 2, -in_camera[:, 2]
 
 
-def beside(picture: NDArray[np.uint8], frame: Frame) -> NDArray[np.uint8]:
-    """The picture from above, and right of it what the robot's camera sees: colour, and depth below."""
-    picture = picture[slice(*CUT)]
-    near = np.where(frame.returns, 255 - 200 * (frame.depth / frame.sensor.farthest), 0).astype(np.uint8)
-    images = [cv2.resize(image, VIEW, interpolation=cv2.INTER_AREA) for image in (frame.rgb, cv2.merge([near] * 3))]
-    return np.hstack([picture, np.vstack(images)])
+def beside(picture: NDArray[np.uint8], view: NDArray[np.uint8], time: float, explored: float) -> Image.Image:
+    """The picture from above, and right of it the robot's view, the clock, what is explored, and the colours."""
+    height = CUT[1] - CUT[0]
+    image = Image.new("RGB", (OVERVIEW[0] + SIDE, height), GROUND)
+    image.paste(Image.fromarray(picture[slice(*CUT)]), (0, 0))
+    tall = SIDE * view.shape[0] // view.shape[1]
+    view = np.where(view.max(axis=2, keepdims=True) > DARK, view, np.array(GROUND, np.uint8))
+    image.paste(Image.fromarray(cv2.resize(view, (SIDE, tall), interpolation=cv2.INTER_AREA)), (OVERVIEW[0], 0))
+    draw, left, top = ImageDraw.Draw(image), OVERVIEW[0] + 16, tall + 10
+    minutes, seconds = divmod(int(time), 60)
+    draw.text((left, top), f"{minutes}:{seconds:02d}", INK, ImageFont.load_default(30))
+    draw.text((left + 100, top), f"{explored:.0%}", INK, ImageFont.load_default(30))
+    draw.text((left + 185, top + 12), "explored", DIM, ImageFont.load_default(18))
+    for n, (label, name) in enumerate(NAMES.items()):
+        y = top + 46 + 27 * n
+        draw.rectangle((left, y, left + 20, y + 20), tuple(COLOURS[label].tolist()))
+        draw.text((left + 32, y - 2), name, INK, ImageFont.load_default(18))
+    return image
 
 
 if __name__ == "__main__":

@@ -20,7 +20,7 @@ from pipeline.arrays import Place, Places, Rotation3
 from pipeline.tracks.find import VICTIM
 from sarsim.arenas.panels import covered_panels, numbers_of
 from sarsim.arenas.things.models import ThingModel
-from sarsim.arenas.things.thing import DEAD, declare
+from sarsim.arenas.things.thing import DEAD, data_of, declare
 from sarsim.assets import asset
 from sarsim.ground_truth.shapes import rotation
 from sarsim.victims.victims import PREFIX
@@ -130,6 +130,31 @@ class ArenaBuilder:
     def next_victim(self) -> str:
         """A name for the body of a further victim."""
         return f"{PREFIX}{1 + sum(body.get('name', '').startswith(PREFIX) for body in self._world.iterfind('body'))}"
+
+    def add_victim(
+        self, position: ArrayLike, geoms: Sequence[tuple[Attributes, Sequence[float] | None]], state: str
+    ) -> None:
+        """Add a victim of geoms that are no element's.
+
+        Args:
+            position: (3,) m of its body.
+            geoms: MJCF's attributes of each in its body, and its colour, red, green, blue, from 0 to 1.
+            state: alive or dead; empty if it is not known yet.
+        """
+        name = self.next_victim
+        body = SubElement(self._world, "body", name=name, pos=_text(position))
+        for n, (geom, colour) in enumerate(geoms):
+            paint = {} if colour is None else {"material": self._material(colour)}
+            named = {"name": f"{name}_part_{n}", "class": "victim"}
+            body.append(Element("geom", named | _written(geom) | paint))
+        declare(self.root, name, VICTIM, state=state)
+
+    def settle_states(self, state: str) -> int:
+        """Give a state to the victims that have none; returns how many these are."""
+        unsettled = [text for text in self.root.findall("custom/text") if text.get("data") == data_of(VICTIM)]
+        for text in unsettled:
+            text.set("data", data_of(VICTIM, state=state))
+        return len(unsettled)
 
     def add_box(
         self, name: str, label: str, position: ArrayLike, yaw_deg: float, middle: ArrayLike, half: ArrayLike,

@@ -1,5 +1,6 @@
 """Loads an arena by its name."""
 
+import logging
 from collections.abc import Callable
 from pathlib import Path
 
@@ -12,11 +13,12 @@ from pipeline.errors import InputError
 from sarsim.arenas.arena import RescueArena, naming
 from sarsim.arenas.elements import ArenaBuilder
 from sarsim.arenas.map_2d import build_map
-from sarsim.arenas.names import BUILT_IN, MJCF, RANDOM, check_arena_name, seed_of
+from sarsim.arenas.names import BUILT_FILES, BUILT_IN, MJCF, RANDOM, check_arena_name, seed_of
+from sarsim.arenas.placements import add_person, read_placements
 from sarsim.arenas.raf import build_raf
 from sarsim.arenas.random_arena import build_random
 from sarsim.arenas.sdf.build import build_sdf
-from sarsim.arenas.settings import RandomArenaConfig, StartPose
+from sarsim.arenas.settings import RandomArenaConfig, StartPose, WorldVictims
 from sarsim.arenas.start import find_start, start_at
 from sarsim.assets import asset
 from sarsim.vetting.read import read_mjcf
@@ -27,26 +29,42 @@ BUILDERS: dict[str, Callable[[Path], ArenaBuilder]] = {
     ".raf": build_raf, ".sdf": build_sdf, ".world": build_sdf, ".yaml": build_map,
 }  # fmt: skip
 """The builder of each kind of file."""
+_log = logging.getLogger(__name__)
 
 
-def load_arena(name: str, start: StartPose | None = None, random: RandomArenaConfig | None = None) -> RescueArena:
+def load_arena(
+    name: str,
+    start: StartPose | None = None,
+    random: RandomArenaConfig | None = None,
+    victims: WorldVictims | None = None,
+) -> RescueArena:
     """The arena that a command's ``--arena`` names.
 
     Args:
         name: a built-in arena or lane, ``random:SEED``, or the path of a ``.raf``, MJCF, SDF or 2D map file.
         start: where to set the robot down; if not given, the arena's own start, or else the best place in it.
         random: settings of a random arena.
+        victims: settings of the victims of a world of others.
 
     Raises:
         InputError: no such arena, the file is missing or broken, or the robot cannot stand at the start.
     """
     check_arena_name(name)
+    victims = victims or WorldVictims()
     path, kind = Path(name), Path(name).suffix.lower()
+    if victims.placements and kind not in BUILT_FILES:
+        raise InputError(
+            f"--victims {victims.placements}: {name} has victims of its own;"
+            f" lists go with files of others: {', '.join(BUILT_FILES)}"
+        )
     if name in BUILT_IN:
         return _from_mjcf(asset("arenas", f"{name}.xml"), start)
     if name.startswith(RANDOM):
         return _from_builder(name, build_random(seed_of(name), random), start)
-    return _from_mjcf(path, start) if kind == MJCF else _from_builder(name, BUILDERS[kind](path), start)
+    if kind == MJCF:
+        return _from_mjcf(path, start)
+    builder = BUILDERS[kind](path)
+    return _from_builder(name, builder, start or _set_victims(name, builder, victims))
 
 
 def checked_arena(arena: object, name: str, start: StartPose | None = None) -> RescueArena:
@@ -62,6 +80,20 @@ def checked_arena(arena: object, name: str, start: StartPose | None = None) -> R
         check_model(model)
         _set_start(root, model, start)
         return RescueArena(root, name)
+
+
+def _set_victims(name: str, builder: ArenaBuilder, victims: WorldVictims) -> StartPose | None:
+    """Add the people of the list, and settle who is alive; returns the start that the list names."""
+    listed = read_placements(victims.placements) if victims.placements else None
+    for pose in listed.victims if listed else ():
+        add_person(builder, pose)
+    settled = builder.settle_states(victims.state)
+    if settled:
+        _log.warning(
+            "%s: nothing says whether %d of its victims live; they are %s (--victims-state)",
+            name, settled, victims.state,
+        )  # fmt: skip
+    return listed and listed.start
 
 
 def _from_mjcf(path: Path, wish: StartPose | None) -> RescueArena:

@@ -1,12 +1,27 @@
 """Settings of an arena, in a module of their own, because ``--help`` needs no more than these."""
 
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
 
 from tyro.conf import Fixed
 
 StartPose = tuple[float, float, float]  # x and y in m, yaw in degrees
 SHARES = ("wall_density", "ramps", "clutter", "furniture", "bulky", "furnished")
 """Settings of random arenas that are shares of walls or tiles."""
+
+
+@dataclass(frozen=True)
+class WorldVictims:
+    """Victims of a world that others made.
+
+    Attributes:
+        placements: list of victims, and of starts if none is given, which a league publishes beside its world.
+        state: of victims whose name does not say whether they are alive.
+    """
+
+    placements: Path | None = None
+    state: Literal["alive", "dead"] = "dead"
 
 
 @dataclass(frozen=True)

@@ -2,12 +2,13 @@
 
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Literal
 
 from tyro.conf import Fixed
 
 from pipeline.errors import InputError
 from pipeline.files import whole_file
-from sarsim.arenas.settings import RandomArenaConfig, StartPose
+from sarsim.arenas.settings import RandomArenaConfig, StartPose, WorldVictims
 from sarsim.commands.cli import check_folder_of
 from sarsim.commands.settings import run_with_settings
 
@@ -21,12 +22,16 @@ class ExportArena:
             MODULE:FUNCTION of your own.
         out: MJCF file to write, .xml; files that the arena refers to are copied beside it.
         start: start pose: x and y in m, yaw in degrees; by default the arena's own.
+        victims: list of victims and starts beside a world of others, as in run_episode.py.
+        victims_state: state of victims whose names do not say it, as in run_episode.py.
         random: contents of a random arena, set in a --config file as run_episode.py writes it.
     """
 
     arena: str
     out: Path
     start: StartPose | None = None
+    victims: Path | None = None
+    victims_state: Literal["alive", "dead"] = "dead"
     random: Fixed[RandomArenaConfig] = field(default_factory=RandomArenaConfig)
 
 
@@ -37,7 +42,8 @@ def export_arena(settings: ExportArena) -> None:
     if settings.out.suffix != ".xml":  # by which MuJoCo knows its own files
         raise InputError(f"--out {settings.out}: MJCF is written, so the ending must be .xml")
     check_folder_of("out", settings.out)
-    arena = make_arena(settings.arena, settings.start, settings.random)
+    victims = WorldVictims(settings.victims, settings.victims_state)
+    arena = make_arena(settings.arena, settings.start, settings.random, victims=victims)
     for name, content in (arena.mjcf_model.get_assets() | {settings.out.name: arena.to_xml().encode()}).items():
         with whole_file(settings.out.with_name(name)) as part:
             part.write_bytes(content)

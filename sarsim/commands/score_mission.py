@@ -1,12 +1,12 @@
 """Score a mission's files as the leagues do: ``score_mission.py DIR --arena A``."""
 
 from pathlib import Path
-from typing import Annotated
+from typing import Annotated, Literal
 
 import tyro
 
 from pipeline.errors import InputError
-from sarsim.arenas.settings import StartPose
+from sarsim.arenas.settings import StartPose, WorldVictims
 from sarsim.commands.cli import run
 from sarsim.settings import Robot
 
@@ -20,6 +20,8 @@ def score_mission(
     parked: tuple[float, float] | None = None,
     resets: int = 0,
     contacts: int = 0,
+    victims: Path | None = None,
+    victims_state: Literal["alive", "dead"] = "dead",
 ) -> None:
     """Compare the 3D map and the list of finds of a team with the arena, and print both leagues' scores.
 
@@ -32,6 +34,8 @@ def score_mission(
         parked: x and y in m where the robot was at the end; by default the end of trajectory_true.tum.
         resets: how often the robot was touched.
         contacts: contacts with living victims.
+        victims: list of victims and starts beside the world, as in run_episode.py.
+        victims_state: state of victims whose names do not say it, as in run_episode.py.
     """
     import json
 
@@ -46,7 +50,8 @@ def score_mission(
 
     if min(resets, contacts) < 0:
         raise InputError(f"--resets {resets} --contacts {contacts}: numbers of at least 0")
-    brief, body, world = load_mission(mission), robot_model(robot), make_arena(arena, start)
+    brief, body = load_mission(mission), robot_model(robot)
+    world = make_arena(arena, start, victims=WorldVictims(victims, victims_state))
     physics = mjcf.Physics.from_mjcf_model(world.mjcf_model)
     with world.naming():
         truth = true_arena(physics.model.ptr, physics.data.ptr, world.T_world_start, body)

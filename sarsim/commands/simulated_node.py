@@ -51,7 +51,7 @@ class SimulatedNode:
                 "negative seed"
             )
         self.config, self._node = config, node
-        arena = make_arena(config.arena, config.start, seed=config.seed)
+        arena = make_arena(config.arena, config.start, seed=config.seed, victims=config.world_victims)
         self.robot = SimulatedRobot(
             arena, SimulationConfig(lighting=config.lighting, robot=config.robot), config.seed
         )

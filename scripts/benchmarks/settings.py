@@ -360,6 +360,29 @@ class BarnSettings(SubjectSettings):
 
 
 @dataclass(frozen=True, kw_only=True)
+class WorldsSettings(SubjectSettings):
+    """Worlds of the rescue leagues' virtual robots, with a mission of that league in each.
+
+    Attributes:
+        worlds: folder of the worlds with their models; a model.sdf that no world includes is a world too.
+        robot: pioneer3at, jackal, or the path of an MJCF file structured like theirs.
+        minutes: of each mission.
+        seed: seed of all random numbers.
+        workers: number of missions at a time; by default one per core.
+        runs: folder for the result of each mission; missions with a result in it are not played again.
+        pipeline: all numbers of the robot's software; only ``--config`` changes them.
+    """
+
+    worlds: Path = SHARED / "worlds"
+    robot: Robot = "pioneer3at"
+    minutes: float = 20.0
+    seed: int = 0
+    workers: int | None = None
+    runs: Path = Path("runs/benchmark-worlds")
+    pipeline: Fixed[PipelineConfig] = PipelineConfig()
+
+
+@dataclass(frozen=True, kw_only=True)
 class TasksSettings(SubjectSettings):
     """Steps per second of the Gymnasium tasks, and lengths of way of the explorers of 2D maps.
 

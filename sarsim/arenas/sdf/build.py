@@ -15,6 +15,7 @@ from sarsim.arenas.elements import ArenaBuilder, Attributes
 from sarsim.arenas.sdf.labels import Outline, endless, ground_of, label_of, outline_of
 from sarsim.arenas.sdf.pieces import MOST_PIECES
 from sarsim.arenas.sdf.solids import Solid, SolidReader
+from sarsim.arenas.sdf.victims import add_victims, victims_of
 from sarsim.arenas.sdf.world import SdfWorld
 from sarsim.ground_truth.true_surface import MOST_AREA
 from sarsim.robots.model import robot_model
@@ -56,11 +57,14 @@ def build_sdf(path: Path) -> ArenaBuilder:
     """
     try:
         world = SdfWorld(path)
-        solids = _solids(path, world)
+        victims = victims_of(world)
+        solids = _solids(path, world, {victim.scoped for victim in victims})
     except RecursionError as error:
         raise InputError(f"{path}: models or frames are nested too deeply") from error
     hulls = _as_hulls(solids)
     bodies, thrown = _within_reach([body for solid in solids for body in _bodies(solid, hulls)])
+    builder = _built(path, bodies, world.is_model)
+    add_victims(builder, path, world, victims)
     if world.lost or thrown:
         lost = [said.removeprefix(f"{path}, ") for said in dict.fromkeys([*world.lost, *thrown])]
         _log.warning("%s: loaded without %s: %s", path, _counted({"thing": len(lost)}), "; ".join(lost))
@@ -68,12 +72,13 @@ def build_sdf(path: Path) -> ArenaBuilder:
         _log.warning("%s: loaded without its %s", path, _counted(world.left_out))
     if hulls:
         _log.warning("%s: %d detailed pieces of meshes are as solid as their convex hulls", path, len(hulls))
-    return _built(path, bodies, world.is_model)
+    return builder
 
 
-def _solids(path: Path, world: SdfWorld) -> list[Solid]:
-    reader, solids = SolidReader(world.resources), list[Solid]()
-    for shape in world.shapes():
+def _solids(path: Path, world: SdfWorld, apart: set[str]) -> list[Solid]:
+    """The solids of all models but those ``apart``, by their scoped names."""
+    reader, solids = SolidReader(world.meshes), list[Solid]()
+    for shape in world.shapes(without=lambda model: model.scoped in apart):
         with world.without():
             solids += reader.solids(shape)
         if len(solids) > MOST_GEOMS:

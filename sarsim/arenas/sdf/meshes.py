@@ -16,6 +16,7 @@ from pipeline.arrays import Places
 from pipeline.errors import InputError
 from sarsim.arenas.sdf.colours import Colour
 from sarsim.arenas.sdf.resources import Resources
+from sarsim.vetting.model_files import RefusedError
 
 MOST_TRIANGLES = 500_000  # of a mesh; finding its connected pieces takes 10 µs each
 
@@ -35,6 +36,32 @@ class MeshSurface:
     vertices: Places
     triangles: NDArray[np.int64]
     colour: Colour | None = None
+
+
+class Meshes:
+    """The mesh files of a world, each read once.
+
+    Attributes:
+        resources: the world's files.
+    """
+
+    def __init__(self, resources: Resources):
+        self.resources = resources
+        self._read: dict[Path, list[MeshSurface] | str] = {}
+
+    def surfaces(self, path: Path) -> list[MeshSurface]:
+        """The surfaces of a mesh file (:func:`read_surfaces`), or the InputError that says what is wrong with it."""
+        if path not in self._read:
+            try:
+                self._read[path] = read_surfaces(self.resources, path)
+            except RefusedError:
+                raise
+            except InputError as error:
+                self._read[path] = str(error)
+        read = self._read[path]
+        if isinstance(read, str):
+            raise InputError(read)
+        return read
 
 
 def read_surfaces(resources: Resources, path: Path) -> list[MeshSurface]:

@@ -12,9 +12,9 @@ from pipeline.arrays import Places, Pose, Values
 from pipeline.errors import InputError
 from pipeline.transforms import FARTHEST, from_rotation
 from sarsim.arenas.sdf.colours import Colour
-from sarsim.arenas.sdf.meshes import MeshSurface, read_surfaces
+from sarsim.arenas.sdf.meshes import Meshes, MeshSurface
 from sarsim.arenas.sdf.pieces import MeshPiece, extruded, pieces_of
-from sarsim.arenas.sdf.resources import Resources, missing
+from sarsim.arenas.sdf.resources import missing
 from sarsim.arenas.sdf.values import child_numbers, numbers
 from sarsim.arenas.sdf.world import LEFT_OUT, SdfShape
 from sarsim.ground_truth.columns import SEGMENTS
@@ -49,12 +49,11 @@ class Solid:
 
 
 class SolidReader:
-    """Makes solids of shapes; meshes are read once."""
+    """Makes solids of shapes; each mesh is cut into pieces once."""
 
-    def __init__(self, resources: Resources):
-        """``resources``: the world's files."""
-        self._resources = resources
-        self._surfaces: dict[object, list[MeshSurface]] = {}
+    def __init__(self, meshes: Meshes):
+        """``meshes``: the world's."""
+        self._files = meshes
         self._pieces: dict[object, list[MeshPiece]] = {}
 
     def solids(self, shape: SdfShape) -> Iterator[Solid]:
@@ -74,14 +73,12 @@ class SolidReader:
         scale = child_numbers(form, "scale", (1.0, 1.0, 1.0), shape.where)
         uri, submesh = (form.findtext("uri") or "").strip(), (form.findtext("submesh/name") or "").strip()
         centred = (form.findtext("submesh/center") or "").strip() in ("true", "1")
-        path = self._resources.find(uri, shape.base, shape.where)
+        path = self._files.resources.find(uri, shape.base, shape.where)
         if path is None or path.is_dir():
             raise missing(uri, shape.where)
         key = (path, *scale, submesh, centred)
         if key not in self._pieces:
-            if path not in self._surfaces:
-                self._surfaces[path] = read_surfaces(self._resources, path)
-            surfaces = [s for s in self._surfaces[path] if submesh in ("", s.name)]
+            surfaces = [s for s in self._files.surfaces(path) if submesh in ("", s.name)]
             if not surfaces:
                 raise InputError(f"{shape.where}: {path} has no submesh {submesh[:60]!r}")
             scaled = list(_scaled(surfaces, scale, centred))

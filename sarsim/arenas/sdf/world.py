@@ -11,9 +11,9 @@ Gazebo shows the rest.
 """
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -25,6 +25,7 @@ from pipeline.errors import InputError
 from pipeline.transforms import FARTHEST, inverse
 from sarsim.arenas.sdf.colours import Colour, colour_of
 from sarsim.arenas.sdf.frames import MODEL, Frames
+from sarsim.arenas.sdf.meshes import Meshes
 from sarsim.arenas.sdf.resources import Resources, missing
 from sarsim.arenas.sdf.values import name_of, pose_of, relative_to
 from sarsim.vetting.model_files import MOST_GEOMS, RefusedError
@@ -46,10 +47,38 @@ _SHIPPED = {
 
 
 @dataclass(frozen=True, eq=False)
+class SdfModel:
+    """A model in the world.
+
+    Attributes:
+        name: that the world gives it: of its ``<include>``, or else of the model itself.
+        scoped: names of the models around it and its own, joined by ``::``; no other model has it.
+        uri: from where it is included; empty if it stands in the file itself.
+        T_world: its pose.
+        missing: it has a mesh, or should have come from elsewhere, and nothing of its shapes can be read.
+    """
+
+    name: str
+    scoped: str
+    uri: str
+    T_world: Pose
+    missing: bool
+
+
+Choice = Callable[[SdfModel], bool]
+"""Chooses models."""
+
+
+def _none(model: SdfModel) -> bool:
+    return False
+
+
+@dataclass(frozen=True, eq=False)
 class SdfShape:
     """A shape in the world.
 
     Attributes:
+        model: the scoped name of the model that has it.
         geometry: its ``<geometry>``.
         T_world: its pose.
         colour: red, green, blue, from 0 to 1; None if the file gives none.
@@ -57,6 +86,7 @@ class SdfShape:
         where: what to call it in error messages.
     """
 
+    model: str
     geometry: "Element"
     T_world: Pose
     colour: Colour | None
@@ -64,15 +94,24 @@ class SdfShape:
     where: str
 
 
+_OUTSIDE = SdfModel("", "", "", np.eye(4), False)
+"""The world itself, as what its models stand in."""
+
+
 @dataclass(frozen=True, eq=False)
 class _Model:
-    """A model, or a world, with its frames, and its links and the models in it by the names of their frames."""
+    """A model, or a world, with its frames, and its links and the models in it by the names of their frames.
+
+    One that is included and cannot be read is empty, and ``lost`` says why.
+    """
 
     name: str
     element: "Element"
     base: Path
     where: str
     frames: Frames
+    uri: str = ""
+    lost: str = ""
     links: dict[str, "Element"] = field(default_factory=dict)
     nested: dict[str, "_Model"] = field(default_factory=dict)
 
@@ -85,6 +124,7 @@ class SdfWorld:
         is_model: whether the file holds models alone, which stand on nobody's ground.
         lost: what is wrong with each thing that is missing or broken, in words.
         resources: the world's files.
+        meshes: those among them.
     """
 
     def __init__(self, path: Path):
@@ -96,15 +136,26 @@ class SdfWorld:
         self.left_out: Counter[str] = Counter()
         self.lost: list[str] = []
         self.resources = Resources(path)
+        self.meshes = Meshes(self.resources)
         self._models = 0
         root = self._root(path)
         world = root.find(WORLD)
         self.is_model = world is None
         self._world = self._read("", root if world is None else world, path, WORLD, (path.resolve(),))
 
-    def shapes(self) -> Iterator[SdfShape]:
-        """All shapes, in the order of the file."""
-        yield from self._shapes(self._world, np.eye(4), self._world.element.find("state"))
+    def models(self) -> Iterator[SdfModel]:
+        """All models, those in others too, in the order of the file."""
+        for model, placed, _ in self._placed(self._world, _OUTSIDE, self._world.element.find("state")):
+            if model is not self._world:
+                yield placed
+
+    def shapes(self, without: Choice = _none) -> Iterator[SdfShape]:
+        """All shapes, in the order of the file, but those of the models that ``without`` chooses and all in them."""
+        for model, placed, state in self._placed(self._world, _OUTSIDE, self._world.element.find("state"), without):
+            with self.without():
+                if model.lost:
+                    raise InputError(model.lost)
+                yield from self._own_shapes(model, placed, state)
 
     @contextmanager
     def without(self) -> Iterator[None]:
@@ -154,22 +205,35 @@ class SdfWorld:
             self._include(model, child, files)
 
     def _include(self, model: _Model, include: "Element", files: tuple[Path, ...]) -> None:
-        where, uri = f"{model.where}, <include>", (include.findtext("uri") or "").strip()
-        path = self.resources.find(uri, model.base, where) if uri else None
-        if path is None:
-            shipped = _SHIPPED.get(uri.rstrip("/").rpartition("/")[2].lower().replace("%20", "_").replace(" ", "_"))
-            if shipped is None:
-                raise missing(uri, where)
-            included, path = ElementTree.fromstring(shipped), files[-1]
-        else:
-            path = self._model_file(path)
-            if path in files:
-                raise InputError(f"{where}: {path} includes itself")
-            included = self._root(path).find("model")
+        uri, name = (include.findtext("uri") or "").strip(), (include.findtext("name") or "").strip()
+        where = f"{model.where}, <include>"
+        try:
+            included, path = self._included(uri, model.base, where, files)
+        except RefusedError:
+            raise
+        except InputError as error:
+            placeholder = _Model(
+                name or _last(uri), ElementTree.fromstring("<model/>"), model.base, where, Frames(where)
+            )
+            self._nest(model, include, include, replace(placeholder, uri=uri, lost=str(error)))
+            return
         if included is not None:  # a file may hold a light alone
             placed = include if include.find("pose") is not None else included
-            name = (include.findtext("name") or "").strip() or included.get("name", "")
-            self._nest(model, include, placed, self._read(name, included, path, MODEL, (*files, path)))
+            nested = self._read(name or included.get("name", ""), included, path, MODEL, (*files, path))
+            self._nest(model, include, placed, replace(nested, uri=uri))
+
+    def _included(self, uri: str, base: Path, where: str, files: tuple[Path, ...]) -> "tuple[Element | None, Path]":
+        """The model that a URI names, and the file that holds it."""
+        path = self.resources.find(uri, base, where) if uri else None
+        if path is None:
+            shipped = _SHIPPED.get(_last(uri).lower().replace(" ", "_"))
+            if shipped is None:
+                raise missing(uri, where)
+            return ElementTree.fromstring(shipped), files[-1]
+        path = self._model_file(path)
+        if path in files:
+            raise InputError(f"{where}: {path} includes itself")
+        return self._root(path).find("model"), path
 
     def _model_file(self, path: Path) -> Path:
         """The SDF file of a model's folder, of the newest version that ``model.config`` lists."""
@@ -194,20 +258,46 @@ class SdfWorld:
         merged = owner.get("merge") in ("true", "1")
         model.nested[model.frames.add(nested.name, T, parent, nested.frames, frame, merged)] = nested
 
-    def _shapes(self, model: _Model, T_world: Pose, state: "Element | None") -> Iterator[SdfShape]:
-        for name, link in model.links.items():
-            with self.without():
-                yield from self._link_shapes(model, name, link, T_world, _named(state, "link", link.get("name", "")))
+    def _placed(
+        self, model: _Model, outside: SdfModel, state: "Element | None", without: Choice = _none
+    ) -> "Iterator[tuple[_Model, SdfModel, Element | None]]":
+        """A model and all in it, each with its place and its state."""
+        yield model, outside, state
         for name, nested in model.nested.items():
             with self.without():
                 own = _named(state, "model", nested.name)
-                T = T_world @ model.frames.pose(name) if own is None else pose_of(own, f"{nested.where}, <state>")
-                yield from self._shapes(nested, T, own)
+                where = f"{nested.where}, <state>"
+                T = outside.T_world @ model.frames.pose(name) if own is None else pose_of(own, where)
+                placed = SdfModel(nested.name, f"{outside.scoped}::{name}".removeprefix("::"), nested.uri, T, False)
+                placed = replace(placed, missing=self._is_missing(nested))
+                if not without(placed):
+                    yield from self._placed(nested, placed, own, without)
+
+    def _is_missing(self, model: _Model) -> bool:
+        """Whether a model should have a shape and nothing of its shapes can be read."""
+        geometries = [g for g in model.element.iterfind("link/*/geometry") if len(g)]
+        if any(g.find("mesh") is None for g in geometries) or model.nested:
+            return False
+        uris = [(g.findtext("mesh/uri") or "").strip() for g in geometries]
+        return bool(model.lost or uris) and not any(self._has_mesh(uri, model) for uri in uris)
+
+    def _has_mesh(self, uri: str, model: _Model) -> bool:
+        try:
+            path = self.resources.find(uri, model.base, model.where)
+            return path is not None and bool(self.meshes.surfaces(path))
+        except InputError:
+            return False
+
+    def _own_shapes(self, model: _Model, placed: SdfModel, state: "Element | None") -> Iterator[SdfShape]:
+        for name, link in model.links.items():
+            with self.without():
+                own = _named(state, "link", link.get("name", ""))
+                yield from self._link_shapes(model, name, link, placed, own)
 
     def _link_shapes(
-        self, model: _Model, name: str, link: "Element", T_world: Pose, state: "Element | None"
+        self, model: _Model, name: str, link: "Element", placed: SdfModel, state: "Element | None"
     ) -> Iterator[SdfShape]:
-        where = f"{model.where}, <link> {name_of(link)}"
+        where, T_world = f"{model.where}, <link> {name_of(link)}", placed.T_world
         if state is not None:
             T_world = pose_of(state, f"{where}, <state>") @ inverse(model.frames.pose(name))
         visuals = [visual for visual in link.findall("visual") if visual.find("geometry") is not None]
@@ -220,13 +310,18 @@ class SdfWorld:
                 assert geometry is not None
                 if not (np.abs(T[:3, 3]) <= FARTHEST).all():
                     raise InputError(f"{place}: lies farther away than {FARTHEST:g} m")
-                yield SdfShape(geometry, T, colour_of(shape, visuals), model.base, place)
+                yield SdfShape(placed.scoped, geometry, T, colour_of(shape, visuals), model.base, place)
 
 
 def _named(state: "Element | None", tag: str, name: str) -> "Element | None":
     """The state of a model or a link that has a pose."""
     found = () if state is None else (e for e in state.findall(tag) if e.get("name") == name)
     return next((e for e in found if e.find("pose") is not None), None)
+
+
+def _last(uri: str) -> str:
+    """The last part of a URI, which is the name of the model that it means."""
+    return " ".join(uri.rstrip("/").rpartition("/")[2].replace("%20", " ").split())
 
 
 def _version(text: str) -> tuple[int, ...]:

@@ -44,6 +44,12 @@ def model(name, *links, pose="", inside=""):
     return f"<model name='{name}'><pose>{pose}</pose>{written}{inside}</model>"
 
 
+def include(uri, name="", pose=""):
+    """A model from elsewhere, with its own name and pose if none is given."""
+    more = (f"<name>{name}</name>" if name else "") + (f"<pose>{pose}</pose>" if pose else "")
+    return f"<include><uri>{uri}</uri>{more}</include>"
+
+
 def write(folder: Path, *content: str, name="a.world", version="1.9") -> Path:
     """Write a world of this content."""
     path = folder / name

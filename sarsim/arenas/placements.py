@@ -1,0 +1,138 @@
+"""Victims and starts of a world by others: what names say, and lists of placements that leagues publish beside it.
+
+A line of a list is ``NAME x y z roll pitch yaw``, in m and rad in the frame of the world, as Gazebo prints poses.
+The name may be missing, or be a number that counts, and the last three numbers may be missing. Commas, semicolons,
+colons and brackets separate as spaces do, and ``#`` begins a comment. Lines whose name has ``start`` or ``robot`` in
+it are starts, all others are victims. A line without numbers names the lines below it that have no name.
+"""
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from pipeline.errors import InputError
+from pipeline.files import read_text
+from pipeline.tracks.find import VICTIM
+from pipeline.transforms import FARTHEST
+from sarsim.arenas.elements import ArenaBuilder
+from sarsim.arenas.settings import StartPose
+from sarsim.arenas.things.thing import ALIVE, DEAD, declare
+from sarsim.victims.victims import PREFIX, Posture, make_victim
+
+VICTIM_WORDS = ("victim", "survivor", "casualty", "rescue_randy")
+"""Words in the names of models that are victims; the last is the manikin of DARPA's Subterranean Challenge."""
+STATE_WORDS = {"hot": ALIVE, "warm": ALIVE, "moving": ALIVE, "alive": ALIVE, "cold": DEAD, "dead": DEAD}
+"""What words in the name of a victim say of its state; the Virtual Robot league has hot, cold and moving ones."""
+START_WORDS = ("start", "robot")
+"""Words in the names of lines that are starts of the robot."""
+ON_THE_GROUND: tuple[Posture, ...] = ("lying", "prone", "side")
+"""Postures of people whom a world only gives a place."""
+MOST_LINES = 1000
+"""Lines of a list that are read; the league's worlds have at most 20 victims."""
+_SEPARATORS = re.compile(r"[\s,;:()\[\]{}=]+")
+
+
+@dataclass(frozen=True)
+class WorldPose:
+    """A line of a list of placements.
+
+    Attributes:
+        name: of what stands there; empty if the list has none.
+        x, y, z: m.
+        yaw: rad.
+    """
+
+    name: str
+    x: float
+    y: float
+    z: float
+    yaw: float
+
+
+@dataclass(frozen=True)
+class Placements:
+    """A list of placements.
+
+    Attributes:
+        victims: where people are.
+        starts: where robots start.
+    """
+
+    victims: tuple[WorldPose, ...]
+    starts: tuple[WorldPose, ...]
+
+    @property
+    def start(self) -> StartPose | None:
+        """The first start, as ``--start`` takes it; None if there is none."""
+        return next(((s.x, s.y, float(np.degrees(s.yaw))) for s in self.starts), None)
+
+
+def is_victim(name: str) -> bool:
+    """Whether the name of a model is that of a victim."""
+    return any(word in "_".join(_words(name)) for word in VICTIM_WORDS)
+
+
+def state_of(name: str) -> str:
+    """Alive or dead, if the name of a victim says so; else empty."""
+    return next((STATE_WORDS[word] for word in reversed(_words(name)) if word in STATE_WORDS), "")
+
+
+def _words(name: str) -> list[str]:
+    """The words of a name in lower case: ``victimWoman_hot-2`` has four."""
+    return re.findall(r"[a-z]+|\d+", re.sub(r"(?<=[a-z])(?=[A-Z])", " ", name).lower())
+
+
+def read_placements(path: Path) -> Placements:
+    """Read a list.
+
+    Raises:
+        InputError: the file is missing or too long, names no place, or a line has too few numbers or absurd ones.
+    """
+    lines = read_text(path).splitlines()
+    if len(lines) > MOST_LINES:
+        raise InputError(f"{path}: {len(lines)} lines; a list of placements has at most {MOST_LINES}")
+    poses, heading = list[WorldPose](), ""
+    for number, line in enumerate(lines, 1):
+        words = [word for word in _SEPARATORS.split(line.partition("#")[0]) if word]
+        numbers = [value for word in words if (value := _number(word)) is not None]
+        name = " ".join(word for word in words if _number(word) is None)
+        if not numbers:
+            heading = name or heading
+        else:
+            poses.append(_pose(f"{path}, line {number}", name or heading, numbers))
+    if not poses:
+        raise InputError(f"{path}: no line gives a place; each is NAME x y z roll pitch yaw, in m and rad")
+    starts = tuple(pose for pose in poses if any(word in pose.name.lower() for word in START_WORDS))
+    return Placements(tuple(pose for pose in poses if pose not in starts), starts)
+
+
+def _number(word: str) -> float | None:
+    try:
+        return float(word)
+    except ValueError:
+        return None
+
+
+def _pose(where: str, name: str, numbers: list[float]) -> WorldPose:
+    if len(numbers) == 7 and numbers[0] == round(numbers[0]):
+        numbers = numbers[1:]  # the first one counts the lines
+    if len(numbers) not in (3, 6):
+        raise InputError(f"{where}: {len(numbers)} numbers; give x y z, or x y z roll pitch yaw, in m and rad")
+    if not (np.abs(numbers) <= FARTHEST).all():  # not for NaN either
+        raise InputError(f"{where}: a number is larger than {FARTHEST:g} or none at all")
+    return WorldPose(name, *numbers[:3], numbers[5] if len(numbers) == 6 else 0.0)
+
+
+def add_person(builder: ArenaBuilder, pose: WorldPose) -> None:
+    """Add a person who lies with the head towards the pose's x axis; the same number of victim looks the same."""
+    name = builder.next_victim
+    number = name.removeprefix(PREFIX)
+    rng = np.random.default_rng(int(number))
+    person = make_victim(number, rng, ON_THE_GROUND[int(rng.integers(len(ON_THE_GROUND)))])
+    ahead, aside = person.footprint.mean(axis=0)  # the middle of the person is where the pose is
+    cos, sin = np.cos(pose.yaw), np.sin(pose.yaw)
+    middle = (pose.x - cos * ahead + sin * aside, pose.y - sin * ahead - cos * aside, pose.z)
+    person.add_to(builder.root, middle, pose.yaw)
+    declare(builder.root, name, VICTIM, state=state_of(pose.name))

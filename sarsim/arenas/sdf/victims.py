@@ -1,0 +1,83 @@
+"""The victims of an SDF world: models whose names, or those of the files that they come from, say that they are.
+
+A victim with shapes becomes a body of these, all labelled as a victim; one without becomes a person of the library,
+who lies at its place.
+"""
+
+import logging
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from pipeline.errors import InputError
+from sarsim.arenas.elements import ArenaBuilder, Attributes
+from sarsim.arenas.placements import WorldPose, add_person, is_victim, state_of
+from sarsim.arenas.sdf.solids import Solid, SolidReader
+from sarsim.arenas.sdf.world import SdfModel, SdfWorld
+from sarsim.vetting.model_files import MOST_GEOMS
+
+_log = logging.getLogger(__name__)
+
+
+def victims_of(world: SdfWorld) -> list[SdfModel]:
+    """The outermost models of a world that are victims."""
+    victims = list[SdfModel]()
+    for model in world.models():
+        is_inside = any(model.scoped.startswith(f"{victim.scoped}::") for victim in victims)
+        if not is_inside and is_victim(_called(model)):
+            victims.append(model)
+    return victims
+
+
+def _called(model: SdfModel) -> str:
+    """What a model is called, by its world and by the folder that it comes from."""
+    return f"{model.uri.rstrip('/').rpartition('/')[2]} {model.name}"
+
+
+def add_victims(builder: ArenaBuilder, path: Path, world: SdfWorld, victims: list[SdfModel]) -> None:
+    """Add the victims of the world in the file ``path``.
+
+    Raises:
+        InputError: they have too many shapes.
+    """
+    reader = SolidReader(world.meshes)
+    for victim in victims:
+        solids = list(_solids(world, reader, victim))
+        if len(solids) > MOST_GEOMS:
+            raise InputError(f"{path}: {victim.name} has {len(solids)} shapes, at most {MOST_GEOMS} are built")
+        if solids:
+            origin = victim.T_world[:3, 3]
+            geoms = [(_geom(builder, solid, origin), solid.colour) for solid in solids]
+            builder.add_victim(origin, geoms, state_of(_called(victim)))
+        else:
+            _log.warning("%s: %s has no shape that can be read; a person lies in its place", path, victim.name)
+            add_person(builder, _pose(victim))
+
+
+def _solids(world: SdfWorld, reader: SolidReader, victim: SdfModel) -> Iterator[Solid]:
+    """The solids of a victim; planes have no place in one."""
+    for shape in () if victim.missing else world.shapes():
+        if shape.model == victim.scoped or shape.model.startswith(f"{victim.scoped}::"):
+            with world.without():
+                yield from (solid for solid in reader.solids(shape) if solid.kind != "plane")
+
+
+def _pose(victim: SdfModel) -> WorldPose:
+    """Place and heading; a mesh whose y axis is up, and that is turned about x to stand, keeps its heading."""
+    T = victim.T_world
+    x, y, z = T[:3, 3].tolist()
+    return WorldPose(_called(victim), x, y, z, float(np.arctan2(T[1, 0], T[0, 0])))
+
+
+def _geom(builder: ArenaBuilder, solid: Solid, origin: np.ndarray) -> Attributes:
+    """The attributes of a solid's geom in a body at ``origin`` (3,) m that is not turned."""
+    T, piece = solid.T_world, solid.piece
+    quat = Rotation.from_matrix(T[:3, :3]).as_quat(scalar_first=True)
+    pose = {"type": solid.kind, "pos": T[:3, 3] - origin, "quat": quat}
+    if piece is None:
+        return pose | {"size": solid.size}
+    if piece.is_flat:
+        return pose | {"mesh": builder.add_mesh(piece.slab)}
+    return pose | {"mesh": builder.add_mesh(piece.vertices, piece.triangles if len(piece.triangles) else None)}

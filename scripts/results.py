@@ -1,4 +1,4 @@
-"""Run the benchmarks of the pages of results, and write these pages: ``results.py [PAGE ...]``."""
+"""Run the benchmarks behind the results pages, and write these pages: ``results.py [PAGE ...]``."""
 
 import json
 import os

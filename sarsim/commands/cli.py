@@ -35,9 +35,7 @@ SIGNALLED = 128  # plus the number of the signal, as in shells
 UNREAD = 141  # 128 + SIGPIPE
 HELP_INDENT = 8 * " "  # before the help of a flag in tyro's messages about wrong ones
 LINE_EVERY = 10.0  # s between lines of progress if there is no terminal
-COMMON = (
-    "Every command also takes --version, --quiet (errors alone) and --log-level LEVEL (debug, info, warning, error)."
-)
+COMMON = "Every command also accepts --version, --quiet (only errors) and --log-level debug|info|warning|error."
 Item = TypeVar("Item")
 _quiet = False
 

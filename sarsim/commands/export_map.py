@@ -7,6 +7,7 @@ import tyro
 
 from pipeline.errors import InputError
 from sarsim.commands.cli import run
+from sarsim.flags import Given
 from sarsim.settings import Robot
 
 PLAN_ENDINGS = (".pgm", ".tif", ".png", ".svg", ".dxf")  # Endings of 2D maps
@@ -21,21 +22,21 @@ if TYPE_CHECKING:
 def export_map(
     path: Annotated[Path, tyro.conf.Positional],
     out: Path,
-    heights: tuple[float, float] | None = None,
+    heights: Given[tuple[float, float]] = None,
     robot: Robot = "pioneer3at",
 ) -> None:
     """Write the map of an episode as OctoMap, as a point cloud, or as a 2D map for ROS, GIS or drawing programs.
 
     Args:
-        path: folder of the episode, or its metric_map.npz; semantic_map.ply in the same folder gives the classes, and
-            keyframes.npz the ground.
-        out: file to write. By its ending: .bt OctoMap with free and occupied space; .ot OctoMap with log-odds,
-            coloured by class; .ply centres of the occupied voxels, coloured by class; .pgm the ground as free, lethal
-            or unknown to the robot, with a .yaml beside it and slopes as costs in ..._cost.png; .tif, .png, .svg and
-            .dxf the same ground as GeoTIFF, as PNG with a world file, and as outlines.
-        heights: lowest and highest height, m, of a slice of the occupancy grid that the .pgm shows instead; a slice
-            does not recognise ramps: 0.25 0.65 shows what stands in the robot's way on level ground.
-        robot: robot that ground must suit: pioneer3at, jackal, or the path of an MJCF file structured like theirs.
+        path: folder of the episode, or its metric_map.npz. Classes come from semantic_map.ply and the ground from
+            keyframes.npz in the same folder.
+        out: file to write; its extension sets the format. .bt: OctoMap of free and occupied space. .ot: OctoMap with
+            log-odds, coloured by class. .ply: centres of occupied voxels, coloured by class. .pgm: ground that is
+            free, lethal or unknown to the robot, with a .yaml file, and slopes as costs in ..._cost.png. .tif, .png,
+            .svg, .dxf: the same ground as a GeoTIFF, a PNG with a world file, or outlines.
+        heights: for .pgm, show a slice of the occupancy grid from the lower to the upper height, m, instead of the
+            ground. A slice ignores ramps; 0.25 0.65 shows obstacles on level ground.
+        robot: robot that must be able to drive on the ground: pioneer3at, jackal, or the path of an MJCF file.
     """
     if out.suffix not in (".bt", ".ot", ".ply", *PLAN_ENDINGS):
         raise InputError(f"--out {out}: the ending must be .bt, .ot, .ply, {', '.join(PLAN_ENDINGS)}")

@@ -12,24 +12,25 @@ from sarsim.arenas.names import check_arena_name
 from sarsim.commands.cli import progress
 from sarsim.commands.settings import run_with_settings, save_settings
 from sarsim.dataset.settings import RANDOM, DatasetConfig
+from sarsim.flags import Given
 from sarsim.jobs.engines import make_engine
 
 
 @dataclass(frozen=True, kw_only=True)
 class GenerateDataset(DatasetConfig):
-    """What is generated, and how.
+    """What to generate, and how.
 
     Attributes:
-        out: folder for the dataset; an incomplete dataset in it is completed.
-        scenes: number of scenes; more make a network better in arenas that it has not seen.
-        workers: number of processes, by default one per core; the dataset does not depend on it.
-        engine: processes on this machine (local), or tasks on the Ray cluster that RAY_ADDRESS names (ray; without
-            RAY_ADDRESS on this machine).
+        out: folder for the dataset. An incomplete dataset in it is completed.
+        scenes: number of scenes; a network trained on more does better in arenas that it has not seen.
+        workers: number of processes. By default one per core; the dataset does not depend on it.
+        engine: run processes on this machine (local), or tasks on the Ray cluster at RAY_ADDRESS (ray; on this
+            machine if RAY_ADDRESS is not set).
     """
 
     out: Path
     scenes: int = 10
-    workers: int | None = None
+    workers: Given[int] = None
     engine: Literal["local", "ray"] = "local"
 
 

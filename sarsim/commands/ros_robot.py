@@ -10,7 +10,7 @@ from sarsim.settings import RosRobotConfig
 
 
 def ros_robot(config: RosRobotConfig) -> None:
-    """Run the simulated robot as a ROS 2 robot, which publishes sensor data and follows commands, until Ctrl-C."""
+    """Run the simulated robot as a ROS 2 robot: it publishes sensor data and follows commands until Ctrl-C."""
     from pipeline.ros.live.node import RosNode
     from sarsim.commands.simulated_node import SimulatedNode
 

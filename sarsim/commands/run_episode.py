@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 
 def run_episode(config: EpisodeConfig) -> None:
-    """Explore an arena, and write a recording, a report, the maps and config.yaml, with which --config repeats it."""
+    """Explore an arena, and write a recording, a report and maps. To repeat it, pass its config.yaml to --config."""
     if config.resume and (config.out or (config.map and config.map.resolve() == config.resume.resolve())):
         raise InputError(f"--resume {config.resume}: neither into another folder (--out) nor on its own map (--map)")
     brief = wanted_mission(config.mission, config.minutes, config.home)

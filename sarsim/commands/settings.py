@@ -18,9 +18,10 @@ from pipeline.league.brief import MissionBrief, Task
 from sarsim.assets import asset
 from sarsim.commands.cli import COMMON, common, guarded, parse
 from sarsim.commands.names import check_names
+from sarsim.flags import Given
 from sarsim.settings import EXPLORE, METHODS, names_code, words
 
-CONFIG_HELP = "YAML file of settings, as every run writes one; flags override its values."
+CONFIG_HELP = "YAML file of settings, such as the config.yaml of an earlier run; flags override it."
 RESULTS = ("out", "resume", "bag", "tum", "json")
 """Where results go: only flags may set these, because a file of settings may come from a stranger."""
 OUTPUTS = (*RESULTS, "workers")
@@ -86,7 +87,7 @@ def settings_from(
         "Flags",
         [
             ("settings", Annotated[kind, tyro.conf.arg(name="")], field(**default)),
-            ("config", Annotated[Path | None, tyro.conf.arg(help=CONFIG_HELP)], field(default=None)),
+            ("config", Annotated[Given[Path], tyro.conf.arg(help=CONFIG_HELP)], field(default=None)),
         ],
     )
     return parse(

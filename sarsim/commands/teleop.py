@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def teleop(config: TeleopConfig) -> None:
-    """Drive the robot by keyboard or gamepad, to get to know an arena or the robot, or to map an arena by hand."""
+    """Drive the robot with the keyboard or a gamepad, to explore an arena yourself or to map it by hand."""
     if config.out:
         check_folder(config.out)
     from pipeline.rerun.viewer import has_display

@@ -58,13 +58,13 @@ class TrainingConfig:
     """Settings of a training.
 
     Attributes:
-        steps: number of batches; more fit the training data better and take longer.
-        batch: number of samples in a batch of each worker; larger batches take more memory and make steadier steps.
-        learning_rate: highest learning rate of AdamW; lower it if the loss jumps, raise it if it hardly falls.
-        seed: seed of the initial weights, the batches and their augmentation; other seeds show how much is chance.
-        minutes: processor time, min, without validations, after which the training ends early; the learning rate then
-            falls with the time. Use it to compare networks whose steps take different times.
-        validate_every: number of steps between validations; each takes time, and weights are written only then.
+        steps: number of batches; more batches fit the training data better but take longer.
+        batch: samples per batch and worker; larger batches need more memory and give steadier steps.
+        learning_rate: peak learning rate of AdamW; lower it if the loss jumps, raise it if it hardly falls.
+        seed: seed of the initial weights, batches and augmentation; compare seeds to see how much is chance.
+        minutes: processor time, min, after which training ends, validation excluded; the learning rate then follows
+            the time. Use it to compare networks whose steps differ in duration.
+        validate_every: steps between validations; weights are written only after a validation.
         optimization: how it follows the gradients.
     """
 

@@ -193,13 +193,15 @@ class MissionConfig:
     def __post_init__(self) -> None:
         """Raise InputError for settings out of range."""
         if self.minutes is not None and (self.mission == EXPLORE or not 0 < self.minutes < float("inf")):
-            raise InputError(f"--minutes {self.minutes:g}: more than 0, and only with a --mission that has a clock")
+            raise InputError(
+                f"--minutes {self.minutes:g}: minutes must be positive, and need a --mission other than explore"
+            )
         if self.speed is not None and not 0 < self.speed < float("inf"):
-            raise InputError(f"--speed {self.speed:g}: more than 0")
+            raise InputError(f"--speed {self.speed:g}: must be positive")
         if self.steps is not None and self.steps < 1:
-            raise InputError(f"--steps {self.steps}: at least 1 step")
+            raise InputError(f"--steps {self.steps}: must be at least 1")
         if not all(map(isfinite, chain.from_iterable(self.goals))):
-            raise InputError(f"--goals {' '.join(f'{x:g} {y:g}' for x, y in self.goals)}: no place is there")
+            raise InputError(f"--goals {' '.join(f'{x:g} {y:g}' for x, y in self.goals)}: coordinates must be finite")
 
     @property
     def most_steps(self) -> float:

@@ -24,7 +24,7 @@ def check_arena_name(name: str) -> None:
         check_regular(Path(name))
     else:
         raise InputError(
-            f"unknown arena {name!r}: give one of {', '.join(BUILT_IN)}, {RANDOM}SEED, or the path of a file:"
+            f"unknown arena {name!r}: use one of {', '.join(BUILT_IN)}, {RANDOM}SEED, or the path of a file:"
             f" {', '.join(BUILT_FILES)}, or MJCF {MJCF}"
         )
 

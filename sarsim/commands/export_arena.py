@@ -36,7 +36,7 @@ def export_arena(settings: ExportArena) -> None:
     from sarsim.methods.arena import make_arena
 
     if settings.out.suffix != ".xml":  # by which MuJoCo knows its own files
-        raise InputError(f"--out {settings.out}: MJCF is written, so the ending must be .xml")
+        raise InputError(f"--out {settings.out}: the file name must end in .xml")
     check_folder_of("out", settings.out)
     arena = make_arena(settings.arena, settings.start, settings.random)
     for name, content in (arena.mjcf_model.get_assets() | {settings.out.name: arena.to_xml().encode()}).items():

@@ -39,9 +39,11 @@ def export_map(
         robot: robot that must be able to drive on the ground: pioneer3at, jackal, or the path of an MJCF file.
     """
     if out.suffix not in (".bt", ".ot", ".ply", *PLAN_ENDINGS):
-        raise InputError(f"--out {out}: the ending must be .bt, .ot, .ply, {', '.join(PLAN_ENDINGS)}")
+        raise InputError(f"--out {out}: the file name must end in .bt, .ot, .ply, {', '.join(PLAN_ENDINGS)}")
     if heights is not None and not (out.suffix == ".pgm" and heights[0] < heights[1]):
-        raise InputError(f"--heights {heights[0]:g} {heights[1]:g}: of a .pgm, the lower one first")
+        raise InputError(
+            f"--heights {heights[0]:g} {heights[1]:g}: only for a .pgm file, and the lower height comes first"
+        )
     path = path / "metric_map.npz" if path.is_dir() else path
     is_of_ground = out.suffix in PLAN_ENDINGS and heights is None
     files = _export_ground(path, out, robot) if is_of_ground else _export_voxels(path, out, heights)
@@ -60,7 +62,7 @@ def _export_voxels(path: Path, out: Path, heights: tuple[float, float] | None) -
     semantic_map = path.with_name("semantic_map.ply")
     if out.suffix in (".bt", ".ot"):
         x, y, z = metric_map.corner
-        print(f"{out}: OctoMap's voxels begin at 0, the map's elsewhere; to its places add {x:g} {y:g} {z:g} m")
+        print(f"{out}: OctoMap's coordinates start at 0; add {x:g} {y:g} {z:g} m to get map coordinates")
     match out.suffix:
         case ".bt":
             write_bt(out, metric_map)
@@ -81,7 +83,9 @@ def _export_ground(path: Path, out: Path, robot: Robot) -> list[Path]:
 
     keyframes = path.with_name("keyframes.npz")
     if not keyframes.exists():
-        instead = "; --heights 0.25 0.65 makes a map of the occupancy grid instead" if out.suffix == ".pgm" else ""
+        instead = (
+            "; --heights 0.25 0.65 exports a slice of the occupancy grid instead" if out.suffix == ".pgm" else ""
+        )
         raise InputError(f"{keyframes}: no such file{instead}")
     elevation_map, poses = load_elevation_map(keyframes, robot_model(robot))
     ground, places = assess_map(elevation_map), poses[:, :2, 3]
@@ -104,7 +108,7 @@ def _labels(metric_map: "MetricMap", path: Path) -> "NDArray[np.uint8] | None":
     vertices = read_ply(path)
     points, labels = np.stack([vertices[axis] for axis in "xyz"], axis=1), vertices["label"]
     if not np.isfinite(points).all() or labels.max(initial=0) >= len(Label):
-        raise InputError(f"{path}: not a semantic map: places are finite, and labels are 0 to {len(Label) - 1}")
+        raise InputError(f"{path}: not a semantic map: points must be finite and labels from 0 to {len(Label) - 1}")
     return voxel_labels(metric_map, points, labels)
 
 

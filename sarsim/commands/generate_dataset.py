@@ -37,7 +37,7 @@ class GenerateDataset(DatasetConfig):
 def generate_dataset(settings: GenerateDataset) -> None:
     """Generate a dataset, or the missing part of one, and print its folder."""
     if settings.scenes < 1 or (settings.workers is not None and settings.workers < 1):
-        raise InputError("--scenes, --workers: at least 1")
+        raise InputError("--scenes and --workers must be at least 1")
     for arena in {*settings.arenas} - {RANDOM}:
         check_arena_name(arena)
     from sarsim.arenas.load import load_arena
@@ -56,7 +56,7 @@ def generate_dataset(settings: GenerateDataset) -> None:
             recipe, settings.scenes, settings.out, engine, lambda made: bars.update(bar, completed=made)
         )
     save_settings(settings, settings.out / "config.yaml")
-    text = f"{len(manifest.scenes)} scenes in {settings.out}; look at them in {settings.out / 'index.html'}"
+    text = f"{len(manifest.scenes)} scenes in {settings.out}; to look at them, open {settings.out / 'index.html'}"
     Console().print(text, soft_wrap=True)
 
 

@@ -63,7 +63,7 @@ def open_recording(config: MapRecording) -> "Recording":
             raise InputError(f"--{flag} {value}: must be positive")
     recording = read_tum_folder(path, calibration, config.depth_scale, config.fps, config=config.io.datasets)
     if holds_bag(path):
-        recording.note("the folder holds a bag too, which is not read; give the bag's own path for that")
+        recording.note("the folder also holds a ROS bag, which is ignored; to map it, give its own path")
     return recording
 
 

@@ -24,7 +24,7 @@ def ros_robot(config: RosRobotConfig) -> None:
             "simulated s",
         )
     if config.out:
-        Console().print(f"What is true of the drive is in {config.out}", soft_wrap=True)
+        Console().print(f"Ground truth of the drive: {config.out}", soft_wrap=True)
     end_by(ended_by)
 
 

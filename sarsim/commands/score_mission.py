@@ -46,7 +46,7 @@ def score_mission(
     from sarsim.scoring.handed_in import score_handed_in, true_arena
 
     if min(resets, contacts) < 0:
-        raise InputError(f"--resets {resets} --contacts {contacts}: numbers of at least 0")
+        raise InputError(f"--resets {resets} --contacts {contacts}: must not be negative")
     brief, body, world = load_mission(mission), robot_model(robot), make_arena(arena, start)
     physics = mjcf.Physics.from_mjcf_model(world.mjcf_model)
     with world.naming():

@@ -66,9 +66,9 @@ class SweepSettings:
 def sweep(settings: SweepSettings) -> None:
     """Run exploration methods on the same arenas and seeds, and compare them. Finished episodes are not repeated."""
     if not settings.seeds or min(settings.seeds) < 0 or settings.limit <= 0 or settings.steps < 1:
-        raise InputError("--seeds: at least one and none negative; limit and steps: more than 0")
+        raise InputError("--seeds needs at least one seed, none negative; limit and steps must be positive")
     if settings.workers is not None and settings.workers < 1:
-        raise InputError(f"--workers {settings.workers}: give at least 1")
+        raise InputError(f"--workers {settings.workers}: must be at least 1")
     check_sweep(settings.methods, settings.arenas)
     from sarsim.commands.sweeps.arenas import arenas_of
     from sarsim.commands.sweeps.episodes import FOLDER, SweepJob, check_methods
@@ -118,7 +118,7 @@ def begin(settings: SweepSettings) -> str:
     for key, value in current.items():
         if earlier.get(key) != value:
             raise InputError(
-                f"--out {settings.out}: holds results of {key} {earlier.get(key)}, not {value}: choose another folder"
+                f"--out {settings.out}: holds results of {key} {earlier.get(key)}, not {value}; choose another folder"
             )
     return current["code"]
 
@@ -189,7 +189,7 @@ def show(settings: SweepSettings, entries: Sequence["Entry"], failed: dict["Swee
             table.add_row(*row[:-1])
         Console().print(table)
     places = [settings.out / name for name in (PAGE, "episodes.parquet", ENTRIES)]
-    Console().print("Page: {}; episodes: {}; entries of the leaderboard: {}".format(*places), soft_wrap=True)
+    Console().print("Page: {}; episodes: {}; leaderboard entries: {}".format(*places), soft_wrap=True)
 
 
 def main() -> None:

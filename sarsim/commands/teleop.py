@@ -24,7 +24,7 @@ def teleop(config: TeleopConfig) -> None:
 
     arena, pad = make_arena(config.arena, config.start), Gamepad(config.gamepad) if config.gamepad else None
     if not has_display():
-        raise InputError("there is no display for MuJoCo's viewer (neither DISPLAY nor WAYLAND_DISPLAY is set)")
+        raise InputError("MuJoCo's viewer needs a display: set DISPLAY or WAYLAND_DISPLAY")
     mapped = map_drive(config, arena, config.out) if config.out else None
     driven = mapped or FreeDrive(arena, config.robot)
     print(KEYS, flush=True)

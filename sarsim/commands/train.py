@@ -153,7 +153,7 @@ def train_points(settings: TrainPoints, network: str) -> None:
         validation = clouds["val"][:: -(-len(clouds["val"]) // VALIDATION_FRAMES)]
         learner = PointLearner(clouds["train"], validation, config, initial, worker.device, blocks)
         training = TrainingLoop(learner, config, settings.out, worker, about)
-        _train(training, settings, "mIoU over the four", settings.tensorboard)
+        _train(training, settings, "mIoU of the thesis's four classes", settings.tensorboard)
     finally:
         worker.leave()
 
@@ -198,7 +198,7 @@ def train_explorer(settings: TrainExplorer) -> None:
     try:
         from sarsim.tasks import ppo
     except ModuleNotFoundError as error:
-        raise InputError("Stable-Baselines3 is missing: pip install stable-baselines3") from error
+        raise InputError("Stable-Baselines3 is not installed: pip install stable-baselines3") from error
     from safetensors.torch import save_file
 
     with progress() as bars:
@@ -235,13 +235,13 @@ def _config(kind: type[Config], settings: Any) -> Config:
 
 def _check(settings: TrainPoints | TrainYolo, ending: str) -> None:
     if settings.stride < 1:
-        raise InputError("--stride: at least 1")
+        raise InputError(f"--stride {settings.stride}: must be at least 1")
     _check_out(settings.out, ending)
 
 
 def _check_out(out: Path, ending: str) -> None:
     if out.suffix != ending:
-        raise InputError(f"--out {out}: a name that ends with {ending}")
+        raise InputError(f"--out {out}: the file name must end in {ending}")
     check_folder_of("out", out)
 
 
@@ -252,8 +252,8 @@ def _scenes(data: Path) -> int:
     scenes = [data / entry.file for entry in Dataset(data).entries]
     if missing := [path for path in scenes if not path.is_file()]:
         raise InputError(
-            f"{missing[0]}: missing, {len(missing)} of {len(scenes)} scenes are:"
-            " generate_dataset.py with the flags of before makes them again"
+            f"{missing[0]}: missing, with {len(missing)} of {len(scenes)} scenes;"
+            " to make them again, run sarsim-dataset with the same flags"
         )
     return len(scenes)
 
@@ -275,11 +275,11 @@ def _clouds(
                 clouds[entry.split].append(LabelledCloud.of(scene.frame(index), pose, voxel_size, colours))
     folders = " ".join(map(str, settings.data))
     if absent := [split for split in ("train", "val") if not clouds[split]]:
-        raise InputError(f"--data {folders}: no scene of the split {absent[0]}: make 5 scenes at least")
+        raise InputError(f"--data {folders}: no scene of the split {absent[0]}; generate at least 5 scenes")
     seen = sum(cloud.counts.sum(axis=0, dtype=int) for cloud in clouds["train"])
     missing = [label.name.lower() for label, count in zip(CLASSES, seen, strict=True) if not count]
     if missing and worker.leads:
-        warning = f"--data {folders}: no point of {', '.join(missing)}, which the network will not know"
+        warning = f"--data {folders}: no point of {', '.join(missing)}, so the network cannot learn it"
         Console(stderr=True).print(warning, soft_wrap=True)
     return clouds
 
@@ -310,7 +310,7 @@ def _events(folder: Path) -> "Callable[[TrainingLoop[Any, Any]], None]":
     try:
         from torch.utils.tensorboard import SummaryWriter
     except ImportError as error:
-        raise InputError(f"--tensorboard {folder}: TensorBoard is missing; pip install tensorboard") from error
+        raise InputError(f"--tensorboard {folder}: TensorBoard is not installed: pip install tensorboard") from error
     writer, written = SummaryWriter(folder), 0
 
     def write(now: "TrainingLoop[Any, Any]") -> None:

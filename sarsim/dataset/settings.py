@@ -107,11 +107,13 @@ class DatasetConfig:
         for name, low in (("seed", 0), ("frames", 1), ("width", MIN_SIZE), ("height", MIN_SIZE)):
             check(name, getattr(self, name), low)
         if not self.arenas:
-            raise InputError("--arenas: name at least one")
+            raise InputError("--arenas: give at least one")
         if not (min(self.lighting) >= 0 and 0 < sum(self.lighting) < float("inf")):
-            raise InputError(f"--lighting: {self.lighting} are no shares")
+            raise InputError(
+                f"--lighting {' '.join(f'{x:g}' for x in self.lighting)}: shares must not be negative or all 0"
+            )
         if not all(0.01 <= value <= 10 for value in self.keyframes):
-            raise InputError(f"--keyframes {self.keyframes[0]:g} {self.keyframes[1]:g}: from 0.01 to 10 each")
+            raise InputError(f"--keyframes {self.keyframes[0]:g} {self.keyframes[1]:g}: each must be from 0.01 to 10")
         if self.frames_per_second is not None:
             check("frames-per-second", self.frames_per_second, 0.5, 60)
         check_order("dust", self.dust)
@@ -120,13 +122,13 @@ class DatasetConfig:
 def check_order(flag: str, bounds: tuple[float, float]) -> None:
     """Raises InputError if bounds are not in order."""
     if not bounds[0] <= bounds[1]:
-        raise InputError(f"--{flag} {bounds[0]} {bounds[1]}: the lower value comes first")
+        raise InputError(f"--{flag} {bounds[0]} {bounds[1]}: give the lower value first")
 
 
 def check(flag: str, value: float, low: float, high: float = math.inf) -> None:
     """Raises InputError if a flag's value is not between two bounds."""
     if not low <= value <= high:
-        limits = f"at least {low:g}" if high == math.inf else f"from {low:g} to {high:g}"
+        limits = f"must be at least {low:g}" if high == math.inf else f"must be from {low:g} to {high:g}"
         raise InputError(f"--{flag} {value:g}: {limits}")
 
 

@@ -146,7 +146,7 @@ def _offscreen_context(width: int, height: int) -> Any:
     """
     platform = os.environ["MUJOCO_GL"].strip().lower()
     if platform not in ("egl", "osmesa", "glfw"):
-        raise InputError(f"MUJOCO_GL={platform} cannot draw without a screen: set it to egl or osmesa")
+        raise InputError(f"MUJOCO_GL={platform} cannot render without a display; set it to egl or osmesa")
     return importlib.import_module(f"mujoco.{platform}").GLContext(width, height)
 
 

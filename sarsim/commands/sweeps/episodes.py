@@ -119,7 +119,7 @@ def limited(seconds: float) -> Iterator[None]:
     """Raise TimeoutError if the block takes longer; should it go on nevertheless, the process ends soon after."""
 
     def stop(number: int, frame: FrameType | None) -> None:
-        raise TimeoutError(f"took more than {seconds:g} s")
+        raise TimeoutError(f"exceeded its limit of {seconds:g} s")
 
     before = signal.signal(signal.SIGALRM, stop)
     with Path(os.devnull).open("w") as nowhere:
@@ -179,7 +179,7 @@ def grid_explorer(name: str) -> Explorer2D:
         InputError: there is none; later, it fails or answers with what is no node that can be reached.
     """
     if ":" not in name and name not in EXPLORERS:
-        raise InputError(f"--methods {name}: none of {', '.join(EXPLORERS)} or MODULE:CLASS")
+        raise InputError(f"--methods {name}: must be one of {', '.join(EXPLORERS)} or MODULE:CLASS")
     explorer: Explorer2D = EXPLORERS[name] if name in EXPLORERS else load_class("methods", name)()
 
     def guarded(world: GridWorld, sights: Sights, rng: np.random.Generator) -> int:
@@ -188,7 +188,7 @@ def grid_explorer(name: str) -> Explorer2D:
         except Exception as error:
             raise InputError(f"--methods {name} failed: {one_line(error)}") from error
         if not isinstance(node, int | np.integer) or not _is_reachable(int(node), world, sights.before):
-            raise InputError(f"--methods {name}: {node!r:.40} is no node that can be reached")
+            raise InputError(f"--methods {name}: {node!r:.40} is not a reachable node")
         return int(node)
 
     return guarded

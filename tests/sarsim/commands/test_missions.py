@@ -34,9 +34,9 @@ def test_a_mission_is_a_file(tmp_path):
     ("text", "fault"),
     [
         ("wheels: 4", "unknown setting wheels"),
-        ("minutes: 0", "a clock must run"),
-        ("minutes: soon", "does not fit"),
-        ("tasks: [dance]", "does not fit"),
+        ("minutes: 0", "minutes"),
+        ("minutes: soon", "minutes"),
+        ("tasks: [dance]", "tasks"),
         ("[", "not readable YAML"),
     ],
 )
@@ -57,9 +57,9 @@ def test_flags_change_the_clock_and_what_counts():
 @pytest.mark.parametrize(
     ("flags", "fault"),
     [
-        (["--mission", "league", "--minutes", "0"], "--minutes 0: more than 0"),
-        (["--mission", "league", "--minutes", "inf"], "--minutes inf: more than 0"),
-        (["--minutes", "5"], "only with a --mission"),
+        (["--mission", "league", "--minutes", "0"], "--minutes 0:"),
+        (["--mission", "league", "--minutes", "inf"], "--minutes inf:"),
+        (["--minutes", "5"], "--mission"),
         (["--mission", "none.yaml"], "none.yaml"),
     ],
 )

@@ -171,7 +171,7 @@ def decoded(content: bytes | NDArray[np.uint8], flags: int) -> NDArray:
     except cv2.error:  # a size beyond the bound
         image = None
     if image is None:
-        raise InputError("not an image, or broken, or too large")
+        raise InputError("not an image, damaged, or too large")
     return image
 
 

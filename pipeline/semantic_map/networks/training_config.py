@@ -79,11 +79,11 @@ class TrainingConfig:
     def __post_init__(self) -> None:
         """Raise InputError for settings out of range."""
         if self.minutes is not None and not 0 < self.minutes < float("inf"):
-            raise InputError(f"--minutes {self.minutes:g}: more than 0")
+            raise InputError(f"--minutes {self.minutes:g}: must be positive")
         if min(self.steps, self.batch, self.validate_every) < 1:
-            raise InputError("--steps, --batch, --validate-every: at least 1")
+            raise InputError("--steps, --batch and --validate-every must be at least 1")
         if not 0 < self.learning_rate < float("inf") or self.seed < 0:
-            raise InputError("--learning-rate: more than 0; --seed: at least 0")
+            raise InputError("--learning-rate must be positive, and --seed must not be negative")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,4 +119,4 @@ class PointTrainingConfig(TrainingConfig):
         """Raise InputError for settings out of range."""
         super().__post_init__()
         if self.batch < 2:
-            raise InputError(f"--batch {self.batch}: at least 2, for batch norm over blocks")
+            raise InputError(f"--batch {self.batch}: must be at least 2, for batch norm over blocks")

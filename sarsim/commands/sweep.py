@@ -184,7 +184,7 @@ def show(settings: SweepSettings, entries: Sequence["Entry"], failed: dict["Swee
         print(f"{method}: {count} of its episodes failed: {error}", file=sys.stderr)
     for board in boards(entries):
         columns = [Column(head, overflow="fold") for head in board.heads[:-1]]
-        table = Table(*columns, title=board.title, caption="interquartile means, 95 % intervals")
+        table = Table(*columns, title=board.title, caption="interquartile means, with 95 % confidence intervals")
         for row in board.rows:
             table.add_row(*row[:-1])
         Console().print(table)

@@ -19,7 +19,7 @@ from sarsim.commands.sweeps.leaderboard import ENDS, Entry, boards
 from sarsim.commands.sweeps.statistics import estimate
 from sarsim.scoring.progress import ExploredCurve, shares_at
 
-AXES = {"time_s": ("time, s", ENDS["time"]), "way_m": ("way, m", ENDS["way"])}
+AXES = {"time_s": ("time, s", ENDS["time"]), "way_m": ("path length, m", ENDS["way"])}
 """Of the plots: by the field of a curve, the label and the key of an episode's end."""
 SAMPLES = 101
 """Number of places along an axis at which shares are drawn: a step is a hundredth of the axis."""

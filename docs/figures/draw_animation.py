@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 from PIL import Image
 from scipy.spatial.transform import Rotation
 
+from pipeline.arrays import PixelMask
 from pipeline.frame import Frame
 from pipeline.keyframes import Seen
 from pipeline.labels import COLOURS, Label
@@ -20,6 +21,7 @@ from pipeline.map_file import load_keyframes
 from pipeline.mapper import Mapper
 from sarsim.arenas.load import load_arena
 from sarsim.composition import TRUE_LABELS, make_mapper
+from sarsim.sensors.camera import geom_labels
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 
 FRAMES, SHOWN, LAST = 80, 130, 3000
@@ -73,7 +75,10 @@ def painted(robot: SimulatedRobot, points: NDArray[np.float64], colours: NDArray
     """(H, W, 3) the arena from above, with the points that are in sight painted on it."""
     data = robot.physics.data.ptr
     picture = cv2.resize(robot.renderer.colour(data, "overview"), OVERVIEW)
-    depth = cv2.resize(robot.renderer.segmentation_and_depth(data, "overview")[1], OVERVIEW)
+    geoms, depth = (
+        cv2.resize(image, OVERVIEW, interpolation=cv2.INTER_NEAREST)
+        for image in robot.renderer.segmentation_and_depth(data, "overview")
+    )
     view = robot.physics.named
     in_camera = (points - view.data.cam_xpos["overview"]) @ view.data.cam_xmat["overview"].reshape(3, 3)
     focal = OVERVIEW[1] / 2 / np.tan(np.radians(view.model.cam_fovy["overview"]) / 2)
@@ -83,8 +88,16 @@ def painted(robot: SimulatedRobot, points: NDArray[np.float64], colours: NDArray
         u, v = (uv + step).clip(0, np.array(OVERVIEW) - 1).T
         in_sight = -in_camera[:, 2] < depth[v, u] + BEHIND
         layer[v[in_sight], u[in_sight]] = colours[in_sight]
+    people = geom_labels(robot.physics.model.ptr)[geoms] == Label.VICTIM
+    layer[seen_pieces(people & (geoms >= 0), layer.any(axis=2))] = COLOURS[Label.VICTIM]
     opacity = PAINT * layer.any(axis=2, keepdims=True)
     return (picture * (1 - opacity) + layer * opacity).astype(np.uint8)
+
+
+def seen_pieces(mask: PixelMask, painted: PixelMask) -> PixelMask:
+    """The connected pieces of a mask in which a pixel is painted, for people of whom the robot has seen a part."""
+    pieces = cv2.connectedComponents(mask.astype(np.uint8))[1]
+    return mask & np.isin(pieces, pieces[painted & mask])
 
 
 def beside(picture: NDArray[np.uint8], frame: Frame) -> NDArray[np.uint8]:

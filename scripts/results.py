@@ -62,7 +62,7 @@ def results(settings: Results) -> None:
     """Measure each page that has no figures of this state of the code yet, and write all pages and README's table."""
     known = plan()["pages"]
     if unknown := set(settings.pages) - known.keys():
-        raise InputError(f"{', '.join(sorted(unknown))}: no page of results; there are {', '.join(known)}")
+        raise InputError(f"{', '.join(sorted(unknown))}: not a page of results; use one of {', '.join(known)}")
     for name in () if settings.write else settings.pages or known:
         renew(name, known[name], settings)
         write_pages()
@@ -79,7 +79,7 @@ def renew(name: str, page: Mapping[str, Any], settings: Results) -> None:
     """Measure a page unless its figures are of this state of the code."""
     commit, old = state_of_code(), record_of(name)
     if old and old["commit"] == commit and not commit.endswith("+") and not settings.again:
-        print(f"{name}: measured on {commit} already")
+        print(f"{name}: already measured on {commit}")
         return
     print(f"{name}: takes about {duration(page, old)}", flush=True)
     command = " ".join([page["command"].format(commit=commit), settings.flags]).strip()
@@ -163,7 +163,7 @@ def readme_parts(content: Mapping[str, Any], records: Mapping[str, Record | None
         "\n".join(["| what | here | peer | computed by | measured |", "|---|---|---|---|---|", *rows]),
         "[All results](docs/results/index.md)",
         "## Reproduce",
-        "`make claims` runs these commands, in so many minutes of processor time, and reports which claims hold:",
+        "`make claims` runs these commands and reports which claims hold; minutes are processor time:",
         "\n".join(["| claim | command | minutes | expected | measured |", "|---|---|---|---|---|", *claims]),
     ]
 
@@ -175,8 +175,8 @@ def index_of(pages: Mapping[str, Any], records: Mapping[str, Record | None]) -> 
         when = f"{record['date']}, {record['commit']}" if (record := records[name]) else NOT_MEASURED
         rows.append(line([f"[{page['title']}]({name}.md)", when, duration(page, record)]))
     board = "The [leaderboard](leaderboard.md) compares methods of exploration."
-    about = "[Earlier states](earlier.md) have older figures, [what was tried](../tried.md) those of ideas left out."
-    return markdown("Results", "make results   # measure all", "\n".join(rows), board, about)
+    about = "[Earlier states](earlier.md) has older figures; [what was tried](../tried.md) has those of rejected ideas."
+    return markdown("Results", "make results   # measure everything", "\n".join(rows), board, about)
 
 
 @cache
@@ -188,7 +188,7 @@ def leaderboard(files: tuple[Path, ...], about: str) -> str:
     for board in boards(map(read_entry, files)):
         rows = [line(board.heads), "|---" * len(board.heads) + "|", *(line(row) for row in board.rows)]
         parts += [f"## {board.title}", "\n".join(rows)]
-    command = "make leaderboard   # run the frozen 2D maps again, and write this page"
+    command = "make leaderboard   # rerun the frozen 2D maps and write this page"
     return markdown("Results: leaderboard", command, about, *parts or [f"{NOT_MEASURED.capitalize()}."])
 
 
@@ -199,7 +199,7 @@ def text_of(name: str, page: Mapping[str, Any], record: Record | None) -> str:
     if record is None:
         return markdown(*parts, f"{NOT_MEASURED.capitalize()}.")
     whole, done = shown(page["command"]), shown(record["command"])
-    part = [f"This is a part of `{whole}`."] if done != whole else []
+    part = [f"This is part of `{whole}`."] if done != whole else []
     tables = [text for table in page["tables"] if (text := table_of(table, record["figures"]))]
     every = f"[{name}.json]({name}.json) has every figure."
     return markdown(*parts, f"{origin(record)} `{done}`.", *part, *tables, every)

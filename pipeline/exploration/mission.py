@@ -155,7 +155,7 @@ class Mission:
         self.goals = self._visited[name] = goals
         yield name
         if not self._is_on_retreat and self.is_out_of_time:
-            goals.refuse("too little time is left after the way back")
+            goals.refuse("too little time is left before the drive back")
         goals.refuse("the robot is stuck" if robot.is_held else None)
 
     def new_outcomes(self) -> Iterator[tuple[str, bool]]:

@@ -109,7 +109,7 @@ def figures(runs: Mapping[str, Sequence[Run]]) -> dict[str, float]:
 def table(runs: Mapping[str, Sequence[Run]], found: Mapping[str, float]) -> Table:
     """A row for each arena, and one for all; the note is why goals were refused."""
     result = Table("arena", title="Goals in unseen ground")
-    for column in ("reached", "way over shortest, median", "s, median"):
+    for column in ("reached", "path over shortest, median", "s, median"):
         result.add_column(column, justify="right")
     result.add_column("note")
     for arena, made in runs.items():

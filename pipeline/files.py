@@ -130,7 +130,7 @@ def check_regular(path: Path, most: float = np.inf) -> None:
 
 
 def read_bytes(path: Path, most: float = np.inf) -> bytes:
-    """The content of a regular file of at most ``most`` bytes; InputError if it is none or cannot be read."""
+    """The content of a regular file of at most ``most`` bytes; InputError if it is not, or is unreadable."""
     check_regular(path, most)
     try:
         return path.read_bytes()
@@ -139,7 +139,7 @@ def read_bytes(path: Path, most: float = np.inf) -> bytes:
 
 
 def read_text(path: Path, most: float = MOST_TEXT) -> str:
-    """The content of a regular file of at most ``most`` bytes of UTF-8; InputError if it is none."""
+    """The content of a regular file of at most ``most`` bytes of UTF-8; InputError if it is something else."""
     try:
         return read_bytes(path, most).decode("utf-8-sig")
     except UnicodeDecodeError as error:

@@ -288,7 +288,7 @@ class ExplorerRun(Run, ABC):
         )
 
     def _finish(self, sim_time: float) -> None:
-        """Write the results of a run that took so many s of the robot's time."""
+        """Write the results of a run that took ``sim_time`` s of the robot's time."""
         self.finish(self._trajectory, self.explorer.steps, sim_time, self._figures())
 
     def _figures(self) -> dict[str, Any]:

@@ -148,7 +148,7 @@ def _from_names(files: list[Path]) -> _Images:
 
 
 def _keys(files: list[Path]) -> list[Key] | None:
-    """Of each name the numbers that differ from name to name, or the last; None if they tell no files apart."""
+    """Of each name the numbers that differ from name to name, or the last; None if files share them."""
     numbers = [tuple(map(float, NUMBER.findall(file.stem))) for file in files]
     if not numbers[0] or len(set(map(len, numbers))) > 1:
         return None

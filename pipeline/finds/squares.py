@@ -80,7 +80,7 @@ class Pyramid:
         self._levels = [image]
 
     def __getitem__(self, level: int) -> NDArray[np.uint8]:
-        """The image halved so many times, by areas."""
+        """The image halved a number of times, by areas."""
         while len(self._levels) <= level:
             last = self._levels[-1]
             size = (last.shape[1] + 1) // 2, (last.shape[0] + 1) // 2

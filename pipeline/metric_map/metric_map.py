@@ -245,7 +245,7 @@ def _check_image(depth: Depth, intrinsics: Intrinsics) -> None:
 
 
 def _rigid(T: Pose) -> Pose:
-    """A float64 copy of a pose; InputError if it is none."""
+    """A float64 copy of a pose; InputError if it is not a pose."""
     if np.ndim(T) != 2 or not are_poses(T):
         raise InputError(f"the pose must be {POSE}")
     return np.array(T, np.float64)

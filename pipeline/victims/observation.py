@@ -19,7 +19,7 @@ from pipeline.victims.people import PeoplePolicy, middle
 
 @dataclass(frozen=True)
 class Refusal:
-    """A detection that is no person, and the reason."""
+    """A rejected detection, and the reason."""
 
     detection: Detection
     reason: str

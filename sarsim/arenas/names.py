@@ -30,7 +30,7 @@ def check_arena_name(name: str) -> None:
 
 
 def seed_of(name: str) -> int:
-    """The seed in ``random:SEED``; InputError if it is none."""
+    """The seed in ``random:SEED``; InputError if it is not a valid seed."""
     text = name.removeprefix(RANDOM)
     if not text.isdecimal() or len(text) > MAX_DIGITS:
         raise InputError(f"unknown arena {name!r}: the seed must be a whole number of at most {MAX_DIGITS} digits")

@@ -166,7 +166,7 @@ def load_settings(kind: type[Settings], path: Path, args: Sequence[str] = (), fl
 
 
 def _yaml(path: Path, where: str) -> Any:
-    """The content of a YAML file; InputError, which begins with ``where``, if it is none."""
+    """The content of a YAML file; if it is not valid YAML, an InputError that begins with ``where``."""
     try:
         text, depth = read_text(path, MOST_SETTINGS), 0
         for event in yaml.parse(text):

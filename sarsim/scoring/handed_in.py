@@ -30,7 +30,7 @@ from sarsim.scoring.victims import NEAR, pairs_of_least
 
 SHOWN = 0.1  # m from a cell within which a point of the 3D map covers it: a voxel of a coarse map
 ALIKE = 0.5  # m; points farther from every true surface do not take part in the registration
-MOST_POINTS = 20_000  # of a cloud that are compared; the mean distance of so many is exact to 1 %
+MOST_POINTS = 20_000  # of a cloud that are compared; their mean distance is exact to 1 %
 ROUNDS = 30  # of the registration, which converges in fewer
 
 

@@ -124,7 +124,7 @@ def geom_labels(model: mujoco.MjModel) -> Labels:
     """Labels, from the first ``user`` number of each geom; 0 in a model without such numbers.
 
     Raises:
-        InputError: a number that is no label.
+        InputError: a number is not a label.
     """
     if model.nuser_geom == 0:
         return np.zeros(model.ngeom, np.uint8)

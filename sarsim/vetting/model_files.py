@@ -75,7 +75,7 @@ def check_files(path: Path) -> None:
 
     Raises:
         InputError: as :func:`parse_mjcf`; or the model has too many geoms, or refers to a file outside its folder or
-            to what is no file.
+            to something that is not a file.
     """
     roots = parse_mjcf(path)
     elements = [element for root in roots.values() for element in root.iter()]

@@ -53,7 +53,7 @@ def vet_mjcf(path: Path) -> None:
 
     Raises:
         InputError: a file is invalid or too large, or lies outside the folder; or the model cannot be compiled, has a
-            number that makes no sense, or needs too much memory or time.
+            number out of range, or needs too much memory or time.
     """
     check_files(path)
     said = answer_apart(lambda: _tried(path), SECONDS, TRIAL_MEMORY)
@@ -92,7 +92,7 @@ def are_alike(one: mujoco.MjModel, other: mujoco.MjModel) -> bool:
 
 
 def check_model(model: mujoco.MjModel) -> None:
-    """Raises InputError if a number of a compiled model makes no sense."""
+    """Raises InputError if a number of a compiled model is out of range."""
     for owner in (model.opt, model.stat, model.vis.map, model.vis.quality):
         for name in BOUNDS.keys() & set(dir(owner)):
             _check(name, getattr(owner, name), BOUNDS[name])

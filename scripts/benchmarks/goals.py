@@ -71,7 +71,7 @@ def sample(arena: str, number: int, seed: int, robot: str) -> Places:
 
 
 def _jobs(settings: GoalsSettings, arena: str, goals: Places) -> list[Job]:
-    """A run for each goal, told apart by its seed."""
+    """A run for each goal, distinguished by its seed."""
     base = EpisodeConfig(arena=arena, robot=settings.robot, labels="rules", detector=None)
     return [Job("random", "ours", replace(base, seed=n, goals=((x, y),))) for n, (x, y) in enumerate(goals.tolist())]
 

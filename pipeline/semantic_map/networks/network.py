@@ -65,7 +65,7 @@ class PointNetwork(nn.Module, ABC):
 
 
 def whole(text: str) -> int:
-    """A whole number of a file's metadata; 0 if it is none, or has so many digits that it takes long to read."""
+    """A whole number of a file's metadata; 0 if it is not one, or has too many digits."""
     try:
         return int(text) if text.isdecimal() else 0
     except ValueError:

@@ -1,7 +1,7 @@
 """Networks of Darknet, of whoever made them: OpenCV reads, runs and decodes them.
 
 OpenCV believes what the files say: it reads short weights as zeros, ignores settings that it does not know, and may
-crash on numbers that make no sense. So a network is first tried in a process of its own, and OpenCV gets Darknet's
+crash on numbers out of range. So a network is first tried in a process of its own, and OpenCV gets Darknet's
 defaults where its own differ.
 """
 

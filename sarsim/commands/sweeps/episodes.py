@@ -37,7 +37,7 @@ OF_THE_RUN = re.compile(r"config\.|timing_ms\.|(wall_time_s|real_time_factor|ver
 """Keys of a report that are settings or change from run to run."""
 LONGEST_NAME = 80  # Characters of a method or an arena in a file's name
 GRACE = 1.1
-"""An episode that does not end at its limit is killed with its worker after so many times the limit."""
+"""An episode that does not end at its limit is killed with its worker after this multiple of the limit."""
 
 ORACLE = "oracle"
 """Method on 2D maps that knows the map."""
@@ -176,7 +176,7 @@ def grid_explorer(name: str) -> Explorer2D:
     """The explorer of 2D maps of that name, or MODULE:CLASS, whose nodes are checked.
 
     Raises:
-        InputError: there is none; later, it fails or answers with what is no node that can be reached.
+        InputError: there is none; later, it fails or does not return a reachable node.
     """
     if ":" not in name and name not in EXPLORERS:
         raise InputError(f"--methods {name}: must be one of {', '.join(EXPLORERS)} or MODULE:CLASS")

@@ -103,7 +103,7 @@ def write_entry(entry: Entry, folder: Path) -> Path:
 
 
 def read_entry(file: Path) -> Entry:
-    """The entry in a file; InputError if it is none."""
+    """The entry in a file; InputError if the file is not an entry."""
     try:
         content = json.loads(read_text(file))
         columns = content.pop("rows")

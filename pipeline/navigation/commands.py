@@ -50,7 +50,7 @@ class Verdict(Enum):
     FINE = "it moves as the odometry says, and the path is clear"
     DONE = "the purpose of the drive is fulfilled"
     SPINNING = "its wheels spin, but it does not move"
-    UNSURE = "its pose is in doubt"
+    UNSURE = "its pose is uncertain"
     BLOCKED = "an obstacle blocks the path"
 
 

@@ -110,9 +110,9 @@ def build_raf(path: Path) -> ArenaBuilder:
     unknown = sorted({e.type for e in elements if e.kind is None})
     known = [e for e in elements if e.kind is not None]
     if not known:
-        raise InputError(f"{path}: all of the arena's elements are of unknown type: {_listed(unknown)}")
+        raise InputError(f"{path}: all elements of the arena have unknown types: {_listed(unknown)}")
     if unknown:
-        _log.warning("%s: skipped elements of unknown type: %s", path, _listed(unknown))
+        _log.warning("%s: skipped elements of unknown types: %s", path, _listed(unknown))
     _check_geoms(path, known)
     builder = ArenaBuilder(path.stem)
     for element, position in _positions(known):

@@ -141,7 +141,7 @@ class Survey:
         """The surface around a robot at ``start`` (3,) m; InputError if it is not drivable there."""
         ground = self.ground_from(start)
         if ground is None:
-            raise InputError(f"the arena has no free start: ({start[0]:g}, {start[1]:g}) m is not above free ground")
+            raise InputError(f"the arena has no free start: ({start[0]:g}, {start[1]:g}) m must be above free ground")
         piece = ground.pieces[tuple(ground.grid.cell_of(start))]
         if not piece:
             raise InputError(f"the arena has no free start: the robot cannot stand at ({start[0]:g}, {start[1]:g}) m")

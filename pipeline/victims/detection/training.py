@@ -62,7 +62,7 @@ class YoloLearner(Learner[list[TrainingImage], YoloSmall]):
                 input is no multiple of the coarsest cell.
         """
         if not any(len(validation.people(index)) for index in range(len(validation))):
-            raise InputError("the images to validate with show no people")
+            raise InputError("the validation images show no people")
         torch.manual_seed(config.seed)
         self._sampler = CanvasSampler(training, config)
         self._validation, self._config, self._device = validation, config, device

@@ -99,7 +99,7 @@ def open_file(path: Path) -> h5py.File:
     """
     check_regular(path)
     if (said := answer_apart(lambda: _looked_through(path), SECONDS, MEMORY)) != GOOD:
-        raise InputError(f"{path}: {said or 'damaged: reading it takes too much time or memory'}")
+        raise InputError(f"{path}: {said or 'damaged: HDF5 takes too much time or memory to read it'}")
     try:
         return h5py.File(path, "r")
     except OSError as error:

@@ -92,7 +92,7 @@ def test_an_episode_plays_a_mission_and_is_scored(tmp_path, capsys):
 def test_what_is_accepted_ends_well_and_what_is_rejected_does_not(tmp_path, capsys):
     plan, _, _ = hand_in_room(tmp_path)
     validate_mission(MissionValidation(path=tmp_path))
-    assert capsys.readouterr().out == f"{tmp_path}: a judge would reject nothing\n"
+    assert capsys.readouterr().out == f"{tmp_path}: all files are valid\n"
     plan.rename(plan.with_name("map.tiff"))
     with pytest.raises(SystemExit) as ended:
         validate_mission(MissionValidation(path=tmp_path))

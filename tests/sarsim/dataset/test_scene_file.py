@@ -117,7 +117,7 @@ def test_another_version(file: Path) -> None:
 def test_a_part_is_missing(file: Path, name: str) -> None:
     with h5py.File(file, "r+") as scene:
         del scene[name]
-    with pytest.raises(InputError, match=r"scene.h5: broken"):
+    with pytest.raises(InputError, match=r"scene.h5: damaged"):
         Scene(file)
 
 

@@ -61,8 +61,8 @@ def check_folder(path: Path, marks: Collection[str] = ()) -> None:
         raise InputError(f"{path}: {error.strerror or error}") from error
     if names and not set(marks) & set(names):
         if set(RUN_FILES) & set(names):
-            raise InputError(f"{path}: holds an earlier run: give another folder, or delete this one")
-        raise InputError(f"{path}: not empty: it holds {names[0]}{''.join(f' and no {name}' for name in marks)}")
+            raise InputError(f"{path}: holds an earlier run; choose another folder, or delete this one")
+        raise InputError(f"{path}: not empty, contains {names[0]}{''.join(f' and no {name}' for name in marks)}")
 
 
 def make_folder(path: Path, marks: Collection[str] = ()) -> None:
@@ -126,11 +126,11 @@ def check_regular(path: Path, most: float = np.inf) -> None:
     if not stat.S_ISREG(status.st_mode):
         raise InputError(f"{path}: not a regular file")
     if status.st_size > most:
-        raise InputError(f"{path}: too large, at most {most:.0f} bytes are read")
+        raise InputError(f"{path}: too large; the limit is {most:.0f} bytes")
 
 
 def read_bytes(path: Path, most: float = np.inf) -> bytes:
-    """The content of a regular file of at most ``most`` bytes; InputError if it is none or cannot be read."""
+    """The content of a regular file of at most ``most`` bytes; InputError if it is not, or is unreadable."""
     check_regular(path, most)
     try:
         return path.read_bytes()
@@ -139,12 +139,12 @@ def read_bytes(path: Path, most: float = np.inf) -> bytes:
 
 
 def read_text(path: Path, most: float = MOST_TEXT) -> str:
-    """The content of a regular file of at most ``most`` bytes of UTF-8; InputError if it is none."""
+    """The content of a regular file of at most ``most`` bytes of UTF-8; InputError if it is something else."""
     try:
         return read_bytes(path, most).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise InputError(
-            f"{path}: not a text in UTF-8: byte {error.start + 1} is {error.object[error.start]:#04x}"
+            f"{path}: not UTF-8 text: byte {error.start + 1} is {error.object[error.start]:#04x}"
         ) from error
 
 
@@ -168,7 +168,7 @@ def read_numbers(path: Path, columns: str, finite: bool = True) -> NDArray[np.fl
     except ValueError:
         rows = np.zeros(0)
     if rows.shape[1:] != (len(columns.split()),) or (finite and not np.isfinite(rows).all()):
-        raise InputError(f"{path}: its lines must be numbers: {columns}")
+        raise InputError(f"{path}: every line must hold numbers: {columns}")
     return rows
 
 
@@ -183,7 +183,7 @@ def load_arrays(path: Path, what: str) -> dict[str, NDArray[Any]]:
         with zipfile.ZipFile(path) as packed:
             size = sum(member.file_size for member in packed.infolist())
         if size > MOST_MEMORY:
-            raise InputError(f"{path}: refused, a {what} that takes {size / 1e6:.0f} MB unpacked")
+            raise InputError(f"{path}: refused: this {what} takes {size / 1e6:.0f} MB unpacked")
         with np.load(path, allow_pickle=False) as file:
             return {name: file[name] for name in file.files}
     except OSError as error:

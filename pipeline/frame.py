@@ -161,7 +161,7 @@ class Frame:
 
 
 def decoded(content: bytes | NDArray[np.uint8], flags: int) -> NDArray:
-    """(H, W, ...) pixels of the content of an image file, by a flag of ``cv2.imread``; InputError if it is none.
+    """(H, W, ...) pixels of the content of an image file, by a flag of ``cv2.imread``; InputError if it is no image.
 
     Images of more than ``OPENCV_IO_MAX_IMAGE_PIXELS`` are refused by their headers.
     """
@@ -171,7 +171,7 @@ def decoded(content: bytes | NDArray[np.uint8], flags: int) -> NDArray:
     except cv2.error:  # a size beyond the bound
         image = None
     if image is None:
-        raise InputError("not an image, or broken, or too large")
+        raise InputError("not an image, damaged, or too large")
     return image
 
 

@@ -250,7 +250,7 @@ class GridMap:
 def check_memory(what: str, size: int) -> None:
     """Raises InputError if what is about to be allocated, ``size`` bytes, is more than ``MOST_MEMORY``."""
     if size > MOST_MEMORY:
-        raise InputError(f"{what} would take {size / 1e9:.3g} GB; at most {MOST_MEMORY / 1e9:.3g} GB are used")
+        raise InputError(f"{what} would take {size / 1e9:.3g} GB; the limit is {MOST_MEMORY / 1e9:.3g} GB")
 
 
 def _bits(values: NDArray) -> NDArray:

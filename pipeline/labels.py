@@ -27,3 +27,5 @@ RAMP_TILT = np.deg2rad(8)  # rad; steeper ground is a ramp
 _NAMES = ("gray", "crimson", "gold", "royalblue", "hotpink", "lightgray", "forestgreen", "sienna")
 COLOURS = np.array([ImageColor.getrgb(name) for name in _NAMES], np.uint8)
 """(8, 3) uint8 RGB, indexed by label: CSS's colours."""
+PERSON_COLOUR = _NAMES[Label.VICTIM]
+"""CSS's name of the colour in which people are drawn, wherever they are."""

@@ -232,21 +232,21 @@ def _opened(path: Path) -> Iterator[dict[str, list[Row]]]:
     if str(arrays.pop("format", "")) != FORMAT:
         raise InputError(f"{path}: not the map of a run")
     if arrays.pop("version", np.array(0)).tolist() != VERSION:
-        raise InputError(f"{path}: not of version {VERSION} of this format")
+        raise InputError(f"{path}: not version {VERSION} of this format")
     try:
         sizes: dict[str, int] = {}
         rows = {kind: _rows(arrays, kind, fields, sizes) for kind, fields in LAYOUT.items()}
         _check(rows)
         yield rows
     except (ValueError, IndexError, KeyError, StopIteration, RuntimeError, np.linalg.LinAlgError) as error:
-        raise InputError(f"{path}: a damaged map: {' '.join(str(error).split())}") from error
+        raise InputError(f"{path}: damaged map: {' '.join(str(error).split())}") from error
 
 
 def _rows(arrays: Arrays, kind: str, fields: dict[str, Field], sizes: dict[str, int]) -> list[Row]:
     """The rows of a kind; ValueError if an entry is missing, not finite or of a wrong type or shape."""
     columns = [list(_values(arrays, f"{kind}.{name}", field, sizes)) for name, field in fields.items()]
     if len({len(column) for column in columns}) != 1:
-        raise ValueError(f"the entries of {kind} are not of one length")
+        raise ValueError(f"the entries of {kind} have different lengths")
     return [dict(zip(fields, values, strict=True)) for values in zip(*columns, strict=True)]
 
 
@@ -257,7 +257,7 @@ def _values(arrays: Arrays, name: str, field: Field, sizes: dict[str, int]) -> I
     of_row = array.shape[1:]
     expected = field.shape[1:] if has_lengths else field.shape
     if array.dtype != np.dtype(field.kind) or len(of_row) != len(expected):
-        raise ValueError(f"{name} is missing or of a wrong type")
+        raise ValueError(f"{name} is missing or has the wrong type")
     for n, size in zip(expected, of_row, strict=True):
         if size != (n if isinstance(n, int) else sizes.setdefault(n, size)):
             raise ValueError(f"{name} has the wrong shape {array.shape}")
@@ -271,7 +271,7 @@ def _values(arrays: Arrays, name: str, field: Field, sizes: dict[str, int]) -> I
 def _parts(name: str, array: NDArray[Any], lengths: NDArray[Any]) -> Iterator[NDArray[Any]]:
     """Successive parts of an array, of these lengths; ValueError if they do not add up to that of the array."""
     if lengths.dtype != np.int64 or lengths.ndim != 1 or (lengths < 0).any() or lengths.sum() != len(array):
-        raise ValueError(f"{name} has {len(array)} entries, which are not those of its rows")
+        raise ValueError(f"{name} has {len(array)} entries, which does not match its rows")
     ends = np.cumsum(lengths).tolist()
     return (array[start:end] for start, end in zip(chain([0], ends), ends, strict=False))
 
@@ -281,26 +281,26 @@ def _check(rows: dict[str, list[Row]]) -> None:
     keyframes = len(rows["keyframe"])
     poses = [row[name] for row in rows["keyframe"] for name in ("T_base_camera", "T_map_base")]
     if not keyframes or not are_poses(poses):
-        raise ValueError(f"there is not for each of {keyframes} keyframes {POSE}")
+        raise ValueError(f"each of {keyframes} keyframes must have {POSE}")
     if len(rows["odometry"]) != 1 or np.linalg.eigvalsh(rows["odometry"][0]["covariance"])[0] <= 0:
-        raise ValueError("it does not say once how wrong the odometry is")
+        raise ValueError("it must have one covariance of the odometry")
     of_keyframe = [row["keyframe"] for kind in LAYOUT for row in rows[kind] if "keyframe" in row]
     of_keyframe += [k for kind in ("victim", "find") for row in rows[kind] for k in row["tried_from"].tolist()]
     if not all(0 <= k < keyframes for k in of_keyframe):
-        raise ValueError("something belongs to a keyframe that is not there")
+        raise ValueError("an entry belongs to a keyframe that does not exist")
     if any((row["camera"][:2] <= 0).any() for row in rows["keyframe"]):
-        raise ValueError("a camera has no focal length")
+        raise ValueError("a camera has no positive focal length")
     classes = [row["label"] for row in rows["member"]]
     if not np.isin(classes, list(Label)).all() or any(
         (row["classes"] >= len(Label)).any() for row in rows["keyframe"]
     ):
-        raise ValueError("something is of no class")
+        raise ValueError("an entry has an unknown class")
     if any(row["count"] < 1 for row in rows["member"]) or any(
         row["sightings"] < 1 for kind in ("victim", "find") for row in rows[kind]
     ):
-        raise ValueError("a segment, a victim or a find was seen nowhere")
+        raise ValueError("a segment, victim or find has no sightings")
     if not all(is_find_kind(_text_of(row["kind"])) for row in rows["find"]):
-        raise ValueError("a find is of no kind")
+        raise ValueError("a find has an unknown kind")
 
 
 def _keyframe_rows(mapper: Mapper) -> Iterator[Row]:
@@ -345,11 +345,11 @@ def _restore_keyframes(rows: dict[str, list[Row]], keyframes: Keyframes) -> None
 def _seen_of(row: Row) -> Seen:
     height, width = row["depth"].shape
     if len({len(row[name]) for name in ("points", "hits", "above")}) > 1:
-        raise ValueError("a keyframe has another number of points than of hits or of what is above them")
+        raise ValueError("a keyframe has different numbers of points, hits and overhangs")
     if len(row["dropout_hits"]) != len(row["dropouts"]):
-        raise ValueError("a keyframe has another number of dropouts than of their hits")
+        raise ValueError("a keyframe has different numbers of dropouts and dropout hits")
     if row["is_labelled"] and not len(row["classes"]) == len(row["share"]) == len(row["points"]):
-        raise ValueError("a keyframe has another number of points than of classes")
+        raise ValueError("a keyframe has different numbers of points and classes")
     names = "depth", "T_base_camera", "points", "hits", "above", "dropouts", "dropout_hits", "rays"
     kept = {name: row[name] for name in names}
     shares = ClassShares(row["classes"], row["share"]) if row["is_labelled"] else None

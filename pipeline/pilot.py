@@ -213,8 +213,8 @@ class Pilot:
             raise
         except Exception as error:  # of whatever driver
             time = self.navigator.motion.time if self.navigator.motion else 0.0
-            self.faults.note("camera", time, f"the camera gave no frame: {error or type(error).__name__}")
+            self.faults.note("camera", time, f"the camera delivered no frame: {error or type(error).__name__}")
         try:
             return self.robot.sense()
         except Exception as error:
-            raise LostError(f"the camera gives no frame: {error or type(error).__name__}") from error
+            raise LostError(f"the camera delivers no frames: {error or type(error).__name__}") from error

@@ -216,7 +216,7 @@ class ExplorerRun(Run, ABC):
         except LostError as error:
             self.lost = str(error)
             self.ended = "lost" if mission.explores else self.ended
-            self._notice("lost", f"the robot does not know where it is and stays: {error}")
+            self._notice("lost", f"the robot is lost and stops: {error}")
         finally:
             self._finish(self._time() - begin)
         return not interrupted()
@@ -263,7 +263,7 @@ class ExplorerRun(Run, ABC):
         self._log_faults()
         if step.was_carried:
             found_itself = pilot.relocalised > relocalised
-            how = "looked around and found itself" if found_itself else "was kidnapped and set down"
+            how = "looked around and was localised" if found_itself else "was carried and set down"
             self._notice("carried", f"the robot {how} at {place_name(step.keyframe.T_map_base[:2, 3])}")
         self._log("INFO" if step.can_drive else "WARN", self._outcome_of(step))
         if step.explores:
@@ -302,19 +302,21 @@ class ExplorerRun(Run, ABC):
     def _outcome_of(self, step: Step) -> str:
         """The outcome of a step as a line for the log."""
         if not step.can_drive:
-            return f"{self.explored}; the robot stands where it cannot drive"
+            return f"{self.explored}; the robot cannot drive away from where it is"
         if step.viewpoint is None or step.plan is None:
-            nothing = "that is worth a keyframe" if step.explores else "to drive to"
-            return f"{self.explored}; nothing is left {nothing}"
+            finished = "exploration finished: no remaining viewpoint is worth the drive"
+            return f"{self.explored}; {finished if step.explores else 'no goal is left to drive to'}"
         place, nodes = place_name(step.viewpoint.position), ", ".join(map(str, step.plan.nodes))
-        way = f"{step.plan.length:.1f} m {f'over nodes {nodes}' if nodes else 'straight'}"
+        way = f"{step.plan.length:.1f} m {f'via nodes {nodes}' if nodes else 'directly'}"
         if not step.viewpoint.gain:
-            return f"{self.explored}; next to {place}, {way}"
+            return f"{self.explored}; next viewpoint {place}, {way}"
         heading = np.degrees(step.viewpoint.heading)
-        return f"{self.explored}; next from {place} towards {heading:.0f}°, {way}, for {step.viewpoint.gain:.2f} m²"
+        return (
+            f"{self.explored}; next viewpoint {place} at {heading:.0f}°, {way}, to see {step.viewpoint.gain:.2f} m²"
+        )
 
     def _finish(self, sim_time: float) -> None:
-        """Write the results of a run that took so many s of the robot's time."""
+        """Write the results of a run that took ``sim_time`` s of the robot's time."""
         self.finish(self._trajectory, self.explorer.steps, sim_time, self._figures())
 
     def _figures(self) -> dict[str, Any]:

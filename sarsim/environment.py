@@ -49,9 +49,7 @@ class RescueEnvironment(dm_env.Environment):
             _set_free(arena, self.robot)
             self.physics = mjcf.Physics.from_mjcf_model(arena.mjcf_model)
         except (ValueError, mujoco.FatalError) as error:
-            raise InputError(
-                f"the arena and the robot do not fit together: {' '.join(str(error).split())}"
-            ) from error
+            raise InputError(f"the arena and the robot cannot be combined: {' '.join(str(error).split())}") from error
         self._substeps = substeps(self.physics.timestep())
         self._sensed = np.zeros(self.physics.model.nsensordata)
         self._inertial_data = self.robot.inertial_data(self.physics)
@@ -86,7 +84,7 @@ class RescueEnvironment(dm_env.Environment):
         self._advance(model, data)
         if data.warning.number.tolist() != warned:
             names = [mujoco.mjtWarning(int(n)).name for n in np.flatnonzero(data.warning.number != warned)]
-            raise PhysicsError(f"the physics diverged: {', '.join(names)}")
+            raise PhysicsError(f"the simulation became unstable: {', '.join(names)}")
 
     def _advance(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         for substep in range(self._substeps):
@@ -150,7 +148,7 @@ def _reconcile(arena: mjcf.RootElement, robot: mjcf.RootElement) -> None:
         setattr(robot.option, name, None)
     lost = [*_unlike(arena.option, robot.option), *_unlike(arena.option.flag, robot.option.flag)]
     if lost:
-        logging.getLogger(__name__).warning("the robot's options hold, not the arena's: %s", ", ".join(lost))
+        logging.getLogger(__name__).warning("using the robot's physics options, not the arena's: %s", ", ".join(lost))
 
 
 def _unlike(arena: mjcf.Element, robot: mjcf.Element) -> Iterator[str]:
@@ -166,5 +164,5 @@ def substeps(timestep: float) -> int:
     """Number of time steps, of ``timestep`` s, in ``CONTROL_TIMESTEP``; InputError if it is not whole."""
     number = round(CONTROL_TIMESTEP / timestep)
     if not np.isclose(number * timestep, CONTROL_TIMESTEP):
-        raise InputError(f"the timestep of {timestep:g} s does not divide {CONTROL_TIMESTEP:g} s")
+        raise InputError(f"the timestep of {timestep:g} s must divide {CONTROL_TIMESTEP:g} s into equal steps")
     return number

@@ -45,7 +45,7 @@ class Episode(ExplorerRun):
     def __init__(self, config: EpisodeConfig, brief: MissionBrief | None = None):
         """Explore, or play a mission; raises InputError if the arena, the folder or the viewer is not available."""
         if config.seed < 0:
-            raise InputError(f"--seed {config.seed}: not negative")
+            raise InputError(f"--seed {config.seed}: must not be negative")
         config = replace(config, out=config.folder)
         check_folder(config.folder, config.continues)
         arena = make_arena(config.arena, config.start, config.random, config.seed, config.world_victims)

@@ -18,6 +18,7 @@ from pipeline.io_config import IoConfig
 from pipeline.ros.live.topic_names import TopicNames
 from sarsim.arenas.settings import RandomArenaConfig, StartPose, WorldVictims
 from sarsim.assets import asset
+from sarsim.flags import Given
 
 NetworkName = Literal["pointnet", "pointnet2", "pointcnn", "dgcnn", "pointnext"]
 POINT_NETWORKS: tuple[NetworkName, ...] = get_args(NetworkName)
@@ -112,8 +113,8 @@ class SinkConfig:
     """Settings of everything that leaves the files of a run.
 
     Attributes:
-        sink: class of your own that watches the run and writes into its folder.
-        io: all numbers of recordings, of the files of results and of ROS; only ``--config`` changes them.
+        sink: class that watches the run and writes into its folder.
+        io: all numbers of recordings, result files and ROS; set them in a ``--config`` file.
     """
 
     sink: OwnClasses = ()
@@ -125,19 +126,17 @@ class SimulatorConfig:
     """Settings of everything that simulates a robot in an arena.
 
     Attributes:
-        arena: nist_6x4, esogu_52x15, lanes/NAME, random:SEED, the path of a .raf, MJCF, SDF or map file, or
-            MODULE:FUNCTION of your own.
-        robot: pioneer3at, jackal, or the path of an MJCF file structured like theirs.
-        start: start pose: x and y in m, yaw in degrees; by default the arena's own.
-        seed: seed of all random numbers.
-        lighting: light in the arena; in the dark, the robot's lamp is on.
-        victims: list of victims and starts for an SDF, .raf or map file, lines of NAME x y z roll pitch yaw.
-        victims_state: state of victims whose names do not end in _hot, _moving or _cold.
+        arena: nist_6x4, esogu_52x15, lanes/NAME or random:SEED; the path of a .raf, MJCF, SDF or map file; or your
+            own MODULE:FUNCTION.
+        robot: pioneer3at, jackal, or the path of an MJCF file with the same structure.
+        start: start pose: x and y in m, yaw in degrees. By default the arena's own start.
+        seed: seed of every random number.
+        lighting: light in the arena; in the dark the robot switches on its lamp.
     """
 
     arena: str = "nist_6x4"
     robot: Robot = "pioneer3at"
-    start: StartPose | None = None
+    start: Given[StartPose] = None
     seed: int = 0
     lighting: LightingName = "normal"
     victims: Path | None = None
@@ -154,18 +153,18 @@ class PerceptionConfig:
     """Settings of everything that labels points and finds people.
 
     Attributes:
-        labels: network, height and slope (rules), simulator's truth, or MODULE:CLASS.
-        weights: weights file of the network, from train.py; by default the shipped one.
-        detector: .cfg and .weights of Darknet, or .safetensors as shipped; None: off.
-        detector_class: your own detector, MODULE:CLASS.
-        reader: class of your own that finds objects in images.
-        pipeline: all numbers of the robot's software; a run writes them, and only ``--config`` changes them.
+        labels: source of the labels: a network, rules on height and slope, the simulator's truth, or MODULE:CLASS.
+        weights: weights of the network. By default the shipped ones.
+        detector: victim detector: Darknet's .cfg and .weights, or a .safetensors file; None for none.
+        detector_class: your own victim detector, MODULE:CLASS.
+        reader: class that finds objects in images.
+        pipeline: all numbers of the robot's software; set them in a ``--config`` file.
     """
 
     labels: Labels = NETWORK
-    weights: Path | None = None
+    weights: Given[Path] = None
     detector: Networks = DETECTOR if all(path.exists() for path in DETECTOR) else None
-    detector_class: str | None = None
+    detector_class: Given[str] = None
     reader: OwnClasses = ()
     pipeline: Fixed[PipelineConfig] = PipelineConfig()
 
@@ -175,40 +174,41 @@ class MissionConfig:
     """Settings of everything that drives a robot by its own maps.
 
     Attributes:
-        steps: most steps of exploring; by default 160, or with --goals no limit.
-        map: folder of an earlier episode here, in whose map the robot goes on.
-        goals: places to drive to at once, x y x y … in m in the map; the robot orders them.
-        explore: explore first, as with --steps.
-        home: drive back at the end.
-        speed: top speed, m/s; by default the robot's. The thesis drives at 0.2.
-        view: live view of the run: in a new window (spawn), or as a page for the browser (web), which stays until
-            Ctrl-C if it was opened.
-        mission: explore, or with files handed in: league, virtual, FILE.
-        minutes: clock of a mission, which ends it in place of --steps; by default its own.
-        exploration: what chooses viewpoints; a class of your own by MODULE:CLASS.
+        steps: maximum number of exploration steps. By default 160; with --goals, no limit.
+        map: folder of an earlier episode in this arena; the robot continues with its map.
+        goals: goals to drive to without exploring first: x y x y …, m in the map frame, in any order.
+        explore: explore before the goals.
+        home: return to the start at the end.
+        speed: top speed, m/s. By default the robot's own.
+        view: live view: in a new window (spawn), in the browser (web), or none.
+        mission: explore, or a mission that hands in files: league, virtual or a YAML file.
+        minutes: time limit of a mission, simulated; it replaces --steps. By default the mission's own.
+        exploration: method that chooses the viewpoints, or your own MODULE:CLASS.
     """
 
-    steps: int | None = None
-    map: Path | None = None
-    goals: tuple[tuple[float, float], ...] = ()
+    steps: Given[int] = None
+    map: Given[Path] = None
+    goals: Annotated[tuple[tuple[float, float], ...], tyro.conf.arg(help_behavior_hint="")] = ()
     explore: bool = False
     home: bool = False
-    speed: float | None = None
+    speed: Given[float] = None
     view: Literal["none", "spawn", "web"] = "none"
     mission: str = EXPLORE
-    minutes: float | None = None
+    minutes: Given[float] = None
     exploration: Exploration = "next_best_view"
 
     def __post_init__(self) -> None:
         """Raise InputError for settings out of range."""
         if self.minutes is not None and (self.mission == EXPLORE or not 0 < self.minutes < float("inf")):
-            raise InputError(f"--minutes {self.minutes:g}: more than 0, and only with a --mission that has a clock")
+            raise InputError(
+                f"--minutes {self.minutes:g}: minutes must be positive, and need a --mission other than explore"
+            )
         if self.speed is not None and not 0 < self.speed < float("inf"):
-            raise InputError(f"--speed {self.speed:g}: more than 0")
+            raise InputError(f"--speed {self.speed:g}: must be positive")
         if self.steps is not None and self.steps < 1:
-            raise InputError(f"--steps {self.steps}: at least 1 step")
+            raise InputError(f"--steps {self.steps}: must be at least 1")
         if not all(map(isfinite, chain.from_iterable(self.goals))):
-            raise InputError(f"--goals {' '.join(f'{x:g} {y:g}' for x, y in self.goals)}: no place is there")
+            raise InputError(f"--goals {' '.join(f'{x:g} {y:g}' for x, y in self.goals)}: coordinates must be finite")
 
     @property
     def most_steps(self) -> float:
@@ -223,27 +223,25 @@ class EpisodeConfig(SinkConfig, PerceptionConfig, MissionConfig, SimulatorConfig
     """Settings of an episode.
 
     Attributes:
-        resume: folder of an interrupted episode, which is repeated bit for bit, with stored outputs of its networks,
-            and then continued.
-        odometry: dead reckoning by wheels and gyro, which drifts, or the true pose, for comparison.
-        localisation: slam corrects odometry by depth images; or MODULE:CLASS.
-        planner: planner on the topological map, or MODULE:CLASS.
-        sensor: Xtion camera, or ideal: of the same range, without noise.
-        dust: dust in the air, 0 to 1, which spoils depth and veils colours.
-        tyre_error: relative error of the wheels' radius that the odometry does not know.
-        fiducials: AprilTags on walls, to score the map.
-        oracle: compare with the best tour of one who knows the ground; may take minutes.
-        voxel_size: side of the metric map's voxels, m; by default 0.1, or as a --config file says.
-        graph: graph for path planning: the thesis's minimum spanning tree (mst), or with loops (roadmap).
-        bag: new folder for a ROS 2 bag of the robot's sensor data, commands and maps.
-        bag_images: depth in whole mm (16UC1) or in m (32FC1); colour raw or as JPEG.
-        tum: new folder for sensor data and true poses in the layout of TUM RGB-D.
-        out: new folder for the results; by default runs/<arena>-<seed>, or if that is there, the first free number
-            from -2 on.
+        resume: folder of an interrupted episode, which is repeated and continued; outputs of its networks are reused.
+        odometry: dead reckoning from wheels and gyro, which drifts; or the true pose, for comparison.
+        localisation: slam corrects the odometry with depth images; or your own MODULE:CLASS.
+        planner: path planner on the topological map, or your own MODULE:CLASS.
+        sensor: the Xtion camera, or an ideal one: same range, no noise.
+        dust: density of dust in the air, 0 to 1; it degrades depth and fades colours.
+        tyre_error: relative error of the wheel radius that the odometry assumes.
+        fiducials: number of AprilTags on the walls, used to score the map.
+        oracle: compare with the best known tour of the arena; can take minutes.
+        voxel_size: voxel side of the metric map, m. By default 0.1.
+        graph: graph for planning: minimum spanning tree or with loops.
+        bag: new folder for a ROS 2 bag with the robot's sensor data, commands and maps.
+        bag_images: images in the bag: depth in whole mm (16UC1) or in m (32FC1); colour raw or as JPEG.
+        tum: new folder for the drive in the TUM RGB-D layout.
+        out: new folder for the results. By default runs/<arena>-<seed>, with -2, -3 … appended if it exists.
         random: contents of a random arena.
     """
 
-    resume: Path | None = None
+    resume: Given[Path] = None
     odometry: Odometry = "wheel"
     localisation: Localisation = "slam"
     planner: Planner = "topological"
@@ -252,12 +250,12 @@ class EpisodeConfig(SinkConfig, PerceptionConfig, MissionConfig, SimulatorConfig
     tyre_error: float = 0.0
     fiducials: int = 0
     oracle: bool = False
-    voxel_size: float | None = None
+    voxel_size: Given[float] = None
     graph: Literal["mst", "roadmap"] = "roadmap"
-    bag: Path | None = None
+    bag: Given[Path] = None
     bag_images: Literal["16UC1", "32FC1", "16UC1-jpeg", "32FC1-jpeg"] = "16UC1"
-    tum: Path | None = None
-    out: Path | None = None
+    tum: Given[Path] = None
+    out: Given[Path] = None
     random: RandomArenaConfig = field(default_factory=RandomArenaConfig)
 
     def __post_init__(self) -> None:
@@ -288,25 +286,25 @@ class TeleopConfig(SinkConfig):
     """Settings of a drive by a person.
 
     Attributes:
-        arena: nist_6x4, esogu_52x15, lanes/NAME, random:SEED, the path of a .raf, MJCF, SDF or map file, or
-            MODULE:FUNCTION of your own.
-        start: start pose: x and y in m, yaw in degrees; by default the arena's own.
-        robot: pioneer3at, jackal, or the path of an MJCF file structured like theirs.
-        labels: source of the points' labels if --out is given, as in run_episode.py.
-        reader: class of your own that finds objects in images if --out is given, as --sink.
-        out: folder for the recording, the maps, the report and the page of the drive, the same files as an episode's
-            but config.yaml; Rerun shows them during the drive. By default nothing is mapped.
-        gamepad: joystick device of Linux, such as /dev/input/js0, whose left stick drives the robot as the keys do.
-        pipeline: all numbers of the robot's software; only ``--config`` changes them.
+        arena: nist_6x4, esogu_52x15, lanes/NAME or random:SEED; the path of a .raf, MJCF, SDF or map file; or your
+            own MODULE:FUNCTION.
+        start: start pose: x and y in m, yaw in degrees. By default the arena's own start.
+        robot: pioneer3at, jackal, or the path of an MJCF file with the same structure.
+        labels: source of the labels if --out is given, as in sarsim-episode.
+        reader: class that finds objects in images if --out is given.
+        out: new folder for the recording, maps and report of the drive: the files of an episode except config.yaml.
+            Rerun shows the maps during the drive. Without --out nothing is mapped.
+        gamepad: Linux joystick device, such as /dev/input/js0; its left stick drives the robot.
+        pipeline: all numbers of the robot's software; set them in a ``--config`` file.
     """
 
     arena: str = "nist_6x4"
-    start: StartPose | None = None
+    start: Given[StartPose] = None
     robot: Robot = "pioneer3at"
     labels: Labels = "truth"
     reader: OwnClasses = ()
-    out: Path | None = None
-    gamepad: Path | None = None
+    out: Given[Path] = None
+    gamepad: Given[Path] = None
     pipeline: Fixed[PipelineConfig] = PipelineConfig()
 
 
@@ -315,28 +313,28 @@ class MapRecording(SinkConfig, PerceptionConfig):
     """A recording to map, and facts that it does not contain itself.
 
     Attributes:
-        path: TUM RGB-D folder, folder of numbered images, ROS bag (MCAP, SQLite, ROS 1), or scene (.h5) of a dataset.
-        out: folder for the results, the same files as an episode's.
-        poses: source of the poses: recorded odometry corrected by registration (slam), registration alone, or
-            odometry or true poses as recorded; by default slam if there is odometry, else registration.
-        robot: robot that ground must suit: pioneer3at, jackal, or the path of an MJCF file structured like theirs.
-        camera: pose of the camera on the robot: x y z in m, roll pitch yaw in degrees, positive pitch looks down; by
-            default as recorded, else level, by accelerometer or surfaces.
-        intrinsics: fx fy cx cy of the camera in pixels, with pixel centres at whole numbers; by default as recorded.
-        depth_scale: units per metre of a folder's depth images; by default 5000.
-        fps: frames per second of a folder whose images have no times.
-        topics: names of the topics to use if a bag has several of a kind, also of transforms.
-        mission: explore, or one whose files are handed in: league, virtual, or a YAML file.
+        path: TUM RGB-D folder, folder of numbered images, ROS bag (MCAP, SQLite, ROS 1), or dataset scene (.h5).
+        out: new folder for the results: the same files as an episode writes.
+        poses: source of the poses: recorded odometry corrected by registration (slam), registration alone, or the
+            recorded odometry or true poses uncorrected. By default slam if odometry was recorded, else registration.
+        robot: robot that must be able to drive on the ground: pioneer3at, jackal, or the path of an MJCF file.
+        camera: pose of the camera on the robot: x y z in m, roll pitch yaw in degrees; a positive pitch looks down.
+            By default as recorded; if it was not, estimated from the accelerometer or from floor and walls.
+        intrinsics: fx fy cx cy of the camera in pixels; pixel centres are at whole numbers. By default as recorded.
+        depth_scale: depth units per metre in a folder's images. By default 5000.
+        fps: frames per second of a folder whose images have no timestamps.
+        topics: topics to use if a bag has several of one kind; transforms too.
+        mission: explore, or a mission that hands in files: league, virtual or a YAML file.
     """
 
     path: Annotated[Path, tyro.conf.Positional]
     out: Path
-    poses: Literal["slam", "registration", "odometry", "truth"] | None = None
+    poses: Given[Literal["slam", "registration", "odometry", "truth"]] = None
     robot: Robot = "pioneer3at"
-    camera: tuple[float, float, float, float, float, float] | None = None
-    intrinsics: tuple[float, float, float, float] | None = None
-    depth_scale: float | None = None
-    fps: float | None = None
+    camera: Given[tuple[float, float, float, float, float, float]] = None
+    intrinsics: Given[tuple[float, float, float, float]] = None
+    depth_scale: Given[float] = None
+    fps: Given[float] = None
     topics: tuple[str, ...] = ()
     mission: str = EXPLORE
 
@@ -346,14 +344,15 @@ class RosRobotConfig(SimulatorConfig):
     """Settings of the node that simulates a robot.
 
     Attributes:
-        camera_rate: camera images per simulated second; each takes some 50 ms to compute, a real Xtion gives 30.
-        pace: pace of the simulated time: that of the wall clock (real-time), as fast as possible (free), or as fast
-            as commands come (commands), waiting at most 0.1 s for each.
-        stamped: receive commands as TwistStamped; by default as Twist.
+        camera_rate: camera images per simulated second. Each takes about 50 ms to compute; a real Xtion delivers 30.
+        pace: pace of simulated time: the wall clock's (real-time), as fast as possible (free), or one step per
+            command (commands), waiting at most 0.1 s for each.
+        stamped: receive commands as TwistStamped instead of Twist.
         name: name of the ROS 2 node.
-        network: connect to other machines as well, which may then drive the robot; by default only to this machine.
-        out: folder for ground truth of the drive, report.json and trajectory_true.tum; by default neither is written.
-        io: all numbers of ROS; only ``--config`` changes them.
+        network: connect to other machines too; they can then drive the robot. By default only to this machine.
+        out: new folder for the ground truth of the drive: report.json and trajectory_true.tum. Without it, neither
+            is written.
+        io: all numbers of ROS; set them in a ``--config`` file.
     """
 
     camera_rate: float = 5.0
@@ -361,7 +360,7 @@ class RosRobotConfig(SimulatorConfig):
     stamped: bool = False
     name: str = "sarsim_robot"
     network: bool = False
-    out: Path | None = None
+    out: Given[Path] = None
     io: Fixed[IoConfig] = IoConfig()
 
 
@@ -370,20 +369,20 @@ class RosExploration(SinkConfig, PerceptionConfig, MissionConfig):
     """Settings of the exploration with a ROS 2 robot.
 
     Attributes:
-        out: folder for the results, the same files as an episode's.
-        robot: robot that ground must suit: pioneer3at, jackal, or the path of an MJCF file structured like theirs.
-        camera: pose of the camera on the robot: x y z in m, roll pitch yaw in degrees, positive pitch looks down; by
-            default from the robot's transforms.
+        out: new folder for the results: the same files as an episode writes.
+        robot: robot that must be able to drive on the ground: pioneer3at, jackal, or the path of an MJCF file.
+        camera: pose of the camera on the robot: x y z in m, roll pitch yaw in degrees; a positive pitch looks down.
+            By default from the robot's transforms.
         topics: names of the robot's topics.
-        nav2: send viewpoints as goals to the robot's Nav2 stack instead of velocities.
-        patience: longest silence of the robot or of one of its topics, s, before the drive ends.
+        nav2: send goals to the robot's Nav2 stack instead of velocity commands.
+        patience: longest silence of the robot or one of its topics, s; after it the drive ends.
         name: name of the ROS 2 node.
-        network: connect to other machines as well; by default only to this machine.
+        network: connect to other machines too. By default only to this machine.
     """
 
     out: Path
     robot: Robot = "pioneer3at"
-    camera: tuple[float, float, float, float, float, float] | None = None
+    camera: Given[tuple[float, float, float, float, float, float]] = None
     topics: TopicNames = field(default_factory=TopicNames)
     nav2: bool = False
     patience: float = 5.0
@@ -401,8 +400,8 @@ class MissionValidation:
     """Files to check.
 
     Attributes:
-        path: folder of the files, or an episode's that contains handed_in/.
-        io: with the numbers of the validation (``league.validation``); only ``--config`` changes them.
+        path: folder of the files, or an episode's folder that contains handed_in/.
+        io: numbers of the validation (``league.validation``); set them in a ``--config`` file.
     """
 
     path: Annotated[Path, tyro.conf.Positional]

@@ -135,7 +135,9 @@ class SimulatedRobot:
         except PhysicsError as error:
             x, y = self.T_world_start[:2, 3]
             with self.arena.naming():
-                raise InputError(f"the arena has no free start: nothing can stand at ({x:g}, {y:g}) m") from error
+                raise InputError(
+                    f"the arena has no free start: the robot cannot stand at ({x:g}, {y:g}) m"
+                ) from error
 
     @property
     def base_body(self) -> int:

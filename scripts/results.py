@@ -1,4 +1,4 @@
-"""Run the benchmarks of the pages of results, and write these pages: ``results.py [PAGE ...]``."""
+"""Run the benchmarks behind the results pages, and write these pages: ``results.py [PAGE ...]``."""
 
 import json
 import os
@@ -68,7 +68,7 @@ def results(settings: Results) -> None:
     """Measure each page that has no figures of this state of the code yet, and write all pages and README's table."""
     known = plan()["pages"]
     if unknown := set(settings.pages) - known.keys():
-        raise InputError(f"{', '.join(sorted(unknown))}: no page of results; there are {', '.join(known)}")
+        raise InputError(f"{', '.join(sorted(unknown))}: not a page of results; use one of {', '.join(known)}")
     for name in () if settings.write else settings.pages or known:
         renew(name, known[name], settings)
         write_pages()
@@ -85,7 +85,7 @@ def renew(name: str, page: Mapping[str, Any], settings: Results) -> None:
     """Measure a page unless its figures are of this state of the code."""
     commit, old = state_of_code(), record_of(name)
     if old and old["commit"] == commit and not commit.endswith("+") and not settings.again:
-        print(f"{name}: measured on {commit} already")
+        print(f"{name}: already measured on {commit}")
         return
     print(f"{name}: takes about {duration(page, old)}", flush=True)
     command = " ".join([page["command"].format(commit=commit), settings.flags]).strip()

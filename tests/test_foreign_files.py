@@ -206,7 +206,7 @@ def test_arenas_as_mjcf(tmp_path: Path) -> None:
         ('nuser_geom="1"', 'nuser_geom="1000"', "nuser_geom"),
         ('znear="0.02"', 'znear="nan"', "znear"),
         ('width="64" height="64"', 'width="60000" height="60000"', "arena.xml: "),
-        ('size="2 1.5 0.1"', 'size="150 150 0.1"', "300 × 300 m: at most 6000 m²"),
+        ('size="2 1.5 0.1"', 'size="150 150 0.1"', "300 × 300 m .*6000 m²"),
     ],
 )
 def test_a_number_that_makes_no_sense_in_mjcf_is_named(old: str, new: str, said: str, tmp_path: Path) -> None:
@@ -233,7 +233,7 @@ def test_arrays_that_expand_endlessly(tmp_path: Path, monkeypatch: pytest.Monkey
     assert path.stat().st_size < 10_000
     assert load_arrays(path, "map").keys() == {"a"}
     monkeypatch.setattr(files, "MOST_MEMORY", 10**6)
-    with pytest.raises(InputError, match="a map that takes 8 MB"):
+    with pytest.raises(InputError, match="map takes 8 MB"):
         load_arrays(path, "map")
 
 

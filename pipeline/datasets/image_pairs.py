@@ -56,7 +56,7 @@ def image_pairs(path: Path, fps: float | None, most_step: float) -> list[Pair]:
     pairs = sorted(pairs, key=lambda pair: pair.time)
     step = float(np.median(np.diff([pair.time for pair in pairs]))) if len(pairs) > 1 else 0.0
     if step > most_step:
-        raise InputError(f"{path}: its images are {step:g} s apart; times are in s, or in ms, µs or ns since 1970")
+        raise InputError(f"{path}: its images are {step:g} s apart; give times in s, or in ms, µs or ns since 1970")
     return pairs
 
 
@@ -93,7 +93,7 @@ def _association_rows(path: Path) -> list[list[str]] | None:
             continue  # of other things, such as of images to poses
         for number, row in rows:
             if len(row) != 4 or not all(_is_number(row[k]) for k in (0, 2)):
-                raise InputError(f"{file}: line {number} is not a time and a file, twice: {' '.join(row)[:60]!r}")
+                raise InputError(f"{file}: line {number} must be a time and a file, twice: {' '.join(row)[:60]!r}")
         return [row for _, row in rows]
     return None
 
@@ -118,7 +118,7 @@ def _images(path: Path, names: tuple[str, ...]) -> _Images:
         if files := _files(path / name):
             return _from_names(files)
     missing = " nor ".join(f"{name}.txt nor images in {name}/" for name in names)
-    raise InputError(f"{path}: no recording: it has neither {missing}")
+    raise InputError(f"{path}: not a recording: it has neither {missing}")
 
 
 def _from_list(file: Path) -> _Images:
@@ -129,10 +129,10 @@ def _from_list(file: Path) -> _Images:
         if not words:
             continue
         if len(words) < 2 or not _is_number(words[0]):
-            raise InputError(f"{file}: line {number} is not a time and a file: {line[:60]!r}")
+            raise InputError(f"{file}: line {number} must be a time and a file: {line[:60]!r}")
         found.append((float(words[0]), file.parent / words[1]))
     if not found:
-        raise InputError(f"{file}: lists no image")
+        raise InputError(f"{file}: lists no images")
     times = in_seconds(np.array([time for time, _ in found]))
     return _Images([name for _, name in found], times if len(found) == 1 or np.ptp(times) else None)
 
@@ -148,7 +148,7 @@ def _from_names(files: list[Path]) -> _Images:
 
 
 def _keys(files: list[Path]) -> list[Key] | None:
-    """Of each name the numbers that differ from name to name, or the last; None if they tell no files apart."""
+    """Of each name the numbers that differ from name to name, or the last; None if files share them."""
     numbers = [tuple(map(float, NUMBER.findall(file.stem))) for file in files]
     if not numbers[0] or len(set(map(len, numbers))) > 1:
         return None
@@ -175,14 +175,14 @@ def _by_number(path: Path, depth: _Images, colour: _Images, fps: float | None) -
     if keys is None or others is None:
         if len(depth.files) != len(colour.files):
             numbers = f"{len(depth.files)} depth and {len(colour.files)} colour images"
-            raise InputError(f"{path}: its {numbers} have no numbers in their names; associations.txt can pair them")
+            raise InputError(
+                f"{path}: its {numbers} have no numbers in their names; list the pairs in associations.txt"
+            )
         keys = others = [(float(k),) for k in range(len(depth.files))]
     times = depth.times
     if times is None:
         if fps is None:
-            raise InputError(
-                f"{depth.files[0].parent}: its images have no times; --fps says how many there are a second"
-            )
+            raise InputError(f"{depth.files[0].parent}: its images have no times; give the frame rate with --fps")
         times = _places(keys, others) / fps
     by_key = dict(zip(others, colour.files, strict=True))
     found = zip(times.tolist(), keys, depth.files, strict=True)

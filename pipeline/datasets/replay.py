@@ -26,7 +26,7 @@ PoseSource = Literal["slam", "registration", "odometry", "truth"]
 """Odometry corrected by registration; registration alone; recorded odometry or true poses without correction."""
 
 
-POSELESS = "frames at times of which no pose is known"
+POSELESS = "frames without a known pose"
 
 
 class Replayed(NamedTuple):
@@ -80,7 +80,7 @@ class Replay:
         given = {"registration": None, "truth": self.recording.truth}.get(poses, self.recording.odometry)
         if given is None and poses != "registration":
             what = "true poses" if poses == "truth" else "odometry"
-            raise InputError(f"{self.recording.path}: holds no {what}, which --poses {poses} needs")
+            raise InputError(f"{self.recording.path}: --poses {poses} needs {what}, and the recording has none")
         return given
 
     def __iter__(self) -> Iterator[Replayed]:
@@ -111,7 +111,7 @@ class Replay:
     def _begin(self, frame: Frame) -> bool:
         """Find the poses of camera and robot by the first frame; False if it is blank."""
         if not frame.returns.any():
-            self.recording.leave_out("blank frames at the beginning")
+            self.recording.leave_out("blank frames at the start")
             return False
         if self._given is not None and self._given.at(frame.time, self._numbers.trajectory) is None:
             self.recording.leave_out(POSELESS)
@@ -159,7 +159,9 @@ class Replay:
                 T_first_frame, up = odometry.pose(frame), vertical(frame, self._numbers)
                 if up is not None:
                     return T_lowest_camera(first, T_first_frame[:3, :3] @ up, self._numbers.vertical)
-        raise InputError(f"{self.recording.path}: neither an accelerometer nor floor and walls show which way is up")
+        raise InputError(
+            f"{self.recording.path}: neither an accelerometer nor floor and walls show which way is up; give --camera"
+        )
 
     def _up(self, frame: Frame, T_base_camera: Pose) -> Direction:
         """The vertical in ``base_link`` by the accelerometer, else by the surfaces, else for a level robot."""
@@ -200,5 +202,5 @@ class Replay:
 def _measured(T_base_camera: Pose) -> str:
     """The note on a camera's pose on the robot that nobody gave."""
     height, down = T_base_camera[2, 3], np.degrees(np.arcsin(np.clip(-T_base_camera[2, 2], -1, 1)))
-    given = "the camera's place on the robot is not known (--camera gives it)"
-    return f"{given}: by the lowest in the first frame it is {height:.2f} m up and looks down by {down:.0f}°"
+    given = "the camera's pose on the robot is unknown (give it with --camera)"
+    return f"{given}; estimated from the first frame: {height:.2f} m high, tilted down by {down:.0f}°"

@@ -75,7 +75,7 @@ def read_ros_bag(
     for line in filter(None, (*chosen.notes, *beside.notes, camera.note, mount.note)):
         recording.note(line)
     if recording.odometry is None and beside.links.moves:
-        recording.note(f"no odometry: neither nav_msgs/Odometry nor a transform from odom; found: {beside.links}")
+        recording.note(f"no odometry: found neither nav_msgs/Odometry nor a transform from odom, only {beside.links}")
     return recording
 
 
@@ -103,10 +103,10 @@ def _opened(path: Path) -> Iterator[AnyReader]:
     except (InputError, GeneratorExit, KeyboardInterrupt):
         raise
     except FileNotFoundError as error:
-        raise InputError(f"{path}: no bag: {error}") from error
+        raise InputError(f"{path}: not a bag: {error}") from error
     except Exception as error:
         said = " ".join(str(error).split()) or type(error).__name__
-        raise InputError(f"{path}: cut short or broken, or of an unknown kind: {said}") from error
+        raise InputError(f"{path}: truncated, damaged or of an unknown format: {said}") from error
 
 
 class Topics:
@@ -125,14 +125,12 @@ class Topics:
         self._path, self._named, self.notes = path, named, list[str]()
         self.kinds = {name: info.msgtype or "" for name, info in reader.topics.items() if info.msgcount}
         if unknown := [name for name in named if name not in self.kinds]:
-            raise InputError(f"{path}: holds no messages of {', '.join(unknown)}")
+            raise InputError(f"{path}: no messages on {', '.join(unknown)}")
         images = [name for name, kind in self.kinds.items() if kind in IMAGE_TYPES and name != LABELS]
         depths = [name for name in images if "depth" in name.lower()]
         depth = self._one("depth images", depths)
         if depth is None:
-            raise InputError(
-                f"{path}: holds no depth images; its topics are {', '.join(sorted(self.kinds)) or 'none'}"
-            )
+            raise InputError(f"{path}: no depth images; its topics are {', '.join(sorted(self.kinds)) or 'none'}")
         self.depth = depth
         others = [name for name in images if name not in depths and not INFRARED.search(name)]
         self.colour = self._one("colour images", others)
@@ -145,7 +143,7 @@ class Topics:
         if len(imus) == 1 or set(imus) & set(self._named):
             return self._one("IMUs", imus)
         if imus:
-            self.notes.append(f"IMUs come on {' and '.join(imus)}, and none is used; --topics names one")
+            self.notes.append(f"IMU data on {' and '.join(imus)} is ignored; choose a topic with --topics")
         return None
 
     def _transforms(self) -> list[str]:
@@ -153,7 +151,7 @@ class Topics:
         robots = [name for name in (self.depth, self.odometry) if name]
         used = [name for name in every if name in self._named] or tf_topics(self.kinds, robots)
         if unused := [name for name in every if name not in used]:
-            self.notes.append(f"transforms on {' and '.join(unused)} are not used; --topics names those to use")
+            self.notes.append(f"transforms on {' and '.join(unused)} are ignored; choose topics with --topics")
         return used
 
     def _of(self, kind: str) -> list[str]:
@@ -165,7 +163,7 @@ class Topics:
         found = [n for n in names if n in self._named] or raw
         if len(found) > 1:
             listed = " and ".join(found)
-            raise InputError(f"{self._path}: {what} come on {listed}; --topics names those to use")
+            raise InputError(f"{self._path}: several topics have {what}: {listed}; choose with --topics")
         return found[0] if found else None
 
 
@@ -217,7 +215,7 @@ class _Beside:
             same = [name for name, info in self._infos.items() if info.header.frame_id == header.frame_id]
             name = same[0] if len(same) == 1 or (same and topic == topics.depth) else None
             if name is not None:
-                self.notes.append(f"{name}, of the same frame, is taken for the camera_info of {topic}")
+                self.notes.append(f"using {name}, which has the same frame, as the camera_info of {topic}")
         info = None if name is None else self._infos[name]
         if stream := self._stream(topic):
             return ImageSource(topic, info, stream)
@@ -248,7 +246,7 @@ class _Beside:
         """The trajectory of poses at their times, s, without poses that are not finite."""
         good = [(time, T) for time, T in poses if np.isfinite(T).all()]
         if len(good) < len(poses):
-            self.notes.append(f"{name}: {len(poses) - len(good)} of {len(poses)} are no poses (not finite)")
+            self.notes.append(f"{name}: {len(poses) - len(good)} of {len(poses)} poses are not finite")
         return Trajectory(np.array([t for t, _ in good]), np.array([T for _, T in good])) if good else None
 
     def up(self, camera: str, at_rest: float) -> Direction | None:
@@ -288,9 +286,9 @@ def _frames(
             if last == -np.inf:
                 recording.check_clocks(time, time + span)
             if time and not seconds(depth.header.stamp):
-                recording.note("depth images have no stamps (all 0): they count as taken when they were recorded")
+                recording.note("depth images have no timestamps (all 0); using the times at which they were recorded")
             if time <= last:
-                order = "that have the stamp of another" if time == last else "that are out of order"
+                order = "with the same timestamp as another" if time == last else "that are out of order"
                 recording.leave_out(f"depth images {order}")
                 continue
             colour, label = found(topics.colour), found(LABELS)

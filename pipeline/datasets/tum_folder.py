@@ -74,7 +74,7 @@ def _trajectory(path: Path, recording: Recording | None = None) -> Trajectory | 
         return None
     found = read_trajectory(path, of_camera=True)
     if recording is not None and found.left_out:
-        recording.note(f"{path.name}: {found.left_out} of its lines hold no pose (not finite, or turned by nothing)")
+        recording.note(f"{path.name}: {found.left_out} of its lines hold no pose (not finite, or a zero quaternion)")
     return found
 
 
@@ -99,10 +99,10 @@ def _up(path: Path, recording: Recording, at_rest: float) -> Direction | None:
 def _calibration(path: Path) -> Calibration:
     file = path / "calibration.txt"
     if not file.exists():
-        raise InputError(f"{path}: has no calibration.txt; --intrinsics fx fy cx cy gives the camera's")
+        raise InputError(f"{path}: no calibration.txt; give the camera's with --intrinsics fx fy cx cy")
     rows = read_numbers(file, "fx fy cx cy")
     if len(rows) != 1 or not (rows > 0).all():
-        raise InputError(f"{file}: it must be one line of fx fy cx cy, all positive")
+        raise InputError(f"{file}: must be one line, fx fy cx cy, all positive")
     return Calibration(*rows[0].tolist())
 
 
@@ -113,7 +113,7 @@ def _frames(recording: Recording, pairs: Sequence[Pair], calibration: Calibratio
             recording.leave_out("depth images without a colour image")
             continue
         if not (file.exists() and colour.exists()):
-            recording.leave_out("depth images that are listed but missing, or whose colour image is")
+            recording.leave_out("listed depth images without a file, or without their colour image's file")
             continue
         metres = _depth(file, scale)
         rgb = np.ascontiguousarray(_image(colour, cv2.IMREAD_COLOR)[..., ::-1])
@@ -129,7 +129,7 @@ def _frames(recording: Recording, pairs: Sequence[Pair], calibration: Calibratio
 def _depth(file: Path, scale: float) -> Depth:
     image = _image(file, cv2.IMREAD_UNCHANGED)
     if image.ndim != 2 or image.dtype not in (np.uint16, np.float32):
-        raise InputError(f"{file}: not a depth image: it has {image.dtype} pixels of the shape {image.shape}")
+        raise InputError(f"{file}: not a depth image: {image.dtype} pixels of shape {image.shape}")
     return np.asarray(image / np.float32(scale), np.float32)
 
 

@@ -155,15 +155,15 @@ class Mission:
         self.goals = self._visited[name] = goals
         yield name
         if not self._is_on_retreat and self.is_out_of_time:
-            goals.refuse("the way back leaves no time for it")
-        goals.refuse("the robot is held where it stands" if robot.is_held else None)
+            goals.refuse("too little time is left before the drive back")
+        goals.refuse("the robot is stuck" if robot.is_held else None)
 
     def new_outcomes(self) -> Iterator[tuple[str, bool]]:
         """A line for each goal visited or given up since the last call, and whether it was reached."""
         for name, goals in self._visited.items():
             for visit in goals.visits[self._reported.get(name, 0) :]:
                 place = "home" if name == "home" else goal_name(visit.goal)
-                yield visit.obstacle or f"{place} is reached", visit.obstacle is None
+                yield visit.obstacle or f"{place} reached", visit.obstacle is None
             self._reported[name] = len(goals.visits)
 
     def report(self) -> dict[str, Any]:
@@ -245,7 +245,7 @@ class Goals(Strategy):
                 self._end(goal, None)
             elif goal is self._goal and self._is_hopeless(goal, context.paths.cost_to(place)):
                 drives = self._config.patience
-                self._end(goal, f"{goal_name(goal)} is given up: {drives} drives brought the robot no nearer")
+                self._end(goal, f"{goal_name(goal)} was given up: {drives} drives brought the robot no nearer")
         self._goal = self._view = None
         if any(obstacle_to(context.paths, self._place(goal, context.paths)) for goal in self.left):
             self._unseen = self._unseen or UnseenWays(context.traversability.robot, self._config)

@@ -20,7 +20,7 @@ class SquaresConfig:
         faint_edge, sure_edge: grey levels, the lower and the upper threshold of Canny's edges.
         tolerances: shares of an outline's length by which a polygon may be off, tried until it has four corners.
         filled: least share of a quadrilateral that its outline's hull fills, and of the hull's own area.
-        aslant: a side may be less than so many times as long as another: seen at 70° from ahead, a square is so.
+        aslant: largest ratio of two sides: that of a square seen at 70° from ahead.
         oblong: ratio of two sides from which on signs may hang side by side along the longer one alone.
         same: share of a diagonal by which corners of the same square may differ.
         smallest, largest: m along a side of signs and codes, where the depth is known: the leagues' signs are
@@ -90,7 +90,7 @@ class ShapesConfig:
     """What may be an extinguisher or a lever.
 
     Attributes:
-        stride: pixels; every so many rows and columns are searched.
+        stride: distance between the rows and columns that are searched, pixels.
         noise: standard deviations of the depth by which a pixel must stand out.
         hue: 256ths of the circle of hues around the red of RAL 3000, as EN 3 asks for.
         coloured: saturation, of 255, above which a pixel has that red.

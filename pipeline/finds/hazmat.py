@@ -1,4 +1,4 @@
-"""Reads hazmat signs: squares in the image are rectified and classified, and what is no sign is rejected."""
+"""Reads hazmat signs: squares in the image are rectified and classified, and anything else is rejected."""
 
 from collections.abc import Iterator
 from pathlib import Path

@@ -19,7 +19,7 @@ class PatchNetwork(nn.Sequential):
     """Four halvings of a patch, and the scores of each class, "none of them" last."""
 
     def __init__(self, classes: int, has_relief: bool = False, side: int = PATCH) -> None:
-        """Random weights for so many classes, and patches of ``side`` pixels with colours, or colours and relief."""
+        """Random weights for some classes, and patches of ``side`` pixels with colours, or colours and relief."""
         layers, before = list[nn.Module](), 3 + has_relief
         for width in WIDTHS:
             stride = 2 if width != before else 1
@@ -40,11 +40,11 @@ class PatchNetwork(nn.Sequential):
             network.load_state_dict({name: value.float() for name, value in load_file(path).items()})
         except (OSError, SafetensorError, RuntimeError) as error:
             reason = str(error).splitlines()[0]
-            raise InputError(f"{path}: no weights of a classifier of {classes} classes: {reason}") from error
+            raise InputError(f"{path}: not the weights of a classifier with {classes} classes: {reason}") from error
         return network.eval()
 
     def probabilities(self, patches: NDArray[np.uint8], turns: int = 4) -> NDArray[np.float32]:
-        """(N, classes + 1) of (N, side, side, channels) patches, the mean over so many turns of a square."""
+        """(N, classes + 1) of (N, side, side, channels) patches, the mean over several turns of a square."""
         with torch.inference_mode():
             images = to_input(patches)
             turned = [self(torch.rot90(images, k, (2, 3))).softmax(1) for k in range(turns)]

@@ -121,7 +121,7 @@ def _filled(depth: Depth) -> NDArray[np.float32]:
 
 
 def _opened(image: NDArray[np.float32], rows: int) -> NDArray[np.float32]:
-    """An image opened with a window of so many rows, an odd number; its first and last row go on beyond it."""
+    """An image opened with a window of an odd number of rows; its first and last row go on beyond it."""
     padded = cv2.copyMakeBorder(image, rows, rows, 0, 0, cv2.BORDER_REPLICATE)
     return np.asarray(cv2.morphologyEx(padded, cv2.MORPH_OPEN, np.ones((rows, 1), np.uint8)), np.float32)[rows:-rows]
 

@@ -81,7 +81,7 @@ def _large(contours: Sequence[cv2.typing.MatLike], least: int) -> Iterator[cv2.t
 
 
 def _quad(hull: NDArray[np.int32], config: SquaresConfig) -> Pixels | None:
-    """Four corners of the quadrilateral that a hull is; None if it is none, or seen too much from the side."""
+    """Four corners of the quadrilateral that a hull is; None if it is not one, or seen too much from the side."""
     area = cv2.contourArea(hull)
     for tolerance in config.tolerances:
         corners = cv2.approxPolyDP(hull, tolerance * cv2.arcLength(hull, True), True)[:, 0].astype(np.float32)

@@ -63,9 +63,7 @@ def _bounded(rgb: NDArray[np.uint8], most: int) -> tuple[Rgb, float]:
         InputError: it is empty, of another shape or type.
     """
     if rgb.dtype != np.uint8 or rgb.size == 0 or rgb.ndim not in (2, 3) or rgb.shape[2:] not in ((), (1,), (3,)):
-        raise InputError(
-            f"image: {rgb.dtype} of shape {rgb.shape}, not uint8 of (height, width) or (height, width, 3)"
-        )
+        raise InputError(f"image: must be uint8 (height, width) or (height, width, 3), not {rgb.dtype} {rgb.shape}")
     image = np.repeat(rgb.reshape(*rgb.shape[:2], 1), 3, axis=2) if rgb.shape[2:] != (3,) else rgb
     scale = min(1.0, (most / (rgb.shape[0] * rgb.shape[1])) ** 0.5)
     if scale == 1.0:
@@ -82,7 +80,7 @@ class Pyramid:
         self._levels = [image]
 
     def __getitem__(self, level: int) -> NDArray[np.uint8]:
-        """The image halved so many times, by areas."""
+        """The image halved a number of times, by areas."""
         while len(self._levels) <= level:
             last = self._levels[-1]
             size = (last.shape[1] + 1) // 2, (last.shape[0] + 1) // 2

@@ -23,7 +23,7 @@ def one_per_person(
         finds: without people.
         people: confirmed.
         suspected: people who are not confirmed.
-        reach: m by kind; what is no farther from what was seen of a person is of that person.
+        reach: by kind, distance from a person up to which a find belongs to that person, m.
     """
     everyone = [*people, *suspected]
     trees = [cKDTree(person.points) for person in everyone]

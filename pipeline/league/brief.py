@@ -76,15 +76,17 @@ class MissionBrief:
         """Raises InputError if a number or a name cannot be."""
         for name in ("team", "country", "name"):
             if not getattr(self, name).strip() or re.search(r"[\x00-\x1f\x7f]", getattr(self, name)):
-                raise InputError(f"mission: {name} {getattr(self, name)!r}: must be one line that is not empty")
+                raise InputError(f"mission: {name} {getattr(self, name)!r}: must be one line, not empty")
         if not 0 < self.minutes < float("inf"):
-            raise InputError(f"mission: minutes {self.minutes:g}: a clock must run")
+            raise InputError(f"mission: minutes {self.minutes:g}: minutes must be positive")
         if len(set(self.tasks)) < max(len(self.tasks), 1):
-            raise InputError(f"mission: tasks {', '.join(self.tasks) or 'none'}: each once, and at least one")
+            raise InputError(
+                f"mission: tasks {', '.join(self.tasks) or 'none'}: give at least one, and each only once"
+            )
         for part in (self.rewards, self.penalties):
             for entry in fields(part):
                 if not 0 <= (value := getattr(part, entry.name)) < float("inf"):
-                    raise InputError(f"mission: {entry.name} {value:g}: a finite number of at least 0")
+                    raise InputError(f"mission: {entry.name} {value:g}: must be finite and not negative")
 
     @property
     def stem(self) -> str:

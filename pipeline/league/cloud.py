@@ -112,10 +112,10 @@ def read_cloud(path: Path) -> CloudFile:
     head, end, body = read_bytes(path, MOST_MEMORY).partition(b"end_header")
     lines = [line.strip() for line in head.decode(errors="replace").splitlines()]
     if not end or lines[:1] != ["ply"]:
-        read.faults.append("no PLY: it must begin with ply and have an end_header")
+        read.faults.append("not a PLY file: it must begin with ply and have an end_header")
         return read
     if "format ascii 1.0" not in lines:
-        read.faults.append("not an ASCII PLY: format ascii 1.0 is wanted")
+        read.faults.append("not an ASCII PLY file: the format must be ascii 1.0")
         return read
     read.comments = [line.removeprefix("comment").strip() for line in lines if line.startswith("comment")]
     count, names = _vertices(read, lines)
@@ -128,7 +128,7 @@ def _vertices(read: CloudFile, lines: list[str]) -> tuple[int, list[str]]:
     words = [line.split() for line in lines]
     elements = [(at, w) for at, w in enumerate(words) if w[:1] == ["element"]]
     if not elements or elements[0][1][1:2] != ["vertex"] or not elements[0][1][-1].isdecimal():
-        read.faults.append("element vertex with a number must come first")
+        read.faults.append("the first element must be vertex, with a number")
         return 0, []
     first, following = elements[0][0], elements[1][0] if len(elements) > 1 else len(words)
     properties = [(w[-1], " ".join(w[1:-1])) for w in words[first:following] if w[:1] == ["property"]]
@@ -140,13 +140,13 @@ def _wrong_properties(kinds: dict[str, str]) -> Iterator[str]:
     """What is wrong with the properties of a vertex and their types."""
     for name, kind in kinds.items():
         if name in PROPERTIES and ALIASES.get(kind, kind) != PROPERTIES[name]:
-            yield f"property {name} is {kind}; {PROPERTIES[name]} is wanted"
+            yield f"property {name} is {kind}; it must be {PROPERTIES[name]}"
     for name in PLACE:
         if name not in kinds:
             yield f"property float {name} is missing"
     for group in (RGB, NORMAL):
         if 0 < len(set(group) & kinds.keys()) < len(group):
-            yield f"of {' '.join(group)} some are missing"
+            yield f"some of {' '.join(group)} are missing"
 
 
 def _read_body(read: CloudFile, lines: list[bytes], count: int, names: list[str]) -> None:
@@ -155,13 +155,13 @@ def _read_body(read: CloudFile, lines: list[bytes], count: int, names: list[str]
     try:
         table = np.loadtxt(rows, ndmin=2, comments=None) if any(map(bytes.strip, rows)) else np.zeros((0, len(names)))
     except ValueError as error:
-        read.faults.append(f"the vertices are not all numbers: {error}")
+        read.faults.append(f"vertices must be numbers: {error}")
         return
     if table.shape != (count, len(names)):
         rows_of = f"{len(table)} vertices of {table.shape[1]} numbers"
         read.faults.append(f"{rows_of}; the header says {count} of {len(names)}")
         return
     if not np.isfinite(table).all():
-        read.faults.append("vertices have numbers that are not finite")
+        read.faults.append("vertices must be finite")
         return
     read.columns = dict(zip(names, table.T, strict=True))

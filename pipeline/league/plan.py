@@ -109,7 +109,7 @@ def write_plan(
 
 
 def _empty_plan(points: Places, letters: int) -> Plan:
-    """A checkerboard around points, wide enough for a title of so many letters beside the scale."""
+    """A checkerboard around points, wide enough for a title of that many letters beside the scale."""
     pixel, margin = LENGTHS["pixel"], LENGTHS["margin"]
     low, high = points.min(axis=0) - margin, points.max(axis=0) + margin
     high += [max(0.0, letters * LENGTHS["title"] + 2 * LENGTHS["scale"] - (high - low)[0]), margin]
@@ -191,5 +191,5 @@ def _draw_scale(plan: Plan, title: str) -> None:
 
 
 def _scale(height: int) -> float:
-    """Scale of the font at which letters are so many pixels high."""
+    """Scale of the font for letters of a height in pixels."""
     return float(cv2.getFontScaleFromHeight(FONT, height))

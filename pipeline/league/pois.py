@@ -128,7 +128,7 @@ def read_pois(path: Path) -> PoiFile:
     for number, (name, line) in enumerate(zip(HEADER, lines, strict=False), 1):
         _read_header(read, number, name, line)
     if len(lines) <= len(HEADER):
-        read.faults.append(f"ends after {len(lines)} lines; {len(HEADER)} of a header and the columns are wanted")
+        read.faults.append(f"ends after {len(lines)} lines; it must have {len(HEADER)} header lines and the columns")
         return read
     if lines[len(HEADER)] != POI_COLUMNS:
         read.faults.append(f"line {len(HEADER) + 1}: must be {POI_COLUMNS}")
@@ -149,7 +149,7 @@ def _read_header(read: PoiFile, number: int, name: str, line: str) -> None:
     elif not value.strip():
         read.faults.append(f"line {number}: the {name} is empty")
     elif name in FORMS and not _is_of(value, FORMS[name]):
-        read.faults.append(f"line {number}: {value} is no {name} as in {DEFAULT_START:{FORMS[name]}}")
+        read.faults.append(f"line {number}: {value} is not a {name} such as {DEFAULT_START:{FORMS[name]}}")
 
 
 def _is_of(text: str, form: str) -> bool:
@@ -169,15 +169,15 @@ def _read_row(read: PoiFile, number: int, at: int, line: str) -> None:
     label, time, kind, name, x, y, z, robot, mode = (text.replace('""', '"') for text in row.groups())
     poi = PointOfInterest(time, kind, name, np.array([float(x), float(y), float(z)]), robot, mode)
     wrong = {
-        f"detection {label}: must be {number}, they are counted": int(label) != number,
-        f"time {time}: there is no such": not _is_of(time, FORMS["time"]),
+        f"detection {label}: must be {number}; rows are numbered in order": int(label) != number,
+        f"time {time}: must be a time such as {DEFAULT_START:{FORMS['time']}}": not _is_of(time, FORMS["time"]),
         f"type {kind}: must be one of {', '.join(POI_TYPES)}": kind not in POI_TYPES,
-        "name: is empty": not name.strip(),
+        "name: must not be empty": not name.strip(),
         f"mode {mode}: must be one of {', '.join(MODES)}": mode not in MODES,
     }
     same = next((k for k, other in enumerate(read.pois, 1) if is_same_object(poi, other)), None)
     if same is not None:
-        wrong[f"{kind} {name}: the same object as a row before it; each counts once"] = True
+        wrong[f"{kind} {name}: the same object as in an earlier row; each counts once"] = True
     read.faults += [f"line {at}: {text}" for text, is_wrong in wrong.items() if is_wrong]
     if not any(wrong.values()):
         read.pois.append(poi)

@@ -35,7 +35,7 @@ def handed_in_files(folder: Path) -> dict[str, list[Path]]:
         raise InputError(f"{place}: {error.strerror or error}") from error
     found = {ending: [path for path in names if path.suffix.lower() == ending] for ending in HANDED_FILES}
     if not any(found.values()):
-        raise InputError(f"{place}: nothing is handed in: no file ends in {', '.join(HANDED_FILES)}")
+        raise InputError(f"{place}: no files to check: no file ends in {', '.join(HANDED_FILES)}")
     return found
 
 
@@ -79,7 +79,7 @@ def _wrong_list_name(path: Path, read: PoiFile) -> Iterator[str]:
     if not NAME.fullmatch(path.stem) or not path.stem.endswith("-pois"):
         yield "must be named RoboCup[Year]-[Team]-[Mission]-[StartTime]-pois.csv"
     elif _letters(path.stem) != _stem(read.header) + _letters(read.header.get("time", ""), "pois"):
-        yield "its name is of another year, team, mission or start time than its header"
+        yield "its name does not match the year, team, mission or start time in its header"
 
 
 def _wrong_name(path: Path, headers: list[dict[str, str]]) -> Iterator[str]:
@@ -87,7 +87,7 @@ def _wrong_name(path: Path, headers: list[dict[str, str]]) -> Iterator[str]:
     if not NAME.fullmatch(path.stem):
         yield f"must be named RoboCup[Year]-[Team]-[Mission]{path.suffix}"
     elif headers and _letters(path.stem) not in map(_stem, headers):
-        yield "its name is of another year, team or mission than the list of finds"
+        yield "its name does not match the year, team or mission of the list of finds"
 
 
 def wrong_cloud(read: CloudFile, headers: list[dict[str, str]], config: ValidationConfig) -> list[str]:
@@ -110,14 +110,14 @@ def _wrong_place(points: Places, config: ValidationConfig) -> Iterator[str]:
     """Whether points are in metres, and the origin is on the floor among them."""
     extent = float(np.ptp(points, axis=0).max())
     if not config.smallest <= extent <= config.largest:
-        unit = ", as in millimetres" if extent > config.largest else ""
-        yield f"its points extend over {extent:.4g} m{unit}: metres are wanted"
+        unit = ", as if in millimetres" if extent > config.largest else ""
+        yield f"its points extend over {extent:.4g} m{unit}; coordinates must be in metres"
         return
     near = points[np.linalg.norm(points[:, :2], axis=1) < config.around, 2]
     if not len(near):
-        yield f"no point within {config.around:g} m of the origin: it must be at the front of the robot's start"
+        yield f"no point within {config.around:g} m of the origin, which must be at the front of the robot's start"
     elif abs(floor := float(np.quantile(near, config.lowest_share))) > config.floor:
-        yield f"the floor around the origin is at z = {floor:.2f} m: the origin must be on it, and z must point up"
+        yield f"the floor around the origin is at z = {floor:.2f} m; it must be at 0, and z must point up"
 
 
 def _wrong_extras(read: CloudFile, error: float) -> Iterator[str]:
@@ -125,11 +125,11 @@ def _wrong_extras(read: CloudFile, error: float) -> Iterator[str]:
     rgb, normals = read.points(RGB), read.points(NORMAL)
     confidence = read.columns.get("confidence", np.zeros(0))
     if ((rgb < 0) | (rgb > np.iinfo(np.uint8).max) | (rgb % 1 > 0)).any():
-        yield "colours are not whole numbers from 0 to 255"
+        yield "colours must be whole numbers from 0 to 255"
     if (abs(np.linalg.norm(normals, axis=1) - 1) > error).any():
-        yield "normals are not of length 1"
+        yield "normals must have length 1"
     if ((confidence < 0) | (confidence > 1)).any():
-        yield "confidences are not from 0 to 1"
+        yield "confidences must be from 0 to 1"
 
 
 def wrong_plan(path: Path, types: set[str], config: ValidationConfig) -> list[str]:
@@ -140,7 +140,7 @@ def wrong_plan(path: Path, types: set[str], config: ValidationConfig) -> list[st
     except Exception as error:  # of many kinds: of the file, of its compression, and of its size
         return [f"not a readable TIFF ({' '.join(str(error).split())})"]
     if image.ndim != 3 or image.shape[2] < 3 or image.dtype != np.uint8:
-        return ["not a picture of red, green and blue of 8 bits each"]
+        return ["must be an RGB image with 8 bits per channel"]
     image = image[..., :3]
     scale = np.atleast_1d(tags.get(GeoTag.PIXEL_SCALE, ()))
     return [*_wrong_scale(image, scale), *_missing_elements(image, types, config.rarest)]
@@ -149,16 +149,16 @@ def wrong_plan(path: Path, types: set[str], config: ValidationConfig) -> list[st
 def _wrong_scale(image: Rgb, scale: Values) -> Iterator[str]:
     """Whether the size of a pixel is given, and agrees with the scale at the top right."""
     if len(scale) < 2 or not (np.isfinite(scale[:2]) & (scale[:2] > 0)).all():
-        yield "no size of a pixel: tag ModelPixelScale of a GeoTIFF is missing or wrong"
+        yield "no pixel size: the GeoTIFF tag ModelPixelScale is missing or invalid"
         return
     height, width = image.shape[:2]
     line = _longest_run(_is_of(image[: height // 2, width // 2 :], "scale"))
     if scale[0] != scale[1]:
-        yield f"pixels of {scale[0]:g} × {scale[1]:g} m: squares are wanted"
+        yield f"pixels of {scale[0]:g} × {scale[1]:g} m; pixels must be square"
     elif not line:
-        yield f"no scale at the top right: a line of exactly {LENGTHS['scale']:g} m in {MAP_COLOURS['scale']}"
+        yield f"no scale at the top right: draw a line of exactly {LENGTHS['scale']:g} m in {MAP_COLOURS['scale']}"
     elif abs(line * scale[0] - LENGTHS["scale"]) > scale[0]:
-        yield f"its scale is {line} pixels of {scale[0]:g} m, which is {line * scale[0]:.3f} m and not 1 m"
+        yield f"its scale has {line} pixels of {scale[0]:g} m, which is {line * scale[0]:.3f} m instead of 1 m"
 
 
 def _is_of(image: Rgb, element: str) -> PixelMask:
@@ -177,15 +177,15 @@ def _missing_elements(image: Rgb, types: set[str], rarest: float) -> Iterator[st
     """The elements that an image lacks by their colours."""
     for element in (*ALWAYS, *sorted(types & MAP_COLOURS.keys())):
         if not _is_of(image, element).any():
-            yield f"no {element.replace('_', ' ')}: nothing is of the colour {MAP_COLOURS[element]}"
+            yield f"no {element.replace('_', ' ')}: nothing has the colour {MAP_COLOURS[element]}"
     title = _is_of(image, "file_name")
     if title.any() and not title[: image.shape[0] // 2, : image.shape[1] // 2].any():
-        yield "the file name is not at the top left"
+        yield "the file name must be at the top left"
     is_grey = image.max(axis=-1) == image.min(axis=-1)
     if not (is_grey & (image[..., 0] >= MAP_COLOURS["searched"][0])).any():
-        yield f"no searched area: nothing is from {MAP_COLOURS['searched']} to {MAP_COLOURS['text']}"
+        yield f"no searched area: nothing has a grey from {MAP_COLOURS['searched']} to {MAP_COLOURS['text']}"
     frame = np.concatenate([image[0], image[-1], image[:, 0], image[:, -1]])
     colours, counts = np.unique(frame, axis=0, return_counts=True)
     greys = np.ptp(colours[counts >= rarest * len(frame)].astype(int), axis=1) <= 2
     if greys.sum() < 2:
-        yield "no checkerboard of two greys along the picture's edges, where nothing is explored"
+        yield "no checkerboard of two greys along the edges of the image, for unexplored area"

@@ -116,7 +116,7 @@ class PoseCheck:
         way = sum(np.linalg.norm(T[:3, 3]) for T in moves)
         if way > frame.sensor.nearest or sum(map(angle_of, moves)) > self._config.blind_turn:
             raise LostError(
-                f"the camera measures no depth: at {frame.time:.2f} s in {len(moves) + 1} frames in a row"
+                f"at {frame.time:.2f} s the camera has measured no depth for {len(moves) + 1} frames in a row"
             )
 
     @property
@@ -165,7 +165,7 @@ class PoseCheck:
         if not self._is_lost and self._belief.knows_place:
             # The frames fit the map except for something new, or something that the robot has driven through.
             return self._go_on(localised, localised.T_map_base)
-        raise LostError("the camera shows what the map does not, and no place fits for sure")
+        raise LostError("the camera view does not match the map, and no other place matches reliably")
 
     def _go_on(self, localised: Localised, T_map_base: Pose) -> Confirmed:
         """Rely on a pose; if the robot's pose was another one, the robot was carried or set down there."""

@@ -245,7 +245,7 @@ class Slam(Localisation):
             InputError: the keyframes have no points, for nothing was registered.
         """
         if not len(keyframes.points):
-            raise InputError("its run registered nothing, so no robot finds its place in it")
+            raise InputError("the map has no registered keyframes, so a robot cannot be localised in it")
         self.graph.fix(keyframes.poses, keyframes.ups, keyframes.odometry)
         self.motion.learn(keyframes.odometry)
         seen = self.local_map
@@ -260,7 +260,9 @@ class Slam(Localisation):
             moved = inverse(last.T_odom_base) @ frame.T_odom_base
             # Noise changes every image.
             if np.linalg.norm(moved[:3, 3]) > self._config.slam.stopped_way:
-                raise LostError(f"the camera has stopped: at {frame.time:.2f} s it shows what it showed before")
+                raise LostError(
+                    f"the camera has stopped: at {frame.time:.2f} s it repeats its last image while the robot moves"
+                )
 
     def _pass_time(self, frame: Frame) -> None:
         """Let the belief follow the way since the last frame, and add up the robot's rotation.

@@ -128,7 +128,7 @@ def read_trajectory(path: Path, of_camera: bool) -> Trajectory:
     rows = read_numbers(path, "time x y z qx qy qz qw", finite=False)
     good = rows[np.isfinite(rows).all(axis=1) & rows[:, 4:].any(axis=1)]
     if not len(good):
-        raise InputError(f"{path}: no trajectory: none of its {len(rows)} lines holds a pose")
+        raise InputError(f"{path}: not a trajectory: none of its {len(rows)} lines holds a pose")
     poses = np.tile(np.eye(4), (len(good), 1, 1))
     poses[:, :3, :3], poses[:, :3, 3] = Rotation.from_quat(good[:, 4:]).as_matrix(), good[:, 1:4]
     if not are_poses(poses):

@@ -46,7 +46,7 @@ class BlockArray:
         """
         missing = [key for key in keys if key not in self._blocks]
         if missing and self.nbytes + len(missing) * SIDE**3 > self._max_bytes:
-            raise InputError(f"the metric map would exceed its bound of {self._max_bytes} bytes")
+            raise InputError(f"the metric map would exceed its limit of {self._max_bytes} bytes")
         for key in missing:
             self._blocks[key] = np.zeros((SIDE, SIDE, SIDE), np.int8)
 

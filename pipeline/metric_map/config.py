@@ -75,7 +75,7 @@ class MetricMapConfig:
             raise InputError(f"metric map: offset must be three numbers, got {self.offset}")
         if not 0 < self.miss < self.hit <= self.greatest <= np.iinfo(np.int8).max:
             values = f"{self.miss}, {self.hit} and {self.greatest}"
-            raise InputError(f"metric map: miss, hit and greatest must rise from 1 to 127 at most, got {values}")
+            raise InputError(f"metric map: miss, hit and greatest must increase within 1 to 127, got {values}")
         if not isinstance(self.max_bytes, int) or self.max_bytes <= 0:
             raise InputError(f"metric map: max_bytes must be a positive whole number, got {self.max_bytes}")
 

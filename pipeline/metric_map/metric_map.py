@@ -239,15 +239,15 @@ def _check_image(depth: Depth, intrinsics: Intrinsics) -> None:
     if depth.shape != expected or not depth.size:
         raise InputError(f"a depth image of shape {depth.shape} does not fit intrinsics for {expected}")
     if not (0.01 <= intrinsics.fx <= 1e6 and 0.01 <= intrinsics.fy <= 1e6):
-        raise InputError(f"focal lengths must be proper numbers of pixels, got {intrinsics.fx}, {intrinsics.fy}")
+        raise InputError(f"focal lengths must be finite and positive, got {intrinsics.fx}, {intrinsics.fy}")
     if not (abs(intrinsics.cx) <= 1e6 and abs(intrinsics.cy) <= 1e6):
-        raise InputError(f"the principal point must be pixels, got {intrinsics.cx}, {intrinsics.cy}")
+        raise InputError(f"the principal point must be finite, got {intrinsics.cx}, {intrinsics.cy}")
 
 
 def _rigid(T: Pose) -> Pose:
-    """A float64 copy of a pose; InputError if it is none."""
+    """A float64 copy of a pose; InputError if it is not a pose."""
     if np.ndim(T) != 2 or not are_poses(T):
-        raise InputError(f"{POSE} is expected")
+        raise InputError(f"the pose must be {POSE}")
     return np.array(T, np.float64)
 
 

@@ -47,24 +47,24 @@ STOP = Velocity()
 class Verdict(Enum):
     """Whether the robot may follow a command; it follows only what is fine."""
 
-    FINE = "it moves as the odometry says, and the way is clear"
-    DONE = "what the drive was for is done"
-    SPINNING = "its wheels turn and it stays"
-    UNSURE = "its pose is in doubt"
-    BLOCKED = "an obstacle stands in the way"
+    FINE = "it moves as the odometry says, and the path is clear"
+    DONE = "the purpose of the drive is fulfilled"
+    SPINNING = "its wheels spin, but it does not move"
+    UNSURE = "its pose is uncertain"
+    BLOCKED = "an obstacle blocks the path"
 
 
 class Outcome(Enum):
     """How a leg ended."""
 
     REACHED = "reached"
-    DONE = "ended on the way, for what it was for is done"
+    DONE = "ended early, its purpose fulfilled"
     STUCK = "stuck"
     TILTED = "tilted"
     BLOCKED = "blocked"
-    """An obstacle that the map does not show stands in the way."""
+    """An obstacle that the map does not show blocks the path."""
     MOVED = "carried elsewhere"
-    UNSURE = "pose in doubt, so the robot looks around"
+    UNSURE = "pose uncertain, looking around"
 
 
 Commands = Generator[Velocity, Verdict, Outcome]

@@ -11,8 +11,8 @@ from pipeline.navigation.config import FaultConfig
 
 NOTICED = {
     MotionState.SLIPPING: "the wheels slip",
-    MotionState.HELD: "the wheels spin and the robot stays",
-    MotionState.BLIND: "the camera does not show where the robot is",
+    MotionState.HELD: "the wheels spin, but the robot does not move",
+    MotionState.BLIND: "the camera view does not show where the robot is",
 }
 
 
@@ -62,5 +62,5 @@ class Faults:
         except InputError:  # there is no floor in view
             return
         if abs(seen - height) > self._config.depth_scale * height:
-            text = f"the camera sees the floor {seen:.2f} m below itself and stands {height:.2f} m high"
+            text = f"the camera measures the floor {seen:.2f} m below it, but is mounted {height:.2f} m high"
             self.note("depth_scale", frame.time, text)

@@ -74,7 +74,7 @@ class ObstacleCheck:
 
 
 def _extended(way: Places, by: float) -> Places:
-    """A way (N, 2) that goes on straight by so many m."""
+    """A way (N, 2), continued straight by a number of m."""
     ahead = (way[-1] - way[-2]) / np.linalg.norm(way[-1] - way[-2])
     steps = np.arange(0.0, by, np.linalg.norm(way[-1] - way[-2]))[1:, None]
     return np.vstack([way, way[-1] + steps * ahead])

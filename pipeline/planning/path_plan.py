@@ -135,22 +135,22 @@ def obstacle_to(paths: PosePaths, goal: ArrayLike) -> str | None:
     traversability, goal = paths.traversability, np.asarray(goal, np.float64)[:2]
     grid, name = traversability.grid, goal_name(goal)
     if not np.isfinite(goal).all():
-        return f"{name} is not a place"
+        return f"{name} must be finite"
     if paths.start is None:
-        return f"{name} cannot be driven to: the robot stands where it cannot drive"
+        return f"{name} cannot be reached: the robot cannot drive away from where it is"
     # Finite also for places where it stands or to which it could escape, though it may not stop there otherwise.
     if np.isfinite(paths.cost_to(goal)):
         return None
     if np.isnan(grid.at(traversability.elevation, goal, outside=np.nan)):
         # Unseen ground this close to a hazard may be the inside of a wall.
         if grid.at(traversability.to_hazard, goal, outside=np.inf) < traversability.robot.half_width:
-            return f"{name} is in a wall or right behind one: the ground there was not seen"
+            return f"{name} is in a wall or just behind one: the ground there was not seen"
         return f"{name} is off the map: the ground there was not seen"
     # The top of a wall two cells thick is level.
     if grid.at(traversability.to_hazard, goal) <= grid.cell:
-        return f"{name} is in a wall, on a step or on ground too steep"
+        return f"{name} is in a wall, on a step or on ground that is too steep"
     if not grid.at(traversability.traversable, goal):
-        return f"{name} is too near to an obstacle or to unknown ground"
+        return f"{name} is too close to an obstacle or to unknown ground"
     return f"{name} cannot be reached from ({paths.start[0]:.2f}, {paths.start[1]:.2f}) m"
 
 

@@ -11,7 +11,7 @@ def visiting_order(cost: NDArray[np.float64], exact: int = 7) -> list[int]:
 
     Args:
         cost: (N, N) finite cost of the way from each place to each other, m or s.
-        exact: up to so many places the order is the best of all; for more, one that 2-opt cannot improve.
+        exact: number of places up to which the order is optimal; beyond it, one that 2-opt cannot improve.
     """
     if len(cost) - 1 <= exact:
         return _best_order(cost)

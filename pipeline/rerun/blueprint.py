@@ -1,4 +1,4 @@
-"""The layout with which the viewer opens a recording: the map, the camera, the metrics and the log."""
+"""The layout with which the viewer opens a recording: the map, the camera, the metrics, the log and the legend."""
 
 import numpy as np
 import rerun as rr
@@ -22,8 +22,13 @@ _MAPS = "metric_map", "semantic_map", "segments"
 _CORRECTED = *_MAPS, "traversability", "topological_map", "victims"
 
 
-def blueprint(low: ArrayLike = (-3, -3, 0), high: ArrayLike = (3, 3, 1), tab: int = 0) -> rrb.Blueprint:
-    """The layout, with the eye at negative y of and above the box from ``low`` to ``high``, (3,) m in ``map``."""
+def blueprint(
+    low: ArrayLike = (-3, -3, 0), high: ArrayLike = (3, 3, 1), tab: int = 0, *, is_live: bool = False
+) -> rrb.Blueprint:
+    """The layout, with the eye at negative y of and above the box from ``low`` to ``high``, (3,) m in ``map``.
+
+    ``is_live``: the viewer follows the run; otherwise it plays the recording from its start.
+    """
     maps = rrb.Tabs(
         _scene("Semantic map", low, high, hidden=["metric_map", "segments", "localisation"]),
         _scene(
@@ -35,18 +40,15 @@ def blueprint(low: ArrayLike = (-3, -3, 0), high: ArrayLike = (3, 3, 1), tab: in
         active_tab=tab,
     )
     columns = rrb.TextLogColumns(timeline_columns=["sim_time"], text_log_columns=["loglevel", "body"])
-    log = rrb.Tabs(
-        rrb.TextLogView(origin="log", name="Log", columns=columns),
-        rrb.Spatial2DView(origin="legend", name="Legend"),
-        active_tab=0,
-    )
+    log = rrb.TextLogView(origin="log", name="Log", columns=columns)
+    legend = rrb.Spatial2DView(origin="legend", name="Legend")
     return rrb.Blueprint(
         rrb.Vertical(
             rrb.Horizontal(maps, _camera(), column_shares=[3, 1]),
-            rrb.Horizontal(*_plots(), log, column_shares=[1, 1, 2]),  # lines of the log are cut, not broken
+            rrb.Horizontal(_plots(), log, legend, column_shares=[2, 3, 3]),  # lines of the log are cut, not broken
             row_shares=[3, 1],
         ),
-        rrb.TimePanel(state="collapsed", timeline="sim_time", play_state="following"),
+        rrb.TimePanel(state="collapsed", timeline="sim_time", play_state="following" if is_live else "playing"),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
     )
@@ -85,7 +87,7 @@ def _camera() -> rrb.Vertical:
             origin=camera, contents=[f"{camera}/rgb", f"{camera}/victims", f"{camera}/finds"], name="Colour"
         ),
         rrb.Tabs(
-            rrb.Spatial2DView(origin="world/victims/photos", name="Victims"),
+            rrb.Spatial2DView(origin="world/victims/photos", name="People"),
             rrb.Spatial2DView(origin="world/finds/photos", name="Finds"),
             active_tab=0,
         ),
@@ -93,14 +95,15 @@ def _camera() -> rrb.Vertical:
     )
 
 
-def _plots() -> list[rrb.TimeSeriesView | rrb.Tabs]:
+def _plots() -> rrb.Tabs:
     hidden = ["navigation", *(f"correction_{part}" for part in _CORRECTED)]
     stages = (f"- $origin/time_ms/{stage}" for stage in hidden)
     # The first step, which loads compiled code, would flatten the rest.
     times = _plot("Time, ms", "$origin/time_ms/**", *stages, axis_y=rrb.ScalarAxis(range=(0, 1e3)))
     tilt = _plot("Tilt, °", "$origin/roll_deg", "$origin/pitch_deg")
     position = _plot("Position, m", "$origin/position_error_m", "$origin/localisation/correction_m")
-    return [_plot("Explored area, m²", "$origin/explored_area_m2"), rrb.Tabs(position, times, tilt, active_tab=0)]
+    explored = _plot("Explored area, m²", "$origin/explored_area_m2")
+    return rrb.Tabs(explored, position, times, tilt, active_tab=0)
 
 
 def _plot(name: str, *contents: str, axis_y: rrb.ScalarAxis | None = None) -> rrb.TimeSeriesView:

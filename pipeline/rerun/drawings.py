@@ -23,17 +23,18 @@ from pipeline.semantic_map.semantic_map import SemanticMap
 from pipeline.topological_map.topological_map import TopologicalMap
 
 Colour = tuple[int, ...]
-EDGE_COLOUR = ImageColor.getrgb("black")
+EDGE_COLOUR = ImageColor.getrgb("dodgerblue")  # shows on the viewer's dark ground and on terrain
 PLAN_COLOUR = ImageColor.getrgb("cyan")
 FRONTIER_COLOUR = ImageColor.getrgb("magenta")
 TRAJECTORY_COLOUR = ImageColor.getrgb("white")
-TRUE_TRACK_COLOUR = ImageColor.getrgb("springgreen")
+TRUE_TRACK_COLOUR = ImageColor.getrgb("violet")
 KEYFRAME_COLOUR = ImageColor.getrgb("orange")
 LOOP_COLOUR = ImageColor.getrgb("red")
 FREE_COLOUR = ImageColor.getrgb("lightskyblue")
 
 FONT = cv2.FONT_HERSHEY_SIMPLEX, 0.5  # Of pictures: its face, and its size relative to the face's own
 MARK = 0.08  # m, radius of marks
+LINE = 0.012  # m, half the width of lines that must show from afar
 ABOVE_GROUND = np.array([0, 0, 0.08])
 """m; drawings on the ground are raised by this, so that points and voxels do not hide them."""
 
@@ -148,7 +149,7 @@ def nodes(topology: TopologicalMap) -> rr.Points3D:
 def edges(topology: TopologicalMap) -> rr.LineStrips3D:
     """The edges along which paths are planned."""
     ways = [topology.way(a, b) for a, b in topology.graph.edges]
-    return rr.LineStrips3D([way + ABOVE_GROUND for way in ways], colors=EDGE_COLOUR)
+    return rr.LineStrips3D([way + ABOVE_GROUND for way in ways], colors=EDGE_COLOUR, radii=LINE)
 
 
 def path(step: Step) -> rr.LineStrips3D:
@@ -160,7 +161,7 @@ def path(step: Step) -> rr.LineStrips3D:
         yaw = step.viewpoint.heading
         heading = np.array([np.cos(yaw), np.sin(yaw), 0]) / 3
         strips.append(step.plan.way_points[-1] + np.array([np.zeros(3), heading]))
-    return rr.LineStrips3D([strip + 2 * ABOVE_GROUND for strip in strips], colors=PLAN_COLOUR)
+    return rr.LineStrips3D([strip + 2 * ABOVE_GROUND for strip in strips], colors=PLAN_COLOUR, radii=2 * LINE)
 
 
 def frontier_points(frontiers: Places) -> rr.Points3D:
@@ -185,7 +186,7 @@ def loops(found: Sequence[Loop], poses: Poses) -> rr.LineStrips3D:
     return rr.LineStrips3D(
         [poses[list(pair), :3, 3] + ABOVE_GROUND for pair in ends],
         colors=LOOP_COLOUR,
-        labels=[f"keyframe {first} met again by {second}" for first, second in ends],
+        labels=[f"keyframe {second} recognised keyframe {first}" for first, second in ends],
         show_labels=False,
     )
 

@@ -11,7 +11,7 @@ from pipeline.rerun.drawings import MARK
 from pipeline.rerun.photo_sheet import sheet
 from pipeline.tracks.find import Find, Reading
 
-FIND_COLOUR = ImageColor.getrgb("darkorange")
+FIND_COLOUR = ImageColor.getrgb("#ff641e")  # as in the rescue report
 
 
 def marks(finds: Sequence[Find]) -> rr.Points3D:
@@ -31,7 +31,7 @@ def photo_sheet(finds: Sequence[Find], side: int) -> rr.EncodedImage:
 
 
 def outlines(readings: Sequence[Reading]) -> rr.LineStrips2D:
-    """What was read in an image, outlined."""
+    """The outlines of everything read in an image."""
     return rr.LineStrips2D(
         [np.vstack([reading.corners, reading.corners[:1]]) for reading in readings],
         labels=[plain_text(reading.text or reading.kind) for reading in readings],

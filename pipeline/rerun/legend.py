@@ -8,21 +8,23 @@ from pipeline.arrays import Rgb
 from pipeline.labels import COLOURS, Label
 from pipeline.rerun import drawings
 from pipeline.rerun.drawings import FONT
+from pipeline.rerun.find_drawings import FIND_COLOUR
 from pipeline.rerun.victim_drawings import CONFIRMED, REFUSED, UNCONFIRMED
 
 PAPER, INK = ImageColor.getrgb("whitesmoke"), ImageColor.getrgb("black")
 MEANINGS = {
-    **{f"{label.name.lower().replace('_', ' ')} (class)": tuple(COLOURS[label].tolist()) for label in Label},
+    **{f"label: {label.name.lower().replace('_', ' ')}": tuple(COLOURS[label].tolist()) for label in Label},
     "path to the next viewpoint": drawings.PLAN_COLOUR,
-    "frontier: unseen ground begins": drawings.FRONTIER_COLOUR,
+    "frontier of unseen ground": drawings.FRONTIER_COLOUR,
     "edge of the topological map": drawings.EDGE_COLOUR,
-    "keyframe, arrow ahead": drawings.KEYFRAME_COLOUR,
-    "way as it is believed": drawings.TRAJECTORY_COLOUR,
-    "true way": drawings.TRUE_TRACK_COLOUR,
-    "loop: the same place again": drawings.LOOP_COLOUR,
-    "person, with number": CONFIRMED,
-    "sighting, with letter": UNCONFIRMED,
-    "detection that is no person": REFUSED,
+    "keyframe (arrow: heading)": drawings.KEYFRAME_COLOUR,
+    "estimated path": drawings.TRAJECTORY_COLOUR,
+    "true path": drawings.TRUE_TRACK_COLOUR,
+    "loop closure": drawings.LOOP_COLOUR,
+    "person, path to the person": CONFIRMED,
+    "unconfirmed sighting": UNCONFIRMED,
+    "rejected detection": REFUSED,
+    "sign, code or other find": FIND_COLOUR,
 }
 """RGB colour of each meaning."""
 

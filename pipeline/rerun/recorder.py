@@ -68,7 +68,7 @@ class Recorder(Sink):
         self._logged_size: dict[str, int] = {}
         self._shifts = np.zeros(0)  # m by which what each keyframe shows may lie off what is drawn
         self._mapper: Mapper | None = None
-        self.stream.send_blueprint(layout or blueprint())
+        self.stream.send_blueprint(layout or blueprint(is_live=viewer is not None))
         self.stream.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, drawings.annotations(), static=True)
         self.stream.log("legend", rr.Image(legend()), static=True)
         self.stream.log("metrics/localisation/correction_m", rr.SeriesPoints(marker_sizes=3), static=True)
@@ -132,7 +132,7 @@ class Recorder(Sink):
             self._shifts = np.zeros(0)
         count = np.count_nonzero(moves.are_noticeable)
         farthest = f"{ways.max():.3f} m and {np.rad2deg(turns.max()):.1f}°"
-        moved = f"{count} of {len(ways)} keyframes moved by up to {farthest}; the maps were made anew"
+        moved = f"{count} of {len(ways)} keyframes moved by up to {farthest}; the maps were rebuilt"
         self.log_message("INFO", moved)
         self._log_metrics("localisation/", correction_m=ways.max())
         self._log_robot_pose()
@@ -163,7 +163,7 @@ class Recorder(Sink):
         except RuntimeError as error:
             # A window that was closed in the meantime takes no more data, but the file is still complete.
             if self.viewer is None:
-                raise InputError(f"{self._path}: cannot be written to its end: {error}") from error
+                raise InputError(f"{self._path}: could not be completed: {error}") from error
         finally:
             self.stream.disconnect()
         _compact(self._path)

@@ -8,7 +8,8 @@ from PIL import ImageColor
 from scipy.spatial.transform import Rotation
 
 from pipeline.arrays import Places
-from pipeline.rerun.drawings import ABOVE_GROUND, Colour
+from pipeline.labels import PERSON_COLOUR
+from pipeline.rerun.drawings import ABOVE_GROUND, LINE, Colour
 from pipeline.rerun.photo_sheet import sheet
 from pipeline.tracks.track import Track
 from pipeline.tracks.tracks import Tracks
@@ -17,7 +18,8 @@ from pipeline.victims.detection.detection import Detection
 from pipeline.victims.display_ids import confirmed_ids, unconfirmed_ids
 from pipeline.victims.observation import Refusal
 
-CONFIRMED, UNCONFIRMED, REFUSED = map(ImageColor.getrgb, ("limegreen", "orange", "darkgray"))
+CONFIRMED, UNCONFIRMED, REFUSED = map(ImageColor.getrgb, (PERSON_COLOUR, "palegreen", "darkgray"))
+ROOM = 0.15  # m between a person and the box drawn around it, so that it shows from afar
 
 
 def detections(found: Sequence[Detection], refusals: Sequence[Refusal]) -> rr.Boxes2D:
@@ -34,14 +36,16 @@ def detections(found: Sequence[Detection], refusals: Sequence[Refusal]) -> rr.Bo
 
 
 def boxes(victims: Tracks) -> rr.Boxes3D:
-    """A box around the points of each victim."""
+    """A box around each victim, ``ROOM`` larger than its points on every side."""
     everyone = _displayed(victims)
     corners = np.array([[v.points.min(axis=0), v.points.max(axis=0)] for _, v in everyone]).reshape(-1, 2, 3)
     return rr.Boxes3D(
-        mins=corners[:, 0],
-        sizes=corners[:, 1] - corners[:, 0],
+        mins=corners[:, 0] - ROOM,
+        sizes=corners[:, 1] - corners[:, 0] + 2 * ROOM,
         labels=[f"{_name(id)}, {victim.confidence:.0%}" for id, victim in everyone],
         colors=[_colour(id) for id, _ in everyone],
+        radii=2 * LINE,
+        fill_mode="transparentfillmajorwireframe",
         show_labels=True,
     )
 
@@ -63,7 +67,7 @@ def certainty(victims: Tracks) -> rr.Ellipsoids3D:
 
 def ways(strips: Sequence[Places]) -> rr.LineStrips3D:
     """Paths from the entrance to the victims."""
-    return rr.LineStrips3D([strip + 2 * ABOVE_GROUND for strip in strips], colors=CONFIRMED)
+    return rr.LineStrips3D([strip + 2 * ABOVE_GROUND for strip in strips], colors=CONFIRMED, radii=LINE)
 
 
 def photo_sheet(victims: Tracks, side: int) -> rr.EncodedImage:

@@ -51,9 +51,7 @@ class Viewer:
             InputError: there is no display for a window, or the viewer does not start.
         """
         if kind == "spawn" and not has_display():
-            raise InputError(
-                "there is no display for the viewer's window (neither DISPLAY nor WAYLAND_DISPLAY is set)"
-            )
+            raise InputError("the viewer's window needs a display: set DISPLAY or WAYLAND_DISPLAY")
         self._port = _free_port()
         self._address = f"rerun+http://{HOST}:{self._port}/proxy"
         self.page: str | None = None
@@ -61,7 +59,7 @@ class Viewer:
         self._process = self._start(kind, recordings)
         self._await_port(patience)
         if self.page:
-            print(f"shown at {self.page}", flush=True)
+            print(f"live view: {self.page}", flush=True)
 
     @property
     def was_opened(self) -> bool:

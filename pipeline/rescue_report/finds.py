@@ -47,7 +47,7 @@ def person_find(victim: Track) -> Find:
 
 
 def write_finds(folder: Path, situation: Situation) -> None:
-    """Write finds.json and the photos of what is no person; InputError if one cannot be written."""
+    """Write finds.json and the photos of all finds but people; InputError if one cannot be written."""
     with whole_file(folder / "finds.json") as path:
         path.write_text(json.dumps(finds_data(situation), indent=1, allow_nan=False) + "\n")
     for find, name in _named(situation):

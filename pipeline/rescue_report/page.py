@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.labels import Label
+from pipeline.labels import PERSON_COLOUR, Label
 from pipeline.rescue_report.figures import figures
 from pipeline.rescue_report.map_drawing import classes_from_above, draw_map, pale
 from pipeline.rescue_report.people import people_data
@@ -19,7 +19,7 @@ RUN = ("arena", "seed", "steps", "version", "sim_time_s", "wall_time_s", "real_t
 """Parts of report.json on what ran and how long it took; all others except the settings need the ground truth."""
 SETTINGS = "config"
 PLAIN_NAMES = {
-    Label.UNLABELLED: "seen on the way, not classified",
+    Label.UNLABELLED: "seen, not classified",
     Label.INCLINED_RAMP: "slope",
     Label.STRAIGHT_RAMP: "raised deck",
     Label.TERRAIN: "ground",
@@ -44,6 +44,7 @@ def page(situation: Situation, report: Mapping[str, Any], written: datetime | No
         map=draw_map(situation),
         classes={PLAIN_NAMES.get(k, k.name.lower()): pale(k) for k in map(Label, drawn[drawn >= 0])},
         people=people_data(situation),
+        person_colour=PERSON_COLOUR,
         written=written,
         missions=league_scores(report),
         run=_tables({key: report[key] for key in RUN if key in report}, "run"),
@@ -74,4 +75,4 @@ def _shown(value: Any) -> str:
     """A value in words."""
     if isinstance(value, float):
         return f"{value:.4g}".replace("-", "−")
-    return "not given" if value is None else str(value)
+    return "not given" if value is None else "none" if value == [] else str(value)

@@ -40,7 +40,7 @@ def _data_uri(kind: str, data: bytes) -> str:
 TEMPLATES = environment("pipeline.rescue_report")
 """The rescue report's templates."""
 for _filter in (
-    png, jpeg, words.centimetres, words.counted, words.degrees, words.metres, words.minutes, words.number,
-    words.percent, words.place, words.rotate, words.shown, words.side, words.slope, words.turn,
+    png, jpeg, words.breakable, words.centimetres, words.counted, words.degrees, words.metres, words.minutes,
+    words.number, words.percent, words.place, words.rotate, words.shown, words.side, words.slope, words.turn,
 ):  # fmt: skip
     TEMPLATES.filters[_filter.__name__] = _filter

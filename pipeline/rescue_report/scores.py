@@ -51,9 +51,9 @@ def _losses(rules: Mapping[str, Mapping[str, float]]) -> Iterator[str]:
         if (covered := figures.get("coverage", 1.0)) < 1:
             yield f"{percent(1 - covered)} of the ground not mapped"
         if figures["points"] < 0:
-            yield f"{-figures['points']:.2f} points for {rule}"
+            yield f"{rule}: {-figures['points']:.2f} points"
         got = figures.get("right", figures.get("discovered", 0))
         if missed := figures.get("present", got) - got:
-            yield f"{missed:.0f} {rule} missed"
+            yield f"{rule}: {missed:.0f} missed"
         if wrong := figures.get("wrong", 0):
-            yield f"{wrong:.0f} {rule} wrong"
+            yield f"{rule}: {wrong:.0f} wrong"

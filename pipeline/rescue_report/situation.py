@@ -120,13 +120,13 @@ class Situation:
 
     @property
     def is_explored(self) -> bool:
-        """Whether all ground to which the robot's map leads was seen, as far as a map tells that can be trusted."""
+        """Whether all ground to which the robot's map leads was seen, by a map that can be trusted."""
         knows_all = self.can_leave and self.unseen.share is not None and not self.unseen.places
         return self.finished and knows_all and self.trust.is_good
 
     @property
     def others(self) -> list[Find]:
-        """The finds without what people give off, which is told of the people."""
+        """The finds without the heat of people, which is reported with the people."""
         return [find for find in self.finds if not find.of_person]
 
     @property

@@ -1,5 +1,7 @@
 """Formats numbers for readers; each function is also a filter of the templates."""
 
+import re
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -60,8 +62,13 @@ def shown(text: str) -> str:
     return plain_text(text)
 
 
+def breakable(text: str) -> str:
+    """An escaped name or value as HTML that may be broken between its parts, never within a word or number."""
+    return re.sub(r"(?<=[_/:])(?=\w)|(?<=\.)(?=[^\W\d])", "<wbr>", str(text))
+
+
 def slope(angle: float) -> str:
-    """The steepness of a way, given its greatest inclination in rad."""
+    """The steepness of a path, given its greatest inclination in rad."""
     return f"steepest ground {degrees(angle)}" if angle >= LEVEL else "level ground"
 
 

@@ -52,7 +52,7 @@ class Bag(ExitStack):
         try:
             yield
         except WriterError as error:
-            raise InputError(f"{self.path}: already there") from error
+            raise InputError(f"{self.path}: already exists") from error
         except OSError as error:
             raise InputError(f"{self.path}: cannot be written: {error.strerror or error}") from error
 

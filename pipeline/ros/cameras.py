@@ -132,8 +132,8 @@ class RgbdCamera:
             self._colour = Pinhole(path, colour.info, None, is_rectified(colour.topic))
             self._register(depth.frame, colour.frame, links)
         elif depth.frame and colour.frame and not _is_same(links, depth.frame, colour.frame):
-            frames = f"depth is of the frame {depth.frame}, colour of {colour.frame}"
-            self.note = f"{frames}, of which there is no camera_info: depth is taken for registered to colour"
+            frames = f"depth is in the frame {depth.frame}, colour in {colour.frame}"
+            self.note = f"{frames}, which has no camera_info; assuming that depth is registered to colour"
 
     def _register(self, of_depth: str, of_colour: str, links: FrameTree) -> None:
         """Find the transform by which depth must be registered to colour, if it is not."""
@@ -141,15 +141,15 @@ class RgbdCamera:
         is_one = self._depth.is_like(self._colour)
         if is_one and (T is None or _is_same(links, of_depth, of_colour)):
             return
-        cameras = f"depth is of {_told(of_depth, self._depth)}, colour of {_told(of_colour, self._colour)}"
+        cameras = f"depth is from {_name(of_depth, self._depth)}, colour from {_name(of_colour, self._colour)}"
         if T is not None:
             self._T_colour_depth, self.frame = T, of_colour
             place = (
-                "the transforms" if of_depth != of_colour else f"as both name the frame {of_depth}, from one place"
+                "the transforms" if of_depth != of_colour else f"a common origin, as both are in the frame {of_depth}"
             )
-            self.note = f"{cameras}: depth is registered to colour by camera_info and {place}"
+            self.note = f"{cameras}; registering depth to colour by camera_info and {place}"
             return
-        self.note = f"{cameras}: depth is not registered to colour, and no transform says how to"
+        self.note = f"{cameras}; depth is not registered to colour, and no transform connects them"
         if not self._depth.fits(self._colour):
             raise InputError(f"{self._path}: {self.note}; record registered depth")
 
@@ -180,8 +180,8 @@ def _is_same(links: FrameTree, frame: str, other: str) -> bool:
     return T is not None and np.allclose(T, np.eye(4), rtol=0, atol=SAME_PLACE)
 
 
-def _told(frame: str, camera: Pinhole) -> str:
-    return f"{frame or 'a camera without a name'} ({camera})"
+def _name(frame: str, camera: Pinhole) -> str:
+    return f"{frame or 'an unnamed camera'} ({camera})"
 
 
 def registered(depth: Depth, k: Intrinsics, target: Intrinsics, T_target_camera: Pose) -> Depth:

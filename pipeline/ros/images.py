@@ -27,7 +27,7 @@ TO_RGB = {
 CONFIG = struct.Struct("<iff")
 """Header of a depth image of compressed_depth_image_transport: a format and two parameters."""
 PNG, JPEG = b"\x89PNG", b"\xff\xd8"  # First bytes of image files
-LOSSLESS = "PNG and TIFF of 16 bits, and compressedDepth,"
+LOSSLESS = "16-bit PNG or TIFF, or compressedDepth"
 
 
 def depth_of(message: Message) -> Depth:
@@ -38,7 +38,7 @@ def depth_of(message: Message) -> Depth:
         return _pixels(message, np.dtype(np.uint16), 1) * np.float32(1e-3)
     if message.encoding == "32FC1":
         return np.nan_to_num(_pixels(message, np.dtype(np.float32), 1), nan=0.0, posinf=0.0, neginf=0.0)
-    raise InputError(f"depth images in {message.encoding!r}; {', '.join((*MILLIMETRES, '32FC1'))} can be read")
+    raise InputError(f"depth images in {message.encoding!r}; use {', '.join((*MILLIMETRES, '32FC1'))}")
 
 
 def colour_of(message: Message) -> Rgb:
@@ -46,9 +46,7 @@ def colour_of(message: Message) -> Rgb:
     if hasattr(message, "format"):
         return np.ascontiguousarray(decoded(message.data, cv2.IMREAD_COLOR)[..., ::-1])
     if message.encoding not in TO_RGB:
-        raise InputError(
-            f"colour images in {message.encoding!r}; {', '.join(TO_RGB)} and compressed ones can be read"
-        )
+        raise InputError(f"colour images in {message.encoding!r}; use {', '.join(TO_RGB)} or compressed images")
     channels, code = TO_RGB[message.encoding]
     pixels = _pixels(message, np.dtype(np.uint8), channels)
     return pixels.copy() if code is None else np.asarray(cv2.cvtColor(pixels, code), np.uint8)
@@ -57,7 +55,7 @@ def colour_of(message: Message) -> Rgb:
 def label_of(message: Message) -> NDArray[np.uint8]:
     """(H, W) labels of an ``8UC1`` or ``mono8`` image; InputError if its encoding is another or it is broken."""
     if message.encoding not in ("8UC1", "mono8"):
-        raise InputError(f"label images in {message.encoding!r}; 8UC1 can be read")
+        raise InputError(f"label images in {message.encoding!r}; use 8UC1")
     return _pixels(message, np.dtype(np.uint8), 1).copy()
 
 
@@ -67,7 +65,7 @@ def _pixels(message: Message, kind: np.dtype, channels: int) -> NDArray:
     row = width * channels * kind.itemsize
     if not height or not width or step < row or len(message.data) < height * step:
         size = f"{len(message.data)} bytes for {width} × {height} pixels in rows of {step} bytes"
-        raise InputError(f"an image is cut short: {size}")
+        raise InputError(f"truncated image: {size}")
     rows = message.data[: height * step].reshape(height, step)[:, :row]
     pixels = np.ascontiguousarray(rows).view(kind.newbyteorder(">" if message.is_bigendian else "<"))
     pixels = pixels.astype(kind, copy=False)
@@ -85,16 +83,16 @@ def _compressed_depth(message: Message) -> Depth:
         _, a, b = CONFIG.unpack(data[: CONFIG.size].tobytes())
         data, is_inverse = data[CONFIG.size :], "32FC1" in message.format
     if data[:2].tobytes() == JPEG:
-        raise InputError(f"depth images in {message.format!r}: JPEG changes depth; {LOSSLESS} can be read")
+        raise InputError(f"depth images in {message.format!r}: JPEG changes depth; use {LOSSLESS}")
     try:
         pixels = decoded(data, cv2.IMREAD_UNCHANGED)
     except InputError as error:
-        raise InputError(f"depth images in {message.format!r}: {error}; {LOSSLESS} can be read") from error
+        raise InputError(f"depth images in {message.format!r}: {error}; use {LOSSLESS}") from error
     if pixels.ndim == 2 and pixels.dtype == np.float32:
         return np.nan_to_num(pixels, nan=0.0, posinf=0.0, neginf=0.0)
     if pixels.ndim != 2 or pixels.dtype != np.uint16:
-        kind = f"{pixels.dtype} pixels of the shape {pixels.shape}"
-        raise InputError(f"depth images in {message.format!r} of {kind}; {LOSSLESS} can be read")
+        kind = f"{pixels.dtype} pixels of shape {pixels.shape}"
+        raise InputError(f"depth images in {message.format!r} of {kind}; use {LOSSLESS}")
     if not is_inverse:
         return pixels * np.float32(1e-3)
     with np.errstate(divide="ignore"):

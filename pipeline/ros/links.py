@@ -94,12 +94,12 @@ class FrameTree:
         named, base, expected = self.named(camera), self._base(camera), self._expected(camera)
         T = self.between(base, named)
         if T is None:
-            wanted = f"no transform connects {expected} with the camera's frame {camera or '(without a name)'}"
+            wanted = f"no transform connects {expected} to the camera frame {camera or '(unnamed)'}"
             return CameraMount(None, np.eye(4), f"{wanted}; found: {self}")
         pairs = (base, expected), (named, camera.strip("/"))
-        taken = [f"the frame {found} is taken for {wanted}" for found, wanted in pairs if found != wanted]
+        taken = [f"using the frame {found} as {wanted}" for found, wanted in pairs if found != wanted]
         moving = [name for name in self._way(base, named) if name in self._moving]
-        taken += [f"{name} moves on the robot, and its last pose counts" for name in moving]
+        taken += [f"{name} moves on the robot; using its last pose" for name in moving]
         ground = self._ground(base)
         return CameraMount(inverse(ground) @ T, ground, "; ".join(taken))
 

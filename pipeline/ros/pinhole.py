@@ -38,7 +38,7 @@ class Pinhole:
         """
         self._path = path
         if calibration is None and info is None:
-            raise InputError(f"{path}: holds no camera_info of the depth images; --intrinsics fx fy cx cy sets them")
+            raise InputError(f"{path}: no camera_info for the depth images; give --intrinsics fx fy cx cy")
         self._size = None if info is None or not info.width else _size(info)
         self._distortion: tuple[NDArray, NDArray] | None = None
         self._maps: tuple[NDArray, NDArray] | None = None
@@ -46,11 +46,11 @@ class Pinhole:
         values = calibration or Calibration(K[0, 0], K[1, 1], K[0, 2], K[1, 2])
         if not np.isfinite(values).all() or min(values) <= 0:
             given = " ".join(f"{value:g}" for value in values)
-            raise InputError(f"{path}: the camera's intrinsics make no sense: fx fy cx cy are {given}")
+            raise InputError(f"{path}: invalid camera intrinsics: fx fy cx cy are {given}")
         self._values = values
         if calibration is None and info is not None and d.any():
             if info.distortion_model not in MODELS:
-                raise InputError(f"{path}: images of the distortion {info.distortion_model!r}; rectify them first")
+                raise InputError(f"{path}: images with {info.distortion_model!r} distortion; rectify them first")
             self._distortion = K, d
             self._find_maps((1, 1))  # for an error as early as possible
 
@@ -78,8 +78,8 @@ class Pinhole:
         self._size = self._size or image.shape[:2]
         if image.shape[:2] != self._size:
             (h, w), (height, width) = image.shape[:2], self._size
-            size = f"{kind} images of {w} × {h} pixels where {width} × {height} are expected"
-            raise InputError(f"{self._path}: {size}; depth must be registered to colour, and all be of one size")
+            size = f"{kind} images have {w} × {h} pixels instead of {width} × {height}"
+            raise InputError(f"{self._path}: {size}; all must have one size, and depth must be registered to colour")
         if self._distortion is None:
             return image
         if self._maps is None:
@@ -93,7 +93,7 @@ class Pinhole:
         try:
             return cv2.initUndistortRectifyMap(K, d, np.eye(3), K, size[::-1], cv2.CV_32FC1)
         except cv2.error as error:
-            raise InputError(f"{self._path}: {len(d)} coefficients of distortion are of no model") from error
+            raise InputError(f"{self._path}: {len(d)} distortion coefficients fit no model") from error
 
 
 def _matrix_and_distortion(info: Message, is_rectified: bool) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

@@ -9,6 +9,7 @@ import numpy as np
 from pipeline.arrays import Pose, Values
 from pipeline.frame import Frame
 from pipeline.geometry.thinning import VoxelCloud
+from pipeline.labels import PERSON_COLOUR
 from pipeline.mapper import Keyframe, Mapper
 from pipeline.planning.path_plan import PathPlan
 from pipeline.robot import Motion, Velocity
@@ -135,6 +136,6 @@ class MapTopics:
             messages.marker(time, "nodes", "SPHERE_LIST", nodes, 0.15, "royalblue"),
             messages.marker(time, "edges", "LINE_LIST", edges, 0.03, "silver"),
             messages.marker(time, "finds", "SPHERE_LIST", finds, 0.2, "darkorange"),
-            messages.marker(time, "people", "SPHERE_LIST", people, 0.4, "limegreen"),
+            messages.marker(time, "people", "SPHERE_LIST", people, 0.4, PERSON_COLOUR),
         ]
         return messages.make("visualization_msgs/MarkerArray", drawn)

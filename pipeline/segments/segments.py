@@ -31,7 +31,7 @@ class Segments:
         self._touching: list[Segment] = []
         self._bounds = np.zeros((0, 2, 3), np.int64)
         self._segments: list[Segment] = []
-        # Pose of the keyframe of each member that was folded, and what every so many members had made.
+        # Pose of the keyframe of each member that was folded, and what each group of that many members made.
         self._poses: list[Pose] = []
         self._kept: list[tuple[list[Segment], NDArray[np.int64]]] = []
 

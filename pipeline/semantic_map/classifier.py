@@ -46,5 +46,5 @@ class TruthClassifier(PointClassifier):
     def classify(self, frame: Frame, points: Points, T_map_camera: Pose) -> Probabilities:
         """One-hot of ``frame.label`` at the returns; InputError if the frame has none."""
         if frame.label is None:
-            raise InputError(f"the frame at {frame.time:.2f} s carries no true labels: only a simulator has them")
+            raise InputError(f"the frame at {frame.time:.2f} s has no true labels: only a simulator provides them")
         return np.eye(len(Label), dtype=np.float32)[frame.label[frame.returns]]

@@ -51,7 +51,7 @@ class PeopleConfig(TrackConfig):
 
     Attributes:
         evidence_to_look: least sum of the confidences for which a person who is not confirmed is worth a drive.
-        touch: m; what is no farther apart touches: three times the error of a keyframe's pose.
+        touch: distance up to which two things touch, m: three times the error of a keyframe's pose.
         open_share: a person is in view if for this share of the points no return is nearer by more than ``touch``.
         voxel: m, edge of the voxels of a person.
         agreed: least share of the frames with a person that show a voxel of it.
@@ -84,7 +84,7 @@ class ObjectConfig(TrackConfig):
         gap: m of depth between an object and others in front of or behind it.
         pose_sigma: m, standard deviation of a keyframe's position: of trajectories in the benchmark's arenas.
         kept_voxel: m, edge of the voxels in each of which one of an observation's points is kept.
-        of_person: m; what is no farther from what was seen of a person is of the person.
+        of_person: distance from a person up to which a find belongs to that person, m.
     """
 
     confirmation: Confirmation = Confirmation(confidence=0.5)

@@ -19,7 +19,7 @@ from pipeline.victims.people import PeoplePolicy, middle
 
 @dataclass(frozen=True)
 class Refusal:
-    """A detection that is no person, and the reason."""
+    """A rejected detection, and the reason."""
 
     detection: Detection
     reason: str
@@ -45,18 +45,18 @@ def observe(
     """
     returns = frame.returns & _window(frame, detection)
     if not returns.any():
-        return Refusal(detection, "no depth where it is")
+        return Refusal(detection, "no depth in the box")
     in_camera = frame.intrinsics.rays[returns] * frame.depth[returns, None]
     is_background = ~_stands_out(frame, detection, in_camera, background)
     if is_background.all():
-        return Refusal(detection, "flat: nothing stands out of the plane around it, as of a picture")
+        return Refusal(detection, "flat, like a picture: nothing protrudes from the surface around it")
     points, camera = transform_points(T_map_camera, in_camera), T_map_camera[:3, 3]
     ground = float((T_map_camera @ inverse(frame.T_base_camera))[2, 3])
     weighed = weigh(VICTIM, points, ground, policy.likelihood, is_background, camera)
     person = points[weighed.belongs]
     if weighed.log_ratio <= 0:
         extents = " × ".join(f"{extent:.2f}" for extent in extents_of(person))
-        return Refusal(detection, f"{extents} m: less like a person than like background")
+        return Refusal(detection, f"{extents} m: more like background than a person")
     # The middle's standard deviation is half that of the points, because parts of the person may be hidden.
     spread = np.cov(person.T.astype(np.float64)) / 4 + np.eye(3) * policy.skin_to_middle**2
     return Observation(

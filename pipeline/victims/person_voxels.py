@@ -39,6 +39,6 @@ class PersonVoxels:
         return cls(edge, seen[first_of(voxel, len(keys))], shown)
 
     def agreed(self, frames: float) -> Points:
-        """The person's in at least so many observations; all if none is in so many."""
+        """The person's voxels that occur in at least this many observations; all of them if none does."""
         is_agreed = self.shown >= frames
         return self.seen[is_agreed] if is_agreed.any() else self.seen

@@ -29,7 +29,7 @@ class RescueArena(composer.Arena):
         """``root``: its MJCF; ``called``: its name in error messages. InputError if the site is missing."""
         self._mjcf_root, self._called = root, called
         if root.find("site", "start") is None:
-            raise InputError("the arena has no free start: a site named 'start' is missing, and no --start is given")
+            raise InputError("the arena has no start: add a site named 'start', or give --start X Y YAW")
 
     def naming(self) -> AbstractContextManager[None]:
         """A context that puts the arena's name before the message of an InputError."""

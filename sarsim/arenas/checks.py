@@ -37,9 +37,9 @@ def failed_checks(mjcf: str, files: Mapping[str, bytes] | None = None) -> Iterat
     ground = survey.ground_from(start)
     piece = 0 if ground is None else int(ground.pieces[tuple(ground.grid.cell_of(start))])
     if ground is None or not piece:
-        yield "the start is not free"
+        yield "the start is blocked"
         return
-    yield from (f"{area:.2f} m² of ground are cut off" for area in _cut_off(survey, ground, piece))
+    yield from (f"{area:.2f} m² of ground cannot be reached" for area in _cut_off(survey, ground, piece))
     places = _places(ground, ground.pieces == piece)
     for victim in victims_of(model, data):
         if not is_visible(model, data, victim, places):

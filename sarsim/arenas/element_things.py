@@ -2,7 +2,7 @@
 
 What the format does not say is fixed here: of the letters of a victim's type, t (thermal) and the word heat mean that
 the doll is warm, q and qr that a code is in its box; a doll without any such sign is warm. The class of a plain
-``hazmat``, or of one that is no class, is the next of all classes.
+``hazmat``, or of an unknown class, is the next of all classes.
 """
 
 from collections.abc import Iterator

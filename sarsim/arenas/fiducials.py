@@ -33,14 +33,14 @@ def hang_fiducials(arena: RescueArena, number: int, seed: int) -> Poses:
         Poses T_world_tag: origin at its centre, x right and y up for a viewer, z towards the viewer.
 
     Raises:
-        InputError: a number below 0 or above ``MOST_TAGS``, or the walls have no room for so many.
+        InputError: the number is below 0 or above ``MOST_TAGS``, or the walls have too little room.
     """
     if not 0 <= number <= MOST_TAGS:
-        raise InputError(f"--fiducials {number}: 0 to {MOST_TAGS}")
+        raise InputError(f"--fiducials {number}: must be from 0 to {MOST_TAGS}")
     with arena.naming():
         poses = list(_poses(arena, number, np.random.default_rng(seed))) if number else []
     if len(poses) < number:
-        raise InputError(f"--fiducials {number}: the arena's walls have room for {len(poses)}")
+        raise InputError(f"--fiducials {number}: the arena's walls have room for only {len(poses)}")
     for tag, T in enumerate(poses):
         _hang(arena.mjcf_model, tag, T)
     return np.array(poses).reshape(-1, 4, 4)

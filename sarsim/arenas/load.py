@@ -74,7 +74,7 @@ def checked_arena(arena: object, name: str, start: StartPose | None = None) -> R
         InputError: it begins with ``name``; it is no arena, MuJoCo cannot build it, or the robot cannot stand there.
     """
     if not isinstance(arena, RescueArena):
-        raise InputError(f"{name} gave {type(arena).__name__}, not a {RescueArena.__name__}")
+        raise InputError(f"{name}: returned {type(arena).__name__}; it must return a {RescueArena.__name__}")
     model, root = resolved_root(arena.mjcf_model, name)
     with naming(name):
         check_model(model)

@@ -78,9 +78,9 @@ def read_map(path: Path) -> Map2D:
     x, y, yaw = (_checked(path, "origin", value, -FARTHEST, FARTHEST) for value in origin)
     free, occupied = (_number(path, values, name, 0.0, 1.0) for name in ("free_thresh", "occupied_thresh"))
     if free >= occupied:
-        raise InputError(f"{path}: free_thresh {free:g} is not below occupied_thresh {occupied:g}")
+        raise InputError(f"{path}: free_thresh {free:g} must be below occupied_thresh {occupied:g}")
     if values["mode"] not in MODES:
-        raise InputError(f"{path}: mode {str(values['mode'])[:40]!r} is not one of {', '.join(MODES)}")
+        raise InputError(f"{path}: mode {str(values['mode'])[:40]!r} must be one of {', '.join(MODES)}")
     pixels = _pixels(path, values)
     share = _occupancy(pixels, str(values["mode"]), _number(path, values, "negate", 0, 1) != 0)
     share = np.flipud(share)
@@ -96,9 +96,9 @@ def build_map(path: Path) -> ArenaBuilder:
     plan = read_map(path)
     boxes = rectangles(plan.occupied)
     if not len(boxes):
-        raise InputError(f"{path}: no pixel is occupied: without walls there is no arena")
+        raise InputError(f"{path}: no pixel is occupied, so the arena would have no walls")
     if len(boxes) > MAX_GEOMS:
-        raise InputError(f"{path}: its walls need {len(boxes)} boxes, at most {MAX_GEOMS} are built")
+        raise InputError(f"{path}: its walls need {len(boxes)} boxes; the limit is {MAX_GEOMS}")
     builder, half_yaw = ArenaBuilder(path.stem), plan.origin[2] / 2
     turn = {"quat": (np.cos(half_yaw), 0.0, 0.0, np.sin(half_yaw))}
     middle, half = plan.placed(plan.known)
@@ -149,7 +149,7 @@ def _number(path: Path, values: Mapping[str, Any], name: str, low: float, high: 
 
 def _checked(path: Path, name: str, value: object, low: float, high: float) -> float:
     if not isinstance(value, int | float) or not low <= value <= high:
-        raise InputError(f"{path}: {name} {str(value)[:40]!r} is not a number from {low:g} to {high:g}")
+        raise InputError(f"{path}: {name} {str(value)[:40]!r} must be a number from {low:g} to {high:g}")
     return float(value)
 
 
@@ -158,11 +158,11 @@ def _pixels(path: Path, values: Mapping[str, Any]) -> NDArray[np.float64]:
     file = path.parent / str(values["image"])
     try:
         if not file.resolve().is_relative_to(path.parent.resolve()):
-            raise InputError(f"{path}: refused, its image {file} lies outside its folder")
+            raise InputError(f"{path}: its image {file} must be in the same folder or below")
         check_regular(file, MOST_MODEL_BYTES)
         with Image.open(file) as image:
             if image.width * image.height > MOST_PIXELS:
-                raise InputError(f"{file}: {image.width} × {image.height} pixels, at most {MOST_PIXELS} are read")
+                raise InputError(f"{file}: {image.width} × {image.height} pixels; the limit is {MOST_PIXELS}")
             deep = image.mode.startswith("I")
             plain = image if deep or image.mode in ("L", "LA", "RGB", "RGBA") else image.convert(_mode(image))
             pixels = np.asarray(plain, np.float64)

@@ -24,13 +24,13 @@ def check_arena_name(name: str) -> None:
         check_regular(Path(name))
     else:
         raise InputError(
-            f"unknown arena {name!r}: give one of {', '.join(BUILT_IN)}, {RANDOM}SEED, or the path of a file:"
+            f"unknown arena {name!r}: use one of {', '.join(BUILT_IN)}, {RANDOM}SEED, or the path of a file:"
             f" {', '.join(BUILT_FILES)}, or MJCF {MJCF}"
         )
 
 
 def seed_of(name: str) -> int:
-    """The seed in ``random:SEED``; InputError if it is none."""
+    """The seed in ``random:SEED``; InputError if it is not a valid seed."""
     text = name.removeprefix(RANDOM)
     if not text.isdecimal() or len(text) > MAX_DIGITS:
         raise InputError(f"unknown arena {name!r}: the seed must be a whole number of at most {MAX_DIGITS} digits")

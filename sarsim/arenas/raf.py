@@ -94,7 +94,7 @@ def read_raf(path: Path) -> list[RafElement]:
     if not lines:
         raise InputError(f"{path}: the arena has no elements")
     if len(lines) > MAX_ELEMENTS:
-        raise InputError(f"{path}: {len(lines)} elements are too many, at most {MAX_ELEMENTS} are read")
+        raise InputError(f"{path}: {len(lines)} elements; the limit is {MAX_ELEMENTS}")
     elements = [_element(f"{path}, element {n}", line) for n, line in enumerate(lines, 1)]
     _check_extent(path, elements)
     return elements
@@ -110,9 +110,9 @@ def build_raf(path: Path) -> ArenaBuilder:
     unknown = sorted({e.type for e in elements if e.kind is None})
     known = [e for e in elements if e.kind is not None]
     if not known:
-        raise InputError(f"{path}: none of the arena's elements is of a known type: {_listed(unknown)}")
+        raise InputError(f"{path}: all elements of the arena have unknown types: {_listed(unknown)}")
     if unknown:
-        _log.warning("%s: left out elements of unknown type: %s", path, _listed(unknown))
+        _log.warning("%s: skipped elements of unknown types: %s", path, _listed(unknown))
     _check_geoms(path, known)
     builder = ArenaBuilder(path.stem)
     for element, position in _positions(known):
@@ -140,7 +140,7 @@ def _element(where: str, line: "Element") -> RafElement:
     x, y, rotation = (_number(where, line, name) for name in ("x", "y", "rotation"))
     mount_point = _number(where, line, "mount-point", "0")
     if mount_point != int(mount_point) or mount_point < 0:
-        raise InputError(f"{where}: mount-point={line.get('mount-point')!r} is no index")
+        raise InputError(f"{where}: mount-point={line.get('mount-point')!r} must be a whole number of at least 0")
     return RafElement(
         type=_text(where, line, "type"),
         x=x + _number(where, line, "offset-x", "0"),
@@ -165,7 +165,7 @@ def _number(where: str, line: "Element", name: str, default: str | None = None) 
     except ValueError:
         value = float("nan")
     if not isfinite(value) or abs(value) > 1e6:
-        raise InputError(f"{where}: {name}={text[:40]!r} is no sensible number")
+        raise InputError(f"{where}: {name}={text[:40]!r} must be a number of at most 1000000")
     return value
 
 
@@ -174,8 +174,8 @@ def _check_extent(path: Path, elements: list[RafElement]) -> None:
         tiles = [getattr(e, axis) for e in elements]
         if max(tiles) - min(tiles) > MAX_TILES or max(map(abs, tiles)) > 10 * MAX_TILES:
             raise InputError(
-                f"{path}: tiles from {axis}={min(tiles):g} to {max(tiles):g} are absurd,"
-                f" an arena has at most {MAX_TILES} along {axis}"
+                f"{path}: its tiles reach from {axis}={min(tiles):g} to {max(tiles):g};"
+                f" an arena may have at most {MAX_TILES} along {axis}"
             )
 
 
@@ -183,7 +183,7 @@ def _check_geoms(path: Path, elements: list[RafElement]) -> None:
     library = element_library()
     geoms = sum(len(library.geoms(str(e.kind))) for e in set(elements))
     if geoms > MAX_GEOMS:
-        raise InputError(f"{path}: its elements have {geoms} parts, at most {MAX_GEOMS} are built")
+        raise InputError(f"{path}: its elements have {geoms} parts; the limit is {MAX_GEOMS}")
 
 
 def _positions(elements: list[RafElement]) -> Iterator[tuple[RafElement, NDArray[np.float64]]]:

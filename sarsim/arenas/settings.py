@@ -6,6 +6,8 @@ from typing import Literal
 
 from tyro.conf import Fixed
 
+from sarsim.flags import Given
+
 StartPose = tuple[float, float, float]  # x and y in m, yaw in degrees
 SHARES = ("wall_density", "ramps", "clutter", "furniture", "bulky", "furnished")
 """Settings of random arenas that are shares of walls or tiles."""
@@ -31,22 +33,22 @@ class RandomArenaConfig:
     Attributes:
         columns: tiles of 1.2 m along x, 3 to 20.
         rows: tiles along y, 3 to 20.
-        wall_density: share of the inner walls of a perfect maze that stand; 0 is a hall.
+        wall_density: share of a perfect maze's inner walls that are built; 0 is an empty hall.
         ramps: share of the tiles that are ramps and decks, from difficulty 1 on.
-        clutter: share of the tiles with an obstacle: a diagonal wall, from difficulty 2 also a barrel or crossing
-            ramps, at 3 also a step field; from 2 on, as many tiles have a block or a pipe beside a wall.
-        furniture: share of the tiles with furniture or rescue elements that block the robot; as many tiles have an
-            object on a wall, and some inner walls are thick or veils.
-        bulky: share of the tiles with elements that hide much: raised floors to drive under, steep boards, cupboards.
+        clutter: share of the tiles with an obstacle: a diagonal wall; from difficulty 2 also a barrel or crossing
+            ramps, and blocks or pipes on as many other tiles; at 3 also a step field.
+        furniture: share of the tiles with furniture or rescue elements that block the robot. The same share has an
+            object on a wall, and some inner walls are thick or made of cloth.
+        bulky: share of the tiles with elements that block the view: raised floors, steep boards, cupboards.
         victims: number of victims, 0 to 100.
         difficulty: 0 flat; 1 decks and ridges of ramps; 2 crossing ramps, clutter, holes in walls and half-hidden
-            victims; 3 continuous ramp fields and step fields; by default the seed modulo 4.
-        ceiling: ceiling at a height of 2.4 m, with all walls up to it.
-        furnished: share of the tiles with furniture of all sizes and colours, in rows along walls: lockers, shelves,
+            victims; 3 continuous ramp fields and step fields. By default the seed modulo 4.
+        ceiling: add a ceiling at 2.4 m; all walls reach it.
+        furnished: share of the tiles with furniture of varied size and colour in rows along walls: lockers, shelves,
             tables, sofas, beds, stairs.
         painted: random colours and patterns on floor, walls, ramps and boards.
-        things: number of things to find besides people, 0 to 100: in turn hazmat signs, codes, dolls, tags, fire
-            extinguishers and levers on walls, as many as fit; with any, a third of the people is dead.
+        things: number of objects to find besides people, 0 to 100, as many as fit: in turn hazmat signs, codes,
+            dolls, tags, fire extinguishers and door levers. If there are any, a third of the people are dead.
     """
 
     columns: int = 7
@@ -55,7 +57,7 @@ class RandomArenaConfig:
     ramps: float = 0.25
     clutter: float = 0.15
     victims: int = 3
-    difficulty: int | None = None
+    difficulty: Given[int] = None
     ceiling: bool = False
     furniture: float = 0.0
     bulky: Fixed[float] = 0.0

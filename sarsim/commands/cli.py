@@ -35,8 +35,8 @@ SIGNALLED = 128  # plus the number of the signal, as in shells
 UNREAD = 141  # 128 + SIGPIPE
 HELP_INDENT = 8 * " "  # before the help of a flag in tyro's messages about wrong ones
 COMMON = (
-    "Every command also takes --version, --quiet (errors alone), --verbose (every figure of a run's report) and "
-    "--log-level LEVEL (debug, info, warning, error)."
+    "Every command also accepts --version, --quiet (only errors), --verbose (every figure of a run's report) and "
+    "--log-level debug|info|warning|error."
 )
 Item = TypeVar("Item")
 _quiet = _verbose = False
@@ -84,7 +84,7 @@ def common(args: Sequence[str] | None = None) -> list[str]:
     words = list(sys.argv[1:] if args is None else args)
     for flag, value in pairwise(["", *words]):
         if not value or re.fullmatch("--[^=]*=", value):
-            raise InputError(f"{flag} {value!r}: nothing is given".strip())
+            raise InputError(f"{flag} {value!r}: must not be empty".strip())
     try:
         given, rest = flags.parse_known_args(words)
     except argparse.ArgumentError as error:
@@ -156,7 +156,9 @@ def announce_compilation() -> None:
             if not self.is_announced:
                 self.is_announced = True
                 print(
-                    "compiling for this machine: a first run takes some minutes longer", file=sys.stderr, flush=True
+                    "compiling for this machine; the first run takes a few minutes longer",
+                    file=sys.stderr,
+                    flush=True,
                 )
 
         def on_end(self, event: event.Event) -> None:
@@ -174,14 +176,14 @@ def call_with(function: Callable[..., Any], given: Mapping[str, Any], name: str)
     values = {key: value for key, value in given.items() if value is not None}
     known = inspect.signature(function).parameters
     if unknown := [f"--{key.replace('_', '-')}" for key in values if key not in known]:
-        raise InputError(f"{', '.join(unknown)}: {name} has no such setting")
+        raise InputError(f"{', '.join(unknown)}: not a setting of {name}")
     return function(**values)
 
 
 def check_folder_of(flag: str, path: Path) -> None:
     """Raises InputError if the folder that is to hold the file ``path`` does not exist."""
     if not path.absolute().parent.is_dir():
-        raise InputError(f"--{flag} {path}: there is no folder {path.absolute().parent}")
+        raise InputError(f"--{flag} {path}: the folder {path.absolute().parent} does not exist")
 
 
 def guarded(action: Callable[[], object]) -> None:

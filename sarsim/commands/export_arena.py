@@ -11,36 +11,37 @@ from pipeline.files import whole_file
 from sarsim.arenas.settings import RandomArenaConfig, StartPose, WorldVictims
 from sarsim.commands.cli import check_folder_of
 from sarsim.commands.settings import run_with_settings
+from sarsim.flags import Given
 
 
 @dataclass(frozen=True)
 class ExportArena:
-    """What is written, and where.
+    """What to write, and where.
 
     Attributes:
-        arena: nist_6x4, esogu_52x15, lanes/NAME, random:SEED, the path of a .raf, MJCF, SDF or map file, or
-            MODULE:FUNCTION of your own.
-        out: MJCF file to write, .xml; files that the arena refers to are copied beside it.
-        start: start pose: x and y in m, yaw in degrees; by default the arena's own.
-        victims: list of victims and starts beside a world of others, as in run_episode.py.
-        victims_state: state of victims whose names do not say it, as in run_episode.py.
-        random: contents of a random arena, set in a --config file as run_episode.py writes it.
+        arena: nist_6x4, esogu_52x15, lanes/NAME or random:SEED; the path of a .raf, MJCF, SDF or map file; or your
+            own MODULE:FUNCTION.
+        out: MJCF file to write (.xml); the files that it refers to are copied beside it.
+        start: start pose: x and y in m, yaw in degrees. By default the arena's own start.
+        victims: list of victims and starts for a world by others; each line is NAME x y z roll pitch yaw.
+        victims_state: state of victims whose names do not say whether they are alive.
+        random: contents of a random arena, set in a --config file such as an episode's config.yaml.
     """
 
     arena: str
     out: Path
-    start: StartPose | None = None
-    victims: Path | None = None
+    start: Given[StartPose] = None
+    victims: Given[Path] = None
     victims_state: Literal["alive", "dead"] = "dead"
     random: Fixed[RandomArenaConfig] = field(default_factory=RandomArenaConfig)
 
 
 def export_arena(settings: ExportArena) -> None:
-    """Write an arena without the robot; view it with ``python -m mujoco.viewer --mjcf=FILE.xml``."""
+    """Write an arena as MJCF, without the robot. View it with ``python -m mujoco.viewer --mjcf=FILE.xml``."""
     from sarsim.methods.arena import make_arena
 
     if settings.out.suffix != ".xml":  # by which MuJoCo knows its own files
-        raise InputError(f"--out {settings.out}: MJCF is written, so the ending must be .xml")
+        raise InputError(f"--out {settings.out}: the file name must end in .xml")
     check_folder_of("out", settings.out)
     victims = WorldVictims(settings.victims, settings.victims_state)
     arena = make_arena(settings.arena, settings.start, settings.random, victims=victims)

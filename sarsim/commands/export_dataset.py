@@ -9,6 +9,7 @@ import tyro
 from rich.console import Console
 
 from sarsim.commands.cli import call_with, progress, run
+from sarsim.flags import Given
 
 EXPORTS = {"s3dis": "S3dis", "blocks": "Blocks", "tum": "Tum", "yolo": "Yolo", "coco": "Coco", "mcap": "Mcap"}
 """The class of each format, in the module of :mod:`sarsim.dataset.exports` with the format's name."""
@@ -19,24 +20,24 @@ class ExportDataset:
     """What is exported, and how.
 
     Attributes:
-        format: s3dis: folders of rooms and annotated objects; blocks: HDF5 files to train point networks; tum: RGB-D
-            sequences for SLAM tools; yolo: images with boxes of victims; coco: images with boxes and masks of victims
-            and all other objects; mcap: ROS 2 bags.
+        format: s3dis: folders of rooms and annotated objects; blocks: HDF5 files for training point networks; tum:
+            RGB-D sequences for SLAM tools; yolo: images with bounding boxes; coco: images with bounding boxes and
+            masks; mcap: ROS 2 bags.
         data: folder of the dataset.
-        out: new folder for the export; it appears only when the export is complete.
-        voxel: s3dis: side, m, of the cubes that keep one point each; larger ones make smaller files; by default 0.02.
-        points: blocks: number of points in a block, as many as the network takes; by default 4096.
-        colours: blocks: nine channels, with r g b, as S3DIS has, instead of six.
-        min_area: yolo, coco: least number of visible pixels of an object that gets a box; by default 100.
+        out: new folder for the export; it appears once the export is complete.
+        voxel: s3dis: keep one point per cube of this side, m; larger cubes make smaller files. By default 0.02.
+        points: blocks: points per block, as the network expects them. By default 4096.
+        colours: blocks: nine channels with r g b, as in S3DIS, instead of six.
+        min_area: yolo, coco: fewest visible pixels for an object to get a box. By default 100.
     """
 
     format: Annotated[Literal["s3dis", "blocks", "tum", "yolo", "coco", "mcap"], tyro.conf.Positional]
     data: Path
     out: Path
-    voxel: float | None = None
-    points: int | None = None
+    voxel: Given[float] = None
+    points: Given[int] = None
     colours: bool = False
-    min_area: int | None = None
+    min_area: Given[int] = None
 
 
 def export_dataset(settings: Annotated[ExportDataset, tyro.conf.arg(name="")]) -> None:

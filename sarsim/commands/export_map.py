@@ -7,6 +7,7 @@ import tyro
 
 from pipeline.errors import InputError
 from sarsim.commands.cli import run
+from sarsim.flags import Given
 from sarsim.settings import Robot
 
 PLAN_ENDINGS = (".pgm", ".tif", ".png", ".svg", ".dxf")  # Endings of 2D maps
@@ -21,26 +22,28 @@ if TYPE_CHECKING:
 def export_map(
     path: Annotated[Path, tyro.conf.Positional],
     out: Path,
-    heights: tuple[float, float] | None = None,
+    heights: Given[tuple[float, float]] = None,
     robot: Robot = "pioneer3at",
 ) -> None:
     """Write the map of an episode as OctoMap, as a point cloud, or as a 2D map for ROS, GIS or drawing programs.
 
     Args:
-        path: folder of the episode, or its metric_map.npz; semantic_map.ply in the same folder gives the classes, and
-            keyframes.npz the ground.
-        out: file to write. By its ending: .bt OctoMap with free and occupied space; .ot OctoMap with log-odds,
-            coloured by class; .ply centres of the occupied voxels, coloured by class; .pgm the ground as free, lethal
-            or unknown to the robot, with a .yaml beside it and slopes as costs in ..._cost.png; .tif, .png, .svg and
-            .dxf the same ground as GeoTIFF, as PNG with a world file, and as outlines.
-        heights: lowest and highest height, m, of a slice of the occupancy grid that the .pgm shows instead; a slice
-            does not recognise ramps: 0.25 0.65 shows what stands in the robot's way on level ground.
-        robot: robot that ground must suit: pioneer3at, jackal, or the path of an MJCF file structured like theirs.
+        path: folder of the episode, or its metric_map.npz. Classes come from semantic_map.ply and the ground from
+            keyframes.npz in the same folder.
+        out: file to write; its extension sets the format. .bt: OctoMap of free and occupied space. .ot: OctoMap with
+            log-odds, coloured by class. .ply: centres of occupied voxels, coloured by class. .pgm: ground that is
+            free, lethal or unknown to the robot, with a .yaml file, and slopes as costs in ..._cost.png. .tif, .png,
+            .svg, .dxf: the same ground as a GeoTIFF, a PNG with a world file, or outlines.
+        heights: for .pgm, show a slice of the occupancy grid from the lower to the upper height, m, instead of the
+            ground. A slice ignores ramps; 0.25 0.65 shows obstacles on level ground.
+        robot: robot that must be able to drive on the ground: pioneer3at, jackal, or the path of an MJCF file.
     """
     if out.suffix not in (".bt", ".ot", ".ply", *PLAN_ENDINGS):
-        raise InputError(f"--out {out}: the ending must be .bt, .ot, .ply, {', '.join(PLAN_ENDINGS)}")
+        raise InputError(f"--out {out}: the file name must end in .bt, .ot, .ply, {', '.join(PLAN_ENDINGS)}")
     if heights is not None and not (out.suffix == ".pgm" and heights[0] < heights[1]):
-        raise InputError(f"--heights {heights[0]:g} {heights[1]:g}: of a .pgm, the lower one first")
+        raise InputError(
+            f"--heights {heights[0]:g} {heights[1]:g}: only for a .pgm file, and the lower height comes first"
+        )
     path = path / "metric_map.npz" if path.is_dir() else path
     is_of_ground = out.suffix in PLAN_ENDINGS and heights is None
     files = _export_ground(path, out, robot) if is_of_ground else _export_voxels(path, out, heights)
@@ -59,7 +62,7 @@ def _export_voxels(path: Path, out: Path, heights: tuple[float, float] | None) -
     semantic_map = path.with_name("semantic_map.ply")
     if out.suffix in (".bt", ".ot"):
         x, y, z = metric_map.corner
-        print(f"{out}: OctoMap's voxels begin at 0, the map's elsewhere; to its places add {x:g} {y:g} {z:g} m")
+        print(f"{out}: OctoMap's coordinates start at 0; add {x:g} {y:g} {z:g} m to get map coordinates")
     match out.suffix:
         case ".bt":
             write_bt(out, metric_map)
@@ -80,7 +83,9 @@ def _export_ground(path: Path, out: Path, robot: Robot) -> list[Path]:
 
     keyframes = path.with_name("keyframes.npz")
     if not keyframes.exists():
-        instead = "; --heights 0.25 0.65 makes a map of the occupancy grid instead" if out.suffix == ".pgm" else ""
+        instead = (
+            "; --heights 0.25 0.65 exports a slice of the occupancy grid instead" if out.suffix == ".pgm" else ""
+        )
         raise InputError(f"{keyframes}: no such file{instead}")
     elevation_map, poses = load_elevation_map(keyframes, robot_model(robot))
     ground, places = assess_map(elevation_map), poses[:, :2, 3]
@@ -103,7 +108,7 @@ def _labels(metric_map: "MetricMap", path: Path) -> "NDArray[np.uint8] | None":
     vertices = read_ply(path)
     points, labels = np.stack([vertices[axis] for axis in "xyz"], axis=1), vertices["label"]
     if not np.isfinite(points).all() or labels.max(initial=0) >= len(Label):
-        raise InputError(f"{path}: not a semantic map: places are finite, and labels are 0 to {len(Label) - 1}")
+        raise InputError(f"{path}: not a semantic map: points must be finite and labels from 0 to {len(Label) - 1}")
     return voxel_labels(metric_map, points, labels)
 
 

@@ -13,26 +13,27 @@ from sarsim.arenas.names import check_arena_name
 from sarsim.commands.cli import progress
 from sarsim.commands.settings import run_with_settings, save_settings
 from sarsim.dataset.settings import RANDOM, DatasetConfig, HarderDatasetConfig
+from sarsim.flags import Given
 from sarsim.jobs.engines import make_engine
 
 
 @dataclass(frozen=True, kw_only=True)
 class GenerateDataset(DatasetConfig):
-    """What is generated, and how.
+    """What to generate, and how.
 
     Attributes:
-        out: folder for the dataset; an incomplete dataset in it is completed.
-        scenes: number of scenes; more make a network better in arenas that it has not seen.
-        workers: number of processes, by default one per core; the dataset does not depend on it.
-        engine: processes on this machine (local), or tasks on the Ray cluster that RAY_ADDRESS names (ray; without
-            RAY_ADDRESS on this machine).
-        harder: other defaults: obstacles and ceilings among the ramps, dim light and darkness, dust, some scenes
-            without the sensor's noise. Other flags still change each of them.
+        out: folder for the dataset. An incomplete dataset in it is completed.
+        scenes: number of scenes; a network trained on more does better in arenas that it has not seen.
+        workers: number of processes. By default one per core; the dataset does not depend on it.
+        engine: run processes on this machine (local), or tasks on the Ray cluster at RAY_ADDRESS (ray; on this
+            machine if RAY_ADDRESS is not set).
+        harder: use the defaults of the harder mix: obstacles and ceilings among the ramps, dim light and darkness, dust,
+            and some scenes without the sensor's noise. Other flags still change each of them.
     """
 
     out: Path
     scenes: int = 10
-    workers: int | None = None
+    workers: Given[int] = None
     engine: Literal["local", "ray"] = "local"
     harder: bool = False
 
@@ -47,7 +48,7 @@ def generate_dataset(settings: GenerateDataset) -> None:
     if settings.harder and not isinstance(settings, GenerateHarder):
         raise InputError("harder: only the flag --harder chooses the harder mix; a --config file names its values")
     if settings.scenes < 1 or (settings.workers is not None and settings.workers < 1):
-        raise InputError("--scenes, --workers: at least 1")
+        raise InputError("--scenes and --workers must be at least 1")
     for arena in {*settings.arenas} - {RANDOM}:
         check_arena_name(arena)
     from sarsim.arenas.load import load_arena
@@ -66,7 +67,7 @@ def generate_dataset(settings: GenerateDataset) -> None:
             recipe, settings.scenes, settings.out, engine, lambda made: bars.update(bar, completed=made)
         )
     save_settings(replace(settings, harder=False), settings.out / "config.yaml")
-    text = f"{len(manifest.scenes)} scenes in {settings.out}; look at them in {settings.out / 'index.html'}"
+    text = f"{len(manifest.scenes)} scenes in {settings.out}; to look at them, open {settings.out / 'index.html'}"
     Console().print(text, soft_wrap=True)
 
 

@@ -16,9 +16,9 @@ HDF5 = b"\x89HDF"  # First bytes of a scene's file
 
 
 def map_recording(config: MapRecording) -> None:
-    """Build all maps, a Rerun recording and a report from the recorded frames of a camera.
+    """Build all maps, a Rerun recording and a report from recorded camera frames.
 
-    If the recording is broken, or a frame cannot be localised, the maps of the frames before it are kept.
+    If the recording is damaged or a frame cannot be localised, the maps of the earlier frames are kept.
     """
     brief = wanted_mission(config.mission)
     check_folder(config.out)
@@ -59,7 +59,7 @@ def open_recording(config: MapRecording) -> "Recording":
             raise InputError(f"--{flag} {value}: must be positive")
     recording = read_tum_folder(path, calibration, config.depth_scale, config.fps, config=config.io.datasets)
     if holds_bag(path):
-        recording.note("the folder holds a bag too, which is not read; give the bag's own path for that")
+        recording.note("the folder also holds a ROS bag, which is ignored; to map it, give its own path")
     return recording
 
 

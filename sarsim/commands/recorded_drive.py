@@ -79,7 +79,7 @@ class RecordedDrive(MappingRun):
             self.error = str(error)
         if self.labelled:
             if self.recording.left_out:
-                _log.warning("%s: left out %s", self.recording.path, self._left_out())
+                _log.warning("%s: skipped %s", self.recording.path, self._left_out())
             sim_time = self._poses[-1].time - self._poses[0].time
             self.finish(self._score, len(self.labelled), sim_time, self._figures())
         else:
@@ -108,9 +108,7 @@ class RecordedDrive(MappingRun):
         with suppress(OSError):  # it holds earlier results
             self.parts.folder.rmdir()
         if not self.error:
-            self.error = (
-                f"{self.recording.path}: holds no frame that could be used; {self._left_out() or 'it is empty'}"
-            )
+            self.error = f"{self.recording.path}: no usable frame: {self._left_out() or 'it is empty'}"
 
     def _left_out(self) -> str:
         return ", ".join(f"{count} {reason}" for reason, count in self.recording.left_out.items())

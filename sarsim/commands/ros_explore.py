@@ -11,7 +11,7 @@ from sarsim.settings import RosExploration
 def ros_explore(config: RosExploration) -> None:
     """Explore with a robot on a ROS 2 network, and write the files of an episode.
 
-    Ctrl-C stops the robot. If the robot falls silent or ignores commands, the maps so far are kept.
+    Ctrl-C stops the robot. If the robot goes silent or ignores commands, the maps built so far are kept.
     """
     from pipeline.ros.live.node import RosNode
     from sarsim.commands.ros_drive import RosDrive

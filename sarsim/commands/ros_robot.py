@@ -11,7 +11,7 @@ from sarsim.settings import RosRobotConfig
 
 
 def ros_robot(config: RosRobotConfig) -> None:
-    """Run the simulated robot as a ROS 2 robot, which publishes sensor data and follows commands, until Ctrl-C."""
+    """Run the simulated robot as a ROS 2 robot: it publishes sensor data and follows commands until Ctrl-C."""
     from pipeline.ros.live.node import RosNode
     from sarsim.commands.simulated_node import SimulatedNode
 
@@ -24,7 +24,7 @@ def ros_robot(config: RosRobotConfig) -> None:
             config.arena,
         )
     if config.out:
-        Console().print(f"What is true of the drive is in {config.out}", soft_wrap=True)
+        Console().print(f"Ground truth of the drive: {config.out}", soft_wrap=True)
     end_by(ended_by)
 
 

@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 
 
 def run_episode(config: EpisodeConfig) -> None:
-    """Explore an arena, and write a recording, a report, the maps and config.yaml, with which --config repeats it."""
+    """Explore an arena, and write a recording, a report and maps. To repeat it, pass its config.yaml to --config."""
     if config.resume and (config.out or (config.map and config.map.resolve() == config.resume.resolve())):
-        raise InputError(f"--resume {config.resume}: neither into another folder (--out) nor on its own map (--map)")
+        raise InputError(f"--resume {config.resume}: cannot be combined with --out, or with --map of the same folder")
     brief = wanted_mission(config.mission, config.minutes, config.home)
     check_folder(config.folder, config.continues)
     from sarsim.episode import Episode  # and, with it, what takes seconds to import
@@ -35,11 +35,11 @@ def run_episode(config: EpisodeConfig) -> None:
     if not ended_by:
         shutil.rmtree(cache.folder)
     if config.resume:
-        print(f"Driven again from its start, with {cache.hits} cached outputs of its networks")
+        print(f"Repeated from the start, with {cache.hits} stored outputs of the networks")
     show_results(episode.report, config.folder, is_verbose())
     end_by(ended_by)
     if (viewer := episode.recorder.viewer) and viewer.was_opened:
-        print("Ctrl-C ends the page", flush=True)
+        print("Press Ctrl-C to close the live view", flush=True)
         viewer.wait()
 
 

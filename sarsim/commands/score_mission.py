@@ -8,34 +8,33 @@ import tyro
 from pipeline.errors import InputError
 from sarsim.arenas.settings import StartPose, WorldVictims
 from sarsim.commands.cli import run
+from sarsim.flags import Given
 from sarsim.settings import Robot
 
 
 def score_mission(
     path: Annotated[Path, tyro.conf.Positional],
     arena: str,
-    start: StartPose | None = None,
+    start: Given[StartPose] = None,
     robot: Robot = "pioneer3at",
     mission: str = "league",
-    parked: tuple[float, float] | None = None,
+    parked: Given[tuple[float, float]] = None,
     resets: int = 0,
     contacts: int = 0,
     victims: Path | None = None,
     victims_state: Literal["alive", "dead"] = "dead",
 ) -> None:
-    """Compare the 3D map and the list of finds of a team with the arena, and print both leagues' scores.
+    """Compare a team's 3D map and list of finds with the arena, and print the scores of both leagues.
 
     Args:
-        path: folder of the files, or an episode's that contains handed_in/.
-        arena: that was mapped, as in run_episode.py.
-        start: start pose: x and y in m, yaw in degrees; by default the arena's own.
-        robot: that drove: pioneer3at, jackal, or the path of an MJCF file.
-        mission: league, virtual, or the path of a YAML file with rewards and penalties.
-        parked: x and y in m where the robot was at the end; by default the end of trajectory_true.tum.
-        resets: how often the robot was touched.
-        contacts: contacts with living victims.
-        victims: list of victims and starts beside the world, as in run_episode.py.
-        victims_state: state of victims whose names do not say it, as in run_episode.py.
+        path: folder of the files, or an episode's folder that contains handed_in/.
+        arena: arena that was mapped, as for sarsim-episode.
+        start: start pose: x and y in m, yaw in degrees. By default the arena's own start.
+        robot: robot that drove: pioneer3at, jackal, or the path of an MJCF file.
+        mission: league, virtual, or the path of a YAML file of rewards and penalties.
+        parked: x and y of the robot at the end, m. By default the end of trajectory_true.tum.
+        resets: number of times that somebody touched the robot.
+        contacts: number of contacts with living victims.
     """
     import json
 
@@ -49,9 +48,8 @@ def score_mission(
     from sarsim.scoring.handed_in import score_handed_in, true_arena
 
     if min(resets, contacts) < 0:
-        raise InputError(f"--resets {resets} --contacts {contacts}: numbers of at least 0")
-    brief, body = load_mission(mission), robot_model(robot)
-    world = make_arena(arena, start, victims=WorldVictims(victims, victims_state))
+        raise InputError(f"--resets {resets} --contacts {contacts}: must not be negative")
+    brief, body, world = load_mission(mission), robot_model(robot), make_arena(arena, start)
     physics = mjcf.Physics.from_mjcf_model(world.mjcf_model)
     with world.naming():
         truth = true_arena(physics.model.ptr, physics.data.ptr, world.T_world_start, body)

@@ -18,9 +18,10 @@ from pipeline.league.brief import MissionBrief, Task
 from sarsim.assets import asset
 from sarsim.commands.cli import COMMON, common, guarded, parse
 from sarsim.commands.names import check_names
+from sarsim.flags import Given
 from sarsim.settings import EXPLORE, METHODS, names_code, words
 
-CONFIG_HELP = "YAML file of settings, as every run writes one; flags override its values."
+CONFIG_HELP = "YAML file of settings, such as the config.yaml of an earlier run; flags override it."
 RESULTS = ("out", "resume", "bag", "tum", "json")
 """Where results go: only flags may set these, because a file of settings may come from a stranger."""
 OUTPUTS = (*RESULTS, "workers")
@@ -65,7 +66,7 @@ def run_one_of(commands: Mapping[str, tuple[Callable[[Any], object], type]], des
     def run() -> None:
         if name and not name.startswith("-"):
             meant = "".join(f"; perhaps you meant {near}" for near in get_close_matches(name, commands, n=1))
-            raise InputError(f"{name}: none of {', '.join(commands)}{meant}")
+            raise InputError(f"{name}: must be one of {', '.join(commands)}{meant}")
         words = common()
         parse(lambda: tyro.extras.subcommand_cli_from_dict(kinds, args=words, description=about))
 
@@ -86,7 +87,7 @@ def settings_from(
         "Flags",
         [
             ("settings", Annotated[kind, tyro.conf.arg(name="")], field(**default)),
-            ("config", Annotated[Path | None, tyro.conf.arg(help=CONFIG_HELP)], field(default=None)),
+            ("config", Annotated[Given[Path], tyro.conf.arg(help=CONFIG_HELP)], field(default=None)),
         ],
     )
     return parse(
@@ -105,11 +106,17 @@ def config_file(args: Sequence[str]) -> tuple[str, Path] | None:
         finder.add_argument(flag, nargs="?", type=Path)
     found = finder.parse_known_args(args)[0]
     if found.config and found.resume:
-        raise InputError(f"--config {found.config}: --resume brings the settings of its folder")
+        raise InputError(
+            f"--config {found.config}: cannot be combined with --resume, which reads the settings in its folder"
+        )
     if found.resume is None:
         return found.config and ("config", found.config)
     if not (file := found.resume / "config.yaml").is_file():
-        what = f"holds no {file.name}, so no episode began there" if found.resume.is_dir() else "no such folder"
+        what = (
+            f"has no {file.name}, so it is not the folder of an episode"
+            if found.resume.is_dir()
+            else "no such folder"
+        )
         raise InputError(f"--resume {found.resume}: {what}")
     return "resume", file
 
@@ -148,26 +155,24 @@ def load_settings(kind: type[Settings], path: Path, args: Sequence[str] = (), fl
     where = f"--{flag} {path}"
     content = _yaml(path, where)
     if isinstance(content, dict) and (places := sorted(content.keys() & set(RESULTS))):
-        raise InputError(f"{where}: no file says where results go: give --{places[0]} as a flag")
+        raise InputError(f"{where}: a file cannot set where results go; give --{places[0]} as a flag")
     for key in list(content) if isinstance(content, dict) else []:
         name = str(key).replace("_", "-")
         if name in METHODS and names_code(name, content[key]):
             if not any(word.split("=")[0].replace("_", "-") == f"--{name}" for word in args):
-                raise InputError(f"{where}: no file says what code runs: give --{name} as a flag")
+                raise InputError(f"{where}: a file cannot choose code to run; give --{name} as a flag")
             del content[key]
     return _settings(kind, content, where)
 
 
 def _yaml(path: Path, where: str) -> Any:
-    """The content of a YAML file; InputError, which begins with ``where``, if it is none."""
+    """The content of a YAML file; if it is not valid YAML, an InputError that begins with ``where``."""
     try:
         text, depth = read_text(path, MOST_SETTINGS), 0
         for event in yaml.parse(text):
             depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
             if isinstance(event, yaml.AliasEvent) or depth > DEEPEST:
-                raise InputError(
-                    f"{path}: refused, it has aliases (*name), which may expand endlessly, or is too deep"
-                )
+                raise InputError(f"{path}: aliases (*name) and deep nesting are not allowed")
         return yaml.safe_load(text)
     except InputError as error:
         raise InputError(f"{where.partition(' ')[0]} {error}") from error
@@ -188,7 +193,7 @@ def save_settings(settings: Any, path: Path) -> None:
 def _settings(kind: Any, content: Any, where: str) -> Any:
     """An instance of a dataclass from a mapping; ``where`` begins the error messages."""
     if not isinstance(content, dict):
-        raise InputError(f"{where}: must hold names of settings with their values, as in 'steps: 20'")
+        raise InputError(f"{where}: must contain settings with their values, such as 'steps: 20'")
     given = {str(key).replace("-", "_"): value for key, value in content.items()}
     hints = get_type_hints(kind)
     if unknown := [key for key in given if key not in hints]:
@@ -205,12 +210,12 @@ def _value(hint: Any, value: Any, where: str) -> Any:
     if hint in SCALARS and type(value) in SCALARS[hint]:
         return hint(value)
     if isinstance(value, dict):
-        raise InputError(f"{where}: has no settings of its own")
+        raise InputError(f"{where}: must be a value, not a group of settings")
     one = make_dataclass("One", [("value", hint)])
     try:
         return parse(lambda: tyro.cli(one, args=["--value", *words(value)])).value
     except InputError:
-        raise InputError(f"{where}: {value!r} does not fit; --help says what does") from None
+        raise InputError(f"{where}: {value!r} is not a valid value; see --help") from None
 
 
 def _plain(settings: Any) -> dict[str, Any]:

@@ -9,8 +9,9 @@ from contextlib import closing
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Annotated, Literal
 
+import tyro
 from rich.console import Console
 from rich.table import Column, Table
 from tyro.conf import Fixed
@@ -21,6 +22,7 @@ from sarsim.commands.cli import progress
 from sarsim.commands.provenance import processor, state_of_code
 from sarsim.commands.settings import run_with_settings, save_settings
 from sarsim.commands.sweeps.names import GRID, check_sweep
+from sarsim.flags import Given
 from sarsim.jobs.engines import make_engine
 from sarsim.jobs.folder_lock import FolderLock, locked
 from sarsim.settings import METHODS
@@ -37,36 +39,36 @@ FAILED = 1  # Status if every episode failed
 
 @dataclass(frozen=True, kw_only=True)
 class SweepSettings:
-    """Which episodes are run, and how.
+    """Which episodes to run, and how.
 
     Attributes:
-        methods: names as --exploration has, or of explorers of 2D maps; or MODULE:CLASS. By default all shipped ones.
-        arenas: arenas as --arena has; train, val or test, 12 frozen ones; grid:train, grid:val or grid:test, 100
-            frozen 2D maps; or grid:FOLDER of dungeon maps.
-        seeds: of the episodes in each arena.
-        engine: processes on this machine (local), or tasks on the Ray cluster that RAY_ADDRESS names (ray).
-        workers: number of episodes at a time; by default one per core.
-        out: folder for the episodes, which are not run again, a table of them (Parquet), the entries, and a page.
-        steps: most steps of an episode in an arena of MuJoCo.
-        limit: s by the clock after which an episode is given up.
+        methods: methods as in --exploration, explorers of 2D maps, or your own MODULE:CLASS. By default all shipped.
+        arenas: arenas as in --arena; train, val or test (12 frozen arenas each); grid:train, grid:val or grid:test
+            (100 frozen 2D maps each); or grid:FOLDER with dungeon maps.
+        seeds: seeds of the episodes in each arena.
+        engine: run processes on this machine (local), or tasks on the Ray cluster at RAY_ADDRESS (ray).
+        workers: number of episodes at the same time. By default one per core.
+        out: folder for the results: the episodes, a Parquet table, leaderboard entries and an HTML page.
+        steps: maximum number of steps of an episode in a MuJoCo arena.
+        limit: wall-clock limit of an episode, s.
     """
 
-    methods: tuple[str, ...] = ()
+    methods: Annotated[tuple[str, ...], tyro.conf.arg(help_behavior_hint="")] = ()
     arenas: tuple[str, ...] = ("grid:test",)
     seeds: tuple[int, ...] = (0,)
     engine: Literal["local", "ray"] = "local"
-    workers: int | None = None
+    workers: Given[int] = None
     out: Path = Path("runs/sweep")
     steps: Fixed[int] = 300
     limit: Fixed[float] = 3600.0
 
 
 def sweep(settings: SweepSettings) -> None:
-    """Run the episodes that have not been run yet; write and print how the methods compare."""
+    """Run exploration methods on the same arenas and seeds, and compare them. Finished episodes are not repeated."""
     if not settings.seeds or min(settings.seeds) < 0 or settings.limit <= 0 or settings.steps < 1:
-        raise InputError("--seeds: at least one and none negative; limit and steps: more than 0")
+        raise InputError("--seeds needs at least one seed, none negative; limit and steps must be positive")
     if settings.workers is not None and settings.workers < 1:
-        raise InputError(f"--workers {settings.workers}: give at least 1")
+        raise InputError(f"--workers {settings.workers}: must be at least 1")
     check_sweep(settings.methods, settings.arenas)
     from sarsim.commands.sweeps.arenas import arenas_of
     from sarsim.commands.sweeps.episodes import FOLDER, SweepJob, check_methods
@@ -116,7 +118,7 @@ def begin(settings: SweepSettings) -> str:
     for key, value in current.items():
         if earlier.get(key) != value:
             raise InputError(
-                f"--out {settings.out}: holds results of {key} {earlier.get(key)}, not {value}: choose another folder"
+                f"--out {settings.out}: holds results of {key} {earlier.get(key)}, not {value}; choose another folder"
             )
     return current["code"]
 
@@ -182,12 +184,12 @@ def show(settings: SweepSettings, entries: Sequence["Entry"], failed: dict["Swee
         print(f"{method}: {count} of its episodes failed: {error}", file=sys.stderr)
     for board in boards(entries):
         columns = [Column(head, overflow="fold") for head in board.heads[:-1]]
-        table = Table(*columns, title=board.title, caption="interquartile means, 95 % intervals")
+        table = Table(*columns, title=board.title, caption="interquartile means, with 95 % confidence intervals")
         for row in board.rows:
             table.add_row(*row[:-1])
         Console().print(table)
     places = [settings.out / name for name in (PAGE, "episodes.parquet", ENTRIES)]
-    Console().print("Page: {}; episodes: {}; entries of the leaderboard: {}".format(*places), soft_wrap=True)
+    Console().print("Page: {}; episodes: {}; leaderboard entries: {}".format(*places), soft_wrap=True)
 
 
 def main() -> None:

@@ -15,7 +15,7 @@ if TYPE_CHECKING:
 
 
 def teleop(config: TeleopConfig) -> None:
-    """Drive the robot by keyboard or gamepad, to get to know an arena or the robot, or to map an arena by hand."""
+    """Drive the robot with the keyboard or a gamepad, to explore an arena yourself or to map it by hand."""
     if config.out:
         check_folder(config.out)
     from pipeline.rerun.viewer import has_display
@@ -24,7 +24,7 @@ def teleop(config: TeleopConfig) -> None:
 
     arena, pad = make_arena(config.arena, config.start), Gamepad(config.gamepad) if config.gamepad else None
     if not has_display():
-        raise InputError("there is no display for MuJoCo's viewer (neither DISPLAY nor WAYLAND_DISPLAY is set)")
+        raise InputError("MuJoCo's viewer needs a display: set DISPLAY or WAYLAND_DISPLAY")
     mapped = map_drive(config, arena, config.out) if config.out else None
     driven = mapped or FreeDrive(arena, config.robot)
     print(KEYS, flush=True)

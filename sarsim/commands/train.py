@@ -1,6 +1,6 @@
 """Train one of the robot's networks: ``train.py NETWORK --data DIR --out FILE``.
 
-On several GPUs, or a process for each core of a CPU (not yolo): ``torchrun --nproc-per-node N scripts/train.py ...``.
+To use several GPUs, or one process per CPU core (not yolo): ``torchrun --nproc-per-node N scripts/train.py ...``.
 """
 
 from dataclasses import dataclass, field, fields
@@ -26,6 +26,7 @@ from sarsim.assets import asset
 from sarsim.commands.cli import Interruptible, check_folder_of, progress
 from sarsim.commands.settings import run_one_of, save_settings
 from sarsim.dataset.settings import HazmatTrainingConfig, ShapeTrainingConfig
+from sarsim.flags import Given
 from sarsim.settings import POINT_NETWORKS
 from sarsim.tasks.settings import ExplorerTrainingConfig
 
@@ -44,31 +45,31 @@ VALIDATION_FRAMES = 40
 
 @dataclass(frozen=True, kw_only=True)
 class TrainingFiles:
-    """What a training reads and writes.
+    """Files that a training run reads and writes.
 
     Attributes:
-        data: folders of datasets; the training uses the scenes of the split train, the validation those of val.
-        out: file for the weights (points: .safetensors, yolo: .weights, beside which are .cfg and .json); a
-            checkpoint, a table (.csv) and the settings (.yaml) get its name with other endings. The same command
-            continues an interrupted training from its checkpoint.
-        stride: use only every n-th frame of each scene: fewer frames to load, and fewer that look alike.
-        init: file of initial weights, as written by train.py; by default the weights are random.
-        tensorboard: folder for TensorBoard's events of loss and scores; TensorBoard must be installed.
+        data: folders of datasets. Training uses the scenes of the split train, validation those of val.
+        out: file for the weights (.safetensors; for yolo .weights, with .cfg and .json beside it). A checkpoint, a
+            table (.csv) and the settings (.yaml) are written beside it. To continue after an interruption, run the
+            same command again.
+        stride: use every n-th frame of each scene only; neighbouring frames look alike.
+        init: file of initial weights, as written by sarsim-train. By default they are random.
+        tensorboard: folder for TensorBoard events of loss and scores; TensorBoard must be installed.
     """
 
     data: tuple[Path, ...]
     out: Path
     stride: int = 1
-    init: Path | None = None
-    tensorboard: Path | None = None
+    init: Given[Path] = None
+    tensorboard: Given[Path] = None
 
 
 @dataclass(frozen=True, kw_only=True)
 class TrainPoints(PointTrainingConfig, TrainingFiles):
-    """Train a network of the semantic map with datasets of generate_dataset.py.
+    """Train a network of the semantic map on datasets made by sarsim-dataset.
 
     Attributes:
-        colours: learn from colours too, nine channels instead of six; with --init as its file.
+        colours: learn from colours too, with nine channels instead of six. With --init, its file decides.
     """
 
     colours: bool = False
@@ -78,7 +79,7 @@ class TrainPoints(PointTrainingConfig, TrainingFiles):
 
 @dataclass(frozen=True, kw_only=True)
 class TrainYolo(YoloTrainingConfig, TrainingFiles):
-    """Train the victim detector with datasets of generate_dataset.py."""
+    """Train the victim detector on datasets made by sarsim-dataset."""
 
     prior: Fixed[float] = YoloTrainingConfig.prior
     augmentation: Fixed[CanvasAugmentation] = field(default_factory=CanvasAugmentation)
@@ -87,25 +88,25 @@ class TrainYolo(YoloTrainingConfig, TrainingFiles):
 
 @dataclass(frozen=True, kw_only=True)
 class TrainHazmat(HazmatTrainingConfig):
-    """Train the classifier of hazmat signs on drawn signs among datasets of generate_dataset.py and photos.
+    """Train the classifier of hazmat signs on signs drawn over images of datasets and photos.
 
     Attributes:
-        data: folders of datasets, and files of photos, all without signs.
-        out: file for the weights, .safetensors; a checkpoint, a table and the settings lie beside it.
-        init: file of initial weights; by default they are random.
+        data: folders of datasets and files of photos, all without hazmat signs.
+        out: file for the weights (.safetensors); a checkpoint, a table and the settings are written beside it.
+        init: file of initial weights. By default they are random.
     """
 
     data: tuple[Path, ...]
     out: Path
-    init: Path | None = None
+    init: Given[Path] = None
 
 
 @dataclass(frozen=True, kw_only=True)
 class TrainExplorer(ExplorerTrainingConfig):
-    """Train an explorer of 2D maps by PPO; Stable-Baselines3 must be installed.
+    """Train an explorer of 2D maps with PPO; needs Stable-Baselines3.
 
     Attributes:
-        out: file for the weights, .safetensors.
+        out: file for the weights (.safetensors).
     """
 
     out: Path
@@ -113,19 +114,19 @@ class TrainExplorer(ExplorerTrainingConfig):
 
 @dataclass(frozen=True, kw_only=True)
 class TrainShapes(ShapeTrainingConfig):
-    """Train the classifier of fire extinguishers and door levers on what stands out in datasets.
+    """Train the classifier of fire extinguishers and door levers on the protruding objects of datasets.
 
     Attributes:
-        data: folders of datasets to learn from.
-        out: file for the weights, .safetensors; a checkpoint, a table and the settings lie beside it.
-        init: file of initial weights; by default they are random.
-        usual: folders of datasets where objects are as frequent as the robot meets them, to validate with; by default
-            the data.
+        data: folders of datasets for training.
+        out: file for the weights (.safetensors); a checkpoint, a table and the settings are written beside it.
+        init: file of initial weights. By default they are random.
+        usual: folders of datasets for validation, with objects as frequent as in an episode. By default those of
+            --data.
     """
 
     data: tuple[Path, ...]
     out: Path
-    init: Path | None = None
+    init: Given[Path] = None
     usual: Fixed[tuple[Path, ...]] = ()
 
 
@@ -152,7 +153,7 @@ def train_points(settings: TrainPoints, network: str) -> None:
         validation = clouds["val"][:: -(-len(clouds["val"]) // VALIDATION_FRAMES)]
         learner = PointLearner(clouds["train"], validation, config, initial, worker.device, blocks)
         training = TrainingLoop(learner, config, settings.out, worker, about)
-        _train(training, settings, "mIoU over the four", settings.tensorboard)
+        _train(training, settings, "mIoU of the thesis's four classes", settings.tensorboard)
     finally:
         worker.leave()
 
@@ -234,13 +235,13 @@ def _config(kind: type[Config], settings: Any) -> Config:
 
 def _check(settings: TrainPoints | TrainYolo, ending: str) -> None:
     if settings.stride < 1:
-        raise InputError("--stride: at least 1")
+        raise InputError(f"--stride {settings.stride}: must be at least 1")
     _check_out(settings.out, ending)
 
 
 def _check_out(out: Path, ending: str) -> None:
     if out.suffix != ending:
-        raise InputError(f"--out {out}: a name that ends with {ending}")
+        raise InputError(f"--out {out}: the file name must end in {ending}")
     check_folder_of("out", out)
 
 
@@ -251,8 +252,8 @@ def _scenes(data: Path) -> int:
     scenes = [data / entry.file for entry in Dataset(data).entries]
     if missing := [path for path in scenes if not path.is_file()]:
         raise InputError(
-            f"{missing[0]}: missing, {len(missing)} of {len(scenes)} scenes are:"
-            " generate_dataset.py with the flags of before makes them again"
+            f"{missing[0]}: missing, with {len(missing)} of {len(scenes)} scenes;"
+            " to make them again, run sarsim-dataset with the same flags"
         )
     return len(scenes)
 
@@ -274,11 +275,11 @@ def _clouds(
                 clouds[entry.split].append(LabelledCloud.of(scene.frame(index), pose, voxel_size, colours))
     folders = " ".join(map(str, settings.data))
     if absent := [split for split in ("train", "val") if not clouds[split]]:
-        raise InputError(f"--data {folders}: no scene of the split {absent[0]}: make 5 scenes at least")
+        raise InputError(f"--data {folders}: no scene of the split {absent[0]}; generate at least 5 scenes")
     seen = sum(cloud.counts.sum(axis=0, dtype=int) for cloud in clouds["train"])
     missing = [label.name.lower() for label, count in zip(CLASSES, seen, strict=True) if not count]
     if missing and worker.leads:
-        warning = f"--data {folders}: no point of {', '.join(missing)}, which the network will not know"
+        warning = f"--data {folders}: no point of {', '.join(missing)}, so the network cannot learn it"
         Console(stderr=True).print(warning, soft_wrap=True)
     return clouds
 
@@ -309,7 +310,7 @@ def _events(folder: Path) -> "Callable[[TrainingLoop[Any, Any]], None]":
     try:
         from torch.utils.tensorboard import SummaryWriter
     except ImportError as error:
-        raise InputError(f"--tensorboard {folder}: TensorBoard is missing; pip install tensorboard") from error
+        raise InputError(f"--tensorboard {folder}: TensorBoard is not installed: pip install tensorboard") from error
     writer, written = SummaryWriter(folder), 0
 
     def write(now: "TrainingLoop[Any, Any]") -> None:

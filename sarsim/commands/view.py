@@ -16,13 +16,13 @@ MAGIC = b"RRF2"  # The first bytes of every recording
 
 
 def view(path: Annotated[Path, tyro.conf.Positional], web: bool = False) -> None:
-    """Open a recording, in a window if there is a display and in the browser otherwise.
+    """Open a recording in a window, or in the browser if there is no display.
 
-    The page for the browser is served to this machine alone, until Ctrl-C.
+    The browser page is served to this machine only, until Ctrl-C.
 
     Args:
-        path: an .rrd file, or an episode's folder.
-        web: open the browser even if there is a display.
+        path: .rrd file, or the folder of an episode.
+        web: use the browser even if there is a display.
     """
     recording = find_recording(path)
     # The page ends with this process, even if the signal arrives while the viewer starts.

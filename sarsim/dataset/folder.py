@@ -33,6 +33,6 @@ class Dataset:
             path = self.folder / entry.file
             # Checked before HDF5 opens the file, because its library hangs on some damaged files.
             if entry.sha256 and path.is_file() and sha256_of(path) != entry.sha256:
-                raise InputError(f"{path}: changed or damaged: its checksum is not the one in {FILE}")
+                raise InputError(f"{path}: changed or damaged: its checksum differs from the one in {FILE}")
             with Scene(path) as scene:
                 yield entry, scene

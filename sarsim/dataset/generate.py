@@ -69,6 +69,6 @@ def _begun(recipe: Recipe, folder: Path) -> Manifest:
     for index, entry in list(manifest.scenes.items()):
         path = folder / entry.file
         if not path.is_file() or sha256_of(path) != entry.sha256:
-            _log.warning("%s: missing or changed; it is made again", path)
+            _log.warning("%s: missing or changed; generating it again", path)
             del manifest.scenes[index]
     return manifest

@@ -165,7 +165,7 @@ def _background(backgrounds: Sequence[Picture], rng: np.random.Generator) -> Pic
 
 
 def _thing(rng: np.random.Generator, size: int = SPAN) -> Picture:
-    """(size, size, 3) something square that is no hazmat sign: a tag, code, paper with words or shapes, a panel."""
+    """(size, size, 3) something square other than a hazmat sign: a tag, code, paper with words or shapes, a panel."""
     ground, ink = rng.integers(0, 256, (2, 3)).tolist()
     if rng.random() < 0.4:
         ground = [int(rng.integers(200, 256))] * 3

@@ -71,13 +71,13 @@ class Manifest:
         """Read the manifest in a dataset's folder; InputError if there is no dataset of this version."""
         path = folder / FILE
         if not path.exists():
-            raise InputError(f"{folder}: not a dataset, it has no {FILE}")
+            raise InputError(f"{folder}: not a dataset: {FILE} is missing")
         try:
             content = json.loads(read_text(path))
         except InputError:
             raise
         except (ValueError, RecursionError) as error:
-            raise InputError(f"{path}: broken: not JSON") from error
+            raise InputError(f"{path}: damaged: not valid JSON") from error
         if not isinstance(content, dict) or content.get("format") != DATASET_FORMAT:
             raise InputError(f"{path}: not the {FILE} of a dataset")
         if content.get("version") != DATASET_VERSION:
@@ -89,7 +89,7 @@ class Manifest:
             recipe = dict(**content["recipe"])
             return cls(recipe, {entry.index: entry for entry in entries}, str(content["generator"]))
         except (KeyError, TypeError, ValueError) as error:
-            raise InputError(f"{path}: broken: {error}") from error
+            raise InputError(f"{path}: damaged: {error}") from error
 
     def write(self, folder: Path) -> None:
         """Replace the file; InputError if it cannot be written."""
@@ -110,12 +110,14 @@ class Manifest:
     def check_same(self, other: "Manifest", folder: Path) -> None:
         """Raises InputError if the other manifest's scenes would differ."""
         if self.generator != other.generator:
-            raise InputError(f"{folder}: made by {self.generator}, this is {other.generator}: choose another folder")
+            raise InputError(
+                f"{folder}: made by {self.generator}, and this is {other.generator}; choose another folder"
+            )
         for name in other.recipe:
             if self.recipe.get(name) != other.recipe[name]:
                 raise InputError(
                     f"{folder}: holds a dataset with {name} {_short(self.recipe.get(name))}, not"
-                    f" {_short(other.recipe[name])}: choose another folder"
+                    f" {_short(other.recipe[name])}; choose another folder"
                 )
 
 
@@ -123,12 +125,14 @@ def _entry(row: dict[str, Any]) -> SceneEntry:
     """A scene from the file; ValueError if a field is not valid, because exports make paths of the fields."""
     entry = SceneEntry(**row)
     if not (type(entry.index) is int and 0 <= entry.index < MOST_SCENES and entry.file == scene_path(entry.index)):
-        raise ValueError(f"scene {entry.index!r:.40} is not in a file of its number: {entry.file!r:.80}")
+        raise ValueError(f"the file {entry.file!r:.80} does not have the number of its scene, {entry.index!r:.40}")
     if entry.split not in SPLITS:
-        raise ValueError(f"the split of scene {entry.index} is {entry.split!r:.80}: known are {', '.join(SPLITS)}")
+        raise ValueError(
+            f"the split of scene {entry.index} is {entry.split!r:.80}; it must be one of {', '.join(SPLITS)}"
+        )
     for name, kind in (("sha256", str), ("arena", str), ("lighting", str), ("frames", int), ("points", dict)):
         if not isinstance(getattr(entry, name), kind):
-            raise ValueError(f"{name} of scene {entry.index} is {getattr(entry, name)!r:.80}")
+            raise ValueError(f"{name} of scene {entry.index} has the wrong type: {getattr(entry, name)!r:.80}")
     if not all(isinstance(count, int) for count in entry.points.values()):
         raise ValueError(f"points of scene {entry.index} are not whole numbers")
     return entry

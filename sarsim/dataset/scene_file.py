@@ -206,7 +206,7 @@ class Scene(ExitStack):
         except InputError:
             raise
         except (KeyError, ValueError, TypeError, OSError, RuntimeError, RecursionError) as error:
-            raise InputError(f"{self.path}: broken: {' '.join(str(error).split())}") from error
+            raise InputError(f"{self.path}: damaged: {' '.join(str(error).split())}") from error
 
     def _read_head(self) -> None:
         file = self._file
@@ -216,7 +216,7 @@ class Scene(ExitStack):
             raise InputError(f"{self.path}: format version {version}; this program reads version {SCENE_VERSION}")
         self.settings: dict[str, Any] = json.loads(file.attrs["settings"])
         if not isinstance(self.settings, dict) or not isinstance(self.settings.get("dust", 0.0), float | int):
-            raise ValueError("settings are none of a scene")
+            raise ValueError("its settings are not those of a scene")
         sizes = self._check_layout()
         fx, fy, cx, cy = map(float, file["intrinsics"][:])
         self.intrinsics = Intrinsics(sizes["W"], sizes["H"], fx, fy, cx, cy)
@@ -232,37 +232,37 @@ class Scene(ExitStack):
         for name, (kind, *shape) in _LAYOUT.items():
             part = self._file[name]
             if part.file.filename != self._file.filename or part.external or part.is_virtual:
-                raise ValueError(f"{name} is in another file")
+                raise ValueError(f"{name} refers to another file")
             if part.ndim != len(shape) or any(
                 n != (want if isinstance(want, int) else sizes.setdefault(want, n))
                 for want, n in zip(shape, part.shape, strict=True)
             ):
-                raise ValueError(f"{name} has the shape {part.shape}")
+                raise ValueError(f"{name} has the wrong shape: {part.shape}")
             if part.dtype.kind != "S" if kind == "S" else part.dtype != np.dtype(kind):
-                raise ValueError(f"{name} is of type {part.dtype}")
+                raise ValueError(f"{name} has the wrong type: {part.dtype}")
             if part.nbytes > MOST_BYTES * (sizes["M"] if name in _IMAGES else 1):
-                raise ValueError(f"{name} is absurdly large: {part.shape}")
+                raise ValueError(f"{name} is too large: {part.shape}")
         if sizes["M"] > MOST_FRAMES:
-            raise ValueError(f"{sizes['M']} frames, at most {MOST_FRAMES} are read")
+            raise ValueError(f"{sizes['M']} frames; the limit is {MOST_FRAMES}")
         return sizes
 
     def _check_numbers(self) -> None:
-        """Raises ValueError if a number makes no sense."""
+        """Raises ValueError if a number is out of range."""
         k, content = self.intrinsics, self.content
         if not np.isfinite([k.fx, k.fy, k.cx, k.cy]).all() or min(k.fx, k.fy) <= 0:
-            raise ValueError("intrinsics are of no camera")
+            raise ValueError("the intrinsics must be finite, with positive focal lengths")
         for name in ("pose_true", "pose_odom", "T_base_camera"):
             if not are_poses(getattr(self, name)):
-                raise ValueError(f"{name} holds what is no pose")
+                raise ValueError(f"{name} holds an invalid pose")
         if not (np.isfinite(self.time).all() and (np.diff(self.time) > 0).all()):
-            raise ValueError("time does not go on from frame to frame")
+            raise ValueError("the times of the frames must increase")
         if (content.geom_label >= len(Label)).any():
-            raise ValueError("a geom has a label that is none")
+            raise ValueError("a geom has an unknown label")
         if ((content.geom_victim < -1) | (content.geom_victim >= len(content.victim_id))).any():
-            raise ValueError("a geom belongs to a victim that is not there")
+            raise ValueError("a geom belongs to a victim that does not exist")
         boxes = self.victim_pixels[self.victim_area > 0]
         if (boxes[:, :2] < 0).any() or (boxes[:, 2:] <= boxes[:, :2]).any() or (boxes > MOST_BYTES).any():
-            raise ValueError("victims/pixels holds what is no box")
+            raise ValueError("victims/pixels holds an invalid box")
 
     def __len__(self) -> int:
         return len(self.time)
@@ -309,14 +309,16 @@ class Scene(ExitStack):
         """An image of whole numbers from ``least`` to below ``end``."""
         image = self._image(name, index)
         if image.size and not least <= image.min() <= image.max() < end:
-            raise InputError(f"{self.path}: broken: {name} of frame {index} holds {image.min()} to {image.max()}")
+            raise InputError(
+                f"{self.path}: damaged: {name} of frame {index} holds values from {image.min()} to {image.max()}"
+            )
         return image
 
     def _image(self, name: str, index: int) -> NDArray:
         try:
             return self._file[name][index]
         except (OSError, RuntimeError) as error:
-            raise InputError(f"{self.path}: broken: {name} of frame {index} cannot be read") from error
+            raise InputError(f"{self.path}: damaged: {name} of frame {index} cannot be read") from error
 
 
 def read_scene(path: Path) -> Recording:

@@ -9,6 +9,7 @@ from tyro.conf import Fixed
 from pipeline.errors import InputError
 from pipeline.semantic_map.networks.training_config import Optimization, Schedule, TrainingConfig
 from sarsim.arenas.settings import SHARES, RandomArenaConfig
+from sarsim.flags import Given
 
 RANDOM = "random"  # Name of a new random arena each time
 KEYFRAME_WAY = (0.3, 0.6)  # m driven and rad turned from one keyframe to the next
@@ -17,22 +18,22 @@ MIN_SIZE = 16  # pixels of an image
 
 @dataclass(frozen=True)
 class ArenaRange:
-    """Random arenas are drawn evenly between these values, ends included; by default they look like the thesis's.
+    """Random arenas are drawn uniformly between these values, bounds included; by default they look like the thesis's.
 
     Attributes:
-        tiles: number of tiles of 1.2 m along x and along y; large arenas show long views.
-        wall_density: share of a maze's inner walls that stand; 0 is a hall.
-        ramps: share of the tiles with ramps and decks, the thesis's classes 3 and 4.
-        clutter: share of the tiles with obstacles such as barrels, blocks and step fields; more of them hide more.
-        furniture: share of the tiles with furniture; it teaches a network what is neither wall nor victim.
-        bulky: share of the tiles with raised floors, steep boards and cupboards, which hide much.
-        furnished: share of the tiles with furniture of all sizes and colours, such as lockers and tables; it teaches
-            a network what is neither wall nor deck.
+        tiles: number of tiles of 1.2 m along x and along y; large arenas give long views.
+        wall_density: share of a maze's inner walls that are built; 0 is an empty hall.
+        ramps: share of the tiles with ramps and decks (labels 3 and 4).
+        clutter: share of the tiles with obstacles such as barrels, blocks and step fields.
+        furniture: share of the tiles with furniture, from which a network learns what is neither wall nor victim.
+        bulky: share of the tiles with raised floors, steep boards and cupboards, which block the view.
+        furnished: share of the tiles with furniture of varied size and colour, such as lockers and tables, from which
+            a network learns what is neither wall nor deck.
         victims: number of victims in an arena.
         difficulty: 0 flat, 1 decks and ridges, 2 crossing ramps and half-hidden victims, 3 ramp and step fields.
         ceilings: share of the arenas with a ceiling.
-        painted: share of the arenas with random colours and patterns, so that a network relies less on colour.
-        things: number of things to find besides people, such as extinguishers and levers.
+        painted: share of the arenas with random colours and patterns, so that networks rely less on colour.
+        things: number of objects to find besides people, such as fire extinguishers and door levers.
     """
 
     tiles: tuple[int, int] = (4, 8)
@@ -89,16 +90,16 @@ class DatasetConfig:
     """Settings of the scenes of a dataset; by default they look like the thesis's: ramps, light, the sensor's noise.
 
     Attributes:
-        seed: seed of all random numbers; another seed makes other scenes.
+        seed: seed of every random number; another seed gives other scenes.
         frames: number of frames in each scene.
         width: width of the images, pixels.
-        height: height of the images, pixels; half of both is four times as fast but shows less of distant objects.
-        arenas: names or paths of arenas, used in turn; "random" is a new random arena each time.
-        random: ranges from which each random arena is drawn, ends included.
+        height: height of the images, pixels; halving both is four times as fast but shows distant objects less well.
+        arenas: names or paths of arenas, used in turn; "random" draws a new one each time.
+        random: ranges from which each random arena is drawn, bounds included.
         lighting: shares of the scenes in normal light, in dim light, and in the dark with the robot's lamp on.
-        dust: lowest and highest concentration of dust, 0 to 1, in a quarter of the scenes; by default there is none.
-        keyframes: distance (m) or turn (rad) between two frames; larger values show more of the arena.
-        frames_per_second: frames per second of the drive, as SLAM needs them; replaces --keyframes.
+        dust: lowest and highest density of dust, 0 to 1, in a quarter of the scenes. By default there is none.
+        keyframes: distance (m) and turn (rad) after which the next frame is taken; larger values cover more ground.
+        frames_per_second: take frames at a constant rate, as SLAM needs them, instead of by --keyframes.
         clear: share of the scenes without dust, where there is dust at all.
         ideal: share of the scenes where the depth sensor makes no errors.
     """
@@ -112,7 +113,7 @@ class DatasetConfig:
     lighting: tuple[float, float, float] = (1.0, 0.0, 0.0)
     dust: tuple[float, float] | None = None
     keyframes: tuple[float, float] = KEYFRAME_WAY
-    frames_per_second: float | None = None
+    frames_per_second: Given[float] = None
     clear: Fixed[float] = 0.75
     ideal: Fixed[float] = 0.0
 
@@ -120,11 +121,13 @@ class DatasetConfig:
         for name, low in (("seed", 0), ("frames", 1), ("width", MIN_SIZE), ("height", MIN_SIZE)):
             check(name, getattr(self, name), low)
         if not self.arenas:
-            raise InputError("--arenas: name at least one")
+            raise InputError("--arenas: give at least one")
         if not (min(self.lighting) >= 0 and 0 < sum(self.lighting) < float("inf")):
-            raise InputError(f"--lighting: {self.lighting} are no shares")
+            raise InputError(
+                f"--lighting {' '.join(f'{x:g}' for x in self.lighting)}: shares must not be negative or all 0"
+            )
         if not all(0.01 <= value <= 10 for value in self.keyframes):
-            raise InputError(f"--keyframes {self.keyframes[0]:g} {self.keyframes[1]:g}: from 0.01 to 10 each")
+            raise InputError(f"--keyframes {self.keyframes[0]:g} {self.keyframes[1]:g}: each must be from 0.01 to 10")
         if self.frames_per_second is not None:
             check("frames-per-second", self.frames_per_second, 0.5, 60)
         if self.dust is not None:
@@ -146,13 +149,13 @@ class HarderDatasetConfig(DatasetConfig):
 def check_order(flag: str, bounds: tuple[float, float]) -> None:
     """Raises InputError if bounds are not in order."""
     if not bounds[0] <= bounds[1]:
-        raise InputError(f"--{flag} {bounds[0]} {bounds[1]}: the lower value comes first")
+        raise InputError(f"--{flag} {bounds[0]} {bounds[1]}: give the lower value first")
 
 
 def check(flag: str, value: float, low: float, high: float = math.inf) -> None:
     """Raises InputError if a flag's value is not between two bounds."""
     if not low <= value <= high:
-        limits = f"at least {low:g}" if high == math.inf else f"from {low:g} to {high:g}"
+        limits = f"must be at least {low:g}" if high == math.inf else f"must be from {low:g} to {high:g}"
         raise InputError(f"--{flag} {value:g}: {limits}")
 
 

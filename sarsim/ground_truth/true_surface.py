@@ -141,7 +141,7 @@ class Survey:
         """The surface around a robot at ``start`` (3,) m; InputError if it is not drivable there."""
         ground = self.ground_from(start)
         if ground is None:
-            raise InputError(f"the arena has no free start: ({start[0]:g}, {start[1]:g}) m is not above free ground")
+            raise InputError(f"the arena has no free start: ({start[0]:g}, {start[1]:g}) m must be above free ground")
         piece = ground.pieces[tuple(ground.grid.cell_of(start))]
         if not piece:
             raise InputError(f"the arena has no free start: the robot cannot stand at ({start[0]:g}, {start[1]:g}) m")
@@ -195,7 +195,7 @@ def _grid_around(bodies: ConvexBodies) -> Grid:
     low, high = bodies.low[:, :2].min(axis=0), bodies.high[:, :2].max(axis=0)
     if not np.prod(high - low) <= MOST_AREA:
         raise InputError(
-            f"an arena of {' × '.join(f'{x:.3g}' for x in high - low)} m: at most {MOST_AREA:g} m² are built"
+            f"an arena of {' × '.join(f'{x:.3g}' for x in high - low)} m is too large; the limit is {MOST_AREA:g} m²"
         )
     # Rounding errors must not add a row of cells.
     first = np.floor((low - MARGIN) / CELL + 1e-6).astype(np.int64)

@@ -48,7 +48,7 @@ def locked(folder: Path) -> Iterator[FolderLock]:
     try:
         while not lock_descriptor(descriptor, blocking=False):
             if time.monotonic() > deadline:
-                raise InputError(f"{folder}: another command is at work here")
+                raise InputError(f"{folder}: another command is using this folder")
             time.sleep(PAUSE)
         yield FolderLock(folder, descriptor)
     finally:

@@ -41,9 +41,9 @@ class LocalEngine:
                         continue
                     status = worker.end()
                     if attempt == ATTEMPTS:
-                        yield job, failed(f"{attempt} workers died over it, the last one with exit code {status}")
+                        yield job, failed(f"{attempt} worker processes died, the last one with exit status {status}")
                     else:
-                        _log.warning("job %s: its worker died; it begins again", job)
+                        _log.warning("job %s: its worker process died; trying again", job)
                         todo.appendleft((job, attempt + 1))
         finally:
             for worker in workers:
@@ -78,7 +78,7 @@ class Worker:
 
     def outcome(self) -> Future[Any]:
         """The outcome of the job, once it has ended; a WorkerDiedError if its process died."""
-        assert self._started is not None, "no job was begun"
+        assert self._started is not None, "no job has started"
         outcome: Future[Any] = Future()
         try:
             result, error = self._started[1].recv()

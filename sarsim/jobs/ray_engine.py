@@ -39,7 +39,7 @@ class RayEngine:
             options = own if address is None else {"address": address}
             ray.init(log_to_driver=False, runtime_env={"env_vars": ONE_THREAD}, **options)
         except ConnectionError as error:
-            raise InputError(f"RAY_ADDRESS {address}: no Ray cluster there") from error
+            raise InputError(f"RAY_ADDRESS {address}: no Ray cluster at this address") from error
 
     def run(self, work: Work[Job, Result], jobs: Iterable[Job], lock: FolderLock) -> Outcomes[Job, Result]:
         """See :class:`sarsim.jobs.engine.Engine`; only this process writes into the folder."""

@@ -90,7 +90,7 @@ def own_classifier(name: str) -> PointClassifier:
     """The classifier of points that ``--labels`` names, if it is none of sarsim's.
 
     Raises:
-        InputError: there is no such class, or it is no classifier, as an image of level ground shows.
+        InputError: there is no such class, or it must be a classifier, as an image of level ground shows.
     """
     classifier, frame = _own("labels", name, PointClassifier), level_frame()
     classifier.classify(frame, frame.points(frame.T_base_camera), frame.T_base_camera)
@@ -133,7 +133,7 @@ def own_arena(name: str, seed: int) -> Any:
     """
     where, build = _where("arena", name), _loaded("arena", name, OWN_FUNCTION)
     if not callable(build):
-        raise InputError(f"{where}: is no function")
+        raise InputError(f"{where}: must be a function")
     try:
         return build(seed=seed) if "seed" in inspect.signature(build).parameters else build()
     except Exception as error:
@@ -154,12 +154,12 @@ def _own(flag: str, name: str, protocol: type, *args: RobotModel) -> Any:
                 setattr(method, member, wanted.__get__(method))  # the protocol's default
                 continue
             what = "method" if inspect.isfunction(wanted) else "attribute"
-            raise InputError(f"{where}: has no {what} {member}, see {protocol.__module__}.{protocol.__name__}")
+            raise InputError(f"{where}: has no {what} {member}; see {protocol.__module__}.{protocol.__name__}")
         if inspect.isfunction(wanted):
             _watch(method, member, len(inspect.signature(wanted).parameters) - 1, where)
     # An attribute with a default may be missing.
     if missing := [name for name in attributes if not (hasattr(protocol, name) or name in dir(method))]:
-        raise InputError(f"{where}: has no attribute {missing[0]}, see {protocol.__module__}.{protocol.__name__}")
+        raise InputError(f"{where}: has no attribute {missing[0]}; see {protocol.__module__}.{protocol.__name__}")
     return method
 
 
@@ -167,7 +167,7 @@ def load_class(flag: str, name: str) -> Callable[..., Any]:
     """The class of that name; InputError if there is none."""
     loaded = _loaded(flag, name, OWN_CLASS)
     if ":" in name and not inspect.isclass(loaded):
-        raise InputError(f"{_where(flag, name)}: is no class")
+        raise InputError(f"{_where(flag, name)}: must be a class")
     return loaded
 
 
@@ -194,7 +194,9 @@ def _watch(method: Any, member: str, count: int, where: str) -> None:
     try:
         setattr(method, member, _guarded(function, name, answers.CHECKS.get(member)))
     except AttributeError as error:
-        raise InputError(f"{where}: its methods cannot be watched: {answers.one_line(error)}") from error
+        raise InputError(
+            f"{where}: its methods cannot be wrapped to check them: {answers.one_line(error)}"
+        ) from error
 
 
 def _guarded(function: Callable[..., Any], name: str, check: Callable[..., None] | None = None) -> Callable[..., Any]:

@@ -30,7 +30,7 @@ def check_method(kind: str, name: str, flag: str = "") -> None:
         with working_folder():
             is_there = bool(top) and find_spec(top) is not None
         if not is_there:
-            raise InputError(f"--{flag or kind} {name}: no module {top!r} on PYTHONPATH or in the working folder")
+            raise InputError(f"--{flag or kind} {name}: no module {top!r} on PYTHONPATH or in the working directory")
     elif name not in METHODS[kind]:
         own_method(kind, name, flag=flag)
 
@@ -40,7 +40,7 @@ def own_method(kind: str, name: str, form: str = OWN_CLASS, flag: str = "") -> E
     group = f"sarsim.{kind.replace('-', '_')}"
     if not (found := entry_points(group=group, name=name)):
         known = ", ".join([*METHODS[kind], *sorted(entry_points(group=group).names)])
-        raise InputError(f"--{flag or kind} {name}: none of {known}{' or ' if known else ''}{form}")
+        raise InputError(f"--{flag or kind} {name}: must be {known}{' or ' if known else ''}{form}")
     return found
 
 

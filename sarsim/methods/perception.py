@@ -54,5 +54,7 @@ def make_classifier(
         return own_classifier(labels)
     weights = weights or asset("weights", f"{labels}.safetensors")
     if not weights.exists():
-        raise InputError(f"--weights {weights}: no such file; train.py {labels} makes one, --labels truth needs none")
+        raise InputError(
+            f"--weights {weights}: no such file; make it with sarsim-train {labels}, or use --labels truth"
+        )
     return NetworkClassifier(weights, network=labels, config=config.network)

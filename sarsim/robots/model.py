@@ -29,7 +29,7 @@ def paced_model(robot: str, speed: float | None) -> RobotModel:
     """:func:`robot_model` with another speed, m/s, at most the robot's top speed; None leaves the robot's own."""
     model, top = robot_model(robot), drive_model(robot).top_speed
     if speed is not None and speed > top:
-        print(f"--speed {speed:g}: the robot drives at {top:g} m/s at most, and so at this speed", file=sys.stderr)
+        print(f"--speed {speed:g}: limited to the robot's top speed of {top:g} m/s", file=sys.stderr)
     return model if speed is None else replace(model, speed=min(speed, top))
 
 
@@ -45,5 +45,5 @@ def _filled(kind: type[Model], robot: str) -> Model:
     for name, value in values.items():
         if len(value) != 1 or not least <= value[0] <= most:
             proper = f'<numeric name="{name}"> from {least:g} to {most:g}'
-            raise InputError(f"--robot {robot}: <custom> has no proper {proper}: {value}")
+            raise InputError(f"--robot {robot}: <custom> must have one {proper}, not {value}")
     return kind(**{name: value for name, (value,) in values.items()})

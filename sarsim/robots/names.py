@@ -13,5 +13,5 @@ def robot_file(robot: str) -> Path:
     """Path of the MJCF of one of ``ROBOTS``; any other ``robot`` is itself a path. InputError if nothing is there."""
     path = asset("robots", robot, f"{robot}.xml") if robot in ROBOTS else Path(robot)
     if not path.exists():
-        raise InputError(f"--robot {robot}: no such file; known are {', '.join(ROBOTS)}")
+        raise InputError(f"--robot {robot}: no such file; the shipped robots are {', '.join(ROBOTS)}")
     return path

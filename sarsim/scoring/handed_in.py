@@ -30,7 +30,7 @@ from sarsim.scoring.victims import NEAR, pairs_of_least
 
 SHOWN = 0.1  # m from a cell within which a point of the 3D map covers it: a voxel of a coarse map
 ALIKE = 0.5  # m; points farther from every true surface do not take part in the registration
-MOST_POINTS = 20_000  # of a cloud that are compared; the mean distance of so many is exact to 1 %
+MOST_POINTS = 20_000  # of a cloud that are compared; their mean distance is exact to 1 %
 ROUNDS = 30  # of the registration, which converges in fewer
 
 
@@ -175,10 +175,10 @@ def score_handed_in(
     files = handed_in_files(folder)
     for ending in (".ply", ".csv"):
         if not files[ending]:
-            raise InputError(f"{folder}: no file ends in {ending}, and it is what counts")
+            raise InputError(f"{folder}: no file ends in {ending}, and scoring needs one")
     cloud, pois = read_cloud(files[".ply"][0]), read_pois(files[".csv"][0]).pois
     if not len(cloud.points()):
-        raise InputError(f"{files['.ply'][0]}: no points can be read; validate_mission.py says why")
+        raise InputError(f"{files['.ply'][0]}: no points can be read; run sarsim-validate-mission to see why")
     points = transform_points(arena.T_world_league, cloud.points())
     moved = transform_points(arena.T_world_league, _places(pois)).astype(np.float64)
     shown = covered(points, arena.surface)

@@ -124,7 +124,7 @@ def geom_labels(model: mujoco.MjModel) -> Labels:
     """Labels, from the first ``user`` number of each geom; 0 in a model without such numbers.
 
     Raises:
-        InputError: a number that is no label.
+        InputError: a number is not a label.
     """
     if model.nuser_geom == 0:
         return np.zeros(model.ngeom, np.uint8)
@@ -133,5 +133,5 @@ def geom_labels(model: mujoco.MjModel) -> Labels:
     if wrong.size:
         geom = model.geom(wrong[0])
         name = geom.name or geom.id
-        raise InputError(f"geom {name!r} has user={numbers[wrong[0]]:g}, which is no label (0 to {max(Label):d})")
+        raise InputError(f"geom {name!r} has user={numbers[wrong[0]]:g}, which is not a label (0 to {max(Label):d})")
     return numbers.astype(np.uint8)

@@ -17,7 +17,7 @@ from sarsim.sensors import culling
 COLOUR_QUALITY = {"offsamples": 0, "shadowsize": 1024, "numslices": 24, "numstacks": 12}
 """An image with the default shadow map of 4096 texels takes three times as long and looks much the same."""
 ID_QUALITY = {"offsamples": 0, "shadowsize": 0, "numslices": 48, "numstacks": 24}
-"""Multisampling would blend ids and depths at edges (MuJoCo issue 1121). With so many faces a sphere or cylinder of
+"""Multisampling would blend ids and depths at edges (MuJoCo issue 1121). With this many faces a sphere or cylinder of
 0.3 m radius deviates by at most 1 mm from the round one; with the default number it is off by 2 mm."""
 
 _RENDER = mujoco.mjtRndFlag
@@ -146,7 +146,7 @@ def _offscreen_context(width: int, height: int) -> Any:
     """
     platform = os.environ["MUJOCO_GL"].strip().lower()
     if platform not in ("egl", "osmesa", "glfw"):
-        raise InputError(f"MUJOCO_GL={platform} cannot draw without a screen: set it to egl or osmesa")
+        raise InputError(f"MUJOCO_GL={platform} cannot render without a display; set it to egl or osmesa")
     return importlib.import_module(f"mujoco.{platform}").GLContext(width, height)
 
 

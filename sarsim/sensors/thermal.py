@@ -22,7 +22,7 @@ class ThermalCamera:
     """A thermal camera with the view of the colour camera.
 
     Attributes:
-        temperature: (ngeom + 1,) float32 °C of every geom's surface; the last element is for what is no geom.
+        temperature: (ngeom + 1,) float32 °C of every geom's surface; the last element is for pixels without a geom.
     """
 
     temperature: NDArray[np.float32]

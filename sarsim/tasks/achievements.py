@@ -69,7 +69,7 @@ class Achievements(Sink):
         return is_tipped(self._robot.trajectory[-1].T_world_base)
 
     def figures(self) -> dict[str, Any]:
-        """Figures by their keys in report.json; those that there are none of are missing."""
+        """Figures by their keys in report.json; those without an object are left out."""
         navigation = navigation_figures(self._explorer.pilot.navigator, self._navigation, self._kidnaps)
         seen = {"explored_fraction": self._coverage.fraction, "frontiers_left": self._frontiers}
         stages = {"navigation": navigation, "exploration": seen, **self._found()}

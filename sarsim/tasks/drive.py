@@ -85,9 +85,9 @@ class Drive(gymnasium.Env[Any, Any]):
             render_mode: None.
         """
         if not 0 < seconds < np.inf:
-            raise InputError(f"seconds {seconds:g}: more than 0")
+            raise InputError(f"seconds {seconds:g}: must be positive")
         if depth is not None and min(depth) < 1:
-            raise InputError(f"depth {depth}: at least 1 × 1 pixels")
+            raise InputError(f"depth {depth}: must be at least 1 × 1 pixels")
         self._arena, self._robot, self._size, self._seconds = arena, robot, depth, seconds
         self._weights = weights if isinstance(weights, DriveWeights) else DriveWeights(**weights)
         self.render_mode, self._is_closed = render_mode, False
@@ -105,10 +105,10 @@ class Drive(gymnasium.Env[Any, Any]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, NDArray[np.float32]], dict[str, Any]]:
-        """Set the robot down at the start, and draw a goal; InputError if the task was closed."""
+        """Set the robot down at the start, and draw a goal; InputError if the task is closed."""
         super().reset(seed=seed)
         if self._is_closed:
-            raise InputError("the task was closed")
+            raise InputError("the task is closed")
         if self.world is None or self._arena == "random":
             self._load()
         assert self.world is not None
@@ -126,7 +126,7 @@ class Drive(gymnasium.Env[Any, Any]):
     def step(self, action: NDArray[np.float32]) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
         """Follow the command, which the firmware clips to the limits, for 0.1 s."""
         if self._is_closed or self.world is None:
-            raise InputError("the task was closed, or not reset yet")
+            raise InputError("the task is closed, or was not reset")
         command = Velocity(*(np.asarray(action, np.float64) * self.world.robot.drive.limits).tolist())
         hits, far, diverged = self._collisions.collisions, self._distance, False
         try:

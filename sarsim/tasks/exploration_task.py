@@ -46,7 +46,7 @@ class ExplorationTask(gymnasium.Env[Any, Any]):
     def __init__(self, action: Literal["viewpoint", "pose"], render_mode: str | None):
         """``action``: what an action is; InputError if it is neither. ``render_mode``: rgb_array, or None."""
         if action not in ("viewpoint", "pose"):
-            raise InputError(f"action {action!r}: neither viewpoint nor pose")
+            raise InputError(f"action {action!r}: must be viewpoint or pose")
         self.by_pose, self.render_mode, self._is_closed = action == "pose", render_mode, False
         self.action_space = spaces.Box(-1.0, 1.0, (3,), np.float32) if self.by_pose else spaces.Discrete(VIEWPOINTS)
         self.observation_space = observation_space()
@@ -63,7 +63,7 @@ class ExplorationTask(gymnasium.Env[Any, Any]):
     def check_open(self) -> None:
         """Raises InputError if the task was closed."""
         if self._is_closed:
-            raise InputError("the task was closed")
+            raise InputError("the task is closed")
 
 
 def wanted_pose(action: Action) -> tuple[NDArray[np.float64], float]:

@@ -86,7 +86,7 @@ class Explore(ExplorationTask):
         """
         super().__init__(action, render_mode)
         if steps < 1:
-            raise InputError(f"steps {steps}: at least 1")
+            raise InputError(f"steps {steps}: must be at least 1")
         self._arena, self._most_steps = arena, steps
         self._simulation = SimulationConfig(odometry, robot=robot)
         self._perception = PerceptionConfig(labels=labels, detector=DETECTOR if detects else None)
@@ -131,7 +131,7 @@ class Explore(ExplorationTask):
         """Drive to a viewpoint and take a keyframe; see the class."""
         self.check_open()
         if self.explorer is None:
-            raise InputError("the task was not reset yet")
+            raise InputError("the task was not reset")
         before = self._achieved.totals
         self._steps += 1
         is_tipped = self._drive(action)

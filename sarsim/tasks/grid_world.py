@@ -11,7 +11,7 @@ from sarsim.tasks import grid_kernels as kernels
 from sarsim.tasks.grid_scenes import GridScene
 
 REACHES = 2
-"""Edges join nodes that are at most so many rows and columns of the lattice apart."""
+"""Largest number of rows and columns of the lattice between two nodes that an edge joins."""
 SPEED, TURN_RATE = 0.5, 1.0
 """m/s and rad/s of the robot, as episodes drive by default."""
 
@@ -26,7 +26,7 @@ class GridRules:
         ray_step: degrees from one ray to the next.
         wall: cells; rays enter walls by less than this.
         spacing: cells from one node to the next.
-        thinning: cells; frontiers are found on squares of so many.
+        thinning: side of the squares on which frontiers are found, cells.
         most_unseen: free cells that may be left unseen at the end.
         most_moves: along edges, after which an episode is cut off.
     """

@@ -55,13 +55,13 @@ class DriveWeights:
 
 @dataclass(frozen=True)
 class ExplorerTrainingConfig:
-    """How to train an explorer of 2D maps by PPO; what is not given is as Stable-Baselines3 has it.
+    """How to train an explorer of 2D maps with PPO; all other settings are Stable-Baselines3's defaults.
 
     Attributes:
-        steps: of all worlds together.
-        seed: of all random numbers.
-        worlds: that are explored at once.
-        horizon: steps of each between two updates; as many are in a batch.
+        steps: number of steps, all worlds together.
+        seed: seed of every random number.
+        worlds: number of worlds explored at the same time.
+        horizon: steps of each world between two updates; also the batch size.
         epochs: passes over these steps.
         rate: learning rate at the start; it falls to 0 in a line.
         entropy: weight of the entropy of the choice.

@@ -35,7 +35,7 @@ class ViewpointNetwork(nn.Module):
         try:
             network.load_state_dict(load_file(path))
         except (OSError, SafetensorError, RuntimeError) as error:
-            raise InputError(f"{path}: no weights of an explorer: {str(error).splitlines()[0]}") from error
+            raise InputError(f"{path}: not the weights of an explorer: {str(error).splitlines()[0]}") from error
         return network
 
     def forward(self, viewpoints: Tensor) -> tuple[Tensor, Tensor]:

@@ -9,7 +9,7 @@ quotes. Document types and entities stay too, for the parser to refuse.
 import re
 
 _PARTS = {"<!--": "-->", "<![CDATA[": "]]>", "<?": "?>"}
-"""How what is no element begins and ends."""
+"""Beginning and end of everything that is not an element."""
 _NAME = r"[^\s<>/=\"'&!?]+"
 _ATTRIBUTE = re.compile(rf"\s*({_NAME})\s*=\s*(\"[^\"]*\"|'[^']*')")
 _TAG = re.compile(rf"<(/?)({_NAME})((?:{_ATTRIBUTE.pattern.replace('(', '(?:')})*)\s*(/?)>")

@@ -35,7 +35,7 @@ def parse_xml(path: Path, most: int = MOST_TEXT) -> "Element":
     try:
         return root_of(content)
     except DefusedXmlException as error:
-        raise RefusedError(f"{path}: refused, it declares a document type or entities") from error
+        raise RefusedError(f"{path}: refused because it declares a document type or entities") from error
     except InputError:
         raise
     except (ElementTree.ParseError, ValueError, LookupError) as error:
@@ -75,7 +75,7 @@ def check_files(path: Path) -> None:
 
     Raises:
         InputError: as :func:`parse_mjcf`; or the model has too many geoms, or refers to a file outside its folder or
-            to what is no file.
+            to something that is not a file.
     """
     roots = parse_mjcf(path)
     elements = [element for root in roots.values() for element in root.iter()]
@@ -88,7 +88,7 @@ def check_files(path: Path) -> None:
         check_regular(file)
         size = _bounded(size + file.stat().st_size, path)
     if sum(map(_geoms, roots.values())) > MOST_GEOMS:
-        raise InputError(f"{path}: too many geoms, at most {MOST_GEOMS} are built")
+        raise InputError(f"{path}: too many geoms; the limit is {MOST_GEOMS}")
 
 
 def _within(path: Path, names: Iterable[str], bases: Iterable[Path]) -> list[Path]:
@@ -98,7 +98,7 @@ def _within(path: Path, names: Iterable[str], bases: Iterable[Path]) -> list[Pat
     try:
         for file in found:
             if not file.resolve().is_relative_to(home):
-                raise InputError(f"{path}: refused, it refers to {file}, outside its folder")
+                raise InputError(f"{path}: must not refer to {file}, which is outside its folder")
         return [file for file in found if file.exists()]
     except OSError as error:  # a name that is too long
         raise InputError(f"{path}: {error.strerror or error}") from error
@@ -106,7 +106,7 @@ def _within(path: Path, names: Iterable[str], bases: Iterable[Path]) -> list[Pat
 
 def _bounded(size: int, path: Path) -> int:
     if size > MOST_MODEL_BYTES:
-        raise InputError(f"{path}: its files are too large, at most {MOST_MODEL_BYTES} bytes together are read")
+        raise InputError(f"{path}: its files are too large; the limit is {MOST_MODEL_BYTES} bytes in all")
     return size
 
 

@@ -53,14 +53,12 @@ def vet_mjcf(path: Path) -> None:
 
     Raises:
         InputError: a file is invalid or too large, or lies outside the folder; or the model cannot be compiled, has a
-            number that makes no sense, or needs too much memory or time.
+            number out of range, or needs too much memory or time.
     """
     check_files(path)
     said = answer_apart(lambda: _tried(path), SECONDS, TRIAL_MEMORY)
     if said != GOOD:
-        raise InputError(
-            f"{path}: {said or f'more than {TRIAL_MEMORY / 1e9:g} GB or {SECONDS} s are needed to read it'}"
-        )
+        raise InputError(f"{path}: {said or f'reading it takes more than {TRIAL_MEMORY / 1e9:g} GB or {SECONDS} s'}")
 
 
 def _tried(path: Path) -> str:
@@ -70,7 +68,7 @@ def _tried(path: Path) -> str:
         mujoco.mj_step(model, mujoco.MjData(model))
         again = mujoco.MjModel.from_xml_string(root.to_xml_string(precision=EXACT), root.get_assets())
         if not are_alike(model, again):
-            return "not a readable MJCF file: PyMJCF would understand it otherwise than MuJoCo does"
+            return "not a readable MJCF file: PyMJCF and MuJoCo read it differently"
         return GOOD
     except InputError as error:
         return str(error)
@@ -94,7 +92,7 @@ def are_alike(one: mujoco.MjModel, other: mujoco.MjModel) -> bool:
 
 
 def check_model(model: mujoco.MjModel) -> None:
-    """Raises InputError if a number of a compiled model makes no sense."""
+    """Raises InputError if a number of a compiled model is out of range."""
     for owner in (model.opt, model.stat, model.vis.map, model.vis.quality):
         for name in BOUNDS.keys() & set(dir(owner)):
             _check(name, getattr(owner, name), BOUNDS[name])

@@ -26,7 +26,7 @@ from scripts.benchmarks.common import Result, at_least
 from scripts.benchmarks.episodes import Job, leave, run_jobs
 from scripts.benchmarks.settings import BarnSettings
 
-PUBLISHED = {"the challenge's baseline: DWA with a lidar of 270°": 0.169, "the best possible": 0.5}
+PUBLISHED = {"the challenge's baseline: DWA with a 270° lidar": 0.169, "best possible": 0.5}
 """Scores to compare with."""
 
 Run = Mapping[str, Any]
@@ -62,7 +62,7 @@ def worlds_in(folder: Path) -> dict[str, float]:
         int(m[1]) for file in folder.glob("world_*.world") if (m := re.fullmatch(r"world_(\d+)", file.stem))
     )
     if not numbers:
-        raise InputError(f"--worlds {folder}: no world_N.world is there")
+        raise InputError(f"--worlds {folder}: contains no world_N.world")
     return {f"world_{n}": optimal_seconds(read_path(folder / f"path_{n}.npy")) for n in numbers}
 
 

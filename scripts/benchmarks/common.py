@@ -42,7 +42,7 @@ def at_least(least: int, settings: SubjectSettings, *names: str) -> None:
     for name in names:
         value = getattr(settings, name)
         if value is not None and value < least:
-            raise InputError(f"--{name.replace('_', '-')} {value}: give at least {least}")
+            raise InputError(f"--{name.replace('_', '-')} {value}: must be at least {least}")
 
 
 def seconds(action: Callable[..., object], *args: object) -> float:

@@ -143,7 +143,7 @@ class StepTimes:
         explorer.step = timed_step  # type: ignore[method-assign]
 
     def figures(self) -> dict[str, float]:
-        """Median ms at around 100 and 1,000 keyframes, where there were so many."""
+        """Median ms at around 100 and 1,000 keyframes, if the run had that many."""
         found = {}
         for count in (100, 1000):
             near = [1e3 * seconds for keyframes, seconds in self._times if 0.8 * count < keyframes < 1.2 * count]

@@ -81,7 +81,7 @@ class Job:
                 return content
         except (OSError, ValueError, KeyError, TypeError) as error:
             raise InputError(f"{file}: not an episode's result: {error}") from error
-        raise InputError(f"{file}: has been run with other settings; give another folder with --runs")
+        raise InputError(f"{file}: was run with other settings; choose another folder with --runs")
 
 
 def configs(
@@ -97,7 +97,7 @@ def configs(
     make_classifier(base.labels, base.weights)
     rafs = sorted(raf.glob("*.raf")) if raf else []
     if raf and not rafs:
-        raise InputError(f"--raf {raf}: no .raf file is there")
+        raise InputError(f"--raf {raf}: contains no .raf file")
     # A random arena's difficulty is its seed modulo 4.
     seeds = islice((seed for seed in count() if seed % 4 != 3), drives.random)
     arenas = [("esogu_52x15", "esogu_52x15", seed) for seed in range(drives.esogu)]

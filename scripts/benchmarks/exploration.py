@@ -39,7 +39,7 @@ def measure(settings: ExplorationSettings) -> Result:
     at_least(1, settings, "workers")
     jobs, runs = jobs_of(settings), settings.runs
     if not jobs:
-        raise InputError("no arena is to be explored")
+        raise InputError("no arena to explore; give --nist, --esogu, --random or --raf")
     results = run_jobs(jobs, runs, settings.workers)
     found: dict[tuple[str, Strategy], list[dict[str, Any] | None]] = defaultdict(list)
     for job, result in zip(jobs, results, strict=True):
@@ -120,8 +120,8 @@ def _worst(pairs: Sequence[tuple[Job, dict[str, Any] | None]]) -> list[str]:
 
 def _caption(figures: Mapping[str, float], details: Mapping[str, Any]) -> str:
     """The text below the table: left out arenas, failed runs, and the median ratio of times."""
-    lines = [f"{arena} left out: {reason}" for arena, reason in details["left_out"].items()]
-    lines += [f"{name} failed, see its log" for name in details["failed"]]
+    lines = [f"{arena} skipped: {reason}" for arena, reason in details["left_out"].items()]
+    lines += [f"{name} failed; see its log" for name in details["failed"]]
     if RATIO in figures:
         count = figures[f"{RATIO}.pairs"]
         lines.append(f"time to see 90 % over the nearest frontier's: {figures[RATIO]:.2f}, median of {count:.0f}")

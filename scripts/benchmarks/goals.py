@@ -71,7 +71,7 @@ def sample(arena: str, number: int, seed: int, robot: str) -> Places:
 
 
 def _jobs(settings: GoalsSettings, arena: str, goals: Places) -> list[Job]:
-    """A run for each goal, told apart by its seed."""
+    """A run for each goal, distinguished by its seed."""
     base = EpisodeConfig(arena=arena, robot=settings.robot, labels="rules", detector=None)
     return [Job("random", "ours", replace(base, seed=n, goals=((x, y),))) for n, (x, y) in enumerate(goals.tolist())]
 
@@ -109,7 +109,7 @@ def figures(runs: Mapping[str, Sequence[Run]]) -> dict[str, float]:
 def table(runs: Mapping[str, Sequence[Run]], found: Mapping[str, float]) -> Table:
     """A row for each arena, and one for all; the note is why goals were refused."""
     result = Table("arena", title="Goals in unseen ground")
-    for column in ("reached", "way over shortest, median", "s, median"):
+    for column in ("reached", "path over shortest, median", "s, median"):
         result.add_column(column, justify="right")
     result.add_column("note")
     for arena, made in runs.items():

@@ -62,7 +62,7 @@ def measure(settings: LanesSettings) -> Result:
     at_least(0, settings, "seed")
     lanes = settings.lanes or tuple(LANES)
     if unknown := [lane for lane in lanes if lane not in LANES]:
-        raise InputError(f"--lanes {' '.join(unknown)}: no such lane; there are {', '.join(LANES)}")
+        raise InputError(f"--lanes {' '.join(unknown)}: no such lane; use {', '.join(LANES)}")
     model = robot_model(settings.robot)
     forbidden = {lane: reason for lane in lanes if (reason := LANES[lane].cannot(model)) is not None}
     tries: dict[str, list[LaneTry]] = {lane: [] for lane in lanes}

@@ -48,7 +48,7 @@ def measure(settings: LocalisationSettings) -> Result:
     at_least(0, settings, "nist", "esogu", "random", "kidnappings")
     at_least(1, settings, "frames", "workers")
     if missing := [name for name in NEEDED if find_spec(name) is None]:
-        raise InputError(f"{' and '.join(missing)} is missing: pip install -e '.[dev]'")
+        raise InputError(f"{' and '.join(missing)} not installed: pip install -e '.[dev]'")
     base = EpisodeConfig(labels="truth", detector=None, odometry="truth", lighting=settings.lighting)
     jobs = [
         DriveJob(group, "ours", replace(config, seed=seed), settings.frames)
@@ -58,7 +58,7 @@ def measure(settings: LocalisationSettings) -> Result:
     jobs = list(dict.fromkeys(jobs))  # Of one arena with several seeds, each is driven once
     kidnappings, runs, workers = settings.kidnappings, settings.runs, settings.workers
     if not jobs and not kidnappings:
-        raise InputError("no arena is to be driven in")
+        raise InputError("no arena to drive in; give --nist, --esogu, --random or --raf")
     drives = dict(zip(jobs, run_jobs(jobs, runs, workers, record_job), strict=True))
     recorded = [job for job, drive in drives.items() if drive and "frames" in drive]
     replayed = _replay(recorded, runs, workers, settings.baselines)
@@ -135,12 +135,12 @@ def _worst(replayed: Mapping[Job, Mapping[str, Any] | None]) -> dict[str, str]:
 
 def sections_of(figures: Mapping[str, float]) -> list[Rows]:
     """Rows of the drives, of each method, of the kidnappings and of the ratios."""
-    sections = [rows_of(figures, {"drives": "runs", "way of a drive, m, median": "way_m.median"})]
+    sections = [rows_of(figures, {"drives": "runs", "path length of a drive, m, median": "way_m.median"})]
     for method in (*OURS, *PEERS):
         rows = {f"{method.replace('_', ' ')}: {row}": f"{method}.{key}" for row, key in METHOD_ROWS.items()}
         sections.append(rows_of(figures, rows))
     sections.append(
-        rows_of(figures, {f"carried: {name.replace('_', ' ')}": f"kidnapped.{name}" for name in OUTCOMES})
+        rows_of(figures, {f"kidnapped: {name.replace('_', ' ')}": f"kidnapped.{name}" for name in OUTCOMES})
     )
     ratios = {f"ATE of {peer.replace('_', ' ')} over ours": f"{peer}_vs_ours" for peer in PEERS}
     return [*sections, rows_of(figures, ratios)]
@@ -159,7 +159,7 @@ def _table(figures: Mapping[str, float], details: Mapping[str, Any]) -> Table:
     table = rich_table("localisation", figures, sections_of(figures))
     lines = [f"{name} {value:.4g}" for name, value in figures.items() if name.split(".")[0] not in groups_in(figures)]
     lines += [drive_line(name, report["ours"]) for name, report in details["drives"].items()]
-    lines += [f"{arena} left out: {reason}" for arena, reason in details["left_out"].items()]
-    lines += [f"{name} failed, see its log" for name in details["failed"]]
+    lines += [f"{arena} skipped: {reason}" for arena, reason in details["left_out"].items()]
+    lines += [f"{name} failed; see its log" for name in details["failed"]]
     table.caption = "\n".join(lines)
     return table

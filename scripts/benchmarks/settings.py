@@ -7,6 +7,7 @@ from tyro.conf import Fixed, FlagConversionOff
 
 from pipeline.config import PipelineConfig
 from sarsim.arenas.settings import RandomArenaConfig
+from sarsim.flags import Given
 from sarsim.settings import DETECTOR, WEIGHTS, EpisodeConfig, LightingName, Odometry, PerceptionConfig, Robot
 
 SHARED = Path(__file__).resolve().parents[2].parent / "shared"  # Test data beside the checkout
@@ -18,10 +19,10 @@ class SubjectSettings:
     """Settings of every subject.
 
     Attributes:
-        json: file for the figures, the machine and the settings; by default the figures are only printed.
+        json: file for the figures, machine and settings. By default the figures are only printed.
     """
 
-    json: Path | None = None
+    json: Given[Path] = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -29,9 +30,9 @@ class CameraSettings(SubjectSettings):
     """Time per frame, against mujoco.Renderer.
 
     Attributes:
-        frames: number of frames; more give steadier figures.
-        width: of the images, pixels.
-        height: of the images, pixels.
+        frames: number of frames; more give more stable figures.
+        width: width of the images, pixels.
+        height: height of the images, pixels.
     """
 
     frames: int = 60
@@ -41,7 +42,7 @@ class CameraSettings(SubjectSettings):
 
 @dataclass(frozen=True, kw_only=True)
 class CorrectionSettings(SubjectSettings):
-    """Time to correct all maps after a loop closure, against inserting all frames into an octree again.
+    """Time to correct all maps after a loop closure, against rebuilding an octree from all frames.
 
     Attributes:
         rounds: number of corrections in each arena.
@@ -54,12 +55,12 @@ class CorrectionSettings(SubjectSettings):
 
 @dataclass(frozen=True, kw_only=True)
 class CostSettings(SubjectSettings):
-    """Processor time of whole episodes, by stage and over that of the world alone.
+    """Processor time of whole episodes, by stage and relative to the simulation alone.
 
     Attributes:
-        arenas: in which episodes are run.
-        seed: of the episodes.
-        steps: most steps of each.
+        arenas: arenas of the episodes.
+        seed: seed of the episodes.
+        steps: maximum number of steps of an episode.
     """
 
     arenas: tuple[str, ...] = ("nist_6x4", "random:3", "esogu_52x15")
@@ -69,7 +70,7 @@ class CostSettings(SubjectSettings):
 
 @dataclass(frozen=True, kw_only=True)
 class DatasetSettings(SubjectSettings):
-    """Time per scene, against a generator that draws with mujoco.Renderer, and of two workers.
+    """Time per scene, against a generator that uses mujoco.Renderer, and with two workers.
 
     Attributes:
         scenes: number of scenes that each generator makes.
@@ -91,8 +92,8 @@ class MetricMapSettings(SubjectSettings):
     Attributes:
         frames: number of frames of an arena.
         seed: seed of the drives.
-        arenas: arenas in which accuracy is measured; times are measured on the frames of the first.
-        baselines: measure OctoMap without discretize as well, which takes a tenth of a second per frame.
+        arenas: arenas in which accuracy is measured; times are measured in the first.
+        baselines: also measure OctoMap without discretize, which takes 0.1 s per frame.
     """
 
     frames: int = 160
@@ -103,12 +104,12 @@ class MetricMapSettings(SubjectSettings):
 
 @dataclass(frozen=True, kw_only=True)
 class PlanningSettings(SubjectSettings):
-    """Time of a step on floors that are mapped whole.
+    """Planning time per step on completely mapped floors.
 
     Attributes:
         frames: number of steps on each floor.
-        seed: of the robot's places.
-        arenas: whose floors are planned on, the smallest first.
+        seed: seed of the robot's positions.
+        arenas: arenas to plan in, the smallest first.
     """
 
     frames: int = 24
@@ -141,9 +142,9 @@ class SemanticSettings(LabelSettings):
         timed_frames: number of frames of nist_6x4 that are timed.
         frames: number of frames of an arena; 0 for no arena.
         raf_frames: number of frames of a .raf arena; 0 for none.
-        checkpoint: folder of a published checkpoint and its logits; without it there is no figure of the agreement.
-        weights: weights file of the network that labels the points.
-        confusion: folder of an episode; only says which objects its semantic map takes for what.
+        checkpoint: folder of a published checkpoint and its logits; without it, agreement is not measured.
+        weights: weights of the network that labels the points.
+        confusion: folder of an episode; only list which objects its semantic map confuses with which class.
     """
 
     timed_frames: Fixed[int] = 10
@@ -151,7 +152,7 @@ class SemanticSettings(LabelSettings):
     raf_frames: int = 10
     checkpoint: Fixed[Path] = SHARED / "dgcnn"
     weights: Path = WEIGHTS
-    confusion: Path | None = None
+    confusion: Given[Path] = None
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -171,7 +172,7 @@ class NetworksSettings(LabelSettings):
     frames: int = 24
     raf_frames: int = 8
     random: int = 20
-    lighting: LightingName | None = None
+    lighting: Given[LightingName] = None
     weights: Path = WEIGHTS.parent
 
 
@@ -180,13 +181,13 @@ class DrivesSettings(SubjectSettings):
     """Settings of the subjects that drive in many arenas.
 
     Attributes:
-        nist: number of episodes in nist_6x4; fewer take less time.
+        nist: number of episodes in nist_6x4.
         esogu: number of episodes in esogu_52x15.
         random: number of random arenas of difficulties 0, 1 and 2, with an episode in each.
         lighting: light in the arenas.
-        baselines: run the baselines too; without them it takes less time.
-        workers: number of episodes at a time; by default one per core.
-        runs: folder for the result of each episode; episodes with a result in it are not run again.
+        baselines: run the baselines too.
+        workers: number of episodes at the same time. By default one per core.
+        runs: folder for the result of each episode; finished episodes in it are not repeated.
     """
 
     nist: int = 10
@@ -194,24 +195,24 @@ class DrivesSettings(SubjectSettings):
     random: int = 30
     lighting: LightingName = "normal"
     baselines: FlagConversionOff[bool] = True
-    workers: int | None = None
+    workers: Given[int] = None
     runs: Path
 
 
 @dataclass(frozen=True, kw_only=True)
 class LocalisationSettings(DrivesSettings):
-    """Recorded drives, against odometry, KISS-ICP and Open3D; a drive in --runs takes half a gigabyte.
+    """Localisation on recorded drives, against odometry, KISS-ICP and Open3D; each drive takes 0.5 GB in --runs.
 
     Attributes:
         raf: folder of .raf arenas to drive in as well.
-        frames: most frames of a drive.
-        seeds: of a drive in each arena; by default one, the arena's own number.
-        kidnappings: number of times that the robot is carried elsewhere in nist_6x4 and in random:1.
+        frames: maximum number of frames of a drive.
+        seeds: seeds of the drives in each arena. By default one drive, with the arena's own number.
+        kidnappings: number of times that the robot is carried elsewhere, in nist_6x4 and random:1.
     """
 
     esogu: int = 1
     random: int = 9
-    raf: Path | None = None
+    raf: Given[Path] = None
     frames: Fixed[int] = 3000
     seeds: tuple[int, ...] = ()
     kidnappings: int = 0
@@ -248,24 +249,24 @@ class ExplorationSettings(EpisodesSettings):
         raf: folder of .raf arenas to explore as well.
     """
 
-    raf: Path | None = None
+    raf: Given[Path] = None
     runs: Path = Path("runs/benchmark-exploration")
 
 
 @dataclass(frozen=True, kw_only=True)
 class FindsSettings(EpisodesSettings):
-    """Whole episodes in random arenas with things of every kind; or a folder of real photos.
+    """Whole episodes in random arenas with objects of every kind, or a folder of real photos.
 
     Attributes:
-        photos: folder of real photos with arena/, people/, rooms/ and truth.json, in place of episodes.
-        things: number of things in an arena, besides people.
+        photos: folder of real photos with arena/, people/, rooms/ and truth.json; no episodes are run.
+        things: number of objects in an arena, besides people.
     """
 
     nist: int = 0
     esogu: int = 0
     random: int = 10
     baselines: Fixed[bool] = False
-    photos: Path | None = None
+    photos: Given[Path] = None
     things: Fixed[int] = 12
     detector: tuple[Path, Path] | tuple[Path] = DETECTOR
     runs: Path = Path("runs/benchmark-finds")
@@ -283,9 +284,9 @@ class VictimsSettings(EpisodesSettings):
     Attributes:
         scenes: number of random arenas to render; 0 for none.
         frames: number of frames of an arena.
-        seed: seed of these arenas, on which no network was trained.
+        seed: seed of these arenas; no network was trained on the default.
         rounds: number of timed frames; 0 skips the timing.
-        detector: .cfg and .weights of any Darknet network, or .safetensors as shipped.
+        detector: .cfg and .weights of any Darknet network, or a .safetensors file like the shipped one.
     """
 
     scenes: int = 30
@@ -298,34 +299,34 @@ class VictimsSettings(EpisodesSettings):
 
 @dataclass(frozen=True, kw_only=True)
 class GoalsSettings(SubjectSettings):
-    """Goals 5 to 15 m away in unseen ground of random arenas: the way over the shortest possible one.
+    """Goals 5 to 15 m away in unseen ground of random arenas: path length over the shortest possible.
 
-    Nobody looks for people or finds there, and labels come from height and slope.
+    The search for people and objects is off, and labels come from height and slope.
 
     Attributes:
-        arenas: number of random arenas, from random:0 on, in which there are such goals.
-        goals: number of goals in each, every one in a run of its own.
-        robot: pioneer3at, jackal, or the path of an MJCF file structured like theirs.
-        workers: number of runs at a time; by default one per core.
-        runs: folder for the result of each run; runs with a result in it are not run again.
+        arenas: number of random arenas with such goals, from random:0 on.
+        goals: number of goals in each arena, one per run.
+        robot: pioneer3at, jackal, or the path of an MJCF file with the same structure.
+        workers: number of runs at the same time. By default one per core.
+        runs: folder for the result of each run; finished runs in it are not repeated.
     """
 
     arenas: int = 10
     goals: int = 10
     robot: Robot = "pioneer3at"
-    workers: int | None = None
+    workers: Given[int] = None
     runs: Path = Path("runs/benchmark-goals")
 
 
 @dataclass(frozen=True, kw_only=True)
 class LanesSettings(PerceptionConfig, SubjectSettings):
-    """Traverses of RoboCup Rescue's lanes that the robot drives by itself, in both directions.
+    """Autonomous traverses of RoboCup Rescue's lanes, in both directions.
 
     Attributes:
-        lanes: names of the lanes; by default all.
-        repetitions: number of traverses that each lane asks for.
-        robot: pioneer3at, jackal, or the path of an MJCF file structured like theirs.
-        seed: seed of all random numbers.
+        lanes: names of the lanes. By default all.
+        repetitions: number of traverses in each lane.
+        robot: pioneer3at, jackal, or the path of an MJCF file with the same structure.
+        seed: seed of every random number.
     """
 
     lanes: tuple[str, ...] = ()
@@ -336,25 +337,25 @@ class LanesSettings(PerceptionConfig, SubjectSettings):
 
 @dataclass(frozen=True, kw_only=True)
 class BarnSettings(SubjectSettings):
-    """BARN's worlds of cylinders, crossed by the robot itself with its own camera.
+    """BARN's cylinder worlds, crossed autonomously with the robot's own camera.
 
-    Nobody looks for people or finds there, and labels come from height and slope.
+    The search for people and objects is off, and labels come from height and slope.
 
     Attributes:
-        worlds: folder with world_N.world and path_N.npy of the BARN challenge.
-        robot: pioneer3at, jackal, or the path of an MJCF file structured like theirs.
+        worlds: folder with the BARN challenge's world_N.world and path_N.npy.
+        robot: pioneer3at, jackal, or the path of an MJCF file with the same structure.
         seeds: number of runs in each world.
-        speed: top speed, m/s, on seen level ground with enough room.
-        workers: number of runs at a time; by default one per core.
-        runs: folder for the result of each run; runs with a result in it are not run again.
-        pipeline: all numbers of the robot's software; only ``--config`` changes them.
+        speed: top speed on level, seen ground with enough clearance, m/s.
+        workers: number of runs at the same time. By default one per core.
+        runs: folder for the result of each run; finished runs in it are not repeated.
+        pipeline: all numbers of the robot's software; set them in a ``--config`` file.
     """
 
     worlds: Path = SHARED / "barn"
     robot: Robot = "jackal"
     seeds: int = 3
     speed: float | None = EpisodeConfig.speed
-    workers: int | None = None
+    workers: Given[int] = None
     runs: Path = Path("runs/benchmark-barn")
     pipeline: Fixed[PipelineConfig] = PipelineConfig()
 
@@ -384,14 +385,14 @@ class WorldsSettings(SubjectSettings):
 
 @dataclass(frozen=True, kw_only=True)
 class TasksSettings(SubjectSettings):
-    """Steps per second of the Gymnasium tasks, and lengths of way of the explorers of 2D maps.
+    """Steps per second of the Gymnasium tasks, and path lengths of the explorers of 2D maps.
 
     Attributes:
         steps: number of timed steps.
-        drawn: number of drawn maps on which the explorers are compared; 0 for none.
-        maps: folder of dungeon maps on which the explorers are compared as well.
+        drawn: number of generated maps on which to compare the explorers; 0 for none.
+        maps: folder of dungeon maps on which to compare the explorers too.
     """
 
     steps: Fixed[int] = 2000
     drawn: int = 100
-    maps: Path | None = None
+    maps: Given[Path] = None

@@ -89,7 +89,7 @@ def steps_alone(env: Drive) -> None:
 
 
 def vector_rate(processes: int, steps: int) -> float:
-    """Steps per second by the clock of so many environments, each in a process of its own."""
+    """Steps per second by the clock of several environments, each in its own process."""
     envs = gymnasium.make_vec("sarsim/Explore2D-v0", num_envs=processes, vectorization_mode="async")
     rng = np.random.default_rng(0)
     envs.reset(seed=0)

@@ -29,11 +29,11 @@ ROWS: Mapping[str, str] = {
     "victims": "victims.present.sum",
     "found": "victims.found.sum",
     "visible within 3.5 m": "victims.visible.sum",
-    "of these found": "visible_found_share",
-    "false alarms an episode": "victims.false_alarms.mean",
+    "of these, found": "visible_found_share",
+    "false alarms per episode": "victims.false_alarms.mean",
     "position error, m, median": "position_error_m.median",
-    "time to see 90 %, over that without": "seen90_vs_without",
-    "time of the episode, likewise": "sim_time_vs_without",
+    "time to see 90 %, relative to without": "seen90_vs_without",
+    "time of the episode, relative to without": "sim_time_vs_without",
 }
 """Names of the table's rows, and the figures in them."""
 

@@ -166,7 +166,7 @@ def test_a_robot_that_leaned_looks_again_and_believes_what_it_sees(outlook):
 
 def test_a_robot_in_another_room_is_lost(outlook):
     outlook.robot.faces = CLOSET
-    with pytest.raises(LostError, match="no place fits"):
+    with pytest.raises(LostError, match="no other place"):
         outlook.pilot.look_around()
 
 
@@ -176,7 +176,7 @@ def test_the_pose_of_a_lost_robot_is_not_trusted_where_a_small_map_does_not_cont
     outlook.pilot.add(outlook.pilot.look_around())
     outlook.mapper.keyframes.loaded, outlook.robot.faces = 1, faces
     outlook.robot.T = START @ from_yaw(0, 0, 0, np.pi)
-    with pytest.raises(LostError, match="no place fits"):
+    with pytest.raises(LostError, match="no other place"):
         outlook.pilot.look_around()
 
 

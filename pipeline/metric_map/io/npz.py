@@ -49,7 +49,7 @@ def load_metric_map(path: Path) -> MetricMap:
     if str(entries.pop("format", "")) != FORMAT:
         raise InputError(f"{path}: not a metric map")
     if entries.pop("version", np.array(0)).tolist() != VERSION:
-        raise InputError(f"{path}: not of version {VERSION} of the metric map's format")
+        raise InputError(f"{path}: not version {VERSION} of the metric map format")
     lower, log_odds = entries.pop("lower", np.zeros(0)), entries.pop("log_odds", np.zeros(0))
     if lower.shape != (3,) or lower.dtype != np.int64 or log_odds.ndim != 3 or log_odds.dtype != np.int8:
         raise InputError(f"{path}: lower or log_odds is missing or has the wrong shape or type")
@@ -61,6 +61,6 @@ def load_metric_map(path: Path) -> MetricMap:
     try:
         result = MetricMap(MetricMapConfig(**settings))
     except TypeError as error:
-        raise InputError(f"{path}: the settings of the metric map are incomplete or wrong") from error
+        raise InputError(f"{path}: the settings of the metric map are incomplete or invalid") from error
     result.set_log_odds(lower, log_odds)
     return result

@@ -61,7 +61,7 @@ def _add_voxels(tree: OcTree | ColorOcTree, metric_map: MetricMap, centres: Poin
     """Add voxels with their log-odds; returns their (N, 3) centres in the octree, m."""
     index = metric_map.voxel_index(centres)
     if np.any((index < -REACH) | (index >= REACH)):
-        raise InputError(f"an octree of OctoMap reaches {REACH} voxels from the map's origin, not farther")
+        raise InputError(f"the map extends beyond the {REACH} voxels from the origin that an OctoMap octree can hold")
     tree.setClampingThresMin(CLAMP)
     tree.setClampingThresMax(1 - CLAMP)
     places = (index + 0.5) * metric_map.voxel_size

@@ -66,13 +66,13 @@ class Nav2Robot(RosRobot):
             return []
         ending = f"/{NAVIGATE}{STATUS}"
         others = [topic.removesuffix(STATUS) for topic in self._node.types() if topic.endswith(ending)]
-        there = f" but {', '.join(others)}, in whose namespace --topics.odom must be" if others else ""
-        return [f"no Nav2 serves {self._names()[0]}{there}"]
+        there = f"; found {', '.join(others)}: set --topics.odom in the same namespace" if others else ""
+        return [f"no Nav2 action server {self._names()[0]}{there}"]
 
     def _prepare_commands(self) -> None:
         name = self._served()
         self._action: Action = self._node.action(name, KIND)
-        _log.warning("goals go to %s in the frame of %s", name, self.topics.odom)
+        _log.warning("sending goals to %s in the frame of %s", name, self.topics.odom)
 
     def _served(self) -> str:
         """The name of the action; empty if nobody serves it."""

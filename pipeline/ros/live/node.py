@@ -39,7 +39,7 @@ class RosNode:
             InputError: rclpy is not installed, or the network already has a node of this name.
         """
         if not re.fullmatch("[A-Za-z_][A-Za-z0-9_]*", name):
-            raise InputError(f"--name {name}: letters, digits and _ alone make the name of a node")
+            raise InputError(f"--name {name}: a node name may contain only letters, digits and _")
         if not network:
             os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
         rclpy = _rclpy()
@@ -61,7 +61,7 @@ class RosNode:
             stack.callback(thread.join)
             stack.callback(self._closing.set)
             if self.wait(lambda: self._node.get_node_names().count(name) > 1, config.discovery):
-                raise InputError(f"there is a node {name!r} on the network already; --name gives this one another")
+                raise InputError(f"the network already has a node {name!r}; choose another --name")
             self._stack = stack.pop_all()
 
     def _listen(self) -> None:
@@ -109,7 +109,7 @@ class RosNode:
         qos, name = import_module("rclpy.qos"), name or self.types()[topic][0]
         kind = interface(name)
         if kind is None:
-            raise InputError(f"{topic}: its type {name} is not installed here")
+            raise InputError(f"{topic}: its type {name} is not installed")
         is_offered = bool(self.senders(topic))
         profile = qos.QoSProfile(
             depth=self._config.odometry_queue,
@@ -129,7 +129,7 @@ class RosNode:
         found = interface(kind)
         if found is None:
             package = kind.partition("/")[0]
-            raise InputError(f"{name}: its type {kind} is not installed here; ROS's package {package} has it")
+            raise InputError(f"{name}: its type {kind} is not installed; install the ROS package {package}")
         client = import_module("rclpy.action").ActionClient(self._node, found, name)
         self._clients.callback(client.destroy)
         return Action(client, found)
@@ -165,4 +165,4 @@ def _rclpy() -> Any:
         return import_module("rclpy")
     except ImportError as error:
         remedy = "source an installation of ROS 2, or pip install 'sarsim[ros]' (Python 3.11 to 3.13)"
-        raise InputError(f"there is no rclpy here: {remedy}; {error}") from error
+        raise InputError(f"rclpy is not installed: {remedy}; {error}") from error

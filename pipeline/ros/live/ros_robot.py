@@ -82,17 +82,17 @@ class RosRobot:
         needed = (topics.depth, topics.color, topics.camera_info, topics.odom)
 
         def missing() -> list[str]:
-            silent = [f"nothing sends {topic}" for topic in needed if not node.senders(topic)]
+            silent = [f"nothing publishes {topic}" for topic in needed if not node.senders(topic)]
             return silent + self._deaf()
 
         if not node.wait(lambda: not missing(), self._patience):
-            _log.warning("no robot yet: %s", ", ".join(missing()))
+            _log.warning("waiting for the robot: %s", ", ".join(missing()))
             if not node.wait(lambda: not missing(), wait):
                 others = "" if all(map(node.senders, needed)) else self._others(needed)
                 raise InputError(f"no robot after {self._patience + wait:g} s: {', '.join(missing())}{others}")
         for topic in needed:
             if len(senders := node.senders(topic)) > 1:
-                raise InputError(f"{topic}: several nodes send it, {' and '.join(senders)}")
+                raise InputError(f"{topic}: several nodes publish it: {' and '.join(senders)}")
         self._prepare_commands()
         types = node.types()
         self._listen(topics.depth, senses.take_depth(types[topics.depth][0]))
@@ -104,7 +104,7 @@ class RosRobot:
 
     def _deaf(self) -> list[str]:
         """What is missing of those who follow its commands."""
-        return [] if self._node.listeners(self.topics.cmd_vel) else [f"nothing listens to {self.topics.cmd_vel}"]
+        return [] if self._node.listeners(self.topics.cmd_vel) else [f"nothing subscribes to {self.topics.cmd_vel}"]
 
     def _prepare_commands(self) -> None:
         kinds = self._node.types()[self.topics.cmd_vel]
@@ -127,7 +127,7 @@ class RosRobot:
             takers[of_colour] = senses.take_colour_info
         self._may_fall_silent = set(takers)
         if not node.senders(topics.imu) and (imus := self._sent(IMU)):
-            _log.warning("nothing sends %s, but %s: --topics.imu names it", topics.imu, " and ".join(imus))
+            _log.warning("nothing publishes %s; to use %s, set --topics.imu", topics.imu, " and ".join(imus))
         for topic, take in {topics.imu: senses.take_imu, **takers}.items():
             with suppress(InputError):  # the packages of PyPI have no type for transforms
                 if node.senders(topic):
@@ -137,7 +137,7 @@ class RosRobot:
     def _others(self, needed: Sequence[str]) -> str:
         """What may have been meant by topics that nothing sends."""
         there = [topic for topic in self._sent(*IMAGE_TYPES, INFO_TYPE, ODOMETRY) if topic not in needed]
-        return f"; there are {', '.join(there)}, which --topics can name" if there else ""
+        return f"; published instead: {', '.join(there)}; choose with --topics" if there else ""
 
     def _sent(self, *kinds: str) -> list[str]:
         """The topics on which messages of some types are sent."""
@@ -158,7 +158,7 @@ class RosRobot:
         self._node.wait(lambda: links.mount(frame).T_base_camera is not None, self._patience)
         T, self._senses.T_driven_base, note = links.mount(frame)
         if T is None:
-            raise InputError(f"{note}; --camera x y z roll pitch yaw says where it is on the robot")
+            raise InputError(f"{note}; give its pose on the robot with --camera x y z roll pitch yaw")
         if note:
             _log.warning("%s", note)
         return T
@@ -235,7 +235,7 @@ class RosRobot:
             self._unheeded += elapsed
         if self._unheeded > 2 * self._patience:
             self.stop()
-            why = f"the robot ignores it, for it has not moved for {2 * self._patience:g} s"
+            why = f"the robot ignores commands: it has not moved for {2 * self._patience:g} s"
             raise InputError(f"{self.topics.cmd_vel}: {why}")
 
     def _wait(self, until: Callable[[], bool]) -> None:
@@ -250,9 +250,9 @@ class RosRobot:
         senses, last = self._senses, self._node.now() - self._patience
         once = self._may_fall_silent | ({self.topics.camera_info} if senses.info else set())
         if silent := [topic for topic, heard in self._heard.items() if heard < last and topic not in once]:
-            return f"{', '.join(silent)}: silent for {self._patience:g} s"
+            return f"{', '.join(silent)}: no messages for {self._patience:g} s"
         if abs(senses.image_time - senses.time) > self._patience / 2:
-            times = f"images are of {senses.image_time:.2f} s, the odometry of {senses.time:.2f} s"
+            times = f"images are at {senses.image_time:.2f} s, odometry at {senses.time:.2f} s"
             return f"the robot's clocks differ: {times}"
-        missing = f"no newer odometry, or no depth image with a colour image {SAME_TIME:g} s near"
-        return f"the robot's stamps make no sense: for {self._patience:g} s {missing}"
+        missing = f"no newer odometry, or no depth image within {SAME_TIME:g} s of a colour image"
+        return f"the robot's timestamps are inconsistent: for {self._patience:g} s {missing}"

@@ -123,7 +123,7 @@ class Senses:
         """The camera of the depth and colour images of two topics.
 
         Raises:
-            InputError: its intrinsics are missing or make no sense, or depth is not registered to colour.
+            InputError: its intrinsics are missing or invalid, or depth is not registered to colour.
         """
         of_depth, of_colour = (
             ImageSource(topic, info, info.header.frame_id if info else "")

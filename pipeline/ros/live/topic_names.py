@@ -8,12 +8,12 @@ class TopicNames:
     """Names of a robot's topics.
 
     Attributes:
-        depth: depth images in 16UC1 (mm) or 32FC1 (m), raw or compressedDepth, registered to colour.
+        depth: depth images, 16UC1 (mm) or 32FC1 (m), raw or compressedDepth, registered to colour.
         color: colour images, raw or compressed.
         camera_info: intrinsics of the depth images.
         odom: odometry.
-        imu: gyro and accelerometer; without them, the odometry alone gives the robot's tilt.
-        cmd_vel: commands, as Twist or TwistStamped, whichever the robot listens to.
+        imu: gyro and accelerometer; without them, tilt comes from the odometry alone.
+        cmd_vel: velocity commands, Twist or TwistStamped, whichever the robot subscribes to.
     """
 
     depth: str = "/camera/depth/image_raw"

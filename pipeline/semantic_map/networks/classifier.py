@@ -92,7 +92,7 @@ def segment(
     blocks = [block for shift in shifts for block in cut(points, camera, config, shift, network.fewest, rng)]
     for block, logits in zip(blocks, network.of_blocks(b.points for b in blocks), strict=True):
         if not np.isfinite(logits).all():
-            raise InputError("the network answers with numbers that are not finite: its weights are broken")
+            raise InputError("the network's outputs are not finite: its weights are damaged")
         result[block.index] += softmax(logits, axis=1) / grids
     return result
 
@@ -107,20 +107,20 @@ def load_classifier(path: Path, only: str | None = None) -> tuple[PointNetwork, 
     network, metadata = load_weights(path, only)
     if metadata.get("labels") != _CLASS_NAMES or network.classes != len(CLASSES):
         named = metadata.get("labels", f"{network.classes} unnamed classes")
-        raise InputError(f"{path}: a network that distinguishes {named}, not {_CLASS_NAMES}; use train.py's")
+        raise InputError(f"{path}: a network for {named}, not for {_CLASS_NAMES}; train one with sarsim-train")
     if network.channels not in (CHANNELS, COLOURED):
-        raise InputError(f"{path}: a network for {network.channels} channels a point, not {CHANNELS} or {COLOURED}")
+        raise InputError(f"{path}: a network for {network.channels} channels per point, not {CHANNELS} or {COLOURED}")
     try:
         blocks = BlockConfig(**json.loads(metadata["blocks"]))
         for name, usual in asdict(BlockConfig()).items():
             least, most = usual / MOST_FACTOR, usual * MOST_FACTOR
             if not least <= getattr(blocks, name) <= most:
-                raise InputError(f"{path}: {name} = {getattr(blocks, name)}: from {least:g} to {most:g}")
+                raise InputError(f"{path}: {name} = {getattr(blocks, name)} must be from {least:g} to {most:g}")
         return network, replace(blocks, points=int(blocks.points))
     except InputError:
         raise
     except (KeyError, TypeError, ValueError, RecursionError) as error:
-        raise InputError(f"{path}: weights of another version: it does not say how to cut blocks") from error
+        raise InputError(f"{path}: weights of another version: the block settings are missing") from error
 
 
 def save_classifier(path: Path, network: PointNetwork, blocks: BlockConfig, training: dict[str, object]) -> None:

@@ -70,7 +70,7 @@ class Dgcnn(PointNetwork):
         """A network of the size of published weights, with the metadata's k; ValueError if they are of no DGCNN."""
         k = whole(metadata.get("k", str(NEAREST_POINTS)))
         if not 1 <= k <= MOST_NEIGHBOURS:
-            raise ValueError(f"k = {metadata['k']:.20}: a point has 1 to {MOST_NEIGHBOURS} neighbours")
+            raise ValueError(f"k = {metadata['k']:.20}: must be from 1 to {MOST_NEIGHBOURS} neighbours")
         first, last = (tuple(tensors[n].shape) if n in tensors else () for n in ("conv1.0.weight", "conv9.weight"))
         # Shapes need bounds: a tensor with a 0 in its shape takes no bytes of a file, whatever its other sizes.
         if len(first) != 4 or not 2 * GRAPH_CHANNELS <= first[1] <= 2 * MOST_CHANNELS or first[0] != EDGE_FEATURES:

@@ -18,7 +18,7 @@ from pipeline.semantic_map.networks.threads import Threads
 
 
 def for_inference(network: PointNetwork, threads: int | None = None) -> BlockClassifier:
-    """The network ready to classify on so many ``threads``, by default PyTorch's number."""
+    """The network, ready to classify on ``threads`` threads, by default PyTorch's number."""
     if isinstance(network, Dgcnn):
         return FastDgcnn(deepcopy(network).cpu(), threads)
     return AsWritten(network, threads)

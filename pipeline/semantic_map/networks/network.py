@@ -47,7 +47,7 @@ class PointNetwork(nn.Module, ABC):
         sizes = [metadata.get(name, "") for name in ("channels", "classes")]
         channels, classes = map(whole, sizes)
         if not (3 < channels <= MOST_CHANNELS and 1 <= classes <= MOST_CHANNELS):
-            raise ValueError(f"{sizes[0]!r:.20} channels and {sizes[1]!r:.20} classes are none of a {cls.NAME}")
+            raise ValueError(f"{sizes[0]!r:.20} channels and {sizes[1]!r:.20} classes do not fit a {cls.NAME}")
         return cls(channels, classes)
 
     def about(self) -> dict[str, str]:
@@ -65,7 +65,7 @@ class PointNetwork(nn.Module, ABC):
 
 
 def whole(text: str) -> int:
-    """A whole number of a file's metadata; 0 if it is none, or has so many digits that it takes long to read."""
+    """A whole number of a file's metadata; 0 if it is not one, or has too many digits."""
     try:
         return int(text) if text.isdecimal() else 0
     except ValueError:
@@ -98,6 +98,6 @@ def check_block(network: PointNetwork, points: NDArray[np.float32]) -> None:
     """Raise InputError if (N, C) points are too few, have a wrong number of channels, or are not finite."""
     if points.ndim != 2 or points.shape[1] != network.channels or len(points) < network.fewest:
         wanted = f"(at least {network.fewest}, {network.channels})"
-        raise InputError(f"{network.NAME}: a block of points {points.shape} is not {wanted}")
+        raise InputError(f"{network.NAME}: a block must have the shape {wanted}, not {points.shape}")
     if not np.isfinite(points).all():
-        raise InputError(f"{network.NAME}: a block holds points that are not finite")
+        raise InputError(f"{network.NAME}: the points of a block must be finite")

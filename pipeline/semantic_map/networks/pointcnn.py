@@ -23,7 +23,7 @@ LEVEL_FEATURES."""
 DECODER = ((16, 6, 3, 2), (12, 6, 2, 1), (8, 6, 1, 0), (8, 4, 0, 0))
 """K, D, level from which, level to which features go."""
 LIFTED = 4
-"""One in so many features is computed from coordinates; the first level has so many of each channel."""
+"""One in this many features is computed from coordinates; the first level has this many of each channel."""
 
 
 def dense(inputs: int, outputs: int) -> nn.Sequential:

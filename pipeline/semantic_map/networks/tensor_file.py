@@ -22,14 +22,14 @@ def read_tensors(path: Path) -> tuple[dict[str, Tensor], dict[str, str]]:
         with path.open("rb") as start:
             magic = start.read(2)
         if magic in (b"PK", b"\x80\x02", b"\x80\x03", b"\x80\x04", b"\x80\x05"):
-            raise InputError(f"{path}: a pickle, which could run code: have it converted to safetensors")
+            raise InputError(f"{path}: a pickle, which could run code; convert it to safetensors")
         with safe_open(path, framework="pt") as file:
             names = file.keys()
             return {name: file.get_tensor(name) for name in names}, file.metadata() or {}
     except OSError as error:
         raise InputError(f"{path}: {error.strerror or error}") from error
     except SafetensorError as error:
-        raise InputError(f"{path}: not a whole safetensors file: {' '.join(str(error).split())}") from error
+        raise InputError(f"{path}: not a complete safetensors file: {' '.join(str(error).split())}") from error
 
 
 @torch.no_grad()
@@ -46,9 +46,9 @@ def copy_tensors(tensors: Mapping[str, Tensor], wanted: Mapping[str, Tensor], pa
             shapes = f"{tuple(tensor.shape)} instead of {tuple(wanted[name].shape)}"
             raise InputError(f"{path}: weights of another network: {name} is {shapes}")
         if tensor.is_complex() or not tensor.double().isfinite().all():
-            raise InputError(f"{path}: {name} holds numbers that are not finite or not real")
+            raise InputError(f"{path}: {name} must hold finite real numbers")
         if name.endswith("running_var") and tensor.double().min() < 0:
-            raise InputError(f"{path}: {name} holds variances below 0")
+            raise InputError(f"{path}: {name} holds negative variances")
         wanted[name].copy_(tensor)
 
 

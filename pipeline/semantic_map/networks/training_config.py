@@ -58,13 +58,13 @@ class TrainingConfig:
     """Settings of a training.
 
     Attributes:
-        steps: number of batches; more fit the training data better and take longer.
-        batch: number of samples in a batch of each worker; larger batches take more memory and make steadier steps.
-        learning_rate: highest learning rate of AdamW; lower it if the loss jumps, raise it if it hardly falls.
-        seed: seed of the initial weights, the batches and their augmentation; other seeds show how much is chance.
-        minutes: processor time, min, without validations, after which the training ends early; the learning rate then
-            falls with the time. Use it to compare networks whose steps take different times.
-        validate_every: number of steps between validations; each takes time, and weights are written only then.
+        steps: number of batches; more batches fit the training data better but take longer.
+        batch: samples per batch and worker; larger batches need more memory and give steadier steps.
+        learning_rate: peak learning rate of AdamW; lower it if the loss jumps, raise it if it hardly falls.
+        seed: seed of the initial weights, batches and augmentation; compare seeds to see how much is chance.
+        minutes: processor time, min, after which training ends, validation excluded; the learning rate then follows
+            the time. Use it to compare networks whose steps differ in duration.
+        validate_every: steps between validations; weights are written only after a validation.
         optimization: how it follows the gradients.
     """
 
@@ -79,11 +79,11 @@ class TrainingConfig:
     def __post_init__(self) -> None:
         """Raise InputError for settings out of range."""
         if self.minutes is not None and not 0 < self.minutes < float("inf"):
-            raise InputError(f"--minutes {self.minutes:g}: more than 0")
+            raise InputError(f"--minutes {self.minutes:g}: must be positive")
         if min(self.steps, self.batch, self.validate_every) < 1:
-            raise InputError("--steps, --batch, --validate-every: at least 1")
+            raise InputError("--steps, --batch and --validate-every must be at least 1")
         if not 0 < self.learning_rate < float("inf") or self.seed < 0:
-            raise InputError("--learning-rate: more than 0; --seed: at least 0")
+            raise InputError("--learning-rate must be positive, and --seed must not be negative")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,4 +119,4 @@ class PointTrainingConfig(TrainingConfig):
         """Raise InputError for settings out of range."""
         super().__post_init__()
         if self.batch < 2:
-            raise InputError(f"--batch {self.batch}: at least 2, for batch norm over blocks")
+            raise InputError(f"--batch {self.batch}: must be at least 2, for batch norm over blocks")

@@ -45,7 +45,7 @@ def save_weights(path: Path, network: PointNetwork, metadata: dict[str, str] | N
     tensors = {name: t.detach().cpu().half().contiguous() for name, t in network.published().items()}
     for name, tensor in tensors.items():
         if not tensor.isfinite().all():
-            raise InputError(f"{path}: {name} is too large for half precision: lower the learning rate")
+            raise InputError(f"{path}: {name} is too large for half precision; lower the learning rate")
     content = save(tensors, {"network": network.NAME} | network.about() | (metadata or {}))
     with whole_file(path) as file:
         file.write_bytes(content)  # safetensors' own save_file makes files that only their owner may read

@@ -1,7 +1,7 @@
 """Networks of Darknet, of whoever made them: OpenCV reads, runs and decodes them.
 
 OpenCV believes what the files say: it reads short weights as zeros, ignores settings that it does not know, and may
-crash on numbers that make no sense. So a network is first tried in a process of its own, and OpenCV gets Darknet's
+crash on numbers out of range. So a network is first tried in a process of its own, and OpenCV gets Darknet's
 defaults where its own differ.
 """
 
@@ -56,7 +56,7 @@ HEADS = {"yolo": {"thresh": "0.0001", "nms_threshold": "0"}, "region": {"thresh"
 """Sections that decode boxes, and settings by which OpenCV gives nearly all of them."""
 SECONDS, MEMORY = 60, 3_000_000_000
 """Of processor time, and bytes, that a network may take to be read, and bytes of what it computes."""
-CRASHED = f"OpenCV crashes, or takes over {SECONDS} s or {MEMORY / 1e9:g} GB"
+CRASHED = f"OpenCV crashes, or needs more than {SECONDS} s or {MEMORY / 1e9:g} GB"
 
 
 class DarknetNetwork:
@@ -96,7 +96,7 @@ class DarknetNetwork:
         except cv2.error as error:
             raise InputError(f"{cfg}: OpenCV cannot run it: {' '.join(error.err.split())}") from error
         if not np.isfinite(rows).all():
-            raise InputError(f"{weights}: with them the network computes numbers that are not finite")
+            raise InputError(f"{weights}: the network's outputs with these weights are not finite")
         return network
 
     @classmethod
@@ -110,7 +110,7 @@ class DarknetNetwork:
         if size != (needed := network._weights_size()):
             return f"weights too {'short' if size < needed else 'long'}: {size} bytes instead of {needed}"
         outputs = sum(4 * prod(map(int, shape)) for layer in shapes for shape in layer)
-        return GOOD if outputs <= MEMORY else f"too large: {outputs / 1e9:.2g} GB, at most {MEMORY / 1e9:g}"
+        return GOOD if outputs <= MEMORY else f"too large: {outputs / 1e9:.2g} GB; the limit is {MEMORY / 1e9:g} GB"
 
     def find(self, image: Rgb, least: float) -> Boxes:
         """Boxes in an image, pixels, several of each object, and (N, classes) confidences of at least ``least``."""
@@ -159,16 +159,16 @@ class Section:
         only = IGNORED.get(self.kind, {}) | {"stride_x": stride, "stride_y": stride}
         for key, value in self.settings.items():
             if WHOLE.fullmatch(key) and not re.fullmatch(r"\d{1,9}", value):
-                raise self.error(f"{key}={value:.80}: not a whole number")
+                raise self.error(f"{key}={value:.80}: must be a whole number")
             number = r"-?\d{1,9}" if PLACES.fullmatch(key) else r"\d*\.?\d+" if DECIMAL.fullmatch(key) else ""
             if number and not re.fullmatch(f"{number}( *, *{number})*,?", value):
-                raise self.error(f"{key}={value:.80}: not numbers")
+                raise self.error(f"{key}={value:.80}: must be numbers")
             if value != only.get(key, value):
-                raise self.error(f"{key}={value:.80}: only {only[key]} can be run")
+                raise self.error(f"{key}={value:.80}: only {only[key]} is supported")
         if self.kind == "yolo":
             count = self.settings.get("anchors", "").strip(", ").count(",") // 2 + 1
             if any(not 0 <= int(word) < count for word in self.settings.get("mask", "0").strip(", ").split(",")):
-                raise self.error(f"mask={self.settings['mask']:.80}: it has {count} anchors")
+                raise self.error(f"mask={self.settings['mask']:.80}: there are only {count} anchors")
 
     def error(self, message: str) -> InputError:
         """An error that names this section."""
@@ -190,9 +190,9 @@ def read_sections(path: Path) -> list[Section]:
         elif equals and sections:
             sections[-1].settings[key.strip()] = value.strip()
         elif line:
-            raise InputError(f"{path}:{number}: neither [section] nor key=value: {line:.40}")
+            raise InputError(f"{path}:{number}: must be [section] or key=value: {line:.40}")
     if not sections or not {"width", "height"} <= sections[0].settings.keys():
-        raise InputError(f"{path}: a Darknet .cfg begins with [net], width and height")
+        raise InputError(f"{path}: a Darknet .cfg must begin with [net], width and height")
     for section in sections:
         section.check()
     return sections
@@ -202,20 +202,20 @@ def _kinds(cfg: Path, sections: Sequence[Section], names: Sequence[str]) -> dict
     """Numbers of the network's classes by their kind."""
     counts = {section.settings.get("classes", "20") for section in sections if section.kind in HEADS}
     if len(counts) != 1:
-        raise InputError(f"{cfg}: no [yolo] or [region] section, or several numbers of classes: not a YOLO network")
+        raise InputError(f"{cfg}: not a YOLO network: no [yolo] or [region] section, or different numbers of classes")
     if (channels := sections[0].settings.get("channels", "3")) != "3":
         raise InputError(f"{cfg}: a network for {channels} channels, not for colour images")
     count, words = int(counts.pop()), ["_".join(word.split()).casefold() for word in names if word.strip()]
     if not words and count in PERSON:
         number, whose = PERSON[count]
         if count > 1:
-            print(f"{cfg}: its {count} classes have no .names, and are taken for {whose}", file=sys.stderr)
+            print(f"{cfg}: no .names file for its {count} classes; assuming {whose}", file=sys.stderr)
         return {VICTIM: [number]}
     if words and len(words) != count:
         raise InputError(f"{cfg}: {count} classes, but {len(words)} names")
     kinds = [KIND_OF.get(word) for word in words]
     if not any(kinds):
         raise InputError(
-            f"{cfg}: which of its {count} classes is a person? Beside it, .names has none of {', '.join(KIND_OF)}"
+            f"{cfg}: none of its {count} classes is known; its .names file must contain one of {', '.join(KIND_OF)}"
         )
     return {kind: [i for i, other in enumerate(kinds) if other == kind] for kind in KINDS if kind in kinds}

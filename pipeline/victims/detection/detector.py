@@ -36,7 +36,7 @@ class VictimDetector:
     def __init__(self, network: BoxNetwork, config: DetectorConfig = DetectorConfig()) -> None:
         """Detect by a network; InputError for a least confidence that is not between 0 and 1."""
         if not 0 < config.confidence < 1:
-            raise InputError(f"detector: confidence {config.confidence}: between 0 and 1")
+            raise InputError(f"detector: confidence {config.confidence}: must be between 0 and 1")
         self._network, self._config = network, config
 
     @classmethod
@@ -54,7 +54,7 @@ class VictimDetector:
             case [".cfg", ending] if ending != ".safetensors":
                 return cls(DarknetNetwork.load(*files), config)
         names = " ".join(map(str, files))
-        raise InputError(f"--detector {names}: FILE.cfg FILE.weights of Darknet, or FILE.safetensors as shipped")
+        raise InputError(f"--detector {names}: give Darknet's FILE.cfg FILE.weights, or one FILE.safetensors")
 
     def detect(self, rgb: Rgb) -> list[Detection]:
         """Objects in an image of any size, the most confident first.
@@ -81,6 +81,6 @@ def check_image(rgb: Rgb) -> None:
     if rgb.size == 0:
         raise InputError(f"image: empty, of shape {rgb.shape}")
     if rgb.ndim != 3 or rgb.shape[2] != 3:
-        raise InputError(f"image: of shape {rgb.shape}, not (height, width, 3): grey?")
+        raise InputError(f"image: shape {rgb.shape} must be (height, width, 3)")
     if rgb.dtype != np.uint8:
-        raise InputError(f"image: {rgb.dtype} instead of uint8")
+        raise InputError(f"image: must be uint8, not {rgb.dtype}")

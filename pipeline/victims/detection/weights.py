@@ -69,7 +69,7 @@ def read_weights(path: Path, network: Yolo) -> None:
     content = read_bytes(path)
     start = header_size(content, path)
     if len(content) != (needed := start + NUMBER.itemsize * sum(counts)):
-        raise InputError(f"{path}: {len(content)} bytes, not the {needed} of YOLOv3-small for people alone")
+        raise InputError(f"{path}: {len(content)} bytes; YOLOv3-small for people has {needed}")
     numbers = torch.from_numpy(np.frombuffer(content, NUMBER, offset=start).astype(np.float32))
     parts = zip(wanted.items(), numbers.split(counts), strict=True)
     copy_tensors({name: part.view(tensor.shape) for (name, tensor), part in parts}, wanted, path)
@@ -93,7 +93,9 @@ def check_hash(path: Path) -> None:
     if beside.exists():
         wanted, found = (read_text(beside).split() or [""])[0], sha256(read_bytes(path)).hexdigest()
         if wanted.lower() != found:
-            raise InputError(f"{path}: SHA-256 {found}, not {wanted:.80} as {beside.name} has it: damaged?")
+            raise InputError(
+                f"{path}: damaged or changed: its SHA-256 is {found}, and {beside.name} has {wanted:.80}"
+            )
 
 
 def _tensors(layer: Convolution) -> Iterator[tuple[str, Tensor]]:

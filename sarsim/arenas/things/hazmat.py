@@ -17,7 +17,7 @@ from sarsim.arenas.things.symbols import Colour, Drawing, Symbol
 BLACK, WHITE = (0, 0, 0), (255, 255, 255)
 RED, ORANGE, YELLOW = (218, 41, 28), (255, 134, 54), (255, 221, 0)
 GREEN, BLUE = (0, 122, 82), (0, 87, 184)
-FINER = 2  # Drawn so many times finer than asked for
+FINER = 2  # Factor by which drawings are finer than asked for
 BEYOND = 1.5  # Half sides that colours reach; the diamond is cut out of them
 EDGE = 0.92  # Half a diagonal of the inner line over that of the sign
 

@@ -17,7 +17,7 @@ CLOTHES = ("top", "bottom", "shoes", "hair")
 
 
 def temperatures(model: mujoco.MjModel, things: Sequence[Thing]) -> NDArray[np.float32]:
-    """(ngeom + 1,) float32 °C of the surface of every geom; the last element is for what is no geom."""
+    """(ngeom + 1,) float32 °C of the surface of every geom; the last element is for pixels without a geom."""
     warm = np.full(model.ngeom + 1, AMBIENT, np.float32)
     for thing in things:
         if thing.is_warm:

@@ -27,7 +27,9 @@ def arenas_of(names: Sequence[str]) -> list[str]:
     """
     found = list(dict.fromkeys(arena for name in names for arena in _expanded(name)))
     if len({name.startswith(GRID) for name in found}) != 1:
-        raise InputError(f"--arenas {' '.join(names)}: either 2D maps ({GRID}…) or arenas, at least one")
+        raise InputError(
+            f"--arenas {' '.join(names)}: give at least one, and do not mix 2D maps ({GRID}…) with arenas"
+        )
     return found
 
 
@@ -78,7 +80,5 @@ def checked(name: str) -> str:
     for split in DRAWINGS:
         for tier in frozen(split).values():
             if tier.get(name, found) != found:
-                raise InputError(
-                    f"{name}: not the arena that was frozen: its results cannot be compared with others'"
-                )
+                raise InputError(f"{name}: differs from the frozen arena, so its results cannot be compared")
     return found

@@ -37,7 +37,7 @@ OF_THE_RUN = re.compile(r"config\.|timing_ms\.|(wall_time_s|real_time_factor|ver
 """Keys of a report that are settings or change from run to run."""
 LONGEST_NAME = 80  # Characters of a method or an arena in a file's name
 GRACE = 1.1
-"""An episode that does not end at its limit is killed with its worker after so many times the limit."""
+"""An episode that does not end at its limit is killed with its worker after this multiple of the limit."""
 
 ORACLE = "oracle"
 """Method on 2D maps that knows the map."""
@@ -119,7 +119,7 @@ def limited(seconds: float) -> Iterator[None]:
     """Raise TimeoutError if the block takes longer; should it go on nevertheless, the process ends soon after."""
 
     def stop(number: int, frame: FrameType | None) -> None:
-        raise TimeoutError(f"took more than {seconds:g} s")
+        raise TimeoutError(f"exceeded its limit of {seconds:g} s")
 
     before = signal.signal(signal.SIGALRM, stop)
     with Path(os.devnull).open("w") as nowhere:
@@ -176,10 +176,10 @@ def grid_explorer(name: str) -> Explorer2D:
     """The explorer of 2D maps of that name, or MODULE:CLASS, whose nodes are checked.
 
     Raises:
-        InputError: there is none; later, it fails or answers with what is no node that can be reached.
+        InputError: there is none; later, it fails or does not return a reachable node.
     """
     if ":" not in name and name not in EXPLORERS:
-        raise InputError(f"--methods {name}: none of {', '.join(EXPLORERS)} or MODULE:CLASS")
+        raise InputError(f"--methods {name}: must be one of {', '.join(EXPLORERS)} or MODULE:CLASS")
     explorer: Explorer2D = EXPLORERS[name] if name in EXPLORERS else load_class("methods", name)()
 
     def guarded(world: GridWorld, sights: Sights, rng: np.random.Generator) -> int:
@@ -188,7 +188,7 @@ def grid_explorer(name: str) -> Explorer2D:
         except Exception as error:
             raise InputError(f"--methods {name} failed: {one_line(error)}") from error
         if not isinstance(node, int | np.integer) or not _is_reachable(int(node), world, sights.before):
-            raise InputError(f"--methods {name}: {node!r:.40} is no node that can be reached")
+            raise InputError(f"--methods {name}: {node!r:.40} is not a reachable node")
         return int(node)
 
     return guarded

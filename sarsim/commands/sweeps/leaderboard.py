@@ -103,7 +103,7 @@ def write_entry(entry: Entry, folder: Path) -> Path:
 
 
 def read_entry(file: Path) -> Entry:
-    """The entry in a file; InputError if it is none."""
+    """The entry in a file; InputError if the file is not an entry."""
     try:
         content = json.loads(read_text(file))
         columns = content.pop("rows")
@@ -112,7 +112,7 @@ def read_entry(file: Path) -> Entry:
         entry = Entry(**content)
         pairs = {(row["arena"], row["seed"]) for row in rows}
         if len(pairs) != len(rows) or len(rows) != len({a for a, _ in pairs}) * len(entry.seeds) or not rows:
-            raise ValueError("not one row for each arena and seed")
+            raise ValueError("it must have one row per arena and seed")
         entry.values("exploration.t99_s", np.inf)
     except (ValueError, KeyError, TypeError, AttributeError, IndexError) as error:
         raise InputError(f"{file}: not an entry of the leaderboard: {' '.join(str(error).split())}") from error
@@ -235,7 +235,7 @@ TABLE_COLUMNS: dict[str, Callable[[Sequence[Entry]], list[Values]]] = {
     FIRST: _reached("exploration.t99_s"),
     f"T_99 over {REFERENCE}": _ratio,
     "explored, mean over time": _mean("time"),
-    "explored, mean over way": _mean("way"),
+    "explored, mean over path": _mean("way"),
     "path over oracle": _over_oracle("way", "exploration.path_over_oracle"),
     "time over oracle": _over_oracle("time", "exploration.time_over_oracle"),
     "time over physical": _shown("exploration.time_over_physical"),

@@ -19,12 +19,12 @@ from sarsim.commands.sweeps.leaderboard import ENDS, Entry, boards
 from sarsim.commands.sweeps.statistics import estimate
 from sarsim.scoring.progress import ExploredCurve, shares_at
 
-AXES = {"time_s": ("time, s", ENDS["time"]), "way_m": ("way, m", ENDS["way"])}
+AXES = {"time_s": ("time, s", ENDS["time"]), "way_m": ("path length, m", ENDS["way"])}
 """Of the plots: by the field of a curve, the label and the key of an episode's end."""
 SAMPLES = 101
 """Number of places along an axis at which shares are drawn: a step is a hundredth of the axis."""
 OKABE_ITO = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000", "#F0E442")
-"""Colours that the colour-blind tell apart (Okabe and Ito, 2008); the faintest comes last."""
+"""Colours that the colour-blind can distinguish (Okabe and Ito, 2008); the faintest comes last."""
 DASHES = ("", "6 2", "2 2")
 """Lengths in points of dashes and gaps, by which lines of the same colour differ."""
 

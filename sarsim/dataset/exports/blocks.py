@@ -26,16 +26,16 @@ SEED = 0  # of the random choice of points
 class Blocks(Export):
     """HDF5 files of blocks of 1 m × 1 m in xy, by default with 4096 points.
 
-    A point has x y z, r g b if wanted, and normalized x y z. all_files.txt lists the files by their paths
+    A point has x y z, optionally r g b, and normalized x y z. all_files.txt lists the files by their paths
     from the parent folder; meta/class_names.txt names the labels.
     """
 
     points: int = 4096
-    """Number of points in a block; drawn without repetition if there are so many."""
+    """Number of points in a block; drawn with repetition only if there are fewer."""
     min_points: int = 100
-    """Least number of points; blocks with fewer are left out."""
+    """Blocks with fewer points than this are left out."""
     colours: bool = False
-    """Whether r g b, 0 to 1, stand between both kinds of coordinates, which makes the nine channels of S3DIS."""
+    """Whether r g b, 0 to 1, come between both kinds of coordinates, as in the nine channels of S3DIS."""
 
     def __post_init__(self) -> None:
         check("points", self.points, 1)

@@ -34,7 +34,7 @@ class Export:
     data: Path
     """Folder of a dataset."""
     out: Path
-    """New folder for the export; it appears only when the export is complete."""
+    """New folder for the export; it appears once the export is complete."""
 
     def run(self) -> Iterator[SceneEntry]:
         """Make the export; yields after each scene.
@@ -67,7 +67,7 @@ class ImageExport(Export):
     """images/<split>/*.jpg, with annotations of the objects in them."""
 
     min_area: int = 100
-    """Least number of visible pixels of an object that gets a box."""
+    """Fewest visible pixels for an object to get a box."""
 
     def __post_init__(self) -> None:
         check("min-area", self.min_area, 1)

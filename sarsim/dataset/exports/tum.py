@@ -28,7 +28,7 @@ DIGITS = 12  # that count, of numbers in m, in pixels, and of quaternions
 
 @dataclass(frozen=True)
 class Tum(Export):
-    """For each scene the images in rgb/, depth/ (16 bits, 5000 per metre) and label/, and a list of each kind.
+    """For each scene, the images in rgb/, depth/ (16 bits, 5000 per metre) and label/, and a list of each kind.
 
     groundtruth.txt holds the true poses of the camera, odometry.txt its poses by dead reckoning with wheels and gyro,
     camera.txt its pose on the robot.

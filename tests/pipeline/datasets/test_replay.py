@@ -122,7 +122,7 @@ def test_frames_before_the_first_true_pose_are_left_out() -> None:
     _, found = replayed(source, "truth")
     assert [r.frame.time for r in found] == TIMES[3:].tolist()
     assert tilt(found[0].frame.T_odom_base) < 1e-6
-    assert source.left_out == {"frames at times of which no pose is known": 3}
+    assert source.left_out == {"frames without a known pose": 3}
 
 
 def test_what_shows_no_vertical_is_refused() -> None:
@@ -146,7 +146,7 @@ def test_frames_in_a_gap_of_the_odometry_are_left_out() -> None:
     source = recording(odometry=Trajectory(TIMES[kept], np.array(ODOMETRY)[kept]))
     _, found = replayed(source, "slam")
     assert [r.frame.time for r in found] == TIMES[kept].tolist()
-    assert source.left_out == {"frames at times of which no pose is known": np.count_nonzero(~kept)}
+    assert source.left_out == {"frames without a known pose": np.count_nonzero(~kept)}
 
 
 def test_poses_that_are_not_there_are_refused() -> None:

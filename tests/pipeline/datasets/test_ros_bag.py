@@ -202,7 +202,7 @@ def test_order_is_restored_and_doubles_are_left_out(tmp_path: Path) -> None:
 
     recording = read_ros_bag(write_bag(tmp_path / "room", change=mixed))
     assert_whole(recording)
-    assert recording.left_out == {"depth images that have the stamp of another": 2}
+    assert recording.left_out == {"depth images with the same timestamp as another": 2}
 
 
 def test_other_clocks_are_noticed(tmp_path: Path) -> None:

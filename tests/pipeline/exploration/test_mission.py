@@ -64,7 +64,7 @@ def test_what_cannot_be_reached_is_refused_with_a_reason_and_the_rest_visited(wo
     assert outcomes[-1.0, -1.4] is None
     assert "(9.00, 9.00) m" in str(outcomes[9.0, 9.0])
     assert "in a wall" in outcomes[0.02, -1.0]
-    assert sum("not a place" in str(obstacle) for obstacle in outcomes.values()) == 1
+    assert sum("(nan, 0.00)" in str(obstacle) for obstacle in outcomes.values()) == 1
 
 
 def test_a_robot_that_is_held_gives_a_goal_up(world):
@@ -91,7 +91,7 @@ def test_home_may_be_beside_where_the_robot_can_drive(world):
     corner = (-2.9, -1.9)
     refused, snapped = Goals([corner]), Goals([corner], may_be_near=True)
     assert drive(world, refused) == []
-    assert "too near" in str(refused.visits[0].obstacle)
+    assert "too close" in str(refused.visits[0].obstacle)
     (place,) = drive(world, snapped)
     assert np.linalg.norm(np.array(place) - corner) <= 0.5
     assert snapped.visits[0].obstacle is None

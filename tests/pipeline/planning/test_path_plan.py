@@ -74,10 +74,10 @@ def test_what_stands_between_the_robot_and_a_goal_is_said():
     paths = PosePaths(traversability, (-2, -2))
     reasons = {
         (1.0, 1.8): "in a wall",
-        (0.85, 1.8): "too near",
+        (0.85, 1.8): "too close",
         (50.0, 0.0): "off the map",
         (1.8, 1.8): "cannot be reached from (-2.00, -2.00) m",
-        (np.nan, 0.0): "not a place",
+        (np.nan, 0.0): "(nan, 0.00)",
     }
     for goal, reason in reasons.items():
         message = obstacle_to(paths, goal)

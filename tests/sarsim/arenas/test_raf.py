@@ -288,9 +288,9 @@ def read_plainly(path):
             '<elements><element type="small_wall" x="0" y="0" rotation="0" mount-point="-1"/></elements>',
             "mount-point",
         ),
-        ('<elements><element type="victim_1" x="0" y="0" rotation="0" offset-x="5000"/></elements>', "absurd"),
-        ('<elements><element type="a" x="0" y="0" rotation="0"/></elements>', "of a known type: a$"),
-        ("<elements>" + '<element type="small_wall" x="0" y="0" rotation="0"/>' * 5000 + "</elements>", "too many"),
+        ('<elements><element type="victim_1" x="0" y="0" rotation="0" offset-x="5000"/></elements>', "x=0 to 5000"),
+        ('<elements><element type="a" x="0" y="0" rotation="0"/></elements>', ": a$"),
+        ("<elements>" + '<element type="small_wall" x="0" y="0" rotation="0"/>' * 5000 + "</elements>", "5000"),
     ],
     ids=lambda value: value[:24],
 )

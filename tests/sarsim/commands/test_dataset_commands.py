@@ -26,9 +26,9 @@ def exit_status(args: list[str]) -> int | str | None:
 @pytest.mark.parametrize(
     ("flags", "message"),
     [
-        ("--scenes 0", "--scenes, --workers: at least 1"),
-        ("--workers 0", "--scenes, --workers: at least 1"),
-        ("--frames 0", "--frames 0: at least 1"),
+        ("--scenes 0", "--workers"),
+        ("--workers 0", "--workers"),
+        ("--frames 0", "--frames 0:"),
         ("--engine cloud", "--engine"),
         ("--arenas nowhere", "unknown arena 'nowhere'"),
         ("--arenas nist_6x4 --out /proc/data", "/proc/data: "),

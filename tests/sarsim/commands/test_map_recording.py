@@ -91,11 +91,11 @@ def test_what_came_before_a_broken_image_is_kept(tmp_path: Path, capsys: pytest.
 
     path, out = write_bag(tmp_path / "room", change=broken), tmp_path / "out"
     line = failed(capsys, path, "--out", out, "--labels", "truth", "--poses", "registration")
-    assert line.startswith("error: ") and "an image is cut short" in line
+    assert line.startswith("error: ") and "truncated image" in line
     assert {path.name for path in out.iterdir()} == FILES
     report = json.loads((out / "report.json").read_text())
     assert report["recording"]["frames"] == 8
-    assert "an image is cut short" in report["recording"]["stopped"]
+    assert "truncated image" in report["recording"]["stopped"]
 
 
 def test_a_recording_of_nothing_leaves_no_folder(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
@@ -116,7 +116,7 @@ def test_gaps_cost_no_more_than_the_frames_in_them(tmp_path: Path) -> None:
 
     run(write_bag(tmp_path / "room", change=gappy), "--out", tmp_path / "out", "--labels", "truth")
     report = json.loads((tmp_path / "out" / "report.json").read_text())
-    assert report["recording"]["left_out"] == {"frames at times of which no pose is known": 6}
+    assert report["recording"]["left_out"] == {"frames without a known pose": 6}
     assert report["recording"]["frames"] == len(frames()) - 3 - 6
     assert report["localisation"]["ate_rmse_m"] < 0.03
 
@@ -213,7 +213,7 @@ def test_without_the_cameras_place_the_page_says_what_it_cannot_tell(
     ("words", "message"),
     [
         (["nowhere"], "error: nowhere: no such file or folder"),
-        (["."], "no recording: it has neither depth.txt nor images in depth/"),
+        (["."], "neither depth.txt nor images in depth/"),
         ([".", "--intrinsics", "1", "1", "0", "1"], "--intrinsics 1.0 1.0 0.0 1.0: must be positive"),
         ([".", "--fps", "0"], "--fps 0.0: must be positive"),
         ([".", "--poses", "guess"], "--poses"),

@@ -34,9 +34,9 @@ def test_a_mission_is_a_file(tmp_path):
     ("text", "fault"),
     [
         ("wheels: 4", "unknown setting wheels"),
-        ("minutes: 0", "a clock must run"),
-        ("minutes: soon", "does not fit"),
-        ("tasks: [dance]", "does not fit"),
+        ("minutes: 0", "minutes"),
+        ("minutes: soon", "minutes"),
+        ("tasks: [dance]", "tasks"),
         ("[", "not readable YAML"),
     ],
 )
@@ -57,9 +57,9 @@ def test_flags_change_the_clock_and_what_counts():
 @pytest.mark.parametrize(
     ("flags", "fault"),
     [
-        (["--mission", "league", "--minutes", "0"], "--minutes 0: more than 0"),
-        (["--mission", "league", "--minutes", "inf"], "--minutes inf: more than 0"),
-        (["--minutes", "5"], "only with a --mission"),
+        (["--mission", "league", "--minutes", "0"], "--minutes 0:"),
+        (["--mission", "league", "--minutes", "inf"], "--minutes inf:"),
+        (["--minutes", "5"], "--mission"),
         (["--mission", "none.yaml"], "none.yaml"),
     ],
 )
@@ -92,7 +92,7 @@ def test_an_episode_plays_a_mission_and_is_scored(tmp_path, capsys):
 def test_what_is_accepted_ends_well_and_what_is_rejected_does_not(tmp_path, capsys):
     plan, _, _ = hand_in_room(tmp_path)
     validate_mission(MissionValidation(path=tmp_path))
-    assert capsys.readouterr().out == f"{tmp_path}: a judge would reject nothing\n"
+    assert capsys.readouterr().out == f"{tmp_path}: all files are valid\n"
     plan.rename(plan.with_name("map.tiff"))
     with pytest.raises(SystemExit) as ended:
         validate_mission(MissionValidation(path=tmp_path))

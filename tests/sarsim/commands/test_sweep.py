@@ -77,7 +77,7 @@ def test_methods_are_there_before_anything_runs(settings: SweepSettings) -> None
 
 
 def test_a_sweep_of_nothing_is_refused(settings: SweepSettings) -> None:
-    with pytest.raises(InputError, match="--seeds: at least one"):
+    with pytest.raises(InputError, match="--seeds"):
         sweep(replace(settings, seeds=()))
     with pytest.raises(InputError, match="--workers 0"):
         sweep(replace(settings, workers=0))

@@ -22,7 +22,7 @@ NO_DISPLAY = {key: value for key, value in os.environ.items() if key not in ("DI
 @pytest.mark.parametrize(
     ("flags", "reason"),
     [
-        ((), "no display"),
+        ((), "DISPLAY"),
         (("--arena", "atlantis"), "unknown arena 'atlantis'"),
         (("--arena", "random:x"), "whole number"),
         (("--gamepad", "/dev/input/js99"), "No such file"),

@@ -95,9 +95,9 @@ def test_two_processes_train_together_and_end_together_when_the_time_is_up(datas
         (["coffee"], "coffee"),
         (["dgcnn"], "--data"),
         (["dgcnn", "--data", "nowhere", "--out", "w.safetensors"], "nowhere"),
-        (["dgcnn", "--data", "DATA", "--out", "nowhere/w.safetensors"], "there is no folder"),
+        (["dgcnn", "--data", "DATA", "--out", "nowhere/w.safetensors"], "nowhere"),
         (["dgcnn", "--data", "DATA", "--out", "w.safetensors", "--steps", "0"], "--steps"),
-        (["dgcnn", "--data", "DATA", "--out", "w.csv"], "ends with .safetensors"),
+        (["dgcnn", "--data", "DATA", "--out", "w.csv"], "end in .safetensors"),
         (["dgcnn", "--data", "DATA", "--out", "w.safetensors", "--learning-rate", "-1"], "--learning-rate"),
     ],
 )

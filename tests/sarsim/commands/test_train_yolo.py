@@ -68,8 +68,8 @@ def test_a_training_can_begin_with_weights(
     ("flags", "complaint"),
     [
         (["--data", "nowhere", "--out", "w.weights"], "nowhere"),
-        (["--data", "DATA", "--out", "w.pt"], "ends with .weights"),
-        (["--data", "DATA", "--out", "nowhere/w.weights"], "there is no folder"),
+        (["--data", "DATA", "--out", "w.pt"], "end in .weights"),
+        (["--data", "DATA", "--out", "nowhere/w.weights"], "nowhere"),
         (["--data", "DATA", "--out", "w.weights", "--init", "no.weights"], "no.weights"),
         (["--data", "DATA", "--out", "w.weights", "--init", __file__], "not Darknet weights"),
         (["--data", "DATA", "--out", "w.weights", "--width", "100"], "multiples of 32"),

@@ -117,12 +117,12 @@ def test_a_folder_with_something_else_in_it_is_left_alone(tmp_path: Path) -> Non
 @pytest.mark.parametrize(
     ("text", "message"),
     [
-        ("{", "broken: not JSON"),
+        ("{", "JSON"),
         ("[]", "not the dataset.json of a dataset"),
         ('{"format": "sarsim-dataset", "version": 9}', "format version 9; this program reads version 1"),
-        ("[" * 100_000, "broken: not JSON"),
-        ('{"format": "sarsim-dataset", "version": 1}', "broken: 'scenes'"),
-        ('{"format": "sarsim-dataset", "version": 1, "scenes": [], "recipe": []}', "broken: "),
+        ("[" * 100_000, "JSON"),
+        ('{"format": "sarsim-dataset", "version": 1}', "damaged: 'scenes'"),
+        ('{"format": "sarsim-dataset", "version": 1, "scenes": [], "recipe": []}', "damaged: "),
     ],
 )
 def test_a_manifest_that_is_none(tmp_path: Path, text: str, message: str) -> None:
@@ -135,10 +135,10 @@ def test_a_manifest_that_is_none(tmp_path: Path, text: str, message: str) -> Non
     ("field", "value", "message"),
     [
         ("split", "/tmp", "the split of scene 1 is '/tmp'"),
-        ("file", "/dev/zero", "scene 1 is not in a file of its number: '/dev/zero'"),
-        ("index", "../1", "not in a file of its number"),
-        ("index", 1e300, "not in a file of its number"),
-        ("frames", "3", "frames of scene 1 is '3'"),
+        ("file", "/dev/zero", "'/dev/zero'"),
+        ("index", "../1", r"'\.\./1'"),
+        ("index", 1e300, r"1e\+300"),
+        ("frames", "3", "frames of scene 1 .*'3'"),
         ("points", {"wall": "many"}, "points of scene 1"),
         ("arena", 3, "arena of scene 1"),
     ],

@@ -82,8 +82,8 @@ def test_lanes_that_no_pioneer_can_drive_are_not_tried():
 @pytest.mark.parametrize(
     ("settings", "message"),
     [
-        (LanesSettings(lanes=("moat",)), "--lanes moat: no such lane; there are avoid_holes"),
-        (LanesSettings(repetitions=0), "--repetitions 0: give at least 1"),
+        (LanesSettings(lanes=("moat",)), "--lanes moat: .*avoid_holes"),
+        (LanesSettings(repetitions=0), "--repetitions 0:"),
         (LanesSettings(robot="none.xml", lanes=("door",)), "--robot none.xml: no such file"),
     ],
 )

@@ -93,12 +93,12 @@ def test_a_class_of_ones_own_explores(run) -> None:
 @pytest.mark.parametrize(
     ("method", "complaint"),
     [
-        ("mine_2d:Wrong", r"^--methods mine_2d:Wrong: nan is no node that can be reached$"),
-        ("mine_2d:Outside", "1000000000 is no node that can be reached$"),
+        ("mine_2d:Wrong", r"^--methods mine_2d:Wrong: nan .*node$"),
+        ("mine_2d:Outside", "1000000000 .*node$"),
         ("mine_2d:Throws", "^--methods mine_2d:Throws failed: ValueError: a line and another$"),
-        ("mine_2d:Hangs", "TimeoutError: took more than 1 s$"),
+        ("mine_2d:Hangs", "TimeoutError: .* 1 s$"),
         ("missing_2d:Mine", "^--methods missing_2d:Mine: ModuleNotFoundError: No module named 'missing_2d'$"),
-        ("nearest", "^--methods nearest: none of next_best_view, .* or MODULE:CLASS$"),
+        ("nearest", "^--methods nearest: .*next_best_view, .* or MODULE:CLASS$"),
     ],
 )
 def test_what_is_wrong_with_a_method_is_said_in_one_line(run, method: str, complaint: str) -> None:

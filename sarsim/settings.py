@@ -132,6 +132,8 @@ class SimulatorConfig:
         start: start pose: x and y in m, yaw in degrees. By default the arena's own start.
         seed: seed of every random number.
         lighting: light in the arena; in the dark the robot switches on its lamp.
+        victims: list of victims and starts for a world by others; each line is NAME x y z roll pitch yaw.
+        victims_state: state of victims whose names do not say whether they are alive.
     """
 
     arena: str = "nist_6x4"
@@ -139,7 +141,7 @@ class SimulatorConfig:
     start: Given[StartPose] = None
     seed: int = 0
     lighting: LightingName = "normal"
-    victims: Path | None = None
+    victims: Given[Path] = None
     victims_state: Literal["alive", "dead"] = "dead"
 
     @property
@@ -180,7 +182,8 @@ class MissionConfig:
         explore: explore before the goals.
         home: return to the start at the end.
         speed: top speed, m/s. By default the robot's own.
-        view: live view: in a new window (spawn), in the browser (web), or none.
+        view: live view: in a new window (spawn), or as a page for the browser (web), which stays until Ctrl-C if it
+            was opened.
         mission: explore, or a mission that hands in files: league, virtual or a YAML file.
         minutes: time limit of a mission, simulated; it replaces --steps. By default the mission's own.
         exploration: method that chooses the viewpoints, or your own MODULE:CLASS.

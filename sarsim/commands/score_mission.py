@@ -21,7 +21,7 @@ def score_mission(
     parked: Given[tuple[float, float]] = None,
     resets: int = 0,
     contacts: int = 0,
-    victims: Path | None = None,
+    victims: Given[Path] = None,
     victims_state: Literal["alive", "dead"] = "dead",
 ) -> None:
     """Compare a team's 3D map and list of finds with the arena, and print the scores of both leagues.
@@ -35,6 +35,8 @@ def score_mission(
         parked: x and y of the robot at the end, m. By default the end of trajectory_true.tum.
         resets: number of times that somebody touched the robot.
         contacts: number of contacts with living victims.
+        victims: list of victims and starts for a world by others; each line is NAME x y z roll pitch yaw.
+        victims_state: state of victims whose names do not say whether they are alive.
     """
     import json
 
@@ -49,7 +51,8 @@ def score_mission(
 
     if min(resets, contacts) < 0:
         raise InputError(f"--resets {resets} --contacts {contacts}: must not be negative")
-    brief, body, world = load_mission(mission), robot_model(robot), make_arena(arena, start)
+    brief, body = load_mission(mission), robot_model(robot)
+    world = make_arena(arena, start, victims=WorldVictims(victims, victims_state))
     physics = mjcf.Physics.from_mjcf_model(world.mjcf_model)
     with world.naming():
         truth = true_arena(physics.model.ptr, physics.data.ptr, world.T_world_start, body)

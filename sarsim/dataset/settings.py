@@ -18,7 +18,7 @@ MIN_SIZE = 16  # pixels of an image
 
 @dataclass(frozen=True)
 class ArenaRange:
-    """Random arenas are drawn uniformly between these values, bounds included; by default they look like the thesis's.
+    """Random arenas are drawn uniformly between these values, bounds included. By default like the thesis's.
 
     Attributes:
         tiles: number of tiles of 1.2 m along x and along y; large arenas give long views.

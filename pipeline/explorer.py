@@ -178,7 +178,7 @@ class Explorer:
 
         planned = viewpoint.seconds - self._config.exploration.keyframe_time if viewpoint.seconds else None
         # To a viewpoint to which it rolls already it drives on until it stands, or it would choose the same again.
-        rolls = viewpoint.turn and len(way) > 0
+        rolls = viewpoint.turn and len(way) > 0 and not viewpoint.stands
         return self.pilot.follow(check, Course(way, heading, start, speed_limit, rolls, planned), is_done)
 
     def _way(self, step: Step, plan: PathPlan, heading: float | None) -> list[Stretch]:

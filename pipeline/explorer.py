@@ -13,6 +13,7 @@ from pipeline.finds.reobservation import Reobservation
 from pipeline.labels import Label
 from pipeline.mapper import Keyframe, Mapper
 from pipeline.navigation.commands import Outcome
+from pipeline.navigation.course import Course
 from pipeline.navigation.navigator import Navigator
 from pipeline.navigation.obstacle_check import ObstacleCheck
 from pipeline.navigation.speed_limit import SpeedLimit
@@ -168,7 +169,7 @@ class Explorer:
         """Follow the plan of a step; slowly on ramps and beside people."""
         ramps = [ramp.tree.data for ramp in self.mapper.segments.of(Label.INCLINED_RAMP)]
         people = [victim.points for victim in self.mapper.victims.confirmed]
-        speed_limit = SpeedLimit(step.traversability, ramps, people, self._config.navigation.speed_limit)
+        speed_limit = SpeedLimit(step.traversability, ramps, people, self._config.navigation)
         heading, start = viewpoint.heading if viewpoint.turn else None, step.keyframe.T_map_base[:2, 3]
         way = self._way(step, plan, heading)
 
@@ -177,8 +178,8 @@ class Explorer:
 
         planned = viewpoint.seconds - self._config.exploration.keyframe_time if viewpoint.seconds else None
         # To a viewpoint to which it rolls already it drives on until it stands, or it would choose the same again.
-        rolls = viewpoint.turn and len(way) > 0
-        return self.pilot.follow(check, way, heading, start, speed_limit, rolls, planned, is_done)
+        rolls = viewpoint.turn and len(way) > 0 and not viewpoint.stands
+        return self.pilot.follow(check, Course(way, heading, start, speed_limit, rolls, planned), is_done)
 
     def _way(self, step: Step, plan: PathPlan, heading: float | None) -> list[Stretch]:
         """The stretches of a plan, with arcs where there is room for them on level ground."""

@@ -15,10 +15,10 @@ from pipeline.localisation.localisation import Localised, LostError
 from pipeline.localisation.pose_check import Confirmed, PoseCheck
 from pipeline.mapper import Keyframe, Mapper
 from pipeline.navigation.commands import STOP, Approach, Commands, Outcome, Verdict
+from pipeline.navigation.course import Course
 from pipeline.navigation.faults import Faults
-from pipeline.navigation.navigator import DrivenLeg, Halt, Navigator, SpeedAlong
+from pipeline.navigation.navigator import DrivenLeg, Halt, Navigator
 from pipeline.navigation.obstacle_check import ObstacleCheck
-from pipeline.planning.stretches import Stretch
 from pipeline.robot import Robot, Velocity
 from pipeline.sink import Sink
 
@@ -114,24 +114,13 @@ class Pilot:
         """Drive on by the newest estimate of the robot's pose."""
         self.navigator.correct(self._mapper.T_map_odom)
 
-    def follow(
-        self,
-        check: ObstacleCheck,
-        way: Sequence[Stretch],
-        heading: float | None = None,
-        start: Place | None = None,
-        speed_along: SpeedAlong | None = None,
-        rolls: bool = False,
-        planned: float | None = None,
-        is_done: Callable[[], bool] = lambda: False,
-    ) -> Outcome:
-        """Follow a way as :meth:`Navigator.follow` says; take keyframes and look for obstacles on it.
+    def follow(self, check: ObstacleCheck, course: Course, is_done: Callable[[], bool] = lambda: False) -> Outcome:
+        """Follow a course as :meth:`Navigator.follow` says; take keyframes and look for obstacles on it.
 
         ``is_done``: asked after each keyframe whether the drive may end there.
         """
         self._is_done = is_done
-        commands = self.navigator.follow(way, heading, start, speed_along, rolls, planned)
-        outcome = self._run(commands, check)
+        outcome = self._run(self.navigator.follow(course), check)
         motion = self.navigator.motion
         self._T_odom_left = None if outcome is Outcome.MOVED or motion is None else motion.T_odom_base
         return outcome

@@ -72,7 +72,8 @@ class UnseenWaysConfig:
         detour: s of a detour within which views are looked for at first; farther ones where there are none.
         least_share: of these that a view must show to be worth it.
         alternatives: most ways through different unseen ground that are compared.
-        tries: views that did not show ground after which it does not count as free any more.
+        tries: keyframes that missed ground after which it does not count as free any more,
+        drives: and drives to views of it, wherever they ended.
     """
 
     margin: float = 3.0
@@ -82,7 +83,8 @@ class UnseenWaysConfig:
     detour: float = 20.0
     least_share: float = 0.2
     alternatives: int = 3
-    tries: int = 3
+    tries: int = 5
+    drives: int = 8
 
 
 @dataclass(frozen=True)

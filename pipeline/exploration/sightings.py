@@ -40,6 +40,11 @@ class Sightings:
         # Of the keyframes, as they were when their misses were counted.
         self._poses = np.zeros((0, 4, 4))
 
+    @property
+    def misses(self) -> NDArray[np.uint8]:
+        """(nx, ny) number of keyframes that should have shown each cell, by the newest map, and did not."""
+        return self._layers["misses"]
+
     def observe(self, context: Context, camera: CameraView) -> SearchedTerrain:
         """Count what the keyframes since the last call showed and did not; the ground that is left to be searched."""
         ground = context.traversability

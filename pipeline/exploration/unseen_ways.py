@@ -109,19 +109,13 @@ class UnseenWays:
         self._sightings = Sightings(robot, config)
         self._terrain: SearchedTerrain
         self._camera: CameraView
-        # What the last view was to show: in map, and anchored until it is judged.
-        self._promised, self._awaited = NONE, Places.joined([])
-        self._failed: list[Places] = []
+        self._promised = NONE  # what the last view was to show
+        self._aimed: list[Places] = []  # what each view was to show, anchored
 
     def observe(self, context: Context) -> None:
-        """Judge the last view, and note what keyframes showed and did not."""
+        """Note what keyframes showed and did not."""
         self._camera = visibility.camera_view(context.frame, self._config.visibility)
         self._terrain = self._sightings.observe(context, self._camera)
-        ground, awaited = context.traversability, self._awaited
-        is_hidden = np.isnan(ground.grid.at(ground.elevation, awaited.at(context.poses), np.nan))
-        if is_hidden.sum() > (1 - self._config.shown) * len(is_hidden):
-            self._failed.append(Places(awaited.keyframe[is_hidden], awaited.position[is_hidden]))
-        self._awaited = Places.joined([])
 
     def ground_towards(self, goals: NDArray[np.float64], context: Context, doubts: bool = True) -> Traversability:
         """The ground if what is unseen is free, on a grid that holds goals (N, 2) that are not :meth:`is_far`.
@@ -159,10 +153,18 @@ class UnseenWays:
     def view_towards(self, goal: Place, context: Context) -> WayView | None:
         """The view by which the robot gets to a goal soonest; None if no way is left to it, or none to be viewed.
 
-        A few ways through different ground are compared.
+        What keyframes missed counts by its chance to show; if nothing else leads on, as much as any ground.
         """
         if context.paths.start is None or self.is_far(goal, context):
             return None
+        anyhow = np.ones_like(self._terrain.probability)
+        for terrain in (self._terrain, self._terrain._replace(probability=anyhow)):
+            if (view := self._view_on(terrain, goal, context)) is not None:
+                return view
+        return None
+
+    def _view_on(self, terrain: SearchedTerrain, goal: Place, context: Context) -> WayView | None:
+        """The best view of a few ways through different ground."""
         shut, offers = self._shut(context), list[Offer]()
         while len(offers) < self._numbers.alternatives:
             ground = context.traversability.with_unseen_free(goal[None], self._numbers.margin, shut)
@@ -170,24 +172,25 @@ class UnseenWays:
             gap = self._first_gap(search, context) if ground.grid.at(ground.traversable, goal) else None
             if gap is None or gap.seconds >= min((offer.seconds for offer in offers), default=np.inf):
                 break
-            if (offer := self._best_offer(gap, search, context)) is not None:
+            if (offer := self._best_offer(gap, search, context, terrain)) is not None:
                 offers.append(offer)
             # Another way may need no look, or a quicker one; if nothing shows this ground, it has to lead elsewhere.
             shut = np.vstack([shut, context.traversability.grid.centre_of(np.argwhere(gap.hidden))])
         return min(offers, key=lambda offer: offer.seconds).view if offers else None
 
-    def _best_offer(self, gap: Gap, search: GoalSearch, context: Context) -> Offer | None:
+    def _best_offer(self, gap: Gap, search: GoalSearch, context: Context, terrain: SearchedTerrain) -> Offer | None:
         """The best view of a gap; None if none shows enough of it."""
         # A deck behind a crest shows from below, ground that falls does not: the robot looks for decks last.
         for falls, within in product((True, False), (self._numbers.detour, np.inf)):
-            if (offer := self._best_view(gap, search, context, falls, within)) is not None:
+            searched = terrain._replace(target=gap.hidden, falls=falls)
+            if (offer := self._best_view(gap, search, context, searched, within)) is not None:
                 return offer
         return None
 
     def commit(self, view: WayView, context: Context) -> None:
         """Remember what a view that :meth:`view_towards` named is to show."""
         self._promised = view.shows
-        self._awaited = Places.anchored(view.shows, context.poses, len(context.poses) - 1)
+        self._aimed.append(Places.anchored(view.shows, context.poses, len(context.poses) - 1))
         ends, grid = np.stack([context.T_map_base[:2, 3], view.position]), context.traversability.grid
         self._sightings.expect(grid.cell_of(view.shows), ends, context.poses)
 
@@ -197,13 +200,11 @@ class UnseenWays:
         return bool(seen.sum() >= self._config.shown * len(seen))
 
     def _shut(self, context: Context) -> NDArray[np.float64]:
-        """(N, 2) m, cells that are still unseen after as many views as should be enough."""
-        grid = context.traversability.grid
-        failures = np.zeros(grid.shape, np.int64)
-        for places in self._failed:
-            failures += grid.mask_of(places.at(context.poses))
-        is_shut = (failures >= self._numbers.tries) & np.isnan(context.traversability.elevation)
-        return grid.centre_of(np.argwhere(is_shut))
+        """(N, 2) m, cells that are still unseen after as many keyframes, or drives, as should be enough."""
+        ground = context.traversability
+        aims = sum((ground.grid.mask_of(p.at(context.poses)) for p in self._aimed), np.zeros(ground.grid.shape, int))
+        is_shut = (self._sightings.misses >= self._numbers.tries) | (aims >= self._numbers.drives)
+        return ground.grid.centre_of(np.argwhere(is_shut & np.isnan(ground.elevation)))
 
     def _first_gap(self, search: GoalSearch, context: Context) -> Gap | None:
         """The first gap of the way from where the robot is; None if there is no way, or no gap."""
@@ -253,13 +254,14 @@ class UnseenWays:
         n, heading = np.unravel_index(total.argmin(), total.shape)
         return places[n], int(heading)
 
-    def _best_view(self, gap: Gap, search: GoalSearch, context: Context, falls: bool, within: float) -> Offer | None:
+    def _best_view(
+        self, gap: Gap, search: GoalSearch, context: Context, terrain: SearchedTerrain, within: float
+    ) -> Offer | None:
         """The view by which the robot gets to the goal soonest; None if none shows enough of a gap.
 
         ``within``: s by which it may get there later than without a look.
         """
         t, paths, camera = context.traversability, context.paths, self._camera
-        terrain = self._terrain._replace(target=gap.hidden, falls=falls)
         cells = self._candidates(gap, context)
         places = t.grid.centre_of(cells)
         shares = visibility.gains(places, camera, terrain) / (gap.hidden.sum() * t.grid.cell**2)
@@ -279,7 +281,7 @@ class UnseenWays:
         shown = visibility.cells_in_view(places[n], heading, camera, terrain)
         seconds = self._config.keyframe_time + float(there[n, m])
         gain, shows = float(shown.sum()) * t.grid.cell**2, t.grid.centre_of(np.argwhere(shown))
-        view = WayView(places[n], heading, True, gain, seconds, falls, shows=shows)
+        view = WayView(places[n], heading, True, gain, seconds, terrain.falls, stands=True, shows=shows)
         return Offer(view, float(cost[n, m]))
 
     def _candidates(self, gap: Gap, context: Context) -> Cells:

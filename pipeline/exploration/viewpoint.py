@@ -27,6 +27,7 @@ class Viewpoint:
         seconds: expected until the keyframe is taken.
         falls: whether the gain assumes that unknown ground behind crests falls.
         opens: whether it is to show what bars the way to ground that was seen.
+        stands: whether the robot must stand there unless it shows on the way, since where it goes next depends on it.
     """
 
     position: Place
@@ -36,6 +37,7 @@ class Viewpoint:
     seconds: float = 0.0
     falls: bool = True
     opens: bool = False
+    stands: bool = False
 
 
 class ViewpointRewards(Protocol):

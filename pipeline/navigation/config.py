@@ -16,7 +16,8 @@ class FollowerConfig:
         heading_tolerance: rad; a heading counts as reached this close to it.
         lean: rad; a robot that leans more is on a ramp, even if only its first wheels are.
         ramp_margin: m from where it leaned within which it minds the ramp: on the crest of a ridge it stands level.
-        braking: share of its turn acceleration by which it ends a turn, so that the wheels do not skid past its end.
+        braking: share of its acceleration, forwards and in turns, by which it brakes, so that the wheels do not skid
+            past the end.
         shown: rad by which the heading may be off where a viewpoint is passed: the view shows the same.
         lead: s by which turn rates follow the curvature ahead: the drive takes time to follow.
         least_pace: share of its speed that the robot keeps however far it is off its heading.
@@ -125,14 +126,12 @@ class SpeedLimitConfig:
         arc_lag: s in which a robot that enters an arc must turn as fast as the arc asks; until then it drives too
             straight. A Pioneer reaches 0.8 rad/s, at which it slides outwards by 4 to 6° of its heading, measured; at
             1.5 rad/s it slides by 12°.
-        braking: share of its acceleration by which it plans to brake, so that the wheels do not skid past the end.
     """
 
     beside_people: float = 1.0
     people_speed: float = 0.2
     beside_ramps: float = 0.2
     arc_lag: float = 0.46
-    braking: float = 0.8
 
 
 @dataclass(frozen=True)

@@ -4,7 +4,7 @@ The navigator commands nothing by itself: it yields one command after the other,
 answers with a verdict and reports each motion.
 """
 
-from collections.abc import Callable, Generator, Iterator, Sequence
+from collections.abc import Generator, Iterator, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -15,6 +15,7 @@ from pipeline.localisation.localisation import check_pose
 from pipeline.navigation.attitude import Attitude
 from pipeline.navigation.commands import STOP, Approach, Commands, Outcome, Turn, Verdict
 from pipeline.navigation.config import NavigationConfig
+from pipeline.navigation.course import Course, SpeedAlong
 from pipeline.navigation.progress import Progress
 from pipeline.planning.stretches import Stretch
 from pipeline.robot import Motion, RobotModel, Velocity
@@ -22,8 +23,6 @@ from pipeline.transforms import inverse, transform_points, wrap_angle, yaw_of
 
 REFUSED = {Verdict.UNSURE: Outcome.UNSURE, Verdict.BLOCKED: Outcome.BLOCKED}
 """How a leg ends when the robot must not go on."""
-SpeedAlong = Callable[[Stretch], Values]
-"""(N,) m/s, the greatest speeds at the poses of a stretch."""
 
 
 @dataclass
@@ -130,56 +129,34 @@ class Navigator:
     def _in_map(self, stretch: Stretch) -> Stretch:
         return stretch.moved(self._T_map_odom)
 
-    def follow(
-        self,
-        way: Sequence[Stretch],
-        heading: float | None = None,
-        start: Place | None = None,
-        speed_along: SpeedAlong | None = None,
-        rolls: bool = False,
-        planned: float | None = None,
-    ) -> Commands:
-        """Drive along stretches; the outcome is ``REACHED`` if all of them, and the heading, were reached.
+    def follow(self, course: Course) -> Commands:
+        """Drive a course; the outcome is ``REACHED`` if all of its stretches, and its heading, were reached.
 
-        Args:
-            way: from where the robot stands, or rolls to; at least a heading if there are none.
-            heading: rad, of the robot at the end; None for any.
-            start: (2,), where the robot was when the way was planned. One that is elsewhere was carried.
-            speed_along: by the ground; by default as fast as the robot may drive at all.
-            rolls: whether the robot need not stand at the end. It has reached the end where it must brake for it;
-                :meth:`next_pose` is then ahead of it, and it goes on with the next way, or else must be halted.
-            planned: s that the drive should take, for :attr:`times`; None if nobody planned it.
+        A robot that still rolls then is at :meth:`next_pose` when it stands.
         """
         began = None if self.motion is None else self._time
-        outcome = yield from self._follow(way, heading, start, speed_along, rolls)
+        outcome = yield from self._follow(course)
         if outcome is Outcome.DONE:
             return Outcome.REACHED
-        if outcome is Outcome.REACHED and planned is not None and began is not None:
-            self.times.append(DriveTime(planned, self._time - began))
+        if outcome is Outcome.REACHED and course.planned is not None and began is not None:
+            self.times.append(DriveTime(course.planned, self._time - began))
         return outcome
 
-    def _follow(
-        self,
-        way: Sequence[Stretch],
-        heading: float | None,
-        start: Place | None,
-        speed_along: SpeedAlong | None,
-        rolls: bool,
-    ) -> Commands:
+    def _follow(self, course: Course) -> Commands:
         self.halts, self.track = [], []
-        way = self._joined(way)
+        way, heading = self._joined(course.way), course.heading
         if self._rest is None:
             yield STOP
         self._rest = None
         here = self.T_map_base[:2, 3]
-        if self._is_elsewhere(start):
+        if self._is_elsewhere(course.start):
             self.legs.append(DrivenLeg(here, Outcome.MOVED))
             yield STOP
             return Outcome.MOVED
-        turns = heading is not None and not (rolls and way and self._shows(way[-1].last_heading, heading))
+        turns = heading is not None and not (course.rolls and way and self._shows(way[-1].last_heading, heading))
         for number, stretch in enumerate(way, start=1):
-            is_passed = rolls and not turns and number == len(way)
-            outcome = yield from self._drive_leg(stretch, speed_along, is_passed)
+            is_passed = course.rolls and not turns and number == len(way)
+            outcome = yield from self._drive_leg(stretch, course.speed_along, is_passed)
             if outcome is not Outcome.REACHED or self._rest is not None:
                 return outcome
         if heading is None or not turns:

@@ -9,7 +9,7 @@ from scipy.spatial import KDTree
 from pipeline.arrays import Places, Values
 from pipeline.elevation_map.pose_kernels import level_speed
 from pipeline.elevation_map.traversability import Traversability
-from pipeline.navigation.config import SpeedLimitConfig
+from pipeline.navigation.config import NavigationConfig
 from pipeline.planning.stretches import Stretch
 
 
@@ -21,13 +21,14 @@ class SpeedLimit:
         traversability: Traversability,
         ramps: Sequence[NDArray[np.floating]] = (),
         people: Sequence[NDArray[np.floating]] = (),
-        config: SpeedLimitConfig = SpeedLimitConfig(),
+        config: NavigationConfig = NavigationConfig(),
     ):
         """``ramps``, ``people``: (N, 3) points of each inclined ramp and person of the semantic map, m."""
-        self._traversability, self._config = traversability, config
+        self._traversability, self._config = traversability, config.speed_limit
+        self._deceleration = config.follower.braking * traversability.robot.acceleration
         slow = (
-            (ramps, config.beside_ramps, traversability.robot.ramp_speed),
-            (people, config.beside_people, config.people_speed),
+            (ramps, self._config.beside_ramps, traversability.robot.ramp_speed),
+            (people, self._config.beside_people, self._config.people_speed),
         )
         self._slow = [(KDTree(np.vstack(these)[:, :2]), near, most) for these, near, most in slow if len(these)]
 
@@ -37,7 +38,7 @@ class SpeedLimit:
         turn_rate = min(robot.turn_rate, self._config.arc_lag * robot.turn_acceleration)
         turning = turn_rate / np.maximum(np.abs(stretch.curvature), np.finfo(np.float64).eps)
         speeds = np.minimum(self._on_ground(poses), turning)
-        return braked(speeds, stretch.along, self._config.braking * robot.acceleration)
+        return braked(speeds, stretch.along, self._deceleration)
 
     def _on_ground(self, poses: Places) -> Values:
         """(N,) m/s at poses on the ground there."""

@@ -13,6 +13,7 @@ from pipeline.localisation.localisation import LostError
 from pipeline.mapper import Keyframe, Mapper
 from pipeline.navigation.commands import Outcome
 from pipeline.navigation.config import NavigationConfig
+from pipeline.navigation.course import Course
 from pipeline.navigation.obstacle_check import ObstacleCheck
 from pipeline.pilot import Pilot
 from pipeline.planning.stretches import stretches_of
@@ -84,7 +85,7 @@ class Outlook:
         check = ObstacleCheck(self.mapper.traversability, sensor, NavigationConfig().obstacle_check)
         start = self.pilot.next_pose(self.keyframes[-1].T_map_base)
         way = stretches_of(np.array([(x, y)]), np.zeros(1, np.bool_), start, None, lambda poses: False)
-        return self.pilot.follow(check, way)
+        return self.pilot.follow(check, Course(way))
 
 
 @pytest.fixture(scope="module")

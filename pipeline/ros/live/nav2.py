@@ -5,7 +5,6 @@ transforms contain ``odom``.
 """
 
 import logging
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -13,9 +12,9 @@ import numpy as np
 from pipeline.arrays import Place
 from pipeline.navigation.commands import STOP, Commands, Outcome, Verdict
 from pipeline.navigation.config import NavigationConfig
-from pipeline.navigation.navigator import DrivenLeg, Navigator, SpeedAlong, of_leg
+from pipeline.navigation.course import Course
+from pipeline.navigation.navigator import DrivenLeg, Navigator, of_leg
 from pipeline.planning.path_plan import place_name
-from pipeline.planning.stretches import Stretch
 from pipeline.robot import Velocity
 from pipeline.ros import messages
 from pipeline.ros.config import Nav2Config
@@ -127,21 +126,15 @@ class Nav2Navigator(Navigator):
         T = self.T_map_base
         return (yield from self._go_to(np.append(T[:2, 3], yaw_of(T) + angle), 0.0))
 
-    def _follow(
-        self,
-        way: Sequence[Stretch],
-        heading: float | None,
-        start: Place | None,
-        speed_along: SpeedAlong | None,
-        rolls: bool,
-    ) -> Commands:
+    def _follow(self, course: Course) -> Commands:
         self.halts, self.track = [], []
+        way, heading = course.way, course.heading
         yield STOP
         here = self.T_map_base[:2, 3]
         end = way[-1].poses[-1, :2] if way else here
         heading = way[-1].last_heading if heading is None and way else heading
         outcome = Outcome.MOVED
-        if not self._is_elsewhere(start):
+        if not self._is_elsewhere(course.start):
             heading = yaw_of(self.T_map_base) if heading is None else heading
             length = sum(stretch.length for stretch in way)
             outcome = yield from self._go_to(np.append(end, heading), length)

@@ -7,6 +7,7 @@ import numpy as np
 
 from pipeline.navigation.commands import Commands, Outcome, Verdict
 from pipeline.navigation.config import FollowerConfig, NavigationConfig
+from pipeline.navigation.course import Course
 from pipeline.navigation.navigator import Navigator
 from pipeline.planning.stretches import Stretch, stretches_of
 from pipeline.robot import Robot, Velocity
@@ -40,7 +41,7 @@ class Follower(Navigator):
     ) -> bool:
         """Drive through way points; True if all of them, and the heading, were reached."""
         way = self.way(way_points, heading, backwards, arcs)
-        return self.outcome(self.follow(way, heading, **kwargs), watch) is Outcome.REACHED
+        return self.outcome(self.follow(Course(way, heading, **kwargs)), watch) is Outcome.REACHED
 
     def outcome(
         self, commands: Commands, watch: Callable[[Velocity], Verdict] = lambda command: Verdict.FINE

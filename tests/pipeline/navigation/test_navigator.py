@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 
 from pipeline.navigation.commands import Approach, Outcome, Verdict
 from pipeline.navigation.config import ProgressConfig, RecoveryConfig
+from pipeline.navigation.course import Course
 from pipeline.navigation.navigator import Halt
 from pipeline.planning.stretches import stretches_of
 from pipeline.robot import Velocity
@@ -211,7 +212,7 @@ def test_it_rolls_through_the_end_of_a_way_that_it_passes():
     ahead = navigator.next_pose(navigator.T_map_base)
     np.testing.assert_allclose(ahead, (1.0, 0.0, 0.0), atol=0.02)
     way = stretches_of(np.array([(2.0, 0.0)]), np.zeros(1, np.bool_), ahead, None, lambda poses: True)
-    assert navigator.outcome(navigator.follow(way)) is Outcome.REACHED
+    assert navigator.outcome(navigator.follow(Course(way))) is Outcome.REACHED
     assert not stops(robot)
     np.testing.assert_allclose(robot.T[:2, 3], (2.0, 0.0), atol=0.06)
 
@@ -222,7 +223,7 @@ def test_a_robot_that_rolls_goes_to_the_end_before_it_turns_back():
     assert navigator.drive([(1.0, 0.0)], 0.0, rolls=True)
     ahead = navigator.next_pose(navigator.T_map_base)
     way = stretches_of(np.array([(0.0, 0.0)]), np.zeros(1, np.bool_), ahead, None, lambda poses: False)
-    assert navigator.outcome(navigator.follow(way)) is Outcome.REACHED
+    assert navigator.outcome(navigator.follow(Course(way))) is Outcome.REACHED
     assert max(place[0] for place in navigator.track) == pytest.approx(1.0, abs=0.06)
     np.testing.assert_allclose(robot.T[:2, 3], (0.0, 0.0), atol=0.06)
 

@@ -15,6 +15,7 @@ from pipeline.localisation.localisation import LostError
 from pipeline.mapper import Mapper
 from pipeline.navigation.commands import Outcome, Verdict
 from pipeline.navigation.config import NavigationConfig
+from pipeline.navigation.course import Course
 from pipeline.navigation.obstacle_check import ObstacleCheck
 from pipeline.pilot import Pilot
 from pipeline.planning.stretches import Stretch, stretches_of
@@ -52,7 +53,7 @@ class Drive:
         """Drive to a place in the map, and how that ends."""
         if self.navigator.motion is None:
             self.navigator.moved(self.robot.drive(Velocity()))
-        return self.outcome(self.navigator.follow(way_to(self.navigator.T_map_base, place), heading), watch)
+        return self.outcome(self.navigator.follow(Course(way_to(self.navigator.T_map_base, place), heading)), watch)
 
     def outcome(self, commands: Any, watch: Watch = lambda command: Verdict.FINE) -> Outcome:
         try:
@@ -99,7 +100,7 @@ def test_it_drives_to_a_place_of_our_map_and_turns_there(T_map_odom: Pose) -> No
 
 def test_a_viewpoint_where_it_stands_is_a_turn(drive: Drive) -> None:
     drive.navigator.moved(drive.robot.drive(Velocity()))
-    assert drive.outcome(drive.navigator.follow([], 1.0)) is Outcome.REACHED
+    assert drive.outcome(drive.navigator.follow(Course([], 1.0))) is Outcome.REACHED
     assert drive.outcome(drive.navigator.turn(np.pi)) is Outcome.REACHED
     T = drive.room.body.T
     assert abs(wrap_angle(yaw_of(T) - 1.0 - np.pi)) < 0.15
@@ -155,7 +156,7 @@ def test_the_end_of_a_drive_is_asked_for_after_each_keyframe(drive: Drive) -> No
     check = ObstacleCheck(mapper.traversability, XTION, NavigationConfig().obstacle_check)
     T = drive.navigator.T_map_base
     place = T[:2, 3] + 0.9 * T[:2, 0]
-    assert pilot.follow(check, way_to(T, place), is_done=is_done) is Outcome.REACHED
+    assert pilot.follow(check, Course(way_to(T, place)), is_done=is_done) is Outcome.REACHED
     assert asked == [2, 3]
     assert drive.stack.ends == [GoalEnd.CANCELED]
 
@@ -179,7 +180,7 @@ def test_a_drive_that_does_not_end_is_ended() -> None:
 
 
 def test_nav2_drives_on_while_the_pipeline_computes_until_it_is_stopped(drive: Drive) -> None:
-    commands = drive.navigator.follow(way_to(from_yaw(1.2, 1.0, 0, 0), (3.0, 1.0)))
+    commands = drive.navigator.follow(Course(way_to(from_yaw(1.2, 1.0, 0, 0), (3.0, 1.0))))
     for _ in range(3):
         drive.navigator.moved(drive.robot.drive(commands.send(None if not drive.navigator.motion else Verdict.FINE)))
     assert drive.moves(1.0)
@@ -232,7 +233,7 @@ def test_the_nav2_in_the_namespace_of_the_odometry_counts(name: str) -> None:
         return
     robot = Nav2Robot(end, PIONEER, topics, T_BASE_CAMERA, patience=2.0)
     navigator = Nav2Navigator(robot)
-    commands = navigator.follow([], 1.0)
+    commands = navigator.follow(Course([], 1.0))
     for _ in range(3):
         navigator.moved(robot.drive(commands.send(None if not navigator.motion else Verdict.FINE)))
     assert len(stack.goals) == 1

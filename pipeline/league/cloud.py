@@ -128,7 +128,7 @@ def _vertices(read: CloudFile, lines: list[str]) -> tuple[int, list[str]]:
     words = [line.split() for line in lines]
     elements = [(at, w) for at, w in enumerate(words) if w[:1] == ["element"]]
     if not elements or elements[0][1][1:2] != ["vertex"] or not elements[0][1][-1].isdecimal():
-        read.faults.append("the first element must be vertex, with a number")
+        read.faults.append("the first must be an element vertex with a number")
         return 0, []
     first, following = elements[0][0], elements[1][0] if len(elements) > 1 else len(words)
     properties = [(w[-1], " ".join(w[1:-1])) for w in words[first:following] if w[:1] == ["property"]]

@@ -18,10 +18,11 @@ from pipeline.league.brief import MissionBrief, Task
 from sarsim.assets import asset
 from sarsim.commands.cli import COMMON, common, guarded, parse
 from sarsim.commands.names import check_names
-from sarsim.flags import Given
 from sarsim.settings import EXPLORE, METHODS, names_code, words
 
-CONFIG_HELP = "YAML file of settings, such as the config.yaml of an earlier run; flags override it."
+CONFIG = tyro.conf.arg(
+    help="YAML file of settings, such as the config.yaml of an earlier run; flags override it.", help_behavior_hint=""
+)
 RESULTS = ("out", "resume", "bag", "tum", "json")
 """Where results go: only flags may set these, because a file of settings may come from a stranger."""
 OUTPUTS = (*RESULTS, "workers")
@@ -87,7 +88,7 @@ def settings_from(
         "Flags",
         [
             ("settings", Annotated[kind, tyro.conf.arg(name="")], field(**default)),
-            ("config", Annotated[Given[Path], tyro.conf.arg(help=CONFIG_HELP)], field(default=None)),
+            ("config", Annotated[Path | None, CONFIG], field(default=None)),
         ],
     )
     return parse(

@@ -87,7 +87,7 @@ def test_what_stands_between_the_robot_and_a_goal_is_said():
         assert plan_path(topology, paths, goal) is None
     assert obstacle_to(paths, (0.0, 0.0)) is None
     lost = PosePaths(traversability, (30.0, 30.0))
-    assert "robot stands" in str(obstacle_to(lost, (0.0, 0.0)))
+    assert "the robot cannot drive away" in str(obstacle_to(lost, (0.0, 0.0)))
     assert plan_path(topology, lost, (0.0, 0.0)) is None
 
 

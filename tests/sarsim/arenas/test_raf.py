@@ -288,7 +288,7 @@ def read_plainly(path):
             '<elements><element type="small_wall" x="0" y="0" rotation="0" mount-point="-1"/></elements>',
             "mount-point",
         ),
-        ('<elements><element type="victim_1" x="0" y="0" rotation="0" offset-x="5000"/></elements>', "x=0 to 5000"),
+        ('<elements><element type="victim_1" x="0" y="0" rotation="0" offset-x="5000"/></elements>', "x=5000"),
         ('<elements><element type="a" x="0" y="0" rotation="0"/></elements>', ": a$"),
         ("<elements>" + '<element type="small_wall" x="0" y="0" rotation="0"/>' * 5000 + "</elements>", "5000"),
     ],

@@ -195,7 +195,7 @@ def test_blocks_of_another_shape_and_points_that_are_nowhere_are_refused(name):
         with pytest.raises(InputError, match=f"{name}: "):
             fast(np.zeros(shape, np.float32))
     x[3, 1] = np.nan
-    with pytest.raises(InputError, match="not finite"):
+    with pytest.raises(InputError, match="finite"):
         fast(x)
 
 

@@ -88,7 +88,7 @@ def test_published_networks_find_what_their_makers_found(name: str) -> None:
 @pytest.mark.parametrize(
     ("old", "new", "message"),
     [
-        ("[yolo]", "[gru]", r"n\.cfg: no \[yolo\]"),
+        ("[yolo]", "[gru]", r"n\.cfg: .*no \[yolo\]"),
         ("activation=linear", "activation=linear\n[gru]", "gru"),
         ("stride=2", "stride=0", "OpenCV"),
         ("stride=2", "stride=x", r"n\.cfg:7: \[convolutional\] stride=x"),
@@ -107,7 +107,7 @@ def test_published_networks_find_what_their_makers_found(name: str) -> None:
         ("anchors=4,6", "anchors=a,6", "anchors=a,6"),
         ("num=1", "num=2", "OpenCV"),
         ("channels=3", "channels=4", "4 channels"),
-        ("[net]", "stuff", r"n\.cfg:2: neither"),
+        ("[net]", "stuff", r"n\.cfg:2: .*stuff"),
         ("width=16", "", "width"),
         ("activation=linear", "activation=linear\n[route]\nlayers=9", "OpenCV"),
     ],

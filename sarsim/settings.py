@@ -172,8 +172,7 @@ class MissionConfig:
         explore: explore first, as with --steps.
         home: drive back at the end.
         speed: top speed, m/s; by default the robot's. The thesis drives at 0.2.
-        view: live view of the run: in a new window (spawn), or as a page for the browser (web), which stays until
-            Ctrl-C if it was opened.
+        view: live view of the run: in a new window (spawn), in the browser (web), or none.
         mission: explore, or with files handed in: league, virtual, FILE.
         minutes: clock of a mission, which ends it in place of --steps; by default its own.
         exploration: what chooses viewpoints; a class of your own by MODULE:CLASS.

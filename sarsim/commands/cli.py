@@ -35,8 +35,8 @@ SIGNALLED = 128  # plus the number of the signal, as in shells
 UNREAD = 141  # 128 + SIGPIPE
 HELP_INDENT = 8 * " "  # before the help of a flag in tyro's messages about wrong ones
 COMMON = (
-    "Every command also takes --version, --quiet (errors alone), --verbose (every figure of a run's report) and "
-    "--log-level LEVEL (debug, info, warning, error)."
+    "Every command also takes --version, --quiet (errors alone), --verbose (all figures) and --log-level LEVEL "
+    "(debug, info, warning, error)."
 )
 Item = TypeVar("Item")
 _quiet = _verbose = False

@@ -182,8 +182,7 @@ class MissionConfig:
         explore: explore before the goals.
         home: return to the start at the end.
         speed: top speed, m/s. By default the robot's own.
-        view: live view: in a new window (spawn), or as a page for the browser (web), which stays until Ctrl-C if it
-            was opened.
+        view: live view: in a new window (spawn), in the browser (web), or none.
         mission: explore, or a mission that hands in files: league, virtual or a YAML file.
         minutes: time limit of a mission, simulated; it replaces --steps. By default the mission's own.
         exploration: method that chooses the viewpoints, or your own MODULE:CLASS.

@@ -10,13 +10,13 @@ OWN = ("pipeline", "sarsim")
 FILE = Path(__file__).resolve().parents[1] / "sarsim" / "kernels.json"
 
 try:
-    import tyro as tyro
+    from sarsim.commands.cli import run
 except ModuleNotFoundError as error:
     raise SystemExit(f"error: {error.name} is not installed here: make setup, then . .venv/bin/activate") from None
 
 
-def main() -> None:
-    """Entry point: run the default episode with an empty cache."""
+def list_kernels() -> None:
+    """Run the default episode with an empty cache, and write what numba compiles into sarsim/kernels.json."""
     with tempfile.TemporaryDirectory() as folder:
         os.environ["NUMBA_CACHE_DIR"] = f"{folder}/cache"  # numba reads it when it is imported
         lines = [json.dumps(one) for one in compiled(Path(folder, "episode"))]
@@ -57,6 +57,11 @@ def described(argument: Any) -> Any:
         name = f"{kind.__module__}:{kind.__qualname__}" if kind else None
         return ["tuple", name, list(map(described, argument))]
     return str(argument)
+
+
+def main() -> None:
+    """Entry point."""
+    run(list_kernels)
 
 
 if __name__ == "__main__":

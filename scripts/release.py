@@ -1,8 +1,8 @@
 """Check that a tag can be released, and print its notes: ``release.py v0.1.0``. It needs no installed package."""
 
 import re
-import sys
 import tomllib
+from argparse import ArgumentParser
 from itertools import dropwhile, takewhile
 from pathlib import Path
 
@@ -16,12 +16,13 @@ ROW = re.compile(rf", {DATE}, ([0-9a-f]{{7,40}}\+?) \|$", re.MULTILINE)
 
 def main() -> None:
     """Entry point: notes on stdout; or what is wrong on stderr, and status 1."""
-    if len(sys.argv) != 2:
-        raise SystemExit("usage: scripts/release.py TAG")
+    parser = ArgumentParser(description=__doc__)
+    parser.add_argument("tag", help="as v0.1.0")
+    tag = parser.parse_args().tag
     version = tomllib.loads(text("pyproject.toml"))["project"]["version"]
     heading, notes = changes(text("CHANGELOG.md"), version)
     wrong = [
-        *faults_of_tag(sys.argv[1], version),
+        *faults_of_tag(tag, version),
         *faults_of_dates(heading, text("CITATION.cff"), version),
         *faults_of_results(text("README.md")),
     ]

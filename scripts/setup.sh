@@ -24,13 +24,14 @@ install_episode() {
     say "installing them takes some minutes"
     install_python_packages
     pip install --no-deps --no-build-isolation --editable .
+    compile_imports
     # Functions that an earlier version compiled may name classes that are gone, and then numba fails to load them.
     find pipeline sarsim -name '*.nb[ic]' -delete
 }
 
 install_development() {
-    say "tests and benchmarks need $(count requirements-dev.txt) more packages: about 0.2 GB to download, 0.5 GB on disk"
-    install_pinned requirements-dev.txt
+    say "tests and benchmarks need $(count requirements-dev.txt) more packages: about 0.2 GB to download, 0.6 GB on disk"
+    pip install --no-deps --requirement requirements-dev.txt
 }
 
 # Number of packages in a file of requirements.
@@ -116,9 +117,9 @@ install_python_packages() {
 # PyPI's build for Linux brings 3 GB of CUDA, which is of no use without a GPU; PyTorch's own index has one without.
 install_torch() {
     if [ "$(uname)" = Linux ] && ! command -v nvidia-smi >/dev/null && reachable "$TORCH_FOR_CPUS/torch/"; then
-        pip install --constraint requirements.txt --extra-index-url "$TORCH_FOR_CPUS" "$@" torch
+        pip install --no-compile --constraint requirements.txt --extra-index-url "$TORCH_FOR_CPUS" "$@" torch
     else
-        pip install --constraint requirements.txt "$@" torch
+        pip install --no-compile --constraint requirements.txt "$@" torch
     fi
 }
 
@@ -128,12 +129,18 @@ reachable() {
 
 # The file has the last detail, so pip need not look for what its packages need.
 install_pinned() {
-    pip install --no-deps --requirement "$1"
+    pip install --no-compile --no-deps --requirement "$1"
 }
 
-# Python compiles what it imports; pip would compile ten times as much, for a minute and 0.4 GB.
 pip() {
-    .venv/bin/python -m pip --disable-pip-version-check --quiet "$@" --no-compile
+    .venv/bin/python -m pip --disable-pip-version-check --quiet "$@"
+}
+
+# Python's bytecode of what commands import, also where Python is told to write none. pip would compile ten times as much,
+# for a minute and 0.4 GB. An import that fails, as without OpenGL, is for the command that needs it to report.
+compile_imports() {
+    PYTHONDONTWRITEBYTECODE='' .venv/bin/python -c \
+        'import open3d, rerun, torch, sarsim.dataset.generate, sarsim.episode, sarsim.teleoperation' 2>/dev/null || true
 }
 
 say() {

@@ -35,7 +35,7 @@ SIGNALLED = 128  # plus the number of the signal, as in shells
 UNREAD = 141  # 128 + SIGPIPE
 HELP_INDENT = 8 * " "  # before the help of a flag in tyro's messages about wrong ones
 COMMON = (
-    "Every command also accepts --version, --quiet (only errors), --verbose (every figure of a run's report) and "
+    "Every command also accepts --version, --quiet (only errors), --verbose (all figures) and "
     "--log-level debug|info|warning|error."
 )
 Item = TypeVar("Item")

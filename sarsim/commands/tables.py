@@ -59,7 +59,7 @@ def summary(report: Mapping[str, Any]) -> dict[str, str]:
 
 def _explored(report: Mapping[str, Any]) -> str:
     exploration = report.get("exploration", {})
-    lasted = f"{report['steps']} steps in {_clock(report['sim_time_s'])} of the robot's time"
+    lasted = f"{_counted(report['steps'], 'step')} in {_clock(report['sim_time_s'])} of the robot's time"
     share = exploration.get("explored_fraction")
     seen = f"{_percent(share)} of the drivable ground, " if share is not None else ""
     points = [

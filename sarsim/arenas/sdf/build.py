@@ -1,6 +1,7 @@
 """Arenas from SDF files: Gazebo's worlds and models, through the same builder as all arenas."""
 
 import logging
+from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,8 +13,8 @@ from scipy.spatial.transform import Rotation
 from pipeline.arrays import Places, Pose
 from pipeline.errors import InputError
 from sarsim.arenas.elements import ArenaBuilder, Attributes
-from sarsim.arenas.sdf.labels import Outline, endless, ground_of, label_of, outline_of
-from sarsim.arenas.sdf.pieces import MOST_PIECES
+from sarsim.arenas.sdf.labels import Outline, endless, flat_outline_of, ground_of, label_of, outline_of
+from sarsim.arenas.sdf.pieces import MOST_PIECES, two_sided
 from sarsim.arenas.sdf.solids import Solid, SolidReader
 from sarsim.arenas.sdf.world import SdfWorld
 from sarsim.ground_truth.true_surface import MOST_AREA
@@ -25,6 +26,9 @@ BEYOND = 2.0  # m by which planes, which end nowhere, reach farther still: goals
 MOST_THROWN = 0.1  # of a world's bodies that may lie far out
 FAR_OUT = 3.0  # times as far from the middle as the others: what lies there does not belong to the world
 HEADROOM = robot_model().headroom  # m; a surface that is higher over the lowest point of a model is no ground
+TILE = 6.0  # m; what is seen of a larger piece is parted into squares, so that images leave out what they do not show
+COLLIDES = {"group": 3}  # not drawn
+SEEN = {"contype": 0, "conaffinity": 0}
 LEVEL = 1e-9  # A plane's normal with 1 − z below this points up
 
 _log = logging.getLogger(__name__)
@@ -37,14 +41,21 @@ class _Body:
     Attributes:
         solid: that it is, or is a part of.
         part: corners of a convex part of the solid's piece of a mesh; None for the whole solid.
+        facet: number of the facet of that piece of which it is what is seen; None if it collides.
         corners: in the world.
         outline: for its label.
     """
 
     solid: Solid
     part: Places | None
+    facet: int | None
     corners: Places
     outline: Outline
+
+    @property
+    def is_seen(self) -> bool:
+        """Whether it is drawn."""
+        return self.part is None or self.solid.piece is None or self.solid.piece.facets is None
 
 
 def build_sdf(path: Path) -> ArenaBuilder:
@@ -106,16 +117,19 @@ def _as_hulls(solids: list[Solid]) -> set[int]:
 def _bodies(solid: Solid, hulls: set[int]) -> Iterator[_Body]:
     piece, T = solid.piece, solid.T_world
     if solid.kind == "plane":
-        yield _Body(solid, None, _moved(T, solid.corners), endless(T))
+        yield _Body(solid, None, None, _moved(T, solid.corners), endless(T))
     elif piece is None or id(piece) in hulls:
         slab = piece.slab if piece is not None and piece.is_flat else None
         corners = _moved(T, solid.corners if slab is None else slab)
-        yield _Body(solid, slab, corners, outline_of(corners))
+        yield _Body(solid, slab, None, corners, outline_of(corners))
     else:
         surface = piece.area_up(T[:3, :3])
         for part in piece.parts:
             corners = _moved(T, part)
-            yield _Body(solid, part, corners, outline_of(corners, surface))
+            yield _Body(solid, part, None, corners, outline_of(corners, surface))
+        for number, triangles in enumerate(piece.seen):
+            corners = _moved(T, triangles.reshape(-1, 3))
+            yield _Body(solid, None, number, corners, flat_outline_of(corners.reshape(-1, 3, 3), surface))
 
 
 def _moved(T: Pose, points: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -146,15 +160,23 @@ def _built(path: Path, bodies: list[_Body], is_model: bool) -> ArenaBuilder:
     """The arena of bodies; what stands on no ground, or is a model alone that is raised, gets a floor."""
     builder = ArenaBuilder(path.stem)
     low, high = _bounds(bodies)
-    ground = ground_of([body.outline for body in bodies], float(np.prod(high - low)))
+    ground = ground_of([body.outline for body in bodies if body.is_seen], float(np.prod(high - low)))
     raised = is_model and ground is not None and ground > min(body.outline.low for body in bodies) + HEADROOM
     if ground is None or raised:
         ground = 0.0
         builder.add_floor(low, high)
     ends = _ends_of_planes(low, high)
+    seen = defaultdict[tuple[Solid, str], list[Places]](list)
     for body in bodies:
         label = label_of(body.outline, ground).name.lower()
-        builder.add_geom(label, _geom(builder, body, *ends), body.solid.colour)
+        if body.facet is not None and body.solid.piece is not None:
+            seen[body.solid, label].append(body.solid.piece.seen[body.facet])
+        else:
+            builder.add_geom(label, _geom(builder, body, *ends), body.solid.colour)
+    for (solid, label), facets in seen.items():
+        for triangles in _tiles(np.concatenate(facets)):
+            mesh = {"mesh": builder.add_mesh(*two_sided(triangles))}
+            builder.add_geom(label, _pose(solid) | mesh | SEEN, solid.colour)
     builder.add_surroundings(low, high)
     return builder
 
@@ -178,9 +200,23 @@ def _geom(builder: ArenaBuilder, body: _Body, low: NDArray[np.float64], high: ND
     if solid.kind == "plane" and T[2, 2] > 1 - LEVEL:
         half = (high - low) / 2
         return {"type": "plane", "pos": [*(low + half), T[2, 3]], "size": [*half, solid.size[-1]]}
-    pose = {"type": solid.kind, "pos": T[:3, 3], "quat": Rotation.from_matrix(T[:3, :3]).as_quat(scalar_first=True)}
     if solid.piece is None:
-        return pose | {"size": solid.size}
-    if body.part is not None:
-        return pose | {"mesh": builder.add_mesh(body.part)}
-    return pose | {"mesh": builder.add_mesh(solid.piece.vertices, solid.piece.triangles)}
+        return _pose(solid) | {"size": solid.size}
+    if body.part is None:
+        return _pose(solid) | {"mesh": builder.add_mesh(solid.piece.vertices, solid.piece.triangles)}
+    return _pose(solid) | {"mesh": builder.add_mesh(body.part)} | ({} if body.is_seen else COLLIDES)
+
+
+def _pose(solid: Solid) -> Attributes:
+    T = solid.T_world
+    quat = Rotation.from_matrix(T[:3, :3]).as_quat(scalar_first=True)
+    return {"type": solid.kind, "pos": T[:3, 3], "quat": quat}
+
+
+def _tiles(triangles: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:
+    """Triangles (N, 3, 3) m, as those of each cube of ``TILE``."""
+    middle = triangles.mean(axis=1)
+    tile = ((middle - middle.min(axis=0)) // TILE).astype(np.int64)
+    _, which = np.unique(tile, axis=0, return_inverse=True)
+    for n in range(int(which.max()) + 1):
+        yield triangles[which.ravel() == n]

@@ -80,7 +80,7 @@ def test_closed_convex_pieces_stay_whole_and_open_ones_are_plates():
 
 def test_what_is_too_detailed_is_as_solid_as_its_hull(tmp_path, monkeypatch, caplog):
     room().export(tmp_path / "room.stl")
-    monkeypatch.setattr(build, "MOST_PIECES", 10)
+    monkeypatch.setattr(build, "MOST_PIECES", 3)
     with caplog.at_level(logging.WARNING):
         arena = Compiled(write(tmp_path, PLANE, model("m", mesh("room.stl"))))
     assert "convex hull" in caplog.text

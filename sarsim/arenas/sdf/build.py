@@ -42,6 +42,7 @@ class _Body:
         solid: that it is, or is a part of.
         part: corners of a convex part of the solid's piece of a mesh; None for the whole solid.
         facet: number of the facet of that piece of which it is what is seen; None if it collides.
+        is_seen: whether it is drawn.
         corners: in the world.
         outline: for its label.
     """
@@ -49,13 +50,9 @@ class _Body:
     solid: Solid
     part: Places | None
     facet: int | None
+    is_seen: bool
     corners: Places
     outline: Outline
-
-    @property
-    def is_seen(self) -> bool:
-        """Whether it is drawn."""
-        return self.part is None or self.solid.piece is None or self.solid.piece.facets is None
 
 
 def build_sdf(path: Path) -> ArenaBuilder:
@@ -116,20 +113,20 @@ def _as_hulls(solids: list[Solid]) -> set[int]:
 
 def _bodies(solid: Solid, hulls: set[int]) -> Iterator[_Body]:
     piece, T = solid.piece, solid.T_world
+    surface = 0.0 if piece is None else piece.area_up(T[:3, :3])
     if solid.kind == "plane":
-        yield _Body(solid, None, None, _moved(T, solid.corners), endless(T))
+        yield _Body(solid, None, None, True, _moved(T, solid.corners), endless(T))
     elif piece is None or id(piece) in hulls:
         slab = piece.slab if piece is not None and piece.is_flat else None
         corners = _moved(T, solid.corners if slab is None else slab)
-        yield _Body(solid, slab, None, corners, outline_of(corners))
+        yield _Body(solid, slab, None, piece is None or piece.facets is None, corners, outline_of(corners))
     else:
-        surface = piece.area_up(T[:3, :3])
         for part in piece.parts:
             corners = _moved(T, part)
-            yield _Body(solid, part, None, corners, outline_of(corners, surface))
-        for number, triangles in enumerate(piece.seen):
-            corners = _moved(T, triangles.reshape(-1, 3))
-            yield _Body(solid, None, number, corners, flat_outline_of(corners.reshape(-1, 3, 3), surface))
+            yield _Body(solid, part, None, piece.facets is None, corners, outline_of(corners, surface))
+    for number, triangles in enumerate([] if piece is None else piece.seen):
+        corners = _moved(T, triangles.reshape(-1, 3))
+        yield _Body(solid, None, number, True, corners, flat_outline_of(corners.reshape(-1, 3, 3), surface))
 
 
 def _moved(T: Pose, points: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -202,9 +199,9 @@ def _geom(builder: ArenaBuilder, body: _Body, low: NDArray[np.float64], high: ND
         return {"type": "plane", "pos": [*(low + half), T[2, 3]], "size": [*half, solid.size[-1]]}
     if solid.piece is None:
         return _pose(solid) | {"size": solid.size}
-    if body.part is None:
-        return _pose(solid) | {"mesh": builder.add_mesh(solid.piece.vertices, solid.piece.triangles)}
-    return _pose(solid) | {"mesh": builder.add_mesh(body.part)} | ({} if body.is_seen else COLLIDES)
+    whole = solid.piece.vertices, solid.piece.triangles
+    mesh = builder.add_mesh(*(whole if body.part is None else [body.part]))
+    return _pose(solid) | {"mesh": mesh} | ({} if body.is_seen else COLLIDES)
 
 
 def _pose(solid: Solid) -> Attributes:

@@ -21,7 +21,7 @@ def line_is_free(ax, ay, bx, by, origin, cell, free):
 
 @njit(cache=True)
 def way_length(i, j, goal_i, goal_j, free):
-    """Length in cells of the shortest 8-connected path on a mask ``free`` (nx, ny) between two cells; inf without one."""
+    """Cells along the shortest 8-connected path on a mask ``free`` (nx, ny) between two cells; inf without one."""
     length = np.full(free.shape, np.inf)
     length[i, j] = 0.0
     heap = [(0.0, i, j)]

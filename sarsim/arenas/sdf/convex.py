@@ -34,7 +34,8 @@ def plates(mesh: trimesh.Trimesh, facets: Iterable[NDArray[np.int64]]) -> Iterat
         normal = mesh.face_normals[faces[mesh.area_faces[faces].argmax()]]
         for polygon in _merged(mesh.faces[faces], [mesh.vertices @ _across(normal).T], mesh.vertices @ normal):
             corners = mesh.vertices[polygon]
-            up = np.cross(corners, np.roll(corners, -1, axis=0)).sum(axis=0)
+            spokes = corners - corners[0]
+            up = np.cross(spokes[:-1], spokes[1:]).sum(axis=0)
             yield np.concatenate([corners, corners - THICKNESS * up / np.linalg.norm(up)])
 
 
@@ -84,9 +85,7 @@ def _edges(triangles: NDArray[np.int64]) -> NDArray[np.int64]:
     return np.sort(triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
 
 
-def _below(
-    vertices: Places, sides: NDArray[np.int64], is_high: NDArray[np.bool_], axis: Direction
-) -> Places:
+def _below(vertices: Places, sides: NDArray[np.int64], is_high: NDArray[np.bool_], axis: Direction) -> Places:
     """(N, 3) m, for the upper ends of a prism's edges the lower ends, where one stands within ``LEAN``.
 
     For any other vertex it is the point straight below.

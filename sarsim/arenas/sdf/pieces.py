@@ -106,7 +106,7 @@ def _piece(mesh: trimesh.Trimesh, colour: Colour | None) -> MeshPiece:
 
 
 def two_sided(triangles: NDArray[np.float64]) -> tuple[Places, NDArray[np.int64]]:
-    """Vertices and triangles of a mesh that shows triangles (N, 3, 3) m from both of their sides, each of them flat."""
+    """Vertices and triangles of a mesh that shows triangles (N, 3, 3) m, each flat, from both sides."""
     vertices = np.concatenate([triangles, triangles[:, ::-1]]).reshape(-1, 3)
     return vertices, np.arange(len(vertices)).reshape(-1, 3)
 

@@ -4,7 +4,7 @@ The parts stop the robot; images and rays meet the surface itself. So they may d
 """
 
 from collections.abc import Iterable, Iterator
-from math import atan2, hypot, pi
+from math import hypot
 
 import numpy as np
 import trimesh
@@ -129,24 +129,26 @@ def _merged(
         views: (N, 2) m of the vertices.
         height: (N,) m of the vertices, which differs by at most ``ROUNDED`` within a polygon of several triangles.
     """
-    xy = views[0]
+    xy, height = views[0], np.zeros(len(views[0])) if height is None else height
     a, b, c = xy[triangles].swapaxes(0, 1)
     turn = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
     polygons = dict(enumerate(np.where(turn[:, None] < 0, triangles[:, ::-1], triangles).tolist()))
+    low, high = height[triangles].min(axis=1).tolist(), height[triangles].max(axis=1).tolist()
     left_of = {edge: n for n, polygon in polygons.items() for edge in _around(polygon)}
     inner = [edge for edge in left_of if edge[0] < edge[1] and edge[::-1] in left_of]
     length = np.linalg.norm(np.subtract(*xy[np.array(inner, np.int64).reshape(-1, 2).T]), axis=1)
     places = [view.tolist() for view in views]
-    for n in np.argsort(-length, kind="stable").tolist():
-        one, other = left_of[inner[n]], left_of[inner[n][::-1]]
-        joined = [] if one == other else _joined(polygons[one], polygons[other], *inner[n])
-        if not joined:
+    for start, end in (inner[n] for n in np.argsort(-length, kind="stable")):
+        one, other = left_of[start, end], left_of[end, start]
+        if one == other:
             continue
-        is_flat = height is None or np.ptp(height[joined]) <= ROUNDED
-        if is_flat and all(_is_convex([place[k] for k in joined]) for place in places):
-            left_of |= dict.fromkeys([*_around(polygons[one]), *_around(polygons[other])], one)
-            polygons[one] = joined
-            del polygons[other]
+        if len(polygons[one]) < len(polygons[other]):
+            one, other, start, end = other, one, end, start
+        lowest, highest = min(low[one], low[other]), max(high[one], high[other])
+        joined = _joined(polygons[one], polygons[other], start, end, places)
+        if joined and highest - lowest <= ROUNDED:
+            left_of |= dict.fromkeys(_around(polygons.pop(other)), one)
+            polygons[one], low[one], high[one] = joined, lowest, highest
     return list(polygons.values())
 
 
@@ -155,29 +157,25 @@ def _around(polygon: list[int]) -> Iterator[tuple[int, int]]:
     return zip(polygon, [*polygon[1:], polygon[0]], strict=True)
 
 
-def _joined(one: list[int], other: list[int], start: int, end: int) -> list[int]:
-    """Two polygons as one without their common edge, from ``start`` to ``end`` in the first; empty if it is none."""
-    if (start, end) not in _around(one) or (end, start) not in _around(other):
-        return []
+def _joined(one: list[int], other: list[int], start: int, end: int, places: list[list[list[float]]]) -> list[int]:
+    """Two convex polygons as one without their common edge, which leads from ``start`` to ``end`` in the first.
+
+    Empty if that is not convex, seen in any of the ``places``, or if they have no such edge.
+    """
     first, second = one.index(end), other.index(start)
-    joined = one[first:] + one[:first] + (other[second:] + other[:second])[1:-1]
-    k = 0
-    while len(joined) > 2 and k < len(joined):  # there and back, where they have further edges in common
-        following = (k + 1) % len(joined)
-        if joined[k - 1] == joined[following]:
-            joined, k = [corner for n, corner in enumerate(joined) if n not in (k, following)], 0
-        else:
-            k += 1
-    return joined
+    if one[first - 1] != start or other[second - 1] != end:
+        return []
+    joined, turn = one[first:] + one[:first] + (other[second:] + other[:second])[1:-1], len(one) - 1
+    while len(joined) > 3 and joined[-1] == joined[1]:  # there and back, along further common edges
+        joined, turn = joined[1:-1], turn - 1
+    while 0 < turn < len(joined) - 1 and joined[turn - 1] == joined[turn + 1]:
+        del joined[turn : turn + 2]
+        turn -= 1
+    is_convex = all(_turns_left(place, joined, k) for place in places for k in (0, turn))
+    return joined if is_convex and len(joined) > 2 else []
 
 
-def _is_convex(corners: list[list[float]]) -> bool:
-    """Whether a polygon turns to the left once around, to ``ROUNDED``."""
-    turned = 0.0
-    for k, (x, y) in enumerate(corners):
-        (ax, ay), (cx, cy) = corners[k - 1], corners[(k + 1) % len(corners)]
-        cross = (x - ax) * (cy - y) - (y - ay) * (cx - x)
-        if cross < -ROUNDED * hypot(cx - ax, cy - ay):
-            return False
-        turned += atan2(cross, (x - ax) * (cx - x) + (y - ay) * (cy - y))
-    return turned < 3 * pi
+def _turns_left(place: list[list[float]], polygon: list[int], k: int) -> bool:
+    """Whether a polygon turns to the left at its corner k, to ``ROUNDED``."""
+    (ax, ay), (x, y), (cx, cy) = (place[polygon[n % len(polygon)]] for n in (k - 1, k, k + 1))
+    return (x - ax) * (cy - y) - (y - ay) * (cx - x) >= -ROUNDED * hypot(cx - ax, cy - ay)

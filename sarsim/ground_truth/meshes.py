@@ -80,7 +80,7 @@ def true_scene(model: mujoco.MjModel, data: mujoco.MjData, robot_body: int | Non
 def joined_mesh(model: mujoco.MjModel, geoms: Iterable[int], poses: Iterable[NDArray[np.float64]]) -> Mesh:
     """One mesh of several geoms, each moved by its 4×4 pose."""
     vertices, normals, triangles, colours, count = [], [], [], [], 0
-    colour_of = np.uint8(geom_colours(model) * 255)
+    colour_of = (geom_colours(model) * 255).astype(np.uint8)
     for geom, T in zip(geoms, poses, strict=True):
         shape = _BUILDERS[mujoco.mjtGeom(model.geom_type[geom])](model, geom)
         vertices.append(shape.vertices @ T[:3, :3].T + T[:3, 3])

@@ -27,8 +27,8 @@ MOST_THROWN = 0.1  # of a world's bodies that may lie far out
 FAR_OUT = 3.0  # times as far from the middle as the others: what lies there does not belong to the world
 HEADROOM = robot_model().headroom  # m; a surface that is higher over the lowest point of a model is no ground
 TILE = 6.0  # m; what is seen of a larger piece is parted into squares, so that images leave out what they do not show
-COLLIDES = {"group": 3}  # not drawn
-SEEN = {"contype": 0, "conaffinity": 0}
+COLLIDES: Attributes = {"group": 3}  # not drawn
+SEEN: Attributes = {"contype": 0, "conaffinity": 0}
 LEVEL = 1e-9  # A plane's normal with 1 − z below this points up
 
 _log = logging.getLogger(__name__)
@@ -172,8 +172,8 @@ def _built(path: Path, bodies: list[_Body], is_model: bool) -> ArenaBuilder:
             builder.add_geom(label, _geom(builder, body, *ends), body.solid.colour)
     for (solid, label), facets in seen.items():
         for triangles in _tiles(np.concatenate(facets)):
-            mesh = {"mesh": builder.add_mesh(*two_sided(triangles))}
-            builder.add_geom(label, _pose(solid) | mesh | SEEN, solid.colour)
+            mesh = builder.add_mesh(*two_sided(triangles))
+            builder.add_geom(label, {**_pose(solid), "mesh": mesh, **SEEN}, solid.colour)
     builder.add_surroundings(low, high)
     return builder
 
@@ -198,10 +198,10 @@ def _geom(builder: ArenaBuilder, body: _Body, low: NDArray[np.float64], high: ND
         half = (high - low) / 2
         return {"type": "plane", "pos": [*(low + half), T[2, 3]], "size": [*half, solid.size[-1]]}
     if solid.piece is None:
-        return _pose(solid) | {"size": solid.size}
+        return {**_pose(solid), "size": solid.size}
     whole = solid.piece.vertices, solid.piece.triangles
     mesh = builder.add_mesh(*(whole if body.part is None else [body.part]))
-    return _pose(solid) | {"mesh": mesh} | ({} if body.is_seen else COLLIDES)
+    return {**_pose(solid), "mesh": mesh, **({} if body.is_seen else COLLIDES)}
 
 
 def _pose(solid: Solid) -> Attributes:

@@ -27,6 +27,9 @@ MOST_THROWN = 0.1  # of a world's bodies that may lie far out
 FAR_OUT = 3.0  # times as far from the middle as the others: what lies there does not belong to the world
 HEADROOM = robot_model().headroom  # m; a surface that is higher over the lowest point of a model is no ground
 TILE = 6.0  # m; what is seen of a larger piece is parted into squares, so that images leave out what they do not show
+MOST_FACETS = (
+    10_000  # of the pieces that are as solid as their hulls: of more, each has one label; a facet takes 0.1 ms
+)
 COLLIDES: Attributes = {"group": 3}  # not drawn
 SEEN: Attributes = {"contype": 0, "conaffinity": 0}
 LEVEL = 1e-9  # A plane's normal with 1 − z below this points up
@@ -68,7 +71,10 @@ def build_sdf(path: Path) -> ArenaBuilder:
     except RecursionError as error:
         raise InputError(f"{path}: models or frames are nested too deeply") from error
     hulls = _as_hulls(solids)
-    bodies, thrown = _within_reach([body for solid in solids for body in _bodies(solid, hulls)])
+    plain = (
+        hulls if sum(len(s.piece.seen) for s in solids if s.piece and id(s.piece) in hulls) > MOST_FACETS else set()
+    )
+    bodies, thrown = _within_reach([body for solid in solids for body in _bodies(solid, hulls, plain)])
     if world.lost or thrown:
         lost = [said.removeprefix(f"{path}, ") for said in dict.fromkeys([*world.lost, *thrown])]
         _log.warning("%s: loaded without %s: %s", path, _counted({"thing": len(lost)}), "; ".join(lost))
@@ -111,20 +117,22 @@ def _as_hulls(solids: list[Solid]) -> set[int]:
     return hulls
 
 
-def _bodies(solid: Solid, hulls: set[int]) -> Iterator[_Body]:
+def _bodies(solid: Solid, hulls: set[int], plain: set[int]) -> Iterator[_Body]:
+    """The bodies of a solid; pieces in ``hulls`` collide as one, and those in ``plain`` are also drawn as one."""
     piece, T = solid.piece, solid.T_world
+    facets = [] if piece is None or id(piece) in plain else piece.seen
     surface = 0.0 if piece is None else piece.area_up(T[:3, :3])
     if solid.kind == "plane":
         yield _Body(solid, None, None, True, _moved(T, solid.corners), endless(T))
     elif piece is None or id(piece) in hulls:
         slab = piece.slab if piece is not None and piece.is_flat else None
         corners = _moved(T, solid.corners if slab is None else slab)
-        yield _Body(solid, slab, None, piece is None or piece.facets is None, corners, outline_of(corners))
+        yield _Body(solid, slab, None, not facets, corners, outline_of(corners))
     else:
         for part in piece.parts:
             corners = _moved(T, part)
-            yield _Body(solid, part, None, piece.facets is None, corners, outline_of(corners, surface))
-    for number, triangles in enumerate([] if piece is None else piece.seen):
+            yield _Body(solid, part, None, not facets, corners, outline_of(corners, surface))
+    for number, triangles in enumerate(facets):
         corners = _moved(T, triangles.reshape(-1, 3))
         yield _Body(solid, None, number, True, corners, flat_outline_of(corners.reshape(-1, 3, 3), surface))
 

@@ -121,6 +121,15 @@ def test_what_is_too_detailed_is_as_solid_as_its_hull(tmp_path, monkeypatch, cap
     assert arena.ray(0, 0, 0.5, along=(-1, 0, 0)) == pytest.approx(1.8, abs=MM)  # seen as it is
 
 
+def test_far_too_detailed_pieces_have_one_label_each(tmp_path, monkeypatch):
+    room().export(tmp_path / "room.stl")
+    monkeypatch.setattr(build, "MOST_PIECES", 3)
+    monkeypatch.setattr(build, "MOST_FACETS", 3)
+    arena = Compiled(write(tmp_path, PLANE, model("m", mesh("room.stl"))))
+    assert arena.model.ngeom == 2
+    assert arena.ray(0, 0, 0.5, along=(-1, 0, 0)) == pytest.approx(1.8, abs=MM)
+
+
 def test_a_flat_piece_that_is_too_detailed_is_a_plate(tmp_path, monkeypatch):
     star = extruded(
         [np.array([(0, 1), (-0.2, 0.2), (-1, 0), (-0.2, -0.2), (0, -1), (0.2, -0.2), (1, 0), (0.2, 0.2)])], 1

@@ -27,9 +27,7 @@ MOST_THROWN = 0.1  # of a world's bodies that may lie far out
 FAR_OUT = 3.0  # times as far from the middle as the others: what lies there does not belong to the world
 HEADROOM = robot_model().headroom  # m; a surface that is higher over the lowest point of a model is no ground
 TILE = 6.0  # m; what is seen of a larger piece is parted into squares, so that images leave out what they do not show
-MOST_FACETS = (
-    10_000  # of the pieces that are as solid as their hulls: of more, each has one label; a facet takes 0.1 ms
-)
+MOST_FACETS = 10_000  # of pieces that are as solid as their hulls; of more, each piece has one label: 0.1 ms a facet
 COLLIDES: Attributes = {"group": 3}  # not drawn
 SEEN: Attributes = {"contype": 0, "conaffinity": 0}
 LEVEL = 1e-9  # A plane's normal with 1 − z below this points up
@@ -71,9 +69,8 @@ def build_sdf(path: Path) -> ArenaBuilder:
     except RecursionError as error:
         raise InputError(f"{path}: models or frames are nested too deeply") from error
     hulls = _as_hulls(solids)
-    plain = (
-        hulls if sum(len(s.piece.seen) for s in solids if s.piece and id(s.piece) in hulls) > MOST_FACETS else set()
-    )
+    facets = sum(len(s.piece.seen) for s in solids if s.piece is not None and id(s.piece) in hulls)
+    plain = hulls if facets > MOST_FACETS else set()
     bodies, thrown = _within_reach([body for solid in solids for body in _bodies(solid, hulls, plain)])
     if world.lost or thrown:
         lost = [said.removeprefix(f"{path}, ") for said in dict.fromkeys([*world.lost, *thrown])]

@@ -55,8 +55,7 @@ class _Shape:
 
 def drawn_geoms(model: mujoco.MjModel) -> Mask:
     """The visible geoms."""
-    colour = np.array([geom_colour(model, geom) for geom in range(model.ngeom)]).reshape(-1, 4)
-    return np.isin(model.geom_group, DRAWN_GROUPS) & (colour[:, 3] > 0)
+    return np.isin(model.geom_group, DRAWN_GROUPS) & (geom_colours(model)[:, 3] > 0)
 
 
 def geom_poses(model: mujoco.MjModel, geoms: Iterable[int]) -> list[Pose]:
@@ -81,12 +80,13 @@ def true_scene(model: mujoco.MjModel, data: mujoco.MjData, robot_body: int | Non
 def joined_mesh(model: mujoco.MjModel, geoms: Iterable[int], poses: Iterable[NDArray[np.float64]]) -> Mesh:
     """One mesh of several geoms, each moved by its 4×4 pose."""
     vertices, normals, triangles, colours, count = [], [], [], [], 0
+    colour_of = (geom_colours(model) * 255).astype(np.uint8)
     for geom, T in zip(geoms, poses, strict=True):
         shape = _BUILDERS[mujoco.mjtGeom(model.geom_type[geom])](model, geom)
         vertices.append(shape.vertices @ T[:3, :3].T + T[:3, 3])
         normals.append(shape.normals @ T[:3, :3].T)
         triangles.append(shape.triangles + count)
-        colours.append(np.tile(np.uint8(geom_colour(model, geom) * 255), (len(shape.vertices), 1)))
+        colours.append(np.tile(colour_of[geom], (len(shape.vertices), 1)))
         count += len(shape.vertices)
     return Mesh(
         np.concatenate(vertices).astype(np.float32),
@@ -96,11 +96,16 @@ def joined_mesh(model: mujoco.MjModel, geoms: Iterable[int], poses: Iterable[NDA
     )
 
 
-def geom_colour(model: mujoco.MjModel, geom: int) -> NDArray[np.float32]:
-    """(4,) float32 RGBA in 0..1: the geom's own colour, or its material's times the mean of its texture."""
-    own, material = model.geom_rgba[geom], model.geom_matid[geom]
-    if material < 0 or not np.array_equal(own, _PLAIN):
-        return own.copy()
+def geom_colours(model: mujoco.MjModel) -> NDArray[np.float32]:
+    """(ngeom, 4) float32 RGBA in 0..1: a geom's own colour, or its material's times the mean of its texture."""
+    colours = model.geom_rgba.copy()
+    takes = (model.geom_matid >= 0) & (colours == _PLAIN).all(axis=1)
+    for material in np.unique(model.geom_matid[takes]):
+        colours[takes & (model.geom_matid == material)] = _material_colour(model, material)
+    return colours
+
+
+def _material_colour(model: mujoco.MjModel, material: int) -> NDArray[np.float32]:
     colour = model.mat_rgba[material].copy()
     texture = model.mat_texid[material, mujoco.mjtTextureRole.mjTEXROLE_RGB]
     if texture >= 0:

@@ -26,7 +26,7 @@ from sarsim.scoring.semantics import KeyframeTruth, compared
 from sarsim.scoring.sight import Sight
 from sarsim.scoring.surfaces import SurfaceScore
 from sarsim.scoring.topology import score_topology
-from sarsim.scoring.topology_kernels import way_lengths
+from sarsim.scoring.topology_kernels import way_length
 from sarsim.scoring.trajectory import TrajectoryScore, driven, ways_driven
 from sarsim.scoring.victims import VictimScore
 from sarsim.scoring.voxels import VoxelScore
@@ -189,8 +189,8 @@ class EpisodeScore(Sink):
         first, last = grid.nearest(drivable, start, 0.3), grid.nearest(drivable, goal, 0.3)
         if first is None or last is None:
             return float("nan")
-        lengths = way_lengths(*grid.cell_of(first), drivable)
-        return max(float(grid.at(lengths, last)) * grid.cell, grid.cell)
+        length = way_length(*grid.cell_of(first), *grid.cell_of(last), drivable)
+        return max(float(length) * grid.cell, grid.cell)
 
     def _exploration(self) -> dict[str, Any]:
         """Times in ``MOST`` are missing if less was seen."""

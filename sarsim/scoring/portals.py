@@ -1,13 +1,12 @@
 """Portals of an arena: doorways and junctions of the free space, which count once they are on the map."""
 
-from functools import reduce
-
 import numpy as np
 from numpy.typing import NDArray
 from scipy import ndimage
 
 from pipeline.arrays import MaskLayer, Places
 from sarsim.ground_truth.true_surface import CELL, TrueSurface
+from sarsim.scoring.portals_kernels import edge_cells
 
 DOORWAY = 0.9  # m, width of the leagues' doors
 CORRIDOR = 1.2  # m, least width of their corridors
@@ -71,6 +70,8 @@ def _junctions(free: NDArray[np.bool_]) -> list[NDArray[np.int64]]:
 
 def _ways(thin: NDArray[np.bool_], cell: NDArray[np.int64], reach: float) -> int:
     """How many lines of a skeleton lead from a cell (2,) to beyond ``reach`` cells."""
+    low = np.maximum(cell - int(reach) - 3, 0)
+    thin, cell = thin[tuple(map(slice, low, cell + int(reach) + 4))], cell - low
     distance = np.linalg.norm(np.indices(thin.shape) - cell[:, None, None], axis=0)
     pieces, _ = ndimage.label(thin & (distance <= reach + 2), EIGHT)
     return int(ndimage.label((pieces == pieces[tuple(cell)]) & (distance > reach), EIGHT)[1])
@@ -97,15 +98,11 @@ def _crossings(around: NDArray[np.bool_]) -> NDArray[np.int64]:
 
 def skeleton(mask: MaskLayer) -> MaskLayer:
     """The lines, a cell wide, to which a mask is thinned from its edges (Zhang and Suen 1984)."""
-    thin, changes = mask.copy(), True
+    thin, changes, ring = mask.copy(), True, np.array(RING)
     while changes:
         changes = False
         for sides in (((0, 2, 4), (2, 4, 6)), ((0, 2, 6), (0, 4, 6))):
-            around = _neighbours(thin)
-            count = around.sum(axis=0)
-            goes = thin & (count >= 2) & (count <= 6) & (_crossings(around) == 1)
-            for side in sides:
-                goes &= ~reduce(np.logical_and, around[list(side)])
+            goes = edge_cells(thin, ring, *map(np.array, sides))
             thin &= ~goes
             changes |= bool(goes.any())
     return thin

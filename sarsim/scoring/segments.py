@@ -46,10 +46,10 @@ class SegmentScore:
         points, geoms = points[::STRIDE], geoms[::STRIDE]
         order = np.argsort(geoms, kind="stable")
         points, geoms = points[order], geoms[order]
-        for geom, surfaces in self._of_geom.items():
-            first, end = np.searchsorted(geoms, (geom, geom + 1))
-            for surface in surfaces if first < end else ():
-                surface.see(points[first:end])
+        shown, first = np.unique(geoms, return_index=True)
+        for geom, begin, end in zip(shown.tolist(), first, np.append(first, len(geoms))[1:], strict=True):
+            for surface in self._of_geom.get(geom, ()):
+                surface.see(points[begin:end])
 
     def report(self, segments: Segments) -> dict[str, Any]:
         """Compare every segment with the piece of surface of its label that it overlaps most."""

@@ -57,12 +57,15 @@ def _greedy_cover(truth: TrueSurface, area: NDArray[np.bool_]) -> int:
     """Number of nodes of a greedy cover of an area (nx, ny), chosen from every fourth drivable cell along x and y."""
     cells = np.argwhere(truth.drivable)
     fourth = cells[(cells % 4 == 0).all(axis=1)]
-    seen, corners = _views(truth.grid.centre_of(fourth if len(fourth) else cells), area, truth)
+    cells = fourth if len(fourth) else cells
+    is_near = truth.grid.distance_to(area)[tuple(cells.T)] <= SIGHT + CELL  # no other sees any of it
+    seen, corners = _views(truth.grid.centre_of(cells[is_near]), area, truth)
     missing, nodes = area.copy(), 0
-    while True:
-        gain = count_in(seen, corners, missing)
+    gain = count_in(seen, corners, missing)
+    while gain.max(initial=0) * CELL**2 >= MIN_GAIN:
         best = int(gain.argmax())
-        if gain[best] * CELL**2 < MIN_GAIN:
-            return nodes
         missing[tuple((np.argwhere(seen[best]) + corners[best]).T)] = False
+        beside = (np.abs(corners - corners[best]) < seen.shape[1]).all(axis=1)  # what others see, is as before
+        gain[beside] = count_in(seen[beside], corners[beside], missing)
         nodes += 1
+    return nodes

@@ -20,13 +20,15 @@ def line_is_free(ax, ay, bx, by, origin, cell, free):
 
 
 @njit(cache=True)
-def way_lengths(i, j, free):
-    """(nx, ny) length in cells of the shortest 8-connected path on ``free`` from cell (i, j); inf without a path."""
+def way_length(i, j, goal_i, goal_j, free):
+    """Cells along the shortest 8-connected path on a mask ``free`` (nx, ny) between two cells; inf without one."""
     length = np.full(free.shape, np.inf)
     length[i, j] = 0.0
     heap = [(0.0, i, j)]
     while len(heap) > 0:
         so_far, i, j = heapq.heappop(heap)
+        if i == goal_i and j == goal_j:
+            return so_far
         if so_far > length[i, j]:
             continue
         for a in range(max(i - 1, 0), min(i + 2, free.shape[0])):
@@ -35,7 +37,7 @@ def way_lengths(i, j, free):
                 if free[a, b] and new < length[a, b]:
                     length[a, b] = new
                     heapq.heappush(heap, (new, a, b))
-    return length
+    return np.inf
 
 
 @njit(cache=True)

@@ -1,6 +1,7 @@
 """Arenas from SDF files: Gazebo's worlds and models, through the same builder as all arenas."""
 
 import logging
+from collections import defaultdict
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,8 +13,8 @@ from scipy.spatial.transform import Rotation
 from pipeline.arrays import Places, Pose
 from pipeline.errors import InputError
 from sarsim.arenas.elements import ArenaBuilder, Attributes
-from sarsim.arenas.sdf.labels import Outline, endless, ground_of, label_of, outline_of
-from sarsim.arenas.sdf.pieces import MOST_PIECES
+from sarsim.arenas.sdf.labels import Outline, endless, flat_outline_of, ground_of, label_of, outline_of
+from sarsim.arenas.sdf.pieces import MOST_PIECES, two_sided
 from sarsim.arenas.sdf.solids import Solid, SolidReader
 from sarsim.arenas.sdf.victims import add_victims, victims_of
 from sarsim.arenas.sdf.world import SdfWorld
@@ -26,6 +27,10 @@ BEYOND = 2.0  # m by which planes, which end nowhere, reach farther still: goals
 MOST_THROWN = 0.1  # of a world's bodies that may lie far out
 FAR_OUT = 3.0  # times as far from the middle as the others: what lies there does not belong to the world
 HEADROOM = robot_model().headroom  # m; a surface that is higher over the lowest point of a model is no ground
+TILE = 6.0  # m; what is seen of a larger piece is parted into squares, so that images leave out what they do not show
+MOST_FACETS = 10_000  # of pieces that are as solid as their hulls; of more, each piece has one label: 0.1 ms a facet
+COLLIDES: Attributes = {"group": 3}  # not drawn
+SEEN: Attributes = {"contype": 0, "conaffinity": 0}
 LEVEL = 1e-9  # A plane's normal with 1 − z below this points up
 
 _log = logging.getLogger(__name__)
@@ -38,12 +43,16 @@ class _Body:
     Attributes:
         solid: that it is, or is a part of.
         part: corners of a convex part of the solid's piece of a mesh; None for the whole solid.
+        facet: number of the facet of that piece of which it is what is seen; None if it collides.
+        is_seen: whether it is drawn.
         corners: in the world.
         outline: for its label.
     """
 
     solid: Solid
     part: Places | None
+    facet: int | None
+    is_seen: bool
     corners: Places
     outline: Outline
 
@@ -62,7 +71,9 @@ def build_sdf(path: Path) -> ArenaBuilder:
     except RecursionError as error:
         raise InputError(f"{path}: models or frames are nested too deeply") from error
     hulls = _as_hulls(solids)
-    bodies, thrown = _within_reach([body for solid in solids for body in _bodies(solid, hulls)])
+    facets = sum(len(s.piece.seen) for s in solids if s.piece is not None and id(s.piece) in hulls)
+    plain = hulls if facets > MOST_FACETS else set()
+    bodies, thrown = _within_reach([body for solid in solids for body in _bodies(solid, hulls, plain)])
     builder = _built(path, bodies, world.is_model)
     add_victims(builder, path, world, victims)
     if world.lost or thrown:
@@ -108,19 +119,24 @@ def _as_hulls(solids: list[Solid]) -> set[int]:
     return hulls
 
 
-def _bodies(solid: Solid, hulls: set[int]) -> Iterator[_Body]:
+def _bodies(solid: Solid, hulls: set[int], plain: set[int]) -> Iterator[_Body]:
+    """The bodies of a solid; pieces in ``hulls`` collide as one, and those in ``plain`` are also drawn as one."""
     piece, T = solid.piece, solid.T_world
+    facets = [] if piece is None or id(piece) in plain else piece.seen
+    surface = 0.0 if piece is None else piece.area_up(T[:3, :3])
     if solid.kind == "plane":
-        yield _Body(solid, None, _moved(T, solid.corners), endless(T))
+        yield _Body(solid, None, None, True, _moved(T, solid.corners), endless(T))
     elif piece is None or id(piece) in hulls:
         slab = piece.slab if piece is not None and piece.is_flat else None
         corners = _moved(T, solid.corners if slab is None else slab)
-        yield _Body(solid, slab, corners, outline_of(corners))
+        yield _Body(solid, slab, None, not facets, corners, outline_of(corners))
     else:
-        surface = piece.area_up(T[:3, :3])
         for part in piece.parts:
             corners = _moved(T, part)
-            yield _Body(solid, part, corners, outline_of(corners, surface))
+            yield _Body(solid, part, None, not facets, corners, outline_of(corners, surface))
+    for number, triangles in enumerate(facets):
+        corners = _moved(T, triangles.reshape(-1, 3))
+        yield _Body(solid, None, number, True, corners, flat_outline_of(corners.reshape(-1, 3, 3), surface))
 
 
 def _moved(T: Pose, points: NDArray[np.float64]) -> NDArray[np.float64]:
@@ -151,15 +167,23 @@ def _built(path: Path, bodies: list[_Body], is_model: bool) -> ArenaBuilder:
     """The arena of bodies; what stands on no ground, or is a model alone that is raised, gets a floor."""
     builder = ArenaBuilder(path.stem)
     low, high = _bounds(bodies)
-    ground = ground_of([body.outline for body in bodies], float(np.prod(high - low)))
+    ground = ground_of([body.outline for body in bodies if body.is_seen], float(np.prod(high - low)))
     raised = is_model and ground is not None and ground > min(body.outline.low for body in bodies) + HEADROOM
     if ground is None or raised:
         ground = 0.0
         builder.add_floor(low, high)
     ends = _ends_of_planes(low, high)
+    seen = defaultdict[tuple[Solid, str], list[Places]](list)
     for body in bodies:
         label = label_of(body.outline, ground).name.lower()
-        builder.add_geom(label, _geom(builder, body, *ends), body.solid.colour)
+        if body.facet is not None and body.solid.piece is not None:
+            seen[body.solid, label].append(body.solid.piece.seen[body.facet])
+        else:
+            builder.add_geom(label, _geom(builder, body, *ends), body.solid.colour)
+    for (solid, label), facets in seen.items():
+        for triangles in _tiles(np.concatenate(facets)):
+            mesh = builder.add_mesh(*two_sided(triangles))
+            builder.add_geom(label, {**_pose(solid), "mesh": mesh, **SEEN}, solid.colour)
     builder.add_surroundings(low, high)
     return builder
 
@@ -183,9 +207,23 @@ def _geom(builder: ArenaBuilder, body: _Body, low: NDArray[np.float64], high: ND
     if solid.kind == "plane" and T[2, 2] > 1 - LEVEL:
         half = (high - low) / 2
         return {"type": "plane", "pos": [*(low + half), T[2, 3]], "size": [*half, solid.size[-1]]}
-    pose = {"type": solid.kind, "pos": T[:3, 3], "quat": Rotation.from_matrix(T[:3, :3]).as_quat(scalar_first=True)}
     if solid.piece is None:
-        return pose | {"size": solid.size}
-    if body.part is not None:
-        return pose | {"mesh": builder.add_mesh(body.part)}
-    return pose | {"mesh": builder.add_mesh(solid.piece.vertices, solid.piece.triangles)}
+        return {**_pose(solid), "size": solid.size}
+    whole = solid.piece.vertices, solid.piece.triangles
+    mesh = builder.add_mesh(*(whole if body.part is None else [body.part]))
+    return {**_pose(solid), "mesh": mesh, **({} if body.is_seen else COLLIDES)}
+
+
+def _pose(solid: Solid) -> Attributes:
+    T = solid.T_world
+    quat = Rotation.from_matrix(T[:3, :3]).as_quat(scalar_first=True)
+    return {"type": solid.kind, "pos": T[:3, 3], "quat": quat}
+
+
+def _tiles(triangles: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:
+    """Triangles (N, 3, 3) m, as those of each cube of ``TILE``."""
+    middle = triangles.mean(axis=1)
+    tile = ((middle - middle.min(axis=0)) // TILE).astype(np.int64)
+    _, which = np.unique(tile, axis=0, return_inverse=True)
+    for n in range(int(which.max()) + 1):
+        yield triangles[which.ravel() == n]

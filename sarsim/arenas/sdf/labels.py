@@ -83,6 +83,18 @@ def outline_of(corners: NDArray[np.float64], surface: float = 0.0) -> Outline:
     return Outline(low, high, length, thickness, float(normal[2]), area, max(area, surface))
 
 
+def flat_outline_of(triangles: NDArray[np.float64], surface: float = 0.0) -> Outline:
+    """The outline of flat triangles (N, 3, 3) m in the world, seen from either side, part of a ``surface`` in m²."""
+    corners = triangles.reshape(-1, 3)
+    sums = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]).sum(axis=0) / 2
+    area = float(np.linalg.norm(sums))
+    normal = sums / max(area, np.finfo(float).tiny)
+    across = _DIRECTIONS @ np.linalg.svd(normal[None])[2][1:]
+    length, thickness = float(np.ptp(corners @ across.T, axis=0).max()), float(np.ptp(corners @ normal))
+    low, high = corners[:, 2].min(), corners[:, 2].max()
+    return Outline(low, high, length, thickness, abs(float(normal[2])), area, max(area, surface))
+
+
 def endless(T_world: Pose) -> Outline:
     """The outline of a plane, by its 4×4 pose."""
     height = float(T_world[2, 3])

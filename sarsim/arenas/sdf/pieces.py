@@ -1,11 +1,13 @@
-"""Convex pieces of a surface: MuJoCo and the true ground take every geom for its convex hull.
+"""Connected pieces of a surface: what of them is seen, and the convex parts that stop the robot.
 
-A connected piece of a mesh that is closed and convex stays whole. Any other is laid with thin plates, one for
-each flat, convex facet, or else one for each of its triangles, so that rooms, doorways and stairs stay open.
+MuJoCo and the true ground take every geom that collides for its convex hull. A piece that is closed and convex is one
+geom. Of any other the surface is seen as it is, and as solid as few convex parts, prisms between the two sides of a
+wall or thin plates on its facets, so that rooms, doorways and stairs stay open.
 """
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -16,13 +18,12 @@ from scipy.spatial import ConvexHull, QhullError
 
 from pipeline.arrays import Places, Rotation3
 from sarsim.arenas.sdf.colours import Colour
+from sarsim.arenas.sdf.convex import SLIVER, THICKNESS, plates, prisms
 from sarsim.arenas.sdf.meshes import MeshSurface
 
-THICKNESS = 2e-4  # m of a plate: rays from its other side keep the 1 mm to which the numbers of the file are held
-SLIVER = 1e-4  # m; a triangle whose height is less is a line
 PRISM = np.array([(0, 2, 1), (3, 4, 5), (0, 1, 4), (0, 4, 3), (1, 2, 5), (1, 5, 4), (2, 0, 3), (2, 3, 5)])
 """(8, 3) triangles of a prism over the triangle 0, 1, 2, counter-clockwise from outside."""
-MOST_PIECES = 2_000  # of a mesh, and plates of a piece; compiling a mesh and its geom takes 4 ms
+MOST_PIECES = 2_000  # of a mesh, convex parts of a world, and facets of a piece; a geom takes 2 ms
 
 
 @dataclass(frozen=True, eq=False)
@@ -34,12 +35,23 @@ class MeshPiece:
         triangles: (M, 3) indices of vertices.
         parts: (K, 3) m each, the corners of the convex parts that it is built of; empty if these are too many.
         colour: of the surface.
+        facets: (M,) the number of each triangle's flat facet, if the surface is seen and the parts only collide.
     """
 
     vertices: Places
     triangles: NDArray[np.int64]
     parts: list[Places]
     colour: Colour | None
+    facets: NDArray[np.int64] | None = None
+
+    @cached_property
+    def seen(self) -> list[NDArray[np.float64]]:
+        """(K, 3, 3) m each, the triangles of every facet that is seen apart from the parts."""
+        if self.facets is None:
+            return []
+        order = np.argsort(self.facets, kind="stable")
+        ends = np.cumsum(np.bincount(self.facets))[:-1]
+        return np.split(self.vertices[self.triangles[order]], ends)
 
     @property
     def parts_per_metre(self) -> float:
@@ -75,41 +87,28 @@ def pieces_of(surface: MeshSurface) -> Iterator[MeshPiece]:
     groups = trimesh.graph.connected_components(mesh.face_adjacency, nodes=np.arange(len(mesh.faces)), min_len=1)
     for faces in sorted(groups, key=min) if len(groups) <= MOST_PIECES else [np.arange(len(mesh.faces))]:
         piece: Any = mesh.submesh([np.sort(faces)], append=True, repair=False)
-        yield MeshPiece(np.asarray(piece.vertices), np.asarray(piece.faces), _parts(piece), surface.colour)
+        yield _piece(piece, surface.colour)
 
 
-def _parts(mesh: trimesh.Trimesh) -> list[NDArray[np.float64]]:
+def _piece(mesh: trimesh.Trimesh, colour: Colour | None) -> MeshPiece:
+    vertices, triangles = np.asarray(mesh.vertices), np.asarray(mesh.faces)
     if mesh.is_watertight and mesh.is_convex:
-        return [np.asarray(mesh.vertices)]
-    facets = list(mesh.facets)
-    single = np.setdiff1d(np.arange(len(mesh.faces)), np.concatenate([*facets, np.zeros(0, np.int64)]))
+        return MeshPiece(vertices, triangles, [vertices], colour)
+    facets = [np.asarray(faces) for faces in mesh.facets]
+    single = np.setdiff1d(np.arange(len(triangles)), np.concatenate([*facets, np.zeros(0, np.int64)]))
     if len(facets) + len(single) > MOST_PIECES:
-        return []
-    return [plate for faces in [*facets, *single[:, None]] for plate in _plates_of(mesh, faces)]
+        return MeshPiece(vertices, triangles, [], colour)
+    facets += list(single[:, None])
+    number = np.empty(len(triangles), np.int64)
+    for n, faces in enumerate(facets):
+        number[faces] = n
+    return MeshPiece(vertices, triangles, prisms(mesh) or list(plates(mesh, facets)), colour, number)
 
 
-def _plates_of(mesh: trimesh.Trimesh, faces: NDArray[np.int64]) -> Iterator[NDArray[np.float64]]:
-    """The plates below adjacent triangles that lie nearly in one plane."""
-    corners = mesh.vertices[np.unique(mesh.faces[faces])]
-    largest = faces[mesh.area_faces[faces].argmax()]
-    normal = mesh.face_normals[largest]
-    height = (corners - mesh.vertices[mesh.faces[largest, 0]]) @ normal
-    area = float(mesh.area_faces[faces].sum())
-    if len(faces) == 1 or (np.abs(height).max() <= SLIVER and _is_convex(corners, normal, area)):
-        yield np.concatenate([corners, corners - THICKNESS * normal])
-    else:
-        for face in faces:
-            yield from _plates_of(mesh, np.array([face]))
-
-
-def _is_convex(corners: NDArray[np.float64], normal: NDArray[np.float64], area: float) -> bool:
-    """Whether triangles in a plane, of a total area in m², fill the convex hull of their corners (N, 3)."""
-    along = np.linalg.svd(normal[None])[2][1:]  # two directions in the plane
-    try:
-        hull = ConvexHull(corners @ along.T)
-    except QhullError:
-        return False
-    return bool(abs(hull.volume - area) <= SLIVER * hull.area)  # of a plane figure: its area, and its perimeter
+def two_sided(triangles: NDArray[np.float64]) -> tuple[Places, NDArray[np.int64]]:
+    """Vertices and triangles of a mesh that shows triangles (N, 3, 3) m, each flat, from both sides."""
+    vertices = np.concatenate([triangles, triangles[:, ::-1]]).reshape(-1, 3)
+    return vertices, np.arange(len(vertices)).reshape(-1, 3)
 
 
 def extruded(outlines: list[NDArray[np.float64]], height: float) -> MeshPiece:

@@ -4,7 +4,7 @@ import mujoco
 import numpy as np
 import pytest
 
-from sarsim.ground_truth.meshes import drawn_geoms, geom_colour, geom_poses, joined_mesh
+from sarsim.ground_truth.meshes import drawn_geoms, geom_colours, geom_poses, joined_mesh
 
 SOLIDS = {
     "box": ('type="box" size="0.3 0.2 0.1"', 8 * 0.3 * 0.2 * 0.1),
@@ -107,10 +107,10 @@ def test_a_height_field_has_the_heights_that_rays_hit():
 def test_colours_are_the_materials_unless_the_geom_has_its_own():
     own, material, both = 'rgba="0.1 0.2 0.3 1"', 'material="checked"', 'material="checked" rgba="0 1 0 1"'
     model = model_of(*(f'type="sphere" size="0.1" {steps}' for steps in (own, material, both)))
-    np.testing.assert_allclose(geom_colour(model, 0), [0.1, 0.2, 0.3, 1])
+    np.testing.assert_allclose(geom_colours(model)[0], [0.1, 0.2, 0.3, 1])
     # The mean of black and white squares halves the material's colour.
-    np.testing.assert_allclose(geom_colour(model, 1), [0.5, 0.25, 0, 1], atol=0.01)
-    np.testing.assert_allclose(geom_colour(model, 2), [0, 1, 0, 1])
+    np.testing.assert_allclose(geom_colours(model)[1], [0.5, 0.25, 0, 1], atol=0.01)
+    np.testing.assert_allclose(geom_colours(model)[2], [0, 1, 0, 1])
 
 
 def test_joined_meshes_keep_their_parts_apart():

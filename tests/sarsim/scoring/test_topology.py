@@ -7,8 +7,10 @@ import pytest
 from pipeline.grid_map import Grid
 from pipeline.labels import Label
 from pipeline.topological_map.node_set import Node
+from pipeline.topological_map.sight_kernels import count_in
 from sarsim.ground_truth.true_surface import TrueSurface
-from sarsim.scoring.topology import score_topology
+from sarsim.scoring.topology import MIN_GAIN, SIGHT, score_topology
+from sarsim.scoring.topology_kernels import cells_in_sight, way_length
 
 
 @pytest.fixture
@@ -74,3 +76,40 @@ def test_ground_too_small_for_the_coarse_grid_is_covered_by_one_node():
     )
     assert score_topology(topology_of([(0.3, 0.3)], []), surface)["nodes_vs_greedy"] == 1
     assert score_topology(topology_of([], []), surface)["nodes_vs_greedy"] == 0
+
+
+def test_the_greedy_cover_chooses_among_all_places():
+    rng = np.random.default_rng(0)
+    grid = Grid(np.zeros(2, np.int64), 0.05, (160, 120))
+    walls = np.zeros(grid.shape, np.bool_)
+    for i, j in rng.integers(0, 110, (25, 2)):
+        walls[i, j : j + 30] = True
+    truth = TrueSurface(grid, np.zeros(grid.shape), ~walls, walls)
+    positions = rng.uniform((0.5, 0.5), (4, 4), (12, 2))
+    area = np.zeros(grid.shape, np.bool_)
+    for window, corner in zip(*cells_in_sight(positions, ~walls, grid.origin, grid.cell, SIGHT, ~walls), strict=True):
+        area[tuple((np.argwhere(window) + corner).T)] = True
+    cells = np.argwhere(truth.drivable)
+    places = grid.centre_of(cells[(cells % 4 == 0).all(axis=1)])
+    seen, corners = cells_in_sight(places, area, grid.origin, grid.cell, SIGHT, ~walls)
+    missing, number = area.copy(), 0
+    while (gain := count_in(seen, corners, missing)).max() * grid.cell**2 >= MIN_GAIN:
+        best = gain.argmax()
+        missing[tuple((np.argwhere(seen[best]) + corners[best]).T)] = False
+        number += 1
+    report = score_topology(topology_of(positions, []), truth)
+    assert number > 5 and report["nodes_vs_greedy"] == len(positions) / number
+
+
+def test_the_shortest_way_between_two_cells_is_that_of_a_graph():
+    rng = np.random.default_rng(1)
+    free = rng.random((30, 25)) > 0.25
+    graph = nx.Graph()
+    for i, j in np.argwhere(free):
+        for a, b in ((i + 1, j), (i, j + 1), (i + 1, j + 1), (i + 1, j - 1)):
+            if a < 30 and 0 <= b < 25 and free[a, b]:
+                graph.add_edge((i, j), (a, b), weight=np.hypot(a - i, b - j))
+    cells = sorted(graph)
+    lengths = nx.single_source_dijkstra_path_length(graph, cells[0])
+    for cell in cells[::29]:
+        assert way_length(*cells[0], *cell, free) == pytest.approx(lengths.get(cell, np.inf))

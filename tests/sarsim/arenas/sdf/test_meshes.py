@@ -2,6 +2,7 @@
 
 import logging
 
+import mujoco
 import numpy as np
 import pytest
 import trimesh
@@ -11,6 +12,7 @@ from sarsim.arenas.load import load_arena
 from sarsim.arenas.sdf import build
 from sarsim.arenas.sdf.meshes import MeshSurface
 from sarsim.arenas.sdf.pieces import extruded, pieces_of
+from sarsim.ground_truth.meshes import DRAWN_GROUPS
 from tests.sarsim.arenas.sdf.worlds import COLLADA, PLANE, Compiled, mesh, model, room, write
 
 MM = 1e-3
@@ -69,6 +71,37 @@ def test_a_room_that_is_one_mesh_stays_open(tmp_path):
     assert (x, y) == (0, 0)
 
 
+def test_what_is_seen_does_not_collide_and_what_collides_is_not_seen(tmp_path):
+    room().export(tmp_path / "room.stl")
+    model_ = Compiled(write(tmp_path, PLANE, model("m", mesh("room.stl")))).model
+    is_mesh = model_.geom_type == mujoco.mjtGeom.mjGEOM_MESH
+    is_seen, collides = np.isin(model_.geom_group, DRAWN_GROUPS), model_.geom_contype > 0
+    assert (is_seen ^ collides)[is_mesh].all() and is_seen[is_mesh].any() and collides[is_mesh].any()
+
+
+def test_an_open_surface_is_seen_from_both_sides_within_1_mm(tmp_path):
+    rng = np.random.default_rng(0)
+    corners = rng.uniform((-3, -3, 2), (3, 3, 8), (4, 3))
+    sheet = trimesh.Trimesh(corners, [(0, 1, 2), (0, 2, 3)])
+    sheet.export(tmp_path / "sheet.stl")
+    arena = Compiled(write(tmp_path, PLANE, model("m", mesh("sheet.stl"), pose="1 2 0 0 0 0")))
+    for point, face in zip(*trimesh.sample.sample_surface(sheet, 20, seed=0), strict=True):
+        for side in (-0.5, 0.5):
+            normal = side * sheet.face_normals[face]
+            assert arena.ray(*(point + normal + (1, 2, 0)), along=-2 * normal) == pytest.approx(0.5, abs=MM)
+
+
+def test_large_pieces_are_seen_in_tiles(tmp_path):
+    count = 9
+    halls = trimesh.util.concatenate([room().apply_translation((3.8 * n, 0, 0)) for n in range(count)])
+    merged = trimesh.Trimesh(halls.vertices, halls.faces, process=True)
+    merged.update_faces(merged.face_normals[:, 2] > -0.5)
+    merged.export(tmp_path / "halls.stl")
+    model_ = Compiled(write(tmp_path, PLANE, model("m", mesh("halls.stl")))).model
+    is_seen = (model_.geom_contype == 0) & (model_.geom_type == mujoco.mjtGeom.mjGEOM_MESH)
+    assert is_seen.sum() >= count and model_.geom_rbound[is_seen].max() < 2 * build.TILE
+
+
 def test_closed_convex_pieces_stay_whole_and_open_ones_are_plates():
     ball, quad = trimesh.creation.icosphere(2), MeshSurface("", np.eye(4)[:, :3], np.array([(0, 1, 2)]))
     both = trimesh.util.concatenate([ball, ball.copy().apply_translation((5, 0, 0))])
@@ -80,12 +113,21 @@ def test_closed_convex_pieces_stay_whole_and_open_ones_are_plates():
 
 def test_what_is_too_detailed_is_as_solid_as_its_hull(tmp_path, monkeypatch, caplog):
     room().export(tmp_path / "room.stl")
-    monkeypatch.setattr(build, "MOST_PIECES", 10)
+    monkeypatch.setattr(build, "MOST_PIECES", 3)
     with caplog.at_level(logging.WARNING):
         arena = Compiled(write(tmp_path, PLANE, model("m", mesh("room.stl"))))
     assert "convex hull" in caplog.text
-    assert arena.model.ngeom == 2
+    assert (arena.model.geom_contype > 0).sum() == 2
     assert arena.ray(0, 0, 0.5, along=(-1, 0, 0)) == pytest.approx(1.8, abs=MM)  # seen as it is
+
+
+def test_far_too_detailed_pieces_have_one_label_each(tmp_path, monkeypatch):
+    room().export(tmp_path / "room.stl")
+    monkeypatch.setattr(build, "MOST_PIECES", 3)
+    monkeypatch.setattr(build, "MOST_FACETS", 3)
+    arena = Compiled(write(tmp_path, PLANE, model("m", mesh("room.stl"))))
+    assert arena.model.ngeom == 2
+    assert arena.ray(0, 0, 0.5, along=(-1, 0, 0)) == pytest.approx(1.8, abs=MM)
 
 
 def test_a_flat_piece_that_is_too_detailed_is_a_plate(tmp_path, monkeypatch):
@@ -95,7 +137,7 @@ def test_a_flat_piece_that_is_too_detailed_is_a_plate(tmp_path, monkeypatch):
     trimesh.Trimesh(star.vertices, star.triangles.reshape(-1, 8, 3)[:, 1]).export(tmp_path / "star.stl")
     monkeypatch.setattr(build, "MOST_PIECES", 2)
     arena = Compiled(write(tmp_path, PLANE, model("m", mesh("star.stl"))))
-    assert arena.model.ngeom == 2
+    assert (arena.model.geom_contype > 0).sum() == 2
     assert arena.ray(0, 0, 2, along=DOWN) == pytest.approx(1, abs=MM)
 
 

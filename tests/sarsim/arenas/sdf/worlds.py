@@ -91,8 +91,8 @@ class Compiled:
         return [Label(label).name.lower() for label in geom_labels(self.model)]
 
     def ray(self, *point: float, along: tuple[float, float, float]) -> float:
-        """Distance in m from a point to the first surface in a direction; -1 if there is none."""
-        geom = np.zeros(1, np.int32)
+        """Distance in m from a point to the first surface that is drawn in a direction; -1 if there is none."""
+        geom, drawn = np.zeros(1, np.int32), np.array([1, 1, 1, 0, 0, 0], np.uint8)
         return mujoco.mj_ray(
-            self.model, self.data, np.array(point, float), np.array(along, float), None, 1, -1, geom, None
+            self.model, self.data, np.array(point, float), np.array(along, float), drawn, 1, -1, geom, None
         )

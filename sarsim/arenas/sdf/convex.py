@@ -1,0 +1,181 @@
+"""Few convex parts that are as solid as a surface: prisms between two sides, or plates on its facets.
+
+The parts stop the robot; images and rays meet the surface itself. So they may deviate from it by ``ROUNDED``.
+"""
+
+from collections.abc import Iterable, Iterator
+from math import hypot
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+
+from pipeline.arrays import Direction, Places
+
+THICKNESS = 2e-4  # m of a plate
+SLIVER = 1e-4  # m; a triangle whose height is less is a line
+ROUNDED = 1e-3  # m; by so much a part may fill a corner that its surface leaves free
+LEAN = 0.1  # m between an end of a prism's edge and what lies straight below the other end
+UPRIGHT = 0.03  # cosine between a prism's sides' normals and its axis, at most
+CAP = 0.2  # cosine between the normals of its ends and its axis, at least
+NARROW = 1.0  # m; between sides that are open elsewhere, no robot stands in what is narrower: it is solid
+
+
+def prisms(mesh: trimesh.Trimesh) -> list[Places] | None:
+    """The corners (N, 3) m of prisms that fill a mesh; None if it is not one shape drawn out along an axis."""
+    largest = mesh.face_normals[mesh.area_faces.argmax()]
+    found = [parts for axis in (*np.eye(3)[::-1], largest) if (parts := _drawn_out(mesh, axis))]
+    return min(found, key=len, default=None)
+
+
+def plates(mesh: trimesh.Trimesh, facets: Iterable[NDArray[np.int64]]) -> Iterator[Places]:
+    """The corners (N, 3) m of plates below the facets of a mesh, each an array of its triangles' indices."""
+    for faces in facets:
+        normal = mesh.face_normals[faces[mesh.area_faces[faces].argmax()]]
+        for polygon in _merged(mesh.faces[faces], [mesh.vertices @ _across(normal).T], mesh.vertices @ normal):
+            corners = mesh.vertices[polygon]
+            spokes = corners - corners[0]
+            up = np.cross(spokes[:-1], spokes[1:]).sum(axis=0)
+            yield np.concatenate([corners, corners - THICKNESS * up / np.linalg.norm(up)])
+
+
+def _drawn_out(mesh: trimesh.Trimesh, axis: Direction) -> list[Places] | None:
+    """The prisms of a mesh along an axis, from end to end; None if it has another shape."""
+    height, slope = mesh.vertices @ axis, np.abs(mesh.face_normals @ axis)
+    is_high = height > (height.min() + height.max()) / 2
+    number = is_high[mesh.faces].sum(axis=1)  # of each triangle's corners
+    is_side = (number == 1) | (number == 2)
+    upper, sides = mesh.faces[number == 3], mesh.faces[is_side]
+    if not len(upper) or (slope[is_side] > UPRIGHT).any() or (slope[~is_side] < CAP).any():
+        return None
+    if not _is_closed(upper, sides, is_high):
+        return None
+    below = _below(mesh.vertices, sides, is_high, axis)
+    xy, xy_below = mesh.vertices @ _across(axis).T, below @ _across(axis).T
+    polygons = _merged(upper, [xy, xy_below])
+    if not mesh.is_watertight and any(_width(xy[polygon]) > NARROW for polygon in polygons):
+        return None
+    lower = np.flatnonzero(number == 0)
+    beside = lower[~_covered(xy[mesh.faces[lower]].mean(axis=1), [xy_below[polygon] for polygon in polygons])]
+    parts = [np.concatenate([mesh.vertices[polygon], below[polygon]]) for polygon in polygons]
+    return [*parts, *plates(mesh, beside[:, None])]
+
+
+def _covered(points: NDArray[np.float64], polygons: list[NDArray[np.float64]]) -> NDArray[np.bool_]:
+    """(N,) whether points (N, 2) lie in one of the convex polygons (K, 2), to the left around each."""
+    is_in = np.zeros(len(points), np.bool_)
+    for corners in polygons if len(points) else []:
+        along = np.roll(corners, -1, axis=0) - corners
+        to = points[:, None] - corners
+        left = along[:, 0] * to[..., 1] - along[:, 1] * to[..., 0]
+        is_in |= (left >= -ROUNDED * np.linalg.norm(along, axis=1)).all(axis=1)
+    return is_in
+
+
+def _is_closed(ends: NDArray[np.int64], sides: NDArray[np.int64], is_high: NDArray[np.bool_]) -> bool:
+    """Whether sides stand under all edges around the ends (M, 3) of a prism, and under nothing else."""
+    edges, count = np.unique(_edges(ends), axis=0, return_counts=True)
+    upper = _edges(sides)
+    upper = np.unique(upper[is_high[upper].all(axis=1)], axis=0)
+    return np.array_equal(edges[count == 1], upper)
+
+
+def _edges(triangles: NDArray[np.int64]) -> NDArray[np.int64]:
+    """(3 M, 2) the edges of triangles (M, 3), the lower index first."""
+    return np.sort(triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
+
+
+def _below(vertices: Places, sides: NDArray[np.int64], is_high: NDArray[np.bool_], axis: Direction) -> Places:
+    """(N, 3) m, for the upper ends of a prism's edges the lower ends, where one stands within ``LEAN``.
+
+    For any other vertex it is the point straight below.
+    """
+    height = vertices @ axis
+    below = vertices - np.outer(height - height.min(), axis)
+    edges = _edges(sides)
+    edges = edges[is_high[edges].sum(axis=1) == 1]
+    edges = np.where(is_high[edges[:, :1]], edges, edges[:, ::-1])
+    aside = np.linalg.norm(below[edges[:, 0]] - below[edges[:, 1]], axis=1)
+    edges = edges[np.argsort(-aside, kind="stable")]  # the nearest last, which counts
+    edges = edges[np.sort(-aside) >= -LEAN]
+    below[edges[:, 0]] = vertices[edges[:, 1]]
+    return below
+
+
+def _across(axis: Direction) -> NDArray[np.float64]:
+    """(2, 3) two directions across an axis, which seen against it turn to the left."""
+    x, y = np.linalg.svd(axis[None])[2][1:]
+    return np.stack([x, y]) if np.cross(x, y) @ axis > 0 else np.stack([y, x])
+
+
+def _width(corners: NDArray[np.float64]) -> float:
+    """The least width in m of a convex polygon, (N, 2) m to the left around it."""
+    along = np.roll(corners, -1, axis=0) - corners
+    along = along[np.linalg.norm(along, axis=1) > SLIVER]
+    normals = np.column_stack([-along[:, 1], along[:, 0]]) / np.linalg.norm(along, axis=1, keepdims=True)
+    return float(np.ptp(corners @ normals.T, axis=0).min(initial=np.inf))
+
+
+def _merged(
+    triangles: NDArray[np.int64], views: list[NDArray[np.float64]], height: NDArray[np.float64] | None = None
+) -> list[list[int]]:
+    """Polygons of triangles (M, 3) that are convex in every view, as indices to the left around each in the first.
+
+    Hertel and Mehlhorn: every edge goes, the longest first, beyond which two polygons make a convex one. There are at
+    most four times as many as need be.
+
+    Args:
+        triangles: indices of vertices.
+        views: (N, 2) m of the vertices.
+        height: (N,) m of the vertices, which differs by at most ``ROUNDED`` within a polygon of several triangles.
+    """
+    xy, height = views[0], np.zeros(len(views[0])) if height is None else height
+    a, b, c = xy[triangles].swapaxes(0, 1)
+    turn = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
+    polygons = dict(enumerate(np.where(turn[:, None] < 0, triangles[:, ::-1], triangles).tolist()))
+    low, high = height[triangles].min(axis=1).tolist(), height[triangles].max(axis=1).tolist()
+    left_of = {edge: n for n, polygon in polygons.items() for edge in _around(polygon)}
+    inner = [edge for edge in left_of if edge[0] < edge[1] and edge[::-1] in left_of]
+    length = np.linalg.norm(np.subtract(*xy[np.array(inner, np.int64).reshape(-1, 2).T]), axis=1)
+    places = [view.tolist() for view in views]
+    for start, end in (inner[n] for n in np.argsort(-length, kind="stable")):
+        one, other = left_of[start, end], left_of[end, start]
+        if one == other:
+            continue
+        if len(polygons[one]) < len(polygons[other]):
+            one, other, start, end = other, one, end, start
+        lowest, highest = min(low[one], low[other]), max(high[one], high[other])
+        joined = _joined(polygons[one], polygons[other], start, end, places)
+        if joined and highest - lowest <= ROUNDED:
+            left_of |= dict.fromkeys(_around(polygons.pop(other)), one)
+            polygons[one], low[one], high[one] = joined, lowest, highest
+    return list(polygons.values())
+
+
+def _around(polygon: list[int]) -> Iterator[tuple[int, int]]:
+    """The edges of a polygon."""
+    return zip(polygon, [*polygon[1:], polygon[0]], strict=True)
+
+
+def _joined(one: list[int], other: list[int], start: int, end: int, places: list[list[list[float]]]) -> list[int]:
+    """Two convex polygons as one without their common edge, which leads from ``start`` to ``end`` in the first.
+
+    Empty if that is not convex, seen in any of the ``places``, or if they have no such edge.
+    """
+    first, second = one.index(end), other.index(start)
+    if one[first - 1] != start or other[second - 1] != end:
+        return []
+    joined, turn = one[first:] + one[:first] + (other[second:] + other[:second])[1:-1], len(one) - 1
+    while len(joined) > 3 and joined[-1] == joined[1]:  # there and back, along further common edges
+        joined, turn = joined[1:-1], turn - 1
+    while 0 < turn < len(joined) - 1 and joined[turn - 1] == joined[turn + 1]:
+        del joined[turn : turn + 2]
+        turn -= 1
+    is_convex = all(_turns_left(place, joined, k) for place in places for k in (0, turn))
+    return joined if is_convex and len(joined) > 2 else []
+
+
+def _turns_left(place: list[list[float]], polygon: list[int], k: int) -> bool:
+    """Whether a polygon turns to the left at its corner k, to ``ROUNDED``."""
+    (ax, ay), (x, y), (cx, cy) = (place[polygon[n % len(polygon)]] for n in (k - 1, k, k + 1))
+    return (x - ax) * (cy - y) - (y - ay) * (cx - x) >= -ROUNDED * hypot(cx - ax, cy - ay)

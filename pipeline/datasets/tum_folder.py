@@ -113,7 +113,7 @@ def _frames(recording: Recording, pairs: Sequence[Pair], calibration: Calibratio
             recording.leave_out("depth images without a colour image")
             continue
         if not (file.exists() and colour.exists()):
-            recording.leave_out("listed depth images without a file, or without their colour image's file")
+            recording.leave_out("listed frames with a missing depth or colour image")
             continue
         metres = _depth(file, scale)
         rgb = np.ascontiguousarray(_image(colour, cv2.IMREAD_COLOR)[..., ::-1])

@@ -143,8 +143,8 @@ def changed(topic: str, **values: Any) -> Change:
         (without(DEPTH), r"depth images.* /camera/color/camera_info"),
         (without(INFO, COLOUR_INFO), r"camera_info.*--intrinsics"),
         (changed(INFO, k=np.zeros(9)), r"fx fy cx cy are 0 0 0 0"),
-        (changed(INFO, d=np.ones(3)), r"3 coefficients"),
-        (changed(INFO, d=np.ones(7)), r"7 coefficients"),
+        (changed(INFO, d=np.ones(3)), r"3 distortion"),
+        (changed(INFO, d=np.ones(7)), r"7 distortion"),
         (changed(INFO, d=np.ones(4), distortion_model="equidistant"), r"'equidistant'"),
     ],
 )

@@ -28,6 +28,7 @@ from sarsim.victims.victims import PREFIX
 TILE_SIZE = 1.2  # m
 Attributes = Mapping[str, str | ArrayLike]
 """Attributes in MJCF by name, as text or as numbers."""
+FLAT = 1e-9  # m; heights that differ by less are one
 DRAWN = ("hazmat_sign", "fire_extinguisher")
 """Elements whose geoms only show how large the object is that stands for them."""
 _LIGHTS = (
@@ -205,6 +206,16 @@ class ArenaBuilder:
         """The name of a mesh of vertices (N, 3) m and triangles (M, 3), by default their convex hull; added once."""
         faces = {} if triangles is None else {"face": " ".join(map(str, np.ravel(triangles).tolist()))}
         return self._asset("mesh", {"vertex": vertices, "inertia": "shell", **faces})
+
+    def add_height_field(self, heights: NDArray[np.float64], size: ArrayLike) -> str:
+        """The name of a height field of heights (rows, columns), y growing with the row; added once.
+
+        ``size``: (4,) m, half along x and y, from the lowest to the highest of them, and below the lowest.
+        """
+        rows, columns = heights.shape
+        shown = (heights - heights.min()) / max(float(np.ptp(heights)), FLAT)
+        counts = {"nrow": str(rows), "ncol": str(columns)}
+        return self._asset("hfield", {**counts, "elevation": shown[::-1], "size": size})  # MuJoCo begins at the top
 
     def _material(self, colour: Sequence[float]) -> str:
         return self._asset("material", {"rgba": (*colour, 1.0), "specular": (0.05,), "shininess": (0.1,)})

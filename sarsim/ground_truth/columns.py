@@ -11,7 +11,7 @@ from scipy.spatial import ConvexHull, QhullError
 from pipeline.arrays import Indices, Labels, Places, Rotation3, Values
 from pipeline.grid_map import Grid
 from sarsim.ground_truth import columns_kernels as kernels
-from sarsim.ground_truth.shapes import CUBE, SQUARE, hull_planes, mesh_vertices, swept
+from sarsim.ground_truth.shapes import CUBE, SQUARE, field_triangles, hull_planes, mesh_vertices, swept
 from sarsim.sensors.camera import geom_labels
 
 ENDLESS = 25.0  # m, half size assumed for an infinite plane
@@ -51,12 +51,16 @@ class ConvexBodies:
 def convex_bodies(model: mujoco.MjModel, data: mujoco.MjData, robot_body: int | None) -> ConvexBodies:
     """The convex bodies of all geoms that can collide, except the robot's.
 
-    A height field is replaced by its bounding box, and a round shape by a polyhedron within 0.5 % of it.
+    A height field is as many prisms as it has triangles, and a round shape a polyhedron within 0.5 % of it.
     """
     labels = geom_labels(model)
     other = model.body_rootid[model.geom_bodyid] != (-1 if robot_body is None else robot_body)
     others = np.flatnonzero(other & ((model.geom_contype | model.geom_conaffinity) != 0))
-    shapes = _turned_shapes(model, data, others)
+    is_field = model.geom_type[others] == _GEOM.mjGEOM_HFIELD
+    fields = [_prisms(model, data, int(geom)) for geom in others[is_field]]
+    geoms = [*others[~is_field], *np.repeat(others[is_field], [len(prisms) for prisms in fields])]
+    shapes = _turned_shapes(model, data, others[~is_field]) + [prism for prisms in fields for prism in prisms]
+    others = np.array(geoms, np.int64)
     position = data.geom_xpos[others]
     planes = [
         np.column_stack([s.planes[:, :3], s.planes[:, 3] + s.planes[:, :3] @ p])
@@ -131,6 +135,20 @@ def _turned_shapes(model: mujoco.MjModel, data: mujoco.MjData, geoms: Indices) -
 def _turned(planes: NDArray[np.float64], vertices: NDArray[np.float64], R: Rotation3) -> _TurnedShape:
     planes, vertices = np.column_stack([planes[:, :3] @ R.T, planes[:, 3]]), vertices @ R.T
     return _TurnedShape(planes, _outline(vertices[:, :2]), vertices.min(axis=0), vertices.max(axis=0))
+
+
+def _prisms(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> list[_TurnedShape]:
+    """The prisms below the triangles of a height field."""
+    tops, R = field_triangles(model, geom), data.geom_xmat[geom].reshape(3, 3)
+    feet = tops * (1, 1, 0) - (0, 0, model.hfield_size[model.geom_dataid[geom], 3])
+    sides = [np.stack([feet[:, a], feet[:, b], tops[:, a]], axis=1) for a, b in ((0, 1), (1, 2), (2, 0))]
+    faces = np.stack([tops, *sides, feet[:, ::-1]], axis=1) @ R.T  # each by three of its corners
+    normals = np.cross(faces[:, :, 1] - faces[:, :, 0], faces[:, :, 2] - faces[:, :, 0])
+    normals /= np.linalg.norm(normals, axis=2, keepdims=True)
+    planes = np.concatenate([normals, (normals * faces[:, :, 0]).sum(axis=2, keepdims=True)], axis=2)
+    corners = np.concatenate([tops, feet], axis=1) @ R.T
+    low, high = corners.min(axis=1), corners.max(axis=1)
+    return [_TurnedShape(*prism) for prism in zip(planes, corners[:, :3, :2], low, high, strict=True)]
 
 
 def _outline(xy: NDArray[np.float64]) -> NDArray[np.float64]:

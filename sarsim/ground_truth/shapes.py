@@ -29,6 +29,19 @@ def mesh_vertices(model: mujoco.MjModel, geom: int) -> Places:
     return model.mesh_vert[first : first + model.mesh_vertnum[mesh]].astype(np.float64)
 
 
+def field_triangles(model: mujoco.MjModel, geom: int) -> NDArray[np.float64]:
+    """(N, 3, 3) m, the triangles of a height field geom, counter-clockwise from above, as MuJoCo halves its cells."""
+    field = model.geom_dataid[geom]
+    rows, columns, start = model.hfield_nrow[field], model.hfield_ncol[field], model.hfield_adr[field]
+    x_half, y_half, top, _ = model.hfield_size[field]
+    height = model.hfield_data[start : start + rows * columns].reshape(rows, columns) * float(top)
+    x, y = np.linspace(-x_half, x_half, columns), np.linspace(-y_half, y_half, rows)
+    points = np.stack([*np.meshgrid(x, y), height], axis=-1)
+    first, along, across, up = points[:-1, :-1], points[:-1, 1:], points[1:, 1:], points[1:, :-1]
+    halves = [np.stack([first, along, across], axis=2), np.stack([first, across, up], axis=2)]
+    return np.concatenate([half.reshape(-1, 3, 3) for half in halves])
+
+
 def hull_planes(vertices: NDArray[np.float64]) -> NDArray[np.float64]:
     """(M, 4) planes (n, d) around the convex hull of (N, 3) vertices, n·p ≤ d inside, to 1 µm, each once."""
     return _hull_planes(vertices.tobytes())

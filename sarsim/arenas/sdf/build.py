@@ -12,11 +12,23 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.arrays import Places, Pose
 from pipeline.errors import InputError
+from pipeline.labels import Label
 from sarsim.arenas.elements import ArenaBuilder, Attributes
-from sarsim.arenas.sdf.labels import Outline, endless, flat_outline_of, ground_of, label_of, outline_of
+from sarsim.arenas.sdf.heightmaps import NaturalGround
+from sarsim.arenas.sdf.labels import (
+    Outline,
+    endless,
+    flat_outline_of,
+    ground_of,
+    label_of,
+    label_of_ground,
+    outline_of,
+    outline_of_ground,
+)
 from sarsim.arenas.sdf.pieces import MOST_PIECES, two_sided
 from sarsim.arenas.sdf.solids import Solid, SolidReader
 from sarsim.arenas.sdf.victims import add_victims, victims_of
+from sarsim.arenas.sdf.window import solids_within, window_of
 from sarsim.arenas.sdf.world import SdfWorld
 from sarsim.ground_truth.true_surface import MOST_AREA
 from sarsim.robots.model import robot_model
@@ -26,6 +38,7 @@ MARGIN = 2.0  # m of ground around everything: room to drive around what stands 
 BEYOND = 2.0  # m by which planes, which end nowhere, reach farther still: goals lie before what stands outermost, too
 MOST_THROWN = 0.1  # of a world's bodies that may lie far out
 FAR_OUT = 3.0  # times as far from the middle as the others: what lies there does not belong to the world
+MOST_NAMED = 20  # things that are missing, in a warning
 HEADROOM = robot_model().headroom  # m; a surface that is higher over the lowest point of a model is no ground
 TILE = 6.0  # m; what is seen of a larger piece is parted into squares, so that images leave out what they do not show
 MOST_FACETS = 10_000  # of pieces that are as solid as their hulls; of more, each piece has one label: 0.1 ms a facet
@@ -70,6 +83,7 @@ def build_sdf(path: Path) -> ArenaBuilder:
         solids = _solids(path, world, {victim.scoped for victim in victims})
     except RecursionError as error:
         raise InputError(f"{path}: models or frames are nested too deeply") from error
+    solids = _in_window(path, solids)
     hulls = _as_hulls(solids)
     facets = sum(len(s.piece.seen) for s in solids if s.piece is not None and id(s.piece) in hulls)
     plain = hulls if facets > MOST_FACETS else set()
@@ -78,7 +92,9 @@ def build_sdf(path: Path) -> ArenaBuilder:
     add_victims(builder, path, world, victims)
     if world.lost or thrown:
         lost = [said.removeprefix(f"{path}, ") for said in dict.fromkeys([*world.lost, *thrown])]
-        _log.warning("%s: loaded without %s: %s", path, _counted({"thing": len(lost)}), "; ".join(lost))
+        more = [f"and {len(lost) - MOST_NAMED} more"] if len(lost) > MOST_NAMED else []
+        said = "; ".join([*lost[:MOST_NAMED], *more])
+        _log.warning("%s: loaded without %s: %s", path, _counted({"thing": len(lost)}), said)
     if world.left_out:
         _log.warning("%s: loaded without its %s", path, _counted(world.left_out))
     if hulls:
@@ -99,6 +115,28 @@ def _solids(path: Path, world: SdfWorld, apart: set[str]) -> list[Solid]:
     if not solids:
         raise InputError(f"{path}: nothing in it has a shape")
     return solids
+
+
+def _in_window(path: Path, solids: list[Solid]) -> list[Solid]:
+    """As much of a world that is larger than an arena may be as one holds."""
+    boxes = np.array([_box_around(solid) for solid in solids if solid.kind != "plane"]).reshape(-1, 2, 2)
+    if not len(boxes):
+        return solids
+    middle = boxes.mean(axis=1)
+    away = np.linalg.norm(middle - np.median(middle, axis=0), axis=1)
+    near = boxes[away <= FAR_OUT * np.quantile(away, 1 - MOST_THROWN)]  # others were thrown out of the world
+    extent = near[:, 1].max(axis=0) - near[:, 0].min(axis=0)
+    if np.prod(extent + 2 * MARGIN) <= MOST_AREA:
+        return solids
+    window = window_of(near, MOST_AREA)
+    _log.warning("%s: %.0f × %.0f m are too large an arena, so only %s are built", path, *extent, window)
+    return list(solids_within(solids, window))
+
+
+def _box_around(solid: Solid) -> NDArray[np.float64]:
+    """(2, 2) m, the lowest and the highest x and y of a solid."""
+    corners = _moved(solid.T_world, solid.corners)[:, :2]
+    return np.stack([corners.min(axis=0), corners.max(axis=0)])
 
 
 def _counted(counts: Mapping[str, int]) -> str:
@@ -126,6 +164,9 @@ def _bodies(solid: Solid, hulls: set[int], plain: set[int]) -> Iterator[_Body]:
     surface = 0.0 if piece is None else piece.area_up(T[:3, :3])
     if solid.kind == "plane":
         yield _Body(solid, None, None, True, _moved(T, solid.corners), endless(T))
+    elif solid.tile is not None:
+        corners = _moved(T, solid.corners)
+        yield _Body(solid, None, None, True, corners, outline_of_ground(corners, solid.tile.slope))
     elif piece is None or id(piece) in hulls:
         slab = piece.slab if piece is not None and piece.is_flat else None
         corners = _moved(T, solid.corners if slab is None else slab)
@@ -167,7 +208,11 @@ def _built(path: Path, bodies: list[_Body], is_model: bool) -> ArenaBuilder:
     """The arena of bodies; what stands on no ground, or is a model alone that is raised, gets a floor."""
     builder = ArenaBuilder(path.stem)
     low, high = _bounds(bodies)
-    ground = ground_of([body.outline for body in bodies if body.is_seen], float(np.prod(high - low)))
+    natural = NaturalGround([body.solid.tile for body in bodies if body.solid.tile is not None])
+    flat = [body.outline for body in bodies if body.is_seen and body.solid.tile is None]
+    ground = ground_of(flat, float(np.prod(high - low))) if flat else None
+    if ground is None:
+        ground = natural.height_at(*(low + high) / 2)
     raised = is_model and ground is not None and ground > min(body.outline.low for body in bodies) + HEADROOM
     if ground is None or raised:
         ground = 0.0
@@ -175,7 +220,7 @@ def _built(path: Path, bodies: list[_Body], is_model: bool) -> ArenaBuilder:
     ends = _ends_of_planes(low, high)
     seen = defaultdict[tuple[Solid, str], list[Places]](list)
     for body in bodies:
-        label = label_of(body.outline, ground).name.lower()
+        label = _label(body, ground, natural).name.lower()
         if body.facet is not None and body.solid.piece is not None:
             seen[body.solid, label].append(body.solid.piece.seen[body.facet])
         else:
@@ -186,6 +231,14 @@ def _built(path: Path, bodies: list[_Body], is_model: bool) -> ArenaBuilder:
             builder.add_geom(label, {**_pose(solid), "mesh": mesh, **SEEN}, solid.colour)
     builder.add_surroundings(low, high)
     return builder
+
+
+def _label(body: _Body, ground: float, natural: NaturalGround) -> Label:
+    """The label of a body; over a heightmap the ground is as high as that is below it."""
+    if body.solid.tile is not None:
+        return label_of_ground(body.outline.slope)
+    below = natural.height_at(*body.corners[:, :2].mean(axis=0))
+    return label_of(body.outline, ground if below is None else below)
 
 
 def _bounds(bodies: list[_Body]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
@@ -207,6 +260,8 @@ def _geom(builder: ArenaBuilder, body: _Body, low: NDArray[np.float64], high: ND
     if solid.kind == "plane" and T[2, 2] > 1 - LEVEL:
         half = (high - low) / 2
         return {"type": "plane", "pos": [*(low + half), T[2, 3]], "size": [*half, solid.size[-1]]}
+    if solid.tile is not None:
+        return {**_pose(solid), "hfield": builder.add_height_field(solid.tile.heights, solid.size)}
     if solid.piece is None:
         return {**_pose(solid), "size": solid.size}
     whole = solid.piece.vertices, solid.piece.triangles

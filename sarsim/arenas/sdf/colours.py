@@ -1,9 +1,17 @@
-"""The colour of a shape: of a visual's own material, or by the name of one that comes with Gazebo."""
+"""The colour of a shape: of a visual's material, or by the name of one that comes with Gazebo, or of its texture."""
 
+import re
 from collections.abc import Sequence
+from io import BytesIO
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
+from PIL import Image
+
+from pipeline.errors import InputError
+from sarsim.arenas.sdf.resources import Resources
+from sarsim.vetting.model_files import RefusedError
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
@@ -11,32 +19,149 @@ if TYPE_CHECKING:
 Colour = tuple[float, float, float]
 _NAMED: dict[str, Colour] = {
     "Grey": (0.7, 0.7, 0.7), "DarkGrey": (0.175, 0.175, 0.175), "White": (1, 1, 1), "Black": (0, 0, 0),
-    "FlatBlack": (0.1, 0.1, 0.1), "Red": (1, 0, 0), "Green": (0, 1, 0), "Blue": (0, 0, 1), "Yellow": (1, 1, 0),
-    "Orange": (1, 0.51, 0.05), "Purple": (1, 0, 1), "Turquoise": (0, 1, 1),
+    "FlatBlack": (0.1, 0.1, 0.1), "Red": (1, 0, 0), "RedBright": (0.87, 0.26, 0.07), "Green": (0, 1, 0),
+    "Blue": (0, 0, 1), "SkyBlue": (0.13, 0.44, 0.7), "Yellow": (1, 1, 0), "ZincYellow": (0.9725, 0.9529, 0.2078),
+    "Orange": (1, 0.51, 0.05), "DarkYellow": (0.7, 0.7, 0), "Purple": (1, 0, 1), "Turquoise": (0, 1, 1),
+    "Gold": (0.8, 0.65, 0.12), "Indigo": (0.33, 0, 0.5), "PioneerBody": (1, 0, 0), "Pioneer2Body": (0.68, 0, 0),
+    # The mean of a texture that comes with Gazebo, roughly.
+    "Wood": (0.6, 0.42, 0.25), "WoodFloor": (0.55, 0.38, 0.22), "WoodPallet": (0.65, 0.5, 0.33),
+    "Bricks": (0.55, 0.33, 0.27), "PaintedWall": (0.8, 0.78, 0.72), "CeilingTiled": (0.85, 0.85, 0.83),
+    "WindowFrame": (0.6, 0.6, 0.6), "Grass": (0.3, 0.42, 0.18), "Steps": (0.5, 0.5, 0.5),
+    **dict.fromkeys(("Pedestrian", "Footway"), (0.6, 0.58, 0.55)),
+    **dict.fromkeys(
+        ("Road", "Residential", "Tertiary", "Secondary", "Primary", "Trunk", "Motorway",
+         "Lane_1", "Lanes_2", "Lanes_4", "Lanes_6"), (0.3, 0.3, 0.3)
+    ),
 }  # fmt: skip
-"""Diffuse colours of the plain materials ``Gazebo/NAME``, from Gazebo's media/materials/scripts/gazebo.material."""
+"""Diffuse colours of the materials ``Gazebo/NAME`` in Gazebo's media/materials/scripts/gazebo.material."""
+_VARIANTS = ("Transparent", "TransparentOverlay", "Glow", "GlowOutline", "Laser")
+"""Endings of the names of materials that share a colour."""
+MOST_PIXELS = 2**26  # of a texture: 8,192 × 8,192
+SAMPLE = 64  # pixels of a texture's shorter side that are enough for its mean
+MOST_SCRIPTS = 100  # files of materials in a folder that are read
+_BLOCK = re.compile(r"^\s*material\s+\"?([^\s\":{]+)\"?[^{]*(.*?)(?=^\s*material\s|\Z)", re.MULTILINE | re.DOTALL)
+_SETTING = re.compile(r"^\s*(diffuse|ambient|texture)\s+(.+?)\s*$", re.MULTILINE)
 
 
-def colour_of(shape: "Element", visuals: "Sequence[Element]") -> Colour | None:
-    """The colour of a shape: its own, of the visual with the same geometry, or of the first of the link's visuals."""
-    alike = [visual for visual in visuals if _form(visual) == _form(shape)]
-    return next((colour for owner in (shape, *alike, *visuals[:1]) if (colour := _material(owner))), None)
+class Materials:
+    """Finds the colours of a world's materials; each texture is read once."""
+
+    def __init__(self, resources: Resources):
+        """``resources``: the world's files."""
+        self._resources = resources
+        self._means: dict[Path, Colour | None] = {}
+        self._scripts: dict[Path, dict[str, str]] = {}
+
+    def of_shape(self, shape: "Element", visuals: "Sequence[Element]", base: Path) -> Colour | None:
+        """The colour of a shape of a file in folder ``base``.
+
+        It is its own, of the visual with the same geometry, or of the first of the link's visuals.
+        """
+        alike = [visual for visual in visuals if _form(visual) == _form(shape)]
+        owners = (shape, *alike, *visuals[:1])
+        return next((colour for owner in owners if (colour := self._material(owner, base))), None)
+
+    def mean(self, uri: str, base: Path) -> Colour | None:
+        """The mean colour of a picture; None if it is missing or none: that stops no world."""
+        try:
+            path = self._resources.find(uri.strip(), base, str(base)) if uri.strip() else None
+            if path is None or not path.is_file():
+                return None
+            if path not in self._means:
+                self._means[path] = _mean(self._resources.read(path))
+            return self._means[path]
+        except RefusedError:
+            raise
+        except InputError:
+            return None
+
+    def _material(self, shape: "Element", base: Path) -> Colour | None:
+        material = shape.find("material")
+        if material is None:
+            return None
+        written = next((c for tag in ("diffuse", "ambient") if (c := _written(material.findtext(tag)))), None)
+        texture = self.mean(material.findtext(".//albedo_map") or "", base)
+        if texture is not None:
+            return product(texture, written or (1.0, 1.0, 1.0))
+        name = (material.findtext("script/name") or "").strip()
+        return _named(name) or self._of_scripts(name, material, base) or written
+
+    def _of_scripts(self, name: str, material: "Element", base: Path) -> Colour | None:
+        """The colour of a material of the model's own scripts."""
+        folders = []
+        for uri in material.iterfind("script/uri"):
+            try:
+                found = self._resources.find((uri.text or "").strip(), base, str(base))
+            except RefusedError:
+                raise
+            except InputError:
+                found = None
+            if found is not None:
+                folders.append(found if found.is_dir() else found.parent)
+        for folder in folders:
+            settings = _SETTING.findall(self._scripts_in(folder).get(name, ""))
+            for place in (*folders, folder, folder.parent / "textures"):
+                for texture in [value for key, value in settings if key == "texture"]:
+                    if (colour := self.mean(texture.split()[0].strip('"'), place)) is not None:
+                        return colour
+            plain = [colour for key, value in sorted(settings, reverse=True) if (colour := _written(value))]
+            if plain:  # of a diffuse colour before an ambient one
+                return plain[0]
+        return None
+
+    def _scripts_in(self, folder: Path) -> dict[str, str]:
+        """The texts of the materials in the scripts of a folder, by their names."""
+        if folder not in self._scripts:
+            texts: dict[str, str] = {}
+            for path in sorted(folder.glob("*.material"))[:MOST_SCRIPTS]:
+                try:
+                    content = self._resources.read(path).decode("utf-8", "replace")
+                except InputError:
+                    continue
+                texts.update(dict(_BLOCK.findall(content)))
+            self._scripts[folder] = texts
+        return self._scripts[folder]
+
+
+def _named(name: str) -> Colour | None:
+    """The colour of a material of Gazebo, of which it may be a variant."""
+    plain = name.removeprefix("Gazebo/")
+    stems = [plain, *(plain.removesuffix(ending) for ending in _VARIANTS)]
+    return next((_NAMED[stem] for stem in stems if stem in _NAMED), None)
+
+
+def _mean(content: bytes) -> Colour | None:
+    """The mean colour of a picture's content."""
+    try:
+        with Image.open(BytesIO(content)) as image:
+            return mean_of(image)
+    except Exception:  # of many kinds, on broken pictures
+        return None
+
+
+def mean_of(image: Image.Image) -> Colour | None:
+    """The mean colour of a picture of width × height pixels, where it is not transparent; None if that is nowhere."""
+    if image.width * image.height > MOST_PIXELS:
+        return None
+    image.draft("RGB", (SAMPLE, SAMPLE))  # of a JPEG, a coarse version is enough
+    pixels = np.asarray(image.convert("RGBA").reduce(max(1, min(image.size) // SAMPLE)), np.float64) / 255
+    weight = pixels[..., 3:]
+    if not weight.any():
+        return None
+    red, green, blue = ((pixels[..., :3] * weight).sum(axis=(0, 1)) / weight.sum()).tolist()
+    return red, green, blue
+
+
+def product(a: Colour, b: Colour) -> Colour:
+    """The colour of a surface of one colour under a texture of another."""
+    red, green, blue = np.multiply(a, b).tolist()
+    return red, green, blue
 
 
 def _form(shape: "Element") -> list[str]:
     """The texts of a shape's pose and geometry, by which two are compared."""
     parts = [part for tag in ("pose", "geometry") for part in shape.iterfind(tag)]
     return [f"{e.tag} {' '.join((e.text or '').split())}" for part in parts for e in part.iter()]
-
-
-def _material(shape: "Element") -> Colour | None:
-    material = shape.find("material")
-    if material is None:
-        return None
-    name = (material.findtext("script/name") or "").strip()
-    named = _NAMED.get(name.removeprefix("Gazebo/"))
-    written = [material.findtext(tag) for tag in ("diffuse", "ambient")]
-    return named or next((colour for text in written if (colour := _written(text))), None)
 
 
 def _written(text: str | None) -> Colour | None:

@@ -22,6 +22,7 @@ class _Frame:
 
     T: Pose
     relative_to: str
+    otherwise: str
     inside: "Frames | None"
     placed: str
     merged: bool
@@ -44,7 +45,7 @@ class Frames:
 
     def add(
         self, name: str, T: Pose, relative_to: str,
-        inside: "Frames | None" = None, placed: str = MODEL, merged: bool = False,
+        inside: "Frames | None" = None, placed: str = MODEL, merged: bool = False, otherwise: str = "",
     ) -> str:  # fmt: skip
         """Add a frame, and return its name here: of several with one name, which is invalid, the first keeps it.
 
@@ -55,18 +56,32 @@ class Frames:
             inside: frames of a nested model.
             placed: name of the frame of that model which the pose places.
             merged: its frames also belong to this scope.
+            otherwise: name of the frame that counts if there is none that the pose is given in.
         """
         while name in self._frames:
             name += "'"
-        self._frames[name] = _Frame(T, relative_to, inside, placed, merged)
+        self._frames[name] = _Frame(T, relative_to, otherwise, inside, placed, merged)
         return name
 
-    def pose(self, name: str) -> Pose:
-        """Pose in this scope of a frame, or of one in a nested model, ``model::frame``.
+    def has(self, name: str) -> bool:
+        """Whether there is a frame of this name, in a nested model, ``model::frame``, too."""
+        outer, _, inner = name.partition("::")
+        within = self._frames[outer].inside if outer in self._frames else None
+        merged = [frame.inside for frame in self._frames.values() if frame.merged and frame.inside is not None]
+        return (
+            name in (self.root, *self._frames)
+            or bool(inner and within is not None and within.has(inner))
+            or any(inside.has(name) for inside in merged)
+        )
+
+    def pose(self, name: str, otherwise: str = "") -> Pose:
+        """Pose in this scope of a frame, or of one in a nested model, ``model::frame``; if so given, of another one.
 
         Raises:
             InputError: there is no such frame, or the poses go in a circle.
         """
+        if otherwise and not self.has(name):
+            name = otherwise
         if name == self.root:
             return np.eye(4)
         if name in self._frames:  # also where ``::`` is part of the name itself, as old Gazebo wrote it
@@ -93,7 +108,7 @@ class Frames:
             frame = self._frames[name]
             self._open.append(name)
             try:
-                T = self.pose(frame.relative_to) @ frame.T
+                T = self.pose(frame.relative_to, frame.otherwise) @ frame.T
             finally:
                 self._open.remove(name)
             if frame.inside is not None and frame.placed != MODEL:

@@ -14,6 +14,9 @@ that holds:
    body at most a quarter as thick; or if the body is as tall as a door;
 3. clutter.
 
+Of a heightmap each tile of about 2 m has a label of its own: terrain if it is level, at any height, inclined ramp if
+the P3-AT climbs it, else clutter. The ground below another body is then that of the heightmap.
+
 Wide is an area of at least 0.6 m × 0.6 m; to a facet of a larger surface counts what of that surface faces up.
 """
 
@@ -101,6 +104,14 @@ def endless(T_world: Pose) -> Outline:
     return Outline(height, height, np.inf, 0.0, float(T_world[2, 2]), np.inf, np.inf)
 
 
+def outline_of_ground(corners: NDArray[np.float64], slope: float) -> Outline:
+    """The outline of a heightmap's tile, of points (N, 3) m in the world, whose unit normal has ``slope`` for z."""
+    extent = np.ptp(corners, axis=0)
+    area = float(extent[0] * extent[1])
+    length = float(extent[:2].max())
+    return Outline(corners[:, 2].min(), corners[:, 2].max(), length, float(extent[2]), slope, area, area)
+
+
 def ground_of(outlines: list[Outline], footprint: float) -> float | None:
     """Height of the ground, m, of a world in a rectangle of ``footprint`` m²; None if it has none."""
     level = sorted((o.high, o.area) for o in outlines if _is_level(o))
@@ -132,6 +143,13 @@ def label_of(outline: Outline, ground: float) -> Label:
     is_upright = outline.slope <= np.sin(robot.max_tilt) and outline.length >= wide
     is_panel = is_upright and outline.thickness <= SLENDER * outline.length
     return Label.WALL if is_panel or outline.high - outline.low >= DOOR else Label.CLUTTER
+
+
+def label_of_ground(slope: float) -> Label:
+    """The label of natural ground, a piece of a heightmap whose unit normal has ``slope`` for z, at any height."""
+    if slope > np.cos(RAMP_TILT):
+        return Label.TERRAIN
+    return Label.INCLINED_RAMP if slope >= np.cos(_pioneer().max_tilt) else Label.CLUTTER
 
 
 def _is_level(outline: Outline) -> bool:

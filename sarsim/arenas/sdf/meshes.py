@@ -1,5 +1,6 @@
-"""Triangles from mesh files: STL and OBJ by trimesh, COLLADA by pycollada, both in Python: a broken file raises."""
+"""Triangles from mesh files: COLLADA by pycollada, others by trimesh, both in Python: a broken file raises."""
 
+import re
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from io import BytesIO
@@ -14,7 +15,7 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import Places
 from pipeline.errors import InputError
-from sarsim.arenas.sdf.colours import Colour
+from sarsim.arenas.sdf.colours import Colour, Materials, mean_of, product
 from sarsim.arenas.sdf.resources import Resources
 from sarsim.vetting.model_files import RefusedError
 
@@ -43,17 +44,19 @@ class Meshes:
 
     Attributes:
         resources: the world's files.
+        materials: their colours.
     """
 
     def __init__(self, resources: Resources):
         self.resources = resources
+        self.materials = Materials(resources)
         self._read: dict[Path, list[MeshSurface] | str] = {}
 
     def surfaces(self, path: Path) -> list[MeshSurface]:
         """The surfaces of a mesh file (:func:`read_surfaces`), or the InputError that says what is wrong with it."""
         if path not in self._read:
             try:
-                self._read[path] = read_surfaces(self.resources, path)
+                self._read[path] = read_surfaces(self.resources, path, self.materials)
             except RefusedError:
                 raise
             except InputError as error:
@@ -64,7 +67,7 @@ class Meshes:
         return read
 
 
-def read_surfaces(resources: Resources, path: Path) -> list[MeshSurface]:
+def read_surfaces(resources: Resources, path: Path, materials: Materials) -> list[MeshSurface]:
     """The surfaces of a mesh file, in m, as Gazebo has them.
 
     Raises:
@@ -77,7 +80,9 @@ def read_surfaces(resources: Resources, path: Path) -> list[MeshSurface]:
     if reader is _collada:
         content = ElementTree.tostring(resources.parse(path))  # without entities
     try:
-        surfaces = [s for s in reader(content, path.suffix.lower()[1:]) if len(s.triangles)]
+        surfaces = [s for s in reader(content, path, resources, materials) if len(s.triangles)]
+    except RefusedError:
+        raise
     except Exception as error:  # of many kinds, on broken files
         said = " ".join(str(error).split())[:200] or type(error).__name__
         raise InputError(f"{path}: not a readable mesh: {said}") from error
@@ -89,14 +94,62 @@ def read_surfaces(resources: Resources, path: Path) -> list[MeshSurface]:
     return surfaces
 
 
-def _trimesh(content: bytes, kind: str) -> Iterator[MeshSurface]:
-    """STL and OBJ, which have no unit: m. Materials and textures are not read."""
-    scene: Any = trimesh.load_scene(BytesIO(content), file_type=kind, skip_materials=True, process=False)
-    for name, mesh in scene.geometry.items():
-        yield MeshSurface(name, np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int64))
+class _Beside(trimesh.resolvers.Resolver):
+    """The files that a mesh refers to."""
+
+    def __init__(self, resources: Resources, path: Path):
+        self._resources, self._path = resources, path
+
+    def get(self, name: str) -> bytes:
+        """The content of a file; a KeyError, which trimesh takes for a missing one, if it cannot be had."""
+        try:
+            path = self._resources.find(name, self._path.parent, str(self._path))
+            if path is None or not path.is_file():
+                raise KeyError(name)
+            return self._resources.read(path)
+        except RefusedError:
+            raise
+        except InputError as error:
+            raise KeyError(name) from error
+
+    def keys(self) -> list[str]:
+        """None: files are looked for by their names."""
+        return []
+
+    def namespaced(self, namespace: str) -> "_Beside":
+        """The same, for a folder in that one."""
+        return _Beside(self._resources, self._path.parent / namespace / self._path.name)
+
+    def write(self, name: str, data: bytes) -> None:
+        """Nothing is written."""
 
 
-def _collada(content: bytes, kind: str) -> Iterator[MeshSurface]:
+def _trimesh(content: bytes, path: Path, resources: Resources, materials: Materials) -> Iterator[MeshSurface]:
+    """STL, OBJ and glTF, which have no unit: m. Of a material the colour, or the mean of its texture, is read."""
+    kind, is_plain = path.suffix.lower()[1:], path.suffix.lower() != ".obj"
+    objects = () if is_plain else {name.decode("utf-8", "replace").strip() for name in _OBJECT.findall(content)}
+    options: dict[str, Any] = {"skip_materials": True} if is_plain else {"split_objects": True}
+    beside = _Beside(resources, path)
+    scene: Any = trimesh.load_scene(BytesIO(content), file_type=kind, resolver=beside, process=False, **options)
+    for node in scene.graph.nodes_geometry:
+        T, name = scene.graph[node]
+        mesh, named = scene.geometry[name], [o for o in objects if name == o or name.startswith(f"{o}_")]
+        vertices = np.asarray(mesh.vertices, np.float64) @ T[:3, :3].T + T[:3, 3]
+        colour = None if is_plain else _of_material(getattr(mesh.visual, "material", None))
+        yield MeshSurface(max(named, key=len, default=name), vertices, np.asarray(mesh.faces, np.int64), colour)
+
+
+def _of_material(material: Any) -> Colour | None:
+    """The colour ``Kd`` of OBJ's material, with the mean of its texture; None if it has neither."""
+    if material is None:
+        return None
+    red, green, blue = (np.asarray(material.diffuse, np.float64)[:3] / 255).tolist()
+    written = (red, green, blue) if "kd" in material.kwargs else None
+    texture = None if material.image is None else mean_of(material.image)
+    return written if texture is None else product(texture, written or (1.0, 1.0, 1.0))
+
+
+def _collada(content: bytes, path: Path, resources: Resources, materials: Materials) -> Iterator[MeshSurface]:
     """COLLADA: the visual scene, with its nodes' transforms and its unit.
 
     ``<up_axis>`` turns nothing: Gazebo does not read it, and its worlds are made to look right there.
@@ -113,20 +166,24 @@ def _collada(content: bytes, kind: str) -> Iterator[MeshSurface]:
                 continue  # lines
             vertices = np.asarray(triangles.vertex, np.float64) * unit
             name = geometry.original.name or geometry.original.id
-            yield MeshSurface(
-                name, vertices, np.asarray(triangles.vertex_index, np.int64), _diffuse(primitive.material)
-            )
+            colour = _diffuse(primitive.material, path.parent, materials)
+            yield MeshSurface(name, vertices, np.asarray(triangles.vertex_index, np.int64), colour)
 
 
-def _diffuse(material: Any) -> Colour | None:
-    """The diffuse colour of a COLLADA material; None if it is a texture."""
+def _diffuse(material: Any, folder: Path, materials: Materials) -> Colour | None:
+    """The diffuse colour of a COLLADA material, or the mean of its texture."""
     value = getattr(getattr(material, "effect", None), "diffuse", None)
+    image = getattr(getattr(getattr(value, "sampler", None), "surface", None), "image", None)
+    if image is not None:
+        return materials.mean(str(image.path or ""), folder)
     if not isinstance(value, tuple) or len(value) < 3:
         return None
     red, green, blue = np.clip(np.array(value[:3], np.float64), 0.0, 1.0).tolist()
     return red, green, blue
 
 
-_READERS: dict[str, Callable[[bytes, str], Iterator[MeshSurface]]] = {
-    ".stl": _trimesh, ".obj": _trimesh, ".dae": _collada,
+_OBJECT = re.compile(rb"^o[ \t]+(.+)$", re.MULTILINE)
+"""The line of an OBJ file that names an object, by which ``<submesh>`` chooses it."""
+_READERS: dict[str, Callable[[bytes, Path, Resources, Materials], Iterator[MeshSurface]]] = {
+    ".stl": _trimesh, ".obj": _trimesh, ".dae": _collada, ".glb": _trimesh, ".gltf": _trimesh,
 }  # fmt: skip

@@ -5,6 +5,7 @@ import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
+from urllib.parse import unquote
 
 from pipeline.errors import InputError
 from pipeline.files import MOST_TEXT, read_bytes
@@ -13,10 +14,17 @@ from sarsim.vetting.model_files import MOST_MODEL_BYTES, RefusedError, parse_xml
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
 
-VARIABLES = ("GAZEBO_MODEL_PATH", "GZ_SIM_RESOURCE_PATH", "IGN_GAZEBO_RESOURCE_PATH", "GAZEBO_RESOURCE_PATH")
+VARIABLES = (
+    "GAZEBO_MODEL_PATH", "GZ_SIM_RESOURCE_PATH", "IGN_GAZEBO_RESOURCE_PATH", "GAZEBO_RESOURCE_PATH",
+    "GZ_FUEL_CACHE_PATH", "IGN_FUEL_CACHE_PATH",
+)  # fmt: skip
 """Environment variables of Gazebo, classic and new, that list folders of models."""
-_ONLINE = re.compile(r"https?://.*/models/([^/]+)(?:/(?:tip|\d+))?(?:/files)?(/.+)?/?")
+_ONLINE = re.compile(r"https?://(.+)/models/([^/]+)(?:/(?:tip|\d+))?(?:/files)?(/.+?)?/?", re.IGNORECASE)
 """The address of a model, or of a file of it, in Gazebo's online library."""
+_PACKAGE = "package.xml"
+"""The file that makes a folder a package of ROS."""
+_DEEPEST = 20  # ends of a path that are looked for
+_PACKAGE_LEVELS = 3  # A package may be so many folders above the world that it holds
 
 
 def missing(uri: str, where: str) -> InputError:
@@ -25,24 +33,62 @@ def missing(uri: str, where: str) -> InputError:
     return InputError(f"{where}: {' '.join(uri.split())[:200] or 'an empty <uri>'} is in none of {places}")
 
 
+_OUTSIDE = Path("..")
+"""In place of a path: one that is not to be read."""
+
+
+def versions(folder: Path) -> list[int]:
+    """The folders of a model's versions in its own, the newest first."""
+    return sorted(
+        (int(path.name) for path in folder.iterdir() if path.name.isdecimal() and path.is_dir()), reverse=True
+    )
+
+
+def _in_any_case(path: Path) -> Path | None:
+    """The file or folder whose path is this one but for upper and lower case; None if there is none."""
+    if path.parent == path:
+        return path
+    folder = path.parent if path.parent.is_dir() else _in_any_case(path.parent)
+    if folder is None or not folder.is_dir():
+        return None
+    alike = sorted(entry for entry in folder.iterdir() if entry.name.casefold() == path.name.casefold())
+    return alike[0] if alike else None
+
+
 class Resources:
     """Finds and reads the files of one world.
 
-    A ``model://`` or ``package://`` URI is looked for in the world's folder, in ``models`` there and beside it, and
-    in the folders that Gazebo's own environment variables name. A path is one inside the folder of the file that
-    names it. Nothing outside these folders is read, and nothing is fetched from the net: an online model is looked
-    for by its name.
+    A ``model://`` or ``package://`` URI is looked for in the world's folder, in ``models`` there and beside it, in
+    the ROS package that holds the world, and in the folders that Gazebo's own environment variables name; then around
+    the file that names it. A path is one inside the folder of that file; if it is not there, as one of another
+    machine, its end is looked for in the folders of models. Names that differ in upper and lower case alone are the
+    same. Nothing outside these folders is read, and nothing is fetched from the net: an online model is looked for by
+    its name.
     """
 
     def __init__(self, world: Path):
         """``world``: path of its file."""
         home = world.resolve().parent
         named = [Path(text) for name in VARIABLES for text in os.environ.get(name, "").split(os.pathsep) if text]
-        self._folders = [folder.resolve() for folder in (home, home / "models", home.parent / "models", *named)]
-        self._package = home.parent
         self._size = 0
         self._read: dict[Path, bytes] = {}
         self._parsed: dict[Path, Element] = {}
+        self._packages = {home.parent.name: home.parent} | self._package_of(home)
+        beside = [home, home / "models", home.parent / "models"]
+        inside = [package / name for package in self._packages.values() for name in ("models", "")]
+        inside = [folder for folder in inside if folder != home.parent or (folder / _PACKAGE).is_file()]
+        self._folders = list(dict.fromkeys(folder.resolve() for folder in (*beside, *inside, *named)))
+
+    def _package_of(self, home: Path) -> dict[str, Path]:
+        """The package that holds a folder, by its name; nothing if none does."""
+        for folder in (home, *home.parents[:_PACKAGE_LEVELS]):
+            if (folder / _PACKAGE).is_file():
+                try:
+                    name = (self.parse(folder / _PACKAGE).findtext("name") or "").strip()
+                except InputError:
+                    name = ""
+                return {name or folder.name: folder}
+        return {}
 
     def find(self, uri: str, base: Path, where: str) -> Path | None:
         """The file or folder that a URI names in a file of folder ``base``; None if there is none.
@@ -52,35 +98,68 @@ class Resources:
         """
         shown = " ".join(uri.split())[:200]
         try:
-            places = [(folder, (folder / name).resolve()) for folder, name in self._places(uri, base.resolve())]
-            found = [path if self._is_inside(path, folder) else None for folder, path in places]
-            existing = next((path for path in found if path is not None and path.exists()), None)
-            if existing is None and found[:1] == [None]:
-                raise RefusedError(f"{where}: refused, {shown} is outside the folders of the world and of models")
-            return existing
-        except InputError:
-            raise
+            places = list(self._places(uri.replace("\\", "/"), base.resolve()))
+            found = [self._existing(folder, name) for folder, name in places]
         except (OSError, ValueError) as error:  # a name that is too long, or has a zero byte
             raise InputError(f"{where}: {shown} is no name of a file") from error
+        existing = next((path for path in found if path not in (None, _OUTSIDE)), None)
+        if existing is None and found[:1] == [_OUTSIDE]:
+            # One that is absolute names the files of another machine; one that climbs out means harm.
+            kind = InputError if Path(places[0][1]).is_absolute() else RefusedError
+            raise kind(f"{where}: refused, {shown} is outside the folders of the world and of models")
+        return existing
+
+    def _existing(self, folder: Path, name: str) -> Path | None:
+        """What a folder has by a name, in whatever case it is written; ``_OUTSIDE`` if that is not to be read."""
+        path = (folder / name).resolve()
+        if not self._is_inside(path, folder):
+            return _OUTSIDE
+        existing = path if path.exists() else _in_any_case(path)
+        return existing if existing is None or self._is_inside(existing.resolve(), folder) else _OUTSIDE
 
     def _is_inside(self, path: Path, folder: Path) -> bool:
         return any(path.is_relative_to(allowed) for allowed in (folder, *self._folders))
 
     def _places(self, uri: str, base: Path) -> Iterator[tuple[Path, str]]:
         """Folders, and a path in each, where what a URI names may be."""
-        scheme, apart, rest = uri.partition("://")
-        if online := _ONLINE.fullmatch(uri):
-            name = online[1] + (online[2] or "")
-            yield from ((folder, spelt) for folder in self._folders for spelt in (name, name.replace("%20", " ")))
-        elif not apart:
-            yield from ((folder, uri) for folder in (base, *self._folders))
-        elif scheme == "file":
-            yield from ((folder, rest) for folder in (base, *self._folders))
-        elif scheme in ("model", "package"):
-            yield from ((folder, rest) for folder in self._folders)
-            first, _, others = rest.partition("/")
-            # The folder of a package, or one of models, may be named itself.
-            yield from ((folder, others) for folder in (*self._folders, self._package) if folder.name == first)
+        for spelt in dict.fromkeys((uri, unquote(uri))):
+            scheme, apart, rest = spelt.partition("://")
+            if online := _ONLINE.fullmatch(spelt):
+                yield from self._downloaded(*online.groups(default=""))
+            elif not apart or scheme == "file":
+                path = rest if apart else spelt
+                yield from ((folder, path) for folder in (base, *self._folders))
+                yield from self._ends(path)
+            elif scheme in ("model", "package"):
+                yield from self._of_model(rest, base)
+
+    def _of_model(self, rest: str, base: Path) -> Iterator[tuple[Path, str]]:
+        yield from ((folder, rest) for folder in self._folders)
+        first, _, others = rest.partition("/")
+        around = [folder for folder in (base, *base.parents) if self._is_inside(folder, base)]
+        # The folder of a package, or one of models, may be named itself.
+        named = [folder for folder in (*self._folders, *around) if folder.name == first]
+        named += [folder for name, folder in self._packages.items() if name == first]
+        yield from ((folder, others) for folder in named)
+        yield from ((folder, rest) for folder in around)
+        if others:  # the model's folder was renamed
+            yield base, others
+
+    def _downloaded(self, place: str, name: str, file: str) -> Iterator[tuple[Path, str]]:
+        """A model of the online library, or a file of it, as Gazebo keeps it or by its mere name."""
+        server, *_, owner = place.split("/")
+        for folder in self._folders:
+            for kept in (name, f"{server}/{owner}/models/{name}"):
+                yield folder, kept + file
+                model = self._existing(folder, kept) if file else None
+                if model and model.is_dir():
+                    yield from ((model, str(version) + file) for version in versions(model))
+
+    def _ends(self, path: str) -> Iterator[tuple[Path, str]]:
+        """The ends of a path of another machine or folder, a folder and a file at least, in the folders of models."""
+        parts = [part for part in Path(path).parts if part != "/"]
+        for start in range(1, 0 if ".." in parts else min(len(parts) - 1, _DEEPEST)):
+            yield from ((folder, "/".join(parts[start:])) for folder in self._folders)
 
     def parse(self, path: Path) -> "Element":
         """The root of an XML file; InputError if it is none, or the world's files are too large together."""

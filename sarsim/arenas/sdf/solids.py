@@ -12,12 +12,13 @@ from pipeline.arrays import Places, Pose, Values
 from pipeline.errors import InputError
 from pipeline.transforms import FARTHEST, from_rotation
 from sarsim.arenas.sdf.colours import Colour
+from sarsim.arenas.sdf.heightmaps import BASE, GroundTile, tiles_of
 from sarsim.arenas.sdf.meshes import Meshes, MeshSurface
 from sarsim.arenas.sdf.pieces import MeshPiece, extruded, pieces_of
 from sarsim.arenas.sdf.resources import missing
 from sarsim.arenas.sdf.values import child_numbers, numbers
 from sarsim.arenas.sdf.world import LEFT_OUT, SdfShape
-from sarsim.ground_truth.columns import SEGMENTS
+from sarsim.ground_truth.columns import ENDLESS, SEGMENTS
 from sarsim.ground_truth.shapes import CUBE, SQUARE, swept
 
 if TYPE_CHECKING:
@@ -38,6 +39,7 @@ class Solid:
         corners: around it, in its own frame.
         piece: of a mesh.
         colour: None if the file gives none.
+        tile: of a heightmap; its height field has the lowest point at 0.
     """
 
     kind: str
@@ -46,6 +48,7 @@ class Solid:
     corners: Places
     piece: MeshPiece | None
     colour: Colour | None
+    tile: GroundTile | None = None
 
 
 class SolidReader:
@@ -66,6 +69,9 @@ class SolidReader:
             elif form.tag == "polyline":
                 yield from self._extruded(shape)
                 return  # several outlines are one body
+            elif form.tag == "heightmap":
+                for tile in tiles_of(form, shape.T_world, shape.base, self._files.resources, shape.where):
+                    yield _ground(tile, shape.colour)
             elif form.tag not in (*LEFT_OUT, "empty"):
                 raise InputError(f"{shape.where}: <{form.tag[:40]}> is no known geometry")
 
@@ -86,7 +92,7 @@ class SolidReader:
                 raise InputError(f"{shape.where}: {path} is larger than {FARTHEST:g} m")
             self._pieces[key] = [piece for surface in scaled for piece in pieces_of(surface)]
         for piece in self._pieces[key]:
-            yield Solid("mesh", np.zeros(0), shape.T_world, piece.vertices, piece, piece.colour or shape.colour)
+            yield Solid("mesh", np.zeros(0), shape.T_world, piece.vertices, piece, shape.colour or piece.colour)
 
     def _extruded(self, shape: SdfShape) -> Iterator[Solid]:
         outlines, height = [], 1.0
@@ -147,12 +153,22 @@ def _ball(kind: str, tag: str, default: tuple[float, ...], form: "Element", shap
     return Solid(kind, radii, shape.T_world, corners, None, shape.colour)
 
 
+def _ground(tile: GroundTile, colour: Colour | None) -> Solid:
+    low, high = float(tile.heights.min()), float(tile.heights.max())
+    size = np.array([*tile.half, max(high - low, THINNEST), BASE])
+    T = tile.T_world @ from_rotation(np.eye(3), (0.0, 0.0, low))
+    return Solid("hfield", size, T, tile.corners - (0.0, 0.0, low), None, colour, tile)
+
+
 def _plane(form: "Element", shape: SdfShape) -> Solid:
     """A plane that faces along its normal; only its size in the file is drawn, and it ends nowhere."""
     normal = child_numbers(form, "normal", (0.0, 0.0, 1.0), shape.where)
     if not normal.any():
         raise InputError(f"{shape.where}: the normal of a <plane> is zero")
-    half = np.maximum(_positive(form, {"size": (1.0, 1.0)}, shape.where) / 2, THINNEST)
+    try:
+        half = np.maximum(_positive(form, {"size": (1.0, 1.0)}, shape.where) / 2, THINNEST)
+    except InputError:  # of a size beyond all bounds, for one: it ends nowhere
+        half = np.full(2, ENDLESS)
     z = normal / np.linalg.norm(normal)
     x = np.cross([0.0, 1.0, 0.0], z) if abs(z[1]) < 0.9 else np.cross([0.0, 0.0, 1.0], z)
     x /= np.linalg.norm(x)

@@ -1,6 +1,6 @@
 """Numbers and poses in an SDF file."""
 
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -17,9 +17,9 @@ ROTATIONS = {"euler_rpy": 3, "quat_xyzw": 4}
 
 
 def numbers(text: str | None, count: int, where: str) -> Values:
-    """Finite numbers of a text; InputError, which says ``where``, if it holds anything else."""
+    """The first ``count`` numbers of a text; InputError, which says ``where``, if they are no finite numbers."""
     try:
-        values = np.array((text or "").split(), np.float64)
+        values = np.array((text or "").split()[:count], np.float64)
     except ValueError:
         values = np.zeros(0)
     if values.shape != (count,) or not (np.abs(values) <= FARTHEST).all():
@@ -57,10 +57,26 @@ def pose_of(owner: "Element", where: str) -> Pose:
     return from_rotation(turn.as_matrix(), values[:3])
 
 
-def relative_to(owner: "Element", default: str) -> str:
-    """The name of the frame in which the pose of an element is given; ``frame`` is its name before SDF 1.7."""
+class Reference(NamedTuple):
+    """In which frame a pose is given.
+
+    Attributes:
+        relative_to: name of the frame.
+        otherwise: name of the one that counts if there is no such frame; empty if it must be there.
+    """
+
+    relative_to: str
+    otherwise: str = ""
+
+
+def reference_of(owner: "Element", default: str) -> Reference:
+    """The frame in which the pose of an element is given.
+
+    Before SDF 1.7 it is named by ``frame``, which Gazebo did not read: what names nothing there did no harm.
+    """
     pose = owner.find("pose")
-    return default if pose is None else pose.get("relative_to") or pose.get("frame") or default
+    now, before = ("", "") if pose is None else (pose.get("relative_to", ""), pose.get("frame", ""))
+    return Reference(now or before or default, default if before and not now else "")
 
 
 def name_of(element: "Element") -> str:

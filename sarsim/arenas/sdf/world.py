@@ -2,12 +2,13 @@
 
 Poses are resolved as SDF 1.12 says: ``relative_to`` any frame, link, joint or nested model of the same scope,
 ``placement_frame``, ``attached_to``, ``<include>`` with its own pose and ``merge``. As in Gazebo 11, the first
-``<state>`` of a world overrides the poses of its models and links. Everything stands still where it is placed.
+``<state>`` of a world overrides the poses of its models and links; its sizes are those of the file already.
+Everything stands still where it is placed.
 
-A link is as its collision shapes are, in the colour of its visual ones; a link without collision shapes is as it is
-seen. What has no shape (light, physics, joints) is not read; plugins, sensors, actors, height maps and populations
-are left out, and counted. What is missing or broken, or was thrown out of the world, is left out too, and named:
-Gazebo shows the rest.
+A link is as its collision shapes are, in the colour of its visual ones; a link without collision shapes that can be
+read is as it is seen. What has no shape (physics, joints) is not read; plugins, sensors, actors, roads and lights are
+left out, and counted. What is missing or broken, or was thrown out of the world, is left out too, and named: Gazebo
+shows the rest.
 """
 
 from collections import Counter
@@ -22,22 +23,27 @@ from defusedxml import ElementTree
 
 from pipeline.arrays import Pose
 from pipeline.errors import InputError
-from pipeline.transforms import FARTHEST, inverse
-from sarsim.arenas.sdf.colours import Colour, colour_of
+from pipeline.transforms import FARTHEST, from_rotation, inverse
+from sarsim.arenas.sdf.colours import Colour
 from sarsim.arenas.sdf.frames import MODEL, Frames
 from sarsim.arenas.sdf.meshes import Meshes
+from sarsim.arenas.sdf.model_folders import model_file
+from sarsim.arenas.sdf.population import places_of
 from sarsim.arenas.sdf.resources import Resources, missing
-from sarsim.arenas.sdf.values import name_of, pose_of, relative_to
+from sarsim.arenas.sdf.state import State, children_of, world_state
+from sarsim.arenas.sdf.values import name_of, pose_of, reference_of
 from sarsim.vetting.model_files import MOST_GEOMS, RefusedError
 
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
 
-LEFT_OUT = ("plugin", "sensor", "actor", "population", "heightmap")
+LEFT_OUT = ("plugin", "sensor", "actor", "light", "road", "projector")
 """Elements that a world is loaded without."""
 ROOTS = ("sdf", "gazebo")
 """Root elements of a file."""
 WORLD = "world"
+_OLD = (".//origin[@pose]", ".//box[@size]", ".//cylinder[@radius]", ".//sphere[@radius]", ".//mesh[@filename]")
+"""What only files of SDF before 1.3 have."""
 _SHIPPED = {
     "ground_plane": "<model name='ground_plane'><link name='link'><collision name='collision'><geometry><plane>"
     "<normal>0 0 1</normal><size>100 100</size></plane></geometry></collision></link></model>",
@@ -139,19 +145,24 @@ class SdfWorld:
         self.meshes = Meshes(self.resources)
         self._models = 0
         root = self._root(path)
-        world = root.find(WORLD)
-        self.is_model = world is None
-        self._world = self._read("", root if world is None else world, path, WORLD, (path.resolve(),))
+        worlds = root.findall(WORLD)
+        self.is_model = not worlds
+        beside = [*worlds[1:], *root.findall("model")] if worlds else []
+        if beside:
+            said = ", ".join(f"<{e.tag}> {name_of(e)}" for e in beside)
+            self.lost.append(f"{path}, {said[:200]}: of a file with a <world> only the first one is read")
+        self._world = self._read("", worlds[0] if worlds else root, path, WORLD, (path.resolve(),))
+        self._state = world_state(self._world.element)
 
     def models(self) -> Iterator[SdfModel]:
         """All models, those in others too, in the order of the file."""
-        for model, placed, _ in self._placed(self._world, _OUTSIDE, self._world.element.find("state")):
+        for model, placed, _ in self._placed(self._world, _OUTSIDE, self._state, _none):
             if model is not self._world:
                 yield placed
 
     def shapes(self, without: Choice = _none) -> Iterator[SdfShape]:
         """All shapes, in the order of the file, but those of the models that ``without`` chooses and all in them."""
-        for model, placed, state in self._placed(self._world, _OUTSIDE, self._world.element.find("state"), without):
+        for model, placed, state in self._placed(self._world, _OUTSIDE, self._state, without):
             with self.without():
                 if model.lost:
                     raise InputError(model.lost)
@@ -171,9 +182,10 @@ class SdfWorld:
         root = self.resources.parse(path)
         if root.tag not in ROOTS:
             raise InputError(f"{path}: not an SDF file: its root is <{root.tag[:40]}>, not <sdf>")
-        if root.find(".//origin[@pose]") is not None:
-            raise InputError(f"{path}: SDF of a version before 1.3, with <origin>, is not read")
-        self.left_out.update(element.tag for element in root.iter() if element.tag in LEFT_OUT)
+        if any(root.find(old) is not None for old in _OLD):
+            raise InputError(f"{path}: SDF of a version before 1.3, with poses and sizes as attributes, is not read")
+        of_states = {element for state in root.iter("state") for element in state.iter()}
+        self.left_out.update(e.tag for e in root.iter() if e.tag in LEFT_OUT and e not in of_states)
         return root
 
     def _read(self, name: str, element: "Element", path: Path, root: str, files: tuple[Path, ...]) -> _Model:
@@ -183,7 +195,7 @@ class SdfWorld:
         self._models += 1
         if self._models > MOST_GEOMS:
             raise RefusedError(f"{path}: too many models, at most {MOST_GEOMS} are built")
-        for child in element:
+        for child in children_of(element):
             with self.without():
                 self._add(model, child, path, root, files)
         return model
@@ -192,17 +204,34 @@ class SdfWorld:
         """Add a child of the element of a model or a world, if it is of a kind that is read."""
         place, name = f"{model.where}, <{child.tag}> {name_of(child)}".rstrip(), child.get("name", "")
         if child.tag == "link":
-            model.links[model.frames.add(name, pose_of(child, place), relative_to(child, root))] = child
+            model.links[_framed(model, child, name, place, root)] = child
         elif child.tag == "frame":
-            owner = child.get("attached_to") or root
-            model.frames.add(name, pose_of(child, place), relative_to(child, owner))
+            _framed(model, child, name, place, child.get("attached_to") or root)
         elif child.tag == "joint":
-            owner = (child.findtext("child") or root).strip()
-            model.frames.add(name, pose_of(child, place), relative_to(child, owner))
+            _framed(model, child, name, place, (child.findtext("child") or root).strip())
         elif child.tag == "model":
-            self._nest(model, child, child, self._read(name, child, path, MODEL, files))
+            _nest(model, child, child, self._read(name, child, path, MODEL, files))
         elif child.tag == "include":
             self._include(model, child, files)
+        elif child.tag == "population":
+            self._populate(model, child, place, path, files)
+
+    def _populate(
+        self, model: _Model, population: "Element", where: str, path: Path, files: tuple[Path, ...]
+    ) -> None:
+        """Add the copies of a population's model, each with a number behind its name."""
+        places = places_of(population, where)
+        for n, place in enumerate(places):
+            for child in population:
+                if child.tag in ("model", "include"):
+                    copy = _Model("", population, model.base, where, Frames(where))
+                    self._add(copy, child, path, MODEL, files)
+                    for nested in copy.nested.values():
+                        name = f"{nested.name}_clone_{n}"
+                        added = model.frames.add(
+                            name, from_rotation(np.eye(3), place), model.frames.root, nested.frames
+                        )
+                        model.nested[added] = replace(nested, name=name)
 
     def _include(self, model: _Model, include: "Element", files: tuple[Path, ...]) -> None:
         uri, name = (include.findtext("uri") or "").strip(), (include.findtext("name") or "").strip()
@@ -212,15 +241,14 @@ class SdfWorld:
         except RefusedError:
             raise
         except InputError as error:
-            placeholder = _Model(
-                name or _last(uri), ElementTree.fromstring("<model/>"), model.base, where, Frames(where)
-            )
-            self._nest(model, include, include, replace(placeholder, uri=uri, lost=str(error)))
+            nothing = ElementTree.fromstring("<model/>")
+            absent = _Model(name or _last(uri), nothing, model.base, where, Frames(where), uri=uri, lost=str(error))
+            _nest(model, include, include, absent)
             return
         if included is not None:  # a file may hold a light alone
             placed = include if include.find("pose") is not None else included
             nested = self._read(name or included.get("name", ""), included, path, MODEL, (*files, path))
-            self._nest(model, include, placed, replace(nested, uri=uri))
+            _nest(model, include, placed, replace(nested, uri=uri))
 
     def _included(self, uri: str, base: Path, where: str, files: tuple[Path, ...]) -> "tuple[Element | None, Path]":
         """The model that a URI names, and the file that holds it."""
@@ -230,99 +258,98 @@ class SdfWorld:
             if shipped is None:
                 raise missing(uri, where)
             return ElementTree.fromstring(shipped), files[-1]
-        path = self._model_file(path)
+        path = model_file(self.resources, path)
         if path in files:
             raise InputError(f"{where}: {path} includes itself")
-        return self._root(path).find("model"), path
-
-    def _model_file(self, path: Path) -> Path:
-        """The SDF file of a model's folder, of the newest version that ``model.config`` lists."""
-        if not path.is_dir():
-            return path
-        config, name = path / "model.config", "model.sdf"
-        if config.exists():
-            texts = [(e.get("version", ""), (e.text or "").strip()) for e in self.resources.parse(config).iter("sdf")]
-            listed = [(_version(version), text) for version, text in texts if text]
-            name = max(listed)[1] if listed else name
-        file = self.resources.find(name, path, str(config))
-        if file is None:
-            raise InputError(f"{path / name}: the model's file is missing")
-        return file
-
-    @staticmethod
-    def _nest(model: _Model, owner: "Element", placed: "Element", nested: _Model) -> None:
-        """Add a nested model: ``owner`` says how, and ``placed`` has its pose."""
-        frame = owner.get("placement_frame") or (owner.findtext("placement_frame") or "").strip()
-        frame = frame or nested.element.get("placement_frame") or MODEL
-        T, parent = pose_of(placed, nested.where), relative_to(placed, model.frames.root)
-        merged = owner.get("merge") in ("true", "1")
-        model.nested[model.frames.add(nested.name, T, parent, nested.frames, frame, merged)] = nested
+        root = self._root(path)
+        models = root.findall("model")
+        if not models and root.find("light") is None and root.find("actor") is None:
+            raise InputError(f"{where}: {path} holds no <model>")
+        if len(models) > 1:
+            self.lost.append(
+                f"{path}, <model> {name_of(models[1])}: of a file that is included only the first counts"
+            )
+        return (models[0] if models else None), path
 
     def _placed(
-        self, model: _Model, outside: SdfModel, state: "Element | None", without: Choice = _none
-    ) -> "Iterator[tuple[_Model, SdfModel, Element | None]]":
+        self, model: _Model, outside: SdfModel, state: State, without: Choice
+    ) -> Iterator[tuple[_Model, SdfModel, State]]:
         """A model and all in it, each with its place and its state."""
         yield model, outside, state
         for name, nested in model.nested.items():
             with self.without():
-                own = _named(state, "model", nested.name)
-                where = f"{nested.where}, <state>"
-                T = outside.T_world @ model.frames.pose(name) if own is None else pose_of(own, where)
-                placed = SdfModel(nested.name, f"{outside.scoped}::{name}".removeprefix("::"), nested.uri, T, False)
-                placed = replace(placed, missing=self._is_missing(nested))
+                own = state.of_model(nested.name)
+                T = outside.T_world @ model.frames.pose(name)
+                if own.pose is not None:
+                    T = pose_of(own.pose, f"{nested.where}, <state>")
+                scoped = f"{outside.scoped}::{name}".removeprefix("::")
+                placed = SdfModel(nested.name, scoped, nested.uri, T, self._is_missing(nested))
                 if not without(placed):
                     yield from self._placed(nested, placed, own, without)
 
     def _is_missing(self, model: _Model) -> bool:
         """Whether a model should have a shape and nothing of its shapes can be read."""
-        geometries = [g for g in model.element.iterfind("link/*/geometry") if len(g)]
-        if any(g.find("mesh") is None for g in geometries) or model.nested:
-            return False
-        uris = [(g.findtext("mesh/uri") or "").strip() for g in geometries]
-        return bool(model.lost or uris) and not any(self._has_mesh(uri, model) for uri in uris)
+        shapes = [*model.element.iterfind("link/collision"), *model.element.iterfind("link/visual")]
+        return not model.nested and bool(shapes or model.lost) and not any(self._is_read(s, model) for s in shapes)
 
-    def _has_mesh(self, uri: str, model: _Model) -> bool:
+    def _is_read(self, shape: "Element", model: _Model) -> bool:
+        """Whether a shape has a geometry, and its file, if it has one, can be read."""
+        mesh = shape.find("geometry/mesh")
+        if mesh is None:
+            return shape.find("geometry/*") is not None
         try:
-            path = self.resources.find(uri, model.base, model.where)
+            path = self.resources.find((mesh.findtext("uri") or "").strip(), model.base, model.where)
             return path is not None and bool(self.meshes.surfaces(path))
         except InputError:
             return False
 
-    def _own_shapes(self, model: _Model, placed: SdfModel, state: "Element | None") -> Iterator[SdfShape]:
+    def _own_shapes(self, model: _Model, placed: SdfModel, state: State) -> Iterator[SdfShape]:
         for name, link in model.links.items():
             with self.without():
-                own = _named(state, "link", link.get("name", ""))
-                yield from self._link_shapes(model, name, link, placed, own)
+                where, T = f"{model.where}, <link> {name_of(link)}", placed.T_world @ model.frames.pose(name)
+                own = state.of_link(link.get("name", ""))
+                if own is not None:
+                    T = pose_of(own, f"{where}, <state>")
+                T_world = T @ inverse(model.frames.pose(name))
+                yield from self._link_shapes(model, name, link, replace(placed, T_world=T_world), where)
 
     def _link_shapes(
-        self, model: _Model, name: str, link: "Element", placed: SdfModel, state: "Element | None"
+        self, model: _Model, name: str, link: "Element", placed: SdfModel, where: str
     ) -> Iterator[SdfShape]:
-        where, T_world = f"{model.where}, <link> {name_of(link)}", placed.T_world
-        if state is not None:
-            T_world = pose_of(state, f"{where}, <state>") @ inverse(model.frames.pose(name))
-        visuals = [visual for visual in link.findall("visual") if visual.find("geometry") is not None]
-        solid = [collision for collision in link.findall("collision") if collision.find("geometry") is not None]
-        for shape in solid or visuals:
+        solid, visuals = (
+            [shape for shape in link.findall(tag) if shape.find("geometry") is not None]
+            for tag in ("collision", "visual")
+        )
+        is_solid, is_seen = (any(self._is_read(shape, model) for shape in shapes) for shapes in (solid, visuals))
+        for shape in [*solid, *visuals] if is_seen and not is_solid else solid or visuals:
             place = f"{where}, <{shape.tag}> {name_of(shape)}"
             with self.without():
-                T = T_world @ model.frames.pose(relative_to(shape, name)) @ pose_of(shape, place)
+                T = placed.T_world @ model.frames.pose(*reference_of(shape, name)) @ pose_of(shape, place)
                 geometry = shape.find("geometry")
                 assert geometry is not None
                 if not (np.abs(T[:3, 3]) <= FARTHEST).all():
                     raise InputError(f"{place}: lies farther away than {FARTHEST:g} m")
-                yield SdfShape(placed.scoped, geometry, T, colour_of(shape, visuals), model.base, place)
+                colour = self.meshes.materials.of_shape(shape, visuals, model.base)
+                yield SdfShape(placed.scoped, geometry, T, colour, model.base, place)
 
 
-def _named(state: "Element | None", tag: str, name: str) -> "Element | None":
-    """The state of a model or a link that has a pose."""
-    found = () if state is None else (e for e in state.findall(tag) if e.get("name") == name)
-    return next((e for e in found if e.find("pose") is not None), None)
+def _framed(model: _Model, child: "Element", name: str, where: str, owner: str) -> str:
+    """Add the frame of a link, a joint or a frame, whose pose is relative to ``owner`` by default."""
+    parent = reference_of(child, owner)
+    return model.frames.add(name, pose_of(child, where), parent.relative_to, otherwise=parent.otherwise)
+
+
+def _nest(model: _Model, owner: "Element", placed: "Element", nested: _Model) -> None:
+    """Add a nested model: ``owner`` says how, and ``placed`` has its pose."""
+    frame = owner.get("placement_frame") or (owner.findtext("placement_frame") or "").strip()
+    frame = frame or nested.element.get("placement_frame") or MODEL
+    T, parent = pose_of(placed, nested.where), reference_of(placed, model.frames.root)
+    merged = owner.get("merge") in ("true", "1")
+    frames = model.frames
+    name = frames.add(nested.name, T, parent.relative_to, nested.frames, frame, merged, parent.otherwise)
+    model.nested[name] = nested
 
 
 def _last(uri: str) -> str:
     """The last part of a URI, which is the name of the model that it means."""
-    return " ".join(uri.rstrip("/").rpartition("/")[2].replace("%20", " ").split())
-
-
-def _version(text: str) -> tuple[int, ...]:
-    return tuple(int(part) for part in text.split(".") if part.isdecimal())
+    return " ".join(uri.rstrip("/").rpartition("/")[2].replace("%20", " ").split())[:60]

@@ -81,7 +81,8 @@ class Compiled:
     """An arena in MuJoCo, without a start."""
 
     def __init__(self, path: Path):
-        self.model = mujoco.MjModel.from_xml_string(build_sdf(path).to_xml())
+        builder = build_sdf(path)
+        self.model = mujoco.MjModel.from_xml_string(builder.to_xml(), builder.files)
         self.data = mujoco.MjData(self.model)
         mujoco.mj_kinematics(self.model, self.data)
 
@@ -89,6 +90,13 @@ class Compiled:
     def labels(self) -> list[str]:
         """The names of the geoms' labels, in order."""
         return [Label(label).name.lower() for label in geom_labels(self.model)]
+
+    def label_below(self, x: float, y: float) -> Label:
+        """The label of the highest surface at a place, m."""
+        geom = np.zeros(1, np.int32)
+        point, down = np.array([x, y, 99.0]), np.array([0, 0, -1.0])
+        mujoco.mj_ray(self.model, self.data, point, down, None, 1, -1, geom, None)
+        return Label(geom_labels(self.model)[geom[0]])
 
     def ray(self, *point: float, along: tuple[float, float, float]) -> float:
         """Distance in m from a point to the first surface that is drawn in a direction; -1 if there is none."""

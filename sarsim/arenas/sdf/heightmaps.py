@@ -1,0 +1,141 @@
+"""Heightmaps: pictures whose brightness is the height of the ground, in tiles that MuJoCo has as height fields."""
+
+from dataclasses import dataclass
+from io import BytesIO
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from PIL import Image
+
+from pipeline.arrays import Places, Pose
+from pipeline.errors import InputError
+from pipeline.transforms import from_rotation
+from sarsim.arenas.sdf.resources import Resources, missing
+from sarsim.arenas.sdf.values import child_numbers
+
+if TYPE_CHECKING:
+    from pathlib import Path
+    from xml.etree.ElementTree import Element
+
+PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".pgm")
+"""Files that are read; rasters of real places are not."""
+MOST_PIXELS = 1025**2  # of a heightmap: the largest that Gazebo's documentation speaks of
+TILE = 2.0  # m, side of a tile, each of which gets its own label
+MOST_TILES = 40  # along an axis
+BASE = 1.0  # m that a height field is thick below its lowest point, so that nothing falls through
+
+
+@dataclass(frozen=True, eq=False)
+class GroundTile:
+    """A rectangle of a heightmap.
+
+    Attributes:
+        T_world: pose of its middle, at height 0 of the map.
+        half: (2,) m, half of its sides.
+        heights: (rows, columns) m; x grows with the column and y with the row.
+    """
+
+    T_world: Pose
+    half: NDArray[np.float64]
+    heights: NDArray[np.float64]
+
+    @property
+    def corners(self) -> Places:
+        """The points of the surface in the tile's frame."""
+        x, y = (np.linspace(-h, h, n) for h, n in zip(self.half, self.heights.shape[::-1], strict=True))
+        return np.stack([*np.meshgrid(x, y), self.heights], axis=-1).reshape(-1, 3)
+
+    def height_at(self, x: float, y: float) -> float | None:
+        """z in m of the nearest of its points to a place in the world; None if the place is beside it."""
+        along = self.T_world[:3, :3].T @ (np.array([x, y, self.T_world[2, 3]]) - self.T_world[:3, 3])
+        column, row = (along[:2] / self.half + 1) / 2 * (np.array(self.heights.shape[::-1]) - 1)
+        rows, columns = self.heights.shape
+        if not (0 <= column <= columns - 1 and 0 <= row <= rows - 1):
+            return None
+        return float(self.heights[round(row), round(column)] + self.T_world[2, 3])
+
+    @property
+    def slope(self) -> float:
+        """z of the unit normal of the tile's mean plane, in the world."""
+        step = 2 * self.half[::-1] / (np.array(self.heights.shape) - 1)
+        along_y, along_x = (float(np.diff(self.heights, axis=axis).mean() / step[axis]) for axis in (0, 1))
+        normal = self.T_world[:3, :3] @ (-along_x, -along_y, 1.0)
+        return float(normal[2] / np.linalg.norm(normal))
+
+
+class NaturalGround:
+    """The ground that the heightmaps of a world are."""
+
+    def __init__(self, tiles: list[GroundTile]):
+        self._tiles = tiles
+        corners = [(tile.corners @ tile.T_world[:3, :3].T + tile.T_world[:3, 3])[:, :2] for tile in tiles]
+        self._low = np.array([c.min(axis=0) for c in corners]).reshape(-1, 2)
+        self._high = np.array([c.max(axis=0) for c in corners]).reshape(-1, 2)
+
+    def height_at(self, x: float, y: float) -> float | None:
+        """z in m of the highest of its points that are nearest to a place in the world; None if it is not there."""
+        around = ((self._low <= (x, y)) & (self._high >= (x, y))).all(axis=1)
+        heights = [self._tiles[n].height_at(x, y) for n in np.flatnonzero(around)]
+        return max((height for height in heights if height is not None), default=None)
+
+
+def tiles_of(form: "Element", T_world: Pose, base: "Path", resources: Resources, where: str) -> list[GroundTile]:
+    """The tiles of a ``<heightmap>``, in a shape with pose ``T_world`` of a file in folder ``base``.
+
+    As in Gazebo, the brightest pixel is as high as ``<size>`` says, black is 0, the picture's edges are those of the
+    rectangle, its upper one towards +y, and a negative height turns dark and bright round.
+
+    Raises:
+        InputError: the picture is missing, of another kind or too large, or a number is wrong.
+    """
+    uri = (form.findtext("uri") or "").strip()
+    path = resources.find(uri, base, where)
+    if path is None or path.is_dir():
+        raise missing(uri, where)
+    if path.suffix.lower() not in PICTURES:
+        raise InputError(f"{where}: {path} is not a heightmap that is read: {', '.join(PICTURES)}")
+    size = child_numbers(form, "size", (1.0, 1.0, 1.0), where)
+    if not (size[:2] > 0).all():
+        raise InputError(f"{where}: the <size> of a <heightmap> is not above 0")
+    grey = _grey(resources.read(path), path)
+    grey = grey.max() - grey if size[2] < 0 else grey
+    heights = grey * (abs(size[2]) / max(float(grey.max()), 1.0))
+    middle = from_rotation(np.eye(3), child_numbers(form, "pos", (0.0, 0.0, 0.0), where))
+    return _tiles(heights[::-1], size[:2], T_world @ middle)
+
+
+def _grey(content: bytes, path: "Path") -> NDArray[np.float64]:
+    """(rows, columns) brightness of the first channel of a picture of 8 or 16 bits."""
+    try:
+        with Image.open(BytesIO(content)) as image:
+            if not 4 <= image.width * image.height <= MOST_PIXELS or min(image.size) < 2:
+                raise InputError(
+                    f"{path}: {image.width} × {image.height} pixels; from 2 × 2 to {MOST_PIXELS} are read"
+                )
+            plain = image.convert("RGB") if image.mode == "P" else image
+            pixels = np.asarray(plain, np.float64)
+    except InputError:
+        raise
+    except Exception as error:  # of many kinds, on broken pictures
+        raise InputError(f"{path}: not a readable picture: {' '.join(str(error).split())[:200]}") from error
+    return pixels if pixels.ndim == 2 else pixels[..., 0]
+
+
+def _tiles(heights: NDArray[np.float64], size: NDArray[np.float64], T_world: Pose) -> list[GroundTile]:
+    cells = np.array(heights.shape[::-1]) - 1  # along x and y
+    step = size / cells
+    ends = [_ends(int(n), float(length)) for n, length in zip(cells, size, strict=True)]
+    tiles = []
+    for x0, x1 in zip(ends[0][:-1], ends[0][1:], strict=True):
+        for y0, y1 in zip(ends[1][:-1], ends[1][1:], strict=True):
+            middle = step * [(x0 + x1) / 2, (y0 + y1) / 2] - size / 2
+            T = T_world @ from_rotation(np.eye(3), [*middle, 0.0])
+            tiles.append(GroundTile(T, step * [x1 - x0, y1 - y0] / 2, heights[y0 : y1 + 1, x0 : x1 + 1]))
+    return tiles
+
+
+def _ends(cells: int, length: float) -> NDArray[np.int64]:
+    """The points between the tiles of ``cells`` cells over ``length`` m."""
+    count = int(np.clip(round(length / TILE), 1, min(MOST_TILES, cells)))
+    return np.linspace(0, cells, count + 1).round().astype(np.int64)

@@ -1,0 +1,63 @@
+"""Which SDF file in the folder of a model is the model's."""
+
+from pathlib import Path
+
+from pipeline.errors import InputError
+from sarsim.arenas.sdf.resources import Resources, versions
+from sarsim.vetting.model_files import RefusedError
+
+CONFIGS = ("model.config", "manifest.xml")
+"""Files that list the SDF files of a model, the second one before Gazebo 1.9."""
+USUAL = "model.sdf"
+NEWEST = (1, 12)
+"""The newest version of SDF that is read."""
+
+
+def model_file(resources: Resources, path: Path) -> Path:
+    """The SDF file that a path to it, or to the folder of a model, means.
+
+    It is the newest of those that the folder's ``model.config`` lists and that can be read, else ``model.sdf``, else
+    the only SDF file there. Where there is none, the newest version's folder counts, as in Gazebo's cache, or the
+    only folder with a model.
+
+    Raises:
+        InputError: there is none.
+    """
+    file = _in_folder(resources, path) if path.is_dir() else path
+    if file is None:
+        raise InputError(f"{path / USUAL}: the model's file is missing")
+    return file
+
+
+def _in_folder(resources: Resources, folder: Path) -> Path | None:
+    for name in [*_listed(resources, folder), USUAL]:
+        file = resources.find(name, folder, str(folder))
+        if file is not None and file.is_file():
+            return file
+    alone = sorted(path for path in folder.iterdir() if path.suffix.lower() == ".sdf")
+    if len(alone) == 1:
+        return alone[0]
+    newest = [folder / str(version) for version in versions(folder)]
+    inner = newest or [path for path in sorted(folder.iterdir()) if path.is_dir() and _is_model(path)]
+    return _in_folder(resources, inner[0]) if newest or len(inner) == 1 else None
+
+
+def _is_model(folder: Path) -> bool:
+    return any((folder / name).is_file() for name in (*CONFIGS, USUAL))
+
+
+def _listed(resources: Resources, folder: Path) -> list[str]:
+    """The SDF files that a folder's ``model.config`` lists, those of the newest versions first."""
+    config = next((folder / name for name in CONFIGS if (folder / name).is_file()), None)
+    try:
+        listed = [] if config is None else list(resources.parse(config).iter("sdf"))
+    except RefusedError:
+        raise
+    except InputError:
+        return []  # of a broken one Gazebo takes the usual file
+    texts = [(_version(sdf.get("version", "")), (sdf.text or "").strip()) for sdf in listed]
+    return [text for _, text in sorted([t for t in texts if t[1] and t[0] <= NEWEST], reverse=True)]
+
+
+def _version(text: str) -> tuple[int, ...]:
+    return tuple(int(part) for part in text.split(".") if part.isdecimal())

@@ -1,0 +1,106 @@
+"""Where the copies of a ``<population>`` stand, as in Gazebo classic.
+
+Random places come from a generator with the seed ``SEED``, so that a world is the same every time; Gazebo's differ at
+every start.
+"""
+
+from typing import TYPE_CHECKING
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.cluster.vq import kmeans2
+
+from pipeline.arrays import Places
+from pipeline.errors import InputError
+from sarsim.arenas.sdf.values import child_numbers, pose_of
+from sarsim.vetting.model_files import MOST_GEOMS
+
+if TYPE_CHECKING:
+    from xml.etree.ElementTree import Element
+
+SEED = 0
+SPACING = 0.1  # m between the points that are clustered to spread copies evenly over a box
+MOST_POINTS = 10_000  # of these; of a cylinder there are so many
+LINES = {"linear-x": 0, "linear-y": 1, "linear-z": 2}
+"""Distributions along a line, and its axis."""
+
+
+def places_of(population: "Element", where: str) -> Places:
+    """(N, 3) m, the places of a population's copies in the world; none of them is turned.
+
+    Raises:
+        InputError: a number is wrong, the distribution or the region is unknown, or there are too many copies.
+    """
+    T, kind = pose_of(population, where), (population.findtext("distribution/type") or "random").strip()
+    middle, turn = T[:3, 3], T[:3, :3]
+    box, cylinder = population.find("box"), population.find("cylinder")
+    if kind == "grid":
+        offsets, corner = _grid(population, where)
+        return middle + corner + offsets @ turn.T
+    count, rng = _count(population, "model_count", where), np.random.default_rng(SEED)
+    if box is not None and kind in (*LINES, "random", "uniform"):
+        size = _positive(box, "size", 3, where)
+        # As in Gazebo, the box is about its place before it is turned, and is turned about its lowest corner.
+        return middle - size / 2 + _in_box(kind, size, count, rng) @ turn.T
+    if cylinder is not None and kind in ("random", "uniform"):
+        radius, length = _positive(cylinder, "radius", 1, where)[0], _positive(cylinder, "length", 1, where)[0]
+        points = _in_cylinder(radius, length, count if kind == "random" else MOST_POINTS, rng)
+        return middle + (points if kind == "random" else _spread(points, count, rng)) @ turn.T
+    raise InputError(f"{where}: a <population> is in a <box> or a <cylinder>, not {kind[:20]!r} in something else")
+
+
+def _grid(population: "Element", where: str) -> tuple[Places, NDArray[np.float64]]:
+    """The places of a grid, row by row, from its first one, and that of the first from the grid's middle."""
+    distribution = population.find("distribution")
+    assert distribution is not None  # it says that this is a grid
+    rows, columns = (_count(distribution, tag, where) for tag in ("rows", "cols"))
+    _bounded(rows * columns, where)
+    step = child_numbers(distribution, "step", (0.5, 0.5, 0.0), where) * (1, 1, 0)
+    cells = np.stack(np.meshgrid(np.arange(columns), np.arange(rows)), axis=-1).reshape(-1, 2)
+    return np.pad(cells, ((0, 0), (0, 1))) * step, -step * (columns - 1, rows - 1, 0) / 2
+
+
+def _in_box(kind: str, size: NDArray[np.float64], count: int, rng: np.random.Generator) -> Places:
+    """Places from a box's lowest corner on."""
+    if kind == "random":
+        return rng.uniform(0, size, (count, 3))
+    if kind == "uniform":
+        spacing = max(SPACING, float(np.sqrt(size[0] * size[1] / MOST_POINTS)))
+        axes = [np.arange(0, length, spacing) for length in size[:2]]
+        points = np.stack(np.meshgrid(*axes), axis=-1).reshape(-1, 2)
+        return _spread(np.column_stack([points, rng.uniform(0, size[2], len(points))]), count, rng)
+    places = np.tile(size / 2, (count, 1))
+    places[:, LINES[kind]] = size[LINES[kind]] * np.arange(count) / count
+    return places
+
+
+def _in_cylinder(radius: float, length: float, count: int, rng: np.random.Generator) -> Places:
+    """Random places in a cylinder that stands at 0, denser towards its axis, as in Gazebo."""
+    angle, distance = rng.uniform(0, 2 * np.pi, count), rng.uniform(0, radius, count)
+    return np.column_stack([distance * np.cos(angle), distance * np.sin(angle), rng.uniform(0, length, count)])
+
+
+def _spread(points: Places, count: int, rng: np.random.Generator) -> Places:
+    """The middles of clusters of points."""
+    if count >= len(points):
+        return points[np.arange(count) % len(points)]
+    middles, _ = kmeans2(points, count, minit="points", rng=rng)
+    return np.asarray(middles, np.float64)
+
+
+def _count(owner: "Element", tag: str, where: str) -> int:
+    value = child_numbers(owner, tag, (1.0,), where)[0]
+    return _bounded(int(value), where)
+
+
+def _bounded(count: int, where: str) -> int:
+    if not 0 < count <= MOST_GEOMS:
+        raise InputError(f"{where}: {count} copies; from 1 to {MOST_GEOMS} are built")
+    return count
+
+
+def _positive(form: "Element", tag: str, count: int, where: str) -> NDArray[np.float64]:
+    values = child_numbers(form, tag, (1.0,) * count, where)
+    if (values <= 0).any():
+        raise InputError(f"{where}, <{form.tag}>: <{tag}> is not above 0")
+    return values

@@ -1,0 +1,53 @@
+"""The ``<state>`` of a world: where its models and links were when Gazebo saved it."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from xml.etree.ElementTree import Element
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """The state of a model or a world.
+
+    Attributes:
+        element: in which the states of its links and of the models in it stand; None if there is none.
+        prefix: of their names there, which Gazebo before version 7 writes into the state of the outermost model.
+        pose: element with its own pose; None if it has none.
+    """
+
+    element: "Element | None" = None
+    prefix: str = ""
+    pose: "Element | None" = None
+
+    def of_link(self, name: str) -> "Element | None":
+        """The element with the pose of a link in the world."""
+        return self._named("link", name)
+
+    def of_model(self, name: str) -> "State":
+        """The state of a model in this one."""
+        own = self._named("model", name)
+        return State(self.element, f"{self.prefix}{name}::") if own is None else State(own, "", own)
+
+    def _named(self, tag: str, name: str) -> "Element | None":
+        found = [] if self.element is None else self.element.findall(tag)
+        posed = (e for e in found if e.get("name") == f"{self.prefix}{name}" and e.find("pose") is not None)
+        return next(posed, None)
+
+
+def world_state(world: "Element") -> State:
+    """The state of a world: as in Gazebo, the first of those that its file holds."""
+    return State(world.find("state"))
+
+
+def children_of(world: "Element") -> "Iterator[Element]":
+    """What is in a world, with what its state inserts, and without the models that its state deletes."""
+    state = world.find("state")
+    deleted = set() if state is None else {(e.text or "").strip() for e in state.iterfind("deletions/name")}
+    inserted = [] if state is None else list(state.iterfind("insertions/*"))
+    for child in (*world, *inserted):
+        name = child.get("name") or (child.findtext("name") or "").strip()
+        if child.tag not in ("model", "include") or name not in deleted:
+            yield child

@@ -1,0 +1,98 @@
+"""The part of a large world that is built: as much as an arena may have, as near the file's origin as can be."""
+
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass, replace
+
+import numpy as np
+import trimesh
+from numpy.typing import NDArray
+from scipy.spatial import ConvexHull, QhullError
+
+from pipeline.arrays import Places
+from sarsim.arenas.sdf.meshes import MeshSurface
+from sarsim.arenas.sdf.pieces import pieces_of
+from sarsim.arenas.sdf.solids import Solid
+
+AROUND = 4.0  # m that an arena is longer and wider than what stands in it
+
+
+@dataclass(frozen=True, eq=False)
+class Window:
+    """A rectangle of a world.
+
+    Attributes:
+        low, high: (2,) m, its lowest and its highest x and y.
+    """
+
+    low: NDArray[np.float64]
+    high: NDArray[np.float64]
+
+    def __str__(self) -> str:
+        x, y = self.high - self.low
+        return f"{x:.0f} × {y:.0f} m around ({', '.join(f'{v:.0f}' for v in (self.low + self.high) / 2)}) m"
+
+
+def window_of(boxes: NDArray[np.float64], area: float) -> Window:
+    """The window of at most ``area`` m² in a world, about its origin, or else about what is nearest to that.
+
+    ``boxes``: (N, 2, 2) m, the lowest and the highest x and y of each thing in the world.
+    """
+    low, high = boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)
+    room, extent = np.sqrt(area) - AROUND, high - low
+    side = np.minimum(extent, room)
+    if (extent > room).sum() == 1:  # long and narrow
+        axis = int(np.argmax(extent))
+        side[axis] = min(extent[axis], area / (side[1 - axis] + AROUND) - AROUND)
+    nearest = np.clip(0.0, boxes[:, 0], boxes[:, 1])
+    middle = nearest[np.linalg.norm(nearest, axis=1).argmin()]
+    start = np.clip(middle - side / 2, low, high - side)
+    return Window(start, start + side)
+
+
+def solids_within(solids: list[Solid], window: Window) -> Iterator[Solid]:
+    """What of solids lies in a window: boxes and meshes are cut at its edges, of others the middle decides."""
+    for solid in solids:
+        corners = (solid.corners @ solid.T_world[:3, :3].T + solid.T_world[:3, 3])[:, :2]
+        low, high = corners.min(axis=0), corners.max(axis=0)
+        if solid.kind == "plane" or ((low >= window.low).all() and (high <= window.high).all()):
+            yield solid
+        elif (high <= window.low).any() or (low >= window.high).any():
+            continue
+        elif solid.kind in ("box", "mesh"):
+            yield from _cut(solid, window)
+        elif ((window.low <= (low + high) / 2) & ((low + high) / 2 <= window.high)).all():
+            yield solid
+
+
+def _cut(solid: Solid, window: Window) -> Iterator[Solid]:
+    R, t = solid.T_world[:3, :3], solid.T_world[:3, 3]
+    vertices, triangles = _surface(solid)
+    for axis in (0, 1):
+        for sign, bound in ((1, window.low[axis]), (-1, window.high[axis])):
+            normal = sign * np.eye(3)[axis]
+            vertices, triangles, _ = trimesh.intersections.slice_faces_plane(
+                vertices, triangles, R.T @ normal, R.T @ (normal * sign * bound - t)
+            )
+    if len(triangles) == 0:
+        return
+    if solid.piece is None or (len(solid.piece.parts) == 1 and not solid.piece.is_flat):
+        with suppress(QhullError):  # of a sliver
+            vertices, triangles = _hull(vertices)  # of a convex solid a convex one is left
+    for piece in pieces_of(MeshSurface("", vertices, triangles, solid.colour)):
+        yield replace(solid, kind="mesh", size=np.zeros(0), corners=piece.vertices, piece=piece)
+
+
+def _surface(solid: Solid) -> tuple[Places, NDArray[np.int64]]:
+    """The triangles of a box or a mesh."""
+    if solid.piece is not None and len(solid.piece.triangles):
+        return solid.piece.vertices, solid.piece.triangles
+    return _hull(solid.corners)
+
+
+def _hull(points: Places) -> tuple[Places, NDArray[np.int64]]:
+    """The convex hull of points (N, 3) m."""
+    hull = ConvexHull(points)
+    mesh = trimesh.Trimesh(points, hull.simplices, process=True)
+    mesh.fix_normals()
+    return np.asarray(mesh.vertices), np.asarray(mesh.faces)

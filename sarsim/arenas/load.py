@@ -11,7 +11,10 @@ from numpy.typing import NDArray
 from pipeline.errors import InputError
 from sarsim.arenas.arena import RescueArena, naming
 from sarsim.arenas.elements import ArenaBuilder
+from sarsim.arenas.lane_builders import build_lane
+from sarsim.arenas.lanes import LANES_FOLDER, MAZE
 from sarsim.arenas.map_2d import build_map
+from sarsim.arenas.maze import build_maze
 from sarsim.arenas.names import BUILT_IN, MJCF, RANDOM, check_arena_name, seed_of
 from sarsim.arenas.raf import build_raf
 from sarsim.arenas.random_arena import build_random
@@ -42,6 +45,9 @@ def load_arena(name: str, start: StartPose | None = None, random: RandomArenaCon
     """
     check_arena_name(name)
     path, kind = Path(name), Path(name).suffix.lower()
+    if name.startswith(LANES_FOLDER) and name in BUILT_IN:
+        lane = name.removeprefix(LANES_FOLDER)
+        return _from_builder(name, build_maze() if lane == MAZE else build_lane(lane), start)
     if name in BUILT_IN:
         return _from_mjcf(asset("arenas", f"{name}.xml"), start)
     if name.startswith(RANDOM):

@@ -27,7 +27,7 @@ class TubeConfig:
         off: m from a circle within which a point lies on it: a voxel of a coarse map.
         step: m between the places that are tried.
         low: m above its foot, below which points are the floor's.
-        arc: share of a circle on which there must be points; a flat panel lies on 0.27.
+        arc: share of a circle on which there must be points: most of a half; a flat panel lies on 0.27.
         nearest: number of fiducials to which the distances of a code count, by the rule book of 2026.
     """
 
@@ -35,7 +35,7 @@ class TubeConfig:
     off: float = 0.03
     step: float = 0.02
     low: float = 0.2
-    arc: float = 1 / 3
+    arc: float = 0.4
     nearest: int = 2
 
 

@@ -127,8 +127,6 @@ def test_codes_count_for_the_small_league_where_tubes_stand(tmp_path):
     said = '<text name="{0}" data="kind=qr_code;text={0};state="/>'
     codes = code.format("A", "1 1 0.5") + code.format("B", "1 -1 0.8")
     text = ROOM.replace("<worldbody>", f"<worldbody>{geoms}{codes}")
-        "<worldbody>", f"<worldbody>{geoms}{code.format('A', '1 1 0.5')}{code.format('B', '1 -1 0.8')}"
-    )
     text = text.replace("<custom>", "<custom>" + said.format("A") + said.format("B"))
     model = mujoco.MjModel.from_xml_string(text)
     data = mujoco.MjData(model)

@@ -96,6 +96,7 @@ class Lane:
         twist: height of a step that grows sideways from the only places where ramps meet, m per m.
         slope: tilt of the ground that no way avoids, degrees.
         passage: width of the narrowest passage, m; infinite if there is none.
+        corner: width of the narrowest doorway at the end of a wall, where the way turns into it, m.
         lever: height of a lever without which no door opens, m; 0 if there is none.
         end: m from the middle of the lane to where each end zone begins.
     """
@@ -104,6 +105,7 @@ class Lane:
     twist: float = 0.0
     slope: float = 0.0
     passage: float = math.inf
+    corner: float = math.inf
     lever: float = 0.0
     end: float = END_ZONE
 
@@ -116,6 +118,8 @@ class Lane:
             return f"a slope of {self.slope:g}°, at most {math.degrees(robot.max_tilt):.3g}° are driven on"
         if self.passage < robot.width:
             return f"a passage of {self.passage:g} m, the robot is {robot.width:g} m wide"
+        if self.corner < (room := robot.half_width + robot.corner_radius):
+            return f"a doorway of {self.corner:g} m in a corner, the robot turns on the spot into one of {room:.3f} m"
         if self.lever:
             return f"a lever {self.lever:g} m above the floor, the robot has no arm"
         return None
@@ -129,9 +133,9 @@ class Lane:
 HOLES_END = 3.5  # m: two pallets of 1.2 m and half of one of 1.0 m, from the middle of the lane with the holes
 
 LANES = {
-    "alleys": Lane(passage=DIMENSIONS.passage),
+    "alleys": Lane(passage=DIMENSIONS.passage, corner=DIMENSIONS.passage),
     "avoid_holes": Lane(passage=DIMENSIONS.gate, end=HOLES_END),
-    "centre": Lane(slope=DIMENSIONS.slope, passage=DIMENSIONS.passage),
+    "centre": Lane(slope=DIMENSIONS.slope, passage=DIMENSIONS.passage, corner=DIMENSIONS.passage),
     "crossing_ramps": Lane(slope=DIMENSIONS.slope),
     "door": Lane(passage=DIMENSIONS.gate),
     "door_shut": Lane(passage=DIMENSIONS.gate, lever=DIMENSIONS.lever),

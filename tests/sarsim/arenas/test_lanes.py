@@ -155,7 +155,7 @@ def test_a_leaf_stands_where_it_is_held(lane, opens):
         ("door_shut", "a lever 1 m above the floor, the robot has no arm"),
         ("crossing_ramps", None),
         ("avoid_holes", None),
-        ("alleys", None),
+        ("alleys", "a doorway of 0.597 m in a corner, the robot turns on the spot into one of 0.604 m"),
         ("traverse", None),
     ],
 )
@@ -166,7 +166,8 @@ def test_what_a_pioneer_cannot(lane, reason):
 def test_other_bodies_have_other_limits():
     tender, wide = replace(PIONEER, max_tilt=math.radians(10)), replace(PIONEER, width=0.6)
     assert "15°" in LANES["crossing_ramps"].cannot(tender)
-    assert "0.597 m" in LANES["alleys"].cannot(wide)
+    assert "0.6 m wide" in LANES["alleys"].cannot(wide)
+    assert LANES["alleys"].cannot(replace(PIONEER, length=0.4)) is None
     assert LANES["krails"].cannot(replace(PIONEER, max_step=0.1)) is None
 
 

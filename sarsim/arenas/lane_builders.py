@@ -228,7 +228,8 @@ def _avoid_holes(builder: ArenaBuilder, end: int) -> None:
             at = at + step * heading
             ground.box("terrain", (*at, -high / 2), size, colour=TIMBER)
             if pallet == 1:
-                _gate(builder, number + 1, at, heading)
+                # In its middle a post would bar the next run, which begins there.
+                _gate(builder, number + 1, at - (long - D.lumber[1]) / 2 * heading, heading)
     length, width = 2 * (HOLES_END + D.floor), turn + long + wide
     for side in (-1, 1):
         ground.box(

@@ -120,7 +120,7 @@ def test_passages_are_as_wide_as_said():
         place = (x - 0.038, side * 1.19, 0.7)
         assert 0.01 + reach(alleys, place, (0, -side, 0)) == pytest.approx(LANES["alleys"].passage, abs=1e-6)
     gate = loaded("avoid_holes")
-    for x, y, ray in ((-1.7, -1.15, (0, 1, 0)), (-1.7, 1.15, (1, 0, 0)), (0.6, 1.15, (0, 1, 0))):
+    for x, y, ray in ((-2.25, -1.15, (0, 1, 0)), (-1.7, 0.6, (1, 0, 0)), (0.05, 1.15, (0, 1, 0))):
         assert between(gate, (x, y, 0.3), ray) == pytest.approx(LANES["avoid_holes"].passage, abs=1e-6)
 
 

@@ -21,7 +21,7 @@ def score_mission(
     resets: int = 0,
     contacts: int = 0,
 ) -> None:
-    """Compare the 3D map and the list of finds of a team with the arena, and print both leagues' scores.
+    """Compare the 3D map and the list of finds of a team with the arena, and print the leagues' scores.
 
     Args:
         path: folder of the files, or an episode's that contains handed_in/.

@@ -23,6 +23,10 @@ class Rewards:
         extra: bonus of a 3D map for each of rgb, normals and confidence, as a share; how much is not public.
         teleoperated, autonomous: factors of a run by who drives, Rescue Robot League 2026D.
         beta: share of the portals in the score, Virtual Robot 2022: above 0.1 and below 1, by the map's designer.
+        reading: points for each code read, small league 2026.
+        placed: points more for a code whose distances on the map are right, small league 2026.
+        near_fiducials: m that these distances may be off, small league 2026.
+        reading_alone: factor of readings that nobody drove for, small league 2026.
         alpha: difficulty of the map, Virtual Robot 2022: above 0.1 and below 2, by the map's designer.
         beside: m from a victim within which marks and robots count, Virtual Robot 2022.
     """
@@ -34,6 +38,10 @@ class Rewards:
     beta: float = 0.5
     alpha: float = 1.0
     beside: float = 1.5
+    reading: float = 1.0
+    placed: float = 4.0
+    near_fiducials: float = 0.3
+    reading_alone: float = 4.0
 
 
 @dataclass(frozen=True)
@@ -103,6 +111,11 @@ class MissionBrief:
     def cloud_name(self) -> str:
         """Name of the 3D map; an assumption, after that of the 2D map: the summary of the rules gives none."""
         return f"{self.stem}.ply"
+
+    @property
+    def codes_name(self) -> str:
+        """Name of the file of QR codes; an assumption: the small league asks for a file without naming it."""
+        return f"{self.stem}-{self.start:%H-%M-%S}-codes.json"
 
     @property
     def pois_name(self) -> str:

@@ -1,6 +1,7 @@
 """Hand in a mission: the league's three files, from what a run knows at its end."""
 
 from collections.abc import Sequence
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -13,6 +14,7 @@ from pipeline.files import each
 from pipeline.labels import COLOURS, Label
 from pipeline.league.brief import HANDED_IN, MissionBrief
 from pipeline.league.cloud import write_cloud
+from pipeline.league.codes import codes_among, write_codes
 from pipeline.league.config import LeagueConfig
 from pipeline.league.plan import searched_ground, write_plan
 from pipeline.league.pois import points_of_interest, write_pois
@@ -46,7 +48,7 @@ def hand_in(
         config: of the files.
 
     Returns:
-        The files: 2D map, 3D map, list of finds.
+        The files: 2D map, 3D map, list of finds, and the QR codes if any was read.
 
     Raises:
         InputError: a file cannot be written.
@@ -61,10 +63,13 @@ def hand_in(
     pois = points_of_interest(finds, T, brief.start)
     plan, cloud, listed = files = [target / name for name in (brief.plan_name, brief.cloud_name, brief.pois_name)]
     neighbours = config.normal_neighbours
+    if codes := codes_among(finds, T):
+        files.append(target / brief.codes_name)
     each(
         lambda: write_pois(listed, brief, pois),
         lambda: write_cloud(cloud, brief, *_surface(semantic_map, metric_map), cameras, metric_map, T, neighbours),
         lambda: write_plan(plan, searched_ground(ground, metric_map, way[:, :2]), T, way, pois),
+        *(partial(write_codes, path, codes) for path in files[3:]),
     )
     return files
 

@@ -6,7 +6,7 @@ from typing import Any
 
 from pipeline.rescue_report.words import percent
 
-LEAGUES = {"league": "Rescue Robot League", "virtual": "Virtual Robot competition"}
+LEAGUES = {"league": "Rescue Robot League", "virtual": "Virtual Robot competition", "small": "small league"}
 
 
 @dataclass(frozen=True)

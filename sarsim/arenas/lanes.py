@@ -1,4 +1,4 @@
-"""The lanes of ``assets/arenas/lanes``, and what each asks of a robot's body."""
+"""The lanes of RoboCup Rescue: their dimensions, and what each asks of a robot's body."""
 
 import math
 from dataclasses import dataclass
@@ -8,11 +8,83 @@ if TYPE_CHECKING:  # the lanes' names are wanted before anything that takes seco
     from pipeline.robot import RobotModel
 
 LANES_FOLDER = "lanes/"
-LANE_SLOPE = 15.0  # degrees
-END_ZONE = 1.2  # m, from the middle of a lane to where each end zone begins, which is as long
-LANE_RISE = 2 * END_ZONE * math.tan(math.radians(LANE_SLOPE))  # m, of a slope from one end zone to the other
-ROBOT_PASSAGE = 0.597  # m, the width of a Pioneer 3-AT and 10 cm
-GATE = 0.9  # m, width of doors and of the gates between holes
+MAZE = "maze"
+"""The search-and-map maze: an arena among the lanes, but none to drive through."""
+
+
+@dataclass(frozen=True)
+class LaneConfig:
+    """Dimensions of the lanes, in m and degrees.
+
+    Source, if no other is named: RoboCup Rescue, Arena Fabrication Guide 2026C, as teams have transcribed it.
+
+    Attributes:
+        floor: length along the lane of a framed floor; four make a lane.
+        width: of a lane.
+        framing, board: heights of a floor's frame and of the board on it.
+        offset: by which the end zones, the outer floors, are moved sideways, each to another side.
+        railing: width of a railing.
+        bars: heights of the tops of its bars.
+        lumber: thickness and height of a 2×4, of which railings, posts and diagonals are made (US lumber).
+        slope: of floors and half ramps, degrees.
+        half_ramp: length of the half ramps of the crossing ramps; assumed, half of a tile of 1.2 m.
+        rail: width and height of the diagonal rails.
+        cell: side of the base of a step field's cell, and of a pitch/roll ramp.
+        plateau: side of a step field's plateau; a cell has four.
+        low, high: heights of the plateaus.
+        ramp_height: of a pitch/roll ramp at its high edge.
+        passage: between the dividers: 0.497, the width of a Pioneer 3-AT (data sheet), and 0.1.
+        panel: length and height of a sliding panel.
+        pallet: height of a grid pallet; two lie on one another where the lane is raised.
+        pipe: diameter and length of a pipe before a raised pallet.
+        gate: width of doors and of the gates between posts.
+        door: height of the door's leaf; assumed, as the height of the wall.
+        wall: height of the wall with the door, and of the walls around the avoid holes; assumed.
+        leaf_mass: of a door, kg.
+        leaf_opens: degrees.
+        leaf_spring: that shuts the door, Nm/rad; assumed.
+        lever: height of a door's lever; assumed, as in buildings.
+        hole_pallet: length, width and height of the pallets between the holes.
+        post: height of the posts of the gates.
+        post_mass: kg; spruce of 450 kg/m³.
+        aside: from the pallets to the walls around them; assumed.
+    """
+
+    floor: float = 1.2
+    width: float = 2.4
+    framing: float = 0.1
+    board: float = 0.011
+    offset: float = 0.05
+    railing: float = 1.2
+    bars: tuple[float, ...] = (0.3, 0.6, 0.9)
+    lumber: tuple[float, float] = (0.038, 0.089)
+    slope: float = 15.0
+    half_ramp: float = 0.6
+    rail: float = 0.1
+    cell: float = 0.594
+    plateau: float = 0.297
+    low: float = 0.15
+    high: float = 0.3
+    ramp_height: float = 0.15
+    passage: float = 0.597
+    panel: tuple[float, float] = (1.2, 0.8)
+    pallet: float = 0.1
+    pipe: tuple[float, float] = (0.1, 1.0)
+    gate: float = 0.9
+    door: float = 2.0
+    wall: float = 1.2
+    leaf_mass: float = 12.0
+    leaf_opens: float = 100.0
+    leaf_spring: float = 2.0
+    lever: float = 1.0
+    hole_pallet: tuple[float, float, float] = (1.2, 1.0, 0.14)
+    post: float = 0.45
+    post_mass: float = 0.7
+    aside: float = 0.3
+
+
+DIMENSIONS = LaneConfig()
+END_ZONE = DIMENSIONS.floor  # m, from the middle of a lane to where each end zone begins, which is as long
 
 
 @dataclass(frozen=True)
@@ -21,36 +93,57 @@ class Lane:
 
     Attributes:
         step: height of the lowest step that no way avoids, m.
+        twist: height of a step that grows sideways from the only places where ramps meet, m per m.
         slope: tilt of the ground that no way avoids, degrees.
         passage: width of the narrowest passage, m; infinite if there is none.
-        rise: how much higher than the end zone at -x that at +x lies, m.
+        corner: width of the narrowest doorway at the end of a wall, where the way turns into it, m.
+        lever: height of a lever without which no door opens, m; 0 if there is none.
+        end: m from the middle of the lane to where each end zone begins.
     """
 
     step: float = 0.0
+    twist: float = 0.0
     slope: float = 0.0
     passage: float = math.inf
-    rise: float = 0.0
+    corner: float = math.inf
+    lever: float = 0.0
+    end: float = END_ZONE
 
     def cannot(self, robot: "RobotModel") -> str | None:
         """Why a robot's body is not made for it, with the numbers that say so; None if it is."""
-        if self.step > robot.max_step:
-            return f"a step of {self.step:g} m, at most {robot.max_step:g} m are driven over"
+        step = max(self.step, self.twist * robot.width / 2)
+        if step > robot.max_step:
+            return f"a step of {step:.2g} m, at most {robot.max_step:g} m are driven over"
         if math.radians(self.slope) > robot.max_tilt:
             return f"a slope of {self.slope:g}°, at most {math.degrees(robot.max_tilt):.3g}° are driven on"
         if self.passage < robot.width:
             return f"a passage of {self.passage:g} m, the robot is {robot.width:g} m wide"
+        if self.corner < (room := robot.half_width + robot.corner_radius):
+            return f"a doorway of {self.corner:g} m in a corner, the robot turns on the spot into one of {room:.3f} m"
+        if self.lever:
+            return f"a lever {self.lever:g} m above the floor, the robot has no arm"
         return None
 
+    @property
+    def goal(self) -> float:
+        """m from the middle of the lane to the middle of each end zone."""
+        return self.end + DIMENSIONS.floor / 2
+
+
+HOLES_END = 3.5  # m: two pallets of 1.2 m and half of one of 1.0 m, from the middle of the lane with the holes
 
 LANES = {
-    "avoid_holes": Lane(passage=GATE),
-    "centre": Lane(slope=LANE_SLOPE, passage=ROBOT_PASSAGE, rise=LANE_RISE),
-    "crossing_ramps": Lane(slope=LANE_SLOPE),
-    "door": Lane(passage=GATE),
-    "hurdles": Lane(step=0.2),
-    "krails": Lane(step=0.1),
-    "krails_15": Lane(step=0.1, slope=LANE_SLOPE, rise=LANE_RISE),
-    "stepfield": Lane(step=0.15),
-    "traverse": Lane(slope=LANE_SLOPE, passage=ROBOT_PASSAGE),
+    "alleys": Lane(passage=DIMENSIONS.passage, corner=DIMENSIONS.passage),
+    "avoid_holes": Lane(passage=DIMENSIONS.gate, end=HOLES_END),
+    "centre": Lane(slope=DIMENSIONS.slope, passage=DIMENSIONS.passage, corner=DIMENSIONS.passage),
+    "crossing_ramps": Lane(slope=DIMENSIONS.slope),
+    "door": Lane(passage=DIMENSIONS.gate),
+    "door_shut": Lane(passage=DIMENSIONS.gate, lever=DIMENSIONS.lever),
+    "hurdles": Lane(step=DIMENSIONS.pallet),
+    "krails": Lane(step=DIMENSIONS.rail),
+    "krails_15": Lane(step=DIMENSIONS.rail, slope=DIMENSIONS.slope),
+    "pitch_roll": Lane(twist=DIMENSIONS.ramp_height / DIMENSIONS.cell),
+    "stepfield": Lane(step=DIMENSIONS.low),
+    "traverse": Lane(slope=DIMENSIONS.slope, passage=DIMENSIONS.passage),
 }
 """By name."""

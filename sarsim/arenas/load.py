@@ -12,7 +12,10 @@ from numpy.typing import NDArray
 from pipeline.errors import InputError
 from sarsim.arenas.arena import RescueArena, naming
 from sarsim.arenas.elements import ArenaBuilder
+from sarsim.arenas.lane_builders import build_lane
+from sarsim.arenas.lanes import LANES_FOLDER, MAZE
 from sarsim.arenas.map_2d import build_map
+from sarsim.arenas.maze import build_maze
 from sarsim.arenas.names import BUILT_FILES, BUILT_IN, MJCF, RANDOM, check_arena_name, seed_of
 from sarsim.arenas.placements import add_person, read_placements
 from sarsim.arenas.raf import build_raf
@@ -57,6 +60,9 @@ def load_arena(
             f"--victims {victims.placements}: {name} has victims of its own;"
             f" lists go with files of others: {', '.join(BUILT_FILES)}"
         )
+    if name.startswith(LANES_FOLDER) and name in BUILT_IN:
+        lane = name.removeprefix(LANES_FOLDER)
+        return _from_builder(name, build_maze() if lane == MAZE else build_lane(lane), start)
     if name in BUILT_IN:
         return _from_mjcf(asset("arenas", f"{name}.xml"), start)
     if name.startswith(RANDOM):

@@ -4,9 +4,9 @@ from pathlib import Path
 
 from pipeline.errors import InputError
 from pipeline.files import check_regular
-from sarsim.arenas.lanes import LANES, LANES_FOLDER
+from sarsim.arenas.lanes import LANES, LANES_FOLDER, MAZE
 
-BUILT_IN = ("nist_6x4", "esogu_52x15", *(f"{LANES_FOLDER}{lane}" for lane in LANES))
+BUILT_IN = ("nist_6x4", "esogu_52x15", *(f"{LANES_FOLDER}{lane}" for lane in (*LANES, MAZE)))
 RANDOM = "random:"
 MAX_DIGITS = 18  # of a seed
 BUILT_FILES = (".raf", ".sdf", ".world", ".yaml")

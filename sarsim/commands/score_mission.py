@@ -24,7 +24,7 @@ def score_mission(
     victims: Given[Path] = None,
     victims_state: Literal["alive", "dead"] = "dead",
 ) -> None:
-    """Compare a team's 3D map and list of finds with the arena, and print the scores of both leagues.
+    """Compare a team's 3D map and list of finds with the arena, and print the leagues' scores.
 
     Args:
         path: folder of the files, or an episode's folder that contains handed_in/.

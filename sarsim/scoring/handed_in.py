@@ -14,6 +14,7 @@ from pipeline.arrays import MaskLayer, Place, Places, Pose, Values
 from pipeline.errors import InputError
 from pipeline.league.brief import MissionBrief
 from pipeline.league.cloud import NORMAL, RGB, CloudFile, read_cloud
+from pipeline.league.codes import CODES_ENDING, ReadCode, read_codes
 from pipeline.league.hand_in import league_frame
 from pipeline.league.pois import TYPE_OF, PointOfInterest, name_of, read_pois
 from pipeline.league.validation import handed_in_files
@@ -24,7 +25,8 @@ from sarsim.ground_truth.meshes import true_scene
 from sarsim.ground_truth.true_surface import Survey, TrueSurface, clearance_of
 from sarsim.scoring.coverage import SEEN_HEIGHT
 from sarsim.scoring.coverage_kernels import see
-from sarsim.scoring.leagues import LeagueRun, VirtualRun, league, virtual
+from sarsim.scoring.fiducial_tubes import Tubes, is_well_placed, mapped_tubes, nearest_code, tubes_of
+from sarsim.scoring.leagues import LeagueRun, SmallRun, VirtualRun, league, small, virtual
 from sarsim.scoring.portals import portals
 from sarsim.scoring.victims import NEAR, pairs_of_least
 
@@ -72,6 +74,7 @@ class TrueArena:
         scene: Open3D's RaycastingScene of all visible surfaces.
         T_world_league: pose of the league's frame.
         portals: doorways and junctions.
+        tubes: fiducials and codes of the small league.
     """
 
     surface: TrueSurface
@@ -79,6 +82,7 @@ class TrueArena:
     scene: Any
     T_world_league: Pose
     portals: Places
+    tubes: Tubes
 
 
 def true_arena(
@@ -95,6 +99,7 @@ def true_arena(
         true_scene(model, data, robot_body),
         league_frame(T_world_start, robot.half_length),
         portals(surface, clearance_of(robot)),
+        tubes_of(model, data),
     )
 
 
@@ -159,7 +164,7 @@ def score_handed_in(
     resets: int = 0,
     contacts: int = 0,
 ) -> dict[str, dict[str, dict[str, float]]]:
-    """Both scores, ``league`` and ``virtual``, of the first run in a folder that was handed in.
+    """The scores of the first run in a folder that was handed in: ``league``, ``virtual``, with tubes ``small``.
 
     Args:
         folder: of the files, or an episode's that contains ``handed_in/``.
@@ -184,10 +189,36 @@ def score_handed_in(
     shown = covered(points, arena.surface)
     run = league_run(cloud, points, shown, pois, moved, arena, resets)
     by_rules = virtual_run(shown, pois, moved, arena, parked, contacts, brief.rewards.beside)
-    return {
+    scores = {
         "league": league(run, brief.rewards, brief.penalties),
         "virtual": virtual(by_rules, brief.rewards, brief.penalties),
     }
+    if len(arena.tubes.feet):
+        named = files[".csv"][0].parent.glob(f"*{CODES_ENDING}")
+        codes = [code for path in sorted(named)[:1] for code in read_codes(path)]
+        scores["small"] = small(small_run(codes, points, arena, brief.rewards.near_fiducials), brief.rewards)
+    return scores
+
+
+def small_run(codes: Sequence[ReadCode], points: NDArray[np.floating], arena: TrueArena, within: float) -> SmallRun:
+    """Measure what the small league counts: codes that were read, and points (N, 3) of the map, m in the world.
+
+    A code is well placed if its distances on the map to the two nearest fiducials are right ``within`` m.
+    """
+    shown, right = mapped_tubes(points, arena.tubes), {}
+    for code in codes:
+        place = transform_points(arena.T_world_league, code.position[None])[0].astype(np.float64)
+        true = nearest_code(code.text, place, arena.tubes.codes)
+        if true is not None and code.text not in right:
+            right[code.text] = is_well_placed(place, true, shown, arena.tubes, within)
+    return SmallRun(
+        codes=len(arena.tubes.codes),
+        read=len(right),
+        placed=sum(right.values()),
+        fiducials=len(shown),
+        shown=int(np.isfinite(shown[:, 0]).sum()),
+        is_autonomous=all(code.is_autonomous for code in codes),
+    )
 
 
 def league_run(

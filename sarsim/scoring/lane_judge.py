@@ -7,7 +7,7 @@ import numpy as np
 
 from pipeline.arrays import Pose
 from pipeline.robot import RobotModel
-from sarsim.arenas.lanes import END_ZONE
+from sarsim.arenas.lanes import Lane
 from sarsim.scoring.trajectory import is_tipped
 
 POST = "post_"
@@ -19,6 +19,7 @@ class LaneJudge:
     """Judges one try to drive from one end zone into the other.
 
     Attributes:
+        lane: where it drives.
         robot: its size.
         towards: +1 or -1, the sign of x of the end zone to drive into.
         begin: when the try began, s.
@@ -27,6 +28,7 @@ class LaneJudge:
         has_tipped: whether it fell over.
     """
 
+    lane: Lane
     robot: RobotModel
     towards: int
     begin: float
@@ -38,7 +40,7 @@ class LaneJudge:
         """Judge a true 4×4 pose at a time, s: whether the try may go on; it may not after a fall or its time."""
         self.has_tipped |= is_tipped(T_world_base)
         may_go_on = not self.has_tipped and time <= self.begin + self.limit
-        if may_go_on and self.crossed is None and is_in_end_zone(T_world_base, self.towards, self.robot):
+        if may_go_on and self.crossed is None and is_in_end_zone(T_world_base, self.towards, self.robot, self.lane):
             self.crossed = time
         return may_go_on
 
@@ -48,10 +50,10 @@ class LaneJudge:
         return None if self.crossed is None else self.crossed - self.begin
 
 
-def is_in_end_zone(T_world_base: Pose, end: int, robot: RobotModel) -> bool:
-    """Whether the whole footprint of a robot at a true 4×4 pose lies in the end zone at the ``end`` ±1 of x."""
+def is_in_end_zone(T_world_base: Pose, end: int, robot: RobotModel, lane: Lane) -> bool:
+    """Whether the whole footprint of a robot at a true 4×4 pose lies in a lane's end zone at the ``end`` ±1 of x."""
     along, across = np.abs(T_world_base[0, :2]) * (robot.half_length, robot.half_width)
-    return bool(end * T_world_base[0, 3] - along - across >= END_ZONE)
+    return bool(end * T_world_base[0, 3] - along - across >= lane.end)
 
 
 def fallen_posts(model: mujoco.MjModel, data: mujoco.MjData) -> set[str]:

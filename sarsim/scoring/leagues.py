@@ -1,7 +1,8 @@
 """The scores of the rescue leagues, rule by rule, from what was measured of a mission; numbers and nothing else.
 
 Sources: Rescue Robot League, rules 2026D, as a team's summary has them; Virtual Robot competition, draft of the rules
-of 18 January 2022. What these leave open is an assumption, named in the docstring of the rule's function.
+of 18 January 2022; small league (RMRC), rule book of 2026. What these leave open is an assumption, named in the
+docstring of the rule's function.
 """
 
 from dataclasses import dataclass
@@ -59,6 +60,26 @@ class VirtualRun:
     contacts: int = 0
 
 
+@dataclass(frozen=True)
+class SmallRun:
+    """What is measured of a run in the small league's labyrinth.
+
+    Attributes:
+        codes: number of the arena's QR codes.
+        read: number of those that were read.
+        placed: of those, number whose distances on the map to the two nearest fiducials are right.
+        fiducials, shown: numbers of the arena's, and of those that the map shows.
+        is_autonomous: whether nobody drove.
+    """
+
+    codes: int
+    read: int
+    placed: int
+    fiducials: int
+    shown: int
+    is_autonomous: bool = True
+
+
 def league(run: LeagueRun, rewards: Rewards, penalties: Penalties) -> dict[str, Rule]:
     """The score of the Rescue Robot League 2026D: (map + detections) · autonomy − resets.
 
@@ -114,5 +135,20 @@ def virtual(run: VirtualRun, rewards: Rewards, penalties: Penalties) -> dict[str
             "points": found * max(0.0, alive),
         },
         "contacts": {"count": run.contacts, "points": 0.0 - lost},
+    }
+    return rules | {"total": {"points": sum(rule["points"] for rule in rules.values())}}
+
+
+def small(run: SmallRun, rewards: Rewards) -> dict[str, Rule]:
+    """The score of the small league's labyrinth 2026: points of codes read and well placed, × 4 if nobody drove.
+
+    Laps count nothing for a map. Assumed: only texts that the arena's codes have are readings, each once.
+    """
+    codes, placed = rewards.reading * run.read, rewards.placed * run.placed
+    factor = rewards.reading_alone if run.is_autonomous else 1.0
+    rules: dict[str, Rule] = {
+        "codes": {"present": run.codes, "right": run.read, "points": codes},
+        "distances": {"fiducials": run.fiducials, "shown": run.shown, "right": run.placed, "points": placed},
+        "autonomy": {"factor": factor, "points": (factor - 1) * (codes + placed)},
     }
     return rules | {"total": {"points": sum(rule["points"] for rule in rules.values())}}

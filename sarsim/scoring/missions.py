@@ -27,7 +27,7 @@ class MissionScore(Sink):
 
 
 def mission_score(folder: Path, robot: SimulatedRobot, brief: MissionBrief) -> dict[str, dict[str, Rule]]:
-    """Both leagues' scores, ``league`` and ``virtual``, of an episode's folder; none if the files are not handed in.
+    """The leagues' scores, as of :func:`score_handed_in`, of an episode; none if it handed in no files.
 
     Nobody touches the robot, so there are no resets.
     """

@@ -10,6 +10,7 @@ from dataclasses import asdict, dataclass
 from statistics import median
 
 import numpy as np
+from dm_control import mjcf
 from rich.table import Table
 
 from pipeline.errors import InputError
@@ -19,8 +20,8 @@ from pipeline.localisation.localisation import LostError
 from pipeline.robot import Motion
 from pipeline.sink import Sink
 from sarsim.arenas.arena import RescueArena
-from sarsim.arenas.lanes import END_ZONE, LANES, LANES_FOLDER
-from sarsim.arenas.load import load_arena
+from sarsim.arenas.lane_builders import build_lane
+from sarsim.arenas.lanes import LANES
 from sarsim.commands.cli import progress
 from sarsim.composition import make_mapper
 from sarsim.robots.model import robot_model
@@ -116,6 +117,7 @@ class LaneDrive(Sink):
     def __init__(self, lane: str, end: int, settings: LanesSettings, seed: int):
         """Set the robot down in the end zone at the ``end`` ±1 of x, looking into the lane."""
         simulation = SimulationConfig(speed=EpisodeConfig().speed, robot=settings.robot)
+        self._lane = LANES[lane]
         self._robot = SimulatedRobot(lane_from(lane, end), simulation, seed)
         self._explorer = Explorer(self._robot, make_mapper(settings, self._robot.model, seed))
         self._explorer.watch(self)
@@ -130,7 +132,7 @@ class LaneDrive(Sink):
         """Try to drive into the end zone at the end ±1 of x."""
         physics = self._robot.physics
         before = fallen_posts(physics.model.ptr, physics.data.ptr)
-        self._judge = judge = LaneJudge(self._robot.model, towards, self._robot.time, LIMIT)
+        self._judge = judge = LaneJudge(self._lane, self._robot.model, towards, self._robot.time, LIMIT)
         try:
             ended = self._drive_to(towards)
         except _TryEndsError:
@@ -143,7 +145,7 @@ class LaneDrive(Sink):
     def _drive_to(self, towards: int) -> str:
         """Drive to the middle of an end zone as to a goal in the map, and explore where the map shows no way yet."""
         explorer, waits = self._explorer, False
-        explorer.mission.goals = goals = Goals([np.array([towards * 1.5 * END_ZONE, 0.0])])
+        explorer.mission.goals = goals = Goals([np.array([towards * self._lane.goal, 0.0])])
         while True:
             step = explorer.step()
             if step.plan is not None:
@@ -161,13 +163,7 @@ class LaneDrive(Sink):
 
 def lane_from(lane: str, end: int) -> RescueArena:
     """A lane whose start is in the end zone at the ``end`` ±1 of x; the robot looks into the lane."""
-    arena = load_arena(f"{LANES_FOLDER}{lane}")
-    if end > 0:
-        start = arena.mjcf_model.find("site", "start")
-        (x, y, z), (a, b, c, d) = start.pos, start.quat
-        start.pos = -x, -y, z + LANES[lane].rise
-        start.quat = -d, c, -b, a  # turned by half a turn about the robot's own vertical
-    return arena
+    return RescueArena(mjcf.from_xml_string(build_lane(lane, end).to_xml()), lane)
 
 
 def figures(tries: dict[str, list[LaneTry]], repetitions: int) -> dict[str, float]:

@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 from pipeline.errors import InputError
+from pipeline.league.codes import ReadCode, write_codes
 from sarsim.ground_truth.meshes import true_scene
 from sarsim.robots.model import robot_model
 from sarsim.scoring.handed_in import matched, registered_error, score_handed_in, true_arena
@@ -113,3 +114,39 @@ def test_files_that_cannot_be_scored_are_refused(folder, arena, tmp_path):
     (tmp_path / BRIEF.cloud_name).unlink()
     with pytest.raises(InputError, match=r"no file ends in \.ply"):
         score_handed_in(tmp_path, arena, BRIEF)
+
+
+def test_codes_count_for_the_small_league_where_tubes_stand(tmp_path):
+    """Two tubes before walls; of two codes that were read one hangs where the file says, the other 0.75 m off."""
+    tubes = {(1.85, 0.5): np.pi / 2, (-0.5, 1.85): np.pi}  # their middles, and where what is seen of them begins
+    geoms = "".join(
+        f'<geom name="tube_{n}" type="cylinder" pos="{x} {y} 0.5" size="0.15 0.5" user="1"/>'
+        for n, (x, y) in enumerate(tubes)
+    )
+    code = '<body name="{0}" pos="{1}"><geom size="0.05 0.05 0.001" type="box" user="7"/></body>'
+    said = '<text name="{0}" data="kind=qr_code;text={0};state="/>'
+    codes = code.format("A", "1 1 0.5") + code.format("B", "1 -1 0.8")
+    text = ROOM.replace("<worldbody>", f"<worldbody>{geoms}{codes}")
+    text = text.replace("<custom>", "<custom>" + said.format("A") + said.format("B"))
+    model = mujoco.MjModel.from_xml_string(text)
+    data = mujoco.MjData(model)
+    mujoco.mj_forward(model, data)
+    truth = true_arena(model, data, np.eye(4), replace(robot_model(), length=0.5))
+    a, z = (n.ravel() for n in np.meshgrid(np.linspace(0, np.pi, 20), np.arange(0.25, 1, 0.05)))
+    seen = [
+        np.stack([x + 0.15 * np.cos(a + begin), y + 0.15 * np.sin(a + begin), z], axis=1)
+        for (x, y), begin in tubes.items()
+    ]
+    hand_in_room(tmp_path, np.concatenate([room_points(), *seen]))
+    without = score_handed_in(tmp_path, truth, BRIEF)["small"]
+    assert without["codes"]["right"] == 0 and without["distances"]["shown"] == 2
+    # Forward is y and left is -x of the file, from 0.25 m before the robot's middle.
+    read = [("A", (-1.0, 0.75, 0.5)), ("B", (1.0, 0.0, 0.5)), ("C", (0.0, 0.0, 0.5))]
+    write_codes(tmp_path / BRIEF.codes_name, [ReadCode(text, np.array(place)) for text, place in read])
+    small = score_handed_in(tmp_path, truth, BRIEF)["small"]
+    assert (small["codes"]["present"], small["codes"]["right"], small["distances"]["right"]) == (2, 2, 1)
+    assert small["total"]["points"] == 4 * (2 * 1 + 1 * 4)
+
+
+def test_without_tubes_there_is_no_score_of_the_small_league(folder, arena):
+    assert set(score_handed_in(folder, arena, BRIEF)) == {"league", "virtual"}

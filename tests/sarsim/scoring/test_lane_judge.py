@@ -7,11 +7,12 @@ import numpy as np
 import pytest
 
 from pipeline.transforms import from_yaw
+from sarsim.arenas.lanes import Lane
 from sarsim.robots.model import robot_model
 from sarsim.scoring.lane_judge import LaneJudge, fallen_posts, is_in_end_zone
 from sarsim.scoring.trajectory import is_tipped
 
-PIONEER = robot_model()
+LANE, PIONEER = Lane(), robot_model()
 """0.508 × 0.497 m."""
 
 
@@ -29,12 +30,12 @@ def rolled(degrees):
 def test_the_whole_robot_must_be_in_the_end_zone(yaw, reach, end):
     for beyond, is_in in ((1e-6, True), (-1e-6, False)):
         T = from_yaw(end * (1.2 + reach + beyond), 0.3, 0.1, np.deg2rad(yaw))
-        assert is_in_end_zone(T, end, PIONEER) is is_in
-        assert not is_in_end_zone(T, -end, PIONEER)
+        assert is_in_end_zone(T, end, PIONEER, LANE) is is_in
+        assert not is_in_end_zone(T, -end, PIONEER, LANE)
 
 
 def test_the_first_moment_in_the_zone_counts():
-    judge = LaneJudge(PIONEER, towards=1, begin=10.0, limit=60.0)
+    judge = LaneJudge(LANE, PIONEER, towards=1, begin=10.0, limit=60.0)
     for time, x in ((10.0, -1.8), (20.0, 1.4), (30.0, 1.5), (40.0, 1.0), (50.0, 1.8)):
         assert judge.see(time, from_yaw(x, 0, 0, 0))
     assert judge.crossed == 30.0
@@ -42,7 +43,7 @@ def test_the_first_moment_in_the_zone_counts():
 
 
 def test_too_late_is_no_traverse():
-    judge = LaneJudge(PIONEER, towards=-1, begin=10.0, limit=60.0)
+    judge = LaneJudge(LANE, PIONEER, towards=-1, begin=10.0, limit=60.0)
     assert judge.see(70.0, from_yaw(-1.4, 0, 0, 0))
     assert not judge.see(70.1, from_yaw(-1.8, 0, 0, 0))
     assert judge.seconds is None
@@ -50,7 +51,7 @@ def test_too_late_is_no_traverse():
 
 
 def test_a_robot_that_fell_over_does_not_get_across():
-    judge = LaneJudge(PIONEER, towards=1, begin=0.0, limit=60.0)
+    judge = LaneJudge(LANE, PIONEER, towards=1, begin=0.0, limit=60.0)
     assert judge.see(1.0, from_yaw(0, 0, 0, 0))
     assert not judge.see(2.0, rolled(46))
     assert not judge.see(3.0, rolled(0))
@@ -58,7 +59,7 @@ def test_a_robot_that_fell_over_does_not_get_across():
 
 
 def test_who_falls_in_the_end_zone_has_got_across_before():
-    judge = LaneJudge(PIONEER, towards=1, begin=0.0, limit=60.0)
+    judge = LaneJudge(LANE, PIONEER, towards=1, begin=0.0, limit=60.0)
     assert judge.see(1.0, rolled(44))
     assert not judge.see(2.0, rolled(-46))
     assert judge.has_tipped and judge.seconds == 1.0

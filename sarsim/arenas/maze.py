@@ -1,0 +1,207 @@
+"""The search-and-map maze of RoboCup Rescue's fabrication guide: an arena for missions that map and find.
+
+The guide's drawing with the positions was not within reach: that of every panel, tube, diagonal and sign is assumed,
+so that a robot that climbs no diagonal still reaches every cell.
+"""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import atan2, hypot, pi
+
+import numpy as np
+from numpy.typing import NDArray
+
+from pipeline.finds.hazmat_classes import HAZMAT_CLASSES
+from sarsim.arenas.elements import ArenaBuilder
+from sarsim.arenas.things.hazmat import SignStyle
+from sarsim.arenas.things.models import THICK, hazmat_sign, qr_code
+from sarsim.arenas.walls import facing
+
+Pair = NDArray[np.float64]
+"""Two numbers: x and y in m, or in cells."""
+TUBE = "tube_"
+"""So begin the names of the fiducials' geoms."""
+TIMBER, TARP, PLASTIC = (0.76, 0.60, 0.38), (0.10, 0.10, 0.11), (0.55, 0.57, 0.60)
+PLAN = r"""
++--+--+--+--+::+--+--+--+--+
+|x  x  / |      /  /  /    :
++  +  +  +  +--+  +  +  +  +
+|x  x |   /  /  \     /  \ |
++  +  +  +  +--+  +  +  +  +
+|/  \              / |/  / |
++  +  +  +  +  +--+  +  +  +
+|/ |     |  |/  / |   x  x |
++  +  +  +  +  +  +  +  +  +
+:     |/           /  x  x |
++--+--+--+--+--+--+--+--+--+
+"""
+"""Cells from the north down: ``-`` and ``|`` panels, ``:`` entrances, ``/`` and ``\\`` diagonals, ``x`` rooms."""
+ENTRANCES = ":"
+
+
+@dataclass(frozen=True)
+class MazeConfig:
+    """Dimensions in m, by the guide 2026C as teams have transcribed it; what it leaves open is assumed.
+
+    Attributes:
+        cell: side of a cell; there are 9 × 5.
+        thick, high: of the 36 panels, each a cell long; length assumed, a board's width.
+        tube_count: number of mapping fiducials, each cut in two halves by a panel.
+        tube: their diameter.
+        tubes: heights up to which they stand, in turn; that they stand on the floor is assumed.
+        lumber: thickness and height of a 2×4 on edge; a diagonal is two side by side.
+        cross: length of the 2×4s that cross in a room.
+        tarp: height at which a dark tarp covers the maze; it hangs down in the entrances too, which is assumed.
+        codes, signs: numbers of QR codes and hazmat signs on the panels; assumed.
+        code_side, sign_side: of their square; assumed, as elsewhere in the league.
+        eye: height of their middles; assumed, what a low robot sees.
+    """
+
+    cell: float = 1.22
+    thick: float = 0.01
+    high: float = 2.2
+    tube_count: int = 10
+    tube: float = 0.3
+    tubes: tuple[float, ...] = (1.0, 2.0)
+    lumber: tuple[float, float] = (0.038, 0.089)
+    cross: float = 1.3
+    tarp: float = 2.2
+    codes: int = 10
+    signs: int = 10
+    code_side: float = 0.16
+    sign_side: float = 0.2
+    eye: float = 0.5
+
+
+@dataclass(frozen=True)
+class Panel:
+    """A panel or the tarp of an entrance, its middle and heading in a plan whose unit is a cell.
+
+    Attributes:
+        x, y: from the south-west corner.
+        is_upright: whether it runs along y.
+        is_entrance: whether it is tarp.
+        is_inner: whether there are cells on both sides.
+    """
+
+    x: float
+    y: float
+    is_upright: bool
+    is_entrance: bool
+    is_inner: bool
+
+
+class MazePlan:
+    """What stands where, in a plan whose unit is a cell, read from text like :data:`PLAN`.
+
+    Attributes:
+        columns, rows: numbers of cells.
+    """
+
+    def __init__(self, text: str = PLAN):
+        self._lines = text.strip("\n").splitlines()[::-1]
+        self.columns, self.rows = len(self._lines[0]) // 3, len(self._lines) // 2
+
+    def panels(self) -> Iterator[Panel]:
+        """All panels and entrances, from the south-west on."""
+        for j in range(self.rows + 1):
+            for i in range(self.columns):
+                if (sign := self._lines[2 * j][3 * i + 1]) != " ":
+                    yield Panel(i + 0.5, j, False, sign in ENTRANCES, 0 < j < self.rows)
+                if j < self.rows and (sign := self._lines[2 * j + 1][3 * i]) != " ":
+                    yield Panel(i, j + 0.5, True, sign in ENTRANCES, i > 0)
+            if j < self.rows:
+                yield Panel(self.columns, j + 0.5, True, self._lines[2 * j + 1][-1] in ENTRANCES, False)
+
+    def signs(self, signs: str) -> list[tuple[int, int, str]]:
+        """Column, row and sign of the cells with one of these signs."""
+        cells = [(i, j, self._lines[2 * j + 1][3 * i + 1]) for j in range(self.rows) for i in range(self.columns)]
+        return [cell for cell in cells if cell[2] in signs]
+
+    def rooms(self) -> list[tuple[int, int]]:
+        """Column and row of the corner in the middle of each room of 2 × 2 cells."""
+        cells = {(i, j) for i, j, _ in self.signs("x")}
+        return sorted((i, j) for i, j in cells if {(i - 1, j), (i, j - 1), (i - 1, j - 1)} <= cells)
+
+
+def build_maze(config: MazeConfig = MazeConfig()) -> ArenaBuilder:
+    """The maze, the origin in its middle; the robot starts in the south-western cell and looks along x."""
+    builder, plan = ArenaBuilder("maze"), MazePlan()
+    size = config.cell * np.array([plan.columns, plan.rows])
+    panels = list(plan.panels())
+    for panel in panels:
+        _add_panel(builder, config, panel, size)
+    for number, panel in enumerate([p for p in panels if p.is_inner][: config.tube_count]):
+        _add_tube(builder, config, number, panel, size)
+    for i, j, sign in plan.signs("/\\"):
+        _add_diagonal(builder, config, np.array([i + 0.5, j + 0.5]), 1 if sign == "/" else -1, size)
+    for corner in plan.rooms():
+        _add_cross(builder, config, np.array(corner), size)
+    _hang(builder, config, [p for p in panels if not (p.is_inner or p.is_entrance)], size)
+    low, high = -size / 2 - config.thick, size / 2 + config.thick
+    builder.add_floor(low, high)
+    builder.add_geom("ceiling", {"pos": (0, 0, config.tarp + 0.005), "size": (*(size / 2), 0.005)}, TARP)
+    builder.add_surroundings(low, high, ceiling=True)
+    builder.set_start((*(config.cell / 2 - size / 2), 0.0), 0.0)
+    return builder
+
+
+def _add_panel(builder: ArenaBuilder, config: MazeConfig, panel: Panel, size: Pair) -> None:
+    x, y = config.cell * np.array([panel.x, panel.y]) - size / 2
+    half = (config.thick / 2, config.cell / 2) if panel.is_upright else (config.cell / 2, config.thick / 2)
+    box = {"pos": (x, y, config.high / 2), "size": (*half, config.high / 2)}
+    builder.add_geom("wall", box, TARP if panel.is_entrance else None)
+
+
+def _add_tube(builder: ArenaBuilder, config: MazeConfig, number: int, panel: Panel, size: Pair) -> None:
+    x, y = config.cell * np.array([panel.x, panel.y]) - size / 2
+    high = config.tubes[number % len(config.tubes)]
+    builder.add_geom(
+        "wall",
+        {"name": f"{TUBE}{number}", "type": "cylinder", "pos": (x, y, high / 2), "size": (config.tube / 2, high / 2)},
+        PLASTIC,
+    )
+
+
+def _add_diagonal(builder: ArenaBuilder, config: MazeConfig, middle: Pair, way: int, size: Pair) -> None:
+    """Two 2×4s side by side from corner to corner of a cell."""
+    (thick, high), side = config.lumber, config.cell
+    _add_beam(builder, config.cell * middle - size / 2, way * pi / 4, hypot(side, side) - 2 * thick, 2 * thick, high)
+
+
+def _add_cross(builder: ArenaBuilder, config: MazeConfig, corner: Pair, size: Pair) -> None:
+    for way in (-1, 1):
+        middle = config.cell * corner - size / 2
+        _add_beam(builder, middle, way * pi / 4, config.cross, *config.lumber)
+
+
+def _add_beam(builder: ArenaBuilder, middle: Pair, yaw: float, long: float, thick: float, high: float) -> None:
+    builder.add_geom(
+        "clutter",
+        {
+            "pos": (*middle, high / 2),
+            "quat": (np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)),
+            "size": (long / 2, thick / 2, high / 2),
+        },
+        TIMBER,
+    )
+
+
+def _hang(builder: ArenaBuilder, config: MazeConfig, panels: list[Panel], size: Pair) -> None:
+    """Hang QR codes and hazmat signs in turn on the inner faces of outer panels, as far apart as they are many."""
+    around = sorted(panels, key=lambda p: atan2(*(config.cell * np.array([p.y, p.x]) - size[::-1] / 2)))
+    number = config.codes + config.signs
+    for n in range(number):
+        panel = around[n * len(around) // number]
+        middle = config.cell * np.array([panel.x, panel.y]) - size / 2
+        inwards = np.array([-np.sign(middle[0]), 0.0]) if panel.is_upright else np.array([0.0, -np.sign(middle[1])])
+        normal = np.array([*inwards, 0.0])
+        place = np.array([*middle, config.eye]) + (config.thick / 2 + THICK) * normal
+        thing = (
+            qr_code(f"qr_code_{builder.next_thing}", f"maze {n // 2}", config.code_side)
+            if n % 2 == 0
+            else hazmat_sign(
+                f"hazmat_sign_{builder.next_thing}", HAZMAT_CLASSES[n // 2], config.sign_side, SignStyle()
+            )
+        )
+        builder.add_thing(thing, place, facing(normal))

@@ -99,7 +99,7 @@ def _set_victims(name: str, builder: ArenaBuilder, victims: WorldVictims) -> Sta
             "%s: nothing says whether %d of its victims live; they are %s (--victims-state)",
             name, settled, victims.state,
         )  # fmt: skip
-    return listed and listed.start
+    return listed.start if listed else None
 
 
 def _from_mjcf(path: Path, wish: StartPose | None) -> RescueArena:

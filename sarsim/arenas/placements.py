@@ -122,7 +122,8 @@ def _pose(where: str, name: str, numbers: list[float]) -> WorldPose:
         raise InputError(f"{where}: {len(numbers)} numbers; give x y z, or x y z roll pitch yaw, in m and rad")
     if not (np.abs(numbers) <= FARTHEST).all():  # not for NaN either
         raise InputError(f"{where}: a number is larger than {FARTHEST:g} or none at all")
-    return WorldPose(name, *numbers[:3], numbers[5] if len(numbers) == 6 else 0.0)
+    x, y, z = numbers[:3]
+    return WorldPose(name, x, y, z, numbers[5] if len(numbers) == 6 else 0.0)
 
 
 def add_person(builder: ArenaBuilder, pose: WorldPose) -> None:

@@ -132,8 +132,6 @@ class SimulatorConfig:
         start: start pose: x and y in m, yaw in degrees. By default the arena's own start.
         seed: seed of every random number.
         lighting: light in the arena; in the dark the robot switches on its lamp.
-        victims: list of victims and starts for a world by others; each line is NAME x y z roll pitch yaw.
-        victims_state: state of victims whose names do not say whether they are alive.
     """
 
     arena: str = "nist_6x4"
@@ -141,13 +139,6 @@ class SimulatorConfig:
     start: Given[StartPose] = None
     seed: int = 0
     lighting: LightingName = "normal"
-    victims: Given[Path] = None
-    victims_state: Literal["alive", "dead"] = "dead"
-
-    @property
-    def world_victims(self) -> WorldVictims:
-        """Settings of the victims of a world of others."""
-        return WorldVictims(self.victims, self.victims_state)
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -240,6 +231,8 @@ class EpisodeConfig(SinkConfig, PerceptionConfig, MissionConfig, SimulatorConfig
         bag_images: images in the bag: depth in whole mm (16UC1) or in m (32FC1); colour raw or as JPEG.
         tum: new folder for the drive in the TUM RGB-D layout.
         out: new folder for the results. By default runs/<arena>-<seed>, with -2, -3 … appended if it exists.
+        victims: list of victims and starts for a world by others.
+        victims_state: state if their names do not tell.
         random: contents of a random arena.
     """
 
@@ -258,6 +251,8 @@ class EpisodeConfig(SinkConfig, PerceptionConfig, MissionConfig, SimulatorConfig
     bag_images: Literal["16UC1", "32FC1", "16UC1-jpeg", "32FC1-jpeg"] = "16UC1"
     tum: Given[Path] = None
     out: Given[Path] = None
+    victims: Given[Path] = None
+    victims_state: Literal["alive", "dead"] = "dead"
     random: RandomArenaConfig = field(default_factory=RandomArenaConfig)
 
     def __post_init__(self) -> None:
@@ -266,6 +261,11 @@ class EpisodeConfig(SinkConfig, PerceptionConfig, MissionConfig, SimulatorConfig
         if self.voxel_size is not None:
             metric_map = replace(self.pipeline.metric_map, voxel_size=self.voxel_size)
             object.__setattr__(self, "pipeline", replace(self.pipeline, metric_map=metric_map))
+
+    @property
+    def world_victims(self) -> WorldVictims:
+        """Settings of the victims in a world by others."""
+        return WorldVictims(self.victims, self.victims_state)
 
     @property
     def folder(self) -> Path:

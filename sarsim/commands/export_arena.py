@@ -2,13 +2,12 @@
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Literal
 
 from tyro.conf import Fixed
 
 from pipeline.errors import InputError
 from pipeline.files import whole_file
-from sarsim.arenas.settings import RandomArenaConfig, StartPose, WorldVictims
+from sarsim.arenas.settings import RandomArenaConfig, StartPose
 from sarsim.commands.cli import check_folder_of
 from sarsim.commands.settings import run_with_settings
 from sarsim.flags import Given
@@ -23,16 +22,12 @@ class ExportArena:
             own MODULE:FUNCTION.
         out: MJCF file to write (.xml); the files that it refers to are copied beside it.
         start: start pose: x and y in m, yaw in degrees. By default the arena's own start.
-        victims: list of victims and starts for a world by others; each line is NAME x y z roll pitch yaw.
-        victims_state: state of victims whose names do not say whether they are alive.
         random: contents of a random arena, set in a --config file such as an episode's config.yaml.
     """
 
     arena: str
     out: Path
     start: Given[StartPose] = None
-    victims: Given[Path] = None
-    victims_state: Literal["alive", "dead"] = "dead"
     random: Fixed[RandomArenaConfig] = field(default_factory=RandomArenaConfig)
 
 
@@ -43,8 +38,7 @@ def export_arena(settings: ExportArena) -> None:
     if settings.out.suffix != ".xml":  # by which MuJoCo knows its own files
         raise InputError(f"--out {settings.out}: the file name must end in .xml")
     check_folder_of("out", settings.out)
-    victims = WorldVictims(settings.victims, settings.victims_state)
-    arena = make_arena(settings.arena, settings.start, settings.random, victims=victims)
+    arena = make_arena(settings.arena, settings.start, settings.random)
     for name, content in (arena.mjcf_model.get_assets() | {settings.out.name: arena.to_xml().encode()}).items():
         with whole_file(settings.out.with_name(name)) as part:
             part.write_bytes(content)

@@ -35,8 +35,8 @@ def score_mission(
         parked: x and y of the robot at the end, m. By default the end of trajectory_true.tum.
         resets: number of times that somebody touched the robot.
         contacts: number of contacts with living victims.
-        victims: list of victims and starts for a world by others; each line is NAME x y z roll pitch yaw.
-        victims_state: state of victims whose names do not say whether they are alive.
+        victims: list of victims and starts for a world by others, as for sarsim-episode.
+        victims_state: state if their names do not tell.
     """
     import json
 

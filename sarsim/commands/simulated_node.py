@@ -51,7 +51,7 @@ class SimulatedNode:
                 "at most 25, the seed not negative"
             )
         self.config, self._node = config, node
-        arena = make_arena(config.arena, config.start, seed=config.seed, victims=config.world_victims)
+        arena = make_arena(config.arena, config.start, seed=config.seed)
         self.robot = SimulatedRobot(
             arena, SimulationConfig(lighting=config.lighting, robot=config.robot), config.seed
         )

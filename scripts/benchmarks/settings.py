@@ -376,7 +376,7 @@ class WorldsSettings(SubjectSettings):
 
     worlds: Path = SHARED / "worlds"
     robot: Robot = "pioneer3at"
-    minutes: float = 20.0
+    minutes: Fixed[float] = 20.0
     seed: int = 0
     workers: int | None = None
     runs: Path = Path("runs/benchmark-worlds")

@@ -40,7 +40,7 @@ WHOLE = bool(os.environ.get("SARSIM_DOCUMENTS"))
 """Whether what takes over a minute runs too."""
 OWN = (
     "FOLDER", "bags/office", "my.cfg", "my.weights", "my.safetensors", "my_images", "my_robot.xml", "office",
-    "office.world", "rgbd_dataset_freiburg1_room", "things.yaml",
+    "hall.world", "hall.txt", "office.world", "rgbd_dataset_freiburg1_room", "things.yaml",
 )  # fmt: skip
 """What the pages name of the reader's own, empty here."""
 DATA = ("data/ramps", "data/arenas", "data/rooms")

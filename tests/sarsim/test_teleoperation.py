@@ -194,4 +194,4 @@ def test_a_drive_is_mapped_and_leaves_the_files_of_an_episode(windows, tmp_path,
     assert report["localisation"]["keyframes"] == report["steps"] == detector.seen
     assert 0.05 < report["exploration"]["explored_fraction"] < 0.9
     assert report["navigation"]["distance_m"] == pytest.approx(last - first, abs=0.05)
-    assert "Nobody searched" in (tmp_path / "report.html").read_text()
+    assert "Unseen ground was not searched for" in (tmp_path / "report.html").read_text()

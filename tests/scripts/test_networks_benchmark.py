@@ -80,5 +80,5 @@ def test_a_small_comparison_has_accuracy_of_what_has_weights_and_times_of_all(
     ],
 )
 def test_nothing_to_measure_is_refused(change: dict) -> None:
-    with pytest.raises(InputError, match=r"at least|no folder"):
+    with pytest.raises(InputError, match=r"at least|--weights"):
         networks.measure(NetworksSettings(**change))

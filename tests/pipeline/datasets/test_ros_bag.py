@@ -445,7 +445,7 @@ def test_topics_of_a_kind_must_be_named(tmp_path: Path) -> None:
             yield "/odometry/filtered", time, message
 
     path = write_bag(tmp_path / "room", change=twice)
-    with pytest.raises(InputError, match=r"/odom and /odometry/filtered; --topics"):
+    with pytest.raises(InputError, match=r"/odom and /odometry/filtered.*--topics"):
         read_ros_bag(path)
     assert read_ros_bag(path, ["/odom"]).odometry is not None
     with pytest.raises(InputError, match="/elsewhere"):

@@ -57,7 +57,7 @@ def test_growing_leaves_the_blocks_where_they_are():
 def test_a_full_array_takes_nothing_of_what_is_too_much():
     array = BlockArray(2 * SIDE**3)
     array.reserve([(0, 0, 0)])
-    with pytest.raises(InputError, match="bound"):
+    with pytest.raises(InputError, match="bytes"):
         array.reserve([(0, 0, 0), (1, 0, 0), (2, 0, 0)])
     assert array.nbytes == SIDE**3
 

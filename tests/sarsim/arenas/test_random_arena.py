@@ -178,10 +178,10 @@ def test_one_wall_alone_bears_something():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"columns": 2}, "columns is 2"),
-        ({"wall_density": 1.5}, "wall_density is 1.5"),
-        ({"furniture": -0.1}, "furniture is -0.1"),
-        ({"difficulty": 4}, "difficulty is 4"),
+        ({"columns": 2}, "columns 2"),
+        ({"wall_density": 1.5}, "wall_density 1.5"),
+        ({"furniture": -0.1}, "furniture -0.1"),
+        ({"difficulty": 4}, "difficulty 4"),
         ({"columns": 3, "rows": 3, "victims": 40}, "do not fit"),
     ],
 )

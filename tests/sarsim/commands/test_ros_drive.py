@@ -113,7 +113,7 @@ def test_where_the_robot_falls_silent_what_was_mapped_is_kept(tmp_path: Path) ->
         pair.drive.run()
     assert {path.name for path in pair.out.iterdir()} == FILES | {HANDED_IN}
     assert validate(pair.out) == []
-    assert pair.report["stopped"].startswith("/odom: silent")
+    assert pair.report["stopped"].startswith("/odom")
     assert messages.command_of(pair.wire.heard["/cmd_vel"][-1]) == Velocity()
 
 

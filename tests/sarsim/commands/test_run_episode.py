@@ -220,11 +220,11 @@ BAD_LABEL = IN_A_WALL.replace('user="1"', 'user="11"').replace("0.5 0.5 0.5", "0
     [
         (None, "No such file"),
         ("<mujoco><worldbody>", "not readable XML"),
-        ("<robot/>", "no free start"),
+        ("<robot/>", "--start"),
         (BOMB, "declares a document type"),
         (NO_FLOOR, "no free start"),
         (IN_A_WALL, "no free start"),
-        (BAD_LABEL, "no label"),
+        (BAD_LABEL, "user=11"),
     ],
 )
 def test_a_bad_arena_is_one_line_and_status_2(arena, message, tmp_path, monkeypatch, capsys):
@@ -247,7 +247,7 @@ def test_a_bad_arena_is_one_line_and_status_2(arena, message, tmp_path, monkeypa
         (["--detector", "one.cfg"], "--detector"),
         (["--steps", "0"], "--steps 0"),
         (["--speed", "nan"], "--speed nan"),
-        (["--fiducials", "99"], "--fiducials 99: 0 to 50"),
+        (["--fiducials", "99"], "--fiducials 99"),
         (["--out", "/dev/null/x"], "/dev/null/x"),
         (["--out", str(WEIGHTS.parent)], "weights: not empty"),
         (["--out", ""], "--out '':"),

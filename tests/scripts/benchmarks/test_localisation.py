@@ -131,7 +131,7 @@ def test_each_arena_is_driven_with_each_seed_once(tmp_path, monkeypatch):
     [
         ({"nist": -1}, "--nist -1:"),
         ({"frames": 0}, "--frames 0:"),
-        ({"raf": Path("/nowhere")}, "/nowhere: no .raf file"),
+        ({"raf": Path("/nowhere")}, "--raf /nowhere"),
         ({"nist": 0, "esogu": 0, "random": 0}, "no arena"),
     ],
 )

@@ -100,7 +100,7 @@ def test_a_pickle_is_not_run(tmp_path):
 
 def test_a_file_that_unpacks_to_more_than_a_map_may_have_is_refused(tmp_path):
     np.savez_compressed(tmp_path / "map.npz", **entries(log_odds=np.ones((64, 64, 64), np.int8), max_bytes=1000))
-    with pytest.raises(InputError, match="bound"):
+    with pytest.raises(InputError, match="bytes"):
         load_metric_map(tmp_path / "map.npz")
 
 

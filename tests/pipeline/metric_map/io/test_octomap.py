@@ -69,7 +69,7 @@ def test_an_empty_map_is_an_empty_tree(tmp_path):
 
 def test_what_cannot_be_written_is_refused(tmp_path):
     for write in (write_bt, write_ot):
-        with pytest.raises(InputError, match="reaches"):
+        with pytest.raises(InputError, match="OctoMap"):
             write(tmp_path / "map", filled((2**15, 0, 0), np.ones((1, 1, 1), np.int8)))
         with pytest.raises(InputError, match="nowhere"):
             write(tmp_path / "nowhere" / "map", MetricMap())

@@ -142,8 +142,8 @@ def test_points_that_are_nowhere_are_unlabelled(weights: Path) -> None:
         ({"blocks": '{"colour": 3}'}, "another version"),
         ({"blocks": "[" * 100_000}, "another version"),
         ({"blocks": '{"size": "wide"}'}, "another version"),
-        ({"blocks": '{"voxel_size": 0}'}, "voxel_size = 0: from 0.001875 to 0.48"),
-        ({"blocks": '{"size": 1e-9}'}, "size = 1e-09: from 0.0625 to 16"),
+        ({"blocks": '{"voxel_size": 0}'}, "voxel_size = 0"),
+        ({"blocks": '{"size": 1e-9}'}, "size = 1e-09"),
         ({"blocks": '{"reach": Infinity}'}, "reach = inf"),
     ],
 )

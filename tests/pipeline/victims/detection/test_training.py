@@ -150,5 +150,5 @@ def test_what_cannot_be_done_is_refused(tmp_path: Path) -> None:
     for wrong in ({"width": 100}, {"height": 0}):
         with pytest.raises(InputError, match="multiples of 32"):
             trainer(tmp_path / "w.weights", replace(CONFIG, **wrong))
-    with pytest.raises(InputError, match="validate"):
+    with pytest.raises(InputError, match="validation"):
         trainer(tmp_path / "w.weights", validated=0)

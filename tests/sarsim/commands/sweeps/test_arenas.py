@@ -39,7 +39,7 @@ def test_names_stand_for_splits_folders_and_arenas(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("names", [[], ["nist_6x4", "grid:test"]])
 def test_either_maps_or_arenas(names: list[str]) -> None:
-    with pytest.raises(InputError, match=r"--arenas .*either 2D maps"):
+    with pytest.raises(InputError, match=r"--arenas .*2D maps"):
         arenas_of(names)
 
 

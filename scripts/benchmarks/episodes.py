@@ -61,7 +61,7 @@ class Job:
     @property
     def name(self) -> str:
         """Name of its files, without suffix."""
-        arena = Path(self.config.arena).stem.replace(":", "_")
+        arena = world_name(self.config.arena).replace(":", "_")
         return f"{self.strategy}-{arena}-{self.config.seed}"
 
     @property
@@ -82,6 +82,12 @@ class Job:
         except (OSError, ValueError, KeyError, TypeError) as error:
             raise InputError(f"{file}: not an episode's result: {error}") from error
         raise InputError(f"{file}: was run with other settings; choose another folder with --runs")
+
+
+def world_name(arena: str) -> str:
+    """What an arena is called: by its file, or a model of Gazebo by its folder, for its file is ``model.sdf``."""
+    path = Path(arena)
+    return path.parent.name if path.name == "model.sdf" else path.stem
 
 
 def configs(

@@ -16,7 +16,7 @@ from sarsim.commands.settings import wanted_mission
 from sarsim.episode import Episode
 from sarsim.settings import EpisodeConfig
 from scripts.benchmarks.common import Result, at_least
-from scripts.benchmarks.episodes import Job, leave, run_jobs
+from scripts.benchmarks.episodes import Job, leave, run_jobs, world_name
 from scripts.benchmarks.settings import WorldsSettings
 
 FIGURES: Mapping[str, Sequence[str]] = {
@@ -66,12 +66,6 @@ def worlds_in(folder: Path) -> list[Path]:
     if not (worlds or models):
         raise InputError(f"--worlds {folder}: no .world and no model.sdf is there")
     return worlds + models
-
-
-def world_name(arena: str) -> str:
-    """What a world is called: by its file, or a model by its folder."""
-    path = Path(arena)
-    return path.parent.name if path.stem == "model" else path.stem
 
 
 def job_of(settings: WorldsSettings, world: Path) -> Job:

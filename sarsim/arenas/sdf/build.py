@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from scipy.spatial.transform import Rotation
 
 from pipeline.arrays import Places, Pose
 from pipeline.errors import InputError
@@ -228,7 +227,7 @@ def _built(path: Path, bodies: list[_Body], is_model: bool) -> ArenaBuilder:
     for (solid, label), facets in seen.items():
         for triangles in _tiles(np.concatenate(facets)):
             mesh = builder.add_mesh(*two_sided(triangles))
-            builder.add_geom(label, {**_pose(solid), "mesh": mesh, **SEEN}, solid.colour)
+            builder.add_geom(label, {**solid.placed, "mesh": mesh, **SEEN}, solid.colour)
     builder.add_surroundings(low, high)
     return builder
 
@@ -261,18 +260,12 @@ def _geom(builder: ArenaBuilder, body: _Body, low: NDArray[np.float64], high: ND
         half = (high - low) / 2
         return {"type": "plane", "pos": [*(low + half), T[2, 3]], "size": [*half, solid.size[-1]]}
     if solid.tile is not None:
-        return {**_pose(solid), "hfield": builder.add_height_field(solid.tile.heights, solid.size)}
+        return {**solid.placed, "hfield": builder.add_height_field(solid.tile.heights, solid.size)}
     if solid.piece is None:
-        return {**_pose(solid), "size": solid.size}
+        return {**solid.placed, "size": solid.size}
     whole = solid.piece.vertices, solid.piece.triangles
     mesh = builder.add_mesh(*(whole if body.part is None else [body.part]))
-    return {**_pose(solid), "mesh": mesh, **({} if body.is_seen else COLLIDES)}
-
-
-def _pose(solid: Solid) -> Attributes:
-    T = solid.T_world
-    quat = Rotation.from_matrix(T[:3, :3]).as_quat(scalar_first=True)
-    return {"type": solid.kind, "pos": T[:3, 3], "quat": quat}
+    return {**solid.placed, "mesh": mesh, **({} if body.is_seen else COLLIDES)}
 
 
 def _tiles(triangles: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
+from scipy.spatial.transform import Rotation
 
 from pipeline.arrays import Places, Pose, Values
 from pipeline.errors import InputError
@@ -49,6 +50,12 @@ class Solid:
     piece: MeshPiece | None
     colour: Colour | None
     tile: GroundTile | None = None
+
+    @property
+    def placed(self) -> dict[str, str | NDArray[np.float64]]:
+        """MJCF's attributes of its shape and of its pose in the world."""
+        R, position = self.T_world[:3, :3], self.T_world[:3, 3]
+        return {"type": self.kind, "pos": position, "quat": Rotation.from_matrix(R).as_quat(scalar_first=True)}
 
 
 class SolidReader:

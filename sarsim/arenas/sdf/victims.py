@@ -5,11 +5,9 @@ who lies at its place.
 """
 
 import logging
-from collections.abc import Iterator
 from pathlib import Path
 
 import numpy as np
-from scipy.spatial.transform import Rotation
 
 from pipeline.errors import InputError
 from sarsim.arenas.elements import ArenaBuilder, Attributes
@@ -42,9 +40,7 @@ def add_victims(builder: ArenaBuilder, path: Path, world: SdfWorld, victims: lis
     Raises:
         InputError: they have too many shapes.
     """
-    reader = SolidReader(world.meshes)
-    for victim in victims:
-        solids = list(_solids(world, reader, victim))
+    for victim, solids in zip(victims, _solids_of(world, victims), strict=True):
         if len(solids) > MOST_GEOMS:
             raise InputError(f"{path}: {victim.name} has {len(solids)} shapes, at most {MOST_GEOMS} are built")
         if solids:
@@ -56,12 +52,16 @@ def add_victims(builder: ArenaBuilder, path: Path, world: SdfWorld, victims: lis
             add_person(builder, _pose(victim))
 
 
-def _solids(world: SdfWorld, reader: SolidReader, victim: SdfModel) -> Iterator[Solid]:
-    """The solids of a victim; planes have no place in one."""
-    for shape in () if victim.missing else world.shapes():
-        if shape.model == victim.scoped or shape.model.startswith(f"{victim.scoped}::"):
+def _solids_of(world: SdfWorld, victims: list[SdfModel]) -> list[list[Solid]]:
+    """The solids of each victim, in one reading of the world; planes have no place in one."""
+    reader, missing = SolidReader(world.meshes), {victim.scoped for victim in victims if victim.missing}
+    found: dict[str, list[Solid]] = {victim.scoped: [] for victim in victims}
+    for shape in world.shapes(without=lambda model: model.scoped in missing) if len(missing) < len(victims) else ():
+        of = next((name for name in found if f"{shape.model}::".startswith(f"{name}::")), None)
+        if of is not None:
             with world.without():
-                yield from (solid for solid in reader.solids(shape) if solid.kind != "plane")
+                found[of] += (solid for solid in reader.solids(shape) if solid.kind != "plane")
+    return list(found.values())
 
 
 def _pose(victim: SdfModel) -> WorldPose:
@@ -73,9 +73,7 @@ def _pose(victim: SdfModel) -> WorldPose:
 
 def _geom(builder: ArenaBuilder, solid: Solid, origin: np.ndarray) -> Attributes:
     """The attributes of a solid's geom in a body at ``origin`` (3,) m that is not turned."""
-    T, piece = solid.T_world, solid.piece
-    quat = Rotation.from_matrix(T[:3, :3]).as_quat(scalar_first=True)
-    pose = {"type": solid.kind, "pos": T[:3, 3] - origin, "quat": quat}
+    pose, piece = solid.placed | {"pos": solid.T_world[:3, 3] - origin}, solid.piece
     if piece is None:
         return pose | {"size": solid.size}
     if piece.is_flat:

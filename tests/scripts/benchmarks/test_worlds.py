@@ -5,8 +5,9 @@ from pathlib import Path
 import pytest
 
 from pipeline.errors import InputError
+from scripts.benchmarks.episodes import world_name
 from scripts.benchmarks.settings import WorldsSettings
-from scripts.benchmarks.worlds import figures, job_of, measure, run_job, table, world_name, worlds_in
+from scripts.benchmarks.worlds import figures, job_of, measure, run_job, table, worlds_in
 
 HALL = (
     "<sdf version='1.6'><world name='hall'><model name='ground'><link name='l'><collision name='c'>"

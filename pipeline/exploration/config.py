@@ -15,7 +15,8 @@ class VisibilityConfig:
         short_by: m by which the robot may stop short of a viewpoint, so that it sees less far.
         ramp_slope: slope above which ground is a ramp; 8°.
         nist_slope: slope of a NIST ramp: at least so steeply falls ground that a keyframe missed.
-        most_unknown: m of unknown ground that a ray is expected to see through at most.
+        blocked: probability that a ray was blocked up to which it is expected to go on through unknown ground.
+        least_unknown: m of unknown ground that it is expected to see through even in the narrowest places.
         level_run: m of level ground after which a ramp's fall has ended.
         new_view: m; from a place nearer to the last keyframe that missed a cell, the cell is not expected to be seen.
     """
@@ -25,7 +26,8 @@ class VisibilityConfig:
     short_by: float = 0.3
     ramp_slope: float = float(np.tan(np.deg2rad(8)))
     nist_slope: float = float(2 * np.tan(np.deg2rad(8)))
-    most_unknown: float = 1.0
+    blocked: float = 0.4
+    least_unknown: float = 1.0
     level_run: float = 1.0
     new_view: float = 0.3
 

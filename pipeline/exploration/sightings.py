@@ -54,6 +54,7 @@ class Sightings:
         layers.match(ground.grid)
         first = self._count_shown(context, camera)
         layers.write("target", unseen(context))
+        seen = ~np.isnan(context.measured)
         terrain = SearchedTerrain(
             origin=layers.grid.origin,
             cell=layers.grid.cell,
@@ -65,7 +66,7 @@ class Sightings:
             falls=True,
             ramp_slope=guesses.ramp_slope,
             nist_slope=guesses.nist_slope,
-            most_unknown=guesses.most_unknown,
+            most_unknown=visibility.expected_depth(ground.tall, seen, layers.grid.cell, guesses),
             level_run=guesses.level_run,
             new_view=guesses.new_view,
         )
@@ -73,8 +74,7 @@ class Sightings:
         # Cells side by side show or hide together: as many as the robot is wide are one try.
         tries = self._robot.width / layers.grid.cell
         self.chances = chances(self._shown / tries, self._missed / tries)
-        # Rounded to half powers of two, so that rays are cast anew only when they change much.
-        rounded = (2 ** (np.round(2 * np.log2(self.chances)) / 2)).astype(np.float32)
+        rounded = visibility.rounded(self.chances).astype(np.float32)
         return terrain._replace(probability=rounded[layers["misses"]], missed_from=layers["missed_from"])
 
     def expect(self, cells: Cells, drive: NDArray[np.float64], poses: Poses) -> None:

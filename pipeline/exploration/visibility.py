@@ -3,7 +3,7 @@
 from functools import cache
 
 import numpy as np
-from numpy.typing import NDArray
+from numpy.typing import ArrayLike, NDArray
 from scipy import ndimage
 
 from pipeline.arrays import Cells, Indices, MaskLayer, Place, Places, Poses, Values
@@ -31,6 +31,38 @@ def camera_view(frame: Frame, config: VisibilityConfig) -> kernels.CameraView:
     rounded = [round(float(metres), 3) for metres in lengths]
     edges = np.deg2rad(np.degrees(angles).round(1)).tolist()
     return kernels.CameraView(*[*rounded, *edges, sensor.grazing, config.rays])
+
+
+def expected_depth(walls: MaskLayer, seen: MaskLayer, cell: float, config: VisibilityConfig) -> float:
+    """m of unknown ground that a ray is expected to see through, rounded: far in a hall, not so far among walls.
+
+    Args:
+        walls: cells that block the view.
+        seen: cells whose ground was seen.
+        cell: side of a cell, m.
+        config: how sure the view must be.
+    """
+    depth = -np.log1p(-config.blocked) * mean_free_path(walls, seen, cell)
+    return float(rounded(max(config.least_unknown, depth)))
+
+
+def mean_free_path(walls: MaskLayer, seen: MaskLayer, cell: float) -> float:
+    """m that a ray goes on average over seen ground from one wall to the next.
+
+    The mean chord of an area A with a perimeter P is π A / P, whatever its shape (Santaló, Integral Geometry and
+    Geometric Probability, 1976). Edges of cells are 4 / π times as long as the perimeter that they follow.
+    """
+    ground = seen & ~walls
+    edges = sum(
+        np.count_nonzero(a[1:] & b[:-1]) + np.count_nonzero(a[:-1] & b[1:])
+        for a, b in ((ground, walls), (ground.T, walls.T))
+    )
+    return 4 * np.count_nonzero(ground) * cell / max(edges, 1)
+
+
+def rounded(values: ArrayLike) -> NDArray[np.float64]:
+    """To half powers of two, so that rays are cast anew only when a value changes much."""
+    return np.asarray(2 ** (np.round(2 * np.log2(values)) / 2))
 
 
 def gains(places: Places, camera: kernels.CameraView, terrain: kernels.SearchedTerrain) -> NDArray[np.float64]:

@@ -55,7 +55,8 @@ class SearchedTerrain(NamedTuple):
         probability: float32, probability that a cell in view can be seen at all.
         missed_from: (nx, ny, 2) float32 m, where the last keyframe that missed the cell was taken; inf if none did.
         falls: whether unknown ground behind the crest of a ramp is assumed to fall as the ramp rose.
-        ramp_slope, nist_slope, most_unknown, level_run, new_view: see ``VisibilityConfig``.
+        most_unknown: m of unknown ground that a ray is expected to see through.
+        ramp_slope, nist_slope, level_run, new_view: see ``VisibilityConfig``.
     """
 
     origin: Place

@@ -273,8 +273,9 @@ def test_what_is_offered_begins_with_the_best_and_is_worth_the_drive():
 def test_what_a_drive_that_failed_on_its_way_should_have_shown_is_not_missed():
     world = corridor(-6, 2)
     exploration = NextBestView(PIONEER)
-    first = next_viewpoint(exploration, world, from_yaw(-5, 0, 0, 0))
-    there = from_yaw(*np.mean([first.position, (-5, 0)], axis=0), 0, first.heading)
+    first = next_viewpoint(exploration, world, from_yaw(-3, 0, 0, 0))
+    there = from_yaw(*np.mean([first.position, (-3, 0)], axis=0), 0, first.heading)
+    assert np.linalg.norm(first.position - (-3, 0)) > 4 * exploration.config.arrived
     anew = next_viewpoint(NextBestView(PIONEER), world, there)
     assert next_viewpoint(exploration, world, there).gain == anew.gain
 

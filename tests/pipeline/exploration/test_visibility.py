@@ -148,3 +148,27 @@ def test_a_cell_is_missed_once_by_a_keyframe_and_again_only_by_one_from_elsewher
     visibility.count_misses(from_yaw(4.6, 2.5, 0, 0)[None], CAMERA, terrain, misses, missed)
     assert misses.max() == 2
     assert missed[1] == (misses == 2).sum()
+
+
+def room(size: float, angle: float = 0.0) -> tuple[np.ndarray, np.ndarray]:
+    """A square room of ``size`` m with walls 0.1 m thick, turned by an angle: walls and what was seen of it."""
+    x, y = (np.indices((400, 400)) - 199.5) * 0.05
+    across = np.maximum(abs(x * np.cos(angle) + y * np.sin(angle)), abs(y * np.cos(angle) - x * np.sin(angle)))
+    return (across > size / 2) & (across <= size / 2 + 0.1), across <= size / 2
+
+
+@pytest.mark.parametrize("size", [2.0, 8.0])
+def test_mean_free_path_is_pi_times_the_area_over_the_perimeter(size):
+    mean = np.mean([visibility.mean_free_path(*room(size, angle), 0.05) for angle in np.linspace(0, np.pi / 2, 20)])
+
+    assert mean == pytest.approx(np.pi * size**2 / (4 * size), rel=0.05)
+
+
+def test_rays_are_expected_to_go_farther_in_a_hall_than_among_walls():
+    config, nothing = VisibilityConfig(), np.zeros((400, 400), np.bool_)
+    among_walls, hall, open_ground = (
+        visibility.expected_depth(walls, seen, 0.05, config)
+        for walls, seen in (room(1.2), room(12.0), (nothing, ~nothing))
+    )
+
+    assert among_walls == config.least_unknown < CAMERA.far < hall < open_ground

@@ -15,6 +15,7 @@ from sarsim.commands.settings import run_with_settings, save_settings
 from sarsim.dataset.settings import RANDOM, DatasetConfig, HarderDatasetConfig
 from sarsim.flags import Given
 from sarsim.jobs.engines import make_engine
+from sarsim.opengl import check_rendering
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -56,6 +57,8 @@ def generate_dataset(settings: GenerateDataset) -> None:
     from sarsim.dataset.manifest import FILE
     from sarsim.dataset.recipe import Recipe
 
+    if settings.engine == "local":
+        check_rendering()
     check_folder(settings.out, [FILE])
     for arena in {*settings.arenas} - {RANDOM}:
         load_arena(arena)

@@ -48,8 +48,9 @@ def generate_dataset(settings: GenerateDataset) -> None:
     """Generate a dataset, or the missing part of one, and print its folder."""
     if settings.harder and not isinstance(settings, GenerateHarder):
         raise InputError("harder: only the flag --harder chooses the harder mix; a --config file names its values")
-    if settings.scenes < 1 or (settings.workers is not None and settings.workers < 1):
-        raise InputError("--scenes and --workers must be at least 1")
+    for flag, count in {"scenes": settings.scenes, "workers": settings.workers}.items():
+        if count is not None and count < 1:
+            raise InputError(f"--{flag} {count}: must be at least 1")
     for arena in {*settings.arenas} - {RANDOM}:
         check_arena_name(arena)
     from sarsim.arenas.load import load_arena

@@ -232,7 +232,7 @@ def _opened(path: Path) -> Iterator[dict[str, list[Row]]]:
     if str(arrays.pop("format", "")) != FORMAT:
         raise InputError(f"{path}: not the map of a run")
     if arrays.pop("version", np.array(0)).tolist() != VERSION:
-        raise InputError(f"{path}: not version {VERSION} of this format")
+        raise InputError(f"{path}: must have format version {VERSION}; another version of sarsim wrote it")
     try:
         sizes: dict[str, int] = {}
         rows = {kind: _rows(arrays, kind, fields, sizes) for kind, fields in LAYOUT.items()}

@@ -1,13 +1,12 @@
 """The simulated world: arenas, the Pioneer 3-AT, its sensors, and the ground truth that scores the robot."""
 
-import os
 from contextlib import suppress
 from importlib import import_module
 
 import pipeline as pipeline  # which limits NumPy's threads, before anything imports NumPy
+from sarsim.opengl import choose_platform
 
-# Rendering needs no screen. MuJoCo reads this once, when it is first imported.
-os.environ.setdefault("MUJOCO_GL", "egl")
+choose_platform()
 
 # Mesa's driver exports the symbols of its LLVM to all libraries loaded later. Triton, which PyTorch's CUDA builds
 # import for training, crashes with them (as in tensorflow's issue 124205); loaded first, in 0.15 s, it uses its own.

@@ -7,6 +7,7 @@ import runpy
 import tomllib
 from importlib import import_module
 from pathlib import Path
+from typing import Any
 from urllib.parse import unquote
 
 import numpy as np
@@ -203,6 +204,8 @@ def test_the_notebook_runs_from_an_episode_to_files(tmp_path: Path, monkeypatch:
     code = "\n".join("".join(cell["source"]) for cell in cells if cell["cell_type"] == "code")
     assert all(cell["outputs"] for cell in cells[2:] if cell["cell_type"] == "code")  # after the imports
     assert "STEPS = 20\n" in code
-    exec(compile(code.replace("STEPS = 20\n", "STEPS = 1\n"), "episode.ipynb", "exec"), {})
+    space: dict[str, Any] = {}
+    exec(compile(code.replace("STEPS = 20\n", "STEPS = 1\n"), "episode.ipynb", "exec"), space)
+    space["viewer"].close()
     files = {path.name for path in (tmp_path / "runs" / "notebook").iterdir()}
-    assert files >= {"ground.tif", "metric_map.npz", "semantic_map.ply", "topology.json"}
+    assert files >= {"episode.rrd", "ground.tif", "metric_map.npz", "semantic_map.ply", "topology.json"}

@@ -19,7 +19,7 @@ from pipeline.rerun.viewer import HOST, Viewer
 
 IMAGES = Path(__file__).parents[1] / "images"
 SIZE = (1400, 900)
-MAP = (slice(36, 672), slice(0, 1080))
+MAP = (slice(36, 660), slice(0, 1048))
 """Rows and columns of the map in the window."""
 
 BROWSER_FLAGS = [
@@ -43,8 +43,7 @@ def main() -> None:
 def in_window(recording: Path, tab: int) -> NDArray[np.uint8]:
     """(H, W, 3) uint8 BGR, the native viewer with one of the map's tabs in front."""
     with tempfile.TemporaryDirectory() as folder:
-        layout, picture = Path(folder, "tab.rbl"), Path(folder, "picture.png")
-        blueprint(*arena_bounds(recording), tab=tab).save("sarsim", layout)
+        layout, picture = at_the_end(recording, tab, Path(folder)), Path(folder, "picture.png")
         # On such a large screen the pointer, in the middle of the screen, is outside the window.
         screen = ["xvfb-run", "-a", "-s", "-screen 0 6000x4000x24"]
         viewer = [sys.executable, "-m", "rerun_cli", recording, layout, "--bind", HOST, "--port", "auto"]
@@ -57,15 +56,22 @@ def in_browser(recording: Path) -> NDArray[np.uint8]:
     """(H, W, 3) uint8 BGR, the page for the browser."""
     from playwright.sync_api import sync_playwright
 
-    viewer = Viewer("web", recording)
-    with sync_playwright() as playwright:
+    with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
+        viewer = Viewer("web", recording, at_the_end(recording, 0, Path(folder)))
         browser = playwright.chromium.launch(executable_path="/usr/bin/chromium", args=BROWSER_FLAGS)
         page = browser.new_page(viewport={"width": SIZE[0], "height": SIZE[1]}, color_scheme="dark")
         page.goto(viewer.page)
         page.wait_for_timeout(1000 * LOADING_TIME)
         picture = page.screenshot()
-    viewer.close()
+        viewer.close()
     return cv2.imdecode(np.frombuffer(picture, np.uint8), cv2.IMREAD_COLOR)
+
+
+def at_the_end(recording: Path, tab: int, folder: Path) -> Path:
+    """A file in ``folder`` with the recording's layout, one of the map's tabs in front, at the end of the episode."""
+    layout = folder / "tab.rbl"
+    blueprint(*arena_bounds(recording), tab=tab, is_live=True).save("sarsim", layout)
+    return layout
 
 
 def arena_bounds(recording: Path) -> tuple[NDArray[np.float32], NDArray[np.float32]]:

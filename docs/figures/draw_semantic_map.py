@@ -57,7 +57,7 @@ def segments_picture(segments: Segments) -> NDArray[np.uint8]:
 
 def main() -> None:
     """Put the robot at several places, take frames all around, draw."""
-    simulation = SimulatedRobot(load_arena("nist_6x4"), SimulationConfig(sensor="xtion"), seed=0)
+    simulation = SimulatedRobot(load_arena("nist_6x4"), SimulationConfig(odometry="truth", sensor="xtion"), seed=0)
     classifier, semantic_map, segments = TruthClassifier(), SemanticMap(), Segments()
     for step, ((x, y), yaw) in enumerate(product(PLACES, YAWS)):
         simulation.robot.set_pose(simulation.physics, (x, y, 0.0), (np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)))

@@ -9,7 +9,7 @@ SIZE = (420, 280)  # px, about one and a half times as large as README shows the
 CROPS = {
     "arenas": ("arenas-random", [(60, 30, 810, 530)]),
     "recording": ("recording-native", [(130, 120, 910, 640)]),
-    "report": ("rescue-report", [(43, 225, 689, 656)]),
+    "report": ("rescue-report", [(43, 240, 689, 671)]),
     "dataset": ("camera", [(0, 36, 248, 366), (896, 36, 1144, 366)]),
     "rooms": ("real-desk", [(70, 0, 250, 240), (390, 0, 570, 240)]),
     "grid": ("metric-map", [(820, 562, 1576, 1066)]),

@@ -28,6 +28,8 @@ NOTEBOOK = "docs/episode.ipynb"
 PICTURE = re.compile(r"!\[([^\]]+)\]\((images/[^)]+)\)")
 """A picture of a page: what it shows, and its file."""
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
+MODULE_NAME = re.compile(r'(doc-module-name">)([\w.]+)')
+"""The heading of a module in the reference, on its page."""
 WIDTH = 80
 """Columns of the help texts on the page of flags."""
 
@@ -139,6 +141,12 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
     markdown = CODE.sub(lambda code: code[0].replace("\\|", "|"), markdown)
     folder = posixpath.dirname(f"docs/{page.file.src_uri}")
     return UPWARDS.sub(lambda link: inside(link, posixpath.normpath(f"{folder}/{link[2]}"), folder), markdown)
+
+
+def on_page_content(html: str, page: Page, config: MkDocsConfig, files: Files) -> str:
+    """Let a table's corner be a cell, for an empty heading says nothing; break names of modules after their dots."""
+    html = html.replace("<th></th>", "<td></td>")
+    return MODULE_NAME.sub(lambda name: name[1] + name[2].replace(".", ".<wbr>"), html)
 
 
 def inside(link: re.Match[str], path: str, folder: str) -> str:

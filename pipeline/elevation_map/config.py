@@ -1,4 +1,4 @@
-"""The numbers of the elevation map, of where the robot may drive by it, and of what drives cost."""
+"""Settings of the elevation map, of traversability and of the cost of driving."""
 
 from dataclasses import dataclass
 from math import radians
@@ -9,9 +9,9 @@ class DropoutConfig:
     """Which gaps in the depth image may hide a thin panel.
 
     Attributes:
-        fewest: pixels and rows, the least extent of a gap; smaller ones are noise.
+        fewest: least extent of a gap in pixels and in rows; smaller ones are noise.
         widest: pixels, the greatest width of a gap; wider ones leave unknown ground behind them.
-        row_step: rows from one searched row to the next.
+        row_step: spacing of the rows that are searched, rows.
     """
 
     fewest: int = 3
@@ -21,14 +21,15 @@ class DropoutConfig:
 
 @dataclass(frozen=True)
 class OverhangConfig:
-    """Which surfaces hide the space above the ground, so that something too low for the robot may hang there.
+    """Which surfaces hide the space above the ground, where something may hang too low for the robot.
 
     Attributes:
         nearer: m by which a surface must be nearer than the space that it hides: the surface itself is in the map.
-        deviations: standard deviations of the sensor's noise that do not count, besides.
-        reach: m, farthest that an overhang goes on behind its edge.
-        fewest: pixels one above the other that must show it; fewer are noise of an edge.
-        beside: m to either side where it must go on, with ground below: upright edges hide what is behind them, too.
+        deviations: further margin, in standard deviations of the sensor's noise.
+        reach: m, greatest extent of an overhang behind its edge.
+        fewest: least number of pixels, one above the other, that show it; fewer are noise at an edge.
+        beside: m to either side over which it must continue, with ground below; this rules out upright edges, which
+            also hide what is behind them.
     """
 
     nearer: float = 0.05
@@ -40,21 +41,23 @@ class OverhangConfig:
 
 @dataclass(frozen=True)
 class PathCosts:
-    """What driving costs, in seconds, besides what follows from the robot.
+    """What driving costs, in seconds, apart from what follows from the robot's own data.
 
     Attributes:
-        comfort: m of room around the footprint from which on the robot drives as fast as it can; more makes no
-            difference, so clearances are computed up to here.
-        narrow_stop: m in which the robot can stop where obstacles leave no room around its footprint; a Pioneer then
-            drives at 0.2 m/s.
-        ramp_pace: share of its speed, and of its turn rate, that the robot reaches on ramps, where it aligns itself
-            and slips.
-        turn_pace: share of its greatest turn rate that the robot reaches, since it speeds up and brakes.
-        stray: m, greatest deviation of the robot from its way.
-        backing: cost of a drive backwards, relative to one forwards: the camera looks the other way.
-        risk: s added to each second in which the robot is certain to meet an obstacle.
-        stop: s that a bend of the way takes: slow down, set off again.
-        tick: s, the unit in which the search counts.
+        comfort: m of room around the footprint that lets the robot drive at full speed. More room makes no
+            difference, so clearances are computed up to this distance.
+        narrow_stop: m, stopping distance that the robot keeps where obstacles leave no room around its footprint; a
+            Pioneer then drives at 0.2 m/s.
+        ramp_pace: share of its speed and turn rate that the robot reaches on ramps, where it slips and realigns
+            itself.
+        turn_pace: share of its greatest turn rate that the robot reaches on average, acceleration and braking
+            included.
+        stray: m, greatest deviation of the robot from its path.
+        backing: cost of driving backwards relative to forwards: the camera then looks away from the direction of
+            travel.
+        risk: s added per second of driving in which the robot is certain to hit an obstacle.
+        stop: s that a bend in the path costs, for braking and accelerating again.
+        tick: s, resolution of costs in the search.
     """
 
     comfort: float = 0.2
@@ -74,17 +77,17 @@ class TraversabilityConfig:
 
     Attributes:
         slope_reach: cells to each side over which the slope of a cell is fitted.
-        surface_slope, surface_rise: of neighbours that differ by more than this m per m and these m besides, one
-            belongs to another surface (a wall, the floor under a deck) and does not count for the slope.
+        surface_slope, surface_rise: m per m, and m. A neighbour whose height differs by more than both together
+            belongs to another surface (a wall, the floor under a deck) and is left out of the fit.
         drop_gap: m, greatest width of unknown ground between the two sides of a drop.
         ramp_tilt: rad; steeper ground is a ramp.
-        ramp_margin: m; this close to a ramp the robot minds it, for its wheels may already be on it.
+        ramp_margin: m; this close to a ramp the robot drives as on the ramp, because its wheels may already be on it.
         leniency: m by which the robot may come nearer to unknown ground than to a hazard.
         turn_leniency: m by which a turn to the next heading may come nearer to an obstacle than a pose.
-        least_driven: m, least clearance where the middle of the robot has been, so that noise of later keyframes
-            does not shut it in.
-        deepest_driven: share of half of the robot's width; an obstacle so far inside the footprint counts even there,
-            for no drift of the map moves it so far.
+        least_driven: m, least clearance assumed where the middle of the robot has been, so that noise in later
+            keyframes does not trap it.
+        deepest_driven: share of half the robot's width. An obstacle this far inside the footprint counts even where
+            the robot has been: drift of the map cannot explain it.
         tall: m; a hazard that is higher than this above the ground around it hides what is behind it.
         wall_gap: cells along each side of a window; for rays, an unseen cell is as high as the highest hazard in its
             window.
@@ -112,14 +115,14 @@ class ElevationConfig:
 
     Attributes:
         cell: m, side of a cell.
-        lowest: m over where the robot was set down, the lowest height that matters to it.
-        bin: m, height of the bins of a column, of which the returns are averaged; one is centred on z = 0.
+        lowest: m above the start of the robot (usually negative), the lowest height that is mapped.
+        bin: m, height of the bins of a column. The returns in a bin are averaged; one bin is centred on z = 0.
         levels: number of bins of a column.
-        fewest: returns, or dropouts, of a bin or cell that count; fewer are noise.
+        fewest: least number of returns in a bin, or dropouts in a cell; fewer are noise.
         noise: share of a bin's returns that may stray into the next one.
-        ray_height: m; a ray that passes over a cell no higher above its ground shows that no wall stands there.
-        start_radius: m from where it was set down within which the robot takes the ground for level until it is seen.
-        start_ahead: m, length of the strip before the robot that it takes for level there.
+        ray_height: m; a ray that passes a cell at most this high above the ground shows that no wall stands there.
+        start_radius: m from the start within which the robot assumes level ground until it sees the ground.
+        start_ahead: m, length of the strip in front of the robot that it assumes to be level at the start.
         dropouts: gaps in the depth image.
         overhangs: above the ground.
         traversability: where the robot may drive.
@@ -140,5 +143,5 @@ class ElevationConfig:
 
     @property
     def highest(self) -> float:
-        """m over where the robot was set down, up to which ground is mapped."""
+        """M above the start of the robot up to which ground is mapped."""
         return self.lowest + self.levels * self.bin

@@ -1,7 +1,7 @@
-"""Depth dropouts: ground that a frame ought to have shown and did not.
+"""Depth dropouts: ground that a frame should have shown but did not.
 
-A thin upright panel seen along its plane gives no returns: its face is seen at a grazing angle, and its end may be
-nearer than the camera's range. Its only trace is a stripe of the image without ground between ground.
+A thin upright panel seen edge-on gives no returns: its face is seen at a grazing angle, and its end may be closer
+than the camera's range. Its only trace is a stripe without ground in the image, with ground on both sides.
 """
 
 import numpy as np

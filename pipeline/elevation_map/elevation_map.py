@@ -77,7 +77,7 @@ class ElevationMap:
 
     @property
     def measured(self) -> NDArray[np.float32]:
-        """(nx, ny) m, height of the ground where it was seen or touched; NaN elsewhere."""
+        """(nx, ny) m, height of the ground that was seen or touched; NaN elsewhere."""
         return self.layers["measured"]
 
     @property
@@ -99,7 +99,7 @@ class ElevationMap:
         return self.layers["driven"]
 
     def assume_ground(self, points: NDArray[np.floating]) -> None:
-        """Take the cells of (N, 3) points for ground as high as the points until it is measured."""
+        """Assume ground at the height of (N, 3) points in their cells until it is measured."""
         self._set("assumed", points)
 
     def add_obstacle(self, points: NDArray[np.floating]) -> None:
@@ -192,9 +192,9 @@ class ElevationMap:
 
     @contextmanager
     def made_anew(self, boxes: Boxes) -> Iterator[Callable[[Boxes], Mask]]:
-        """Forget all within boxes in ``map``; the block of the ``with`` statement adds all evidence again.
+        """Forget everything within boxes in ``map``; the block of the ``with`` statement adds the evidence again.
 
-        Only what lies within them changes, whatever its height.
+        Only cells within the boxes change, at any height.
 
         Yields:
             A function that says which of other boxes lie within them in part.
@@ -246,7 +246,7 @@ class ElevationMap:
         changed[where] = True
         kernels.extract_elevation(self._bins, np.argwhere(changed), self._columns, layers["returned"])
         layers.write("driven", layers["been"][where], where)
-        # A panel may stand wherever the robot has not been.
+        # A panel may stand anywhere that the robot has not been.
         missing = layers["dropout_direction"][where].any(axis=-1)
         layers.write("dropout", missing & ~layers["swept"][where], where)
         here, around = box_around(changed, gap), box_around(changed, 2 * gap)

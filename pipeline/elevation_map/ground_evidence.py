@@ -1,4 +1,4 @@
-"""Evidence of the ground, relative to the robot's pose at that moment, so that it follows corrections of the pose."""
+"""Evidence of the ground, relative to the robot's pose at the time, so that it moves when the pose is corrected."""
 
 from dataclasses import dataclass
 from typing import Protocol
@@ -22,7 +22,7 @@ def box_of(*clouds: NDArray[np.floating]) -> Box:
 
 
 class GroundEvidence(Protocol):
-    """What was learnt of the ground near a keyframe."""
+    """Evidence of the ground near a keyframe."""
 
     @property
     def box(self) -> Box:
@@ -36,7 +36,7 @@ class GroundEvidence(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Assumed:
-    """Ground that is taken for level near where the robot was set down, for the camera sees none within 1 m.
+    """Ground assumed to be level around the start, because the camera sees none within 1 m.
 
     Attributes:
         points: in ``base_link``, one in each cell at least.

@@ -1,7 +1,7 @@
 """Overhangs: which ground of a frame lies under something too low for the robot.
 
-A table top below the camera is seen at so grazing an angle that it gives no return, so its column shows nothing but
-the floor below it. Its edge does give returns: they hide a part of the space straight above that floor.
+A table top just below the camera is seen at such a grazing angle that it gives no returns, so its column shows only
+the floor below it. Its edge does give returns, which hide part of the space straight above that floor.
 """
 
 import numpy as np

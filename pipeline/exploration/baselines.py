@@ -10,11 +10,11 @@ from pipeline.transforms import wrap_angle
 
 
 class NearestFrontier(NextBestView):
-    """Drives to the place that costs least to reach and from which unseen ground should show (Yamauchi 1997).
+    """Drives to the cheapest place from which unseen ground should be visible (Yamauchi 1997).
 
     There it takes the heading with the greatest gain. What counts as unseen, what a keyframe should show and when a
-    cell is given up are as in :class:`NextBestView`, but the gain per second and the turn at the place do not count.
-    As with Yamauchi, frontiers smaller than the robot come last.
+    cell is given up are as in :class:`NextBestView`, but the gain per second and the turn at the place are ignored.
+    As in Yamauchi's method, frontiers smaller than the robot come last.
     """
 
     takes_rewards = False
@@ -29,7 +29,7 @@ class NearestFrontier(NextBestView):
 
 
 class RandomWalk(Strategy):
-    """Takes a given number of keyframes in random directions from random places nearby; it looks for nothing."""
+    """Takes a given number of keyframes in random directions from random places nearby, without any goal."""
 
     def __init__(self, robot: RobotModel, seed: int = 0, stride: float = 2.0, steps: int = 300):
         """``stride``: greatest length of the way to the next place, m; ``steps``: number of keyframes to take."""
@@ -50,4 +50,4 @@ class RandomWalk(Strategy):
         return Viewpoint(place, wrap_angle(2 * np.pi * self._draw[1]), True, 0.0)
 
     def commit(self, viewpoint: Viewpoint, context: Context) -> None:
-        """Nothing is to be remembered."""
+        """Do nothing: there is nothing to remember."""

@@ -12,13 +12,14 @@ class VisibilityConfig:
     Attributes:
         rays: number of directions around a place in which rays are cast.
         stride: cells along each side of the blocks, each of which has one place for viewpoints.
-        short_by: m by which the robot may stop short of a viewpoint, so that it sees less far.
+        short_by: m by which the robot may stop short of a viewpoint, and then sees less far.
         ramp_slope: slope above which ground is a ramp; 8°.
-        nist_slope: slope of a NIST ramp: at least so steeply falls ground that a keyframe missed.
-        blocked: probability that a ray was blocked up to which it is expected to go on through unknown ground.
-        least_unknown: m of unknown ground that it is expected to see through even in the narrowest places.
-        level_run: m of level ground after which a ramp's fall has ended.
-        new_view: m; from a place nearer to the last keyframe that missed a cell, the cell is not expected to be seen.
+        nist_slope: slope of a NIST ramp. Ground missed by a keyframe is assumed to fall at least this steeply.
+        blocked: a ray is expected to cross unknown ground until a wall has stopped it with this probability.
+        least_unknown: m, unknown ground that a ray is expected to cross even between the closest walls.
+        level_run: m of level ground after which a ramp is taken to have ended.
+        new_view: m; a cell that a keyframe missed is not expected to be seen from places closer than this to that
+            keyframe.
     """
 
     rays: int = 180
@@ -34,19 +35,21 @@ class VisibilityConfig:
 
 @dataclass(frozen=True)
 class InspectionConfig:
-    """Which walls a keyframe has shown well enough, and from where others are looked at.
+    """Which walls a keyframe has shown well enough, and where to stand to inspect the others.
 
     Attributes:
-        square: depths along each side of the squares of an image of which each is a piece of wall.
-        flatness: deviation of a piece's points from its plane that is too much, in standard deviations of the depth.
+        square: depth values along each side of an image square; each square is a piece of wall.
+        flatness: deviation of points from their plane above which a piece is rejected, in standard deviations of the
+            depth.
         upright: greatest upward component of a piece's normal.
-        highest: m above the ground up to which signs and other finds hang on walls.
-        sign: m, side of the median sign, as the leagues print hazmat signs.
-        readable: pixels across that sign at which it can be read.
-        before: m from a wall to the places that stand for it: of its two sides they are as far apart as finds may be.
-        spacing: m between such places; those this close to one that was read or aimed at are done.
-        depth: m in front of a wall that count as free along a line of sight.
-        beside_camera: m of a line of sight that count as free because the robot itself will stand there.
+        highest: m above the ground; signs and other finds hang no higher.
+        sign: m, side of a typical sign, as the leagues print hazmat signs.
+        readable: pixels across such a sign from which it can be read.
+        before: m from a wall to the points that represent it, so that those of its two sides are as far apart as
+            finds may be.
+        spacing: m between such points; those this close to a point that was read or aimed at count as inspected.
+        depth: m in front of a wall that a line of sight need not check.
+        beside_camera: m next to the camera that a line of sight need not check: the robot itself will stand there.
     """
 
     square: int = 8
@@ -63,19 +66,19 @@ class InspectionConfig:
 
 @dataclass(frozen=True)
 class UnseenWaysConfig:
-    """How ways to goals through unseen ground are looked for.
+    """How the robot searches for routes to goals through unseen ground.
 
     Attributes:
-        margin: m around a goal in which a way may lead round what is before it.
-        farthest: m from the robot to a goal; only seen ground leads to one farther away, for the time and the memory
-            of the search grow with the area.
-        ahead: m of the unseen way that a view is to show.
-        second_look: s that another view costs where one shows nothing of these.
-        detour: s of a detour within which views are looked for at first; farther ones where there are none.
-        least_share: of these that a view must show to be worth it.
-        alternatives: most ways through different unseen ground that are compared.
-        tries: keyframes that missed ground after which it does not count as free any more,
-        drives: and drives to views of it, wherever they ended.
+        margin: m around a goal within which a route may go around obstacles.
+        farthest: m from the robot to a goal. Goals farther away are reached over seen ground only, because the time
+            and memory of the search grow with the area.
+        ahead: m of the unseen route that a view should show.
+        second_look: s, cost of a second view if the first one shows none of this ground.
+        detour: s, longest detour for a view; longer ones are considered only if there is none within it.
+        least_share: share of this ground that a view must show.
+        alternatives: greatest number of routes through different unseen ground that are compared.
+        tries: number of keyframes that may miss ground before it no longer counts as free.
+        drives: number of drives to views of that ground, wherever they ended, with the same effect.
     """
 
     margin: float = 3.0
@@ -97,18 +100,18 @@ class ExplorationConfig:
     marginal value theorem (Charnov 1976) leaves a patch for another; here the other choice is to end.
 
     Attributes:
-        keyframe_time: s that a keyframe costs in addition to the way.
-        more_ground: factor by which the ground seen must grow at least,
+        keyframe_time: s that a keyframe takes, in addition to the drive.
+        more_ground: least factor by which the seen ground must grow
         more_time: while the time of the run grows by this factor.
-        horizon: s of driving up to which ways to viewpoints are searched for at first; doubled as long as needed.
+        horizon: s of driving within which viewpoints are searched for at first; doubled as long as needed.
         arrived: m; a robot this close to a viewpoint or goal has reached it.
-        patience: drives that bring the robot no nearer after which a goal is given up.
-        looks: at what bars the way to seen ground, after which the robot takes it for barred.
-        progress: s by which the way to a goal must shrink to count as nearer: the cost of a bend.
-        shown: share of the expected ground after which a viewpoint has shown enough, even on the way to it.
+        patience: number of drives without progress towards a goal after which it is given up.
+        looks: number of looks at what blocks the route to seen ground, after which the robot takes it for blocked.
+        progress: s by which the route to a goal must shrink to count as progress: the cost of a bend.
+        shown: share of the expected ground that must be seen for a viewpoint to count as done, even on the way to it.
         visibility: what a view is expected to show.
-        unseen_ways: of ways to goals through unseen ground.
-        inspection: of walls, once nothing is left to explore.
+        unseen_ways: routes to goals through unseen ground.
+        inspection: of walls, when exploration is finished.
     """
 
     keyframe_time: float = 2.0

@@ -40,13 +40,13 @@ class Retreat:
 
 
 class Deadline:
-    """Weighs the time that is left against the way to the place where the mission ends.
+    """Compares the time that is left with the time to drive to where the mission must end.
 
     Attributes:
         begin: the robot's time at which the clock started, s.
         end: the robot's time at which the clock stops, s.
-        retreat: where the robot is to be by then; None if that does not matter.
-        has_called: whether the way back forbade to explore on.
+        retreat: where the robot must be by then; None if it may be anywhere.
+        has_called: whether exploring was stopped so that the robot gets back in time.
     """
 
     def __init__(
@@ -64,8 +64,8 @@ class Deadline:
         Args:
             begin, end: times of the robot at which the clock starts and stops, s.
             finds: returns what was found so far.
-            home: whether the robot is to be back at its start by then.
-            beside: m; by then the robot is to be this close to living victims, if it has found any; None if not.
+            home: whether the robot must be back at its start by then.
+            beside: m; greatest distance to living victims by then, if it has found any; None for no limit.
             config: of the exploration.
         """
         self.end = end
@@ -86,7 +86,7 @@ class Deadline:
         begin, seconds = self._last
         taken = context.frame.time - begin
         self._late = max(self._late, taken - seconds)
-        self._taken += taken if seconds else 0.0  # turns on the spot say nothing of ways
+        self._taken += taken if seconds else 0.0  # turns in place say nothing about drives
         self._last = context.frame.time, 0.0
         place = None
         if self._near is not None:
@@ -100,8 +100,9 @@ class Deadline:
     def allows(self, position: Place, context: Context) -> bool:
         """Whether a drive to a place (2,) leaves time for the way from there to the retreat.
 
-        The ways are multiplied by how much longer than planned the drives took so far, and one more drive may be as
-        late as the latest so far. Where the map shows no way back, it takes as long as the robot has been under way.
+        Planned times are scaled by how much longer than planned earlier drives took, with a margin for one more drive
+        as late as the latest so far. If the map shows no way back, the way back is assumed to take as long as the
+        robot has been driving.
         """
         now = context.frame.time
         if self.retreat is None:
@@ -128,7 +129,7 @@ def _finite(seconds: float, otherwise: float) -> float:
 
 
 def parking_place(victims: Places, paths: PosePaths, near: float) -> Place | None:
-    """The place within ``near`` m of most victims, (N, 2), and of these the soonest reached; None if none is near."""
+    """The place within ``near`` m of the most victims, (N, 2), of several the soonest reached; None if none is."""
     if not len(victims) or paths.start is None:
         return None
     grid = paths.traversability.grid

@@ -1,4 +1,4 @@
-"""Where seen ground borders on unseen ground, whatever strategy explores."""
+"""Where seen ground borders on unseen ground; all strategies share this."""
 
 import cv2
 import numpy as np
@@ -11,8 +11,8 @@ from pipeline.exploration.viewpoint import Context
 def unseen(context: Context) -> MaskLayer:
     """The cells that were not seen and may be traversable.
 
-    Unknown ground nearer to a hazard than half of the robot is only worth a look if ways may be tight: then it can be
-    under a wheel.
+    Unknown ground closer to a hazard than half the robot's width counts only if routes may be tight, because only
+    then can it be under a wheel.
     """
     traversability = context.traversability
     nearest = 0.0 if traversability.is_tight else traversability.robot.half_width
@@ -22,7 +22,7 @@ def unseen(context: Context) -> MaskLayer:
 def near_ground(context: Context, cells: MaskLayer) -> MaskLayer:
     """Where the robot's corners may touch any of these cells."""
     side = 2 * round(context.traversability.robot.corner_radius / context.traversability.grid.cell) + 1
-    # Many times as fast as SciPy's filter.
+    # Many times faster than SciPy's filter.
     return cv2.dilate(cells.view(np.uint8), np.ones((side, side), np.uint8)).view(np.bool_)
 
 

@@ -1,4 +1,4 @@
-"""Looks at walls that no keyframe has shown near and straight enough to read what may hang on them."""
+"""Inspects walls that no keyframe has shown closely and squarely enough to read what may hang on them."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ from pipeline.transforms import wrap_angle
 
 
 class Inspection(Strategy):
-    """A strategy that goes to where the next such wall can be looked at soonest; each wall is aimed at once."""
+    """Drives to where the next such wall can be inspected soonest; each wall is aimed at once."""
 
     def __init__(
         self, keyframes: Keyframes, metric_map: MetricMap, *, config: ExplorationConfig = ExplorationConfig()
@@ -30,10 +30,10 @@ class Inspection(Strategy):
         self._aimed: list[Places] = []
 
     def observe(self, context: Context) -> None:
-        """Nothing is to be noted: the keyframes keep what they have shown."""
+        """Do nothing: the keyframes themselves keep what they have shown."""
 
     def next_viewpoint(self, context: Context) -> Viewpoint | None:
-        """The soonest pose from which a wall that is left is readable; None if there is none."""
+        """The pose, reached soonest, from which a remaining wall is readable; None if there is none."""
         left, paths = self._left(context), context.paths
         cells = best_of_blocks(np.bitwise_count(paths.headings), self._config.visibility.stride)
         if not len(left.points) or not len(cells):
@@ -69,7 +69,7 @@ class Inspection(Strategy):
         return self._map.is_free_along(camera, point, cKDTree(point[None]), *free)
 
     def _left(self, context: Context) -> WallPieces:
-        """Walls that were neither shown well enough nor aimed at, thinned."""
+        """Walls that were neither shown well enough nor aimed at yet, thinned."""
         for seen in self._keyframes.seen[len(self._shown) :]:
             self._shown.append(WallPieces.of(seen, context.frame, self._walls))
         walls = _at(self._shown, context.poses, self._walls)

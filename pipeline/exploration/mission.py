@@ -18,7 +18,7 @@ from pipeline.planning.pose_paths import PosePaths
 
 
 class RobotState(Protocol):
-    """What a mission must know of the robot that it sends."""
+    """What a mission needs to know about the robot."""
 
     @property
     def T_map_start(self) -> Pose | None:
@@ -41,7 +41,7 @@ class Mission:
         goals: the goals of the present task; None while the task is to explore.
         may_explore: whether the task to explore may go on.
         deadline: the clock that runs; None if none does.
-        inspection: what is done when nothing is left to explore; None for nothing.
+        inspection: what the robot does when nothing is left to explore; None for nothing.
     """
 
     def __init__(self, exploration: Strategy, *, config: ExplorationConfig = ExplorationConfig()):
@@ -85,16 +85,16 @@ class Mission:
 
     @property
     def is_out_of_time(self) -> bool:
-        """Whether the way back forbade to explore on."""
+        """Whether exploring was stopped so that the robot gets back in time."""
         return self.deadline is not None and self.deadline.has_called
 
     @property
     def is_tight(self) -> bool:
-        """Whether ways to the present goals need no margin."""
+        """Whether routes to the present goals are planned without a margin."""
         return self.goals is not None and self.goals.is_tight
 
     def tighten(self) -> bool:
-        """Look for ways to the present goals that need no margin; False if they are allowed already, or no use."""
+        """Plan routes to the present goals without a margin; False if this is already so, or would not help."""
         if self.goals is None or not self.goals.left or self.goals.is_tight:
             return False
         self.goals.is_tight = True
@@ -125,7 +125,7 @@ class Mission:
         return True
 
     def left(self, context: Context) -> list[Viewpoint]:
-        """What would show more of the unseen ground but is not worth the drive."""
+        """Viewpoints that would show more unseen ground but are not worth the drive."""
         return self.exploration.leftovers(context)
 
     def tasks(

@@ -1,4 +1,4 @@
-"""Whether ground that should be in view shows: a Beta distribution for each number of earlier misses."""
+"""How likely ground that should be in view is seen: a Beta distribution for each number of earlier misses."""
 
 import numpy as np
 

@@ -1,4 +1,4 @@
-"""A place to look from, what the robot knows when it chooses one, and what chooses it."""
+"""Viewpoints, what the robot knows when it chooses one, and the interface of strategies that choose."""
 
 from abc import abstractmethod
 from collections.abc import Sequence
@@ -26,8 +26,9 @@ class Viewpoint:
         gain: m² of ground expected to be seen for the first time, and the rewards of the viewpoint.
         seconds: expected until the keyframe is taken.
         falls: whether the gain assumes that unknown ground behind crests falls.
-        opens: whether it is to show what bars the way to ground that was seen.
-        stands: whether the robot must stand there unless it shows on the way, since where it goes next depends on it.
+        opens: whether its purpose is to show what blocks the route to ground that was seen.
+        stands: whether the robot must stop there, unless the drive itself shows enough, because its next drive
+            depends on what it sees.
     """
 
     position: Place
@@ -86,7 +87,7 @@ class Context:
 
 
 class Strategy(Protocol):
-    """One way to decide where to go; what is not abstract need not be overridden."""
+    """A strategy that decides where to go; only abstract methods must be overridden."""
 
     @abstractmethod
     def observe(self, context: Context) -> None:

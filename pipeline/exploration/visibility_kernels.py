@@ -83,7 +83,7 @@ def cast_ray(x, y, bearing, view, terrain, seen):
     of a ramp as the ramp rose; ground that a keyframe missed is assumed to fall as well. Ground that is met at a
     grazing angle gives no return.
 
-    Unknown ground is no likelier than any unknown ground right before it, past which the ray must lead.
+    Unknown ground is never likelier to be seen than the unknown ground right before it, which the ray must pass.
 
     Returns the summed distances of the target cells in view, weighted by their probability, and their number; times
     the step and the angle between rays the sum is an area. The flat indices of these cells are written to ``seen``.
@@ -112,7 +112,7 @@ def cast_ray(x, y, bearing, view, terrain, seen):
             level = terrain.elevation[i, j]
             rise = rise_along(i, j, dx, dy, terrain.gradient)
             fall = max(fall_after(rise, terrain.falls, terrain.ramp_slope), fall - levelling)
-        # Also where it is below the view: what did not show from farther away does not go on out of sight.
+        # Also below the view: ground that did not show from farther away is not assumed to continue out of sight.
         probability = min(probability, terrain.probability[i, j]) if is_unknown else 1.0
         slope = (level - camera) / d
         if slope > ceiling:
@@ -141,7 +141,7 @@ def camera_on(level, tilt, view):
     return height, ahead, np.tan(tilt + view.lower_edge), np.tan(tilt + view.upper_edge)
 
 
-# What is called for each cell gets numbers and layers: passing the whole terrain would take four times as long.
+# Functions called for each cell get numbers and layers; passing the whole terrain takes four times as long.
 @njit(cache=True)
 def rise_along(i, j, dx, dy, gradient):
     """Slope of the ground in cell (i, j) along the unit direction (dx, dy), by its ``gradient`` (nx, ny, 2)."""

@@ -1,4 +1,4 @@
-"""Pieces of walls as keyframes show them, and how wide a sign that hangs there would be in the image."""
+"""Pieces of walls as keyframes show them, and how many pixels wide a sign on them would be."""
 
 from typing import NamedTuple
 
@@ -17,7 +17,7 @@ class WallPieces(NamedTuple):
     Attributes:
         points: their middles.
         normals: away from the wall.
-        sides: pixels across the median sign there, as narrow as the pieces were seen.
+        sides: pixels across a typical sign there, foreshortened as the pieces were seen.
         config: of the inspection.
     """
 
@@ -45,11 +45,11 @@ class WallPieces(NamedTuple):
         return found._replace(sides=found.sides_from(t[None], frame)[:, 0])
 
     def where(self, index: Mask | Indices) -> "WallPieces":
-        """Those pieces."""
+        """The pieces that an index selects."""
         return WallPieces(self.points[index], self.normals[index], self.sides[index], self.config)
 
     def sides_from(self, cameras: ArrayLike, frame: Frame) -> NDArray[np.float64]:
-        """(N, M) pixels across the median sign on each piece, as narrow as cameras (M, 3) see it; 0 from behind."""
+        """(N, M) pixels across a typical sign on each piece, foreshortened for cameras (M, 3); 0 from behind."""
         ways = np.asarray(cameras, np.float64) - self.points[:, None]
         distances = np.maximum(np.linalg.norm(ways, axis=2), frame.sensor.nearest / 2)
         cosines = np.einsum("nmi,ni->nm", ways, self.normals) / distances
@@ -57,7 +57,7 @@ class WallPieces(NamedTuple):
 
     @property
     def before(self) -> Places:
-        """The places before the pieces that stand for them."""
+        """The points in front of the pieces that represent them."""
         return self.points + self.config.before * self.normals
 
 

@@ -1,4 +1,4 @@
-"""Whether what the camera sees agrees with the map: how a robot notices that it was carried elsewhere."""
+"""Whether what the camera sees agrees with the map, from which a robot notices that it was carried."""
 
 from collections.abc import Iterable
 from typing import NamedTuple
@@ -87,10 +87,10 @@ def agreement(frame: Frame, T_map_camera: Pose, metric_map: MetricMap, config: B
 
 
 def change(frame: Frame, last: Frame, config: BeliefConfig) -> Agreement | None:
-    """Compare a frame with the last one, tile by tile, if the wheels stood: who was carried sees another place.
+    """Compare a frame with the last one, tile by tile, if the wheels stood: a carried robot sees another place.
 
-    None if the robot has moved. A frame from elsewhere may say nothing about the map, as before a wall too near for
-    the camera; here it shows nothing where the last frame did.
+    None if the robot has moved. A frame from elsewhere may say nothing about the map, for example in front of a wall
+    too near for the camera; it then shows nothing where the last frame showed something.
     """
     moved = inverse(last.T_odom_base) @ frame.T_odom_base
     if np.linalg.norm(moved[:3, 3]) > config.still_way or angle_of(moved) > config.still_turn:

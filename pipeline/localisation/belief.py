@@ -43,7 +43,7 @@ class Belief:
         self.restart()
 
     def restart(self) -> None:
-        """Be sure of the pose and of the motion."""
+        """Become certain of the pose and of the motion."""
         self.probabilities = np.eye(len(MotionState))[MotionState.NOMINAL]
 
     def predict(self, way: float, seconds: float) -> None:
@@ -58,12 +58,12 @@ class Belief:
         self.probabilities = weights / weights.sum()
 
     def observe_lean(self) -> None:
-        """Take into account that the robot leans too far where its map is level: rarely is a map so wrong."""
+        """Take into account that the robot leans too far where its map is level; maps are rarely so wrong."""
         rare = 1 - self.config.confidence
         self.observe(np.log([rare, rare, rare, 1.0, 1.0]))
 
     def is_sure_of(self, state: MotionState) -> bool:
-        """Whether a state is as probable as the robot must be sure."""
+        """Whether a state is probable enough to be relied on."""
         return bool(self.probabilities[state] >= self.config.confidence)
 
     @property
@@ -73,7 +73,7 @@ class Belief:
 
     @property
     def knows_place(self) -> bool:
-        """Whether the robot is for sure neither carried nor blind: its pose holds, also where wheels slip."""
+        """Whether the robot was certainly not carried and is not blind; its pose then holds, even if wheels slip."""
         return bool(self.probabilities[MotionState.CARRIED :].sum() <= 1 - self.config.confidence)
 
 
@@ -112,10 +112,10 @@ def _by_place(explained: int, contradicted: int, missing: int, config: BeliefCon
 
 
 def evidence_of_overlap(overlap: float, chance: float, config: BeliefConfig, covered: float = 1.0) -> float:
-    """Logarithm of how much likelier points of which this share fits are at a right pose.
+    """Logarithm of how much likelier it is at a correct pose that this share of the points fits.
 
-    A share that ``chance`` gives shows nothing: the rest may be new ground, or dust. ``covered``: share of the image
-    in which the points lie.
+    A share that ``chance`` alone explains is no evidence: the rest may be new ground, or dust. ``covered``: share of
+    the image in which the points lie.
     """
     parts = covered * config.tiles**2 * config.image_share / config.correlated_tiles
     return float(-np.log(chance) * parts * max(0.0, overlap - chance))
@@ -130,7 +130,7 @@ def tiles_covered(pixels: Indices, width: int, config: BeliefConfig) -> float:
 def place_bounded(log_likelihoods: Values, config: BeliefConfig) -> Values:
     """(5,) log-likelihoods of a frame, which alone makes the robot no surer of its place than ``confidence``.
 
-    All of its parts err together where something new stands in view, or where another place looks alike.
+    All parts of a frame are wrong together if something new is in view, or if another place looks the same.
     """
     bounded, in_place = log_likelihoods.copy(), log_likelihoods[: MotionState.CARRIED].max()
     odds = np.log(config.confidence / (1 - config.confidence))

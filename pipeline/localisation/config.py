@@ -8,7 +8,7 @@ from pipeline.localisation.keyframe_policy import KeyframePolicy
 
 @dataclass(frozen=True)
 class RegistrationConfig:
-    """How frames become clouds, and how these are registered.
+    """How frames are turned into clouds, and how clouds are registered.
 
     Attributes:
         voxel: m; clouds are thinned to the mean of the returns in each voxel.
@@ -16,18 +16,19 @@ class RegistrationConfig:
             far half of the noise: walls at the limit came 3 cm too near, and floors rose by 1 mm from keyframe to
             keyframe.
         normal_neighbours: number of neighbours from which a point's normal is estimated.
-        widest, coarse, fine: m, greatest distances of corresponding points: from a guess alone, from odometry, and at
-            the end, two voxels.
-        rounds: steps of a registration with each of these distances.
-        least_points: least number of points to register, and to register with.
+        widest, coarse, fine: m, greatest distances between corresponding points: when starting from a guess alone,
+            from odometry, and at the end (two voxels).
+        rounds: iterations of a registration at each of these distances.
+        least_points: least number of points in the cloud that is registered and in the one that it is registered
+            with.
         surface_sigma: m, standard deviation of a pair's distance across its surface. Single points have less noise,
             but it is correlated among the points of one keyframe, with which later ones are registered.
         same_surface: least cosine between the normals of a pair on one surface.
-        least_strength: share of the strongest information; weaker information comes from noise and is left out.
-        lever: m, typical distance of what the robot sees, which converts an error of heading into one of position.
-        chance_overlap: share of the points of a frame that may fit what was seen before although its pose is wrong:
-            0.45 in 281 frames of other places. With less overlap wheels may have slipped and a loop is doubtful.
-        confidence: probability that the priors accept a right pose.
+        least_strength: share of the strongest information below which information is taken for noise and left out.
+        lever: m, typical distance of what the robot sees; it converts errors of heading into errors of position.
+        chance_overlap: share of a frame's points that may fit what was seen before although its pose is wrong: 0.45
+            in 281 frames of other places. With less overlap the wheels may have slipped, and a loop is doubtful.
+        confidence: probability that the priors accept a correct pose.
     """
 
     voxel: float = 0.05
@@ -56,7 +57,7 @@ class OdometryConfig:
             with the random walk of the gyro's bias. For the simulated gyro 2e-4 was measured.
         way_sigma: m for 1 m driven or 1 rad turned, of the translation of skid-steered wheels, whose errors are a
             random walk: it grows with the root of both. In four simulated arenas 0.004 was measured on level ground.
-        least_way: m that a robot that stands counts as driven.
+        least_way: m that a standing robot is assumed to have driven.
         slide_noise: m per rad turned, times the sine of the tilt, of single slides; 0.45 was measured on half ramps.
         slide: m per rad turned and times the sine of the tilt, mean slide downhill of a skid-steered robot on wood.
         way_error_sigma, turn_error_sigma: relative errors of the way and of the turn, by tyres and data sheets of
@@ -87,9 +88,9 @@ class PoseGraphConfig:
     Attributes:
         fixed_sigma: rad and m, of a fixed pose: the first keyframe's position and heading, and restored poses.
         least_information: 1/rad² and 1/m², added to each constraint: a plane alone determines only three directions.
-        outlier: standard deviations from which on a loop counts for less (Geman and McClure).
-        tolerance: relative decrease of the error that ends the optimisation: the odometry's errors, each weakly
-            determined, change the sum but little.
+        outlier: number of standard deviations beyond which a loop gets less weight (Geman and McClure).
+        tolerance: relative decrease of the error below which the optimisation ends; it is small because the
+            odometry's errors, each weakly determined, hardly change the sum.
     """
 
     fixed_sigma: float = 1e-4
@@ -103,14 +104,15 @@ class BeliefConfig:
     """How often the robot's motion goes wrong, and how far a frame shows where the robot is.
 
     Attributes:
-        confidence: probability from which the robot is sure of its state, and which one frame alone cannot exceed.
-        fault_way: m driven from one slip, halt or loss of sight to the next, each by itself. In four recorded drives
-            there was no slip.
-        recovery_way: m by the wheels that a slip or a halt lasts.
-        lift_time: s from one lift to the next; a mission of an hour has at most one.
+        confidence: probability above which the robot is sure of its state; no single frame can exceed it.
+        fault_way: m driven on average between two slips, between two halts and between two losses of sight. In four
+            recorded drives there was no slip.
+        recovery_way: m, mean length of a slip or a halt as the wheels measure it.
+        lift_time: s, mean time between two lifts of the robot; a mission of an hour has at most one.
         tiles: image tiles along a row, whose depths are compared with the map: 1.8° each for the Xtion.
-        correlated_tiles: number of tiles that count as one: each is compared with the 3 × 3 around it.
-        image_share: share of a row's tiles squared that an image has: its sides are as 4 to 3.
+        correlated_tiles: number of tiles that count as one observation, since each is compared with the 3 × 3 around
+            it.
+        image_share: tiles of an image over the square of the tiles in a row; the aspect ratio is 4:3.
         shown_here, missing_here: probabilities that a tile in which the map expects something shows it, and that it
             has no return, where the robot is where it thinks. In 169 frames 0.99 and 0.01 were measured, and 0.0002
             contradicted, in arenas where nothing changes; tiles without a return come in patches, of what is dark or
@@ -120,7 +122,7 @@ class BeliefConfig:
         depth_tolerance: m by which a depth may differ from the map's: the diagonal of a voxel, 0.17, and noise.
         pose_error: m by which the camera may be off where a frame is compared with the map.
         ray_step: voxels along the optical axis between the samples of a ray.
-        still_way, still_turn: m and rad; if wheels measure less between two frames they stood.
+        still_way, still_turn: m and rad; if the wheels measure less between two frames, the robot stood still.
     """
 
     confidence: float = 0.99
@@ -147,14 +149,14 @@ class LoopConfig:
     """When keyframes close a loop.
 
     Attributes:
-        reach: m; no loop is looked for farther away, however uncertain the pose is.
+        reach: m, greatest distance at which loops are searched for, however uncertain the pose is.
         variance_ratio: greatest ratio of the variance after a loop to that before, of the heading or of a horizontal
             direction: a loop must at least halve the deviation.
-        pinned_deviation: m, of the position by surfaces alone, which determine it if it is smaller.
-        seen_through: m behind a surface from which on a return shows that the frame looks through it.
+        pinned_deviation: m; surfaces alone determine the position if their standard deviation of it is smaller.
+        seen_through: m; a return this far behind a surface shows that the frame looks through it.
         confirmed_deviation: m, greatest deviation of a keyframe from the one before that confirms its loop.
-        contradiction: m; off by more, a keyframe is not where a loop has it, however sure its registration is.
-        confidence: probability that a right loop is accepted.
+        contradiction: m; a keyframe that is farther off contradicts a loop, however certain its registration is.
+        confidence: probability that a correct loop is accepted.
     """
 
     reach: float = 1.0
@@ -171,15 +173,18 @@ class SlamConfig:
     """How frames are localised among keyframes.
 
     Attributes:
-        local_deviation: m; keyframes with a smaller deviation from the newest one make up one map to register with.
-            Others make a loop.
-        found_deviation: m, of a pose that no odometry leads to: where a carried robot was found, or after a jump.
-        jump: m; an odometry that measures more between two keyframes has jumped and is ignored.
+        local_deviation: m; keyframes whose deviation from the newest one is smaller form the local map that frames
+            are registered with. The others can only be matched by a loop.
+        found_deviation: m, standard deviation of a pose without odometry: where a carried robot was found, or after a
+            jump.
+        jump: m; odometry that measures more between two keyframes has jumped and is ignored.
         least_extent: m, least size of the map for a robot that may be anywhere in it.
-        held_sigma: m, of the position of a robot that stays, and added to the way of one that slips.
-        most_shares: greatest number of keyframes that a new one is connected with: those with the most information.
+        held_sigma: m, standard deviation of the position of a robot that is held; added to the distance of one that
+            slips.
+        most_shares: greatest number of keyframes that a new one is connected to; those with the most information are
+            chosen.
         same_place_way, same_place_turn: m and rad; a frame that is nearer to a keyframe and shows no more repeats it.
-        stopped_way: m; a camera that shows the same after a longer way has stopped.
+        stopped_way: m; a camera that shows the same image after a longer drive has stopped.
         foot_radius, ground_upward: m, radius of a disc on which the robot stands, and the least upward component of a
             normal of ground.
         ground_sigma: m, of the height of mapped ground under the robot, as measured on half ramps.
@@ -206,8 +211,9 @@ class RelocalisationConfig:
     """How a carried robot is found in its map.
 
     Attributes:
-        least_frames: least number of frames: one corner of a room looks like another, above all in an incomplete map.
-        patch: m; the frames' points are thinned to patches of this size, which are looked for.
+        least_frames: least number of frames; one corner of a room looks like another, especially in an incomplete
+            map.
+        patch: m; the frames' points are thinned to patches of this size, which are searched for in the map.
         searched: number of patches, drawn at random, that the search uses.
         headings: number of headings that are tried, evenly spaced: at 3 m, half a step of 5° moves a point by 0.13 m,
             which a voxel on either side of a surface allows for.
@@ -216,17 +222,16 @@ class RelocalisationConfig:
         missed: probability that a patch lies in free space at the right pose, relative to that at a random pose.
         promising: share of the best guess's evidence that another guess needs to be considered: both may be off by
             half a step.
-        most_guesses: greatest number of promising guesses; if there are more, the place is in doubt.
-        same_place_way, same_place_turn: m and rad; guesses that are nearer are one.
+        most_guesses: greatest number of promising guesses; with more, the place is ambiguous.
+        same_place_way, same_place_turn: m and rad; guesses that are closer than this count as one.
         registered_voxel: m; the frames' points are thinned to this to register them.
         ground_tolerance: m by which a pose may be above or below the ground.
-        surface_tolerance: m between a patch and a surface of the map on which it lies.
+        surface_tolerance: m, greatest distance between a patch and the surface of the map on which it lies.
         least_explained: least share of what was seen that lies on surfaces of the map.
         rival: greatest likelihood of any other place, relative to the best one.
-        correlated_patches: number of patches that count as one: neighbours lie on a surface together, by chance or
-            rightly.
-        drift: m by which what the robot sees may have moved since the first frame: it slides while it looks around on
-            a slope.
+        correlated_patches: number of patches that count as one observation, because neighbours fit, or fail to fit,
+            together.
+        drift: m by which the robot may have moved since the first frame: on a slope it slides while it looks around.
         most_uncertain: m, greatest standard deviation of the position of a robot that was found.
     """
 
@@ -258,17 +263,16 @@ class DepthOdometryConfig:
         guess_sigma: rad and m, standard deviation of the pose of the next frame about a guess.
         image_turn_sigma, image_way_sigma: rad and m, the same about the pose by the images; small, since along a
             plane GICP falsely measures that nothing moves.
-        least_overlap: share of a frame's points that must have been seen before, unless its image shows the motion.
+        least_overlap: least share of a frame's points that were seen before, unless its image shows the motion.
         most_blind: consecutive frames with too few returns to register and no visual odometry, after which the pose
             is lost.
-        kept_way, kept_turn: m and rad from one frame whose points are kept to the next: half as far as keyframes, so
-            that these find all their surfaces kept.
+        kept_way, kept_turn: m and rad between two frames whose points are kept: half the spacing of keyframes, so
+            that keyframes find all their surfaces.
         most_corners, least_corners: greatest number of corners, and least number that agree on a motion, as must half
             of all.
         corner_quality: least quality of a corner relative to the strongest.
         corner_spacing: pixels between two corners.
-        pixel_error: pixels by which a corner may miss where a motion has it, or where it began when it is tracked
-            there and back.
+        pixel_error: pixels; greatest error of a corner, both against the motion and after tracking it there and back.
     """
 
     guess_sigma: float = 0.15
@@ -290,18 +294,19 @@ class VerticalConfig:
     """How the vertical is estimated from the surfaces in view.
 
     Attributes:
-        stride: pixels; every so many rows and columns are enough for the floor.
+        stride: pixels from one row and column that is used to the next.
         least_points: least number of returns to find a floor.
-        trials: RANSAC samples of three points; if a fifth of the points lie on the floor, one sample lies on it with
-            96 %.
+        trials: number of RANSAC samples of three points; if a fifth of the points lie on the floor, at least one
+            sample lies on it with a probability of 96 %.
         on_floor: number of standard deviations of a depth within which a point lies on the floor.
         steepest: rad, greatest angle between the floor's normal and the image's upward direction.
         least_floor: least share of the returns that lie on the floor.
         least_surfaces: least share of the surfaces that must distinguish the vertical from other directions.
-        most_below: greatest share of the returns that lie below the floor: a table has a floor below.
-        below: number of those distances from which on a point lies below.
-        first_angle, last_angle: rad; surfaces count within so much of horizontal and vertical, in the first rounds
-            and in the last, as published.
+        most_below: greatest share of the returns that lie below the floor; a table has more, because the floor is
+            below it.
+        below: how many times the distance of ``on_floor`` a point must be under the floor to lie below it.
+        first_angle, last_angle: rad; surfaces count if they are this close to horizontal or vertical, in the first
+            and in the last rounds (values as published).
         rounds: number of rounds with each.
     """
 
@@ -324,7 +329,7 @@ class TrajectoryConfig:
     """How long a recorded pose is valid.
 
     Attributes:
-        still_valid: s from a pose within which it is still valid.
+        still_valid: s for which a pose remains valid.
         longest_gap: s between two poses, the longest time over which they are interpolated.
     """
 
@@ -337,10 +342,11 @@ class PoseCheckConfig:
     """How a doubtful pose is checked.
 
     Attributes:
-        looks: views in a turn around itself that a robot takes when its pose is in doubt.
-        carried_way: m; a robot that is found farther from where it thought it was has been carried.
+        looks: number of views in the full turn that a robot makes when its pose is in doubt.
+        carried_way: m; a robot that is found farther than this from its supposed position has been carried.
         carried_turn: rad; the same of its heading.
-        blind_turn: rad; a camera that shows nothing in such a turn, where the map has something, is broken.
+        blind_turn: rad; a camera that shows nothing during a turn of this size, where the map expects something, is
+            broken.
     """
 
     looks: int = 8
@@ -351,7 +357,7 @@ class PoseCheckConfig:
 
 @dataclass(frozen=True)
 class LocalisationConfig:
-    """The numbers of the whole room; each part says its own."""
+    """All settings of localisation, one group for each part."""
 
     registration: RegistrationConfig = RegistrationConfig()
     odometry: OdometryConfig = OdometryConfig()

@@ -1,8 +1,8 @@
-"""Loops: keyframes that met a place again whose position was too uncertain to register frames with it directly.
+"""Loops: keyframes that revisit a place whose position was too uncertain to register frames with it directly.
 
-One registration may be wrong: two corners look alike, or a frame shows too little. So a loop counts when a second
-keyframe finds the same place where the first one puts it, and when the place then looks from there as it did before.
-A loop that the other constraints contradict later is taken back.
+One registration may be wrong: two corners look alike, or a frame shows too little. So a loop counts only if a second
+keyframe finds the place where the first one puts it, and if the place then looks as it did before. A loop that other
+constraints contradict later is removed.
 """
 
 from collections.abc import Sequence
@@ -51,7 +51,7 @@ class Candidate:
 
 
 class Loops:
-    """Closes loops of a pose graph, and takes them back.
+    """Closes loops of a pose graph, and removes them.
 
     Attributes:
         closed: those that count.
@@ -90,12 +90,12 @@ class Loops:
                 graph.link(loop.first, number, candidate.covariance)
                 self.closed.append(loop)
             self._counted.append(candidate)
-            # From elsewhere the robust loss takes the loop for an outlier.
+            # Started elsewhere, the robust loss would take the loop for an outlier.
             graph.poses[number:] = T @ inverse(graph.poses[number]) @ graph.poses[number:]
         self._confirmed = ()
 
     def take_back(self) -> bool:
-        """Take back the loops that the graph, as optimised, contradicts: whether there were any."""
+        """Remove the loops that the optimised graph contradicts; returns whether there were any."""
         false = [c for c in self._counted if self._is_contradicted(c)]
         for candidate in false:
             self._counted.remove(candidate)

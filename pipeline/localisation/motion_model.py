@@ -129,7 +129,7 @@ class MotionModel:
         return Prediction(motion, orthonormal(T_map_base @ delta), covariance, step)
 
     def take(self, prediction: Prediction, information: Information | None) -> None:
-        """Go on from a prediction's pose, which is as sure as its motion and what was registered make it.
+        """Go on from a prediction's pose, whose covariance follows from its motion and from registration.
 
         ``information`` of the surfaces; None if nothing was registered.
 

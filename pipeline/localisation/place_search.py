@@ -1,4 +1,4 @@
-"""Which poses in a whole map explain a levelled cloud best: every place at every heading is tried.
+"""Find the poses in a whole map that explain a levelled cloud best; every place and heading is tried.
 
 Correlative scan matching (Olson, "Real-time correlative scan matching", 2009) in 3D: gravity gives roll and pitch,
 and the elevation map gives the height.
@@ -106,9 +106,9 @@ def standable(elevation_map: ElevationMap, field: VoxelField, model: RobotModel)
 
 
 def weigh(points: Places, places: Places, field: VoxelField, config: RelocalisationConfig) -> NDArray[np.float32]:
-    """What each point of a cloud is worth as evidence, by how often random poses explain it.
+    """The weight of each point of a cloud as evidence, by how often random poses explain it.
 
-    Level ground is found almost anywhere and is worth little, a wall is worth much, a point in unknown space nothing.
+    Level ground is found almost anywhere and weighs little, a wall weighs much, and a point in unknown space nothing.
 
     Args:
         points: P of them, from the levelled robot.

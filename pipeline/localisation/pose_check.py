@@ -1,6 +1,6 @@
 """Whether the robot is where it thinks, and where it is if it was carried elsewhere.
 
-Nothing here moves the robot: a check that needs another view asks for it, and whoever runs it turns the robot.
+Nothing here moves the robot: a check that needs another view asks for it, and the caller turns the robot.
 """
 
 from collections.abc import Generator
@@ -82,7 +82,7 @@ class PoseCheck:
         return (yield from self._find_place(localised))
 
     def compare(self, localised: Localised, last: Frame | None = None, is_driving: bool = False) -> None:
-        """Weigh what a frame says of the robot's place, also beside the one before it if the wheels stood since.
+        """Weigh what a frame says about the robot's place, compared with the one before it if the wheels stood since.
 
         A view that changed is no coincidence because another place looks as the map has this one, so both are one
         observation; one that did not change only says that the robot was not carried since. On a drive the camera
@@ -98,7 +98,7 @@ class PoseCheck:
         belief.observe(found.log_likelihoods(config))
 
     def doubt(self) -> None:
-        """Doubt the pose, or the map, since the robot leaned too far where no ramp is mapped nearby."""
+        """Doubt the pose, or the map, because the robot leaned too far with no mapped ramp nearby."""
         self._belief.observe_lean()
 
     def check_depth(self, localised: Localised) -> None:
@@ -168,7 +168,7 @@ class PoseCheck:
         raise LostError("the camera view does not match the map, and no other place matches reliably")
 
     def _go_on(self, localised: Localised, T_map_base: Pose) -> Confirmed:
-        """Rely on a pose; if the robot's pose was another one, the robot was carried or set down there."""
+        """Rely on a pose; if it differs from the robot's pose, the robot was carried or set down there."""
         move, config = inverse(localised.T_map_base) @ T_map_base, self._config
         is_far = np.linalg.norm(move[:3, 3]) > config.carried_way or abs(yaw_of(move)) > config.carried_turn
         self._belief.restart()

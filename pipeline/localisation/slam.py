@@ -1,4 +1,4 @@
-"""Simultaneous localisation and mapping: where the robot is, by its frames, its odometry and gravity.
+"""Simultaneous localisation and mapping: where the robot is, from its frames, its odometry and gravity.
 
 The thesis leaves this to RTAB-Map. Each frame is registered with the surfaces that earlier keyframes saw, and each
 keyframe joins a pose graph, with a constraint to each of those. A loop is closed where the robot comes back to

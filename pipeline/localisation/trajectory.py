@@ -1,4 +1,4 @@
-"""Poses at times: what an odometry measured, what is estimated, or what is true."""
+"""Timed poses: measured by odometry, estimated, or true."""
 
 from bisect import bisect_right
 from collections.abc import Sequence
@@ -120,7 +120,7 @@ def write_tum(path: Path, times: Sequence[float], poses: Sequence[Pose]) -> None
 def read_trajectory(path: Path, of_camera: bool) -> Trajectory:
     """Poses from a file in the TUM format: time as of :func:`in_seconds`, position in m, quaternion (x y z w).
 
-    Lines that are not finite, or whose quaternion is 0, are left out: so trackers write that they were lost.
+    Lines that are not finite, or whose quaternion is 0, are left out: trackers write them when they are lost.
 
     Raises:
         InputError: the file is missing, a line is not of this format, or none holds a pose.

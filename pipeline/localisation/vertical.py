@@ -13,7 +13,7 @@ from pipeline.transforms import from_rotation, inverse, level
 
 
 def vertical(frame: Frame, config: LocalisationConfig = LocalisationConfig()) -> Direction | None:
-    """The vertical in ``base_link``, by surfaces about level or upright in the image; None if they leave it open.
+    """The vertical in ``base_link``, from surfaces about level or upright in the image; None if they leave it open.
 
     Floors and tables are horizontal, walls and cupboards vertical; a wall alone leaves it open. Method: S. Gupta,
     P. Arbeláez and J. Malik, "Perceptual Organization and Recognition of Indoor Scenes from RGB-D Images", CVPR 2013.
@@ -36,7 +36,7 @@ def vertical(frame: Frame, config: LocalisationConfig = LocalisationConfig()) ->
 def T_floor_camera(frame: Frame, config: VerticalConfig = VerticalConfig()) -> Pose:
     """Pose of ``camera_optical`` over the floor that it sees, as :func:`T_level_camera`.
 
-    Of the planes that face upward in the image and have nothing below, the floor is the one with most returns.
+    The floor is the plane with the most returns of those that face upward in the image and have nothing below.
 
     Raises:
         InputError: there is no such plane, or too few returns.

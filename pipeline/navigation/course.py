@@ -1,4 +1,4 @@
-"""What a robot is to drive: the stretches of a plan, how fast, and how they end."""
+"""What a robot has to drive: the stretches of a plan, their speeds and how they end."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -19,10 +19,10 @@ class Course:
         heading: rad, of the robot at the end; None for any.
         start: (2,) m, where the robot was when the way was planned: one that is elsewhere was carried.
             None for anywhere.
-        speed_along: by the ground; None for as fast as the robot may drive at all.
+        speed_along: speed limits set by the ground; None for the robot's own limit.
         rolls: whether the robot need not stand at the end. It has reached the end where it must brake for it, and
             goes on with the next course from where it would come to rest, or else must be halted.
-        planned: s that the drive should take; None if nobody planned it.
+        planned: s that the drive should take; None if it was not planned.
     """
 
     way: Sequence[Stretch]

@@ -40,7 +40,7 @@ class Faults:
     """
 
     def __init__(self, config: FaultConfig = FaultConfig(), vertical: VerticalConfig = VerticalConfig()) -> None:
-        """None yet; ``vertical`` says how the floor is found."""
+        """Begin without faults; ``vertical`` says how the floor is found."""
         self.all: list[Fault] = []
         self._config, self._vertical = config, vertical
 
@@ -55,7 +55,7 @@ class Faults:
             self.note(belief.state.name.lower(), time, NOTICED[belief.state])
 
     def check_depth_scale(self, frame: Frame) -> None:
-        """Note if the floor before a robot that was just set down lies deeper or higher than its camera stands."""
+        """Note if the floor seen by a robot at its start is not at the camera's height above the ground."""
         height = float(frame.T_base_camera[2, 3])
         try:
             seen = float(T_floor_camera(frame, self._vertical)[2, 3])

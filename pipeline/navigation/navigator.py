@@ -1,6 +1,6 @@
 """Navigation (thesis 4.5): drive along stretches without tipping.
 
-The navigator commands nothing by itself: it yields one command after the other, and whoever gives them to the robot
+The navigator commands nothing itself: it yields one command after another, and the caller sends them to the robot,
 answers with a verdict and reports each motion.
 """
 
@@ -39,12 +39,12 @@ class DrivenLeg:
 
 
 def of_leg(outcome: Outcome) -> Outcome:
-    """How a leg counts whose drive ended so: one that ended early because it was done got where it was to."""
+    """The leg of a drive with this outcome; one that ended early because it was done counts as reached."""
     return Outcome.REACHED if outcome is Outcome.DONE else outcome
 
 
 class DriveTime(NamedTuple):
-    """How long a drive should have taken that got to its end, and how long it took, s."""
+    """Planned and actual time, s, of a drive that reached its end."""
 
     planned: float
     driven: float
@@ -52,7 +52,7 @@ class DriveTime(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Halt:
-    """A stop of the robot by something that its map does not show.
+    """A stop caused by something that the map does not show.
 
     Attributes:
         T_map_base: where the robot stopped.
@@ -66,7 +66,7 @@ class Halt:
 
     @property
     def touches(self) -> bool:
-        """Whether the robot got free of an obstacle right before its leading end; in a turn it may be anywhere."""
+        """Whether the robot backed off an obstacle right before its leading end; in a turn it may be anywhere."""
         return self.freed and not isinstance(self.command, Turn)
 
     def touched(self, robot: RobotModel, cell: float) -> Places:
@@ -79,13 +79,13 @@ class Halt:
 
 
 class Navigator:
-    """Leads a robot along stretches in ``map``.
+    """Drives a robot along stretches in ``map``.
 
     Attributes:
         legs: every leg driven so far.
         times: of the planned drives so far that got to their ends.
         halts: the robot's halts on the last way that it followed.
-        track: (3,) m and rad in ``map``, places and headings of the robot since it began to follow that way.
+        track: (3,) m and rad in ``map``, positions and headings since the robot began to follow that path.
         recovered: number of times so far that the robot backed out of a halt.
         motion: the newest motion of the body.
         attitude: estimate of the robot's tilt.
@@ -169,12 +169,12 @@ class Navigator:
         return outcome
 
     def _is_elsewhere(self, start: Place | None) -> bool:
-        """Whether the robot was carried since its way was planned, from (2,) m."""
+        """Whether the robot was carried since its path was planned, from (2,) m."""
         here = self.T_map_base[:2, 3]
         return start is not None and bool(np.linalg.norm(here - start) > self._config.follower.carried_way)
 
     def _joined(self, way: Sequence[Stretch]) -> list[Stretch]:
-        """The way, after what the robot still rolls along."""
+        """The path, after the part along which the robot still rolls."""
         if self._rest is None:
             return list(way)
         rest = self._in_map(self._rest)
@@ -233,7 +233,7 @@ class Navigator:
         return (model.ramp_speed, model.ramp_turn_rate) if self._on_ramp else (model.speed, model.turn_rate)
 
     def _turn_to(self, heading: float) -> Iterator[Velocity]:
-        """Commands that turn in place, the shorter way, to a heading."""
+        """Commands that turn in place to a heading, in the shorter direction."""
         config = self._config.follower
         while self._speed > config.still:
             yield STOP
@@ -252,8 +252,8 @@ class Navigator:
     def _hold(self, T: Pose, place: Place, left: float) -> float:
         """Speed (m/s) that keeps a robot at a place (2,) of a ramp while it turns by another ``left`` rad.
 
-        It can only make up for sliding along its heading, so it makes up for the expected sliding as well. In a
-        quarter turn on 16° it strays by 0.13 m at most instead of 0.21, measured.
+        It can only compensate for sliding along its heading, so it compensates for the expected sliding as well. In a
+        quarter turn on 16° it strays by at most 0.13 m instead of 0.21 m (measured).
         """
         ahead = T[:2, 0] / np.linalg.norm(T[:2, 0])
         slide = self._robot.slide_per_radian * abs(left) * T[:2, 2]
@@ -285,18 +285,18 @@ class Navigator:
     def _steered(self, stretch: Stretch, at: int, left: float, speed: float) -> Approach:
         """The command at a speed, m/s, of a robot that is ``left`` m to the left of a pose of its stretch."""
         model, config = self._robot, self._config.follower
-        # By this gain the robot returns to its line with a damping ratio of 0.7.
+        # With this gain the robot returns to its line with a damping ratio of 0.7.
         gain, widest = config.turn_gain / (2 * max(speed, config.least_speed)), config.widest_return
         back = float(np.clip(gain * left, -widest, widest))
         error = wrap_angle(stretch.poses[at, 2] - back + np.pi * stretch.backwards - yaw_of(self.T_map_base))
-        # Off its heading it drives more slowly, or it would leave the line.
+        # Off its heading it drives more slowly; otherwise it would leave the line.
         speed *= max(config.least_pace, float(np.cos(2 * error)))
         rate = config.turn_gain * error + speed * stretch.curvature_at(at, config.lead * speed)
         rate = float(np.clip(rate, -model.turn_rate, model.turn_rate))
         return Approach(-speed if stretch.backwards else speed, rate, stretch=stretch, at=at)
 
     def _supervised(self, commands: Iterator[Velocity], length: float = 0.0) -> Commands:
-        """Yield commands until they end or must not be followed; back out if the robot leans too far or is held.
+        """Yield commands until they end or must be stopped; back out if the robot leans too far or is held.
 
         ``length``: of the leg, m.
         """
@@ -323,7 +323,7 @@ class Navigator:
         return Outcome.REACHED
 
     def _roll_out(self, command: Velocity) -> Commands:
-        """End a drive on the way: the robot rolls on as far as it takes to brake."""
+        """End a drive early: the robot rolls on as far as it takes to brake."""
         if isinstance(command, Approach):
             self._rest = self._rest_of(command.stretch, command.at)
         else:
@@ -352,10 +352,10 @@ class Navigator:
         return bool(np.linalg.norm(self.T_map_base[:3, 3] - before) > most)
 
     def _back_out(self, T_odom_start: Pose, command: Velocity, leans: bool) -> Generator[Velocity, Verdict, bool]:
-        """Undo the last motion since a pose, for its way was free; True if enough of it was possible.
+        """Undo the last motion since a pose, because that path was free; True if enough of it was possible.
 
         A robot that leans goes back until it is level; one that backs onto something, as up a wall, comes down again.
-        Wheels that spin end it: by them alone the robot would seem to go back.
+        Spinning wheels end it: by their encoders alone, the robot would seem to go back.
         """
         model, config, T_odom_held = self._robot, self._config.recovery, self._T_odom_base
         if isinstance(command, Turn):
@@ -372,7 +372,7 @@ class Navigator:
             if self._tips and not leans:
                 yield from self._back_out(T_odom_held, undo, leans=True)
                 return False
-            # Until its wheels come to rest they push on, and would seem to be held.
+            # Until they come to rest, the wheels push on and would seem to be held.
             if progress is None and self._time > began + braking:
                 progress = Progress(model, self._T_odom_base, self._time, self._config.progress)
             if progress and progress.is_stuck(self._T_odom_base, self._time, undo, self._on_ramp):

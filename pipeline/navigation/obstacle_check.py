@@ -1,7 +1,7 @@
 """The obstacle check: whether an obstacle that the map does not show stands in the robot's way.
 
-A plan leads over ground that is free in the map, and the map is as old as the last keyframe. So the robot
-checks the depth image while it drives.
+A plan leads over ground that is free in the map, but the map is only as recent as the last keyframe. So the robot
+also checks the depth image while it drives.
 """
 
 import numpy as np
@@ -24,7 +24,7 @@ class ObstacleCheck:
     """
 
     def __init__(self, traversability: Traversability, sensor: SensorModel, config: ObstacleCheckConfig):
-        """Watch a drive over ground that is known so well, with a camera."""
+        """Watch a drive over mapped ground with a camera."""
         self.obstacles: Points = np.zeros((0, 3), np.float32)
         self._traversability, self._sensor, self._config = traversability, sensor, config
         self._stretch: Stretch | None = None
@@ -32,7 +32,7 @@ class ObstacleCheck:
         self._left, self._direction = np.inf, 0.0
 
     def is_due(self, command: Approach) -> bool:
-        """Whether to look again: at a new stretch, some way on, or where an arc has turned the camera."""
+        """Whether to look again: on a new stretch, after some distance, or when an arc has turned the camera."""
         is_far = self._left - command.left >= self._config.every
         has_turned = abs(wrap_angle(command.direction - self._direction)) >= self._config.turn
         is_new = command.stretch is not self._stretch
@@ -58,11 +58,11 @@ class ObstacleCheck:
         self.obstacles = near[count[number.ravel()] >= self._config.least_returns]
 
     def _is_too_near(self, command: Approach) -> bool:
-        """Whether the camera does not see what stands before the end of the stretch."""
+        """Whether an obstacle before the end of the stretch would be too near for the camera."""
         return command.left + self._traversability.robot.half_length < self._sensor.nearest
 
     def _on_way(self, points: Points, way: Places) -> Mask:
-        """(N,) which points lie where the footprint passes, up to the end of the way and not too far ahead."""
+        """(N,) which points lie where the footprint passes, up to the end of the path and not too far ahead."""
         robot, cell = self._traversability.robot, self._traversability.grid.cell
         way = _extended(way, robot.half_length + 2 * cell)
         far = np.linalg.norm(np.diff(way, axis=0), axis=1).cumsum() < self._config.ahead

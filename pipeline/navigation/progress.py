@@ -1,4 +1,4 @@
-"""Whether the robot makes progress, by the commands that it was given and the poses that followed."""
+"""Whether the robot makes progress, judged by its commands and the poses that follow."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,7 +11,7 @@ from pipeline.transforms import wrap_angle, yaw_of
 
 
 class Progress:
-    """Notices when the robot is held, and when neither its position nor its heading changes any more."""
+    """Detects when the robot is held, and when neither its position nor its heading changes any more."""
 
     def __init__(self, robot: RobotModel, T: Pose, time: float, config: ProgressConfig, length: float = 0.0):
         """Begin at a pose and a time in s; ``length`` of the leg in m."""
@@ -46,7 +46,7 @@ class Progress:
         if dt <= 0 or time < self._judged_from:
             return False
         limit = self._limits * dt
-        # The speed by which a turn makes up for sliding need not move the robot.
+        # The speed that compensates for sliding in a turn need not move the robot.
         asked = np.array([0.0 if isinstance(command, Turn) else command.v, command.omega])
         forward = float((T[:3, 3] - self._last[:3, 3]) @ self._last[:3, 0])
         speeds = np.array([forward, wrap_angle(yaw_of(T) - yaw_of(self._last))]) / dt

@@ -1,4 +1,4 @@
-"""The greatest speed along a stretch, by what the maps show under and beside the wheels."""
+"""The speed limit along a stretch, given what the maps show under and beside the wheels."""
 
 from collections.abc import Sequence
 
@@ -57,6 +57,6 @@ class SpeedLimit:
 
 
 def braked(speeds: Values, along: Values, deceleration: float) -> Values:
-    """(N,) m/s, the greatest speeds from which a robot can brake for those farther along its way, in m."""
+    """(N,) m/s, the greatest speeds from which a robot can still brake to those farther along its path, in m."""
     squares = speeds**2 + 2 * deceleration * along
     return np.sqrt(np.minimum.accumulate(squares[::-1])[::-1] - 2 * deceleration * along)

@@ -14,7 +14,7 @@ from pipeline.planning.pose_paths import PosePaths, Way
 from pipeline.planning.visiting_order import visiting_order
 
 UNREACHABLE = 1e5
-"""s, cost between goals that no way connects."""
+"""s, cost assumed between goals that no route connects."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -24,7 +24,7 @@ class PathPlan:
     Attributes:
         way_points: (N, 3) from the first place to drive to up to the goal.
         backwards: which of the drives lead backwards.
-        nodes: ids of the nodes that the way leads over or past.
+        nodes: ids of the nodes that the route passes.
         length: m along the ground plan, from where the robot is.
     """
 
@@ -47,7 +47,7 @@ class PlanningGraph(Protocol):
     """What is planned on: a topological map.
 
     Attributes:
-        kind: ``mst``, whose nodes the way leads over, or ``roadmap``, past whose nodes it leads.
+        kind: ``mst``, where the route goes over the nodes, or ``roadmap``, where it goes past them.
         graph: of the nodes' ids, with the seconds of each drive as weight.
     """
 
@@ -99,10 +99,9 @@ def plan_path(
 ) -> PathPlan | None:
     """The plan from the start of ``paths`` to a goal (2 or 3,), m, with a given final heading, rad, or any.
 
-    Dijkstra's algorithm on the topological map gives the nodes to pass. On the tree the way leads over each of them,
-    unless one straight drive leads to the goal; on the roadmap the way is the search's own, which is quicker, and
-    leads past them.
-    Returns None if no way leads to the goal: :func:`obstacle_to` says why.
+    Dijkstra's algorithm on the topological map gives the nodes to pass. On the tree the route goes over each of them,
+    unless one straight drive reaches the goal. On the roadmap it is the route found by the search over poses, which
+    is quicker and goes past the nodes. Returns None if no route leads to the goal; :func:`obstacle_to` says why.
     """
     traversability, goal = paths.traversability, np.asarray(goal, np.float64)[:2]
     if obstacle_to(paths, goal) is not None:
@@ -138,7 +137,7 @@ def obstacle_to(paths: PosePaths, goal: ArrayLike) -> str | None:
         return f"{name} must be finite"
     if paths.start is None:
         return f"{name} cannot be reached: the robot cannot drive away from where it is"
-    # Finite also for places where it stands or to which it could escape, though it may not stop there otherwise.
+    # Also finite where the robot stands or could escape to, although it may not stop there otherwise.
     if np.isfinite(paths.cost_to(goal)):
         return None
     if np.isnan(grid.at(traversability.elevation, goal, outside=np.nan)):

@@ -1,4 +1,4 @@
-"""Cheapest ways over poses: which poses are reachable, at what cost, and by which way."""
+"""Cheapest paths over poses: which poses are reachable, at what cost, and by which path."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -78,10 +78,10 @@ class PosePaths:
     def _begin(self, starts: NDArray[np.int64]) -> kernels.Search:
         t, size = self.traversability, self.traversability.clearance.size
         i, j, h = starts.T
-        # Not by the smaller clearance that is enough where the robot has been.
+        # Not with the smaller clearance that suffices where the robot has been.
         can_escape = (t.clearance[i, j, h % STANDING] < least_clearance(t.grid.cell)).any()
         count, first = len(starts), np.full(BUCKETS, -1, np.int32)
-        # Zeros or nothing, so that pages of memory that the search does not reach are never touched.
+        # Zeros or uninitialised, so that memory pages that the search does not reach are never touched.
         state, after = np.empty((2, 4 * size + count), np.int32)
         search = kernels.Search(
             starts,
@@ -113,7 +113,7 @@ class PosePaths:
 
     @cached_property
     def without_risk(self) -> "PosePaths":
-        """The quickest ways from the (first) start, however near to obstacles: their costs are times."""
+        """The fastest paths from the (first) start, however close to obstacles; their costs are times."""
         assert self.start is not None
         return PosePaths(self.traversability, self.start, self.heading, caution=0.0)
 
@@ -130,7 +130,7 @@ class PosePaths:
 
     def least_seconds_to(self, cells: Cells) -> Values:
         """Lower bound, s, of the cost of a way from the only start to cells."""
-        # Nothing is quicker than to drive forward with much room.
+        # Nothing is faster than driving forwards with plenty of room.
         ticks = (self._search.level[kernels.Move.FORWARD, :, -1] / np.linalg.norm(VECTORS, axis=1)).min()
         return ticks * self._costs.tick * np.linalg.norm(cells - self._search.starts[0, :2], axis=1)
 

@@ -1,7 +1,7 @@
-"""Stretches: what the robot drives in one direction without standing still, lines that arcs join.
+"""Stretches: what the robot drives in one direction without stopping, lines joined by arcs.
 
-A plan's bends are turns in place. Where the ground has room for it, an arc takes the place of a turn: the robot turns
-while it drives.
+A plan's bends are turns in place. Where there is room, an arc replaces the turn, and the robot turns while it
+drives.
 """
 
 from collections.abc import Callable, Sequence
@@ -20,11 +20,11 @@ Fits = Callable[[Places], bool]
 
 @dataclass(frozen=True)
 class ArcConfig:
-    """Which arcs take the place of turns.
+    """Which arcs replace turns in place.
 
     Attributes:
         radii: m, tried one after the other.
-        widest: rad, the greatest turn by an arc; for a wider one the robot turns in place.
+        widest: rad, the greatest turn by an arc; for larger ones the robot turns in place.
         straight: rad; smaller turns are steered along a line.
         spacing: m from one pose of a stretch to the next.
     """
@@ -37,7 +37,7 @@ class ArcConfig:
 
 @dataclass(frozen=True, eq=False)
 class Stretch:
-    """What is driven in one direction without standing still.
+    """A drive in one direction without stopping.
 
     Attributes:
         poses: (N, 3) x and y in m and the direction of travel in rad; N is at least 2.

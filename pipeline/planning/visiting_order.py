@@ -1,4 +1,4 @@
-"""In which order to visit several places."""
+"""The order in which to visit several places."""
 
 from itertools import combinations, permutations
 
@@ -35,7 +35,7 @@ def _nearest_first(cost: NDArray[np.float64]) -> list[int]:
 
 
 def _two_opt(cost: NDArray[np.float64], order: list[int]) -> list[int]:
-    """Reverse stretches of the order as long as that makes it cheaper."""
+    """Reverse parts of the order as long as that makes it cheaper."""
     improved = True
     while improved:
         improved = False

@@ -40,9 +40,9 @@ class DetectorConfig:
         witness: least confidence of a box of the COCO network that bears witness: so uncertain a network sees people
             in hardly any image without people, and where two networks see them by chance is not the same.
         witness_iou: overlap of the two boxes must be greater.
-        view: side of the square in which the COCO network sees a suspect, pixels, a multiple of 32.
-        context: side of this square in the image, relative to the suspect's longer side.
-        lying: least width of a suspect, relative to its height, for it to be seen turned to either side too: photos
+        view: side of the square in which the COCO network sees a candidate, pixels, a multiple of 32.
+        context: side of this square in the image, relative to the candidate's longer side.
+        lying: least width of a candidate, relative to its height, for it to be seen turned to either side too: photos
             teach few people who lie.
         exposure: how uneven light is compensated.
     """

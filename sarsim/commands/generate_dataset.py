@@ -15,6 +15,7 @@ from sarsim.commands.settings import run_with_settings, save_settings
 from sarsim.dataset.settings import RANDOM, DatasetConfig, HarderDatasetConfig
 from sarsim.flags import Given
 from sarsim.jobs.engines import make_engine
+from sarsim.opengl import check_rendering
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -47,8 +48,9 @@ def generate_dataset(settings: GenerateDataset) -> None:
     """Generate a dataset, or the missing part of one, and print its folder."""
     if settings.harder and not isinstance(settings, GenerateHarder):
         raise InputError("harder: only the flag --harder chooses the harder mix; a --config file names its values")
-    if settings.scenes < 1 or (settings.workers is not None and settings.workers < 1):
-        raise InputError("--scenes and --workers must be at least 1")
+    for flag, count in {"scenes": settings.scenes, "workers": settings.workers}.items():
+        if count is not None and count < 1:
+            raise InputError(f"--{flag} {count}: must be at least 1")
     for arena in {*settings.arenas} - {RANDOM}:
         check_arena_name(arena)
     from sarsim.arenas.load import load_arena
@@ -56,6 +58,8 @@ def generate_dataset(settings: GenerateDataset) -> None:
     from sarsim.dataset.manifest import FILE
     from sarsim.dataset.recipe import Recipe
 
+    if settings.engine == "local":
+        check_rendering()
     check_folder(settings.out, [FILE])
     for arena in {*settings.arenas} - {RANDOM}:
         load_arena(arena)

@@ -25,6 +25,7 @@ from sarsim.commands.sweeps.names import GRID, check_sweep
 from sarsim.flags import Given
 from sarsim.jobs.engines import make_engine
 from sarsim.jobs.folder_lock import FolderLock, locked
+from sarsim.opengl import check_rendering
 from sarsim.settings import METHODS
 
 if TYPE_CHECKING:
@@ -80,6 +81,8 @@ def sweep(settings: SweepSettings) -> None:
     shipped = METHODS["methods" if arenas[0].startswith(GRID) else "exploration"]
     methods = dict.fromkeys(settings.methods or shipped)
     check_methods(methods, arenas[0])
+    if settings.engine == "local" and not arenas[0].startswith(GRID):
+        check_rendering()
     jobs = [SweepJob(m, arena, seed) for arena in arenas for seed in dict.fromkeys(settings.seeds) for m in methods]
     make_folder(settings.out, [MANIFEST])
     with locked(settings.out) as lock:

@@ -3,10 +3,10 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pipeline.errors import InputError
 from pipeline.files import check_folder
 from sarsim.commands.cli import Interruptible
 from sarsim.commands.settings import run_with_settings
+from sarsim.opengl import check_display
 from sarsim.settings import TeleopConfig
 
 if TYPE_CHECKING:
@@ -18,13 +18,11 @@ def teleop(config: TeleopConfig) -> None:
     """Drive the robot with the keyboard or a gamepad, to explore an arena yourself or to map it by hand."""
     if config.out:
         check_folder(config.out)
-    from pipeline.rerun.viewer import has_display
     from sarsim.methods.arena import make_arena
     from sarsim.teleoperation import KEYS, FreeDrive, Gamepad, drive_by_keyboard
 
     arena, pad = make_arena(config.arena, config.start), Gamepad(config.gamepad) if config.gamepad else None
-    if not has_display():
-        raise InputError("MuJoCo's viewer needs a display: set DISPLAY or WAYLAND_DISPLAY")
+    check_display()
     mapped = map_drive(config, arena, config.out) if config.out else None
     driven = mapped or FreeDrive(arena, config.robot)
     print(KEYS, flush=True)

@@ -46,7 +46,7 @@ class ShapePatches:
         ]
         self.kinds = np.array([kind for _, kind in made], np.int64)
         if missing := set(range(len(SHAPED) + 1)) - set(self.kinds.tolist()):
-            raise InputError(f"{folders[0]}: no frame shows a {(*SHAPED, 'other protrusion')[missing.pop()]}")
+            raise InputError(f"{folders[0]}: no frame shows any {(*SHAPED, 'other protrusion')[missing.pop()]}")
         self.images = np.stack([image for image, _ in made])
 
 

@@ -1,10 +1,7 @@
 """Rendered images of a model: colour, and geom ids with depth."""
 
-import importlib
-import os
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
-from typing import Any
 
 import mujoco
 import numpy as np
@@ -12,6 +9,7 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import Rgb
 from pipeline.errors import InputError
+from sarsim.opengl import offscreen_context
 from sarsim.sensors import culling
 
 COLOUR_QUALITY = {"offsamples": 0, "shadowsize": 1024, "numslices": 24, "numstacks": 12}
@@ -33,13 +31,16 @@ class Renderer(ExitStack):
     """
 
     def __init__(self, model: mujoco.MjModel, width: int = 640, height: int = 480) -> None:
-        """Images have ``width`` × ``height`` pixels, whatever the model's own offscreen size."""
+        """Images have ``width`` × ``height`` pixels, whatever the model's own offscreen size.
+
+        Raises:
+            InputError: this machine cannot render by the platform that MUJOCO_GL names.
+        """
         super().__init__()
         self.model = model
         self.width = width
         self.height = height
-        self._gl = _offscreen_context(width, height)
-        self._gl.make_current()
+        self._gl = offscreen_context(width, height)
         self._colours = _resources(model, width, height, COLOUR_QUALITY)
         self._ids = _resources(model, width, height, ID_QUALITY)
         # MuJoCo draws with reversed z in a float buffer: read without conversion, far depths keep their precision.
@@ -137,17 +138,6 @@ def fixed_camera(model: mujoco.MjModel, camera: int | str) -> mujoco.MjvCamera:
     view.type = mujoco.mjtCamera.mjCAMERA_FIXED
     view.fixedcamid = index
     return view
-
-
-def _offscreen_context(width: int, height: int) -> Any:
-    """An OpenGL context of the platform that MUJOCO_GL names.
-
-    ``mujoco.GLContext`` would use another platform if mujoco was imported before sarsim, which sets MUJOCO_GL.
-    """
-    platform = os.environ["MUJOCO_GL"].strip().lower()
-    if platform not in ("egl", "osmesa", "glfw"):
-        raise InputError(f"MUJOCO_GL={platform} cannot render without a display; set it to egl or osmesa")
-    return importlib.import_module(f"mujoco.{platform}").GLContext(width, height)
 
 
 @contextmanager

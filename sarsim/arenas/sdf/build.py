@@ -108,7 +108,7 @@ def _solids(path: Path, world: SdfWorld, apart: set[str]) -> list[Solid]:
         with world.without():
             solids += reader.solids(shape)
         if len(solids) > MOST_GEOMS:
-            raise InputError(f"{path}: too many shapes, at most {MOST_GEOMS} are built")
+            raise InputError(f"{path}: too many shapes; the limit is {MOST_GEOMS}")
     if not solids and world.lost:
         raise InputError(world.lost[0])
     if not solids:

@@ -328,7 +328,7 @@ class SdfWorld:
                 geometry = shape.find("geometry")
                 assert geometry is not None
                 if not (np.abs(T[:3, 3]) <= FARTHEST).all():
-                    raise InputError(f"{place}: lies farther away than {FARTHEST:g} m")
+                    raise InputError(f"{place}: must lie within {FARTHEST:g} m of the origin")
                 colour = self.meshes.materials.of_shape(shape, visuals, model.base)
                 yield SdfShape(placed.scoped, geometry, T, colour, model.base, place)
 

@@ -26,7 +26,7 @@ def exit_status(args: list[str]) -> int | str | None:
 @pytest.mark.parametrize(
     ("flags", "message"),
     [
-        ("--scenes 0", "--workers"),
+        ("--scenes 0", "--scenes"),
         ("--workers 0", "--workers"),
         ("--frames 0", "--frames 0:"),
         ("--engine cloud", "--engine"),

@@ -102,14 +102,14 @@ def build_sdf(path: Path) -> ArenaBuilder:
 
 
 def _solids(path: Path, world: SdfWorld, apart: set[str]) -> list[Solid]:
-    """The solids of all models but those ``apart``, by their scoped names."""
+    """The solids of all models but those ``apart``, by their scoped names; InputError if there are neither."""
     reader, solids = SolidReader(world.meshes), list[Solid]()
     for shape in world.shapes(without=lambda model: model.scoped in apart):
         with world.without():
             solids += reader.solids(shape)
         if len(solids) > MOST_GEOMS:
             raise InputError(f"{path}: too many shapes, at most {MOST_GEOMS} are built")
-    if not solids:
+    if not solids and not apart:
         said = _left_out(path, world, [])
         raise InputError(
             f"{path}: nothing in it has a shape" + (f" that can be read; it is without {said}" if said else "")
@@ -216,6 +216,8 @@ def _within_reach(bodies: list[_Body]) -> tuple[list[_Body], list[str]]:
 
     Physics throws small things away. Also says of each of them, in words, where it is.
     """
+    if not bodies:
+        return [], []
     low, high = _bounds(bodies, np.zeros((0, 2)))
     away, places = np.zeros(len(bodies)), np.zeros((len(bodies), 2))
     for n, body in enumerate(bodies):

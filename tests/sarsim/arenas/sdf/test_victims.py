@@ -110,6 +110,13 @@ def test_ground_reaches_to_the_victims(tmp_path: Path) -> None:
     assert (model.geom_pos[ground, :2] + model.geom_size[ground, :2] >= (21, 31)).all()
 
 
+def test_victims_alone_lie_on_a_floor(tmp_path: Path) -> None:
+    path = world(tmp_path, f"<include><uri>model://hall</uri></include><model name='victim_hot'>{LYING}</model>")
+    path.write_text(path.read_text().replace(GROUND, ""))
+    model, (victim,) = loaded(path)
+    assert victim.state == "alive" and (geom_labels(model) == Label.TERRAIN).any()
+
+
 def test_victims_in_a_victim_are_one(tmp_path: Path) -> None:
     inner = f"<model name='victim_arm'>{LYING}</model>"
     assert len(loaded(world(tmp_path, f"<model name='victim'>{LYING}{inner}</model>"))[1]) == 1

@@ -178,7 +178,7 @@ class Resources:
     def _ends(self, path: str) -> Iterator[tuple[Path, str]]:
         """The ends of a path of another machine or folder, a folder and a file at least, in the folders of models."""
         parts = [part for part in Path(path).parts if part != "/"]
-        for start in range(1, 0 if ".." in parts else min(len(parts) - 1, _DEEPEST)):
+        for start in range(0 if ".." in parts else min(len(parts) - 1, _DEEPEST)):
             yield from ((folder, "/".join(parts[start:])) for folder in self._folders)
 
     def parse(self, path: Path) -> "Element":

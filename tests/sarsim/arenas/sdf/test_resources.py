@@ -82,7 +82,7 @@ def test_a_file_is_looked_for_around_the_one_that_names_it(tmp_path):
 def test_an_absolute_path_of_another_machine_is_looked_for_by_its_end(tmp_path):
     path = put(tmp_path / "models" / "tree" / "a.stl")
     resources = Resources(tmp_path / "w.sdf")
-    for uri in (f"file://{path}", str(path), "file:///home/somebody/.gazebo/models/tree/a.stl"):
+    for uri in (f"file://{path}", str(path), "file:///home/somebody/.gazebo/models/tree/a.stl", "/tree/a.stl"):
         assert resources.find(uri, tmp_path, "") == path
     lines = write(tmp_path, model("m", box(1, 1, 1)), include("file:///etc/passwd"))
     assert "outside the folders" in "".join(said(lines))

@@ -29,7 +29,7 @@ from sarsim.vetting.resolved import resolved_root
 from sarsim.vetting.trial import check_model
 
 BUILDERS: dict[str, Callable[[Path], ArenaBuilder]] = {
-    ".raf": build_raf, ".sdf": build_sdf, ".world": build_sdf, ".yaml": build_map,
+    ".raf": build_raf, ".sdf": build_sdf, ".world": build_sdf, ".model": build_sdf, ".yaml": build_map,
 }  # fmt: skip
 """The builder of each kind of file."""
 _log = logging.getLogger(__name__)

@@ -9,7 +9,7 @@ from sarsim.arenas.lanes import LANES, LANES_FOLDER, MAZE
 BUILT_IN = ("nist_6x4", "esogu_52x15", *(f"{LANES_FOLDER}{lane}" for lane in (*LANES, MAZE)))
 RANDOM = "random:"
 MAX_DIGITS = 18  # of a seed
-BUILT_FILES = (".raf", ".sdf", ".world", ".yaml")
+BUILT_FILES = (".raf", ".sdf", ".world", ".model", ".yaml")
 """Endings of files from which an arena is built."""
 MJCF = ".xml"
 

@@ -2,8 +2,8 @@
 
 Mended are a bare ``&``, bytes that are not UTF-8, ``--`` in a comment, something before the declaration, missing
 spaces between attributes, an attribute given twice (the first counts), ``<`` in an attribute, prefixes of no
-namespace, and control characters. What tinyxml2 refuses stays as it is: tags that do not match, values without
-quotes. Document types and entities stay too, for the parser to refuse.
+namespace, control characters, and what stands behind the root. What tinyxml2 refuses stays as it is: tags that do
+not match, values without quotes. Document types and entities stay too, for the parser to refuse.
 """
 
 import re
@@ -22,7 +22,7 @@ def legible(content: bytes) -> str:
     """Mend what a strict parser refuses in a file's content and Gazebo and MuJoCo do not."""
     text = content.removeprefix(b"\xef\xbb\xbf").decode("utf-8", "surrogateescape")
     text = _CONTROL.sub(" ", _NOT_UTF8.sub(lambda byte: chr(ord(byte[0]) - 0xDC00), text))
-    mended, place = list[str](), 0
+    mended, place, depth = list[str](), 0, 0
     while (start := text.find("<", place)) >= 0:
         mended.append(_BARE.sub("&amp;", text[place:start]))
         begin = next((begin for begin in _PARTS if text.startswith(begin, start)), None)
@@ -35,6 +35,10 @@ def legible(content: bytes) -> str:
         elif (tag := _TAG.match(text, start)) is not None:
             mended.append(_mended(tag))
             end = tag.end()
+            closing, *_, alone = tag.groups()
+            depth += -1 if closing else not alone
+            if depth <= 0:  # the root is closed
+                return "".join(mended).strip()
         else:
             break
         place = end

@@ -25,10 +25,11 @@ from sarsim.arenas.sdf.labels import (
     outline_of_ground,
 )
 from sarsim.arenas.sdf.pieces import MOST_PIECES, two_sided
+from sarsim.arenas.sdf.resources import PLACES
 from sarsim.arenas.sdf.solids import Solid, SolidReader
 from sarsim.arenas.sdf.victims import add_victims, victims_of
-from sarsim.arenas.sdf.window import solids_within, window_of
-from sarsim.arenas.sdf.world import SdfWorld
+from sarsim.arenas.sdf.window import Window, solids_within, window_of
+from sarsim.arenas.sdf.world import SdfModel, SdfWorld
 from sarsim.ground_truth.true_surface import MOST_AREA
 from sarsim.robots.model import robot_model
 from sarsim.vetting.model_files import MOST_GEOMS
@@ -37,13 +38,12 @@ MARGIN = 2.0  # m of ground around everything: room to drive around what stands 
 BEYOND = 2.0  # m by which planes, which end nowhere, reach farther still: goals lie before what stands outermost, too
 MOST_THROWN = 0.1  # of a world's bodies that may lie far out
 FAR_OUT = 3.0  # times as far from the middle as the others: what lies there does not belong to the world
-MOST_NAMED = 20  # things that are missing, in a warning
+MOST_NAMED = 40  # things that are missing, and as many that are broken, in a warning
 HEADROOM = robot_model().headroom  # m; a surface that is higher over the lowest point of a model is no ground
 TILE = 6.0  # m; what is seen of a larger piece is parted into squares, so that images leave out what they do not show
 MOST_FACETS = 10_000  # of pieces that are as solid as their hulls; of more, each piece has one label: 0.1 ms a facet
 COLLIDES: Attributes = {"group": 3}  # not drawn
 SEEN: Attributes = {"contype": 0, "conaffinity": 0}
-LEVEL = 1e-9  # A plane's normal with 1 − z below this points up
 
 _log = logging.getLogger(__name__)
 
@@ -82,18 +82,18 @@ def build_sdf(path: Path) -> ArenaBuilder:
         solids = _solids(path, world, {victim.scoped for victim in victims})
     except RecursionError as error:
         raise InputError(f"{path}: models or frames are nested too deeply") from error
-    solids = _in_window(path, solids)
+    solids, window = _in_window(path, solids, _places_of(victims))
+    far = [victim for victim in victims if window is not None and not window.holds(victim.T_world[:2, 3])]
+    victims = [victim for victim in victims if victim not in far]
     hulls = _as_hulls(solids)
     facets = sum(len(s.piece.seen) for s in solids if s.piece is not None and id(s.piece) in hulls)
     plain = hulls if facets > MOST_FACETS else set()
     bodies, thrown = _within_reach([body for solid in solids for body in _bodies(solid, hulls, plain)])
-    builder = _built(path, bodies, world.is_model)
+    thrown += [_far_out(victim.name, victim.T_world[:2, 3]) for victim in far]
+    builder = _built(path, bodies, _places_of(victims), world.is_model)
     add_victims(builder, path, world, victims)
-    if world.lost or thrown:
-        lost = [said.removeprefix(f"{path}, ") for said in dict.fromkeys([*world.lost, *thrown])]
-        more = [f"and {len(lost) - MOST_NAMED} more"] if len(lost) > MOST_NAMED else []
-        said = "; ".join([*lost[:MOST_NAMED], *more])
-        _log.warning("%s: loaded without %s: %s", path, _counted({"thing": len(lost)}), said)
+    if said := _left_out(path, world, thrown):
+        _log.warning("%s: loaded without %s%s", path, said, "" if bodies else "; only an empty floor is left")
     if world.left_out:
         _log.warning("%s: loaded without its %s", path, _counted(world.left_out))
     if hulls:
@@ -102,34 +102,65 @@ def build_sdf(path: Path) -> ArenaBuilder:
 
 
 def _solids(path: Path, world: SdfWorld, apart: set[str]) -> list[Solid]:
-    """The solids of all models but those ``apart``, by their scoped names."""
+    """The solids of all models but those ``apart``, by their scoped names; InputError if there was nothing to build.
+
+    A world of which all models are missing is an empty floor, as it is in Gazebo.
+    """
     reader, solids = SolidReader(world.meshes), list[Solid]()
     for shape in world.shapes(without=lambda model: model.scoped in apart):
         with world.without():
             solids += reader.solids(shape)
         if len(solids) > MOST_GEOMS:
             raise InputError(f"{path}: too many shapes; the limit is {MOST_GEOMS}")
-    if not solids and world.lost:
-        raise InputError(world.lost[0])
-    if not solids:
-        raise InputError(f"{path}: nothing in it has a shape")
+    if not (solids or apart or world.missing):
+        said = _left_out(path, world, [])
+        raise InputError(
+            f"{path}: nothing in it has a shape" + (f" that can be read; it is without {said}" if said else "")
+        )
     return solids
 
 
-def _in_window(path: Path, solids: list[Solid]) -> list[Solid]:
-    """As much of a world that is larger than an arena may be as one holds."""
-    boxes = np.array([_box_around(solid) for solid in solids if solid.kind != "plane"]).reshape(-1, 2, 2)
-    if not len(boxes):
-        return solids
+def _left_out(path: Path, world: SdfWorld, thrown: list[str]) -> str:
+    """What a world is without, in words; ``thrown`` lies too far out."""
+    missing, broken = list(dict.fromkeys(world.missing)), list(dict.fromkeys([*world.lost, *thrown]))
+    said = [_named(missing, ", ") + f" (in none of {PLACES})"] if missing else []
+    said += [_named([what.removeprefix(f"{path}, ") for what in broken], "; ")] if broken else []
+    return f"{_counted({'thing': len(missing) + len(broken)})}: {'; '.join(said)}" if said else ""
+
+
+def _named(things: list[str], between: str) -> str:
+    """The first of the things, and how many more there are."""
+    more = [f"and {len(things) - MOST_NAMED} more"] if len(things) > MOST_NAMED else []
+    return between.join([*things[:MOST_NAMED], *more])
+
+
+def _places_of(victims: list[SdfModel]) -> NDArray[np.float64]:
+    """(N, 2) m, where victims are."""
+    return np.array([victim.T_world[:2, 3] for victim in victims]).reshape(-1, 2)
+
+
+def _far_out(name: str, place: NDArray[np.float64]) -> str:
+    return f"{name} at ({', '.join(f'{x:.0f}' for x in place)}) m"
+
+
+def _in_window(path: Path, solids: list[Solid], places: NDArray[np.float64]) -> tuple[list[Solid], Window | None]:
+    """As much of a world that is larger than an arena may be as one holds, and where that is; None if it is all.
+
+    ``places``: (N, 2) m, where the victims are.
+    """
+    around = [_box_around(solid) for solid in solids if solid.kind != "plane"]
+    boxes = np.concatenate([np.array(around).reshape(-1, 2, 2), np.stack([places, places], axis=1)])
+    if not len(boxes) or np.prod(np.ptp(boxes, axis=(0, 1)) + 2 * MARGIN) <= MOST_AREA:
+        return solids, None
     middle = boxes.mean(axis=1)
     away = np.linalg.norm(middle - np.median(middle, axis=0), axis=1)
     near = boxes[away <= FAR_OUT * np.quantile(away, 1 - MOST_THROWN)]  # others were thrown out of the world
     extent = near[:, 1].max(axis=0) - near[:, 0].min(axis=0)
     if np.prod(extent + 2 * MARGIN) <= MOST_AREA:
-        return solids
+        return solids, Window(near[:, 0].min(axis=0), near[:, 1].max(axis=0))
     window = window_of(near, MOST_AREA)
     _log.warning("%s: %.0f × %.0f m are too large an arena, so only %s are built", path, *extent, window)
-    return list(solids_within(solids, window))
+    return list(solids_within(solids, window)), window
 
 
 def _box_around(solid: Solid) -> NDArray[np.float64]:
@@ -188,7 +219,9 @@ def _within_reach(bodies: list[_Body]) -> tuple[list[_Body], list[str]]:
 
     Physics throws small things away. Also says of each of them, in words, where it is.
     """
-    low, high = _bounds(bodies)
+    if not bodies:
+        return [], []
+    low, high = _bounds(bodies, np.zeros((0, 2)))
     away, places = np.zeros(len(bodies)), np.zeros((len(bodies), 2))
     for n, body in enumerate(bodies):
         if body.solid.kind != "plane":
@@ -199,14 +232,17 @@ def _within_reach(bodies: list[_Body]) -> tuple[list[_Body], list[str]]:
     away[solid] = np.linalg.norm(places[solid] - np.median(places[solid], axis=0), axis=1)
     typical = np.quantile(away[solid], 1 - MOST_THROWN)
     is_thrown = away > FAR_OUT * typical
-    thrown = [f"something at ({x:.0f}, {y:.0f}) m" for x, y in places[is_thrown]]
+    thrown = [_far_out("something", place) for place in places[is_thrown]]
     return [body for body, far in zip(bodies, is_thrown, strict=True) if not far], thrown
 
 
-def _built(path: Path, bodies: list[_Body], is_model: bool) -> ArenaBuilder:
-    """The arena of bodies; what stands on no ground, or is a model alone that is raised, gets a floor."""
+def _built(path: Path, bodies: list[_Body], places: NDArray[np.float64], is_model: bool) -> ArenaBuilder:
+    """The arena of bodies, with room for victims at places (N, 2) m.
+
+    What stands on no ground, or is a model alone that is raised, gets a floor.
+    """
     builder = ArenaBuilder(path.stem)
-    low, high = _bounds(bodies)
+    low, high = _bounds(bodies, places)
     natural = NaturalGround([body.solid.tile for body in bodies if body.solid.tile is not None])
     flat = [body.outline for body in bodies if body.is_seen and body.solid.tile is None]
     ground = ground_of(flat, float(np.prod(high - low))) if flat else None
@@ -240,10 +276,19 @@ def _label(body: _Body, ground: float, natural: NaturalGround) -> Label:
     return label_of(body.outline, ground if below is None else below)
 
 
-def _bounds(bodies: list[_Body]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The lowest and the highest (x, y) m of all bodies but planes, and ``MARGIN`` around them."""
-    corners = [body.corners[:, :2] for body in bodies if body.solid.kind != "plane"]
-    around = np.concatenate(corners or [body.solid.T_world[None, :2, 3] for body in bodies])
+def _bounds(bodies: list[_Body], places: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
+    """The lowest and the highest (x, y) m of all bodies but planes and of places (N, 2) m, with ``MARGIN`` around.
+
+    Where there are planes alone they are as large as the file says, as far as an arena may be. Where there is nothing
+    at all, the margin around the origin is left.
+    """
+    around = np.concatenate([places, *(body.corners[:, :2] for body in bodies if body.solid.kind != "plane")])
+    if not (len(around) or bodies):
+        around = np.zeros((1, 2))
+    if not len(around):
+        around = np.concatenate([body.corners[:, :2] for body in bodies])
+        middle, most = bodies[0].solid.T_world[:2, 3], np.sqrt(MOST_AREA) / 2 - MARGIN
+        around = np.clip(around, middle - most, middle + most)
     return around.min(axis=0) - MARGIN, around.max(axis=0) + MARGIN
 
 
@@ -256,7 +301,7 @@ def _ends_of_planes(low: NDArray[np.float64], high: NDArray[np.float64]) -> tupl
 def _geom(builder: ArenaBuilder, body: _Body, low: NDArray[np.float64], high: NDArray[np.float64]) -> Attributes:
     """The attributes of a body's geom; a level plane reaches from ``low`` to ``high`` (2,) m, where it is of use."""
     solid, T = body.solid, body.solid.T_world
-    if solid.kind == "plane" and T[2, 2] > 1 - LEVEL:
+    if solid.kind == "plane":
         half = (high - low) / 2
         return {"type": "plane", "pos": [*(low + half), T[2, 3]], "size": [*half, solid.size[-1]]}
     if solid.tile is not None:

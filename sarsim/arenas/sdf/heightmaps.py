@@ -11,7 +11,7 @@ from PIL import Image
 from pipeline.arrays import Places, Pose
 from pipeline.errors import InputError
 from pipeline.transforms import from_rotation
-from sarsim.arenas.sdf.resources import Resources, missing
+from sarsim.arenas.sdf.resources import MissingError, Resources
 from sarsim.arenas.sdf.values import child_numbers
 
 if TYPE_CHECKING:
@@ -92,7 +92,7 @@ def tiles_of(form: "Element", T_world: Pose, base: "Path", resources: Resources,
     uri = (form.findtext("uri") or "").strip()
     path = resources.find(uri, base, where)
     if path is None or path.is_dir():
-        raise missing(uri, where)
+        raise MissingError(uri, where)
     if path.suffix.lower() not in PICTURES:
         raise InputError(f"{where}: {path} is not a heightmap that is read: {', '.join(PICTURES)}")
     size = child_numbers(form, "size", (1.0, 1.0, 1.0), where)

@@ -46,7 +46,7 @@ def places_of(population: "Element", where: str) -> Places:
         radius, length = _positive(cylinder, "radius", 1, where)[0], _positive(cylinder, "length", 1, where)[0]
         points = _in_cylinder(radius, length, count if kind == "random" else MOST_POINTS, rng)
         return middle + (points if kind == "random" else _spread(points, count, rng)) @ turn.T
-    raise InputError(f"{where}: no <box> or <cylinder> that the distribution {kind[:20]!r} can fill")
+    raise InputError(f"{where}: it has no <box> or <cylinder>, or a <type> of <distribution> that does not fit it")
 
 
 def _grid(population: "Element", where: str) -> tuple[Places, NDArray[np.float64]]:

@@ -25,12 +25,25 @@ _PACKAGE = "package.xml"
 """The file that makes a folder a package of ROS."""
 _DEEPEST = 20  # ends of a path that are looked for
 _PACKAGE_LEVELS = 3  # A package may be so many folders above the world that it holds
+_MOST_PACKAGES = 200  # beside it that are looked into
+_INSIDE = ("models", "media/models", "Media/models")
+"""Folders of a package, or of one that a variable names, in which Gazebo looks, too."""
 
 
-def missing(uri: str, where: str) -> InputError:
-    """The error that a file or a folder is nowhere."""
-    places = f"the folders of the world and of {' and '.join(VARIABLES[:2])}"
-    return InputError(f"{where}: {' '.join(uri.split())[:200] or 'an empty <uri>'} is in none of {places}")
+PLACES = f"the folders of the world, {' and '.join(VARIABLES[:2])}"
+"""Where a world's files are looked for, in words."""
+
+
+class MissingError(InputError):
+    """A file or a folder is nowhere.
+
+    Attributes:
+        uri: by which it was looked for.
+    """
+
+    def __init__(self, uri: str, where: str):
+        self.uri = " ".join(uri.split())[:200] or "an empty <uri>"
+        super().__init__(f"{where}: {self.uri} is in none of {PLACES}")
 
 
 _OUTSIDE = Path("..")
@@ -59,11 +72,11 @@ class Resources:
     """Finds and reads the files of one world.
 
     A ``model://`` or ``package://`` URI is looked for in the world's folder, in ``models`` there and beside it, in
-    the ROS package that holds the world, and in the folders that Gazebo's own environment variables name; then around
-    the file that names it. A path is one inside the folder of that file; if it is not there, as one of another
-    machine, its end is looked for in the folders of models. Names that differ in upper and lower case alone are the
-    same. Nothing outside these folders is read, and nothing is fetched from the net: an online model is looked for by
-    its name.
+    the ROS package that holds the world and those beside it, and in the folders that Gazebo's own environment
+    variables name; then around the file that names it. A path is one inside the folder of that file; if it is not
+    there, as one of another machine, its end is looked for in the folders of models. Names that differ in upper and
+    lower case alone are the same. Nothing outside these folders is read, and nothing is fetched from the net: an
+    online model is looked for by its name.
     """
 
     def __init__(self, world: Path):
@@ -73,22 +86,29 @@ class Resources:
         self._size = 0
         self._read: dict[Path, bytes] = {}
         self._parsed: dict[Path, Element] = {}
-        self._packages = {home.parent.name: home.parent} | self._package_of(home)
+        self._packages = {home.parent.name: home.parent} | self._packages_around(home)
         beside = [home, home / "models", home.parent / "models"]
-        inside = [package / name for package in self._packages.values() for name in ("models", "")]
+        around = [*self._packages.values(), *named]
+        inside = [folder / name for folder in around for name in (*_INSIDE, "")]
         inside = [folder for folder in inside if folder != home.parent or (folder / _PACKAGE).is_file()]
-        self._folders = list(dict.fromkeys(folder.resolve() for folder in (*beside, *inside, *named)))
+        folders = dict.fromkeys(folder.resolve() for folder in (*beside, *inside))
+        self._folders = [folder for folder in folders if folder.is_dir()]
 
-    def _package_of(self, home: Path) -> dict[str, Path]:
-        """The package that holds a folder, by its name; nothing if none does."""
-        for folder in (home, *home.parents[:_PACKAGE_LEVELS]):
-            if (folder / _PACKAGE).is_file():
-                try:
-                    name = (self.parse(folder / _PACKAGE).findtext("name") or "").strip()
-                except InputError:
-                    name = ""
-                return {name or folder.name: folder}
-        return {}
+    def _packages_around(self, home: Path) -> dict[str, Path]:
+        """The package that holds a folder and those beside that one, by their names; nothing if none does."""
+        holding = (folder for folder in (home, *home.parents[:_PACKAGE_LEVELS]) if (folder / _PACKAGE).is_file())
+        package = next(holding, None)
+        if package is None:
+            return {}
+        others = sorted(file.parent for file in package.parent.glob(f"*/{_PACKAGE}"))[:_MOST_PACKAGES]
+        return {self._package_name(folder): folder for folder in (*others, package)}
+
+    def _package_name(self, folder: Path) -> str:
+        try:
+            name = (self.parse(folder / _PACKAGE).findtext("name") or "").strip()
+        except InputError:
+            name = ""
+        return name or folder.name
 
     def find(self, uri: str, base: Path, where: str) -> Path | None:
         """The file or folder that a URI names in a file of folder ``base``; None if there is none.
@@ -158,7 +178,7 @@ class Resources:
     def _ends(self, path: str) -> Iterator[tuple[Path, str]]:
         """The ends of a path of another machine or folder, a folder and a file at least, in the folders of models."""
         parts = [part for part in Path(path).parts if part != "/"]
-        for start in range(1, 0 if ".." in parts else min(len(parts) - 1, _DEEPEST)):
+        for start in range(0 if ".." in parts else min(len(parts) - 1, _DEEPEST)):
             yield from ((folder, "/".join(parts[start:])) for folder in self._folders)
 
     def parse(self, path: Path) -> "Element":

@@ -16,7 +16,7 @@ from sarsim.arenas.sdf.colours import Colour
 from sarsim.arenas.sdf.heightmaps import BASE, GroundTile, tiles_of
 from sarsim.arenas.sdf.meshes import Meshes, MeshSurface
 from sarsim.arenas.sdf.pieces import MeshPiece, extruded, pieces_of
-from sarsim.arenas.sdf.resources import missing
+from sarsim.arenas.sdf.resources import MissingError
 from sarsim.arenas.sdf.values import child_numbers, numbers
 from sarsim.arenas.sdf.world import LEFT_OUT, SdfShape
 from sarsim.ground_truth.columns import ENDLESS, SEGMENTS
@@ -26,6 +26,8 @@ if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
 
 THINNEST = 1e-4  # m, half size of what the file makes flat: MuJoCo has no flat solids
+PLATE = 0.005  # m, half thickness of a plane that is not level
+LEVEL = 1e-9  # A plane's normal with 1 − z below this points up
 PLANE = 0.1  # m between the lines of a plane's grid, which MuJoCo asks for
 
 
@@ -88,7 +90,7 @@ class SolidReader:
         centred = (form.findtext("submesh/center") or "").strip() in ("true", "1")
         path = self._files.resources.find(uri, shape.base, shape.where)
         if path is None or path.is_dir():
-            raise missing(uri, shape.where)
+            raise MissingError(uri, shape.where)
         key = (path, *scale, submesh, centred)
         if key not in self._pieces:
             surfaces = [s for s in self._files.surfaces(path) if submesh in ("", s.name)]
@@ -168,7 +170,7 @@ def _ground(tile: GroundTile, colour: Colour | None) -> Solid:
 
 
 def _plane(form: "Element", shape: SdfShape) -> Solid:
-    """A plane that faces along its normal; only its size in the file is drawn, and it ends nowhere."""
+    """A plane that faces along its normal: it ends nowhere; one that is not level becomes a plate of its size."""
     normal = child_numbers(form, "normal", (0.0, 0.0, 1.0), shape.where)
     if not normal.any():
         raise InputError(f"{shape.where}: the normal of a <plane> is zero")
@@ -180,7 +182,11 @@ def _plane(form: "Element", shape: SdfShape) -> Solid:
     x = np.cross([0.0, 1.0, 0.0], z) if abs(z[1]) < 0.9 else np.cross([0.0, 0.0, 1.0], z)
     x /= np.linalg.norm(x)
     T = shape.T_world @ from_rotation(np.column_stack([x, np.cross(z, x), z]), np.zeros(3))
-    return Solid("plane", np.array([*half, PLANE]), T, SQUARE * [*half, 0], None, shape.colour)
+    if T[2, 2] > 1 - LEVEL:
+        return Solid("plane", np.array([*half, PLANE]), T, SQUARE * [*half, 0], None, shape.colour)
+    size = np.array([*half, PLATE])
+    behind = T @ from_rotation(np.eye(3), (0.0, 0.0, -PLATE))
+    return Solid("box", size, behind, CUBE * size, None, shape.colour)
 
 
 _PRIMITIVES: dict[str, Callable[..., Solid]] = {

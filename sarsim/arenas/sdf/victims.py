@@ -24,7 +24,7 @@ def victims_of(world: SdfWorld) -> list[SdfModel]:
     victims = list[SdfModel]()
     for model in world.models():
         is_inside = any(model.scoped.startswith(f"{victim.scoped}::") for victim in victims)
-        if not is_inside and is_victim(_called(model)):
+        if not is_inside and not model.is_empty and is_victim(_called(model)):
             victims.append(model)
     return victims
 
@@ -40,6 +40,7 @@ def add_victims(builder: ArenaBuilder, path: Path, world: SdfWorld, victims: lis
     Raises:
         InputError: they have too many shapes.
     """
+    unseen = list[SdfModel]()
     for victim, solids in zip(victims, _solids_of(world, victims), strict=True):
         if len(solids) > MOST_GEOMS:
             raise InputError(f"{path}: {victim.name} has {len(solids)} shapes, at most {MOST_GEOMS} are built")
@@ -48,8 +49,13 @@ def add_victims(builder: ArenaBuilder, path: Path, world: SdfWorld, victims: lis
             geoms = [(_geom(builder, solid, origin), solid.colour) for solid in solids]
             builder.add_victim(origin, geoms, state_of(_called(victim)))
         else:
-            _log.warning("%s: %s has no shape that can be read; a person lies in its place", path, victim.name)
+            unseen.append(victim)
             add_person(builder, _pose(victim))
+    if unseen:
+        names = ", ".join(victim.name for victim in unseen)
+        _log.warning(
+            "%s: a person lies in the place of each victim without a shape that can be read: %s", path, names
+        )
 
 
 def _solids_of(world: SdfWorld, victims: list[SdfModel]) -> list[list[Solid]]:

@@ -28,6 +28,10 @@ class Window:
     low: NDArray[np.float64]
     high: NDArray[np.float64]
 
+    def holds(self, place: NDArray[np.float64]) -> bool:
+        """Whether a place (2,) m lies in it."""
+        return bool(((self.low <= place) & (place <= self.high)).all())
+
     def __str__(self) -> str:
         x, y = self.high - self.low
         return f"{x:.0f} × {y:.0f} m around ({', '.join(f'{v:.0f}' for v in (self.low + self.high) / 2)}) m"

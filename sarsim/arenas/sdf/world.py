@@ -29,7 +29,7 @@ from sarsim.arenas.sdf.frames import MODEL, Frames
 from sarsim.arenas.sdf.meshes import Meshes
 from sarsim.arenas.sdf.model_folders import model_file
 from sarsim.arenas.sdf.population import places_of
-from sarsim.arenas.sdf.resources import Resources, missing
+from sarsim.arenas.sdf.resources import MissingError, Resources
 from sarsim.arenas.sdf.state import State, children_of, world_state
 from sarsim.arenas.sdf.values import name_of, pose_of, reference_of
 from sarsim.vetting.model_files import MOST_GEOMS, RefusedError
@@ -62,6 +62,7 @@ class SdfModel:
         uri: from where it is included; empty if it stands in the file itself.
         T_world: its pose.
         missing: it has a mesh, or should have come from elsewhere, and nothing of its shapes can be read.
+        is_empty: neither it nor any model in it has a shape, and none is missing.
     """
 
     name: str
@@ -69,6 +70,7 @@ class SdfModel:
     uri: str
     T_world: Pose
     missing: bool
+    is_empty: bool
 
 
 Choice = Callable[[SdfModel], bool]
@@ -100,7 +102,7 @@ class SdfShape:
     where: str
 
 
-_OUTSIDE = SdfModel("", "", "", np.eye(4), False)
+_OUTSIDE = SdfModel("", "", "", np.eye(4), missing=False, is_empty=False)
 """The world itself, as what its models stand in."""
 
 
@@ -117,7 +119,7 @@ class _Model:
     where: str
     frames: Frames
     uri: str = ""
-    lost: str = ""
+    lost: InputError | None = None
     links: dict[str, "Element"] = field(default_factory=dict)
     nested: dict[str, "_Model"] = field(default_factory=dict)
 
@@ -128,7 +130,8 @@ class SdfWorld:
     Attributes:
         left_out: how many elements of each kind of ``LEFT_OUT`` there are.
         is_model: whether the file holds models alone, which stand on nobody's ground.
-        lost: what is wrong with each thing that is missing or broken, in words.
+        lost: what is wrong with each thing that is broken, in words.
+        missing: the URIs of what is nowhere, in the order of the file.
         resources: the world's files.
         meshes: those among them.
     """
@@ -141,6 +144,7 @@ class SdfWorld:
         """
         self.left_out: Counter[str] = Counter()
         self.lost: list[str] = []
+        self.missing: list[str] = []
         self.resources = Resources(path)
         self.meshes = Meshes(self.resources)
         self._models = 0
@@ -164,8 +168,8 @@ class SdfWorld:
         """All shapes, in the order of the file, but those of the models that ``without`` chooses and all in them."""
         for model, placed, state in self._placed(self._world, _OUTSIDE, self._state, without):
             with self.without():
-                if model.lost:
-                    raise InputError(model.lost)
+                if model.lost is not None:
+                    raise model.lost
                 yield from self._own_shapes(model, placed, state)
 
     @contextmanager
@@ -175,13 +179,15 @@ class SdfWorld:
             yield
         except RefusedError:
             raise
+        except MissingError as error:
+            self.missing.append(error.uri)
         except InputError as error:
             self.lost.append(str(error))
 
     def _root(self, path: Path) -> "Element":
         root = self.resources.parse(path)
         if root.tag not in ROOTS:
-            raise InputError(f"{path}: not an SDF file: its root is <{root.tag[:40]}>, not <sdf>")
+            raise InputError(f"{path}: not an SDF file: its root is <{root.tag.rpartition('}')[2][:40]}>, not <sdf>")
         if any(root.find(old) is not None for old in _OLD):
             raise InputError(f"{path}: SDF of a version before 1.3, with poses and sizes as attributes, is not read")
         of_states = {element for state in root.iter("state") for element in state.iter()}
@@ -242,7 +248,7 @@ class SdfWorld:
             raise
         except InputError as error:
             nothing = ElementTree.fromstring("<model/>")
-            absent = _Model(name or _last(uri), nothing, model.base, where, Frames(where), uri=uri, lost=str(error))
+            absent = _Model(name or _last(uri), nothing, model.base, where, Frames(where), uri=uri, lost=error)
             _nest(model, include, include, absent)
             return
         if included is not None:  # a file may hold a light alone
@@ -256,7 +262,7 @@ class SdfWorld:
         if path is None:
             shipped = _SHIPPED.get(_last(uri).lower().replace(" ", "_"))
             if shipped is None:
-                raise missing(uri, where)
+                raise MissingError(uri, where)
             return ElementTree.fromstring(shipped), files[-1]
         path = model_file(self.resources, path)
         if path in files:
@@ -283,13 +289,14 @@ class SdfWorld:
                 if own.pose is not None:
                     T = pose_of(own.pose, f"{nested.where}, <state>")
                 scoped = f"{outside.scoped}::{name}".removeprefix("::")
-                placed = SdfModel(nested.name, scoped, nested.uri, T, self._is_missing(nested))
+                missing, is_empty = self._is_missing(nested), _is_empty(nested)
+                placed = SdfModel(nested.name, scoped, nested.uri, T, missing, is_empty)
                 if not without(placed):
                     yield from self._placed(nested, placed, own, without)
 
     def _is_missing(self, model: _Model) -> bool:
         """Whether a model should have a shape and nothing of its shapes can be read."""
-        shapes = [*model.element.iterfind("link/collision"), *model.element.iterfind("link/visual")]
+        shapes = _shapes_in(model)
         return not model.nested and bool(shapes or model.lost) and not any(self._is_read(s, model) for s in shapes)
 
     def _is_read(self, shape: "Element", model: _Model) -> bool:
@@ -317,7 +324,7 @@ class SdfWorld:
         self, model: _Model, name: str, link: "Element", placed: SdfModel, where: str
     ) -> Iterator[SdfShape]:
         solid, visuals = (
-            [shape for shape in link.findall(tag) if shape.find("geometry") is not None]
+            [shape for shape in link.findall(tag) if shape.find("geometry") is not None and not _is_invisible(shape)]
             for tag in ("collision", "visual")
         )
         is_solid, is_seen = (any(self._is_read(shape, model) for shape in shapes) for shapes in (solid, visuals))
@@ -333,10 +340,28 @@ class SdfWorld:
                 yield SdfShape(placed.scoped, geometry, T, colour, model.base, place)
 
 
+def _shapes_in(model: _Model) -> "list[Element]":
+    """The shapes of the links of a model."""
+    return [*model.element.iterfind("link/collision"), *model.element.iterfind("link/visual")]
+
+
+def _is_empty(model: _Model) -> bool:
+    """Whether a model has no shape, nor does any model in it, and none is missing."""
+    return not (_shapes_in(model) or model.lost) and all(_is_empty(nested) for nested in model.nested.values())
+
+
 def _framed(model: _Model, child: "Element", name: str, where: str, owner: str) -> str:
     """Add the frame of a link, a joint or a frame, whose pose is relative to ``owner`` by default."""
     parent = reference_of(child, owner)
     return model.frames.add(name, pose_of(child, where), parent.relative_to, otherwise=parent.otherwise)
+
+
+def _is_invisible(shape: "Element") -> bool:
+    """Whether a visual shape is wholly transparent."""
+    try:
+        return float(shape.findtext("transparency") or 0.0) >= 1
+    except ValueError:
+        return False
 
 
 def _nest(model: _Model, owner: "Element", placed: "Element", nested: _Model) -> None:

@@ -44,6 +44,7 @@ def test_the_content_is_what_stands_there(tmp_path):
     assert [(e.tag, e.text) for e in root] == [("d", "café & &foo;")]
     assert read(tmp_path, b"<a><gz:b c:d='1'/><e/></a>")[1].tag == "e"
     assert read(tmp_path, b"<a><!-- <b/> -- --><![CDATA[<c> & ]]></a>").text == "<c> & "
+    assert [e.tag for e in read(tmp_path, b"<a><b></b><c/></a>\n<d><e/></d> notes & such").iter()] == ["a", "b", "c"]
 
 
 @pytest.mark.parametrize(

@@ -123,3 +123,38 @@ def test_numbers_behind_a_pose_and_a_plane_beyond_all_bounds_do_no_harm(tmp_path
     plane = "<collision name='c'><geometry><plane><size>1e6 1e6</size></plane></geometry></collision>"
     arena = Compiled(write(tmp_path, model("g", plane), model("m", box(1, 1, 1), pose="1 0 0.5 0 0 0 7 8")))
     assert arena.ray(1, 0, 5, along=DOWN) == pytest.approx(4, abs=MM)
+
+
+def plane(x, y, more="", tag="collision"):
+    """A link's shape of a plane of x × y m."""
+    return f"<{tag} name='p'><geometry><plane><size>{x} {y}</size>{more}</plane></geometry></{tag}>"
+
+
+def test_a_world_of_a_plane_alone_is_a_floor_of_its_size(tmp_path):
+    arena = Compiled(write(tmp_path, model("ground", plane(30, 20), pose="5 0 0 0 0 0")))
+    for x, y in ((19, 9), (-9, -9)):
+        assert arena.ray(x, y, 5, along=DOWN) == pytest.approx(5, abs=MM)
+    large = write(tmp_path, model("ground", plane(5000, 5000)), include("model://gone"), name="b.world")
+    (ground,) = Compiled(large).model.geom_size
+    assert 60**2 < 4 * np.prod(ground[:2]) <= MOST_AREA
+
+
+def test_a_plane_that_stands_upright_far_away_stops_no_world(tmp_path, caplog):
+    """As the rim of a sea does; as near, it is a plate of its size."""
+    rim = [model(f"r{x}", plane(500, 7), pose=f"{x} 0 0 1.5708 0 1.5708") for x in (-250, 250)]
+    sign = model("sign", plane(4, 2), pose="3 0 1 1.5707963 0 1.5707963")
+    arena, (line,) = lines_of(write(tmp_path, PLANE, *rim, sign, model("m", box(1, 1, 1))), caplog)
+    assert "500" in line
+    assert arena.ray(0, 1.5, 1.5, along=(1, 0, 0)) == pytest.approx(3, abs=0.01 + MM)
+    assert arena.ray(0, 2.5, 1.5, along=(1, 0, 0)) == -1
+
+
+def test_what_is_wholly_transparent_is_not_there(tmp_path):
+    water = plane(3e5, 3e5, tag="visual").replace("</geometry>", "</geometry><transparency>1.0</transparency>")
+    arena = Compiled(write(tmp_path, model("water", water), model("bottom", plane(9, 9), pose="0 0 -99 0 0 0")))
+    assert arena.ray(0, 0, 5, along=DOWN) == pytest.approx(104, abs=MM)
+
+
+def test_the_league_names_its_worlds_like_models(tmp_path):
+    path = write(tmp_path, PLANE, model("m", box(1, 1, 1)), name="RoboCup.model")
+    assert load_arena(str(path)).mjcf_model.find_all("geom")

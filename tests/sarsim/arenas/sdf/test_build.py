@@ -237,9 +237,17 @@ def test_all_that_is_missing_is_named_once_in_one_line(tmp_path, caplog):
     assert [line.count(name) for name in ("pump", "tank", "b.stl")] == [1, 1, 1]
 
 
-def test_where_nothing_is_left_the_world_is_refused(tmp_path):
-    with pytest.raises(InputError, match=r"a\.world.*pump"):
-        build_sdf(write(tmp_path, include("pump"), include("tank")))
+def test_a_world_of_which_all_models_are_missing_is_an_empty_floor(tmp_path, caplog):
+    with caplog.at_level(logging.WARNING):
+        floor = Compiled(write(tmp_path, include("pump"), include("tank")))
+    (line,) = caplog.messages
+    assert "pump" in line and "tank" in line
+    assert floor.ray(1, 1, 5, along=DOWN) == pytest.approx(5, abs=MM)
+
+
+def test_a_world_in_which_there_never_was_anything_is_refused(tmp_path):
+    with pytest.raises(InputError, match=r"a\.world"):
+        build_sdf(write(tmp_path))
 
 
 def test_what_may_harm_still_refuses_the_whole(tmp_path):

@@ -82,7 +82,7 @@ def test_a_file_is_looked_for_around_the_one_that_names_it(tmp_path):
 def test_an_absolute_path_of_another_machine_is_looked_for_by_its_end(tmp_path):
     path = put(tmp_path / "models" / "tree" / "a.stl")
     resources = Resources(tmp_path / "w.sdf")
-    for uri in (f"file://{path}", str(path), "file:///home/somebody/.gazebo/models/tree/a.stl"):
+    for uri in (f"file://{path}", str(path), "file:///home/somebody/.gazebo/models/tree/a.stl", "/tree/a.stl"):
         assert resources.find(uri, tmp_path, "") == path
     lines = write(tmp_path, model("m", box(1, 1, 1)), include("file:///etc/passwd"))
     assert "outside the folders" in "".join(said(lines))
@@ -103,6 +103,28 @@ def test_a_package_is_known_by_its_name_whatever_its_folder_is_called(tmp_path):
         for uri in ("package://office/meshes/a.stl", "model://office/meshes/a.stl", "model://meshes/a.stl"):
             assert resources.find(uri, world.parent, "") == path
         assert resources.find("model://tree/b.stl", world.parent, "") == other
+
+
+def test_packages_beside_the_worlds_and_their_media_are_looked_into(tmp_path, monkeypatch):
+    for name in ("worlds", "elements"):
+        put(tmp_path / "src" / name / "package.xml", f"<package><name>{name}</name></package>")
+    here = put(tmp_path / "src" / "elements" / "Media" / "models" / "wall.dae")
+    secret, named = (
+        put(tmp_path / "src" / "other" / "secret.dae"),
+        put(tmp_path / "gz" / "media" / "models" / "b.dae"),
+    )
+    monkeypatch.setenv("GAZEBO_RESOURCE_PATH", str(tmp_path / "gz"))
+    base = tmp_path / "src" / "worlds" / "worlds"
+    resources = Resources(base / "a.world")
+    for uri in (
+        "file://wall.dae",
+        "model://elements/Media/models/wall.dae",
+        "package://elements/media/models/wall.dae",
+    ):
+        assert resources.find(uri, base, "") == here
+    assert resources.find("file://b.dae", base, "") == named
+    with pytest.raises(InputError, match=r"secret\.dae"):
+        resources.find(f"../../other/{secret.name}", base, "")
 
 
 def test_an_online_model_is_found_as_gazebo_keeps_it(tmp_path, monkeypatch):
@@ -179,10 +201,17 @@ def test_a_file_with_much_in_it_is_read_as_gazebo_does_and_says_so(tmp_path):
     assert "'v'" in said(path)[0] or "v, <model> c" in said(path)[0]
 
 
-def test_a_missing_mesh_or_model_is_named(tmp_path):
+def test_a_missing_mesh_or_model_is_named(tmp_path, caplog):
     shape = "<collision name='c'><geometry><mesh><uri>model://a/b.dae</uri></mesh></geometry></collision>"
-    refused(write(tmp_path, model("m", shape)), "<collision> c: model://a/b.dae is in none of the folders")
-    refused(write(tmp_path, include("model://pump")), "<include>: model://pump is in none of the folders")
+    for parts, names in (
+        ([model("m", shape)], "model://a/b.dae "),
+        ([include("model://pump")], "model://pump "),
+        ([include(f"model://{name}") for name in "abab"], "2 things: model://a, model://b "),
+    ):
+        caplog.clear()
+        build_sdf(write(tmp_path, *parts))
+        (line,) = caplog.messages
+        assert names in line and "GAZEBO_MODEL_PATH" in line
     (tmp_path / "pump").mkdir()
     with pytest.raises(InputError, match=r"pump/model\.sdf"):
         build_sdf(write(tmp_path, include("model://pump")))

@@ -75,6 +75,48 @@ def test_a_person_lies_where_the_mesh_is_missing(
     assert len([r for r in caplog.records if "victim" in r.getMessage()]) == 2  # the person, and its state
 
 
+def test_a_victim_of_no_shape_at_all_is_none(tmp_path: Path) -> None:
+    """As where somebody took the tags off the state that Gazebo saved: its models are names and poses alone."""
+    saved = (
+        "<model name='victim_hot'><pose>1 1 0 0 0 0</pose><link name='l'><pose>1 1 0.2 0 0 0</pose></link></model>"
+    )
+    (victim,) = loaded(world(tmp_path, f"{saved}<model name='victim_hot'>{LYING}</model>"))[1]
+    np.testing.assert_allclose(victim.centre[:2], (0, 0), atol=1e-3)
+
+
+def test_victims_beyond_what_is_built_of_a_large_world_are_named(
+    tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    road = GROUND.replace("12 8 0.2", "400 300 0.2")
+    victims = [
+        f"<model name='{n}_victim'><pose>{x} 0 0 0 0 0</pose>{LYING}</model>" for n, x in (("a", 5), ("b", 150))
+    ]
+    victims.append("<include><uri>model://victim</uri><name>c</name><pose>0 -120 0 0 0 0</pose></include>")
+    path = world(tmp_path, "".join(victims))
+    path.write_text(path.read_text().replace(GROUND, road))
+    with caplog.at_level(logging.WARNING):
+        (victim,) = loaded(path)[1]
+    assert victim.centre[0] == pytest.approx(5, abs=1e-3)
+    assert any("b_victim at (150, 0)" in line and "c at (0, -120)" in line for line in caplog.messages)
+
+
+def test_ground_reaches_to_the_victims(tmp_path: Path) -> None:
+    """Also where the building around them is missing."""
+    plane = "<include><uri>model://ground_plane</uri></include>"
+    path = world(tmp_path, "<include><uri>model://victim</uri><pose>20 30 0 0 0 0</pose></include>")
+    path.write_text(path.read_text().replace(GROUND, plane + GROUND.replace("12 8 0.2", "1 1 0.2")))
+    model, _ = loaded(path)
+    (ground,) = np.flatnonzero(model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE)
+    assert (model.geom_pos[ground, :2] + model.geom_size[ground, :2] >= (21, 31)).all()
+
+
+def test_victims_alone_lie_on_a_floor(tmp_path: Path) -> None:
+    path = world(tmp_path, f"<include><uri>model://hall</uri></include><model name='victim_hot'>{LYING}</model>")
+    path.write_text(path.read_text().replace(GROUND, ""))
+    model, (victim,) = loaded(path)
+    assert victim.state == "alive" and (geom_labels(model) == Label.TERRAIN).any()
+
+
 def test_victims_in_a_victim_are_one(tmp_path: Path) -> None:
     inner = f"<model name='victim_arm'>{LYING}</model>"
     assert len(loaded(world(tmp_path, f"<model name='victim'>{LYING}{inner}</model>"))[1]) == 1

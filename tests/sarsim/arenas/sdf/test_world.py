@@ -62,4 +62,4 @@ def test_what_is_missing_of_a_model_left_out_is_no_loss(tmp_path):
     for choice, count in ((lambda m: False, 1), (lambda m: m.name == "victim_cold", 0)):
         world = SdfWorld(path)
         list(world.shapes(without=choice))
-        assert sum("gone" in said for said in world.lost) == count
+        assert sum("gone" in uri for uri in world.missing) == count

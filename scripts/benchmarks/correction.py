@@ -130,16 +130,11 @@ def _contents(mapper: Mapper) -> Iterator[NDArray]:
 
 def _bytes(mapper: Mapper) -> int:
     """Bytes of all that is kept of the keyframes: for the maps, the segments, the victims and the localisation."""
-    return (
-        kept_bytes(mapper.keyframes)
-        + sum(
-            array.nbytes
-            for part in (*mapper.segments.members, *(s for v in mapper.victims.all for s in v.seen))
-            for array in vars(part).values()
-            if isinstance(array, np.ndarray)
-        )
-        + sum(array.nbytes for array in vars(mapper.localisation.keyframes()).values())
-    )
+    saved = mapper.localisation.keyframes()
+    sightings = (sighting for victim in mapper.victims.all for sighting in victim.seen)
+    parts = (*mapper.segments.members, *sightings, saved, saved.odometry)
+    arrays = (value for part in parts for value in vars(part).values() if isinstance(value, np.ndarray))
+    return kept_bytes(mapper.keyframes) + sum(array.nbytes for array in arrays)
 
 
 def kept_bytes(keyframes: Keyframes) -> int:

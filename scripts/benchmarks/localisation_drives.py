@@ -202,8 +202,11 @@ class _Recorder(Sink):
             self.take(self._robot.sense())
 
     def take(self, frame: Frame) -> None:
-        """Write a frame that was just taken, with the pose by wheel odometry, unless one of this time was written."""
+        """Write a frame with the pose by wheel odometry, unless it was written or the robot has moved on.
+
+        A robot that decides while it rolls may have come to rest since the frame was taken.
+        """
         pose = self._robot.trajectory[-1]
-        if pose.time > self._last.time or not len(self._writer):
+        if pose.time == frame.time and (pose.time > self._last.time or not len(self._writer)):
             self._writer.write(replace(frame, T_odom_base=self._robot.T_wheel_base), pose.T_world_base)
             self._last = pose

@@ -10,6 +10,7 @@ from pipeline.transforms import from_yaw, inverse
 from sarsim.ground_truth.true_surface import TrueSurface
 from sarsim.settings import EpisodeConfig
 from scripts.benchmarks.localisation_drives import SPACING, TURN, DriveJob, DriveReader, DriveWriter, record_job
+from tests.sarsim.rooms import room
 
 SURFACE = TrueSurface(
     Grid(np.array([-3, 2]), 0.05, (4, 3)), np.zeros((4, 3)), np.ones((4, 3), bool), np.eye(4, 3) > 0
@@ -75,6 +76,17 @@ def test_a_recorded_drive_has_the_wheels_poses_beside_the_true_ones(tmp_path):
         assert all(np.linalg.norm(T[:2, 3]) < 2 * SPACING and np.arctan2(T[1, 0], T[0, 0]) < 2 * TURN for T in moved)
         assert drive.surface.drivable.any()
         assert drive.frame(0).depth.any()
+
+
+def test_a_drive_that_ends_because_all_is_seen_has_each_frame_with_its_own_pose(tmp_path):
+    """The robot still rolls when it decides so."""
+    (tmp_path / "room.xml").write_text(room((-0.8, 4), (-0.8, 0.8)))
+    config = EpisodeConfig(arena=str(tmp_path / "room.xml"), labels="truth", detector=None)
+    job = DriveJob("room", "ours", config, 1000)
+    record_job(job, tmp_path)
+    with DriveReader(tmp_path / f"{job.name}.h5") as drive:
+        assert (np.diff(drive.time) > 0).all()
+        assert len(drive) == job.result(tmp_path)["frames"] < 1000
 
 
 def test_a_drive_depends_on_its_length_but_on_no_network():

@@ -12,7 +12,7 @@ from pipeline.files import check_folder
 from sarsim.arenas.names import check_arena_name
 from sarsim.commands.cli import progress
 from sarsim.commands.settings import run_with_settings, save_settings
-from sarsim.dataset.settings import RANDOM, DatasetConfig, HarderDatasetConfig
+from sarsim.dataset.settings import RANDOM, DatasetConfig, HarderDatasetConfig, check
 from sarsim.flags import Given
 from sarsim.jobs.engines import make_engine
 from sarsim.opengl import check_rendering
@@ -48,9 +48,9 @@ def generate_dataset(settings: GenerateDataset) -> None:
     """Generate a dataset, or the missing part of one, and print its folder."""
     if settings.harder and not isinstance(settings, GenerateHarder):
         raise InputError("harder: only the flag --harder chooses the harder mix; a --config file names its values")
-    for flag, count in {"scenes": settings.scenes, "workers": settings.workers}.items():
-        if count is not None and count < 1:
-            raise InputError(f"--{flag} {count}: must be at least 1")
+    check("scenes", settings.scenes, 1)
+    if settings.workers is not None:
+        check("workers", settings.workers, 1)
     for arena in {*settings.arenas} - {RANDOM}:
         check_arena_name(arena)
     from sarsim.arenas.load import load_arena

@@ -283,9 +283,9 @@ def _bounds(bodies: list[_Body], places: NDArray[np.float64]) -> tuple[NDArray[n
     at all, the margin around the origin is left.
     """
     around = np.concatenate([places, *(body.corners[:, :2] for body in bodies if body.solid.kind != "plane")])
-    if not (len(around) or bodies):
+    if not len(around) and not bodies:
         around = np.zeros((1, 2))
-    if not len(around):
+    elif not len(around):
         around = np.concatenate([body.corners[:, :2] for body in bodies])
         middle, most = bodies[0].solid.T_world[:2, 3], np.sqrt(MOST_AREA) / 2 - MARGIN
         around = np.clip(around, middle - most, middle + most)

@@ -200,9 +200,14 @@ class Moves(NamedTuple):
         return cls(ways, turns, reach, noticeable)
 
     @property
+    def in_view(self) -> Values:
+        """m that each keyframe, or what it sees at the end of its view, moved."""
+        return np.maximum(self.ways, self.turns * self.reach)
+
+    @property
     def are_noticeable(self) -> Mask:
         """Which keyframes, or what they see at the end of their view, moved noticeably."""
-        return np.maximum(self.ways, self.turns * self.reach) > self.noticeable
+        return self.in_view > self.noticeable
 
 
 class Keyframes:
@@ -276,11 +281,14 @@ class Keyframes:
         poses = np.array(T_map_base, np.float64)
         if poses.shape != self.poses.shape or not are_poses(poses):
             raise InputError(f"a correction must give each of {len(self)} keyframes {POSE}")
-        limits = self._reach, self._noticeable
-        stays = ~Moves.between(self.poses, poses, *limits).are_noticeable
+        stays = ~self.moves_to(poses).are_noticeable
         poses[stays] = self.poses[stays]
-        moves, self.poses = Moves.between(self.poses, poses, *limits), poses
+        moves, self.poses = self.moves_to(poses), poses
         return moves
+
+    def moves_to(self, T_map_base: Poses) -> Moves:
+        """How far the keyframes are from poses."""
+        return Moves.between(self.poses, T_map_base, self._reach, self._noticeable)
 
 
 @dataclass(frozen=True, eq=False)

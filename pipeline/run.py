@@ -93,7 +93,7 @@ class Run:
         times = sim_time, perf_counter() - self._wall_begin
         result = Result(self.parts.folder, self.mapper, trajectory, steps, *times, figures, self.report)
         phases: list[tuple[str, Callable[[], object]]] = (
-            [("correcting the maps", self.mapper.settle)] if steps else []
+            [("correcting the maps", partial(self.mapper.settle, waits=False))] if steps else []
         )
         # A sink of the user's own need not say what it does.
         phases += [

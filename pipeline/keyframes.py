@@ -278,17 +278,17 @@ class Keyframes:
         Raises:
             InputError: there is not one rigid pose for every keyframe; all then stay where they are.
         """
-        poses = np.array(T_map_base, np.float64)
-        if poses.shape != self.poses.shape or not are_poses(poses):
-            raise InputError(f"a correction must give each of {len(self)} keyframes {POSE}")
-        stays = ~self.moves_to(poses).are_noticeable
+        stays, poses = ~self.moves_to(T_map_base).are_noticeable, np.array(T_map_base, np.float64)
         poses[stays] = self.poses[stays]
         moves, self.poses = self.moves_to(poses), poses
         return moves
 
     def moves_to(self, T_map_base: Poses) -> Moves:
-        """How far the keyframes are from poses."""
-        return Moves.between(self.poses, T_map_base, self._reach, self._noticeable)
+        """How far the keyframes are from poses; InputError as :meth:`place`."""
+        poses = np.asarray(T_map_base, np.float64)
+        if poses.shape != self.poses.shape or not are_poses(poses):
+            raise InputError(f"a correction must give each of {len(self)} keyframes {POSE}")
+        return Moves.between(self.poses, poses, self._reach, self._noticeable)
 
 
 @dataclass(frozen=True, eq=False)

@@ -105,9 +105,12 @@ class Explorer:
             return "shut_in"
         return "not_worth_it" if left else "nothing_left"
 
-    def settle(self) -> bool:
-        """Correct the keyframes' poses, the maps and all places in them; True if any moved noticeably."""
-        moves = self.mapper.settle()
+    def settle(self, waits: bool = True) -> bool:
+        """Correct the keyframes' poses, the maps and all places in them; True if the maps changed.
+
+        ``waits``: whether the maps wait until a correction is due.
+        """
+        moves = self.mapper.settle(waits)
         self.pilot.correct()
         return moves is not None
 

@@ -271,7 +271,7 @@ class ExplorerRun(Run, ABC):
         was_waiting, self._waits = self._waits, step.plan is None
         if step.plan is None:
             # Closing a loop merges doubled walls, which may have cut off the area behind them.
-            return explorer.settle() and not was_waiting
+            return explorer.settle(waits=False) and not was_waiting
         if not explorer.drive(step):
             leg = pilot.newest_leg
             line = f"leg to {place_name(leg.target)} ended: {leg.outcome.value}"

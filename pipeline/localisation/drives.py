@@ -18,7 +18,7 @@ class Drives(NamedTuple):
         end: (M,) number of the keyframe at the end of each motion; it begins at the one before.
         T: (M, 4, 4) the motions as measured.
         turn: (M, 3) see :class:`MeasuredMotion`, as ``moves``, ``turns`` and ``jacobian``.
-        whitening: (M, 6, 6) roots of their information.
+        whitening: (M, 6, 6) roots of their information: with it, every residual has a standard deviation of 1.
     """
 
     end: Indices
@@ -42,7 +42,10 @@ class Drives(NamedTuple):
         return Drives(*(np.concatenate([those, np.array([this])]) for those, this in zip(self, last, strict=True)))
 
     def residuals(self, poses: Poses, errors: Values) -> NDArray[np.float64]:
-        """(M, 6) whitened deviations of keyframes' poses from the motions corrected by systematic errors (5,)."""
+        """(M, 6) how far keyframes' poses are from the motions corrected by systematic errors (5,).
+
+        In rad and m, in the tangent after each motion, times its ``whitening``.
+        """
         R = Rotation.from_rotvec(self.turn + self.turns @ errors).as_matrix().swapaxes(1, 2)
         between = self._between(poses)
         turned = Rotation.from_matrix(R @ between[:, :3, :3]).as_rotvec()
@@ -50,7 +53,10 @@ class Drives(NamedTuple):
         return np.asarray(np.squeeze(self.whitening @ np.concatenate([turned[..., None], moved], axis=1), -1))
 
     def jacobians(self, poses: Poses) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """Derivatives (M, 6, 6 or 5) of the residuals by the poses before and after, and by the systematic errors."""
+        """Derivatives (M, 6, 6 or 5) of the residuals by the poses before and after, and by the systematic errors.
+
+        Those by a pose are per rad and m in its tangent.
+        """
         before = adjoints(np.asarray(np.linalg.inv(self._between(poses)), np.float64))
         return -self.whitening @ before, self.whitening, -self.whitening @ self.jacobian
 
@@ -59,7 +65,7 @@ class Drives(NamedTuple):
 
 
 def adjoints(T: Poses) -> NDArray[np.float64]:
-    """(N, 6, 6) which turn tangents at transforms into tangents at the identity."""
+    """(N, 6, 6) matrices that turn tangents, rad and m, at transforms into tangents at the identity."""
     result = np.zeros((len(T), 6, 6))
     result[:, :3, :3] = result[:, 3:, 3:] = R = T[:, :3, :3]
     result[:, 3:, :3] = np.cross(T[:, :3, 3:], R, axis=1)

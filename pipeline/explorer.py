@@ -71,7 +71,7 @@ class Explorer:
     def step(self) -> Step:
         """Sense, localise, map, decide where to go next, and plan the way."""
         mapper = self.mapper
-        self.settle()
+        self.settle(waits=True)
         confirmed = self.pilot.look_around()
         keyframe = self.pilot.add(confirmed)
         self.reobservation.count(keyframe.frame)
@@ -105,7 +105,7 @@ class Explorer:
             return "shut_in"
         return "not_worth_it" if left else "nothing_left"
 
-    def settle(self, waits: bool = True) -> bool:
+    def settle(self, waits: bool = False) -> bool:
         """Correct the keyframes' poses, the maps and all places in them; True if the maps changed.
 
         ``waits``: whether the maps wait until a correction is due.

@@ -181,7 +181,7 @@ class Mapper:
         """
         self.knows_camera = on_ground
         if at_stop:
-            self.settle()
+            self.settle(waits=True)
         localised, set_down = self.localise(frame), on_ground and not len(self.keyframes)
         keyframe = (self.add if may_repeat else self.offer)(localised, labelled, set_down)
         if keyframe is not None and at_stop:
@@ -306,7 +306,7 @@ class Mapper:
                 here, *met = (transform_points(inverse(T), points) for points in own)
                 self._put(first + k, Driven(here, (track[is_own, 2] - yaw_of(T)).astype(np.float32), *met))
 
-    def settle(self, waits: bool = True) -> Moves | None:
+    def settle(self, waits: bool = False) -> Moves | None:
         """Let the localisation correct its keyframes, and every map with them; None if the maps stay as they are.
 
         What the last keyframe on the way shows is on the map then. ``waits``: whether to leave the maps until a

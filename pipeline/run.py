@@ -93,7 +93,7 @@ class Run:
         times = sim_time, perf_counter() - self._wall_begin
         result = Result(self.parts.folder, self.mapper, trajectory, steps, *times, figures, self.report)
         phases: list[tuple[str, Callable[[], object]]] = (
-            [("correcting the maps", partial(self.mapper.settle, waits=False))] if steps else []
+            [("correcting the maps", self.mapper.settle)] if steps else []
         )
         # A sink of the user's own need not say what it does.
         phases += [
@@ -271,7 +271,7 @@ class ExplorerRun(Run, ABC):
         was_waiting, self._waits = self._waits, step.plan is None
         if step.plan is None:
             # Closing a loop merges doubled walls, which may have cut off the area behind them.
-            return explorer.settle(waits=False) and not was_waiting
+            return explorer.settle() and not was_waiting
         if not explorer.drive(step):
             leg = pilot.newest_leg
             line = f"leg to {place_name(leg.target)} ended: {leg.outcome.value}"

@@ -179,7 +179,7 @@ class Explore(ExplorationTask):
         """Make a step of the explorer, and another one if its map was corrected where it found nothing."""
         assert self.explorer is not None
         step = self.explorer.step()
-        if step.viewpoint is None and self.explorer.settle(waits=False):
+        if step.viewpoint is None and self.explorer.settle():
             step = self.explorer.step()
         self._seen: Step = step
         offered = self._strategy.offers(step.context, step.viewpoint, VIEWPOINTS) if step.viewpoint else []

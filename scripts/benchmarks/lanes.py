@@ -150,7 +150,7 @@ class LaneDrive(Sink):
             step = explorer.step()
             if step.plan is not None:
                 explorer.drive(step)
-            elif waits or not explorer.settle(waits=False):
+            elif waits or not explorer.settle():
                 break
             waits = step.plan is None
         is_reached = any(visit.obstacle is None for visit in goals.visits)

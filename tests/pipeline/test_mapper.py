@@ -226,12 +226,12 @@ def test_while_the_robot_drives_the_maps_wait_for_moves_that_are_due():
     localisation, moved = mapper.localisation, POSES.copy()
     moved[:, 0, 3] += (config.noticeable + config.due) / 2
     localisation.restore(replace(localisation.keyframes(), poses=moved))
-    assert mapper.settle() is None
+    assert mapper.settle(waits=True) is None
     np.testing.assert_array_equal(mapper.keyframes.poses, POSES)
-    assert mapper.settle(waits=False).are_noticeable.all()  # at the end of a run
+    assert mapper.settle().are_noticeable.all()
     np.testing.assert_array_equal(mapper.keyframes.poses, moved)
     moved[0, 0, 3] += 1.5 * config.due
-    assert mapper.settle().are_noticeable.tolist() == [True] + 5 * [False]
+    assert mapper.settle(waits=True).are_noticeable.tolist() == [True] + 5 * [False]
 
 
 def test_maps_move_as_one_with_all_keyframes():

@@ -91,14 +91,12 @@ class PoseGraphConfig:
         outlier: number of standard deviations beyond which a loop gets less weight (Geman and McClure).
         tolerance: relative decrease of the error below which the optimisation ends; it is small because the
             odometry's errors, each weakly determined, hardly change the sum.
-        most_steps: greatest number of Gauss-Newton steps; two are usual.
     """
 
     fixed_sigma: float = 1e-4
     least_information: float = 1e-3
     outlier: float = 3.0
     tolerance: float = 1e-7
-    most_steps: int = 100
 
 
 @dataclass(frozen=True)

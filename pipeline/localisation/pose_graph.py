@@ -10,7 +10,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
 from pipeline.arrays import Covariance, Direction, Directions, Information, Pose, Poses, Values
-from pipeline.localisation.config import LocalisationConfig, PoseGraphConfig
+from pipeline.localisation.config import LocalisationConfig
 from pipeline.localisation.drives import Drives
 from pipeline.localisation.localisation import Loop, OdometryErrors
 from pipeline.localisation.motion_model import MeasuredMotion
@@ -129,7 +129,7 @@ class PoseGraph:
         values.insert(_ERRORS, self.odometry.errors)
         for k, T in enumerate(self.poses):
             values.insert(k, gtsam.Pose3(T))
-        values, self._posterior = minimise(problem, values, self._config.graph)
+        values, self._posterior = minimise(problem, values, self._config.graph.tolerance)
         covariance = self._posterior.marginalCovariance(_ERRORS)
         self.odometry = OdometryErrors(values.atVector(_ERRORS), covariance)
         self.poses = orthonormal(poses_of(values))
@@ -177,22 +177,21 @@ class Problem:
 
 
 def minimise(
-    problem: Problem, values: gtsam.Values, config: PoseGraphConfig
+    problem: Problem, values: gtsam.Values, tolerance: float
 ) -> tuple[gtsam.Values, gtsam.GaussianBayesTree]:
     """The values that fit best, by Gauss-Newton steps from others, and their distribution.
 
-    A step that would make the error larger is halved.
+    A step that would make the error larger is halved. ``tolerance``: relative decrease of the error that ends it.
     """
     error = problem.error(values)
-    for _ in range(config.most_steps):
-        posterior, unchanged = problem.linearised(values).eliminateMultifrontal(), config.tolerance * max(1.0, error)
+    while True:
+        posterior, unchanged = problem.linearised(values).eliminateMultifrontal(), tolerance * max(1.0, error)
         step = posterior.optimize()
         while (after := problem.error(values.retract(step))) > error + unchanged:
             step = step.scale(0.5)
         values, decrease, error = values.retract(step), error - after, after
-        if decrease <= unchanged:
-            break
-    return values, posterior
+        if not decrease > unchanged:
+            return values, posterior
 
 
 def poses_of(values: gtsam.Values) -> Poses:

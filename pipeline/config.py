@@ -22,9 +22,12 @@ class KeyframesConfig:
     Attributes:
         noticeable: m; keyframes of which nothing in view moves farther stay where they are in the maps, as in
             RTAB-Map.
+        due: m; while a robot drives, the maps wait until something in view of a keyframe has moved farther: a fifth
+            of a voxel. Whenever the odometry's scale is estimated anew, most keyframes move a little.
     """
 
     noticeable: float = 0.01
+    due: float = 0.02
 
 
 @dataclass(frozen=True)

@@ -71,7 +71,7 @@ class Explorer:
     def step(self) -> Step:
         """Sense, localise, map, decide where to go next, and plan the way."""
         mapper = self.mapper
-        self.settle()
+        self.settle(waits=True)
         confirmed = self.pilot.look_around()
         keyframe = self.pilot.add(confirmed)
         self.reobservation.count(keyframe.frame)
@@ -105,9 +105,12 @@ class Explorer:
             return "shut_in"
         return "not_worth_it" if left else "nothing_left"
 
-    def settle(self) -> bool:
-        """Correct the keyframes' poses, the maps and all places in them; True if any moved noticeably."""
-        moves = self.mapper.settle()
+    def settle(self, waits: bool = False) -> bool:
+        """Correct the keyframes' poses, the maps and all places in them; True if the maps changed.
+
+        ``waits``: whether the maps wait until a correction is due.
+        """
+        moves = self.mapper.settle(waits)
         self.pilot.correct()
         return moves is not None
 

@@ -200,9 +200,14 @@ class Moves(NamedTuple):
         return cls(ways, turns, reach, noticeable)
 
     @property
+    def in_view(self) -> Values:
+        """m that each keyframe, or what it sees at the end of its view, moved."""
+        return np.maximum(self.ways, self.turns * self.reach)
+
+    @property
     def are_noticeable(self) -> Mask:
         """Which keyframes, or what they see at the end of their view, moved noticeably."""
-        return np.maximum(self.ways, self.turns * self.reach) > self.noticeable
+        return self.in_view > self.noticeable
 
 
 class Keyframes:
@@ -273,14 +278,17 @@ class Keyframes:
         Raises:
             InputError: there is not one rigid pose for every keyframe; all then stay where they are.
         """
-        poses = np.array(T_map_base, np.float64)
+        stays, poses = ~self.moves_to(T_map_base).are_noticeable, np.array(T_map_base, np.float64)
+        poses[stays] = self.poses[stays]
+        moves, self.poses = self.moves_to(poses), poses
+        return moves
+
+    def moves_to(self, T_map_base: Poses) -> Moves:
+        """How far the keyframes are from poses; InputError as :meth:`place`."""
+        poses = np.asarray(T_map_base, np.float64)
         if poses.shape != self.poses.shape or not are_poses(poses):
             raise InputError(f"a correction must give each of {len(self)} keyframes {POSE}")
-        limits = self._reach, self._noticeable
-        stays = ~Moves.between(self.poses, poses, *limits).are_noticeable
-        poses[stays] = self.poses[stays]
-        moves, self.poses = Moves.between(self.poses, poses, *limits), poses
-        return moves
+        return Moves.between(self.poses, poses, self._reach, self._noticeable)
 
 
 @dataclass(frozen=True, eq=False)

@@ -181,7 +181,7 @@ class Mapper:
         """
         self.knows_camera = on_ground
         if at_stop:
-            self.settle()
+            self.settle(waits=True)
         localised, set_down = self.localise(frame), on_ground and not len(self.keyframes)
         keyframe = (self.add if may_repeat else self.offer)(localised, labelled, set_down)
         if keyframe is not None and at_stop:
@@ -306,17 +306,21 @@ class Mapper:
                 here, *met = (transform_points(inverse(T), points) for points in own)
                 self._put(first + k, Driven(here, (track[is_own, 2] - yaw_of(T)).astype(np.float32), *met))
 
-    def settle(self) -> Moves | None:
-        """Let the localisation correct its keyframes, and every map with them; None if none moved noticeably.
+    def settle(self, waits: bool = False) -> Moves | None:
+        """Let the localisation correct its keyframes, and every map with them; None if the maps stay as they are.
 
-        What the last keyframe on the way shows is on the map then.
+        What the last keyframe on the way shows is on the map then. ``waits``: whether to leave the maps until a
+        correction is due.
         """
         if not len(self.keyframes):
             return None
         self._take_read()
         with self.stopwatch("pose_graph"):
             self.localisation.optimise()
-        moves = self.correct(self.localisation.poses)
+        poses = self.localisation.poses
+        if waits and self.keyframes.moves_to(poses).in_view.max() <= self.config.keyframes.due:
+            return None
+        moves = self.correct(poses)
         if not moves.are_noticeable.any():
             return None
         for observer in self.observers:

@@ -44,8 +44,7 @@ class LocalMap:
         ``owners``: the keyframes whose points may be taken.
         """
         low, high = points.min(axis=0) - margin, points.max(axis=0) + margin
-        at, normals = self._in_map
-        near = np.flatnonzero(owners[self.owner] & ((at >= low) & (at <= high)).all(axis=1))
+        (at, normals), near = self._in_map, self._within(low, high, owners)
         near = near[np.einsum("ni,ni->n", normals[near], camera - at[near]) > 0]
         is_enough = len(near) >= self._config.registration.least_points
         return Target(at[near], normals[near], self.owner[near]) if is_enough else None
@@ -56,13 +55,19 @@ class LocalMap:
         ``owners``: the keyframes whose points may be taken.
         """
         (at, normals), radius = self._in_map, self._config.slam.foot_radius
-        near = (np.abs(at - T_map_base[:3, 3]) < radius).all(axis=1) & (
-            normals[:, 2] > self._config.slam.ground_upward
-        )
-        near &= owners[self.owner]
+        near = self._within(T_map_base[:3, 3] - radius, T_map_base[:3, 3] + radius, owners)
+        near = near[normals[near, 2] > self._config.slam.ground_upward]
         x, y, z = ((at[near] - T_map_base[:3, 3]) @ T_map_base[:3, :3]).T
         is_below = np.hypot(x, y) < radius
         return z[is_below], self.owner[near][is_below]
+
+    def _within(self, low: Place, high: Place, owners: Mask) -> Indices:
+        """Numbers of the points in a box, m, of keyframes that may be taken; few pass the first axis."""
+        at = self._in_map[0]
+        near = np.flatnonzero((at[:, 0] >= low[0]) & (at[:, 0] <= high[0]))
+        for axis in (1, 2):
+            near = near[(at[near, axis] >= low[axis]) & (at[near, axis] <= high[axis])]
+        return near[owners[self.owner[near]]]
 
     def all_points(self) -> Points:
         """All points."""

@@ -1,6 +1,7 @@
 """The pose graph: poses of keyframes that fit the constraints by odometry, gravity and registration best."""
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import gtsam
 import numpy as np
@@ -10,8 +11,9 @@ from scipy.sparse.csgraph import dijkstra
 
 from pipeline.arrays import Covariance, Direction, Directions, Information, Pose, Poses, Values
 from pipeline.localisation.config import LocalisationConfig
+from pipeline.localisation.drives import Drives
 from pipeline.localisation.localisation import Loop, OdometryErrors
-from pipeline.localisation.motion_model import MeasuredMotion, backwards
+from pipeline.localisation.motion_model import MeasuredMotion
 from pipeline.transforms import orthonormal
 
 _ERRORS = 1 << 40  # key of the odometry's systematic errors, which all motions share
@@ -24,6 +26,7 @@ class PoseGraph:
         poses: ``T_map_base`` of every keyframe as now estimated.
         ups: the vertical in the ``base_link`` of each keyframe, by the odometry.
         odometry: systematic errors of the odometry as now estimated.
+        drives: motions by odometry between keyframes.
     """
 
     def __init__(self, config: LocalisationConfig) -> None:
@@ -33,9 +36,8 @@ class PoseGraph:
         self._factors = gtsam.NonlinearFactorGraph()
         self.ups: list[Direction] = []
         self._links: dict[tuple[int, int], NDArray[np.float64]] = {}  # variances of position, m², and rotation, rad²
-        self._marginals: gtsam.Marginals | None = None
-        self._motions: list[MeasuredMotion] = []
-        self._corrected = b"", np.zeros((0, 4, 4))
+        self._posterior: gtsam.GaussianBayesTree | None = None
+        self.drives = Drives.none()
 
     def __len__(self) -> int:
         """Number of keyframes."""
@@ -90,25 +92,7 @@ class PoseGraph:
 
     def drive(self, motion: MeasuredMotion) -> None:
         """Add the robot's motion by odometry from the previous keyframe to the newest one."""
-        noise, j, k = motion.noise(self._config.odometry), len(self) - 1, len(self._motions)
-        self._motions.append(motion)
-        model = gtsam.noiseModel.Gaussian.Covariance(noise)
-
-        def error(_: object, values: gtsam.Values, H: list[NDArray[np.float64]] | None) -> NDArray[np.float64]:
-            between, errors = values.atPose3(j - 1).between(values.atPose3(j)), values.atVector(_ERRORS)
-            if H is not None:
-                H[0], H[1], H[2] = -between.inverse().AdjointMap(), np.eye(6), -motion.jacobian
-            return np.asarray(gtsam.Pose3.Logmap(gtsam.Pose3(self._back(errors)[k]).compose(between)))
-
-        self._factors.add(gtsam.CustomFactor(model, [j - 1, j, _ERRORS], error))
-
-    def _back(self, errors: Values) -> Poses:
-        """All motions backwards, corrected by errors (5,): the optimiser asks for one after the other."""
-        key, back = errors.tobytes(), self._corrected[1]
-        if self._corrected[0] != key or len(back) < len(self._motions):
-            back = backwards(self._motions, errors)
-            self._corrected = key, back
-        return back
+        self.drives = self.drives.and_to(len(self) - 1, motion, self._config.odometry)
 
     def link(self, i: int, j: int, covariance: Covariance) -> None:
         """Remember the covariance of the pose of keyframe j relative to i; of several the smallest one counts."""
@@ -136,11 +120,22 @@ class PoseGraph:
 
     def covariance(self, keyframe: int) -> Covariance:
         """Of a keyframe's pose relative to the first one's, in its own tangent."""
-        assert self._marginals is not None
-        return np.asarray(self._marginals.marginalCovariance(keyframe))
+        assert self._posterior is not None
+        return np.asarray(self._posterior.marginalCovariance(keyframe))
 
     def optimise(self) -> None:
         """Move the poses so that they fit all constraints best."""
+        problem, values = self._problem(), gtsam.Values()
+        values.insert(_ERRORS, self.odometry.errors)
+        for k, T in enumerate(self.poses):
+            values.insert(k, gtsam.Pose3(T))
+        values, self._posterior = minimise(problem, values, self._config.graph.tolerance)
+        covariance = self._posterior.marginalCovariance(_ERRORS)
+        self.odometry = OdometryErrors(values.atVector(_ERRORS), covariance)
+        self.poses = orthonormal(poses_of(values))
+
+    def _problem(self) -> "Problem":
+        """All constraints: those of loops, and those by gravity and by what is known of the odometry, change."""
         graph = gtsam.NonlinearFactorGraph()
         graph.push_back(self._factors)
         for _, factor in self._loops:
@@ -152,16 +147,59 @@ class PoseGraph:
             graph.add(gtsam.AttitudeFactorPose3(k, vertical, model, gtsam.Unit3(up - bias)))
         before = gtsam.noiseModel.Gaussian.Covariance(self._odometry_before.covariance)
         graph.add(gtsam.PriorFactorVector(_ERRORS, self._odometry_before.errors, before))
-        values = gtsam.Values()
-        values.insert(_ERRORS, self.odometry.errors)
-        for k, T in enumerate(self.poses):
-            values.insert(k, gtsam.Pose3(T))
-        params = gtsam.LevenbergMarquardtParams()
-        params.setRelativeErrorTol(self._config.graph.tolerance)
-        result = gtsam.LevenbergMarquardtOptimizer(graph, values, params).optimize()
-        self._marginals = gtsam.Marginals(graph, result)
-        self.odometry = OdometryErrors(result.atVector(_ERRORS), self._marginals.marginalCovariance(_ERRORS))
-        self.poses = orthonormal(np.array([result.atPose3(k).matrix() for k in range(len(self))]))
+        return Problem(graph, self.drives)
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """Constraints of poses and of the odometry's systematic errors.
+
+    GTSAM would call Python for each motion, so that they took most of the time: they are kept apart.
+    """
+
+    graph: gtsam.NonlinearFactorGraph
+    drives: Drives
+
+    def error(self, values: gtsam.Values) -> float:
+        """Half the sum of the squared, whitened residuals."""
+        residuals = self.drives.residuals(poses_of(values), values.atVector(_ERRORS))
+        return float(self.graph.error(values) + np.sum(np.square(residuals)) / 2)
+
+    def linearised(self, values: gtsam.Values) -> gtsam.GaussianFactorGraph:
+        """The constraints about values."""
+        linear, poses, unit = self.graph.linearize(values), poses_of(values), gtsam.noiseModel.Unit.Create(6)
+        residuals = self.drives.residuals(poses, values.atVector(_ERRORS))
+        for j, before, after, errors, off in zip(
+            self.drives.end, *self.drives.jacobians(poses), residuals, strict=True
+        ):
+            linear.add(gtsam.JacobianFactor(j - 1, before, j, after, _ERRORS, errors, -off, unit))
+        return linear
+
+
+def minimise(
+    problem: Problem, values: gtsam.Values, tolerance: float
+) -> tuple[gtsam.Values, gtsam.GaussianBayesTree]:
+    """The values that fit best, by Gauss-Newton steps from others, and their distribution.
+
+    A step that would make the error larger is halved. ``tolerance``: relative decrease of the error that ends it.
+    """
+    error = problem.error(values)
+    while True:
+        posterior, unchanged = problem.linearised(values).eliminateMultifrontal(), tolerance * max(1.0, error)
+        step = posterior.optimize()
+        while (after := problem.error(values.retract(step))) > error + unchanged:
+            step = step.scale(0.5)
+        values, decrease, error = values.retract(step), error - after, after
+        if not decrease > unchanged:
+            return values, posterior
+
+
+def poses_of(values: gtsam.Values) -> Poses:
+    """Poses of all keyframes."""
+    rows = gtsam.utilities.extractPose3(values)
+    result = np.tile(np.eye(4), (len(rows), 1, 1))
+    result[:, :3, :3], result[:, :3, 3] = rows[:, :9].reshape(-1, 3, 3), rows[:, 9:]
+    return result
 
 
 def spread(deviation: float, lever: float) -> Values:

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import Phase, given, settings
 from hypothesis import strategies as st
 
+from pipeline.config import PipelineConfig
 from pipeline.errors import InputError
 from pipeline.frame import Frame
 from pipeline.keyframes import Moves
@@ -218,6 +219,19 @@ def test_keyframes_that_move_unnoticeably_stay():
     assert not moves.ways.any()
     np.testing.assert_array_equal(mapper.keyframes.poses, POSES)
     assert_same(TRUE, mapper)
+
+
+def test_while_the_robot_drives_the_maps_wait_for_moves_that_are_due():
+    mapper, config = mapped(POSES), PipelineConfig().keyframes
+    localisation, moved = mapper.localisation, POSES.copy()
+    moved[:, 0, 3] += (config.noticeable + config.due) / 2
+    localisation.restore(replace(localisation.keyframes(), poses=moved))
+    assert mapper.settle(waits=True) is None
+    np.testing.assert_array_equal(mapper.keyframes.poses, POSES)
+    assert mapper.settle().are_noticeable.all()
+    np.testing.assert_array_equal(mapper.keyframes.poses, moved)
+    moved[0, 0, 3] += 1.5 * config.due
+    assert mapper.settle(waits=True).are_noticeable.tolist() == [True] + 5 * [False]
 
 
 def test_maps_move_as_one_with_all_keyframes():

@@ -201,3 +201,18 @@ def test_a_pose_is_stated_as_sure_as_its_drive() -> None:
     graph.optimise()
     deviation = np.sqrt(graph.covariance(50)[3, 3])
     assert deviation == pytest.approx(np.sqrt(50 * motion.noise(CONFIG.odometry)[3, 3] + (0.02 * 15) ** 2), rel=0.01)
+
+
+@pytest.mark.parametrize("seed", [0, 1, 5])
+def test_the_same_poses_are_found_from_far_away(seed: int) -> None:
+    """Each keyframe begins metres and up to 86° off, from where a whole Gauss-Newton step may lead astray."""
+    rng = np.random.default_rng(seed)
+    graph = driven([MeasuredMotion(from_yaw(0.5, 0, 0, 0.3), UP, 1.0)] * 20)
+    graph.connect(0, 20, graph.poses[20] @ from_yaw(0.1, 0.05, 0, 0.02), SURE)
+    graph.optimise()
+    near, odometry = graph.poses.copy(), graph.odometry
+    for k in range(1, 21):
+        graph.poses[k] = graph.poses[k] @ from_yaw(*rng.uniform(-8, 8, 2), 0, rng.uniform(-1.5, 1.5))
+    graph.optimise()
+    np.testing.assert_allclose(graph.poses, near, atol=1e-3)
+    np.testing.assert_allclose(graph.odometry.errors, odometry.errors, atol=1e-3)

@@ -27,8 +27,9 @@ episode: setup ## explore the NIST 6 x 4 m arena; leaves a recording and a repor
 	$(PYTHON) scripts/run_episode.py --view web
 
 # Each core begins with tests that stand together, which share fixtures, and takes over others' when it is done.
+# Bytecode is kept, even where Python is told to write none, for the many processes that tests start.
 test: develop ## run every test, on every core
-	$(PYTHON) -m pytest -n logical --dist worksteal
+	PYTHONDONTWRITEBYTECODE= $(PYTHON) -m pytest -n logical --dist worksteal
 
 endurance: develop ## check 200 random arenas, try 2,000 broken files and robots, kill a dataset generator, run all pages
 	SEEDS=200 KILLS=10 SARSIM_MUTATIONS=2000 SARSIM_DOCUMENTS=1 $(PYTHON) -m pytest \

@@ -25,6 +25,13 @@ settings.register_profile("sarsim", deadline=None, derandomize=True)
 settings.load_profile("sarsim")
 
 
+def pytest_configure() -> None:
+    """Let no episode in this process start another one that compiles: tests keep every core busy."""
+    from sarsim import compilation
+
+    compilation.compile_on_two_cores = lambda: None
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Begin with whole episodes: one process runs them all, and short tests are left to share out at the end."""
     items.sort(key=lambda item: item.path.name != "test_run_episode.py")

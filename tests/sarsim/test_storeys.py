@@ -17,15 +17,23 @@ ROOM = """<mujoco><size nuser_geom="1"/><worldbody><frame pos="0 0 {}"><light po
 <geom type="box" size=".3 .3 .1" pos="2 1 .1" user="4"/></frame></worldbody></mujoco>"""
 
 
+def mapped(folder, z):
+    """Report of a first drive in the room at a height, and the heights of its ground above that, m."""
+    arena, out = folder / "arena.xml", folder / "out"
+    arena.write_text(ROOM.format(z))
+    run_episode(EpisodeConfig(arena=str(arena), labels="rules", detector=None, steps=1, out=out))
+    ground = load_elevation_map(out / KEYFRAMES, robot_model())[0].measured - z
+    return json.loads((out / "report.json").read_text()), ground
+
+
+@pytest.fixture(scope="module")
+def level(tmp_path_factory):
+    return mapped(tmp_path_factory.mktemp("level"), 0.0)
+
+
 @pytest.mark.parametrize("height", [3.0, -7.31])
-def test_heights_count_from_where_the_robot_starts(height, tmp_path):
-    reports, ground = [], []
-    for z in (0.0, height):
-        arena, out = tmp_path / f"{z}.xml", tmp_path / f"out{z}"
-        arena.write_text(ROOM.format(z))
-        run_episode(EpisodeConfig(arena=str(arena), labels="rules", detector=None, steps=2, out=out))
-        reports.append(json.loads((out / "report.json").read_text()))
-        ground.append(load_elevation_map(out / KEYFRAMES, robot_model())[0].measured - z)
+def test_heights_count_from_where_the_robot_starts(height, level, tmp_path):
+    reports, ground = zip(level, mapped(tmp_path, height), strict=True)
     for section, number in (("semantic_map", "accuracy"), ("metric_map", "occupied_recall")):
         assert reports[1][section][number] == pytest.approx(reports[0][section][number], abs=0.03)
     areas = [np.count_nonzero(np.isfinite(g)) for g in ground]

@@ -56,20 +56,21 @@ CASES = {
 
 def depth_of(boxes: list, T_map_camera: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """(H, W) float32 m, as the Xtion measures boxes: none too near, too far or at a grazing angle, and with noise."""
-    rays = CAMERA.rays.reshape(-1, 3).astype(np.float64) @ T_map_camera[:3, :3].T
-    depth, incidence = np.full(len(rays), np.inf), np.ones(len(rays))
-    for corners in np.array(boxes):
-        with np.errstate(divide="ignore", invalid="ignore"):
-            faces = (corners[:, None] - T_map_camera[:3, 3]) / rays
-        enter, leave = faces.min(axis=0), faces.max(axis=0).min(axis=1)
-        axis, first = enter.argmax(axis=1), enter.max(axis=1)
-        nearer = (first < leave) & (first > 0) & (first < depth)
-        depth[nearer] = first[nearer]
-        incidence[nearer] = np.abs(rays[nearer, axis[nearer]]) / np.linalg.norm(rays[nearer], axis=1)
+    rays, origin = T_map_camera[:3, :3] @ CAMERA.rays.reshape(-1, 3).T, T_map_camera[:3, 3:]
+    with np.errstate(divide="ignore"):
+        inverse = 1 / rays
+    depth, across = np.full(rays.shape[1], np.inf), np.zeros(rays.shape[1], np.int64)
+    for low, high in np.array(boxes):
+        with np.errstate(invalid="ignore"):
+            faces = (low[:, None] - origin) * inverse, (high[:, None] - origin) * inverse
+        enter, leave = np.minimum(*faces), np.maximum(*faces).min(axis=0)
+        first = enter.max(axis=0)
+        nearer = np.flatnonzero((first < leave) & (first > 0) & (first < depth))
+        depth[nearer], across[nearer] = first[nearer], enter[:, nearer].argmax(axis=0)
+    incidence = np.abs(rays[across, np.arange(rays.shape[1])]) / np.linalg.norm(rays, axis=0)
     returns = (depth > XTION.nearest) & (depth < XTION.farthest) & (incidence > np.sin(XTION.grazing))
-    noisy = np.where(returns, depth, 0) + returns * XTION.sigma(np.where(returns, depth, 1)) * rng.normal(
-        size=len(rays)
-    )
+    noise = XTION.sigma(np.where(returns, depth, 1)) * rng.normal(size=len(depth))
+    noisy = np.where(returns, depth + noise, 0)
     return noisy.reshape(CAMERA.height, CAMERA.width).astype(np.float32)
 
 

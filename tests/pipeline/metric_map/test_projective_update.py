@@ -15,7 +15,7 @@ from pipeline.transforms import from_rotation
 from tests.pipeline.metric_map.box_room import CAMERA, depth_image, looking, returns, tour
 
 UP = np.array([0, 0, 0.15])
-EXACT = {"margin": 0, "max_range": 10}
+EXACT = {"margin": 0.0, "max_range": 10.0}  # as numbers of the kind that the map has: others would be compiled anew
 
 
 def window(*maps):

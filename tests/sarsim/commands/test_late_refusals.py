@@ -1,9 +1,9 @@
 """What is noticed only when the robot stands in its arena is still refused in one line, and leaves nothing behind."""
 
-import subprocess
-import sys
-
 import pytest
+
+from sarsim.commands import run_episode
+from tests.refusal import refusal
 
 ARENA = """<mujoco><size nuser_geom="1"/><worldbody><light pos="0 0 4"/><geom type="plane" size="3 3 .1" user="2"/>
 <site name="start" pos="{}"/><geom type="box" size="0.05 3 .6" pos="2 0 .6" user="1"/></worldbody></mujoco>"""
@@ -16,14 +16,11 @@ ARENA = """<mujoco><size nuser_geom="1"/><worldbody><light pos="0 0 4"/><geom ty
         ("0 0 40", ("--fiducials", "2")),  # in the air
     ],
 )
-def test_a_start_where_nothing_can_stand(start, flags, tmp_path):
-    arena, out = tmp_path / "wall.xml", tmp_path / "results"
-    arena.write_text(ARENA.format(start))
-    main = "from sarsim.commands.run_episode import main; main()"
-    chosen = ("--view", "none", "--detector", "None", "--labels", "rules", *flags)
-    line = [sys.executable, "-c", main, "--arena", str(arena), "--out", str(out), *chosen]
-    ended = subprocess.run(line, capture_output=True, text=True, cwd=tmp_path, check=False)
-    said = [text for text in ended.stderr.splitlines() if text and not text.startswith("compil")]
-    assert ended.returncode == 2
-    assert len(said) == 1 and "wall.xml" in said[0] and "start" in said[0], ended.stderr
-    assert sorted(path.name for path in tmp_path.iterdir()) == ["wall.xml"]
+def test_a_start_where_nothing_can_stand(start, flags, tmp_path, monkeypatch, capfd):
+    (tmp_path / "wall.xml").write_text(ARENA.format(start))
+    monkeypatch.chdir(tmp_path)
+    chosen = ["--view", "none", "--detector", "None", "--labels", "rules", *flags]
+    monkeypatch.setattr("sys.argv", ["run_episode.py", "--arena", "wall.xml", "--out", "results", *chosen])
+    said = refusal(capfd, run_episode.main)
+    assert "wall.xml" in said and "start" in said
+    assert [path.name for path in tmp_path.iterdir()] == ["wall.xml"]

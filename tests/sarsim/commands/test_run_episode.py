@@ -28,6 +28,14 @@ QUICK = ["--labels", "truth", "--detector", "None"]
 
 
 @pytest.fixture(scope="module")
+def small(tmp_path_factory):
+    """An arena in which an episode starts at once."""
+    path = tmp_path_factory.mktemp("arena") / "small.xml"
+    path.write_text(room((-0.6, 1.4), (-0.8, 0.8)))
+    return path
+
+
+@pytest.fixture(scope="module")
 def report(episode):
     return json.loads((episode / "report.json").read_text())
 
@@ -96,10 +104,10 @@ def short_report(out: Path, **changes: object) -> dict:
 
 
 def test_a_robot_that_is_given_its_pose_makes_no_error_but_of_reading_tags_and_one_that_trusts_its_wheels_does(
-    tmp_path,
+    tmp_path, small
 ):
     given = short_report(tmp_path / "a", odometry="truth", fiducials=30, steps=2)
-    drifting = short_report(tmp_path / "b", localisation="odometry", steps=1)
+    drifting = short_report(tmp_path / "b", arena=str(small), localisation="odometry", steps=1)
     assert "victims" not in given
     error = given["localisation"]
     assert error.pop("keyframes") > 5
@@ -110,10 +118,10 @@ def test_a_robot_that_is_given_its_pose_makes_no_error_but_of_reading_tags_and_o
     assert drifting["localisation"]["loops"] == 0
 
 
-def test_a_pickle_for_weights_is_refused(tmp_path, monkeypatch, capsys):
+def test_a_pickle_for_weights_is_refused(tmp_path, small, monkeypatch, capsys):
     weights = tmp_path / "w.safetensors"
     weights.write_bytes(pickle.dumps({"conv1.0.weight": 1}))
-    flags = ["--labels", "dgcnn", "--weights", str(weights), "--out", str(tmp_path / "out")]
+    flags = ["--arena", str(small), "--labels", "dgcnn", "--weights", str(weights), "--out", str(tmp_path / "out")]
     assert_refused(flags, "a pickle, which could run code", monkeypatch, capsys)
 
 
@@ -131,14 +139,15 @@ def ended_in_step(number: int, ending: signal.Signals, monkeypatch) -> None:
     monkeypatch.setattr(Episode, "step", interrupted_step)
 
 
-def test_ctrl_c_leaves_a_whole_recording_and_report(tmp_path, monkeypatch, capsys):
-    ended_in_step(2, signal.SIGINT, monkeypatch)
+def test_ctrl_c_leaves_a_whole_recording_and_report(tmp_path, small, monkeypatch, capsys):
+    ended_in_step(1, signal.SIGINT, monkeypatch)
+    out = tmp_path / "out"
     with pytest.raises(SystemExit) as stop:
-        run_command(monkeypatch, *QUICK, "--out", tmp_path)
+        run_command(monkeypatch, *QUICK, "--arena", small, "--out", out)
     assert stop.value.code == 128 + signal.SIGINT
-    assert json.loads((tmp_path / "report.json").read_text())["steps"] == 2
-    assert (tmp_path / "episode.rrd").stat().st_size > 100_000
-    assert str(tmp_path) in capsys.readouterr().out
+    assert json.loads((out / "report.json").read_text())["steps"] == 1
+    assert (out / "episode.rrd").stat().st_size > 100_000
+    assert str(out) in capsys.readouterr().out
 
 
 @pytest.mark.skipif(not WEIGHTS.exists(), reason="no network has been trained")
@@ -186,15 +195,8 @@ def test_what_cannot_be_resumed_is_reported(tmp_path, monkeypatch, capsys):
     assert_refused(resume, "--resume as a flag", monkeypatch, capsys)
 
 
-def test_a_page_that_nobody_opened_ends_with_the_episode(tmp_path, monkeypatch, capsys):
-    run_command(monkeypatch, *QUICK, "--steps", 1, "--view", "web", "--out", tmp_path / "out")
-    first, *_ = capsys.readouterr().out.splitlines()
-    assert "http://127.0.0.1:" in first
-    assert (tmp_path / "out" / "report.html").exists()
-
-
-def test_sigterm_ends_the_page_and_leaves_the_report(tmp_path):
-    flags = [*QUICK, "--view", "web", "--out", str(tmp_path)]
+def test_sigterm_ends_the_page_and_leaves_the_report(tmp_path, small):
+    flags = [*QUICK, "--view", "web", "--arena", small, "--out", tmp_path]
     program = ROOT / "scripts" / "run_episode.py"
     process = subprocess.Popen([sys.executable, program, *flags], stdout=subprocess.PIPE, text=True)
     assert process.stdout is not None
@@ -255,8 +257,9 @@ def test_a_bad_arena_is_one_line_and_status_2(arena, message, tmp_path, monkeypa
         (["--robot", "none.xml"], "none.xml"),
     ],
 )
-def test_a_bad_flag_is_one_line_and_status_2(flags, message, tmp_path, monkeypatch, capsys):
-    assert_refused([*QUICK, "--out", str(tmp_path / "runs" / "a"), *flags], message, monkeypatch, capsys)
+def test_a_bad_flag_is_one_line_and_status_2(flags, message, tmp_path, small, monkeypatch, capsys):
+    given = [*QUICK, "--arena", str(small), "--out", str(tmp_path / "runs" / "a"), *flags]
+    assert_refused(given, message, monkeypatch, capsys)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -264,27 +267,28 @@ def test_a_bad_flag_is_one_line_and_status_2(flags, message, tmp_path, monkeypat
     ("cfg", "weights", "message"),
     [(SMALL + "[gru]\n", b"\0" * 300, "gru"), (SMALL, b"\0" * 300, "too short"), (SMALL, b"\0" * 3000, "too long")],
 )
-def test_a_bad_detector_is_one_line_and_status_2(cfg, weights, message, tmp_path, monkeypatch, capsys):
+def test_a_bad_detector_is_one_line_and_status_2(cfg, weights, message, tmp_path, small, monkeypatch, capsys):
     files = tmp_path / "a.cfg", tmp_path / "a.weights"
     files[0].write_text(cfg)
     files[1].write_bytes(weights)
-    flags = [*QUICK, "--detector", *map(str, files), "--out", str(tmp_path / "out")]
+    flags = [*QUICK, "--arena", str(small), "--detector", *map(str, files), "--out", str(tmp_path / "out")]
     assert_refused(flags, message, monkeypatch, capsys)
 
 
-def test_a_refused_episode_leaves_no_bag_and_no_sequence(tmp_path, monkeypatch, capsys):
+def test_a_refused_episode_leaves_no_bag_and_no_sequence(tmp_path, small, monkeypatch, capsys):
     (tmp_path / "mine.py").write_text("class Bad:\n    pass\n")
     monkeypatch.chdir(tmp_path)
-    flags = [*QUICK, "--sink", "mine:Bad", "--bag", "bag", "--tum", "tum", "--out", "run"]
+    flags = [*QUICK, "--arena", str(small), "--sink", "mine:Bad", "--bag", "bag", "--tum", "tum", "--out", "run"]
     assert_refused(flags, "--sink mine:Bad", monkeypatch, capsys)
     shutil.rmtree("__pycache__", ignore_errors=True)
     assert [path.name for path in tmp_path.iterdir()] == ["mine.py"]
 
 
-def test_a_window_needs_a_display(tmp_path, monkeypatch, capsys):
+def test_a_window_needs_a_display(tmp_path, small, monkeypatch, capsys):
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
-    assert_refused([*QUICK, "--view", "spawn", "--out", str(tmp_path / "run")], "display", monkeypatch, capsys)
+    flags = [*QUICK, "--arena", str(small), "--view", "spawn", "--out", str(tmp_path / "run")]
+    assert_refused(flags, "display", monkeypatch, capsys)
     assert list(tmp_path.iterdir()) == []
 
 
@@ -303,14 +307,19 @@ def run_command(monkeypatch, *flags: object) -> None:
     run_episode.main()
 
 
-def test_its_config_file_repeats_an_episode_in_another_folder(tmp_path, monkeypatch):
+def test_its_config_file_repeats_an_episode_in_another_folder_and_a_page_nobody_opened_ends_with_it(
+    tmp_path, small, monkeypatch, capsys
+):
     monkeypatch.chdir(tmp_path)
-    (tmp_path / "small.xml").write_text(room((-0.6, 1.4), (-0.8, 0.8)))
-    small = ("--arena", "small.xml", "--random.columns", 3, "--random.rows", 4)
-    run_command(monkeypatch, *small, *QUICK, "--steps", 1, "--seed", 5, "--sensor", "ideal", "--goals", 0, 0)
+    shutil.copy(small, "small.xml")
+    flags = ("--arena", "small.xml", "--random.columns", 3, "--random.rows", 4)
+    run_command(monkeypatch, *flags, *QUICK, "--steps", 1, "--seed", 5, "--sensor", "ideal", "--goals", 0, 0)
     first = tmp_path / "runs" / "small-5"
     run_command(monkeypatch, "--config", first / "config.yaml")
-    run_command(monkeypatch, "--config", first / "config.yaml", "--seed", "6", "--out", "other")
+    capsys.readouterr()
+    run_command(monkeypatch, "--config", first / "config.yaml", "--seed", "6", "--out", "other", "--view", "web")
+    assert "http://127.0.0.1:" in capsys.readouterr().out.splitlines()[0]
+    assert (tmp_path / "other" / "report.html").exists()
     reports = [
         json.loads((folder / "report.json").read_text())
         for folder in (first, tmp_path / "runs" / "small-5-2", tmp_path / "other")

@@ -135,14 +135,11 @@ def check_joined(environment: RescueEnvironment, arena: Path, robot: Path) -> No
         check_alike((*two, two[0].body(name).id, 0), (model, data, model.body(name).id, 0))
 
 
-@pytest.mark.parametrize("setting", SETTINGS)
-def test_a_setting_of_either_file_does_not_reach_the_other(setting, tmp_path, joined):
-    (tmp_path / "a").mkdir()
-    (tmp_path / "b").mkdir()
-    plain, other = arena_of(tmp_path / "a"), arena_of(tmp_path / "b", setting)
-    robot, odd = robot_of(tmp_path / "a"), robot_of(tmp_path / "b", setting)
-    for arena, driven in ((other, robot), (plain, odd), (other, odd)):
-        check_joined(joined(arena, driven), arena, driven)
+@pytest.mark.parametrize(("setting", "robots"), zip(SETTINGS, SETTINGS[5:] + SETTINGS[:5], strict=True))
+def test_a_setting_of_either_file_does_not_reach_the_other(setting, robots, tmp_path, joined):
+    arena = arena_of(tmp_path, setting)
+    for robots_own in (robots, setting):
+        check_joined(joined(arena, robot_of(tmp_path, robots_own)), arena, tmp_path / "robot.xml")
 
 
 SCENES = {

@@ -1,4 +1,4 @@
-"""Draw docs/images/metric-map.jpg: the occupied voxels coloured by class, after 40, 80, 120 and 160 frames."""
+"""Draw docs/images/metric-map.jpg: the occupied voxels coloured by class, after 35, 70, 105 and 140 keyframes."""
 
 from pathlib import Path
 
@@ -8,53 +8,37 @@ from numpy.typing import NDArray
 
 from pipeline.explorer import Explorer
 from pipeline.labels import COLOURS
+from pipeline.mapper import Keyframe, Mapper
 from pipeline.metric_map.io.octomap import voxel_labels
 from pipeline.metric_map.metric_map import MetricMap
-from pipeline.robot import Motion
-from pipeline.semantic_map.classifier import TruthClassifier
-from pipeline.semantic_map.semantic_map import SemanticMap
 from pipeline.sink import Sink
 from sarsim.arenas.load import load_arena
 from sarsim.composition import TRUE_LABELS, make_mapper
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 
-PERIOD = 1.4  # s between two frames
-FRAMES = (40, 80, 120, 160)
+KEYFRAMES = (35, 70, 105, 140)
 ELEVATION, AZIMUTH = np.radians(52), np.radians(-75)
 PIXELS_PER_METRE = 112
 SIZE = (800, 560)  # width, height of a panel
 BRIGHTNESS = (0.62, 0.8, 1.0)  # of faces whose normals are along x, y and z
 
 
-class PeriodicMaps(Sink):
-    """Maps a frame every ``PERIOD`` s while the robot drives, and draws the map after each of ``FRAMES``."""
+class Panels(Sink):
+    """Draws the robot's map after each of ``KEYFRAMES``."""
 
-    def __init__(self, robot: SimulatedRobot):
-        self._robot, self._classifier = robot, TruthClassifier()
-        self._metric_map, self._semantic_map = MetricMap(), SemanticMap()
-        self._next, self._frames = 0.0, 0
-        self.panels: list[NDArray[np.uint8]] = []
+    def __init__(self, mapper: Mapper):
+        self._mapper, self.panels = mapper, list[NDArray[np.uint8]]()
 
-    def on_motion(self, motion: Motion) -> None:
-        """Take a frame if one is due."""
-        if motion.time < self._next or self._frames == FRAMES[-1]:
+    def on_keyframe(self, keyframe: Keyframe) -> None:
+        """Draw a panel if one is due."""
+        count = len(self._mapper.keyframes)
+        if count not in KEYFRAMES:
             return
-        self._next = motion.time + PERIOD
-        self._frames += 1
-        frame = self._robot.sense()
-        T_map_camera = frame.T_odom_base @ frame.T_base_camera
-        points = frame.points(T_map_camera)
-        self._metric_map.integrate(frame.depth, frame.intrinsics, T_map_camera)
-        self._semantic_map.update(points, self._classifier.classify(frame, points, T_map_camera))
-        if self._frames in FRAMES:
-            self.panels.append(self._panel())
-
-    def _panel(self) -> NDArray[np.uint8]:
-        points, labels = self._semantic_map.points(), self._semantic_map.labels()
-        picture = draw(self._metric_map, voxel_labels(self._metric_map, points, labels))
-        text = f"step {self._frames}"
-        cv2.putText(picture, text, (20, SIZE[1] - 20), cv2.FONT_HERSHEY_SIMPLEX, 1.0, (60, 60, 60), 2, cv2.LINE_AA)
-        return picture
+        semantic_map, metric_map = self._mapper.semantic_map, self._mapper.metric_map
+        picture = draw(metric_map, voxel_labels(metric_map, semantic_map.points(), semantic_map.labels()))
+        at, text = (20, SIZE[1] - 20), f"{count} keyframes"
+        cv2.putText(picture, text, at, cv2.FONT_HERSHEY_SIMPLEX, 1.0, (60, 60, 60), 2, cv2.LINE_AA)
+        self.panels.append(picture)
 
 
 def draw(metric_map: MetricMap, labels: NDArray[np.uint8]) -> NDArray[np.uint8]:
@@ -94,10 +78,11 @@ def to_pixels(points: NDArray) -> NDArray[np.int32]:
 def main() -> None:
     """Explore and draw."""
     robot = SimulatedRobot(load_arena("nist_6x4"), SimulationConfig(), seed=0)
-    explorer, maps = Explorer(robot, make_mapper(TRUE_LABELS, robot.model)), PeriodicMaps(robot)
+    mapper = make_mapper(TRUE_LABELS, robot.model)
+    explorer, maps = Explorer(robot, mapper), Panels(mapper)
     explorer.watch(maps)
     step = explorer.step()
-    while step.plan is not None and len(maps.panels) < len(FRAMES):
+    while step.plan is not None and len(maps.panels) < len(KEYFRAMES):
         explorer.drive(step)
         step = explorer.step()
     robot.close()

@@ -99,14 +99,14 @@ def test_a_refused_episode_closes_its_robot(tmp_path, monkeypatch):
 
 
 def test_goals_are_visited_or_refused_with_a_reason_and_the_robot_comes_home(tmp_path):
-    goals = ((1.0, 0.7), (50.0, 0.0), (2.8, 0.6))
-    diary = Diary(room((-1.0, 2.8), (-1.3, 1.3)), tmp_path, goals=goals, home=True, steps=1)
+    goals = ((0.8, 0.5), (50.0, 0.0), (2.0, 0.4))
+    diary = Diary(room((-1.0, 2.0), (-1.1, 1.1)), tmp_path, goals=goals, home=True, steps=1)
     task = diary.report["goals"]
     assert (task["given"], task["reached"]) == (3, 1)
-    for reason in ("(50.00, 0.00) m", "(2.80, 0.60) m is in a"):
+    for reason in ("(50.00, 0.00) m", "(2.00, 0.40) m is in a"):
         assert any(reason in line for line in task["refused"]), task["refused"]
         assert diary.said(f"WARN the goal {reason}")
-    assert diary.said("INFO the goal (1.00, 0.70) m reached")
+    assert diary.said("INFO the goal (0.80, 0.50) m reached")
     assert diary.said("INFO home reached")
     home = diary.report["home"]
     assert (home["given"], home["reached"], home["refused"], len(home["each"])) == (1, 1, [], 1)
@@ -210,7 +210,7 @@ def test_a_robot_goes_on_in_the_map_of_an_earlier_episode(tmp_path):
     folders = [tmp_path / name for name in ("first", "second")]
     for folder in folders:
         folder.mkdir()
-    first = Diary(HOUSE, folders[0], steps=3)
+    first = Diary(HOUSE, folders[0], steps=2)
     earlier = folders[0] / "out"
     file = (earlier / "keyframes.npz").read_bytes()
     second = Diary(HOUSE, folders[1], map=earlier, start=(0.6, 0.3, 10.0), steps=1)

@@ -4,6 +4,7 @@ numba compiles a function when it is first called, one after the other, which ta
 second process goes through ``kernels.json`` backwards, from what an episode needs last, until it meets the first.
 """
 
+import functools
 import json
 import os
 import sys
@@ -21,6 +22,7 @@ Argument = str | list[Any]
 ``["omitted", default]`` or ``["tuple", module:class or null, types]``."""
 
 
+@functools.cache
 def compile_on_two_cores() -> None:
     """Start the second process as soon as numba compiles anything, unless there is only one core."""
     from numba.core import event  # imported here, because it takes too long for --help

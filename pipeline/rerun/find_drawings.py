@@ -15,10 +15,11 @@ FIND_COLOUR = ImageColor.getrgb("#ff641e")  # as in the rescue report
 
 
 def marks(finds: Sequence[Find]) -> rr.Points3D:
-    """A labelled point for each find."""
+    """A labelled point for each find but the heat of people, whose boxes and names are drawn in the same places."""
+    shown = [find for find in finds if not find.of_person]
     return rr.Points3D(
-        np.array([find.position for find in finds]).reshape(-1, 3),
-        labels=[_name(find) for find in finds],
+        np.array([find.position for find in shown]).reshape(-1, 3),
+        labels=[_name(find) for find in shown],
         colors=FIND_COLOUR,
         radii=MARK,
         show_labels=True,

@@ -54,15 +54,18 @@ class _FusedConvolution(nn.Module):
         super().__init__()
         conv = layer.conv
         kernel, self._bias = _folded(layer)
-        kernel = kernel.cpu().contiguous(memory_format=torch.channels_last)
+        self._kernel = kernel.cpu().contiguous(memory_format=torch.channels_last)
         self._window = (list(conv.padding), list(conv.stride), list(conv.dilation), conv.groups)
-        self._kernel = torch.ops.mkldnn._reorder_convolution_weight(kernel, *self._window)
+        self._kernels: dict[torch.Size, Tensor] = {}  # By the size of the input
         self._activation = ("none", []) if layer.norm is None else ("leaky_relu", [LEAKY_SLOPE])
 
     def forward(self, x: Tensor) -> Tensor:
         """(N, C, H, W) in and out."""
+        if x.shape not in self._kernels:  # In a layout for another size, oneDNN converts the kernel at every call
+            reorder = torch.ops.mkldnn._reorder_convolution_weight
+            self._kernels[x.shape] = reorder(self._kernel, *self._window, list(x.shape))
         fused = torch.ops.mkldnn._convolution_pointwise
-        result: Tensor = fused(x, self._kernel, self._bias, *self._window, *self._activation, "")
+        result: Tensor = fused(x, self._kernels[x.shape], self._bias, *self._window, *self._activation, "")
         return result
 
 

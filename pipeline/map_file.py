@@ -283,7 +283,7 @@ def _check(rows: dict[str, list[Row]]) -> None:
     if not keyframes or not are_poses(poses):
         raise ValueError(f"each of {keyframes} keyframes must have {POSE}")
     if len(rows["odometry"]) != 1 or np.linalg.eigvalsh(rows["odometry"][0]["covariance"])[0] <= 0:
-        raise ValueError("it must have one covariance of the odometry")
+        raise ValueError("it must have one positive definite covariance of odometry")
     of_keyframe = [row["keyframe"] for kind in LAYOUT for row in rows[kind] if "keyframe" in row]
     of_keyframe += [k for kind in ("victim", "find") for row in rows[kind] for k in row["tried_from"].tolist()]
     if not all(0 <= k < keyframes for k in of_keyframe):

@@ -47,7 +47,7 @@ class GenerateHarder(HarderDatasetConfig, GenerateDataset):
 def generate_dataset(settings: GenerateDataset) -> None:
     """Generate a dataset, or the missing part of one, and print its folder."""
     if settings.harder and not isinstance(settings, GenerateHarder):
-        raise InputError("harder: only the flag --harder chooses the harder mix; a --config file names its values")
+        raise InputError("harder: cannot be set in a --config file; use the flag --harder")
     check("scenes", settings.scenes, 1)
     if settings.workers is not None:
         check("workers", settings.workers, 1)

@@ -14,9 +14,13 @@ OBSTACLES = (Label.WALL, Label.CLUTTER, Label.VICTIM)
 CHATTER = 0.5
 """s; a contact that two geoms repeat within this time is not counted again, because contacts chatter."""
 
+ROLLED_OVER = float(np.sqrt(0.5))
+"""Upward part of the normal above which a contact with a wall only carries the robot, as the side of a floor plate
+does when a wheel rolls onto its upper edge."""
+
 
 class CollisionCounter:
-    """Counts how often a part of the robot begins to touch a wall, clutter or a victim.
+    """Counts how often a part of the robot begins to touch a wall from the side, clutter or a victim.
 
     Attributes:
         collisions: their number so far.
@@ -29,6 +33,7 @@ class CollisionCounter:
         is_obstacle = np.isin(geom_labels(model), OBSTACLES) & ~is_robot
         # 1 for a geom of the robot, 2 for an obstacle: only a pair of both adds up to 3. A list, as contacts are few.
         self._kind: list[int] = (is_robot + 2 * is_obstacle).tolist()
+        self._is_wall: list[bool] = (geom_labels(model) == Label.WALL).tolist()
         self._victim_of = {int(geom): number for number, geoms in enumerate(living) for geom in geoms}
         # Time of the last contact of each pair of geoms, and with each living victim, s.
         self._touched: dict[Hashable, float] = {}
@@ -36,11 +41,18 @@ class CollisionCounter:
 
     def count(self, data: mujoco.MjData) -> None:
         """Add the contacts of the current time step."""
-        pairs = {(a, b) for a, b in data.contact.geom.tolist() if self._kind[a] + self._kind[b] == 3}
+        touches = enumerate(data.contact.geom.tolist())
+        met = [(number, a, b) for number, (a, b) in touches if self._kind[a] + self._kind[b] == 3]
+        pairs = {(a, b) for number, a, b in met if not self._carries(a, b, data.contact.frame[number])}
         self.collisions += self._begun(pairs, data.time)
         if pairs and self._victim_of:
             victims = {self._victim_of[geom] for pair in pairs for geom in pair if geom in self._victim_of}
             self.with_living += self._begun(victims, data.time)
+
+    def _carries(self, a: int, b: int, frame: NDArray[np.float64]) -> bool:
+        """Whether the robot stands on a wall; frame: (9,), whose first row points from geom ``a`` to geom ``b``."""
+        upward = frame[2] if self._is_wall[a] else -frame[2]
+        return (self._is_wall[a] or self._is_wall[b]) and upward > ROLLED_OVER
 
     def _begun(self, touches: Iterable[Hashable], time: float) -> int:
         """How many of the touches at a time, s, are new."""

@@ -245,7 +245,8 @@ def _built(path: Path, bodies: list[_Body], places: NDArray[np.float64], is_mode
     low, high = _bounds(bodies, places)
     natural = NaturalGround([body.solid.tile for body in bodies if body.solid.tile is not None])
     flat = [body.outline for body in bodies if body.is_seen and body.solid.tile is None]
-    ground = ground_of(flat, float(np.prod(high - low))) if flat else None
+    footprint = float(np.prod(high - low))
+    ground = ground_of(flat, footprint) if flat else None
     if ground is None:
         ground = natural.height_at(*(low + high) / 2)
     raised = is_model and ground is not None and ground > min(body.outline.low for body in bodies) + HEADROOM
@@ -255,7 +256,7 @@ def _built(path: Path, bodies: list[_Body], places: NDArray[np.float64], is_mode
     ends = _ends_of_planes(low, high)
     seen = defaultdict[tuple[Solid, str], list[Places]](list)
     for body in bodies:
-        label = _label(body, ground, natural).name.lower()
+        label = _label(body, ground, footprint, natural).name.lower()
         if body.facet is not None and body.solid.piece is not None:
             seen[body.solid, label].append(body.solid.piece.seen[body.facet])
         else:
@@ -268,12 +269,12 @@ def _built(path: Path, bodies: list[_Body], places: NDArray[np.float64], is_mode
     return builder
 
 
-def _label(body: _Body, ground: float, natural: NaturalGround) -> Label:
-    """The label of a body; over a heightmap the ground is as high as that is below it."""
+def _label(body: _Body, ground: float, footprint: float, natural: NaturalGround) -> Label:
+    """The label of a body in a world of ``footprint`` m²; a heightmap below it is its ground."""
     if body.solid.tile is not None:
         return label_of_ground(body.outline.slope)
     below = natural.height_at(*body.corners[:, :2].mean(axis=0))
-    return label_of(body.outline, ground if below is None else below)
+    return label_of(body.outline, ground if below is None else below, footprint)
 
 
 def _bounds(bodies: list[_Body], places: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

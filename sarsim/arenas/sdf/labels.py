@@ -9,6 +9,7 @@ that holds:
    - inclined ramp, if it is wide and tilted by more than 8°;
    - terrain, if it is level and within a step of the ground;
    - straight ramp, if it is level, wide and at most the P3-AT's headroom (0.65 m) above the ground;
+   - terrain too, the floor of a higher level, if it is level, lower than a door and fills a quarter of the rectangle;
    - ceiling, if it is level and the body's underside is higher than a door (2 m) above the ground;
 2. wall, if the face is within 20° of the vertical, as long as the P3-AT is wide (0.6 m with its clearance), and the
    body at most a quarter as thick; or if the body is as tall as a door;
@@ -126,8 +127,8 @@ def ground_of(outlines: list[Outline], footprint: float) -> float | None:
     return None
 
 
-def label_of(outline: Outline, ground: float) -> Label:
-    """The label of a body, if the ground is at height ``ground`` m."""
+def label_of(outline: Outline, ground: float, footprint: float) -> Label:
+    """The label of a body in a rectangle of ``footprint`` m², if the ground is at height ``ground`` m."""
     robot = _pioneer()
     wide, top = 2 * clearance_of(robot), outline.high - ground
     if outline.slope >= np.cos(robot.max_tilt):
@@ -138,6 +139,8 @@ def label_of(outline: Outline, ground: float) -> Label:
             return Label.TERRAIN
         elif 0 < top <= robot.headroom and outline.surface >= wide**2:
             return Label.STRAIGHT_RAMP
+        elif 0 < top < DOOR and outline.surface >= LARGE * footprint:
+            return Label.TERRAIN
         elif outline.low - ground >= DOOR:
             return Label.CEILING
     is_upright = outline.slope <= np.sin(robot.max_tilt) and outline.length >= wide

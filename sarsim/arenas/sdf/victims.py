@@ -53,9 +53,7 @@ def add_victims(builder: ArenaBuilder, path: Path, world: SdfWorld, victims: lis
             add_person(builder, _pose(victim))
     if unseen:
         names = ", ".join(victim.name for victim in unseen)
-        _log.warning(
-            "%s: a person lies in the place of each victim without a shape that can be read: %s", path, names
-        )
+        _log.warning("%s: victims without a readable shape, shown as a lying person instead: %s", path, names)
 
 
 def _solids_of(world: SdfWorld, victims: list[SdfModel]) -> list[list[Solid]]:

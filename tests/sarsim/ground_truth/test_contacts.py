@@ -1,4 +1,4 @@
-"""A block on a rail that is pushed against a wall."""
+"""A block on a rail that is pushed against a wall, or lowered onto one."""
 
 import mujoco
 import numpy as np
@@ -12,9 +12,9 @@ WORLD = """
   <option gravity="0 0 0"/>
   <size nuser_geom="1"/>
   <worldbody>
-    <geom name="met" type="box" size=".1 1 1" pos="1.2 0 0" user="{label:d}"/>
+    <geom name="met" type="box" size="{size}" pos="{place}" user="{label:d}"/>
     <body name="robot">
-      <joint type="slide" axis="1 0 0"/>
+      <joint type="slide" axis="{axis}"/>
       <geom type="box" size=".1 .1 .1" user="0"/>
     </body>
   </worldbody>
@@ -22,9 +22,16 @@ WORLD = """
 """
 
 
-def counted(places: list[float], label: Label, pause: float = 0.0, is_living: bool = False) -> CollisionCounter:
+AHEAD = {"axis": "1 0 0", "place": "1.2 0 0", "size": ".1 1 1"}
+BELOW = {"axis": "0 0 -1", "place": "0 0 -1.2", "size": "1 1 .1"}
+ABOVE = {"axis": "0 0 1", "place": "0 0 1.2", "size": "1 1 .1"}
+
+
+def counted(
+    places: list[float], label: Label, pause: float = 0.0, is_living: bool = False, where: dict[str, str] = AHEAD
+) -> CollisionCounter:
     """With the robot at each of these places along its rail, one after the other."""
-    model = mujoco.MjModel.from_xml_string(WORLD.format(label=label))
+    model = mujoco.MjModel.from_xml_string(WORLD.format(label=label, **where))
     data = mujoco.MjData(model)
     living = [np.array([model.geom("met").id])] if is_living else []
     counter = CollisionCounter(model, model.body("robot").id, living)
@@ -55,6 +62,15 @@ def test_coming_back_is_another_collision() -> None:
 @pytest.mark.parametrize(("label", "number"), [(Label.CLUTTER, 1), (Label.VICTIM, 1), (Label.TERRAIN, 0)])
 def test_the_ground_is_no_obstacle(label: Label, number: int) -> None:
     assert collisions([1.01], label) == number
+
+
+@pytest.mark.parametrize(("where", "label", "number"), [
+    (BELOW, Label.WALL, 0),
+    (BELOW, Label.CLUTTER, 1),
+    (ABOVE, Label.WALL, 1),
+])  # fmt: skip
+def test_standing_on_a_wall_is_no_collision(where: dict[str, str], label: Label, number: int) -> None:
+    assert counted([1.01], label, where=where).collisions == number
 
 
 def test_contacts_with_the_living_are_counted_apart() -> None:

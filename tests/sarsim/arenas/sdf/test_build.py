@@ -142,6 +142,11 @@ def test_labels_follow_from_shape_and_place(tmp_path):
     assert arena.ray(3, 0, 2, along=DOWN) == pytest.approx(2 - top, abs=MM)
 
 
+def test_the_floor_of_a_higher_level_is_terrain(tmp_path):
+    levels = model("m", box(10, 10, 0.1, "0 0 0.05 0 0 0"), box(8, 10, 0.1, "9 0 1.05 0 0 0"))
+    assert Compiled(write(tmp_path, levels)).labels == ["terrain", "terrain"]
+
+
 def test_a_model_alone_gets_a_floor(tmp_path):
     path = tmp_path / "model.sdf"
     path.write_text(f"<sdf version='1.6'>{model('walls', box(4, 0.1, 1, '0 1 0.5 0 0 0'))}</sdf>")

@@ -20,6 +20,7 @@ START_FAR = 3.0  # m; more open ground ahead makes no start better
 CLEAR = 0.6  # m; more free room around makes no start better
 HALF_WIDTH = 0.35  # m of free floor on both sides of the way ahead
 LEVEL_START = 0.02  # m that the floor around the start may rise or fall
+ONE_LEVEL = 0.5  # m; floor higher than this above the lowest belongs to another level
 OUTSIDE_SHARE = 0.02  # Weight of a cell outside the arena when pieces of ground are compared by size
 MOST_PLACES = 2000  # Largest number of places that are compared
 MOST_GROUNDS = 10  # Largest number of connected grounds that are compared, those with the largest patches of floor
@@ -90,7 +91,11 @@ def _is_inside(ground: FreeGround) -> MaskLayer:
 
 
 def _open_place(ground: FreeGround, floor: NDArray[np.bool_]) -> Start:
-    """The best start on the cells of a floor; if there are too many, only some of them are compared."""
+    """The best start on the lowest level of a floor, because robots map more above their start than below.
+
+    If it has too many cells, only some of them are compared.
+    """
+    floor = floor & (ground.height <= ground.height[floor].min() + ONE_LEVEL)
     inside = floor & _is_inside(ground)
     cells = _thinned(np.argwhere(inside if inside.any() else floor))
     clearance = _clearance(ground, float(np.median(ground.height[floor])))

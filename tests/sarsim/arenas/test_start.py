@@ -52,6 +52,17 @@ def test_it_is_on_the_floor_and_not_on_a_deck():
     assert start.position[2] == 0 and start.position[0] < 2.4
 
 
+def test_it_is_on_the_lower_of_two_levels():
+    builder, rise, run = ArenaBuilder("levels"), 0.9, 4.5
+    slope = np.arctan2(rise, run)
+    board = {"type": "box", "size": (np.hypot(rise, run) / 2, 1, 0.01), "euler": (0, -slope, 0)}
+    builder.add_geom("terrain", {"type": "box", "size": (3, 3, 0.05), "pos": (-3, 0, -0.05)})
+    builder.add_geom("inclined_ramp", board | {"pos": (run / 2, 0, rise / 2 - 0.01 / np.cos(slope))})
+    builder.add_geom("terrain", {"type": "box", "size": (5, 3, 0.05), "pos": (run + 5, 0, rise - 0.05)})
+    builder.add_surroundings(np.array([-6.0, -3.0]), np.array([run + 10, 3.0]))
+    assert find_start(*compiled(builder)).position[2] == pytest.approx(0.0, abs=0.01)
+
+
 def test_a_wished_start_stands_on_the_ground_that_is_there():
     world = compiled(corridor(6, ("ramp_17", 2, 90), ("deck_17", 3, 0), ("deck_17", 4, 0)))
     assert start_at(*world, 4.2, 0.0, 90.0).position == (4.2, 0.0, pytest.approx(0.17))

@@ -183,14 +183,14 @@ def load_arrays(path: Path, what: str) -> dict[str, NDArray[Any]]:
         with zipfile.ZipFile(path) as packed:
             size = sum(member.file_size for member in packed.infolist())
         if size > MOST_MEMORY:
-            raise InputError(f"{path}: refused: this {what} takes {size / 1e6:.0f} MB unpacked")
+            raise InputError(f"{path}: {size / 1e6:.0f} MB when unpacked; the limit is {MOST_MEMORY / 1e6:.0f} MB")
         with np.load(path, allow_pickle=False) as file:
             return {name: file[name] for name in file.files}
     except OSError as error:
         raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
     except InputError:
         raise
-    except Exception as error:  # of many kinds: of the archive, of its compression, and of NumPy's own headers
+    except Exception as error:  # The archive, its compression and NumPy's headers raise many kinds
         raise InputError(f"{path}: not a readable {what} ({' '.join(str(error).split())})") from error
 
 

@@ -85,15 +85,15 @@ def _association_rows(path: Path) -> list[list[str]] | None:
     """The lines, split, of the first file of associations of depth to colour images; None if there is none.
 
     Raises:
-        InputError: one of its lines is none of such a file.
+        InputError: a line does not have this form.
     """
     for file in sorted(path.glob("assoc*.txt")):
         rows = [(n, words) for n, line in enumerate(read_text(file).splitlines(), 1) if (words := _words(line))]
         if not rows or len(rows[0][1]) != 4 or sum("depth" in rows[0][1][k].lower() for k in (1, 3)) != 1:
-            continue  # of other things, such as of images to poses
+            continue  # It associates something else, such as images with poses
         for number, row in rows:
             if len(row) != 4 or not all(_is_number(row[k]) for k in (0, 2)):
-                raise InputError(f"{file}: line {number} must be a time and a file, twice: {' '.join(row)[:60]!r}")
+                raise InputError(f"{file}: line {number} must hold a time and a file, twice: {' '.join(row)[:60]!r}")
         return [row for _, row in rows]
     return None
 
@@ -129,7 +129,7 @@ def _from_list(file: Path) -> _Images:
         if not words:
             continue
         if len(words) < 2 or not _is_number(words[0]):
-            raise InputError(f"{file}: line {number} must be a time and a file: {line[:60]!r}")
+            raise InputError(f"{file}: line {number} must hold a time and a file: {line[:60]!r}")
         found.append((float(words[0]), file.parent / words[1]))
     if not found:
         raise InputError(f"{file}: lists no images")

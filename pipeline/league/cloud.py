@@ -128,7 +128,7 @@ def _vertices(read: CloudFile, lines: list[str]) -> tuple[int, list[str]]:
     words = [line.split() for line in lines]
     elements = [(at, w) for at, w in enumerate(words) if w[:1] == ["element"]]
     if not elements or elements[0][1][1:2] != ["vertex"] or not elements[0][1][-1].isdecimal():
-        read.faults.append("the first must be an element vertex with a number")
+        read.faults.append("the first element must be declared as: element vertex NUMBER")
         return 0, []
     first, following = elements[0][0], elements[1][0] if len(elements) > 1 else len(words)
     properties = [(w[-1], " ".join(w[1:-1])) for w in words[first:following] if w[:1] == ["property"]]
@@ -159,7 +159,7 @@ def _read_body(read: CloudFile, lines: list[bytes], count: int, names: list[str]
         return
     if table.shape != (count, len(names)):
         rows_of = f"{len(table)} vertices of {table.shape[1]} numbers"
-        read.faults.append(f"{rows_of}; the header says {count} of {len(names)}")
+        read.faults.append(f"{rows_of}; the header declares {count} of {len(names)}")
         return
     if not np.isfinite(table).all():
         read.faults.append("vertices must be finite")

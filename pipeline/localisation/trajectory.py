@@ -132,7 +132,7 @@ def read_trajectory(path: Path, of_camera: bool) -> Trajectory:
     poses = np.tile(np.eye(4), (len(good), 1, 1))
     poses[:, :3, :3], poses[:, :3, 3] = Rotation.from_quat(good[:, 4:]).as_matrix(), good[:, 1:4]
     if not are_poses(poses):
-        raise InputError(f"{path}: a line does not hold {POSE}")
+        raise InputError(f"{path}: every line must hold {POSE}")
     trajectory = Trajectory(in_seconds(good[:, 0]), poses, of_camera)
     trajectory.left_out = len(rows) - len(good)
     return trajectory

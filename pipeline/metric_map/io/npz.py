@@ -49,10 +49,10 @@ def load_metric_map(path: Path) -> MetricMap:
     if str(entries.pop("format", "")) != FORMAT:
         raise InputError(f"{path}: not a metric map")
     if entries.pop("version", np.array(0)).tolist() != VERSION:
-        raise InputError(f"{path}: not version {VERSION} of the metric map format")
+        raise InputError(f"{path}: must have format version {VERSION}; another version of sarsim wrote it")
     lower, log_odds = entries.pop("lower", np.zeros(0)), entries.pop("log_odds", np.zeros(0))
     if lower.shape != (3,) or lower.dtype != np.int64 or log_odds.ndim != 3 or log_odds.dtype != np.int8:
-        raise InputError(f"{path}: lower or log_odds is missing or has the wrong shape or type")
+        raise InputError(f"{path}: the array 'lower' or 'log_odds' is missing, or has the wrong shape or type")
     settings: dict[str, Any] = {
         name: tuple(value.tolist()) if value.ndim else value.item()
         for name, value in entries.items()

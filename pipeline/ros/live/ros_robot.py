@@ -92,7 +92,7 @@ class RosRobot:
                 raise InputError(f"no robot after {self._patience + wait:g} s: {', '.join(missing())}{others}")
         for topic in needed:
             if len(senders := node.senders(topic)) > 1:
-                raise InputError(f"{topic}: several nodes publish it: {' and '.join(senders)}")
+                raise InputError(f"{topic}: several nodes publish it ({', '.join(senders)}); stop all but one")
         self._prepare_commands()
         types = node.types()
         self._listen(topics.depth, senses.take_depth(types[topics.depth][0]))

@@ -109,7 +109,7 @@ def load_classifier(path: Path, only: str | None = None) -> tuple[PointNetwork, 
         named = metadata.get("labels", f"{network.classes} unnamed classes")
         raise InputError(f"{path}: a network for {named}, not for {_CLASS_NAMES}; train one with sarsim-train")
     if network.channels not in (CHANNELS, COLOURED):
-        raise InputError(f"{path}: a network for {network.channels} channels per point, not {CHANNELS} or {COLOURED}")
+        raise InputError(f"{path}: expects {network.channels} channels per point; must be {CHANNELS} or {COLOURED}")
     try:
         blocks = BlockConfig(**json.loads(metadata["blocks"]))
         for name, usual in asdict(BlockConfig()).items():
@@ -120,7 +120,7 @@ def load_classifier(path: Path, only: str | None = None) -> tuple[PointNetwork, 
     except InputError:
         raise
     except (KeyError, TypeError, ValueError, RecursionError) as error:
-        raise InputError(f"{path}: weights of another version: the block settings are missing") from error
+        raise InputError(f"{path}: written by another version: the block settings are missing or damaged") from error
 
 
 def save_classifier(path: Path, network: PointNetwork, blocks: BlockConfig, training: dict[str, object]) -> None:

@@ -1,6 +1,6 @@
 """The robot's own software: from RGB-D frames to maps, a plan and velocity commands.
 
-It knows neither MuJoCo nor the simulator: any robot that implements :class:`pipeline.robot.Robot` can use it.
+It depends on neither MuJoCo nor the simulator: any robot that implements :class:`pipeline.robot.Robot` can use it.
 """
 
 import ctypes
@@ -8,21 +8,20 @@ import os
 
 M_TRIM_THRESHOLD, M_MMAP_THRESHOLD, M_ARENA_MAX = -1, -3, -8  # of malloc.h
 LARGE = 2**22
-"""Bytes from which glibc gives memory back as soon as it is free.
+"""Allocations of at least this many bytes are returned to the system as soon as they are freed.
 
-By itself it learns to keep what is as large as what was freed, for each thread apart. Between arrays that stay, a
-long run then holds half a gigabyte and more of holes. With a bound of 1 MB, a fifth of the processor time would go
-into it.
+By default glibc raises this threshold to the size of what was freed, separately for each thread. Fragmentation then
+wastes half a gigabyte or more in a long run. A threshold of 1 MB would cost a fifth of the processor time.
 """
 if hasattr(libc := ctypes.CDLL(None), "mallopt"):
     libc.mallopt(M_MMAP_THRESHOLD, LARGE)
     libc.mallopt(M_TRIM_THRESHOLD, 8 * LARGE)
     libc.mallopt(M_ARENA_MAX, 1)
 
-# OpenBLAS reads this once, when NumPy is first imported. A second thread is of no use to products as small as the
-# pipeline's, and waits for the next one in a busy loop: a fifth of an episode's processor time.
+# OpenBLAS reads this once, when NumPy is first imported. A second thread does not speed up products as small as the
+# pipeline's, but its busy-waiting costs a fifth of an episode's processor time.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-# OpenCV reads this once, when it is first imported, and refuses larger images by their headers; its own bound, a
-# gigapixel, takes gigabytes and half a minute. 64 megapixels are four times as many as those of a photo camera.
+# OpenCV reads this once, when it is first imported, and rejects images whose header declares more pixels. Its default,
+# a gigapixel, takes gigabytes of memory and half a minute. 64 megapixels are enough for any photo.
 os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", str(2**26))

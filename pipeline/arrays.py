@@ -1,6 +1,6 @@
-"""Names for the arrays that pass between functions: dtype, shape, unit and frame stand here once.
+"""Names for the arrays passed between functions, which define dtype, shape, unit and frame in one place.
 
-What a name leaves open, such as the frame of points that are not in ``map``, the docstring says.
+Docstrings add what a name leaves open, such as the frame of points that are not in ``map``.
 """
 
 from typing import TypeAlias
@@ -9,57 +9,58 @@ import numpy as np
 from numpy.typing import NDArray
 
 Pose: TypeAlias = NDArray[np.float64]
-"""4×4 float64 rigid transform ``T_a_b``, which takes coordinates in b to a; m."""
+"""4×4 float64 rigid transform ``T_a_b``, which transforms coordinates from frame b to frame a; m."""
 Poses: TypeAlias = NDArray[np.float64]
 """(K, 4, 4) float64 rigid transforms; m."""
 Rotation3: TypeAlias = NDArray[np.float64]
 """3×3 float64 rotation matrix."""
 
 Points: TypeAlias = NDArray[np.float32]
-"""(N, 3) float32 points; m in ``map``, or in the frame that is named."""
+"""(N, 3) float32 points; m, in ``map`` unless another frame is named."""
 Places: TypeAlias = NDArray[np.float64]
-"""(N, 2) or (N, 3) float64 places; m in ``map``."""
+"""(N, 2) or (N, 3) float64 positions; m in ``map``."""
 Place: TypeAlias = NDArray[np.float64]
-"""(2,) or (3,) float64 place; m in ``map``."""
+"""(2,) or (3,) float64 position; m in ``map``."""
 Direction: TypeAlias = NDArray[np.float64]
-"""(2,) or (3,) float64 vector of length 1."""
+"""(2,) or (3,) float64 unit vector."""
 Directions: TypeAlias = NDArray[np.float64]
-"""(N, 2) or (N, 3) float64 vectors of length 1."""
+"""(N, 2) or (N, 3) float64 unit vectors."""
 Planes: TypeAlias = NDArray[np.float64]
-"""(P, 4) or (4,) float64 planes [n, d]: the points x, m, with n · x = d; n has length 1."""
+"""(P, 4) or (4,) float64 planes [n, d]: the points x, m, with n · x = d; n is a unit vector."""
 Box: TypeAlias = NDArray[np.float64]
 """(2, 3) float64 lowest and highest corner; m."""
 Boxes: TypeAlias = NDArray[np.float64]
 """(M, 2, 3) float64 lowest and highest corners; m."""
 
 Covariance: TypeAlias = NDArray[np.float64]
-"""(D, D) float64; of a pose (6, 6) in its tangent, rotation (rad) before translation (m), of a place in m²."""
+"""(D, D) float64 covariance: of a pose (6, 6), in its tangent space, rotation (rad) before translation (m); of a
+position, m²."""
 Information: TypeAlias = NDArray[np.float64]
-"""(D, D) float64 inverse of a covariance: of a pose's (6, 6), 1/rad² and 1/m², of a place's in 1/m²."""
+"""(D, D) float64 inverse of a covariance: of a pose (6, 6), 1/rad² and 1/m²; of a position, 1/m²."""
 
 Mask: TypeAlias = NDArray[np.bool_]
-"""(N,) bool, one for each item."""
+"""(N,) bool, one per item."""
 Indices: TypeAlias = NDArray[np.int64]
-"""(N,) int64 numbers of items."""
+"""(N,) int64 indices of items."""
 Values: TypeAlias = NDArray[np.float64]
-"""(N,) float64, one for each item; the unit is named."""
+"""(N,) float64, one per item; docstrings name the unit."""
 Labels: TypeAlias = NDArray[np.uint8]
-"""(N,) uint8 :class:`pipeline.labels.Label`, one for each item."""
+"""(N,) uint8 :class:`pipeline.labels.Label`, one per item."""
 Probabilities: TypeAlias = NDArray[np.float32]
-"""(N, 8) float32 probability of each label, one row for each item."""
+"""(N, 8) float32 probability of each label, one row per item."""
 
 Cells: TypeAlias = NDArray[np.int64]
-"""(N, 2) or (N, 3) int64 indices of cells of a grid, or of voxels."""
+"""(N, 2) or (N, 3) int64 indices of grid cells or voxels."""
 Layer: TypeAlias = NDArray[np.floating]
-"""(nx, ny) values of a grid's cells; the unit is named."""
+"""(nx, ny) values of a grid's cells; docstrings name the unit."""
 MaskLayer: TypeAlias = NDArray[np.bool_]
-"""(nx, ny) bool, one for each cell of a grid."""
+"""(nx, ny) bool, one per grid cell."""
 
 Rgb: TypeAlias = NDArray[np.uint8]
 """(H, W, 3) uint8 image, red, green, blue."""
 Depth: TypeAlias = NDArray[np.float32]
 """(H, W) float32 depth along the optical axis in m; 0 = no return."""
 PixelMask: TypeAlias = NDArray[np.bool_]
-"""(H, W) bool, one for each pixel."""
+"""(H, W) bool, one per pixel."""
 Pixels: TypeAlias = NDArray[np.float32]
-"""(N, 2) float32 x and y in an image, pixels from its upper left corner."""
+"""(N, 2) float32 x and y in an image, pixels from its upper-left corner."""

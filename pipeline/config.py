@@ -17,13 +17,13 @@ from pipeline.victims.config import VictimsConfig
 
 @dataclass(frozen=True)
 class KeyframesConfig:
-    """When the maps follow the keyframes.
+    """When corrected keyframe poses are applied to the maps.
 
     Attributes:
-        noticeable: m; keyframes of which nothing in view moves farther stay where they are in the maps, as in
-            RTAB-Map.
-        due: m; while a robot drives, the maps wait until something in view of a keyframe has moved farther: a fifth
-            of a voxel. Whenever the odometry's scale is estimated anew, most keyframes move a little.
+        noticeable: m; a keyframe keeps its pose in the maps while nothing in its view would move farther than this, as
+            in RTAB-Map.
+        due: m; while a robot drives, the maps are not corrected until something in a keyframe's view would move
+            farther, a fifth of a voxel. Each new estimate of the odometry's scale moves most keyframes a little.
     """
 
     noticeable: float = 0.01
@@ -32,11 +32,11 @@ class KeyframesConfig:
 
 @dataclass(frozen=True)
 class ExplorerConfig:
-    """When the robot gives up.
+    """When the explorer gives up.
 
     Attributes:
-        patience: failed drives from one place after which the robot stays.
-        got_away: m; a drive that led farther from the place was no failure.
+        patience: number of failed drives from one position after which the robot stays there.
+        got_away: m; a drive that ends farther from that position has not failed.
     """
 
     patience: int = 5

@@ -1,5 +1,5 @@
-"""The one exception that means "the user gave something that cannot work"."""
+"""The exception for invalid input from the user."""
 
 
 class InputError(ValueError):
-    """Bad input. The message is one line that says what is wrong and where; commands exit with status 2."""
+    """Invalid input. The message is one line that says what is wrong and where; commands exit with status 2."""

@@ -26,11 +26,11 @@ from pipeline.sink import Sink, Step
 
 
 class Explorer:
-    """Explores with a robot: each :meth:`step` renews the maps and the plan, each :meth:`drive` follows the plan.
+    """Explores with a robot: :meth:`step` updates the maps and the plan, :meth:`drive` follows the plan.
 
     Attributes:
-        mapper: all maps.
-        mission: what to do next.
+        mapper: holds all maps.
+        mission: decides what to do next.
         pilot: moves the robot.
         steps: number of steps so far.
     """
@@ -43,9 +43,9 @@ class Explorer:
         planner: Planner = TOPOLOGICAL,
         navigator: Navigator | None = None,
     ):
-        """Begin where the robot stands, with the maps as they are; by default with the next best view.
+        """Start at the robot's current position with the mapper's maps; the default strategy is the next best view.
 
-        ``navigator``: leads the robot; by default one that commands velocities.
+        ``navigator``: follows paths; by default one that commands velocities.
         """
         self.mapper = mapper
         self.reobservation = Reobservation(
@@ -59,17 +59,17 @@ class Explorer:
         self._failed_drives = 0
 
     def watch(self, *sinks: Sink) -> None:
-        """Notify further sinks of every event, in their order."""
+        """Add sinks, which are notified of every event in the given order."""
         self._sinks += sinks
         self.mapper.observers += sinks
 
     @property
     def T_map_start(self) -> Pose | None:
-        """Where the robot began; None before the first step."""
+        """Pose at which the robot started; None before the first step."""
         return self.mapper.T_map_start
 
     def step(self) -> Step:
-        """Sense, localise, map, decide where to go next, and plan the way."""
+        """Sense, localise, map, choose where to go next, and plan a path there."""
         mapper = self.mapper
         self.settle(waits=True)
         confirmed = self.pilot.look_around()
@@ -96,7 +96,7 @@ class Explorer:
         return step
 
     def _why_ended(self, context: Context, left: list[Viewpoint]) -> str:
-        """Why exploring ends without a viewpoint."""
+        """Why exploration ends if no viewpoint was chosen."""
         if self.mission.is_out_of_time:
             return "time"
         if self.is_held:
@@ -106,18 +106,18 @@ class Explorer:
         return "not_worth_it" if left else "nothing_left"
 
     def settle(self, waits: bool = False) -> bool:
-        """Correct the keyframes' poses, the maps and all places in them; True if the maps changed.
+        """Correct the keyframe poses, the maps and everything anchored in them; True if the maps changed.
 
-        ``waits``: whether the maps wait until a correction is due.
+        ``waits``: whether to leave the maps alone until a correction is due.
         """
         moves = self.mapper.settle(waits)
         self.pilot.correct()
         return moves is not None
 
     def decide(self, keyframe: Keyframe) -> tuple[Viewpoint | None, Context]:
-        """The viewpoint to go to, None if there is none, and the context of the decision.
+        """The viewpoint to drive to (None if there is none), and the context of the decision.
 
-        If nothing leads to a goal, neither a way nor unseen ground, it is looked for again without the margin.
+        If no path leads to a goal, not even over unseen ground, the search is repeated without the safety margin.
         """
         viewpoint, context = self._choose(keyframe)
         if viewpoint is None and not self.is_held and self.mission.tighten():
@@ -125,7 +125,7 @@ class Explorer:
         return viewpoint, context
 
     def _choose(self, keyframe: Keyframe) -> tuple[Viewpoint | None, Context]:
-        # After failed drives clearance weighs more, so that the same way is not tried again.
+        # After failed drives clearance costs more, so that the same path is not tried again.
         caution, is_tight = 1.0 + self._failed_drives, self.mission.is_tight
         pose = self.pilot.next_pose(keyframe.T_map_base)
         context = context_of(self.mapper, keyframe, pose, caution, is_tight, self.reobservation)
@@ -139,18 +139,18 @@ class Explorer:
 
     @property
     def is_held(self) -> bool:
-        """Whether too many drives failed since one last got the robot away from where it was."""
+        """Whether too many drives in a row have failed to get the robot away from its position."""
         return self._failed_drives >= self._config.explorer.patience
 
     def redirect(self, step: Step, viewpoint: Viewpoint) -> Step:
-        """The step, with a viewpoint that was chosen from outside and a plan that leads there, if a way does."""
+        """A copy of the step with a viewpoint chosen by the caller, and a plan that leads there if there is one."""
         self.mission.exploration.commit(viewpoint, step.context)
         return replace(step, viewpoint=viewpoint, plan=self._plan(viewpoint, step.context))
 
     def drive(self, step: Step) -> bool:
-        """Follow the plan of a step and turn to the viewpoint's heading; True if the robot got there.
+        """Follow the plan of a step and turn to the viewpoint's heading; True if the robot arrived.
 
-        The robot stops before an obstacle that the map does not show: the next step plans anew.
+        The robot stops in front of an obstacle that is not on the map; the next step then plans again.
         """
         if step.viewpoint is None or step.plan is None:
             return False
@@ -169,7 +169,7 @@ class Explorer:
         return reached
 
     def _follow(self, step: Step, viewpoint: Viewpoint, plan: PathPlan, check: ObstacleCheck) -> Outcome:
-        """Follow the plan of a step; slowly on ramps and beside people."""
+        """Follow the plan of a step, slowly on ramps and near people."""
         ramps = [ramp.tree.data for ramp in self.mapper.segments.of(Label.INCLINED_RAMP)]
         people = [victim.points for victim in self.mapper.victims.confirmed]
         speed_limit = SpeedLimit(step.traversability, ramps, people, self._config.navigation)
@@ -180,12 +180,12 @@ class Explorer:
             return self.mission.is_shown(self.mapper.elevation_map)
 
         planned = viewpoint.seconds - self._config.exploration.keyframe_time if viewpoint.seconds else None
-        # To a viewpoint to which it rolls already it drives on until it stands, or it would choose the same again.
+        # If the robot is already rolling towards this viewpoint, it must arrive, or the next step chooses it again.
         rolls = viewpoint.turn and len(way) > 0 and not viewpoint.stands
         return self.pilot.follow(check, Course(way, heading, start, speed_limit, rolls, planned), is_done)
 
     def _way(self, step: Step, plan: PathPlan, heading: float | None) -> list[Stretch]:
-        """The stretches of a plan, with arcs where there is room for them on level ground."""
+        """The stretches of a plan, with arcs where level ground leaves room for them."""
         ground = step.traversability
 
         def fits(poses: Places) -> bool:
@@ -195,10 +195,10 @@ class Explorer:
         return stretches_of(plan.way_points[:, :2], plan.backwards, start, heading, fits, arcs)
 
     def _learn_from_drive(self, obstacles: Points) -> None:
-        """Pass obstacles, the track of the drive and what the robot touched on to the mapper."""
+        """Report obstacles, the driven track and what the robot touched to the mapper."""
         elevation_map = self.mapper.elevation_map
         robot, cell = elevation_map.robot, elevation_map.grid.cell
-        # If the robot did not get free, an obstacle mapped beside it would only shut it in.
+        # If the robot did not get free, mapping an obstacle next to it would only trap it.
         touched = [halt.touched(robot, cell) for halt in self.pilot.halts if halt.touches]
         self.mapper.add_drive(self.pilot.track, obstacles, touched)
 
@@ -208,8 +208,8 @@ def context_of(
 ) -> Context:
     """What the robot knows at a keyframe when it decides where to go; see :class:`PosePaths` for ``caution``.
 
-    ``pose``: (3,) x, y and heading from which its ways lead. ``is_tight``: ways need no margin. ``rewards``: of
-    viewpoints that confirm what was found.
+    ``pose``: (3,) x, y and heading from which paths start. ``is_tight``: whether paths may do without the safety
+    margin. ``rewards``: rewards of viewpoints that confirm finds.
     """
     ground = mapper.traversability.without_margin if is_tight else mapper.traversability
     paths = PosePaths(ground, pose[:2], float(pose[2]), caution)

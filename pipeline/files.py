@@ -1,4 +1,4 @@
-"""Write files whole or not at all, read bounded files, and try untrusted ones in a separate process."""
+"""Write files completely or not at all, read files of limited size, and try untrusted ones in a separate process."""
 
 import os
 import resource
@@ -18,14 +18,14 @@ from numpy.typing import NDArray
 
 from pipeline.errors import InputError
 
-MOST_MEMORY = 2**30  # bytes that a map, or the arrays in a file, may take; while it grows, a map takes as much again
-MOST_TEXT = 50_000_000  # bytes of a text; a TUM trajectory of 20 Hz needs 5 MB an hour
-GOOD = "good"  # Answer of a separate process that found nothing wrong
+MOST_MEMORY = 2**30  # bytes, limit of a map or of the arrays in a file; while growing, a map takes twice as much
+MOST_TEXT = 50_000_000  # bytes, limit of a text file; a TUM trajectory at 20 Hz needs 5 MB per hour
+GOOD = "good"  # The answer of a separate process that has found no fault
 
 
 @contextmanager
 def whole_file(path: Path) -> Iterator[Path]:
-    """Lend the path of a new file beside ``path``, which takes its place when the block ends without an error.
+    """Yield a temporary path next to ``path``; its file replaces ``path`` if the block ends without an error.
 
     Raises:
         InputError: the file cannot be written.
@@ -42,18 +42,18 @@ def whole_file(path: Path) -> Iterator[Path]:
 
 
 RUN_FILES = ("episode.rrd", "report.json")
-"""Files of a run, one of which a folder with a run has."""
+"""Files of a run; a folder with either of them holds a run."""
 
 
 def check_folder(path: Path, marks: Collection[str] = ()) -> None:
-    """Decide whether results may go into a folder: it is new, or empty, or holds results that these continue.
+    """Check that results may go into a folder: it is new or empty, or holds results that can be continued.
 
     Args:
-        path: of the folder.
-        marks: names of files, one of which all results have that may be continued; none if none may.
+        path: the folder.
+        marks: file names; results with one of these files can be continued. By default none can.
 
     Raises:
-        InputError: it holds an earlier run or other files, or is no folder.
+        InputError: the folder holds an earlier run or other files, or the path is not a folder.
     """
     try:
         names = sorted(file.name for file in path.iterdir() if file.suffix != ".part") if path.exists() else []
@@ -66,10 +66,10 @@ def check_folder(path: Path, marks: Collection[str] = ()) -> None:
 
 
 def make_folder(path: Path, marks: Collection[str] = ()) -> None:
-    """Make a folder for results for which :func:`check_folder` holds; the later, the fewer refusals leave it empty.
+    """Check and make a folder for results; call it late, so that earlier errors leave no empty folder.
 
     Raises:
-        InputError: the check fails, or no file can be written there.
+        InputError: the check fails, or the folder is not writable.
     """
     check_folder(path, marks)
     try:
@@ -80,12 +80,12 @@ def make_folder(path: Path, marks: Collection[str] = ()) -> None:
 
 
 def each(*actions: Callable[[], object]) -> None:
-    """Run every action, whatever fails in others; then raise the first failure, the others being its consequences."""
+    """Run every action even if others fail; then raise the first failure, since the others may follow from it."""
     failures: list[Exception] = []
     for action in actions:
         try:
             action()
-        except Exception as error:  # whatever fails must not cost the results that remain
+        except Exception as error:  # A failure must not cost the remaining results
             failures.append(error)
     if failures:
         raise failures[0]
@@ -93,7 +93,7 @@ def each(*actions: Callable[[], object]) -> None:
 
 @contextmanager
 def uninterrupted() -> Iterator[None]:
-    """Ignore Ctrl-C in the block of the ``with`` statement; other threads than the main one never notice it."""
+    """Ignore Ctrl-C in the block of the ``with`` statement; threads other than the main one never receive it."""
     if threading.current_thread() is not threading.main_thread():
         yield
         return
@@ -106,7 +106,7 @@ def uninterrupted() -> Iterator[None]:
 
 @contextmanager
 def silenced() -> Iterator[None]:
-    """Discard what libraries write to stderr by themselves, beside the errors that they raise or return."""
+    """Discard what libraries write to stderr in addition to the errors that they raise or return."""
     kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 2)
     try:
@@ -118,7 +118,7 @@ def silenced() -> Iterator[None]:
 
 
 def check_regular(path: Path, most: float = np.inf) -> None:
-    """Raises InputError if a path is no regular file (but a folder, a pipe, a device), or has over ``most`` bytes."""
+    """Raise InputError if a path is not a regular file (a folder, pipe or device), or has more than ``most`` bytes."""
     try:
         status = path.stat()
     except (OSError, ValueError) as error:
@@ -130,7 +130,7 @@ def check_regular(path: Path, most: float = np.inf) -> None:
 
 
 def read_bytes(path: Path, most: float = np.inf) -> bytes:
-    """The content of a regular file of at most ``most`` bytes; InputError if it is not, or is unreadable."""
+    """The content of a regular file; InputError if it has more than ``most`` bytes or cannot be read."""
     check_regular(path, most)
     try:
         return path.read_bytes()
@@ -139,7 +139,7 @@ def read_bytes(path: Path, most: float = np.inf) -> bytes:
 
 
 def read_text(path: Path, most: float = MOST_TEXT) -> str:
-    """The content of a regular file of at most ``most`` bytes of UTF-8; InputError if it is something else."""
+    """The content of a UTF-8 text file; InputError if it has more than ``most`` bytes, or is not such a file."""
     try:
         return read_bytes(path, most).decode("utf-8-sig")
     except UnicodeDecodeError as error:
@@ -149,15 +149,16 @@ def read_text(path: Path, most: float = MOST_TEXT) -> str:
 
 
 def read_numbers(path: Path, columns: str, finite: bool = True) -> NDArray[np.float64]:
-    """(N, C) the numbers in a text whose lines have C columns, of any units; lines that begin with # are comments.
+    """(N, C) numbers, in any units, of a text file with C columns; text after # is a comment.
 
     Args:
-        path: of the text.
-        columns: their names, for error messages.
-        finite: whether a number that is not finite is an error.
+        path: the text file.
+        columns: names of the columns, separated by spaces.
+        finite: whether non-finite numbers are an error.
 
     Raises:
-        InputError: it is no regular file, is too large, or a line has other columns or such a number.
+        InputError: the file is not a regular file or is too large, or a line has the wrong number of columns or a
+            non-finite number.
     """
     try:
         rows = np.array(
@@ -173,10 +174,10 @@ def read_numbers(path: Path, columns: str, finite: bool = True) -> NDArray[np.fl
 
 
 def load_arrays(path: Path, what: str) -> dict[str, NDArray[Any]]:
-    """The arrays (of any shape and unit) in a ``.npz``, by name; ``what`` names the kind of file in error messages.
+    """The arrays in a ``.npz`` file, by name, of any shape and unit; ``what`` names the kind of file in error messages.
 
     Raises:
-        InputError: it is missing or damaged.
+        InputError: the file is missing or damaged.
     """
     check_regular(path)
     try:
@@ -195,18 +196,18 @@ def load_arrays(path: Path, what: str) -> dict[str, NDArray[Any]]:
 
 
 def answer_apart(action: Callable[[], str], seconds: int, memory: int) -> str:
-    """Run an action in a process of its own, so that a library that hangs or crashes does no harm.
+    """Run an action in a separate process, so that a library that hangs or crashes does no harm.
 
     Args:
         action: returns its answer as text.
-        seconds: limit of processor time; the wall time is limited to ten times as much, for a process may wait.
-        memory: limit in bytes beyond what this process has.
+        seconds: limit of processor time, s; the wall time may be ten times as long, since the process may have to wait.
+        memory: limit of additional memory beyond that of this process, bytes.
 
     Returns:
-        The first bytes of the answer, as many as a pipe takes at once; empty if a limit was exceeded, or it crashed.
+        The first ``PIPE_BUF`` bytes of the answer; empty if a limit was exceeded or the process crashed.
     """
     reading, writing = os.pipe()
-    child = os.fork()  # spawning takes a second, and multiprocessing's daemonic workers may not start processes
+    child = os.fork()  # Spawning takes a second, and multiprocessing's daemonic workers may not spawn
     if not child:
         try:
             _limit(seconds, memory)
@@ -224,9 +225,9 @@ def answer_apart(action: Callable[[], str], seconds: int, memory: int) -> str:
 
 
 def _limit(seconds: int, memory: int) -> None:
-    """Limit the processor time (s) and the memory (bytes) of this process for good, and silence its stderr."""
+    """Permanently limit the processor time (s) and the memory (bytes) of this process, and silence its stderr."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), 2)
     resource.setrlimit(resource.RLIMIT_CPU, (seconds, seconds))
-    with suppress(OSError, ValueError):  # without Linux's /proc only the time is limited
+    with suppress(OSError, ValueError):  # Without Linux's /proc, only the time is limited
         used = int(Path("/proc/self/statm").read_text().split()[0]) * resource.getpagesize()
         resource.setrlimit(resource.RLIMIT_AS, (used + memory, used + memory))

@@ -1,4 +1,4 @@
-"""What the RGB-D camera delivers at one moment."""
+"""A frame of the RGB-D camera."""
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
@@ -17,7 +17,7 @@ from pipeline.files import silenced
 from pipeline.sensor import XTION, SensorModel
 
 SAME_TIME = 0.02
-"""s, greatest difference between the times of a depth image and its colour image, as in the TUM benchmark's tool."""
+"""Maximum time between a depth image and its colour image, s, as in the TUM benchmark's tool."""
 
 
 @dataclass(frozen=True)
@@ -33,12 +33,12 @@ class Intrinsics:
 
     @property
     def rays(self) -> NDArray[np.float32]:
-        """(H, W, 3) points of depth 1 m through every pixel's centre, in ``camera_optical``."""
+        """(H, W, 3) points at a depth of 1 m through the centre of every pixel, in ``camera_optical``."""
         return _rays(self)
 
     @property
     def matrix(self) -> NDArray[np.float64]:
-        """3×3 camera matrix of OpenCV, Open3D and ROS, whose pixel centres are at integers."""
+        """3×3 camera matrix as in OpenCV, Open3D and ROS, whose pixel centres are at integers."""
         return np.array([[self.fx, 0, self.cx - 0.5], [0, self.fy, self.cy - 0.5], [0, 0, 1]])
 
     @property
@@ -50,7 +50,7 @@ class Intrinsics:
 
     @property
     def half_view(self) -> float:
-        """rad from the optical axis to the nearer side of the image."""
+        """Angle from the optical axis to the nearer side of the image, rad."""
         return float(min(np.arctan2(self.cx, self.fx), np.arctan2(self.width - self.cx, self.fx)))
 
     def points(self, depth: Depth, T_target_camera: Pose) -> Points:
@@ -60,13 +60,13 @@ class Intrinsics:
         return _points_of(np.ascontiguousarray(depth, np.float32), x, y, T[:3, :3], T[:3, 3])
 
     def project(self, points: NDArray[np.floating]) -> tuple[NDArray[np.int64], Mask]:
-        """Pixels that points fall in.
+        """The pixels into which points project.
 
         Args:
             points: (N, 3) m in ``camera_optical``.
 
         Returns:
-            (N, 2) int64 row and column, and whether the point lies before the camera and within the
+            (N, 2) int64 row and column, and whether the point lies in front of the camera and within the
             image. The pixels of other points are meaningless.
         """
         depth = np.maximum(points[:, 2], 1e-6)
@@ -78,7 +78,7 @@ class Intrinsics:
 
 @lru_cache(maxsize=8)
 def _rays(k: Intrinsics) -> NDArray[np.float32]:
-    """Rays of equal cameras are computed once: a loaded map has an ``Intrinsics`` for each keyframe."""
+    """The rays, computed once for equal cameras: a loaded map has an ``Intrinsics`` for each keyframe."""
     v, u = np.mgrid[0.5 : k.height, 0.5 : k.width]
     return np.stack([(u - k.cx) / k.fx, (v - k.cy) / k.fy, np.ones_like(u)], axis=-1).astype(np.float32)
 
@@ -87,7 +87,7 @@ def _rays(k: Intrinsics) -> NDArray[np.float32]:
 def _points_of(
     depth: Depth, x: NDArray[np.float32], y: NDArray[np.float32], R: NDArray[np.float32], t: NDArray[np.float32]
 ) -> Points:
-    """The returns of a depth image, given (W,) x and (H,) y of its rays, turned by (3, 3) and moved by (3,)."""
+    """The returns of a depth image whose rays have (W,) x and (H,) y, rotated by (3, 3) and translated by (3,)."""
     is_return = (depth > 0) & (depth < np.inf)
     points, n = np.empty((np.count_nonzero(is_return), 3), np.float32), 0
     for v in range(len(y)):
@@ -101,7 +101,7 @@ def _points_of(
 
 
 class Calibration(NamedTuple):
-    """Intrinsics of a camera as calibrations give them: pixel centres are at integers."""
+    """Camera intrinsics in the convention of calibrations: pixel centres are at integers."""
 
     fx: float
     fy: float
@@ -116,13 +116,13 @@ class Frame:
     Attributes:
         time: s.
         rgb, depth: the images.
-        intrinsics: of both images, which are registered to each other.
+        intrinsics: intrinsics of both images, which are registered to each other.
         T_base_camera: pose of ``camera_optical`` in ``base_link``.
-        T_odom_base: pose of ``base_link`` in ``odom``, by the robot's odometry.
-        label: (H, W) uint8 true label of every pixel, where a simulator knows it.
-        instance: (H, W) int32 id of the object that every pixel shows, where a simulator knows it; -1 = none.
+        T_odom_base: pose of ``base_link`` in ``odom`` from the robot's odometry.
+        label: (H, W) uint8 true label of every pixel; None without a simulator.
+        instance: (H, W) int32 id of the object at every pixel, -1 = none; None without a simulator.
         sensor: the camera that measured the depth.
-        thermal: (h, w) float32 °C, registered to the colour image, of as wide a view; None without a thermal camera.
+        thermal: (h, w) float32 °C, registered to the colour image, same field of view; None without a thermal camera.
     """
 
     time: float
@@ -143,7 +143,7 @@ class Frame:
 
     @property
     def millimetres(self) -> NDArray[np.uint16]:
-        """(H, W) whole mm along the optical axis, as images of depth are stored; 0 = no return."""
+        """(H, W) depth along the optical axis in whole mm, as depth images are stored; 0 = no return."""
         depth = np.where(self.returns, self.depth, 0)
         return np.rint(1e3 * depth).clip(max=np.iinfo(np.uint16).max).astype(np.uint16)
 
@@ -152,31 +152,31 @@ class Frame:
         return self.intrinsics.points(self.depth, T_target_camera)
 
     def every_nth(self, n: int) -> tuple[Depth, Intrinsics]:
-        """The depth of every ``n``-th pixel of every ``n``-th row, and this image's intrinsics."""
+        """The depth of every ``n``-th pixel of every ``n``-th row, and the intrinsics of that image."""
         k, first = self.intrinsics, n // 2
         depth = self.depth[first::n, first::n]
-        # The centre of the first pixel kept is the centre of the first pixel of the new image.
+        # The first pixel of the new image has the same centre as in the old one.
         cx, cy = ((c - first - 0.5) / n + 0.5 for c in (k.cx, k.cy))
         return depth, Intrinsics(depth.shape[1], depth.shape[0], k.fx / n, k.fy / n, cx, cy)
 
 
 def decoded(content: bytes | NDArray[np.uint8], flags: int) -> NDArray:
-    """(H, W, ...) pixels of the content of an image file, by a flag of ``cv2.imread``; InputError if it is no image.
+    """(H, W, ...) pixels of an encoded image, read with flags of ``cv2.imread``; InputError if it is not an image.
 
-    Images of more than ``OPENCV_IO_MAX_IMAGE_PIXELS`` are refused by their headers.
+    Images with more than ``OPENCV_IO_MAX_IMAGE_PIXELS`` according to their header are rejected.
     """
     try:
         with silenced():
             image = cv2.imdecode(np.frombuffer(content, np.uint8), flags)
-    except cv2.error:  # a size beyond the bound
+    except cv2.error:  # The image is too large
         image = None
     if image is None:
-        raise InputError("not an image, damaged, or too large")
+        raise InputError("cannot be decoded: damaged, too large, or not an image")
     return image
 
 
 def jpeg(rgb: Rgb) -> bytes:
-    """An image as the content of a JPEG file, of Pillow's quality."""
+    """An image encoded as JPEG with Pillow's default quality."""
     content = BytesIO()
     Image.fromarray(rgb).save(content, "JPEG")
     return content.getvalue()

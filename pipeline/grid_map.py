@@ -1,4 +1,4 @@
-"""Regular grids over the xy plane of ``map``: where cells lie, and named layers that grow and track their changes."""
+"""Regular grids over the xy plane of ``map``: the position of cells, and named layers that grow and track changes."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -15,20 +15,20 @@ from pipeline.arrays import Boxes, Cells, Mask, MaskLayer, Place
 from pipeline.errors import InputError
 from pipeline.files import MOST_MEMORY
 
-Box = tuple[slice, slice]  # A rectangle of cells of a grid
+Box = tuple[slice, slice]  # A rectangle of grid cells
 
 BLOCK = 64
-"""Cells, or voxels, along each side of the blocks in which maps grow where points fall: 3.2 m of cells of 5 cm."""
+"""Side of the blocks in which maps grow, cells or voxels: 3.2 m with 5 cm cells."""
 BORDER = 20
-"""Cells beyond the points that lie on the grid as well, so that what borders on them can be looked for: 1 m."""
+"""Margin of the grid around the points, cells, so that what borders on them can be searched: 1 m with 5 cm cells."""
 
 
 @dataclass(frozen=True, eq=False)
 class Grid:
-    """Where the cells of a layer lie; layers are indexed [i, j] along x and y.
+    """The position of a layer's cells; layers are indexed [i, j] along x and y.
 
-    Every cell has absolute indices as well, which stay the same when the grid grows: the cell (i, j) covers
-    [i·cell, (i + 1)·cell) m along x and [j·cell, (j + 1)·cell) m along y. It is the element [i, j] - ``low``.
+    Every cell also has absolute indices, which stay the same when the grid grows: the cell (i, j) covers
+    [i·cell, (i + 1)·cell) m along x and [j·cell, (j + 1)·cell) m along y. Its element is [i, j] - ``low``.
 
     Attributes:
         low: (2,) int64 absolute indices of the element [0, 0].
@@ -42,7 +42,7 @@ class Grid:
 
     @classmethod
     def around(cls, boxes: Boxes, cell: float) -> Self:
-        """The grid of cells with a side of ``cell`` m that boxes (M, 2, 3), m, touch, and one more on each side."""
+        """The grid of all cells of size ``cell``, m, that boxes (M, 2, 3), m, touch, plus one cell on each side."""
         low, high = (
             np.floor(corner[:2] / cell).astype(np.int64) for corner in (boxes.min((0, 1)), boxes.max((0, 1)))
         )
@@ -51,19 +51,19 @@ class Grid:
 
     @cached_property
     def origin(self) -> Place:
-        """xy of the corner of the element [0, 0]."""
+        """x and y of the lower corner of the element [0, 0], m."""
         return np.asarray(self.low * self.cell, np.float64)
 
     def cell_of(self, xy: ArrayLike) -> NDArray[np.int64]:
-        """(..., 2) indices of the elements that hold the points (..., 2 or 3), m; may lie outside the grid."""
+        """(..., 2) indices of the elements that contain points (..., 2 or 3), m; may lie outside the grid."""
         return np.floor((np.asarray(xy)[..., :2] - self.origin) / self.cell).astype(np.int64)
 
     def centre_of(self, cells: ArrayLike) -> NDArray[np.float64]:
-        """(..., 2) centres of elements (..., 2), m."""
+        """(..., 2) centres, m, of elements with indices (..., 2)."""
         return self.origin + (np.asarray(cells) + 0.5) * self.cell
 
     def holds(self, cells: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """(...) whether elements (..., 2) lie on the grid."""
+        """(...) whether elements with indices (..., 2) lie on the grid."""
         return np.asarray(((cells >= 0) & (cells < self.shape)).all(axis=-1))
 
     def at(self, layer: NDArray, xy: ArrayLike, outside: float = 0) -> NDArray:
@@ -74,7 +74,7 @@ class Grid:
         return np.where(inside, layer[cells[..., 0], cells[..., 1]], layer.dtype.type(outside))
 
     def mask_of(self, xy: ArrayLike) -> MaskLayer:
-        """The cells that hold points (N, 2 or 3), m; points beyond the grid are left out."""
+        """The cells that contain points (N, 2 or 3), m; points outside the grid are ignored."""
         cells = self.cell_of(xy)
         i, j = cells[self.holds(cells)].T
         mask = np.zeros(self.shape, np.bool_)
@@ -82,7 +82,7 @@ class Grid:
         return mask
 
     def touched(self, boxes: Boxes) -> tuple[MaskLayer, Callable[[Boxes], Mask]]:
-        """The cells that boxes (M, 2, 3), m, on the grid touch, and a function that says which others touch these."""
+        """The cells touched by boxes (M, 2, 3), m, and a function that returns which other boxes touch these cells."""
         mask = np.zeros(self.shape, np.bool_)
         for (i, j), (k, m) in self.cell_of(boxes):
             mask[i : k + 1, j : m + 1] = True
@@ -96,17 +96,17 @@ class Grid:
         return mask, meets
 
     def distance_to(self, mask: MaskLayer) -> NDArray[np.float64]:
-        """(nx, ny) m from every cell to the nearest of the mask, from centre to centre; infinite if it is empty."""
+        """(nx, ny) distance from each cell to the nearest one in the mask, between centres, m; infinite if it is empty."""
         if not mask.any():
-            # For an empty mask SciPy would measure from a place beside the first cell.
+            # For an empty mask, SciPy would measure from a point next to the first cell.
             return np.full(mask.shape, np.inf)
         distance: NDArray[np.float64] = ndimage.distance_transform_edt(~mask) * self.cell
         return distance
 
     def nearest(self, mask: MaskLayer, xy: ArrayLike, within: float) -> Place | None:
-        """The point itself if its cell is in the mask, or else the centre of the nearest such cell.
+        """The point itself if its cell is in the mask, otherwise the centre of the nearest cell of the mask.
 
-        None if the mask has no cell ``within`` this distance, m.
+        None if the mask has no cell ``within`` that distance, m.
         """
         xy = np.asarray(xy, np.float64)[:2]
         if self.at(mask, xy, outside=0):
@@ -118,36 +118,36 @@ class Grid:
         return centres[distance.argmin()] if len(distance) and distance.min() <= within else None
 
     def part(self, box: Box) -> "Grid":
-        """The grid of the cells in a box."""
+        """The grid that consists of the cells in a box."""
         i, j = (s.indices(n) for s, n in zip(box, self.shape, strict=True))
         return Grid(self.low + np.array([i[0], j[0]]), self.cell, (i[1] - i[0], j[1] - j[0]))
 
     def box_of(self, part: "Grid") -> Box:
-        """The box of another grid of the same cells that lies entirely within this one."""
+        """The box that another grid of the same cells covers; it must lie entirely within this grid."""
         i, j = (slice(int(s), int(s) + n) for s, n in zip(part.low - self.low, part.shape, strict=True))
         return i, j
 
     def widened(self, xy: NDArray[np.float64], margin: float) -> "Grid":
-        """The least grid of the same cells that holds this one and all within ``margin`` m of points (N, 2)."""
+        """The smallest grid that contains this one and everything within ``margin`` m of points (N, 2), m."""
         reach = int(np.ceil(margin / self.cell))
         cells = self.low + np.vstack([self.cell_of(xy) - reach, self.cell_of(xy) + reach + 1, [(0, 0)], [self.shape]])
         low, high = cells.min(axis=0), cells.max(axis=0)
         return Grid(low, self.cell, (int(high[0] - low[0]), int(high[1] - low[1])))
 
     def is_same(self, other: "Grid") -> bool:
-        """Whether another grid has the very same cells."""
+        """Whether another grid has exactly the same cells."""
         return self.cell == other.cell and self.shape == other.shape and bool((self.low == other.low).all())
 
 
 @dataclass(frozen=True)
 class Layer:
-    """What the cells of a layer hold.
+    """The type of a layer's cells.
 
     Attributes:
-        dtype: of its values.
+        dtype: type of the values.
         fill: value of an unknown cell.
         per_cell: shape of a cell's value; () is a single number.
-        in_place: its owner changes the array itself: it is not copied, and its changes are not tracked.
+        in_place: whether the owner changes the array itself; it is then neither copied nor tracked.
     """
 
     dtype: DTypeLike
@@ -157,27 +157,27 @@ class Layer:
 
     @property
     def bytes_per_cell(self) -> int:
-        """Bytes that a cell takes, with the revision of its last change."""
+        """Bytes per cell, including the revision of its last change."""
         return np.dtype(self.dtype).itemsize * prod(self.per_cell) + (0 if self.in_place else np.int32().itemsize)
 
     def array(self, shape: tuple[int, int]) -> NDArray:
-        """(nx, ny, ...) array of unknown cells."""
+        """(nx, ny, ...) an array of unknown cells."""
         return np.full((*shape, *self.per_cell), self.fill, self.dtype)
 
 
 class GridMap:
-    """Named layers on one grid that grows; beyond it every cell holds its layer's ``fill``.
+    """Named layers on one growing grid; outside it, every cell has its layer's ``fill`` value.
 
-    Arrays that were given out stay as they were, since a layer is copied before it is written, unless it is changed
-    in place.
+    A layer is copied before it is written, so arrays that were handed out never change, except those of layers that
+    are changed in place.
 
     Attributes:
-        grid: where the cells lie now.
-        revision: number of times that the grid grew or a write changed any value.
+        grid: the current grid.
+        revision: number of times that the grid has grown or a write has changed a value.
     """
 
     def __init__(self, cell: float, layers: Mapping[str, Layer]):
-        """Begin without cells; ``cell``: their side, m."""
+        """Start without cells; ``cell``: cell size, m."""
         self.grid = Grid(np.zeros(2, np.int64), cell, (0, 0))
         self.revision = 0
         self._kinds = dict(layers)
@@ -185,14 +185,14 @@ class GridMap:
         self._stamps = {name: np.zeros((0, 0), np.int32) for name, kind in layers.items() if not kind.in_place}
 
     def __getitem__(self, name: str) -> NDArray:
-        """(nx, ny, ...) a layer as it is now."""
+        """(nx, ny, ...) the current values of a layer."""
         return self._layers[name]
 
     def cover(self, xy: NDArray) -> None:
-        """Grow in whole blocks until all cells within ``BORDER`` of points (N, 2 or 3), m, lie on the grid.
+        """Grow by whole blocks until all cells within ``BORDER`` of points (N, 2 or 3), m, lie on the grid.
 
         Raises:
-            InputError: the grid would take too much memory; it then stays as it is.
+            InputError: the grid would take too much memory. It is unchanged.
         """
         corners = self.grid.cell_of(np.stack([xy.min(axis=0), xy.max(axis=0)])) + np.array([[-BORDER], [BORDER]])
         if self.grid.holds(corners).all():
@@ -201,17 +201,17 @@ class GridMap:
         self._grow(first // BLOCK * BLOCK, (last // BLOCK + 1) * BLOCK)
 
     def match(self, grid: Grid) -> None:
-        """Grow until another grid of the same cells lies on this one."""
+        """Grow until the grid contains another grid of the same cells."""
         self._grow(grid.low, grid.low + grid.shape)
 
     def write(self, name: str, values: ArrayLike, where: Box | NDArray | tuple | EllipsisType = ...) -> None:
-        """Set a layer (nx, ny), or only its cells that ``where`` selects, an index of the array."""
+        """Set a layer (nx, ny), or only the cells that the index ``where`` selects."""
         old = self._layers[name]
         values = np.asarray(values, old.dtype)
-        # By their bits, so that NaN is equal to NaN.
+        # Compare bits, so that NaN equals NaN.
         differs = _bits(old[where]) != _bits(values)
         for _ in self._kinds[name].per_cell:
-            # Several times as fast as any() along a short last axis.
+            # Several times faster than any() along a short last axis.
             differs = reduce(np.logical_or, np.moveaxis(differs, -1, 0))
         if not differs.any():
             return
@@ -222,15 +222,15 @@ class GridMap:
         stamps[where] = np.where(differs, self.revision, stamps[where])
 
     def changed_since(self, revision: int, *names: str) -> MaskLayer:
-        """The cells that writes after a revision changed in one of these layers, or in any if none is named.
+        """The cells that have changed since a revision in any of the named layers, or in any layer if none is named.
 
-        Cells that the grid has gained since then count as changed only if they were written.
+        Cells that the grid has gained since then are included only if they were written.
         """
         stamps = [self._stamps[name] for name in names or self._stamps]
         return reduce(np.maximum, stamps) > revision
 
     def _grow(self, low: NDArray[np.int64], high: NDArray[np.int64]) -> None:
-        """Grow to hold the cells from ``low`` up to but not including ``high``, (2,) absolute indices."""
+        """Grow to contain the cells from ``low`` (inclusive) to ``high`` (exclusive), (2,) absolute indices."""
         old = self.grid
         if all(old.shape):
             low, high = np.minimum(low, old.low), np.maximum(high, old.low + old.shape)
@@ -248,7 +248,7 @@ class GridMap:
 
 
 def check_memory(what: str, size: int) -> None:
-    """Raises InputError if what is about to be allocated, ``size`` bytes, is more than ``MOST_MEMORY``."""
+    """Raise InputError if an allocation of ``size`` bytes would exceed ``MOST_MEMORY``."""
     if size > MOST_MEMORY:
         raise InputError(f"{what} would take {size / 1e9:.3g} GB; the limit is {MOST_MEMORY / 1e9:.3g} GB")
 
@@ -264,21 +264,21 @@ def _grown(values: NDArray, layer: NDArray, box: Box) -> NDArray:
 
 
 def blocks(layer: NDArray, size: int) -> NDArray:
-    """(B², ⌈nx / B⌉, ⌈ny / B⌉) the values of a layer in blocks of B × B cells, B being ``size``; 0 beyond its end."""
+    """(B², ⌈nx / B⌉, ⌈ny / B⌉) values of a layer in blocks of B × B cells, where B is ``size``, padded with 0."""
     layer = np.pad(layer, [(0, -n % size) for n in layer.shape])
     nx, ny = np.array(layer.shape) // size
     return layer.reshape(nx, size, ny, size).transpose(1, 3, 0, 2).reshape(-1, nx, ny)
 
 
 def best_of_blocks(worth: NDArray, size: int) -> Cells:
-    """Of each block of ``size`` × ``size`` cells the one of greatest worth (nx, ny), if above 0, by its indices."""
+    """Indices of the cell with the greatest positive ``worth`` (nx, ny) in each block of ``size`` × ``size`` cells."""
     parts = blocks(worth, size)
     best, wanted = parts.argmax(axis=0), parts.max(axis=0) > 0
     return np.argwhere(wanted) * size + np.stack(np.divmod(best[wanted], size), axis=1)
 
 
 def box_around(mask: MaskLayer, margin: int) -> Box:
-    """The bounding box of a mask that is not empty, ``margin`` cells larger where the grid allows."""
+    """The bounding box of a non-empty mask, enlarged by ``margin`` cells where the grid allows."""
     slices = []
     for axis in (0, 1):
         hit = np.flatnonzero(mask.any(axis=1 - axis))
@@ -287,13 +287,13 @@ def box_around(mask: MaskLayer, margin: int) -> Box:
 
 
 def inside(inner: Box, outer: Box) -> Box:
-    """The box ``inner`` in indices from the first corner of the box ``outer``, which holds it."""
+    """The box ``inner`` in indices relative to the first corner of the box ``outer``, which contains it."""
     i, j = (slice(a.start - b.start, a.stop - b.start) for a, b in zip(inner, outer, strict=True))
     return i, j
 
 
 def roomier(values: NDArray, size: int, more: int) -> NDArray:
-    """An array if it has room for ``more`` rows after its first ``size``, else a copy of 2ⁿ rows, the others 0."""
+    """The array if it has room for ``more`` rows after the first ``size``, else a copy with 2ⁿ rows, padded with 0."""
     if size + more <= len(values):
         return values
     result = np.zeros((1 << (size + more).bit_length(), *values.shape[1:]), values.dtype)

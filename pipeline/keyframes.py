@@ -1,7 +1,7 @@
-"""The keyframes: what each has shown, kept relative to its own pose, and the only poses that maps and places use.
+"""The keyframes: what each has observed, relative to its own pose, and the poses that all maps are built with.
 
-A map is a fold over the keyframes in their order: it can be made anew at any poses. A place, as that of a node, is
-anchored to a keyframe and read at the keyframe's present pose.
+A map is a fold over the keyframes in order, so it can be rebuilt for any poses. A place on the map, such as that of a
+node, is anchored to a keyframe and evaluated at the keyframe's current pose.
 """
 
 from collections.abc import Iterable
@@ -31,27 +31,27 @@ from pipeline.semantic_map.semantic_map import SemanticMap
 from pipeline.transforms import POSE, are_poses, yaw_of
 
 UNIT = 2.5e-4
-"""m, to which kept points and depths are rounded: a fifth of the noise of the best depth camera."""
+"""Resolution of the stored points and depths, m: a fifth of the noise of the best depth camera."""
 FARTHEST_KEPT = np.iinfo(np.int16).max * UNIT
-"""m along an axis; returns farther away, beyond the range of any depth camera indoors, are left out."""
+"""Largest coordinate that can be stored, m: more than the indoor range of any depth camera."""
 
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """What a keyframe has shown, relative to its own pose, thinned: enough to make every map again at other poses.
+    """What a keyframe has observed, thinned and relative to its own pose: enough to rebuild every map for other poses.
 
     Attributes:
-        depth: (h, w) uint16, every n-th pixel's depth along the optical axis, in ``UNIT``; 0 = no return.
-        intrinsics: of this depth image.
-        T_base_camera: pose of the camera.
-        points: (N, 3) int16 the returns in ``base_link``, in ``UNIT``, thinned to the voxels of the semantic map, or
-            to half a cell of the elevation map and one of its bins if the frame was not labelled.
-        hits: (N,) uint8 number of returns that each point is the mean of, 255 at most.
-        above: (N,) uint8 what was seen of the space above each point, see :func:`find_overhangs`.
-        dropouts: (M, 3) int16 where ground should have been seen, see :func:`find_depth_dropouts`.
-        dropout_hits: (M,) uint8 number of pixels that each of these is the mean of.
-        rays: (R, 3) int16 lowest points of rays over the ground in places without returns.
-        shares: classes of the points; None if the frame was not labelled.
+        depth: (h, w) uint16 depth of every n-th pixel along the optical axis, in ``UNIT``; 0 = no return.
+        intrinsics: intrinsics of this depth image.
+        T_base_camera: pose of the camera in ``base_link``.
+        points: (N, 3) int16 returns in ``base_link``, in ``UNIT``, thinned to the voxels of the semantic map. Those of
+            an unlabelled frame are thinned to half a cell and one height bin of the elevation map.
+        hits: (N,) uint8 number of returns that each point is the mean of, at most 255.
+        above: (N,) uint8 what was seen in the space above each point, see :func:`find_overhangs`.
+        dropouts: (M, 3) int16 points where ground should have been seen, see :func:`find_depth_dropouts`.
+        dropout_hits: (M,) uint8 number of pixels that each dropout is the mean of, at most 255.
+        rays: (R, 3) int16 lowest points of the rays that passed over ground without returns.
+        shares: class shares of the points; None if the frame was not labelled.
     """
 
     depth: NDArray[np.uint16]
@@ -76,16 +76,16 @@ class Seen:
         config: ElevationConfig,
         headroom: float,
     ) -> "Seen":
-        """What a frame shows.
+        """The thinned observation of a frame.
 
         Args:
-            frame: with its depth.
+            frame: the frame.
             points: its returns in ``base_link``.
-            probabilities: of the returns; None if the frame is not labelled.
-            stride: pixels from one kept depth to the next.
-            voxel: m, of the semantic map, to which a labelled frame is thinned.
-            config: of the elevation map, for which one that is not labelled is thinned.
-            headroom: m that the robot needs above the ground.
+            probabilities: class probabilities of the returns; None if the frame is not labelled.
+            stride: step between stored depths, pixels.
+            voxel: voxel size of the semantic map, m, used to thin a labelled frame.
+            config: settings of the elevation map, used to thin an unlabelled frame.
+            headroom: free height that the robot needs above the ground, m.
         """
         half = config.cell / 2
         cloud, near = kept_cloud(points, (half, half, config.bin) if probabilities is None else voxel)
@@ -112,13 +112,13 @@ class Seen:
 
     @property
     def nbytes(self) -> int:
-        """Bytes of its arrays."""
+        """Size of the arrays in bytes."""
         arrays = self.depth, self.points, self.hits, self.above, self.dropouts, self.dropout_hits, self.rays
         return sum(array.nbytes for array in arrays) + (self.shares.nbytes if self.shares else 0)
 
     @property
     def frame(self) -> Frame:
-        """A frame of the kept depth alone, without colours, time and pose."""
+        """A frame with the stored depth only: no colours, time or pose."""
         no_colour = np.zeros((0, 0, 3), np.uint8)
         return Frame(0.0, no_colour, self._depth, self.intrinsics, self.T_base_camera, np.eye(4))
 
@@ -127,30 +127,30 @@ class Seen:
         return self.depth * np.float32(UNIT)
 
     def points_at(self, T_map_base: Pose) -> Points:
-        """Its points at a pose of the robot."""
+        """The points for a given pose of the robot."""
         return _placed(self.points, T_map_base)
 
     @property
     def box(self) -> Box:
-        """The box around its points and dropouts, in ``base_link``."""
+        """Bounding box of the points and dropouts, in ``base_link``."""
         return box_of(self.points * UNIT, self.dropouts * UNIT)
 
     def view(self, reach: float) -> NDArray[np.float64]:
-        """(5, 3) corners of its view up to ``reach`` m of depth, m in ``base_link``."""
+        """(5, 3) corners of the view frustum up to a depth of ``reach`` m, in ``base_link``, m."""
         return self.intrinsics.frustum * reach @ self.T_base_camera[:3, :3].T + self.T_base_camera[:3, 3]
 
     def put_depth(self, metric_map: MetricMap, T_map_base: Pose) -> None:
-        """Add its returns and the space that it saw free, at a pose of the robot."""
+        """Add the returns, and the space seen to be free, for a given pose of the robot."""
         T_map_camera = T_map_base @ self.T_base_camera
         metric_map.integrate(self._depth, self.intrinsics, T_map_camera, self.points_at(T_map_base))
 
     def put_classes(self, semantic_map: SemanticMap, T_map_base: Pose, number: int) -> None:
-        """Add its labelled points, if it has any, at a pose of the robot; ``number``: of the keyframe."""
+        """Add the labelled points, if any, for a given pose of the robot; ``number``: index of the keyframe."""
         if self.shares is not None:
             semantic_map.update(self.points_at(T_map_base), self.shares.probabilities, self.hits, number)
 
     def put(self, elevation_map: ElevationMap, T_map_base: Pose) -> None:
-        """Add its returns, dropouts and rays, and that the robot can stand there, at a pose of the robot."""
+        """Add the returns, dropouts, rays and the robot's own footprint for a given pose of the robot."""
         points, dropouts, rays = (_placed(p, T_map_base) for p in (self.points, self.dropouts, self.rays))
         camera = (T_map_base @ self.T_base_camera)[:3, 3]
         elevation_map.update(points, self.hits, dropouts, self.dropout_hits, rays, camera, self.above)
@@ -163,7 +163,7 @@ def _packed(points: NDArray[np.floating]) -> NDArray[np.int16]:
 
 
 def _placed(points: NDArray[np.int16], T_map_base: Pose) -> Points:
-    """Kept points at a pose."""
+    """Stored points for a given pose."""
     return moved(T_map_base * (UNIT, UNIT, UNIT, 1.0), points)
 
 
@@ -172,7 +172,7 @@ def _count(hits: NDArray[np.uint32]) -> NDArray[np.uint8]:
 
 
 def kept_cloud(points: Points, voxel: float | tuple[float, float, float]) -> tuple[VoxelCloud, NDArray[np.intp]]:
-    """Points in ``base_link`` thinned to voxels of that size, m, and which (K,) of these are kept."""
+    """Thin points in ``base_link`` to voxels of size ``voxel``, m; also the indices (K,) of the storable ones."""
     cloud = VoxelCloud.of(points, voxel)
     return cloud, np.flatnonzero((np.abs(cloud.points) < FARTHEST_KEPT).all(axis=1))
 
@@ -181,9 +181,9 @@ class Moves(NamedTuple):
     """How far keyframes moved in a correction.
 
     Attributes:
-        ways: m.
-        turns: rad.
-        reach: m, how far they see.
+        ways: distances, m.
+        turns: angles, rad.
+        reach: range of view, m.
         noticeable: see :class:`pipeline.config.KeyframesConfig`.
     """
 
@@ -194,40 +194,40 @@ class Moves(NamedTuple):
 
     @classmethod
     def between(cls, before: Poses, after: Poses, reach: float, noticeable: float) -> "Moves":
-        """From poses to others, of keyframes that see ``reach`` m far."""
+        """The moves between two sets of poses of keyframes with a range of view of ``reach`` m."""
         turned = before[:, :3, :3].swapaxes(1, 2) @ after[:, :3, :3]
         ways, turns = np.linalg.norm((after - before)[:, :3, 3], axis=1), Rotation.from_matrix(turned).magnitude()
         return cls(ways, turns, reach, noticeable)
 
     @property
     def in_view(self) -> Values:
-        """m that each keyframe, or what it sees at the end of its view, moved."""
+        """Largest displacement of each keyframe or of anything in its view, m."""
         return np.maximum(self.ways, self.turns * self.reach)
 
     @property
     def are_noticeable(self) -> Mask:
-        """Which keyframes, or what they see at the end of their view, moved noticeably."""
+        """Which keyframes moved noticeably, at their own position or at the end of their view."""
         return self.in_view > self.noticeable
 
 
 class Keyframes:
-    """What all keyframes have shown, and their poses.
+    """The observations of all keyframes, and their poses.
 
     Attributes:
-        seen: what each has shown.
-        ground: all evidence of the ground in the order in which it was found, each with the number of its keyframe.
-        poses: ``T_map_base`` at which they are in the maps.
+        seen: the observation of each keyframe.
+        ground: all evidence about the ground in the order in which it was found, each with its keyframe's index.
+        poses: (K, 4, 4) ``T_map_base`` with which the keyframes are in the maps.
         loaded: number of keyframes from an earlier episode.
     """
 
     def __init__(self, robot: RobotModel, reach: float, cell: float, noticeable: float) -> None:
-        """None yet.
+        """Start without keyframes.
 
         Args:
-            robot: on whose ground they stand.
-            reach: m of depth up to which a view frees space.
-            cell: m, edge of the cells of the ground.
-            noticeable: m; see :class:`pipeline.config.KeyframesConfig`.
+            robot: the robot that takes the keyframes.
+            reach: depth up to which a view marks space as free, m.
+            cell: cell size of the elevation map, m.
+            noticeable: threshold in m; see :class:`pipeline.config.KeyframesConfig`.
         """
         self.seen: list[Seen] = []
         self.ground: list[tuple[int, GroundEvidence]] = []
@@ -240,18 +240,18 @@ class Keyframes:
         return len(self.seen)
 
     def add(self, seen: Seen, T_map_base: Pose) -> None:
-        """Add a keyframe at a pose."""
+        """Add a keyframe with its pose."""
         self.seen.append(seen)
         self.poses = np.concatenate([self.poses, T_map_base[None]])
         self._boxes = np.concatenate([self._boxes, box_of(seen.box, seen.view(self._reach))[None]])
 
     def add_ground(self, keyframe: int, evidence: GroundEvidence) -> None:
-        """Add evidence of the ground near a keyframe."""
+        """Add evidence about the ground near a keyframe."""
         self.ground.append((keyframe, evidence))
         self._boxes[keyframe] = box_of(self._boxes[keyframe], evidence.box)
 
     def boxes(self) -> Boxes:
-        """The boxes around all that each keyframe changes in the maps."""
+        """For each keyframe, the bounding box of everything that it changes in the maps."""
         middle, half = self._boxes.mean(axis=1), np.diff(self._boxes, axis=1)[:, 0] / 2 + self._margin
         R, t = self.poses[:, :3, :3], self.poses[:, :3, 3]
         centre = np.einsum("kij,kj->ki", R, middle) + t
@@ -260,23 +260,23 @@ class Keyframes:
 
     @property
     def start_height(self) -> float:
-        """m in ``map`` at which the robot was set down; 0 if it was not, as a camera in a hand is not."""
+        """Height in ``map`` at which the robot was set down, m; 0 if it was not, as with a hand-held camera."""
         return next((float(self.poses[k, 2, 3]) for k, evidence in self.ground if isinstance(evidence, Assumed)), 0.0)
 
     @property
     def highest_camera(self) -> float:
-        """m, the greatest height at which a keyframe's camera was; 0 if all were lower."""
+        """Greatest height of any keyframe's camera in ``map``, m; 0 without keyframes."""
         heights = [T[2] @ seen.T_base_camera[:, 3] for T, seen in zip(self.poses, self.seen, strict=True)]
         return float(max(heights, default=0.0))
 
     def place(self, T_map_base: Poses) -> Moves:
-        """Move the keyframes to their poses as now estimated, except those that move unnoticeably.
+        """Move the keyframes to their newly estimated poses, except those whose move is not noticeable.
 
         Returns:
-            How far each moved; 0 for those that stayed.
+            How far each keyframe moved; 0 for those that stayed.
 
         Raises:
-            InputError: there is not one rigid pose for every keyframe; all then stay where they are.
+            InputError: the argument is not one rigid pose for each keyframe. The keyframes are unchanged.
         """
         stays, poses = ~self.moves_to(T_map_base).are_noticeable, np.array(T_map_base, np.float64)
         poses[stays] = self.poses[stays]
@@ -284,7 +284,7 @@ class Keyframes:
         return moves
 
     def moves_to(self, T_map_base: Poses) -> Moves:
-        """How far the keyframes are from poses; InputError as :meth:`place`."""
+        """How far the keyframes would move to given poses; InputError as in :meth:`place`."""
         poses = np.asarray(T_map_base, np.float64)
         if poses.shape != self.poses.shape or not are_poses(poses):
             raise InputError(f"a correction must give each of {len(self)} keyframes {POSE}")
@@ -296,8 +296,8 @@ class Places:
     """Places on the map, each anchored to a keyframe.
 
     Attributes:
-        keyframe: number of each place's keyframe.
-        position: (N, 3) m in the keyframe's ``base_link``.
+        keyframe: (N,) index of each place's keyframe.
+        position: (N, 3) positions in the keyframe's ``base_link``, m.
     """
 
     keyframe: Indices
@@ -305,10 +305,9 @@ class Places:
 
     @classmethod
     def anchored(cls, places: ArrayLike, poses: Poses, keyframe: int | None = None) -> "Places":
-        """Anchor places (N, 2 or 3), m in ``map``, to a keyframe, or each to the one that stood nearest.
+        """Anchor places (N, 2 or 3) in ``map``, m, to a given keyframe, or each to the nearest one.
 
-        ``poses``: of all keyframes, of which there is one at least. Places without height lie at that of
-        their keyframe.
+        ``poses``: the poses of all keyframes, at least one. Places without a height get that of their keyframe.
         """
         places = np.asarray(places, np.float64)
         owner = np.full(len(places), keyframe, np.int64) if keyframe is not None else nearest(places, poses)
@@ -318,17 +317,17 @@ class Places:
         return cls(owner, np.einsum("nji,nj->ni", T[:, :3, :3], places.reshape(-1, 3) - T[:, :3, 3]))
 
     def at(self, poses: Poses) -> NDArray[np.float64]:
-        """(N, 3) the places, m in ``map``, with the poses of the keyframes."""
+        """(N, 3) places in ``map``, m, for given poses of the keyframes."""
         T = poses[self.keyframe]
         return np.asarray(np.einsum("nij,nj->ni", T[:, :3, :3], self.position) + T[:, :3, 3])
 
     @classmethod
     def joined(cls, parts: Iterable["Places"]) -> "Places":
-        """The places of all parts."""
+        """Concatenate several sets of places."""
         parts = [cls(np.zeros(0, np.int64), np.zeros((0, 3))), *parts]
         return cls(np.concatenate([p.keyframe for p in parts]), np.concatenate([p.position for p in parts]))
 
 
 def nearest(places: NDArray[np.floating], poses: Poses) -> Indices:
-    """Number of the keyframe, by their poses, that stood nearest to each place (N, 2 or 3), m in ``map``."""
+    """Index of the keyframe nearest to each place (N, 2 or 3) in ``map``, m."""
     return np.asarray(cKDTree(poses[:, :2, 3]).query(places[:, :2])[1], np.int64).reshape(-1)

@@ -1,4 +1,4 @@
-"""The map of a run as a file from which a later run continues: what its keyframes have shown, as numbers."""
+"""The map of a run as a file from which a later run can continue: the observations of its keyframes."""
 
 import zipfile
 from collections.abc import Callable, Iterator, Sequence
@@ -32,17 +32,17 @@ from pipeline.tracks.track import Observation, Track, TrackPolicy
 from pipeline.transforms import POSE, are_poses
 from pipeline.victims.people import middle
 
-KEYFRAMES = "keyframes.npz"  # The file that ``--map`` reads in a folder of results
+KEYFRAMES = "keyframes.npz"  # The file in a results folder that ``--map`` reads
 FORMAT, VERSION = "sarsim keyframes", 7
 
 Row = dict[str, Any]
 Arrays = dict[str, NDArray[Any]]
 MANY = "*"
-"""First length of a field of which each row has another number of entries."""
+"""First dimension of a field whose number of entries differs from row to row."""
 
 
 class Field(NamedTuple):
-    """Type and shape of a field of a kind's rows; a letter other than ``MANY`` stands for one length in all."""
+    """Type and shape of a field; a letter other than ``MANY`` stands for a length that all rows share."""
 
     kind: str
     shape: tuple[int | str, ...] = ()
@@ -68,9 +68,9 @@ LAYOUT: dict[str, dict[str, Field]] = {
         "is_labelled": Field("?"),
         "classes": Field("u1", (MANY, 2)),
         "share": Field("u1", (MANY,)),
-        "surfaces": _points(),  # with their normals what frames are registered with
+        "surfaces": _points(),  # Points and normals with which frames are registered
         "normals": _points(),
-        "order": Field("i8"),  # among all evidence of the ground
+        "order": Field("i8"),  # Position among all evidence about the ground
     },
     "odometry": {"errors": Field("f8", (5,)), "covariance": Field("f8", (5, 5))},  # a single row
     "assumed": {"keyframe": Field("i8"), "order": Field("i8"), "points": _points()},
@@ -94,12 +94,12 @@ LAYOUT: dict[str, dict[str, Field]] = {
     },
     "victim": {
         "missed": Field("i8"),
-        "photo_shows": Field("f8"),  # voxels of the person, times the confidence
+        "photo_shows": Field("f8"),  # Number of the person's voxels times the confidence
         "photo": Field("u1", (MANY,)),
         "photo_shape": Field("i8", (3,)),
-        "tried_from": Field("i8", (MANY,)),  # keyframes, and places relative to them
+        "tried_from": Field("i8", (MANY,)),  # Keyframes, and positions relative to them
         "tried": _points("f8"),
-        "sightings": Field("i8"),  # how many of the next rows of that kind are of this victim
+        "sightings": Field("i8"),  # How many of the following ``sighting`` rows belong to this victim
     },
     "sighting": {
         "keyframe": Field("i8"),
@@ -113,7 +113,7 @@ LAYOUT: dict[str, dict[str, Field]] = {
         "missed": Field("i8"),
         "tried_from": Field("i8", (MANY,)),
         "tried": _points("f8"),
-        "sightings": Field("i8"),  # as of a victim
+        "sightings": Field("i8"),  # As in ``victim``, of the ``find_sighting`` rows
     },
     "find_sighting": {
         "keyframe": Field("i8"),
@@ -129,11 +129,11 @@ LAYOUT: dict[str, dict[str, Field]] = {
         "photo_shape": Field("i8", (3,)),
     },
 }
-"""The rows of each kind. A field of rows of different lengths is stored end to end, with its lengths beside it."""
+"""The rows of each kind. A field whose length varies is stored concatenated, together with an array of its lengths."""
 
 
 def save_maps(mapper: Mapper, folder: Path) -> None:
-    """Write every map into a folder, each by itself; then InputError if one could not be written."""
+    """Write all maps into a folder, each independently; InputError, at the end, if one could not be written."""
     each(
         lambda: save_keyframes(mapper, folder / KEYFRAMES),
         lambda: save_metric_map(mapper.metric_map, folder / "metric_map.npz"),
@@ -143,10 +143,10 @@ def save_maps(mapper: Mapper, folder: Path) -> None:
 
 
 def save_keyframes(mapper: Mapper, path: Path) -> None:
-    """Write all kept data of a mapper, laid out as ``LAYOUT``, as a compressed ``.npz``, whole or not at all.
+    """Write all stored data of a mapper in the layout ``LAYOUT`` to a compressed ``.npz``, completely or not at all.
 
     Raises:
-        InputError: it cannot be written.
+        InputError: the file cannot be written.
     """
     people, finds = mapper.victims.all, mapper.finds.all
     rows = {
@@ -171,7 +171,7 @@ def save_keyframes(mapper: Mapper, path: Path) -> None:
 
 
 def _columns(name: str, field: Field, values: Sequence[Any]) -> Arrays:
-    """The entries of a field: its values of all rows, and their lengths if these differ."""
+    """The arrays of a field: the values of all rows, and their lengths if these vary."""
     rows = [np.asarray(value, field.kind) for value in values]
     fixed = [n if isinstance(n, int) else 0 for n in field.shape]
     if field.shape[:1] == (MANY,):
@@ -181,10 +181,10 @@ def _columns(name: str, field: Field, values: Sequence[Any]) -> Arrays:
 
 
 def load_keyframes(path: Path, mapper: Mapper) -> None:
-    """Restore the map of an earlier mapper into a new one; the restored keyframes stay where they are.
+    """Restore the map of an earlier run into a new mapper; the restored keyframes keep their poses.
 
     Raises:
-        InputError: the file is missing, damaged, foreign or of another version; the mapper must not be used then.
+        InputError: the file is missing, damaged, of another kind or version. The mapper must not be used afterwards.
     """
     with _opened(path) as rows:
         keyframes = rows["keyframe"]
@@ -202,7 +202,7 @@ def load_keyframes(path: Path, mapper: Mapper) -> None:
 
 
 def read_keyframes(path: Path, robot: RobotModel, config: ElevationConfig = ElevationConfig()) -> Keyframes:
-    """Only the keyframes of a map, with their evidence of the ground; InputError as :func:`load_keyframes`."""
+    """Only the keyframes of a map, with their evidence about the ground; InputError as in :func:`load_keyframes`."""
     keyframes = Keyframes(robot, reach=0.0, cell=config.cell, noticeable=0.0)
     with _opened(path) as rows:
         _restore_keyframes(rows, keyframes)
@@ -212,10 +212,10 @@ def read_keyframes(path: Path, robot: RobotModel, config: ElevationConfig = Elev
 def load_elevation_map(
     path: Path, robot: RobotModel, config: ElevationConfig = ElevationConfig()
 ) -> tuple[ElevationMap, Poses]:
-    """Only the final elevation map, for a robot, and the poses of the keyframes in ``map``.
+    """Only the final elevation map for a robot, and the poses of the keyframes in ``map``.
 
     Raises:
-        InputError: as :func:`load_keyframes`.
+        InputError: as in :func:`load_keyframes`.
     """
     elevation_map, keyframes = ElevationMap(robot, config), read_keyframes(path, robot, config)
     elevation_map.begin_at(keyframes.start_height)
@@ -227,7 +227,7 @@ def load_elevation_map(
 
 @contextmanager
 def _opened(path: Path) -> Iterator[dict[str, list[Row]]]:
-    """The checked rows of a file, by kind; an error in the block that uses them also becomes InputError."""
+    """Yield the checked rows of a file, by kind; errors in the ``with`` block become InputError too."""
     arrays = load_arrays(path, "map of a run")
     if str(arrays.pop("format", "")) != FORMAT:
         raise InputError(f"{path}: not the map of a run")
@@ -243,7 +243,7 @@ def _opened(path: Path) -> Iterator[dict[str, list[Row]]]:
 
 
 def _rows(arrays: Arrays, kind: str, fields: dict[str, Field], sizes: dict[str, int]) -> list[Row]:
-    """The rows of a kind; ValueError if an entry is missing, not finite or of a wrong type or shape."""
+    """The rows of a kind; ValueError if an entry is missing, not finite, or of the wrong type or shape."""
     columns = [list(_values(arrays, f"{kind}.{name}", field, sizes)) for name, field in fields.items()]
     if len({len(column) for column in columns}) != 1:
         raise ValueError(f"the entries of {kind} have different lengths")
@@ -269,7 +269,7 @@ def _values(arrays: Arrays, name: str, field: Field, sizes: dict[str, int]) -> I
 
 
 def _parts(name: str, array: NDArray[Any], lengths: NDArray[Any]) -> Iterator[NDArray[Any]]:
-    """Successive parts of an array, of these lengths; ValueError if they do not add up to that of the array."""
+    """Split an array into parts of the given lengths; ValueError if these do not add up to its length."""
     if lengths.dtype != np.int64 or lengths.ndim != 1 or (lengths < 0).any() or lengths.sum() != len(array):
         raise ValueError(f"{name} has {len(array)} entries, which does not match its rows")
     ends = np.cumsum(lengths).tolist()
@@ -277,7 +277,7 @@ def _parts(name: str, array: NDArray[Any], lengths: NDArray[Any]) -> Iterator[ND
 
 
 def _check(rows: dict[str, list[Row]]) -> None:
-    """Raise ValueError if a row holds an impossible number."""
+    """Raise ValueError if a row holds an invalid number."""
     keyframes = len(rows["keyframe"])
     poses = [row[name] for row in rows["keyframe"] for name in ("T_base_camera", "T_map_base")]
     if not keyframes or not are_poses(poses):
@@ -313,7 +313,7 @@ def _keyframe_rows(mapper: Mapper) -> Iterator[Row]:
         yield {
             **vars(seen),
             "camera": (camera.fx, camera.fy, camera.cx, camera.cy),
-            "T_map_base": surfaces.poses[k],  # as estimated, for in the maps it may stand unnoticeably elsewhere
+            "T_map_base": surfaces.poses[k],  # As estimated; the pose in the maps may differ unnoticeably
             "up": surfaces.ups[k],
             "is_labelled": seen.shares is not None,
             **vars(shares),
@@ -330,7 +330,7 @@ def _ground_rows(keyframes: Keyframes, kind: type) -> Iterator[Row]:
 
 
 def _restore_keyframes(rows: dict[str, list[Row]], keyframes: Keyframes) -> None:
-    """Add the keyframes of a file, and all evidence of the ground in the order in which it was found."""
+    """Add the keyframes of a file, and all evidence about the ground in the order in which it was found."""
     found: list[tuple[int, int, GroundEvidence]] = []
     for k, row in enumerate(rows["keyframe"]):
         keyframes.add(_seen_of(row), row["T_map_base"])
@@ -407,7 +407,7 @@ def _next(row: Row, observations: Iterator[Row]) -> list[Row]:
 
 
 def _track_of(row: Row, policy: TrackPolicy, seen: list[Observation]) -> Track:
-    """A track of observations that are placed when the mapper makes its maps."""
+    """A track; its observations are placed when the mapper builds its maps."""
     tried = [Places(k[None], at[None]) for k, at in zip(row["tried_from"], row["tried"], strict=True)]
     return Track(policy, seen, list(seen), missed=row["missed"], tried=tried)
 

@@ -1,4 +1,4 @@
-"""From frames to maps (thesis 3.1 to 3.3): localise, map, label, segment. It drives nothing."""
+"""From frames to maps (thesis 3.1 to 3.3): localise, map, label, segment. The mapper never drives."""
 
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -43,16 +43,16 @@ from pipeline.victims.victim_map import Victims
 
 @dataclass(frozen=True, eq=False)
 class Keyframe:
-    """A frame that is in the maps, as it was taken.
+    """A frame that has been added to the maps, as it was taken.
 
     Attributes:
         frame: what the camera saw.
-        T_map_base: 4×4 pose of the robot at that moment, as localised.
+        T_map_base: 4×4 estimated pose of the robot at that moment.
         points: (N, 3) float32 the returns in ``map``, m; empty if the frame was not labelled.
         labels: (N,) uint8 classes of the points.
         patches: planes among the points.
-        detections: people in the image, by their colours alone.
-        index: number of the keyframe.
+        detections: people detected in the colour image.
+        index: index of the keyframe.
     """
 
     frame: Frame
@@ -68,22 +68,22 @@ class MapObserver(Protocol):
     """Watches a mapper."""
 
     def on_keyframe(self, keyframe: Keyframe) -> None:
-        """A keyframe is in the maps."""
+        """Called when a keyframe has been added to the maps."""
 
     def on_correction(self, moves: Moves) -> None:
-        """The maps were made anew where the poses of their keyframes were corrected."""
+        """Called when the maps have been rebuilt where keyframe poses were corrected."""
 
 
 class Mapper:
-    """Keeps every map of the robot.
+    """Keeps all of the robot's maps.
 
     Attributes:
-        observers: notified of every keyframe and correction, in their order.
-        config: all numbers.
+        observers: notified of every keyframe and correction, in this order.
+        config: all parameters.
         policy: how keyframes are spaced.
-        keyframes: what they have shown, and their poses.
-        knows_camera: whether it is known where the camera is on the robot, and so the ground where that started.
-        stopwatch: the time that each stage took.
+        keyframes: the observations and poses of all keyframes.
+        knows_camera: whether the camera's pose on the robot is known, and hence the ground at the start.
+        stopwatch: the time that each stage has taken.
     """
 
     def __init__(
@@ -97,17 +97,17 @@ class Mapper:
         readers: FindReader | None = None,
         config: PipelineConfig = PipelineConfig(),
     ):
-        """Begin with empty maps.
+        """Start with empty maps.
 
         Args:
             robot: decides what is traversable.
             classifier: labels the points.
-            detector: of victims; without a detector the maps hold no victims.
-            graph: what plans are made on: ``mst``, the thesis's tree, or ``roadmap``, which adds loops.
-            seed: of RANSAC.
-            localisation: gives the poses of frames; by default odometry corrected by registration (SLAM).
-            readers: of signs, codes and heat; without them the maps hold no finds but victims.
-            config: all numbers.
+            detector: detects victims; without it the maps hold none.
+            graph: the graph used for planning: ``mst``, the thesis's tree, or ``roadmap``, which adds loops.
+            seed: seed of RANSAC.
+            localisation: estimates the poses of frames; by default odometry corrected by registration (SLAM).
+            readers: read signs, codes and heat; without them victims are the only finds.
+            config: all parameters.
         """
         self.observers: list[MapObserver] = []
         self.config, self.policy = config, config.localisation.keyframes
@@ -117,7 +117,7 @@ class Mapper:
         self.metric_map = MetricMap(config.metric_map)
         self.elevation_map = ElevationMap(robot, config.elevation_map)
         self._traversability_layer = TraversabilityLayer()
-        is_certain = getattr(classifier, "is_certain", False)  # a classifier of one's own may lack it
+        is_certain = getattr(classifier, "is_certain", False)  # A user's own classifier may lack it
         revisions = () if is_certain else (self._is_inaccessible, self._revised)
         self.semantic_map = SemanticMap(*revisions, config=config.semantic_map)
         self.segments = Segments(self.metric_map.is_surface, config=config.segments)
@@ -135,28 +135,28 @@ class Mapper:
 
     @property
     def traversability(self) -> Traversability:
-        """Where the robot may drive by all keyframes so far, updated where the ground changed."""
+        """Where the robot may drive according to all keyframes so far, updated where the ground changed."""
         with self.stopwatch("traversability"):
             return self._traversability_layer.update(self.elevation_map)
 
     @property
     def T_map_odom(self) -> Pose:
-        """Pose of ``odom`` in ``map`` by the newest frame."""
+        """Pose of ``odom`` in ``map``, estimated from the newest frame."""
         return self.localisation.T_map_odom
 
     @property
     def belief(self) -> Belief:
-        """What the localisation believes of the robot's motion and place."""
+        """The localisation's belief about the robot's motion and position."""
         return self.localisation.belief
 
     @property
     def T_map_start(self) -> NDArray[np.float64] | None:
-        """4×4 pose of the first keyframe of this episode; None if it has none yet."""
+        """4×4 pose of this episode's first keyframe; None before that."""
         keyframes = self.keyframes
         return keyframes.poses[keyframes.loaded] if len(keyframes) > keyframes.loaded else None
 
     def restore(self) -> None:
-        """Make every map of the keyframes, segments and victims of an earlier episode, which were put in before."""
+        """Build every map from an earlier episode's keyframes, segments and victims, which the caller has put in."""
         self.keyframes.loaded = self._newest_at_drive = len(self.keyframes)
         self.elevation_map.begin_at(self.keyframes.start_height)
         self._make_anew(np.ones(len(self.keyframes), np.bool_), self.keyframes.boxes())
@@ -169,15 +169,14 @@ class Mapper:
         may_repeat: bool = False,
         on_ground: bool = True,
     ) -> Keyframe | None:
-        """Localise a frame of a robot that somebody else drives, and map it; None if it only repeats a keyframe.
+        """Localise and map a frame of a robot that sarsim does not drive; None if it repeats a keyframe.
 
         Args:
-            frame: the newest.
-            at_stop: whether to correct the maps before, and to connect the topological map afterwards.
-            labelled: whether the keyframe is labelled; by default as often as the policy says.
-            may_repeat: make a keyframe even if it repeats another one.
-            on_ground: whether the robot stands on ground that is level where it begins; False where it is not known
-                where the camera is on the robot.
+            frame: the newest frame.
+            at_stop: whether to correct the maps first, and to connect the topological map afterwards.
+            labelled: whether to label the keyframe; by default the policy decides.
+            may_repeat: whether to make a keyframe even if the frame repeats another one.
+            on_ground: whether the robot starts on level ground; False if the camera's pose on the robot is unknown.
         """
         self.knows_camera = on_ground
         if at_stop:
@@ -190,21 +189,21 @@ class Mapper:
         return keyframe
 
     def is_due(self, T_odom_base: Pose) -> bool:
-        """Whether the robot has moved far enough since the last keyframe to take another one."""
+        """Whether the robot has moved far enough since the last keyframe for another one."""
         last = self._T_odom_keyframe
         return last is None or self.policy.is_due(last, T_odom_base)
 
     def localise(self, frame: Frame) -> Localised:
-        """A new frame without isolated returns, and where it was taken; LostError if that is unknown."""
+        """Remove isolated returns from a new frame and localise it; LostError if its pose is unknown."""
         with self.stopwatch("localisation"):
             return self.localisation.localise(self.clean(frame))
 
     def clean(self, frame: Frame) -> Frame:
-        """A frame without isolated returns."""
+        """A copy of the frame without isolated returns."""
         return without_isolated_returns(frame, self.metric_map.config.isolated_returns)
 
     def offer(self, localised: Localised, labelled: bool | None = None, set_down: bool = False) -> Keyframe | None:
-        """Make a keyframe of the newest frame as :meth:`add` does; None if it only repeats one."""
+        """Make the newest frame a keyframe as :meth:`add` does; None if it repeats one."""
         if not localised.repeats:
             return self.add(localised, labelled, set_down)
         self._T_odom_keyframe = localised.frame.T_odom_base
@@ -212,19 +211,18 @@ class Mapper:
         return None
 
     def add(self, localised: Localised, labelled: bool | None = None, set_down: bool = False) -> Keyframe:
-        """Make a keyframe of the newest frame: take it into every map but the topological one.
+        """Make the newest frame a keyframe: add it to every map except the topological map.
 
-        A frame that is not labelled goes into the metric map and the elevation map alone; the people and objects that
-        it shows are on the map from the next frame on, people as to be looked at again.
+        An unlabelled frame is added to the metric map and the elevation map only. The people and objects that it
+        shows are added to the map with the next frame, people as candidates for another look.
 
         Args:
-            localised: as :meth:`localise` gave it.
-            labelled: whether the keyframe is labelled; by default as often as the policy says.
-            set_down: whether the robot has just been set down there, so that the ground around it is taken for level.
+            localised: the result of :meth:`localise`.
+            labelled: whether to label the keyframe; by default the policy decides.
+            set_down: whether the robot has just been set down there, so that the ground around it can be assumed level.
 
         Raises:
-            InputError: the pose is so far from the others that the maps would take too much memory; they stay as they
-                are.
+            InputError: the pose is so far from the others that the maps would take too much memory. They are unchanged.
         """
         self._T_odom_keyframe = localised.frame.T_odom_base
         if set_down:
@@ -236,9 +234,9 @@ class Mapper:
         return keyframe
 
     def _assume_ground(self, T_map_base: Pose) -> None:
-        """Take the ground around and before a robot that was just set down for level until it is seen.
+        """Assume level ground around and ahead of a robot that was just set down, until that ground is seen.
 
-        Keyframes put this ground into the elevation map as long as the robot stands there. Heights count from there.
+        As long as the robot stays there, keyframes add this ground to the elevation map. Heights are relative to it.
         """
         self.elevation_map.begin_at(float(T_map_base[2, 3]))
         self._set_down = T_map_base
@@ -276,7 +274,7 @@ class Mapper:
         return Keyframe(frame, T_map_base, in_map, labels, patches, self._take_read(), index)
 
     def _classified(self, frame: Frame, in_map: Points, T_map_camera: Pose) -> Probabilities:
-        """Probabilities of points; classifiers know them by their heights over where the robot was set down."""
+        """Class probabilities of points; classifiers get heights relative to where the robot was set down."""
         height = np.array([0.0, 0.0, self.elevation_map.start_height])
         T = T_map_camera.copy()
         T[:3, 3] -= height
@@ -285,14 +283,14 @@ class Mapper:
     def add_drive(
         self, track: NDArray[np.float64], obstacles: NDArray[np.float32], touched: Sequence[NDArray[np.float64]]
     ) -> None:
-        """Put what a drive has shown, m in ``map``, into the elevation map.
+        """Add what a drive has shown to the elevation map; all coordinates are in ``map``, m.
 
-        Each point belongs to the nearest keyframe since the previous drive, and moves along with its pose.
+        Each point is attached to the nearest keyframe since the previous drive, and moves with it.
 
         Args:
-            track: (N, 3) successive positions of the robot's middle, and its headings, rad.
-            obstacles: (M, 3) points of what stood in its way.
-            touched: (K, 3) each, points that the robot touched.
+            track: (N, 3) successive x, y of ``base_link`` and headings, rad.
+            obstacles: (M, 3) points of the obstacles that blocked it.
+            touched: points that the robot touched, (K, 3) for each contact.
         """
         first, self._newest_at_drive = self._newest_at_drive, len(self.keyframes) - 1
         poses = self.keyframes.poses[first:]
@@ -307,10 +305,10 @@ class Mapper:
                 self._put(first + k, Driven(here, (track[is_own, 2] - yaw_of(T)).astype(np.float32), *met))
 
     def settle(self, waits: bool = False) -> Moves | None:
-        """Let the localisation correct its keyframes, and every map with them; None if the maps stay as they are.
+        """Let the localisation correct its keyframes, and all maps with them; None if the maps are unchanged.
 
-        What the last keyframe on the way shows is on the map then. ``waits``: whether to leave the maps until a
-        correction is due.
+        People and objects in the last keyframe of a drive are added to the map too. ``waits``: whether to leave the
+        maps alone until a correction is due.
         """
         if not len(self.keyframes):
             return None
@@ -328,13 +326,13 @@ class Mapper:
         return moves
 
     def correct(self, T_map_base: NDArray[np.float64]) -> Moves:
-        """Make the maps anew where keyframes move, as if these had been at their (K, 4, 4) poses from the start.
+        """Rebuild the maps where keyframes move, as if these had had their new (K, 4, 4) poses from the start.
 
-        Keyframes that move unnoticeably stay. Whatever is a place on the map moves along with the keyframe that it is
-        anchored to. The next :meth:`connect` fits the nodes of the topological map to the ground.
+        Keyframes whose move is not noticeable stay. Everything anchored to a keyframe moves with it. The next
+        :meth:`connect` fits the nodes of the topological map to the ground.
 
         Raises:
-            InputError: there is not one rigid pose for every keyframe; the maps then stay as they were.
+            InputError: the argument is not one rigid pose for each keyframe. The maps are unchanged.
         """
         before = self.keyframes.boxes()
         moves = self.keyframes.place(T_map_base)
@@ -345,9 +343,9 @@ class Mapper:
         return moves
 
     def _make_anew(self, moving: NDArray[np.bool_], boxes: NDArray[np.float64]) -> None:
-        """Fold the maps over the keyframes again, within boxes (M, 2, 3), m; ``moving`` (K,) keyframes have moved."""
+        """Rebuild the maps from the keyframes within boxes (M, 2, 3), m; ``moving`` (K,): which keyframes moved."""
         poses = self.keyframes.poses
-        # In two threads, for the kernels of both release Python's lock.
+        # Threads help here, because the kernels release the GIL.
         with ThreadPoolExecutor(1) as other:
             metric_map = other.submit(self._make_metric_map, boxes)
             semantic_map = other.submit(self._make_semantic_map, moving, boxes)
@@ -386,9 +384,9 @@ class Mapper:
                     evidence.put(self.elevation_map, keyframes.poses[k])
 
     def _add_ground(self, frame: Frame, points: NDArray[np.float32]) -> None:
-        """Put the ground that a new keyframe shows into the elevation map; (N, 3) its returns, m in ``base_link``.
+        """Add the ground that a new keyframe shows to the elevation map; ``points``: its returns in ``base_link``, m.
 
-        While the robot stands where it was set down, ground near it is taken for level.
+        While the robot stands where it was set down, the ground near it is assumed to be level.
         """
         robot, config, keyframes = self.elevation_map.robot, self.elevation_map.config, self.keyframes
         k = len(keyframes) - 1
@@ -402,11 +400,11 @@ class Mapper:
         self._put(k, keyframes.seen[k])
 
     def _put(self, keyframe: int, evidence: GroundEvidence) -> None:
-        evidence.put(self.elevation_map, self.keyframes.poses[keyframe])  # first: what does not fit is not kept
+        evidence.put(self.elevation_map, self.keyframes.poses[keyframe])  # First, because it may raise
         self.keyframes.add_ground(keyframe, evidence)
 
     def connect(self, keyframe: Keyframe, paths: PosePaths) -> None:
-        """Update the topological map to the ground that ``paths`` reach and to the planes of a keyframe."""
+        """Update the topological map with the ground that ``paths`` reach and the planes of a keyframe."""
         with self.stopwatch("topological_map"):
             self.topological_map.update(keyframe.patches, self.segments, paths)
             self.topological_map.anchor(self.keyframes.poses)
@@ -417,14 +415,14 @@ class Mapper:
         return is_inaccessible(ground, keyframes.poses[:, :3, 3], points, is_deck & is_above)
 
     def _revised(self, points: NDArray[np.float32], labels: NDArray[np.uint8]) -> NDArray[np.uint8]:
-        """(N,) labels of the semantic map's points (N, 3), m, that fit together and to what was found."""
+        """(N,) labels of the semantic map's points (N, 3), m, made consistent with each other and with the finds."""
         robot, people = self.elevation_map.robot, [victim.points for victim in self.victims.confirmed]
         config = self.semantic_map.config
         whole = with_whole_uprights(points, labels, robot, self.elevation_map.grid.cell, config)
         return with_finds(points, whole, self.finds.shown, people, robot.max_step, config.skin)
 
     def _take_read(self) -> list[Detection]:
-        """Place what was read in the newest frame that was begun, if any; the people in it."""
+        """Add the results of the background detection, if any, to the maps; the people detected in that frame."""
         with self.stopwatch("reading"):
             read = self._background.end()
         if read is None:

@@ -1,6 +1,7 @@
-"""The pilot: gives commands to the robot, senses, and takes keyframes on the way.
+"""The pilot: sends commands to the robot, senses, and takes keyframes while driving.
 
-It decides nothing: the navigator says what to command, the pose check which views it needs, the mapper what is new.
+It makes no decisions: the navigator chooses the commands, the pose check the views that it needs, and the mapper which
+frames are new.
 """
 
 from collections.abc import Callable, Sequence
@@ -24,18 +25,18 @@ from pipeline.sink import Sink
 
 
 class Pilot:
-    """Moves a robot as a navigator and a pose check ask.
+    """Moves a robot as requested by a navigator and a pose check.
 
     Attributes:
-        robot: the body.
-        navigator: leads along way points.
-        pose_check: whether the robot is where it thinks.
-        faults: of the robot's sensors and wheels.
-        driven: m so far, by odometry.
+        robot: the robot to move.
+        navigator: computes the commands that follow a path.
+        pose_check: checks whether the robot is where it believes to be.
+        faults: faults of the robot's sensors and wheels.
+        driven: distance driven so far by odometry, m.
     """
 
     def __init__(self, robot: Robot, mapper: Mapper, sinks: Sequence[Sink], navigator: Navigator | None = None):
-        """``sinks``: notified of each motion; the list may grow. ``navigator``: by default one of velocities."""
+        """``sinks``: notified of each motion; may grow. ``navigator``: by default one that commands velocities."""
         localisation, navigation = mapper.config.localisation, mapper.config.navigation
         self.robot, self.faults = robot, Faults(navigation.faults, localisation.vertical)
         self.navigator = navigator or Navigator(robot.model, robot.control_period, navigation)
@@ -45,45 +46,45 @@ class Pilot:
         self.driven = 0.0
         self._is_done: Callable[[], bool] = lambda: False
         self._last: Frame | None = None
-        self._T_odom_left: Pose | None = None  # where the last drive ended; None if the robot was carried
+        self._T_odom_left: Pose | None = None  # Where the last drive ended; None if the robot was carried
 
     @property
     def T_map_base(self) -> Pose:
-        """Where the robot is after its newest motion."""
+        """The robot's pose after its newest motion."""
         return self.navigator.T_map_base
 
     def next_pose(self, T_map_base: Pose) -> Place:
-        """(3,) x, y and heading in ``map`` from which the next way leads of a robot that is at a pose.
+        """(3,) x, y and heading in ``map`` from which the next path of a robot at a pose starts.
 
-        It may roll on from there to the end of its newest way.
+        The robot may still roll to the end of its current path.
         """
         return self.navigator.next_pose(T_map_base)
 
     @property
     def track(self) -> Places:
-        """(N, 3) m and rad: places and headings of the robot on its newest way."""
+        """(N, 3) x, y, m, and headings, rad, of the robot on its newest path."""
         return np.array(self.navigator.track).reshape(-1, 3)
 
     @property
     def halts(self) -> list[Halt]:
-        """The robot's halts on its newest way."""
+        """The robot's halts on its newest path."""
         return self.navigator.halts
 
     @property
     def relocalised(self) -> int:
-        """Number of times that the robot was localised anew after it was carried."""
+        """Number of times that the robot was relocalised after being carried."""
         return self.pose_check.relocalised
 
     @property
     def newest_leg(self) -> DrivenLeg:
-        """The leg that was driven last."""
+        """The most recent leg."""
         return self.navigator.legs[-1]
 
     def look_around(self) -> Confirmed:
-        """The newest frame, once the robot has seen as much as it needs to know its pose, and whether it was carried.
+        """Look around until the pose is confirmed; return the newest frame, and whether the robot was carried.
 
         Raises:
-            LostError: the pose remains in doubt, or the camera shows nothing any more.
+            LostError: the pose remains in doubt, or the camera no longer measures anything.
         """
         last = self._last
         with self._mapper.stopwatch("sense"):
@@ -105,19 +106,19 @@ class Pilot:
         return Confirmed(localised, was_carried)
 
     def add(self, confirmed: Confirmed) -> Keyframe:
-        """Make a labelled keyframe of a frame that was taken where the robot stands, and go on by its pose."""
+        """Make a confirmed frame a labelled keyframe, and continue with its pose."""
         keyframe = self._mapper.add(confirmed.localised, labelled=True, set_down=bool(confirmed.was_carried))
         self.correct()
         return keyframe
 
     def correct(self) -> None:
-        """Drive on by the newest estimate of the robot's pose."""
+        """Pass the newest estimate of the robot's pose to the navigator."""
         self.navigator.correct(self._mapper.T_map_odom)
 
     def follow(self, check: ObstacleCheck, course: Course, is_done: Callable[[], bool] = lambda: False) -> Outcome:
-        """Follow a course as :meth:`Navigator.follow` says; take keyframes and look for obstacles on it.
+        """Follow a course as :meth:`Navigator.follow` does, taking keyframes and watching for obstacles.
 
-        ``is_done``: asked after each keyframe whether the drive may end there.
+        ``is_done``: called after each keyframe; the drive ends early if it returns True.
         """
         self._is_done = is_done
         outcome = self._run(self.navigator.follow(course), check)
@@ -126,12 +127,12 @@ class Pilot:
         return outcome
 
     def halt(self) -> None:
-        """Come to rest, if the robot still rolls."""
+        """Stop the robot if it is still rolling."""
         if self.navigator.motion is not None:
             self._run(self.navigator.halt())
 
     def _run(self, commands: Commands, check: ObstacleCheck | None = None) -> Outcome:
-        """Give one command after the other to the robot, as long as it may follow them; unchecked without a check."""
+        """Send commands to the robot one by one while it may follow them; without a check, nothing is checked."""
         try:
             command = next(commands)
             while True:
@@ -143,12 +144,12 @@ class Pilot:
             return end.value
 
     def _move(self, command: Velocity) -> None:
-        """Let the robot follow a command for a control period; LostError, at a standstill, without odometry."""
+        """Let the robot follow a command for a control period; without odometry, stop it and raise LostError."""
         before, motion = self.navigator.motion, self.robot.drive(command)
         try:
             self.navigator.moved(motion)
         except LostError:
-            self.robot.drive(STOP)  # stand, before anything else
+            self.robot.drive(STOP)  # Stop before anything else
             raise
         if before is not None:
             self.driven += float(np.linalg.norm((motion.T_odom_base - before.T_odom_base)[:3, 3]))
@@ -167,7 +168,7 @@ class Pilot:
         return verdict
 
     def _look(self) -> Verdict:
-        """Localise anew if a keyframe is due; the frame becomes a keyframe unless it repeats one."""
+        """If a keyframe is due, localise a new frame and make it a keyframe unless it repeats one."""
         assert self.navigator.motion is not None
         if not self._mapper.is_due(self.navigator.motion.T_odom_base):
             return Verdict.FINE
@@ -183,7 +184,7 @@ class Pilot:
         return Verdict.DONE if self._is_done() else Verdict.FINE
 
     def _returns(self) -> Points:
-        """The camera's present returns; their frame becomes a keyframe."""
+        """The camera's current returns in ``map``; their frame becomes a keyframe."""
         keyframe = self._mapper.add(self._sense(), labelled=False)
         self.correct()
         return keyframe.frame.points(keyframe.T_map_base @ keyframe.frame.T_base_camera)
@@ -200,7 +201,7 @@ class Pilot:
             return self.robot.sense()
         except InputError:
             raise
-        except Exception as error:  # of whatever driver
+        except Exception as error:  # Drivers raise exceptions of all kinds
             time = self.navigator.motion.time if self.navigator.motion else 0.0
             self.faults.note("camera", time, f"the camera delivered no frame: {error or type(error).__name__}")
         try:

@@ -1,4 +1,4 @@
-"""Processes that others start."""
+"""Child processes."""
 
 import ctypes
 import signal
@@ -6,6 +6,6 @@ from contextlib import suppress
 
 
 def end_with_parent() -> None:
-    """Let Linux end this process when its parent is gone, be it killed (prctl's PR_SET_PDEATHSIG)."""
+    """Let Linux end this process when its parent ends, even if the parent is killed (prctl's PR_SET_PDEATHSIG)."""
     with suppress(AttributeError):
         ctypes.CDLL(None).prctl(1, signal.SIGTERM)

@@ -1,16 +1,16 @@
-"""How far a run is, for those who watch it."""
+"""The progress of a run."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
 class Progress:
-    """How far a run is.
+    """The progress of a run.
 
     Attributes:
-        text: what the robot does and how much is explored, or what is written at the end.
-        share: of the run that is done, 0 to 1; None if nobody can know.
-        is_timed: whether the share is one of time, so that the time left follows from it.
+        text: what the robot is doing and how much is explored, or what is being written at the end.
+        share: share of the run that is done, 0 to 1; None if unknown.
+        is_timed: whether the share is a share of time, so that the remaining time follows from it.
     """
 
     text: str

@@ -1,4 +1,4 @@
-"""The files that every run leaves, each by a sink of its own."""
+"""The files that every run writes, each by its own sink."""
 
 import json
 from collections.abc import Sequence
@@ -22,7 +22,7 @@ from pipeline.sink import Result, Sink
 
 
 class MapFiles(Sink):
-    """Writes every map, and the estimated trajectory."""
+    """Writes all maps and the estimated trajectory."""
 
     finishing = "writing the maps"
 
@@ -33,7 +33,7 @@ class MapFiles(Sink):
 
 
 class HandIn(Sink):
-    """Writes the files that a league wants."""
+    """Writes the files that a league requires."""
 
     finishing = "writing the league's files"
 
@@ -55,11 +55,11 @@ class ReportFile(Sink):
     finishing = "writing report.json"
 
     def __init__(self, settings: Any, place: str, seed: int):
-        """Of a run with such settings, a dataclass, at a place, with a seed of all random numbers."""
+        """``settings``: a dataclass; ``place``: name of the mapped place; ``seed``: seed of all random numbers."""
         self._settings, self._place, self._seed = settings, place, seed
 
     def finish(self, result: Result) -> None:
-        """Write it, of a run without a step only if the robot was lost; InputError if that is impossible."""
+        """Write the report; after a run without steps, only if the robot was lost. InputError if that fails."""
         if not result.is_reported:
             return
         stopwatch = result.mapper.stopwatch
@@ -80,7 +80,7 @@ class ReportFile(Sink):
 
 
 def _plain(value: Any) -> Any:
-    """A setting for JSON; of an absolute path only the name, for the rest may reveal who ran it."""
+    """A setting for JSON. Absolute paths are reduced to the name, since the rest may reveal who ran it."""
     if isinstance(value, tuple):
         return [_plain(item) for item in value]
     is_absolute = isinstance(value, str | Path) and Path(value).is_absolute()
@@ -88,13 +88,13 @@ def _plain(value: Any) -> Any:
 
 
 def write_report(report: dict[str, Any], folder: Path) -> None:
-    """Write report.json; InputError if that is impossible."""
+    """Write report.json; InputError if it cannot be written."""
     with whole_file(folder / "report.json") as path:
         path.write_text(json.dumps(report, indent=1, default=float, allow_nan=False) + "\n")
 
 
 def _percentiles(seconds: list[float]) -> dict[str, float]:
-    """Median and 95th percentile, in ms."""
+    """Median and 95th percentile, ms."""
     ms = 1e3 * np.array(seconds)
     return {"median": float(np.median(ms)), "p95": float(np.percentile(ms, 95))}
 
@@ -108,9 +108,9 @@ def result_sinks(
     brief: MissionBrief | None = None,
     others: Sequence[Sink] = (),
 ) -> list[Sink]:
-    """The sinks of a run with a folder for results, in the order in which they take them.
+    """The sinks of a run with a results folder, in the order in which they receive the result.
 
-    The report holds the figures of ``others``, and the page for rescuers what the report holds.
+    The report includes the figures of ``others``; the rescue report shows what the report holds.
     """
     return [
         MapFiles(),

@@ -1,4 +1,4 @@
-"""What the pipeline needs of a robot, be it simulated, recorded or real."""
+"""What the pipeline needs from a robot, whether simulated, recorded or real."""
 
 from dataclasses import dataclass
 from math import hypot
@@ -21,7 +21,7 @@ class Velocity:
 
 @dataclass(frozen=True, eq=False)
 class Motion:
-    """What the body's sensors measure after a control period.
+    """What the robot's sensors measure after a control period.
 
     Attributes:
         time: s.
@@ -39,32 +39,32 @@ class Motion:
 
     @property
     def twist(self) -> Velocity:
-        """Velocity of the body by its encoders and gyro."""
+        """The robot's velocity according to its encoders and gyro."""
         return Velocity(float(self.wheel_speed.mean()), float(self.gyro[2]))
 
 
 @dataclass(frozen=True)
 class RobotModel:
-    """The size and the abilities of a body: every clearance of the pipeline follows from these.
+    """The size and abilities of a robot, from which every clearance in the pipeline follows.
 
-    The robot provides it, so that the pipeline contains no number of a particular body. The camera and its
-    pose come with every :class:`pipeline.frame.Frame`. ``base_link`` lies in the middle of the footprint, on the
-    ground.
+    The robot provides it, so that the pipeline contains no number that belongs to a particular robot. The camera and
+    its pose come with every :class:`pipeline.frame.Frame`. ``base_link`` lies at the centre of the footprint,
+    on the ground.
 
     Attributes:
-        length, width: of the footprint, wheels included, m.
-        body_height: of the chassis without anything mounted on it, m.
+        length, width: size of the footprint, wheels included, m.
+        body_height: height of the chassis without anything mounted on it, m.
         headroom: free height that the robot needs above the ground, its mast and a margin included, m.
-        max_step: highest step that the robot is driven over, m.
-        max_gap: widest gap that the robot rolls over, m.
-        max_tilt: greatest tilt of ground that the robot is driven on, rad.
+        max_step: highest step that the robot may drive over, m.
+        max_gap: widest gap that the robot can roll over, m.
+        max_tilt: greatest tilt of ground that the robot may drive on, rad.
         tipping_tilt: tilt of the robot at which it stops and backs out, rad.
         speed, ramp_speed: driving speeds on level ground and on ramps, m/s.
         turn_rate, ramp_turn_rate: fastest turns on level ground and on ramps, rad/s.
-        acceleration, turn_acceleration: of its drive, m/s² and rad/s².
+        acceleration, turn_acceleration: limits of the drive, m/s² and rad/s².
         ramp_slide: greatest displacement in a quarter turn on the steepest ramp, m.
-        slide_per_radian: slide downhill in a turn, per radian turned and times the sine of the tilt, m.
-        min_turn_rate: slowest turn in place; in slower turns the tyres do not break loose, rad/s.
+        slide_per_radian: downhill slide in a turn per radian turned, to be multiplied by the sine of the tilt, m.
+        min_turn_rate: slowest turn in place, rad/s; in slower turns the tyres stick.
     """
 
     length: float
@@ -87,30 +87,30 @@ class RobotModel:
 
     @property
     def half_length(self) -> float:
-        """From the middle to the front of the footprint, m."""
+        """Distance from the centre to the front of the footprint, m."""
         return self.length / 2
 
     @property
     def half_width(self) -> float:
-        """From the middle to the side of the footprint, m."""
+        """Distance from the centre to the side of the footprint, m."""
         return self.width / 2
 
     @property
     def corner_radius(self) -> float:
-        """Radius of the circle that the corners sweep in a turn in place, m."""
+        """Radius of the circle that the corners describe in a turn in place, m."""
         return hypot(self.half_length, self.half_width)
 
 
 class Robot(Protocol):
-    """A body with an RGB-D camera that can be driven."""
+    """A robot with an RGB-D camera."""
 
     model: RobotModel
-    """Size and abilities of the body."""
+    """Size and abilities of the robot."""
     control_period: float
-    """s that one call of ``drive`` lasts."""
+    """Duration of one call of ``drive``, s."""
 
     def sense(self) -> Frame:
-        """Take a frame where the robot stands."""
+        """Take a frame at the current position."""
         ...
 
     def drive(self, command: Velocity) -> Motion:

@@ -1,4 +1,4 @@
-"""A run: sinks that watch a mapper, an explorer that may drive, and the result."""
+"""A run: a mapper, the sinks that watch it, an explorer that may drive, and the result."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
@@ -32,16 +32,16 @@ from pipeline.sink import Result, Sink, Step
 
 @dataclass(frozen=True)
 class RunParts:
-    """What every run is made of, be the robot simulated, recorded or real.
+    """The parts of every run, whether the robot is simulated, recorded or real.
 
     Attributes:
-        mapper: with all maps.
-        folder: for files.
-        place: name of the place that is mapped.
+        mapper: holds all maps.
+        folder: where the run writes its files.
+        place: name of the place to be mapped.
         recorder: writes the Rerun recording.
-        rescue_report: writes who was found where.
-        sinks: all of them, in the order in which they take the result.
-        brief: of a mission with a clock; None without one.
+        rescue_report: writes the report of the people found.
+        sinks: all sinks, in the order in which they receive the result.
+        brief: the brief of a mission with a time limit; None without a limit.
     """
 
     mapper: Mapper
@@ -54,15 +54,15 @@ class RunParts:
 
 
 def _ignore(progress: Progress) -> None:
-    """Watch a run without a word."""
+    """Show no progress."""
 
 
 class Run:
     """A mapper and the sinks that watch it until the run ends.
 
     Attributes:
-        parts: what it is made of.
-        mapper: with all maps.
+        parts: the parts of the run.
+        mapper: holds all maps.
         recorder: writes the Rerun recording.
         report: the content of report.json, once it is written.
     """
@@ -74,28 +74,28 @@ class Run:
         self.start_clock()
 
     def start_clock(self) -> None:
-        """Count the wall time of the run from now on."""
+        """Start measuring the run's wall time."""
         self._wall_begin = perf_counter()
 
     def finish(
         self, trajectory: EstimatedTrajectory[Any], steps: int, sim_time: float, figures: dict[str, Any]
     ) -> None:
-        """Correct the maps for the last time, and let every sink write its result, whatever fails in others.
+        """Correct the maps one last time and let every sink write its results, even if another sink fails.
 
-        Ctrl-C, which may have ended the run, ends nothing here.
+        Ctrl-C is ignored meanwhile: it may have been what ended the run.
 
         Args:
-            trajectory: the estimated one.
-            steps: number of steps; none leave nothing but the reason.
-            sim_time: s of the robot's time that the run took.
-            figures: of the run itself, for report.json.
+            trajectory: the estimated trajectory.
+            steps: number of steps; after 0 steps, only the reason is reported.
+            sim_time: duration of the run by the robot's clock, s.
+            figures: the run's own figures for report.json.
         """
         times = sim_time, perf_counter() - self._wall_begin
         result = Result(self.parts.folder, self.mapper, trajectory, steps, *times, figures, self.report)
         phases: list[tuple[str, Callable[[], object]]] = (
             [("correcting the maps", self.mapper.settle)] if steps else []
         )
-        # A sink of the user's own need not say what it does.
+        # A user's own sink may lack ``finishing``.
         phases += [
             (getattr(sink, "finishing", Sink.finishing), partial(sink.finish, result)) for sink in self.parts.sinks
         ]
@@ -108,10 +108,10 @@ class Run:
 
 
 class MappingRun(Run):
-    """A run of a camera that somebody else moves: a recording, or a robot driven by hand.
+    """A run in which sarsim does not drive: a recording, or a robot driven by hand.
 
     Attributes:
-        labelled: numbers of the labelled keyframes.
+        labelled: indices of the labelled keyframes.
     """
 
     def __init__(self, parts: RunParts):
@@ -120,34 +120,34 @@ class MappingRun(Run):
         parts.mapper.observers += parts.sinks
 
     def show(self, keyframe: Keyframe) -> None:
-        """Show a labelled keyframe, and the maps after it, in the recording."""
+        """Log a labelled keyframe, and the maps that now include it, to the recording."""
         self.recorder.log_keyframe(len(self.labelled), self.mapper, keyframe)
         self.labelled.append(keyframe.index)
 
 
 class TimeIsUpError(Exception):
-    """The clock of a mission has stopped."""
+    """The mission's time is up."""
 
 
 class _Clock(Sink):
-    """Ends a drive when the clock stops, s of the robot's time."""
+    """Ends a drive at the time ``end`` of the robot's clock, s."""
 
     def __init__(self, end: float):
         self._end = end
 
     def on_motion(self, motion: Motion) -> None:
-        """Raises TimeIsUpError if no time is left."""
+        """Raise TimeIsUpError if no time is left."""
         if motion.time >= self._end:
             raise TimeIsUpError
 
 
 class ExplorerRun(Run, ABC):
-    """A run of a robot, simulated or real, that explores, drives to goals and home.
+    """A run of a simulated or real robot that explores, drives to goals and returns home.
 
     Attributes:
         explorer: drives the robot.
-        lost: why localisation failed; None if it did not.
-        ended: why exploring ended: ``nothing_left``, ``not_worth_it``, ``held``, ``shut_in``, ``lost``,
+        lost: why localisation failed; None if it has not failed.
+        ended: why exploration ended: ``nothing_left``, ``not_worth_it``, ``held``, ``shut_in``, ``lost``,
             ``interrupted``, ``time`` or ``steps``.
     """
 
@@ -160,14 +160,14 @@ class ExplorerRun(Run, ABC):
         goals: Sequence[ArrayLike] = (),
         home: bool = False,
     ):
-        """Begin where the explorer's robot stands.
+        """Start at the robot's current position.
 
         Args:
-            explorer: that drives the robot.
-            parts: of the run; the clock of its mission, if it has one, ends exploring in place of ``steps``.
-            trajectory: the estimated one.
-            steps: most steps of exploring; with 0 the robot drives to its goals at once.
-            goals: (2,) m in ``map`` each, places to drive to.
+            explorer: drives the robot.
+            parts: the parts of the run. If the mission has a time limit, it ends exploration instead of ``steps``.
+            trajectory: the estimated trajectory.
+            steps: maximum number of exploration steps; with 0 the robot drives to its goals at once.
+            goals: positions to drive to, each (2,) in ``map``, m.
             home: whether to drive back to the start at the end.
         """
         super().__init__(parts)
@@ -178,11 +178,11 @@ class ExplorerRun(Run, ABC):
         self._logged_faults = 0
         self.ended = "interrupted"
         self._left: list[Viewpoint] = []
-        self._waits = False  # whether the last step had no plan, and only looked at a corrected map again
+        self._waits = False  # Whether the last step had no plan and only corrected the maps
 
     @property
     def explored(self) -> str:
-        """How much is explored, as text."""
+        """The mapped area, as text."""
         elevation_map = self.mapper.elevation_map
         area = np.isfinite(elevation_map.measured).sum() * elevation_map.grid.cell**2
         return f"{area:.0f} m² mapped"
@@ -197,7 +197,7 @@ class ExplorerRun(Run, ABC):
             on_progress: called before the first step, after each, and before each phase of writing the results.
 
         Returns:
-            Whether the run ended without an interruption.
+            True unless the run was interrupted.
         """
         begin, self._watch = self._time(), on_progress
         self.start_clock()
@@ -222,7 +222,7 @@ class ExplorerRun(Run, ABC):
         return not interrupted()
 
     def _progress_of(self, task: str) -> Progress:
-        """How far the run is after a step of a task: by the clock of a mission, else by what is explored."""
+        """The run's progress after a step of a task: share of the mission's time, or else of the explored ground."""
         text, deadline = f"{self.parts.place}: {task}, {self.explored}", self.explorer.mission.deadline
         if deadline is None:
             return Progress(f"{text}, step {self.explorer.steps}", self._explored_share())
@@ -231,11 +231,11 @@ class ExplorerRun(Run, ABC):
         return Progress(f"{text}, {minutes}", min(past / all_of_it, 1.0), is_timed=True)
 
     def _explored_share(self) -> float | None:
-        """Share of the ground that is explored, 0 to 1; None where only the truth could say."""
+        """Explored share of the ground, 0 to 1; None where it is unknown, as without a simulator."""
         return None
 
     def _start_deadline(self, begin: float) -> None:
-        """Start the clock of the mission, if there is one, at the robot's time ``begin``, s."""
+        """Start the mission's clock, if it has one, at the robot's time ``begin``, s."""
         if (brief := self.parts.brief) is not None:
             mapper, mission = self.mapper, self.explorer.mission
             finds, end = mapper.finds, begin + timedelta(minutes=brief.minutes).total_seconds()
@@ -249,13 +249,13 @@ class ExplorerRun(Run, ABC):
                 mission.inspection = Inspection(mapper.keyframes, mapper.metric_map, config=numbers)
 
     def _may_step(self) -> bool:
-        """Whether the task continues: the steps of exploration are limited, those of a drive to goals are not."""
+        """Whether the task may continue: exploration has a maximum number of steps, drives to goals have none."""
         mission = self.explorer.mission
         mission.may_explore = mission.deadline is not None or self.explorer.steps < self._steps
         return mission.may_explore or not mission.explores
 
     def step(self) -> bool:
-        """One step of the robot: sense, map, plan, drive; False when there is nowhere to drive to."""
+        """Take one step: sense, map, plan, drive; False if there is nowhere left to drive to."""
         explorer, pilot = self.explorer, self.explorer.pilot
         relocalised = pilot.relocalised
         step = explorer.step()
@@ -270,7 +270,7 @@ class ExplorerRun(Run, ABC):
             self.ended, self._left = step.ended or "interrupted", step.left
         was_waiting, self._waits = self._waits, step.plan is None
         if step.plan is None:
-            # Closing a loop merges doubled walls, which may have cut off the area behind them.
+            # A loop closure merges doubled walls, which may have cut off the area behind them.
             return explorer.settle() and not was_waiting
         if not explorer.drive(step):
             leg = pilot.newest_leg
@@ -286,7 +286,7 @@ class ExplorerRun(Run, ABC):
         self._log_faults()
 
     def _log_faults(self) -> None:
-        """Log the faults that were not logged yet."""
+        """Log the faults that have not been logged yet."""
         faults = self._faults.all
         for fault in faults[self._logged_faults :]:
             self._log("WARN", fault.text)
@@ -300,7 +300,7 @@ class ExplorerRun(Run, ABC):
             self._log("INFO" if is_good else "WARN", line)
 
     def _outcome_of(self, step: Step) -> str:
-        """The outcome of a step as a line for the log."""
+        """The outcome of a step, as a line for the log."""
         if not step.can_drive:
             return f"{self.explored}; the robot cannot drive away from where it is"
         if step.viewpoint is None or step.plan is None:
@@ -316,11 +316,11 @@ class ExplorerRun(Run, ABC):
         )
 
     def _finish(self, sim_time: float) -> None:
-        """Write the results of a run that took ``sim_time`` s of the robot's time."""
+        """Write the results of a run that took ``sim_time`` s by the robot's clock."""
         self.finish(self._trajectory, self.explorer.steps, sim_time, self._figures())
 
     def _figures(self) -> dict[str, Any]:
-        """The figures of exploring, tasks and failures for report.json."""
+        """Figures of exploration, tasks and faults for report.json."""
         left = [{"position": v.position.tolist(), "area_m2": v.gain, "seconds": v.seconds} for v in self._left]
         exploration = {"exploration": {"ended": self.ended, **({"left": left} if left else {})}}
         return {

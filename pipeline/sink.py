@@ -1,4 +1,4 @@
-"""What a run hands to those who watch it: its steps, its events, and its result."""
+"""What a run passes to its sinks: its steps, its events and its result."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -17,21 +17,21 @@ from pipeline.robot import Motion
 
 @dataclass(frozen=True, eq=False)
 class Step:
-    """What a step has found out and decided.
+    """The observations and decisions of a step.
 
     Attributes:
-        number: of the step, from 0.
+        number: number of the step, from 0.
         keyframe: what was sensed, with its labels, planes and detections.
         context: what the decision was based on.
         viewpoint: where to go next; None if no viewpoint is left.
-        plan: the way to the viewpoint.
-        frontiers: (N, 3) centres of the frontiers left.
-        left: when exploring has ended, viewpoints that would show more but are not worth the drive.
-        explores: whether the task is to explore, rather than to reach goals.
-        ended: why exploring ends with this step: ``nothing_left``, ``not_worth_it``, ``held``, ``shut_in`` or
-            ``time``; None if it goes on, or is not the task.
-        can_drive: whether the robot stands where it can drive and is not held.
-        was_carried: whether the robot was carried elsewhere since the last step.
+        plan: the path to the viewpoint.
+        frontiers: (N, 3) centres of the remaining frontiers.
+        left: when exploration has ended, the viewpoints that would show more but are not worth the drive.
+        explores: whether the task is to explore rather than to reach goals.
+        ended: why exploration ends with this step: ``nothing_left``, ``not_worth_it``, ``held``, ``shut_in`` or
+            ``time``; None if it continues, or is not the task.
+        can_drive: whether the robot can drive away from its position and is not held.
+        was_carried: whether the robot has been carried elsewhere since the last step.
     """
 
     number: int
@@ -54,16 +54,16 @@ class Step:
 
 @dataclass
 class Result:
-    """The end of a run.
+    """The result of a run.
 
     Attributes:
-        folder: for files.
-        mapper: with all maps, corrected for the last time.
-        trajectory: the estimated one.
-        steps: number of steps, or of labelled keyframes if nobody decides; with none, there is nothing to write.
-        sim_time: s of the robot's time that the run took.
-        wall_time: s that it took.
-        figures: of each stage, for report.json.
+        folder: where sinks write their files.
+        mapper: holds all maps, corrected for the last time.
+        trajectory: the estimated trajectory.
+        steps: number of steps, or of labelled keyframes if sarsim does not drive; if 0, there is nothing to write.
+        sim_time: duration of the run by the robot's clock, s.
+        wall_time: wall time of the run, s.
+        figures: figures of each stage for report.json.
         report: the content of report.json, once it is written.
     """
 
@@ -82,32 +82,32 @@ class Result:
         return self.steps > 0 or "lost" in self.figures
 
     def add(self, figures: Mapping[str, Any]) -> None:
-        """Add the figures of stages to those that there are."""
+        """Add figures of stages to the existing ones."""
         for stage, values in figures.items():
             before = self.figures.get(stage)
             self.figures[stage] = before | values if isinstance(before, dict) else values
 
 
 class Sink:
-    """Watches a run and takes its result; what a subclass does not override, it ignores.
+    """Watches a run and receives its result; a subclass overrides the methods that it needs.
 
     Attributes:
-        finishing: what :meth:`finish` does, for those who watch the run's progress.
+        finishing: what :meth:`finish` does, as text for the progress display.
     """
 
     finishing: str = "writing the results"
 
     def on_motion(self, motion: Motion) -> None:
-        """The robot has moved for a control period."""
+        """Called when the robot has moved for a control period."""
 
     def on_keyframe(self, keyframe: Keyframe) -> None:
-        """A keyframe is in the maps, in a step or on the way."""
+        """Called when a keyframe has been added to the maps, in a step or during a drive."""
 
     def on_correction(self, moves: Moves) -> None:
-        """The maps were made anew where the poses of their keyframes were corrected."""
+        """Called when the maps have been rebuilt where keyframe poses were corrected."""
 
     def on_step(self, mapper: Mapper, step: Step) -> None:
-        """A step is decided; the drive is yet to come."""
+        """Called when a step has been decided, before the drive."""
 
     def finish(self, result: Result) -> None:
-        """The run has ended; write what is left."""
+        """Called when the run has ended: write the remaining results."""

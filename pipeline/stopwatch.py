@@ -1,4 +1,4 @@
-"""The wall time that each stage of the pipeline takes."""
+"""Measures the wall time of each stage of the pipeline."""
 
 from collections import defaultdict
 from collections.abc import Iterator
@@ -10,7 +10,7 @@ class Stopwatch:
     """Collects the wall time of named stages.
 
     Attributes:
-        seconds: one entry for each run of a stage, by the stage's name.
+        seconds: for each stage, the duration of each of its runs, s.
     """
 
     def __init__(self) -> None:

@@ -1,4 +1,4 @@
-"""Rigid transforms as 4×4 matrices; ``T_a_b`` transforms coordinates in frame b to frame a."""
+"""Rigid transforms as 4×4 matrices; ``T_a_b`` transforms coordinates from frame b to frame a."""
 
 from typing import TypeVar
 
@@ -13,7 +13,7 @@ POSE = f"a rigid 4×4 pose (finite, orthonormal, not mirroring, last row 0 0 0 1
 
 
 def are_poses(T: ArrayLike) -> bool:
-    """Whether (..., 4, 4) matrices are poses as ``POSE`` says, orthonormal to 1e-4."""
+    """Whether (..., 4, 4) matrices are poses as defined by ``POSE``, with a tolerance of 1e-4 on orthonormality."""
     T = np.asarray(T, np.float64)
     if T.shape[-2:] != (4, 4) or not np.isfinite(T).all() or np.abs(T).max(initial=0) > FARTHEST:
         return False
@@ -23,10 +23,10 @@ def are_poses(T: ArrayLike) -> bool:
 
 
 def transform_points(T: Pose, points: NDArray) -> Points:
-    """(N, 3) points, m, moved by the transform ``T``."""
+    """(N, 3) points, m, transformed by ``T``."""
     R, t = T[:3, :3].astype(np.float32), T[:3, 3].astype(np.float32)
     x, y, z = points.astype(np.float32, copy=False).T
-    # Not a matrix product: for three columns, waking BLAS's threads takes longer than the work.
+    # Not a matrix product: for three columns, waking BLAS's threads takes longer than the product.
     return np.stack([R[i, 0] * x + R[i, 1] * y + R[i, 2] * z + t[i] for i in range(3)], axis=1)
 
 
@@ -43,7 +43,7 @@ def from_rotation(R: ArrayLike, t: ArrayLike) -> Pose:
 
 
 def orthonormal(T: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(..., 4, 4) the transforms with the nearest rotation matrices: rounding scales products of many transforms."""
+    """(..., 4, 4) transforms with the nearest rotation matrices, since rounding scales products of many transforms."""
     result = T.copy()
     u, _, v = np.linalg.svd(T[..., :3, :3])
     result[..., :3, :3] = u @ v
@@ -62,7 +62,7 @@ def yaw_of(T: Pose) -> float:
 
 
 def angle_of(T: Pose) -> float:
-    """Angle of the rotation of a transform about its axis, rad, [0, π]."""
+    """Rotation angle of a transform, rad, [0, π]."""
     return float(np.arccos(np.clip((np.trace(T[:3, :3]) - 1) / 2, -1, 1)))
 
 
@@ -72,7 +72,7 @@ def tilt_of(T: Pose) -> tuple[float, float]:
 
 
 def level(up: Direction, forward: tuple[float, float, float] = (1.0, 0.0, 0.0)) -> Rotation3:
-    """Rotation of zero yaw of a body that measures the vertical in its own frame, and looks ``forward`` there."""
+    """Rotation with zero yaw of a body, from the direction ``up`` measured in its frame and its ``forward`` axis."""
     left = np.cross(up, forward)
     left /= np.linalg.norm(left)
     return np.array([np.cross(left, up), left, up])

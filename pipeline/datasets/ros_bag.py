@@ -106,7 +106,7 @@ def _opened(path: Path) -> Iterator[AnyReader]:
         raise InputError(f"{path}: not a bag: {error}") from error
     except Exception as error:
         said = " ".join(str(error).split()) or type(error).__name__
-        raise InputError(f"{path}: truncated, damaged or of an unknown format: {said}") from error
+        raise InputError(f"{path}: truncated, damaged or in an unknown format: {said}") from error
 
 
 class Topics:

@@ -177,7 +177,7 @@ def reach_of(robot: RobotModel, config: TraversabilityConfig, cell: float) -> fl
     """
     widest = robot.corner_radius + config.costs.comfort
     if not widest <= FARTHEST:
-        raise InputError(f"a robot with its clearance must fit a radius of {FARTHEST:g} m, got {widest:g} m")
+        raise InputError(f"the robot's corner radius plus comfort must be at most {FARTHEST:g} m, got {widest:g} m")
     return widest + 2 * cell
 
 

@@ -115,7 +115,7 @@ def load_classifier(path: Path, only: str | None = None) -> tuple[PointNetwork, 
         for name, usual in asdict(BlockConfig()).items():
             least, most = usual / MOST_FACTOR, usual * MOST_FACTOR
             if not least <= getattr(blocks, name) <= most:
-                raise InputError(f"{path}: {name} = {getattr(blocks, name)} must be from {least:g} to {most:g}")
+                raise InputError(f"{path}: {name} must be from {least:g} to {most:g}, got {getattr(blocks, name)}")
         return network, replace(blocks, points=int(blocks.points))
     except InputError:
         raise

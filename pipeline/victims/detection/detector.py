@@ -54,7 +54,7 @@ class VictimDetector:
             case [".cfg", ending] if ending != ".safetensors":
                 return cls(DarknetNetwork.load(*files), config)
         names = " ".join(map(str, files))
-        raise InputError(f"--detector {names}: give Darknet's FILE.cfg FILE.weights, or one FILE.safetensors")
+        raise InputError(f"--detector {names}: must be Darknet's FILE.cfg and FILE.weights, or one FILE.safetensors")
 
     def detect(self, rgb: Rgb) -> list[Detection]:
         """Objects in an image of any size, the most confident first.

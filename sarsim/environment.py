@@ -156,7 +156,7 @@ def _unlike(arena: mjcf.Element, robot: mjcf.Element) -> Iterator[str]:
     given, wanted = arena.get_attributes(), robot.get_attributes()
     for name in sorted(given.keys() - {*MEDIUM}):
         if name not in wanted or np.any(given[name] != wanted[name]):
-            yield f"{name} {wanted.get(name, 'by default')} instead of {given[name]}"
+            yield f"{name} {wanted.get(name, '(default)')} instead of {given[name]}"
         setattr(arena, name, None)
 
 

@@ -13,8 +13,8 @@ from typing import Any
 from pipeline.errors import InputError
 
 _REMEDIES = {
-    "egl": "sudo apt-get install libegl1 libgl1-mesa-dri, or set MUJOCO_GL=osmesa",
-    "osmesa": "sudo apt-get install libosmesa6, or set MUJOCO_GL=egl",
+    "egl": "run sudo apt-get install libegl1 libgl1-mesa-dri, or set MUJOCO_GL=osmesa",
+    "osmesa": "run sudo apt-get install libosmesa6, or set MUJOCO_GL=egl",
     "glfw": "set MUJOCO_GL=egl, which needs no display, or set DISPLAY",
 }
 """By the platforms that MuJoCo has on Linux: what to do if it cannot start."""
@@ -80,7 +80,7 @@ def _reason(error: Exception, platform: str) -> str:
     """What is wrong and what to do, in one line; the errors themselves name functions of OpenGL."""
     for variable in _VARIABLES:
         if variable in str(error):
-            return f"{variable}={os.environ.get(variable)} does not fit; unset it"
+            return f"{variable}={os.environ.get(variable)} cannot be used here; unset it"
     return f"{_MISSING[platform]}; {_REMEDIES[platform]}"
 
 

@@ -113,7 +113,7 @@ class SinkConfig:
     """Settings of everything that leaves the files of a run.
 
     Attributes:
-        sink: class that watches the run and writes into its folder.
+        sink: your own class that watches the run and writes into its folder.
         io: all numbers of recordings, result files and ROS; set them in a ``--config`` file.
     """
 
@@ -150,7 +150,7 @@ class PerceptionConfig:
         weights: weights of the network. By default the shipped ones.
         detector: victim detector: Darknet's .cfg and .weights, or a .safetensors file; None for none.
         detector_class: your own victim detector, MODULE:CLASS.
-        reader: class that finds objects in images.
+        reader: your own class that finds objects in images.
         pipeline: all numbers of the robot's software; set them in a ``--config`` file.
     """
 
@@ -170,12 +170,12 @@ class MissionConfig:
         steps: maximum number of exploration steps. By default 160; with --goals, no limit.
         map: folder of an earlier episode in this arena; the robot continues with its map.
         goals: goals to drive to without exploring first: x y x y …, m in the map frame, in any order.
-        explore: explore before the goals.
+        explore: explore before driving to the goals.
         home: return to the start at the end.
         speed: top speed, m/s. By default the robot's own.
         view: live view: in a new window (spawn), in the browser (web), or none.
         mission: explore, or a mission that hands in files: league, virtual or a YAML file.
-        minutes: time limit of a mission, simulated; it replaces --steps. By default the mission's own.
+        minutes: time limit of a mission in simulated minutes; it replaces --steps. By default the mission's own.
         exploration: method that chooses the viewpoints, or your own MODULE:CLASS.
     """
 
@@ -194,7 +194,7 @@ class MissionConfig:
         """Raise InputError for settings out of range."""
         if self.minutes is not None and (self.mission == EXPLORE or not 0 < self.minutes < float("inf")):
             raise InputError(
-                f"--minutes {self.minutes:g}: minutes must be positive, and need a --mission other than explore"
+                f"--minutes {self.minutes:g}: must be positive, and requires a --mission other than explore"
             )
         if self.speed is not None and not 0 < self.speed < float("inf"):
             raise InputError(f"--speed {self.speed:g}: must be positive")
@@ -216,7 +216,7 @@ class EpisodeConfig(SinkConfig, PerceptionConfig, MissionConfig, SimulatorConfig
     """Settings of an episode.
 
     Attributes:
-        resume: folder of an interrupted episode, which is repeated and continued; outputs of its networks are reused.
+        resume: folder of an interrupted episode, which is repeated, then continued; its network outputs are reused.
         odometry: dead reckoning from wheels and gyro, which drifts; or the true pose, for comparison.
         localisation: slam corrects the odometry with depth images; or your own MODULE:CLASS.
         planner: path planner on the topological map, or your own MODULE:CLASS.
@@ -225,14 +225,14 @@ class EpisodeConfig(SinkConfig, PerceptionConfig, MissionConfig, SimulatorConfig
         tyre_error: relative error of the wheel radius that the odometry assumes.
         fiducials: number of AprilTags on the walls, used to score the map.
         oracle: compare with the best known tour of the arena; can take minutes.
-        voxel_size: voxel side of the metric map, m. By default 0.1.
-        graph: graph for planning: minimum spanning tree or with loops.
+        voxel_size: side length of the metric map's voxels, m. By default 0.1.
+        graph: graph for planning: a minimum spanning tree (mst), or one with loops (roadmap).
         bag: new folder for a ROS 2 bag with the robot's sensor data, commands and maps.
         bag_images: images in the bag: depth in whole mm (16UC1) or in m (32FC1); colour raw or as JPEG.
         tum: new folder for the drive in the TUM RGB-D layout.
         out: new folder for the results. By default runs/<arena>-<seed>, with -2, -3 … appended if it exists.
-        victims: list of victims and starts for a world by others.
-        victims_state: state if their names do not tell.
+        victims: file that lists the victims and starts of a third-party world.
+        victims_state: state of the victims whose names do not say whether they are alive.
         random: contents of a random arena.
     """
 
@@ -293,7 +293,7 @@ class TeleopConfig(SinkConfig):
         start: start pose: x and y in m, yaw in degrees. By default the arena's own start.
         robot: pioneer3at, jackal, or the path of an MJCF file with the same structure.
         labels: source of the labels if --out is given, as in sarsim-episode.
-        reader: class that finds objects in images if --out is given.
+        reader: your own class that finds objects in images if --out is given.
         out: new folder for the recording, maps and report of the drive: the files of an episode except config.yaml.
             Rerun shows the maps during the drive. Without --out nothing is mapped.
         gamepad: Linux joystick device, such as /dev/input/js0; its left stick drives the robot.
@@ -325,7 +325,7 @@ class MapRecording(SinkConfig, PerceptionConfig):
         intrinsics: fx fy cx cy of the camera in pixels; pixel centres are at whole numbers. By default as recorded.
         depth_scale: depth units per metre in a folder's images. By default 5000.
         fps: frames per second of a folder whose images have no timestamps.
-        topics: topics to use if a bag has several of one kind; transforms too.
+        topics: topics to use if a bag has several of the same kind, including transforms.
         mission: explore, or a mission that hands in files: league, virtual or a YAML file.
     """
 
@@ -346,7 +346,8 @@ class RosRobotConfig(SimulatorConfig):
     """Settings of the node that simulates a robot.
 
     Attributes:
-        camera_rate: camera images per simulated second. Each takes about 50 ms to compute; a real Xtion delivers 30.
+        camera_rate: camera images per simulated second. Each takes about 50 ms to compute; a real Xtion
+            delivers 30 a second.
         pace: pace of simulated time: the wall clock's (real-time), as fast as possible (free), or one step per
             command (commands), waiting at most 0.1 s for each.
         stamped: receive commands as TwistStamped instead of Twist.
@@ -377,7 +378,7 @@ class RosExploration(SinkConfig, PerceptionConfig, MissionConfig):
             By default from the robot's transforms.
         topics: names of the robot's topics.
         nav2: send goals to the robot's Nav2 stack instead of velocity commands.
-        patience: longest silence of the robot or one of its topics, s; after it the drive ends.
+        patience: longest silence of the robot or one of its topics, s; after that, the drive ends.
         name: name of the ROS 2 node.
         network: connect to other machines too. By default only to this machine.
     """

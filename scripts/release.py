@@ -53,9 +53,7 @@ def faults_of_dates(heading: str, citation: str, version: str) -> list[str]:
     """What is wrong with the dates of a version: CHANGELOG and CITATION must have one, and the same."""
     date = re.search(DATE, heading)
     if not date:
-        return [
-            f"CHANGELOG.md: the heading of {version} needs the date of its release, as in '## {version}, 2026-11-27'"
-        ]
+        return [f"CHANGELOG.md: the heading of {version} needs the release date, as in '## {version}, 2026-11-27'"]
     wanted = f"version: {version}", f"date-released: {date[0]}"
     return [f"CITATION.cff: needs the line '{line}'" for line in wanted if line not in citation.splitlines()]
 
@@ -67,11 +65,11 @@ def faults_of_results(readme: str) -> list[str]:
     rows = list(table)[2:]  # after the heads of the columns and the line below them
     commits = [found[1] if (found := ROW.search(row)) else "none" for row in rows]
     if not rows:
-        return ["README.md: has no table of results"]
+        return ["README.md: has no results table"]
     if len({commit[:7] for commit in commits}) == 1 and ROW.search(rows[0]) and not commits[0].endswith("+"):
         return []
     of = ", ".join(f"{commits.count(commit)} of {commit}" for commit in dict.fromkeys(commits))
-    return [f"README.md: its {len(rows)} results must be of one commit, but are: {of}; run make results"]
+    return [f"README.md: its {len(rows)} results must come from one commit, but are: {of}; run make results"]
 
 
 if __name__ == "__main__":

@@ -18,7 +18,7 @@ from typing import Annotated, Any
 try:
     import tyro
 except ModuleNotFoundError as error:
-    raise SystemExit(f"error: {error.name} is not installed here: make develop, then . .venv/bin/activate") from None
+    raise SystemExit(f"error: {error.name} is not installed; run make develop, then . .venv/bin/activate") from None
 import yaml
 
 from pipeline.errors import InputError
@@ -49,13 +49,13 @@ Record = Mapping[str, Any]
 
 @dataclass(frozen=True)
 class Results:
-    """Which pages are measured and written.
+    """Which pages to measure and write.
 
     Attributes:
-        pages: names in docs/results/pages.yaml; by default all.
-        again: measure again even if there are figures of this state of the code.
-        write: only write the pages of the figures that are there.
-        flags: further flags of the benchmark, such as --flags="--frames 8"; the page names them.
+        pages: names in docs/results/pages.yaml. By default all.
+        again: measure again even if figures for this state of the code exist.
+        write: measure nothing; write the pages from the figures that exist.
+        flags: additional flags for the benchmark, such as --flags="--frames 8"; the page names them.
     """
 
     pages: Annotated[tuple[str, ...], tyro.conf.Positional] = ()
@@ -65,10 +65,10 @@ class Results:
 
 
 def results(settings: Results) -> None:
-    """Measure each page that has no figures of this state of the code yet, and write all pages and README's table."""
+    """Measure each page without figures for this state of the code, and write all pages and README's table."""
     known = plan()["pages"]
     if unknown := set(settings.pages) - known.keys():
-        raise InputError(f"{', '.join(sorted(unknown))}: not a page of results; use one of {', '.join(known)}")
+        raise InputError(f"{', '.join(sorted(unknown))}: not a results page; must be one of {', '.join(known)}")
     for name in () if settings.write else settings.pages or known:
         renew(name, known[name], settings)
         write_pages()

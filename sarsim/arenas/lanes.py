@@ -113,15 +113,15 @@ class Lane:
         """Why a robot's body is not made for it, with the numbers that say so; None if it is."""
         step = max(self.step, self.twist * robot.width / 2)
         if step > robot.max_step:
-            return f"a step of {step:.2g} m, at most {robot.max_step:g} m are driven over"
+            return f"a step of {step:.2g} m; the robot can climb at most {robot.max_step:g} m"
         if math.radians(self.slope) > robot.max_tilt:
-            return f"a slope of {self.slope:g}°, at most {math.degrees(robot.max_tilt):.3g}° are driven on"
+            return f"a slope of {self.slope:g}°; the robot can drive on at most {math.degrees(robot.max_tilt):.3g}°"
         if self.passage < robot.width:
-            return f"a passage of {self.passage:g} m, the robot is {robot.width:g} m wide"
+            return f"a passage of {self.passage:g} m; the robot is {robot.width:g} m wide"
         if self.corner < (room := robot.half_width + robot.corner_radius):
-            return f"a doorway of {self.corner:g} m in a corner, the robot turns on the spot into one of {room:.3f} m"
+            return f"a doorway of {self.corner:g} m in a corner; to turn into it, the robot needs {room:.3f} m"
         if self.lever:
-            return f"a lever {self.lever:g} m above the floor, the robot has no arm"
+            return f"a lever {self.lever:g} m above the floor; the robot has no arm"
         return None
 
     @property

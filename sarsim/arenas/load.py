@@ -58,7 +58,7 @@ def load_arena(
     if victims.placements and kind not in BUILT_FILES:
         raise InputError(
             f"--victims {victims.placements}: {name} has its own victims;"
-            f" the flag needs an arena from a file by others: {', '.join(BUILT_FILES)}"
+            f" the flag works only with an arena file of one of these types: {', '.join(BUILT_FILES)}"
         )
     if name.startswith(LANES_FOLDER) and name in BUILT_IN:
         lane = name.removeprefix(LANES_FOLDER)
@@ -96,7 +96,7 @@ def _set_victims(name: str, builder: ArenaBuilder, victims: WorldVictims) -> Sta
     settled = builder.settle_states(victims.state)
     if settled:
         _log.warning(
-            "%s: the names of %d victims do not say whether they are alive; they count as %s (--victims-state)",
+            "%s: the names of %d victims do not say whether they are alive; assumed %s (see --victims-state)",
             name, settled, victims.state,
         )  # fmt: skip
     return listed.start if listed else None

@@ -158,7 +158,7 @@ def _pixels(path: Path, values: Mapping[str, Any]) -> NDArray[np.float64]:
     file = path.parent / str(values["image"])
     try:
         if not file.resolve().is_relative_to(path.parent.resolve()):
-            raise InputError(f"{path}: its image {file} must be in the same folder or below")
+            raise InputError(f"{path}: its image {file} must be in the same folder or a subfolder")
         check_regular(file, MOST_MODEL_BYTES)
         with Image.open(file) as image:
             if image.width * image.height > MOST_PIXELS:

@@ -92,7 +92,7 @@ def read_placements(path: Path) -> Placements:
     """
     lines = read_text(path).splitlines()
     if len(lines) > MOST_LINES:
-        raise InputError(f"{path}: has {len(lines)} lines; at most {MOST_LINES} are read")
+        raise InputError(f"{path}: has {len(lines)} lines; the limit is {MOST_LINES}")
     poses, heading = list[WorldPose](), ""
     for number, line in enumerate(lines, 1):
         words = [word for word in _SEPARATORS.split(line.partition("#")[0]) if word]
@@ -103,7 +103,7 @@ def read_placements(path: Path) -> Placements:
         else:
             poses.append(_pose(f"{path}, line {number}", name or heading, numbers))
     if not poses:
-        raise InputError(f"{path}: no line holds a pose; write NAME x y z roll pitch yaw, in m and rad")
+        raise InputError(f"{path}: no line contains a pose; write lines as NAME x y z roll pitch yaw, in m and rad")
     starts = tuple(pose for pose in poses if any(word in pose.name.lower() for word in START_WORDS))
     return Placements(tuple(pose for pose in poses if pose not in starts), starts)
 
@@ -121,7 +121,7 @@ def _pose(where: str, name: str, numbers: list[float]) -> WorldPose:
     if len(numbers) not in (3, 6):
         raise InputError(f"{where}: has {len(numbers)} numbers; give x y z, or x y z roll pitch yaw, in m and rad")
     if not (np.abs(numbers) <= FARTHEST).all():  # not for NaN either
-        raise InputError(f"{where}: numbers must be finite and at most {FARTHEST:g}")
+        raise InputError(f"{where}: numbers must be from -{FARTHEST:g} to {FARTHEST:g}")
     x, y, z = numbers[:3]
     return WorldPose(name, x, y, z, numbers[5] if len(numbers) == 6 else 0.0)
 

@@ -110,7 +110,7 @@ def build_raf(path: Path) -> ArenaBuilder:
     unknown = sorted({e.type for e in elements if e.kind is None})
     known = [e for e in elements if e.kind is not None]
     if not known:
-        raise InputError(f"{path}: all elements of the arena have unknown types: {_listed(unknown)}")
+        raise InputError(f"{path}: no element has a known type; unknown types: {_listed(unknown)}")
     if unknown:
         _log.warning("%s: skipped elements of unknown types: %s", path, _listed(unknown))
     _check_geoms(path, known)
@@ -140,7 +140,7 @@ def _element(where: str, line: "Element") -> RafElement:
     x, y, rotation = (_number(where, line, name) for name in ("x", "y", "rotation"))
     mount_point = _number(where, line, "mount-point", "0")
     if mount_point != int(mount_point) or mount_point < 0:
-        raise InputError(f"{where}: mount-point={line.get('mount-point')!r} must be a whole number of at least 0")
+        raise InputError(f"{where}: mount-point={line.get('mount-point')!r} must be a whole number, 0 or greater")
     return RafElement(
         type=_text(where, line, "type"),
         x=x + _number(where, line, "offset-x", "0"),
@@ -165,7 +165,7 @@ def _number(where: str, line: "Element", name: str, default: str | None = None) 
     except ValueError:
         value = float("nan")
     if not isfinite(value) or abs(value) > 1e6:
-        raise InputError(f"{where}: {name}={text[:40]!r} must be a number of at most 1000000")
+        raise InputError(f"{where}: {name}={text[:40]!r} must be a number from -1000000 to 1000000")
     return value
 
 
@@ -175,7 +175,7 @@ def _check_extent(path: Path, elements: list[RafElement]) -> None:
         if max(tiles) - min(tiles) > MAX_TILES or max(map(abs, tiles)) > 10 * MAX_TILES:
             raise InputError(
                 f"{path}: its tiles reach from {axis}={min(tiles):g} to {max(tiles):g};"
-                f" an arena may have at most {MAX_TILES} along {axis}"
+                f" they must span at most {MAX_TILES} along {axis} and lie within {10 * MAX_TILES} of {axis}=0"
             )
 
 

@@ -62,7 +62,7 @@ def build_random(seed: int, config: RandomArenaConfig | None = None) -> ArenaBui
             return builder
     raise InputError(
         f"random arena {seed}: its contents and {config.victims} victims do not fit into"
-        f" {config.columns} × {config.rows} tiles; use more tiles, or fewer victims or shares"
+        f" {config.columns} × {config.rows} tiles; use more tiles, fewer victims or smaller shares"
     )
 
 

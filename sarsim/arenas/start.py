@@ -66,7 +66,7 @@ def find_start(model: mujoco.MjModel, data: mujoco.MjData) -> Start:
             if best is None or size > best[0]:
                 best = (size, ground, floor)
     if best is None:
-        raise InputError("the arena has no free start: there is no free tile of floor")
+        raise InputError("the arena has no free start: no tile of its floor is free")
     return _open_place(*best[1:])
 
 

@@ -20,7 +20,7 @@ class ExportArena:
     Attributes:
         arena: nist_6x4, esogu_52x15, lanes/NAME or random:SEED; the path of a .raf, MJCF, SDF or map file; or your
             own MODULE:FUNCTION.
-        out: MJCF file to write (.xml); the files that it refers to are copied beside it.
+        out: MJCF file to write (.xml); the files that it refers to are copied to the same folder.
         start: start pose: x and y in m, yaw in degrees. By default the arena's own start.
         random: contents of a random arena, set in a --config file such as an episode's config.yaml.
     """

@@ -17,7 +17,7 @@ EXPORTS = {"s3dis": "S3dis", "blocks": "Blocks", "tum": "Tum", "yolo": "Yolo", "
 
 @dataclass(frozen=True)
 class ExportDataset:
-    """What is exported, and how.
+    """What to export, and how.
 
     Attributes:
         format: s3dis: folders of rooms and annotated objects; blocks: HDF5 files for training point networks; tum:
@@ -25,10 +25,10 @@ class ExportDataset:
             masks; mcap: ROS 2 bags.
         data: folder of the dataset.
         out: new folder for the export; it appears once the export is complete.
-        voxel: s3dis: keep one point per cube of this side, m; larger cubes make smaller files. By default 0.02.
+        voxel: s3dis: keep one point per cube with this side, m; larger cubes make smaller files. By default 0.02.
         points: blocks: points per block, as the network expects them. By default 4096.
         colours: blocks: nine channels with r g b, as in S3DIS, instead of six.
-        min_area: yolo, coco: fewest visible pixels for an object to get a box. By default 100.
+        min_area: yolo, coco: minimum number of visible pixels for an object to get a box. By default 100.
     """
 
     format: Annotated[Literal["s3dis", "blocks", "tum", "yolo", "coco", "mcap"], tyro.conf.Positional]

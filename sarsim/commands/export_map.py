@@ -42,7 +42,7 @@ def export_map(
         raise InputError(f"--out {out}: the file name must end in .bt, .ot, .ply, {', '.join(PLAN_ENDINGS)}")
     if heights is not None and not (out.suffix == ".pgm" and heights[0] < heights[1]):
         raise InputError(
-            f"--heights {heights[0]:g} {heights[1]:g}: only for a .pgm file, and the lower height comes first"
+            f"--heights {heights[0]:g} {heights[1]:g}: requires --out FILE.pgm, and the lower height first"
         )
     path = path / "metric_map.npz" if path.is_dir() else path
     is_of_ground = out.suffix in PLAN_ENDINGS and heights is None

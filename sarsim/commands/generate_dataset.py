@@ -29,7 +29,7 @@ class GenerateDataset(DatasetConfig):
         engine: run processes on this machine (local), or tasks on the Ray cluster at RAY_ADDRESS (ray; on this
             machine if RAY_ADDRESS is not set).
         harder: use the defaults of the harder mix: obstacles and ceilings among the ramps, dim light and darkness,
-            dust, and some scenes without the sensor's noise. Other flags still change each of them.
+            dust, and some scenes without the sensor's noise. Other flags still override them.
     """
 
     out: Path

@@ -161,7 +161,7 @@ class RosDrive(ExplorerRun):
     def _has_other_map(self) -> bool:
         has_other = isinstance(self.robot, Nav2Robot) and self.robot.has_map
         if has_other:
-            _log.warning("the robot has its own map, so this map is not published; goals are in the odometry frame")
+            _log.warning("the robot has its own map, so sarsim publishes no map; goals are in the odometry frame")
         return has_other
 
     def _time(self) -> float:

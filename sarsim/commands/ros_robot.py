@@ -19,7 +19,7 @@ def ros_robot(config: RosRobotConfig) -> None:
         simulated = SimulatedNode(config, node)
         ended_by = run_watched(
             lambda interrupted, show: simulated.run(
-                interrupted, lambda time: show(Progress(f"{config.arena}: {time:.1f} simulated s"))
+                interrupted, lambda time: show(Progress(f"{config.arena}: {time:.1f} s simulated"))
             ),
             config.arena,
         )

@@ -35,7 +35,7 @@ def run_episode(config: EpisodeConfig) -> None:
     if not ended_by:
         shutil.rmtree(cache.folder)
     if config.resume:
-        print(f"Repeated from the start, with {cache.hits} stored outputs of the networks")
+        print(f"Repeated from the start with {cache.hits} stored network outputs")
     show_results(episode.report, config.folder, is_verbose())
     end_by(ended_by)
     if (viewer := episode.recorder.viewer) and viewer.was_opened:

@@ -33,10 +33,10 @@ def score_mission(
         robot: robot that drove: pioneer3at, jackal, or the path of an MJCF file.
         mission: league, virtual, or the path of a YAML file of rewards and penalties.
         parked: x and y of the robot at the end, m. By default the end of trajectory_true.tum.
-        resets: number of times that somebody touched the robot.
+        resets: number of times that someone touched the robot.
         contacts: number of contacts with living victims.
-        victims: list of victims and starts for a world by others, as for sarsim-episode.
-        victims_state: state if their names do not tell.
+        victims: file that lists the victims and starts of a third-party world, as for sarsim-episode.
+        victims_state: state of the victims whose names do not say whether they are alive.
     """
     import json
 

@@ -47,8 +47,8 @@ class SimulatedNode:
         """Raises InputError if the arena or the folder for results is not available."""
         if not 0 < config.camera_rate <= 25 or config.seed < 0:
             raise InputError(
-                f"--camera-rate {config.camera_rate:g} --seed {config.seed}: the rate must be positive and "
-                "at most 25, the seed not negative"
+                f"--camera-rate {config.camera_rate:g} --seed {config.seed}: the rate must be above 0 and "
+                "at most 25, and the seed must not be negative"
             )
         self.config, self._node = config, node
         arena = make_arena(config.arena, config.start, seed=config.seed)

@@ -43,12 +43,13 @@ class SweepSettings:
     """Which episodes to run, and how.
 
     Attributes:
-        methods: methods as in --exploration, explorers of 2D maps, or your own MODULE:CLASS. By default all shipped.
+        methods: methods as in --exploration, explorers of 2D maps, or your own MODULE:CLASS. By default all
+            that sarsim ships.
         arenas: arenas as in --arena; train, val or test (12 frozen arenas each); grid:train, grid:val or grid:test
             (100 frozen 2D maps each); or grid:FOLDER with dungeon maps.
         seeds: seeds of the episodes in each arena.
         engine: run processes on this machine (local), or tasks on the Ray cluster at RAY_ADDRESS (ray).
-        workers: number of episodes at the same time. By default one per core.
+        workers: number of episodes to run at the same time. By default one per core.
         out: folder for the results: the episodes, a Parquet table, leaderboard entries and an HTML page.
         steps: maximum number of steps of an episode in a MuJoCo arena.
         limit: wall-clock limit of an episode, s.
@@ -67,7 +68,7 @@ class SweepSettings:
 def sweep(settings: SweepSettings) -> None:
     """Run exploration methods on the same arenas and seeds, and compare them. Finished episodes are not repeated."""
     if not settings.seeds or min(settings.seeds) < 0 or settings.limit <= 0 or settings.steps < 1:
-        raise InputError("--seeds needs at least one seed, none negative; limit and steps must be positive")
+        raise InputError("--seeds: give at least one seed, none of them negative; limit and steps must be positive")
     if settings.workers is not None and settings.workers < 1:
         raise InputError(f"--workers {settings.workers}: must be at least 1")
     check_sweep(settings.methods, settings.arenas)
@@ -121,7 +122,8 @@ def begin(settings: SweepSettings) -> str:
     for key, value in current.items():
         if earlier.get(key) != value:
             raise InputError(
-                f"--out {settings.out}: holds results of {key} {earlier.get(key)}, not {value}; choose another folder"
+                f"--out {settings.out}: holds results with {key} {earlier.get(key)}, but this sweep has {value};"
+                " choose another folder"
             )
     return current["code"]
 

@@ -24,7 +24,7 @@ ENDINGS = {
     "lost": "the robot lost track of its position",
     "interrupted": "interrupted",
     "time": "the time is up",
-    "steps": "the limit of steps is reached",
+    "steps": "the step limit is reached",
 }
 """Why exploring ended, by ``exploration.ended``."""
 

@@ -49,10 +49,10 @@ class TrainingFiles:
 
     Attributes:
         data: folders of datasets. Training uses the scenes of the split train, validation those of val.
-        out: file for the weights (.safetensors; for yolo .weights, with .cfg and .json beside it). A checkpoint, a
-            table (.csv) and the settings (.yaml) are written beside it. To continue after an interruption, run the
+        out: file for the weights (.safetensors; for yolo .weights, with .cfg and .json next to it). A checkpoint, a
+            table (.csv) and the settings (.yaml) are written next to it. To continue after an interruption, run the
             same command again.
-        stride: use every n-th frame of each scene only; neighbouring frames look alike.
+        stride: use only every n-th frame of each scene; neighbouring frames look alike.
         init: file of initial weights, as written by sarsim-train. By default they are random.
         tensorboard: folder for TensorBoard events of loss and scores; TensorBoard must be installed.
     """
@@ -69,7 +69,7 @@ class TrainPoints(PointTrainingConfig, TrainingFiles):
     """Train a network of the semantic map on datasets made by sarsim-dataset.
 
     Attributes:
-        colours: learn from colours too, with nine channels instead of six. With --init, its file decides.
+        colours: learn from colours too, with nine channels instead of six. With --init, the initial weights decide.
     """
 
     colours: bool = False
@@ -92,7 +92,7 @@ class TrainHazmat(HazmatTrainingConfig):
 
     Attributes:
         data: folders of datasets and files of photos, all without hazmat signs.
-        out: file for the weights (.safetensors); a checkpoint, a table and the settings are written beside it.
+        out: file for the weights (.safetensors); a checkpoint, a table and the settings are written next to it.
         init: file of initial weights. By default they are random.
     """
 
@@ -118,7 +118,7 @@ class TrainShapes(ShapeTrainingConfig):
 
     Attributes:
         data: folders of datasets for training.
-        out: file for the weights (.safetensors); a checkpoint, a table and the settings are written beside it.
+        out: file for the weights (.safetensors); a checkpoint, a table and the settings are written next to it.
         init: file of initial weights. By default they are random.
         usual: folders of datasets for validation, with objects as frequent as in an episode. By default those of
             --data.
@@ -252,8 +252,8 @@ def _scenes(data: Path) -> int:
     scenes = [data / entry.file for entry in Dataset(data).entries]
     if missing := [path for path in scenes if not path.is_file()]:
         raise InputError(
-            f"{missing[0]}: missing, with {len(missing)} of {len(scenes)} scenes;"
-            " to make them again, run sarsim-dataset with the same flags"
+            f"{missing[0]}: no such file ({len(missing)} of {len(scenes)} scenes are missing);"
+            " to generate them again, run sarsim-dataset with the same flags"
         )
     return len(scenes)
 
@@ -275,11 +275,11 @@ def _clouds(
                 clouds[entry.split].append(LabelledCloud.of(scene.frame(index), pose, voxel_size, colours))
     folders = " ".join(map(str, settings.data))
     if absent := [split for split in ("train", "val") if not clouds[split]]:
-        raise InputError(f"--data {folders}: no scene of the split {absent[0]}; generate at least 5 scenes")
+        raise InputError(f"--data {folders}: no scene is in the split {absent[0]}; generate at least 5 scenes")
     seen = sum(cloud.counts.sum(axis=0, dtype=int) for cloud in clouds["train"])
     missing = [label.name.lower() for label, count in zip(CLASSES, seen, strict=True) if not count]
     if missing and worker.leads:
-        warning = f"--data {folders}: no point of {', '.join(missing)}, so the network cannot learn it"
+        warning = f"--data {folders}: no point of {', '.join(missing)}, so the network cannot learn such labels"
         Console(stderr=True).print(warning, soft_wrap=True)
     return clouds
 

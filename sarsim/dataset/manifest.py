@@ -111,7 +111,8 @@ class Manifest:
         """Raises InputError if the other manifest's scenes would differ."""
         if self.generator != other.generator:
             raise InputError(
-                f"{folder}: made by {self.generator}, and this is {other.generator}; choose another folder"
+                f"{folder}: was made by {self.generator}, but you are running {other.generator};"
+                " choose another folder"
             )
         for name in other.recipe:
             if self.recipe.get(name) != other.recipe[name]:
@@ -134,7 +135,7 @@ def _entry(row: dict[str, Any]) -> SceneEntry:
         if not isinstance(getattr(entry, name), kind):
             raise ValueError(f"{name} of scene {entry.index} has the wrong type: {getattr(entry, name)!r:.80}")
     if not all(isinstance(count, int) for count in entry.points.values()):
-        raise ValueError(f"points of scene {entry.index} are not whole numbers")
+        raise ValueError(f"points of scene {entry.index} must be whole numbers")
     return entry
 
 

@@ -18,7 +18,7 @@ MIN_SIZE = 16  # pixels of an image
 
 @dataclass(frozen=True)
 class ArenaRange:
-    """Random arenas are drawn uniformly between these values, bounds included. By default like the thesis's.
+    """Random arenas are drawn uniformly between these values, bounds included. The defaults resemble the thesis's.
 
     Attributes:
         tiles: number of tiles of 1.2 m along x and along y; large arenas give long views.
@@ -87,20 +87,21 @@ class HarderArenaRange(ArenaRange):
 
 @dataclass(frozen=True)
 class DatasetConfig:
-    """Settings of the scenes of a dataset; by default they look like the thesis's: ramps, light, the sensor's noise.
+    """Settings of a dataset's scenes; by default they resemble the thesis's in ramps, light and sensor noise.
 
     Attributes:
-        seed: seed of every random number; another seed gives other scenes.
+        seed: seed of every random number; a different seed gives different scenes.
         frames: number of frames in each scene.
         width: width of the images, pixels.
-        height: height of the images, pixels; halving both is four times as fast but shows distant objects less well.
+        height: height of the images, pixels; halving both width and height is four times as fast but shows
+            distant objects less well.
         arenas: names or paths of arenas, used in turn; "random" draws a new one each time.
         random: ranges from which each random arena is drawn, bounds included.
         lighting: shares of the scenes in normal light, in dim light, and in the dark with the robot's lamp on.
         dust: lowest and highest density of dust, 0 to 1, in a quarter of the scenes. By default there is none.
         keyframes: distance (m) and turn (rad) after which the next frame is taken; larger values cover more ground.
         frames_per_second: take frames at a constant rate, as SLAM needs them, instead of by --keyframes.
-        clear: share of the scenes without dust, where there is dust at all.
+        clear: share of the scenes without dust if --dust is given.
         ideal: share of the scenes where the depth sensor makes no errors.
     """
 
@@ -223,8 +224,8 @@ class ShapeTrainingConfig(PatchTrainingConfig):
     """How to train the classifier of fire extinguishers and door levers.
 
     Attributes:
-        copies: patches of each object, every one of another square.
-        off: standard deviation of a square's middle, over its side.
+        copies: number of patches of each object, each cut from a different square.
+        off: standard deviation of the offset of a square's centre, as a share of its side.
         larger: standard deviation of the logarithm of a square's size.
     """
 
@@ -238,12 +239,12 @@ class HazmatTrainingConfig(PatchTrainingConfig):
     """How to train the classifier of hazmat signs.
 
     Attributes:
-        labels: labels drawn of each class by each of the processes.
-        bank: patches, of which each step takes some, each time another way up.
-        uses: how often a patch is taken on average before a new one takes its place.
-        processes: number that draw patches.
-        chunk: patches that a process draws at once.
-        validated: patches on which the accuracy is measured.
+        labels: number of labels of each class that each process draws.
+        bank: number of stored patches; each step uses some of them, turned by a random quarter.
+        uses: average number of times that a patch is used before a new one replaces it.
+        processes: number of processes that draw patches.
+        chunk: number of patches that a process draws at once.
+        validated: number of patches on which the accuracy is measured.
     """
 
     steps: int = 8000

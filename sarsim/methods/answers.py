@@ -48,7 +48,7 @@ def _check_detections(answer: Any, name: str, rgb: object) -> None:
         _check_numbers(np.asarray(one.box), (4,), f"{name}: a box")
         if one.kind not in KINDS or not 0 <= one.confidence <= 1:
             raise InputError(
-                f"{name}: {one.kind!r} {one.confidence} must be {', '.join(KINDS)} with a confidence from 0 to 1"
+                f"{name}: {one.kind!r} {one.confidence} must be one of {', '.join(KINDS)}, with confidence 0 to 1"
             )
 
 

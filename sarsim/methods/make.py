@@ -145,7 +145,7 @@ def _own(flag: str, name: str, protocol: type, *args: RobotModel) -> Any:
     """An instance of a class with the members of a protocol, whose answers are checked from then on."""
     where = _where(flag, name)
     kind = load_class(flag, name)
-    method, attributes = _guarded(kind, f"{where}: making it")(*args), inspect.get_annotations(protocol)
+    method, attributes = _guarded(kind, f"{where}: creating an instance")(*args), inspect.get_annotations(protocol)
     for member, wanted in vars(protocol).items():
         if member.startswith("_") or member in attributes:
             continue

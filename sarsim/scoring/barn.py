@@ -77,11 +77,11 @@ def read_path(file: Path) -> Places:
         # Mapped, so that a file that claims to be huge takes no memory.
         cells = np.load(file, mmap_mode="r", allow_pickle=False)
     except FileNotFoundError as error:
-        raise InputError(f"{file}: no such file; each world_N.world needs its path_N.npy beside it") from error
+        raise InputError(f"{file}: no such file; each world_N.world needs a path_N.npy next to it") from error
     except (OSError, ValueError, EOFError, BadZipFile) as error:
         raise InputError(f"{file}: not a reference path: {' '.join(str(error).split())}") from error
     if not isinstance(cells, np.ndarray) or cells.ndim != 2 or cells.shape[1] != 2 or cells.dtype.kind not in "iuf":
-        raise InputError(f"{file}: not a reference path: it must hold cells (K, 2), as numbers")
+        raise InputError(f"{file}: not a reference path: it must be an array of numbers (K, 2), one row per cell")
     if not np.isfinite(cells).all():
-        raise InputError(f"{file}: not a reference path: a cell is not finite")
+        raise InputError(f"{file}: not a reference path: all cells must be finite")
     return np.array(cells, np.float64)

@@ -180,7 +180,7 @@ def score_handed_in(
     files = handed_in_files(folder)
     for ending in (".ply", ".csv"):
         if not files[ending]:
-            raise InputError(f"{folder}: no file ends in {ending}, and scoring needs one")
+            raise InputError(f"{folder}: no file ends in {ending}, but scoring needs one")
     cloud, pois = read_cloud(files[".ply"][0]), read_pois(files[".csv"][0]).pois
     if not len(cloud.points()):
         raise InputError(f"{files['.ply'][0]}: no points can be read; run sarsim-validate-mission to see why")

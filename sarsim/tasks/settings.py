@@ -58,13 +58,13 @@ class ExplorerTrainingConfig:
     """How to train an explorer of 2D maps with PPO; all other settings are Stable-Baselines3's defaults.
 
     Attributes:
-        steps: number of steps, all worlds together.
+        steps: total number of steps in all worlds.
         seed: seed of every random number.
         worlds: number of worlds explored at the same time.
-        horizon: steps of each world between two updates; also the batch size.
-        epochs: passes over these steps.
-        rate: learning rate at the start; it falls to 0 in a line.
-        entropy: weight of the entropy of the choice.
+        horizon: number of steps in each world between two updates; also the batch size.
+        epochs: number of passes over these steps.
+        rate: learning rate at the start; it falls linearly to 0.
+        entropy: weight of the entropy of the choice in the loss.
     """
 
     steps: int = 500_000

@@ -81,7 +81,7 @@ class Job:
                 return content
         except (OSError, ValueError, KeyError, TypeError) as error:
             raise InputError(f"{file}: not an episode's result: {error}") from error
-        raise InputError(f"{file}: was run with other settings; choose another folder with --runs")
+        raise InputError(f"{file}: holds a result with other settings; choose another folder with --runs")
 
 
 def world_name(arena: str) -> str:

@@ -124,5 +124,5 @@ def _caption(figures: Mapping[str, float], details: Mapping[str, Any]) -> str:
     lines += [f"{name} failed; see its log" for name in details["failed"]]
     if RATIO in figures:
         count = figures[f"{RATIO}.pairs"]
-        lines.append(f"time to see 90 % over the nearest frontier's: {figures[RATIO]:.2f}, median of {count:.0f}")
+        lines.append(f"time to see 90 % relative to nearest frontier: {figures[RATIO]:.2f}, median of {count:.0f}")
     return "\n".join(lines)

@@ -71,7 +71,9 @@ def carry(episode: Episode, rng: np.random.Generator) -> None:
     places = surface.grid.centre_of(cells)
     far = np.linalg.norm(places - robot.trajectory[-1].T_world_base[:2, 3], axis=1) > CARRIED
     if not far.any():
-        raise InputError(f"{episode.config.arena}: the mapped area is too small to carry a robot anywhere")
+        raise InputError(
+            f"{episode.config.arena}: the mapped area has no free place far enough away to carry the robot to"
+        )
     n, yaw = rng.choice(np.flatnonzero(far)), rng.uniform(-np.pi, np.pi)
     place = np.append(places[n], surface.height[tuple(cells[n])] + 0.01)
     robot.robot.set_pose(robot.physics, place, np.array([np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)]))

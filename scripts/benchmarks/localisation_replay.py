@@ -56,7 +56,7 @@ def replay(drive: DriveReader, methods: Mapping[str, Method], stem: Path) -> dic
     for name, method in methods.items():
         scores = trajectory_scores(drive.T_world_base, believed[name])
         if not abs(scores["ate_m"] - evo_ate(files["true"], files[name])) <= AGREEMENT:
-            raise ArithmeticError(f"{name}: ATE {scores['ate_m']} m is not evo's")
+            raise ArithmeticError(f"{name}: ATE {scores['ate_m']} m differs from evo's")
         rest = {"frame_ms": 1e3 * float(np.median(seconds[name]))} | method.report(drive.T_world_base, online[name])
         report[name] = scores | rest
     ways = {"true": drive.T_world_base[:, :3, 3]} | {name: poses[:, :3, 3] for name, poses in believed.items()}

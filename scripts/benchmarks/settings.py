@@ -206,7 +206,8 @@ class LocalisationSettings(DrivesSettings):
     Attributes:
         raf: folder of .raf arenas to drive in as well.
         frames: maximum number of frames of a drive.
-        seeds: seeds of the drives in each arena. By default one drive, with the arena's own number.
+        seeds: seeds of the drives in each arena. By default one drive, with the number of the
+            episode or of the random arena as its seed.
         kidnappings: number of times that the robot is carried elsewhere, in nist_6x4 and random:1.
     """
 
@@ -362,16 +363,16 @@ class BarnSettings(SubjectSettings):
 
 @dataclass(frozen=True, kw_only=True)
 class WorldsSettings(SubjectSettings):
-    """Worlds of the rescue leagues' virtual robots, with a mission of that league in each.
+    """Missions in worlds of the rescue leagues' virtual robots, one mission in each world.
 
     Attributes:
-        worlds: folder of the worlds with their models; a model.sdf that no world includes is a world too.
-        robot: pioneer3at, jackal, or the path of an MJCF file structured like theirs.
-        minutes: of each mission.
-        seed: seed of all random numbers.
-        workers: number of missions at a time; by default one per core.
-        runs: folder for the result of each mission; missions with a result in it are not played again.
-        pipeline: all numbers of the robot's software; only ``--config`` changes them.
+        worlds: folder with the worlds and their models; a model.sdf that no world includes counts as a world.
+        robot: pioneer3at, jackal, or the path of an MJCF file with the same structure.
+        minutes: time limit of each mission in simulated minutes.
+        seed: seed of every random number.
+        workers: number of missions at the same time. By default one per core.
+        runs: folder for the result of each mission; finished missions in it are not repeated.
+        pipeline: all numbers of the robot's software; set them in a ``--config`` file.
     """
 
     worlds: Path = SHARED / "worlds"

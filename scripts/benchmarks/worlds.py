@@ -64,7 +64,7 @@ def worlds_in(folder: Path) -> list[Path]:
     text = "".join(world.read_text(errors="replace") for world in worlds)
     models = [model for model in sorted(folder.rglob("model.sdf")) if f"model://{model.parent.name}" not in text]
     if not (worlds or models):
-        raise InputError(f"--worlds {folder}: no .world and no model.sdf is there")
+        raise InputError(f"--worlds {folder}: contains no .world file and no model.sdf")
     return worlds + models
 
 

@@ -95,9 +95,9 @@ def build_sdf(path: Path) -> ArenaBuilder:
     if said := _left_out(path, world, thrown):
         _log.warning("%s: loaded without %s%s", path, said, "" if bodies else "; only an empty floor is left")
     if world.left_out:
-        _log.warning("%s: loaded without its %s", path, _counted(world.left_out))
+        _log.warning("%s: loaded without unsupported elements: %s", path, _counted(world.left_out))
     if hulls:
-        _log.warning("%s: %d detailed pieces of meshes are as solid as their convex hulls", path, len(hulls))
+        _log.warning("%s: %d detailed mesh pieces collide as their convex hulls", path, len(hulls))
     return builder
 
 
@@ -114,18 +114,16 @@ def _solids(path: Path, world: SdfWorld, apart: set[str]) -> list[Solid]:
             raise InputError(f"{path}: too many shapes; the limit is {MOST_GEOMS}")
     if not (solids or apart or world.missing):
         said = _left_out(path, world, [])
-        raise InputError(
-            f"{path}: nothing in it has a shape" + (f" that can be read; it is without {said}" if said else "")
-        )
+        raise InputError(f"{path}: contains no shape" + (f" that can be read; left out {said}" if said else ""))
     return solids
 
 
 def _left_out(path: Path, world: SdfWorld, thrown: list[str]) -> str:
     """What a world is without, in words; ``thrown`` lies too far out."""
     missing, broken = list(dict.fromkeys(world.missing)), list(dict.fromkeys([*world.lost, *thrown]))
-    said = [_named(missing, ", ") + f" (in none of {PLACES})"] if missing else []
+    said = [_named(missing, ", ") + f" (not found in {PLACES})"] if missing else []
     said += [_named([what.removeprefix(f"{path}, ") for what in broken], "; ")] if broken else []
-    return f"{_counted({'thing': len(missing) + len(broken)})}: {'; '.join(said)}" if said else ""
+    return f"{_counted({'item': len(missing) + len(broken)})}: {'; '.join(said)}" if said else ""
 
 
 def _named(things: list[str], between: str) -> str:
@@ -159,7 +157,7 @@ def _in_window(path: Path, solids: list[Solid], places: NDArray[np.float64]) -> 
     if np.prod(extent + 2 * MARGIN) <= MOST_AREA:
         return solids, Window(near[:, 0].min(axis=0), near[:, 1].max(axis=0))
     window = window_of(near, MOST_AREA)
-    _log.warning("%s: %.0f × %.0f m are too large an arena, so only %s are built", path, *extent, window)
+    _log.warning("%s: %.0f × %.0f m is too large for an arena, so only %s is built", path, *extent, window)
     return list(solids_within(solids, window)), window
 
 

@@ -94,10 +94,10 @@ def tiles_of(form: "Element", T_world: Pose, base: "Path", resources: Resources,
     if path is None or path.is_dir():
         raise MissingError(uri, where)
     if path.suffix.lower() not in PICTURES:
-        raise InputError(f"{where}: {path} is not a heightmap that is read: {', '.join(PICTURES)}")
+        raise InputError(f"{where}: {path}: unsupported heightmap format; must be one of {', '.join(PICTURES)}")
     size = child_numbers(form, "size", (1.0, 1.0, 1.0), where)
     if not (size[:2] > 0).all():
-        raise InputError(f"{where}: the <size> of a <heightmap> is not above 0")
+        raise InputError(f"{where}: the x and y of the <size> of a <heightmap> must be above 0")
     grey = _grey(resources.read(path), path)
     grey = grey.max() - grey if size[2] < 0 else grey
     heights = grey * (abs(size[2]) / max(float(grey.max()), 1.0))
@@ -111,14 +111,15 @@ def _grey(content: bytes, path: "Path") -> NDArray[np.float64]:
         with Image.open(BytesIO(content)) as image:
             if not 4 <= image.width * image.height <= MOST_PIXELS or min(image.size) < 2:
                 raise InputError(
-                    f"{path}: {image.width} × {image.height} pixels; from 2 × 2 to {MOST_PIXELS} are read"
+                    f"{path}: {image.width} × {image.height} pixels; must be at least 2 × 2,"
+                    f" and at most {MOST_PIXELS} in all"
                 )
             plain = image.convert("RGB") if image.mode == "P" else image
             pixels = np.asarray(plain, np.float64)
     except InputError:
         raise
     except Exception as error:  # of many kinds, on broken pictures
-        raise InputError(f"{path}: not a readable picture: {' '.join(str(error).split())[:200]}") from error
+        raise InputError(f"{path}: not a readable image: {' '.join(str(error).split())[:200]}") from error
     return pixels if pixels.ndim == 2 else pixels[..., 0]
 
 

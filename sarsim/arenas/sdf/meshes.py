@@ -75,7 +75,7 @@ def read_surfaces(resources: Resources, path: Path, materials: Materials) -> lis
     """
     reader = _READERS.get(path.suffix.lower())
     if reader is None:
-        raise InputError(f"{path}: not a mesh that is read: {', '.join(_READERS)}")
+        raise InputError(f"{path}: unsupported mesh format; must be one of {', '.join(_READERS)}")
     content = resources.read(path)
     if reader is _collada:
         content = ElementTree.tostring(resources.parse(path))  # without entities
@@ -88,9 +88,9 @@ def read_surfaces(resources: Resources, path: Path, materials: Materials) -> lis
         raise InputError(f"{path}: not a readable mesh: {said}") from error
     count = sum(len(s.triangles) for s in surfaces)
     if not 0 < count <= MOST_TRIANGLES:
-        raise InputError(f"{path}: {count} triangles; from 1 to {MOST_TRIANGLES} are read")
+        raise InputError(f"{path}: {count} triangles; must be from 1 to {MOST_TRIANGLES}")
     if not all(np.isfinite(s.vertices).all() for s in surfaces):
-        raise InputError(f"{path}: a vertex is not finite")
+        raise InputError(f"{path}: all vertices must be finite")
     return surfaces
 
 

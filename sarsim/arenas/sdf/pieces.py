@@ -121,7 +121,7 @@ def extruded(outlines: list[NDArray[np.float64]], height: float) -> MeshPiece:
         area = area.symmetric_difference(shapely.make_valid(shapely.Polygon(outline)))
     triangles = shapely.orient_polygons(shapely.get_parts(shapely.constrained_delaunay_triangles(area)))
     if not len(triangles):
-        raise ValueError("the polylines enclose nothing")
+        raise ValueError("the polylines enclose no area")
     bases = [np.pad(shapely.get_coordinates(triangle)[:3], ((0, 0), (0, 1))) for triangle in triangles]
     parts = [np.concatenate([base, base + np.array([0, 0, height])]) for base in bases]
     faces = np.concatenate([PRISM + 6 * n for n in range(len(parts))])

@@ -30,7 +30,7 @@ _INSIDE = ("models", "media/models", "Media/models")
 """Folders of a package, or of one that a variable names, in which Gazebo looks, too."""
 
 
-PLACES = f"the folders of the world, {' and '.join(VARIABLES[:2])}"
+PLACES = f"the world's folders or those that {' and '.join(VARIABLES[:2])} list"
 """Where a world's files are looked for, in words."""
 
 
@@ -43,7 +43,7 @@ class MissingError(InputError):
 
     def __init__(self, uri: str, where: str):
         self.uri = " ".join(uri.split())[:200] or "an empty <uri>"
-        super().__init__(f"{where}: {self.uri} is in none of {PLACES}")
+        super().__init__(f"{where}: {self.uri} was not found in {PLACES}")
 
 
 _OUTSIDE = Path("..")
@@ -121,7 +121,7 @@ class Resources:
             places = list(self._places(uri.replace("\\", "/"), base.resolve()))
             found = [self._existing(folder, name) for folder, name in places]
         except (OSError, ValueError) as error:  # a name that is too long, or has a zero byte
-            raise InputError(f"{where}: {shown} is no name of a file") from error
+            raise InputError(f"{where}: {shown} is not a valid file name") from error
         existing = next((path for path in found if path not in (None, _OUTSIDE)), None)
         if existing is None and found[:1] == [_OUTSIDE]:
             # One that is absolute names the files of another machine; one that climbs out means harm.

@@ -82,7 +82,7 @@ class SolidReader:
                 for tile in tiles_of(form, shape.T_world, shape.base, self._files.resources, shape.where):
                     yield _ground(tile, shape.colour)
             elif form.tag not in (*LEFT_OUT, "empty"):
-                raise InputError(f"{shape.where}: <{form.tag[:40]}> is no known geometry")
+                raise InputError(f"{shape.where}: unknown geometry <{form.tag[:40]}>")
 
     def _meshes(self, form: "Element", shape: SdfShape) -> Iterator[Solid]:
         scale = child_numbers(form, "scale", (1.0, 1.0, 1.0), shape.where)
@@ -98,7 +98,7 @@ class SolidReader:
                 raise InputError(f"{shape.where}: {path} has no submesh {submesh[:60]!r}")
             scaled = list(_scaled(surfaces, scale, centred))
             if max(float(np.abs(s.vertices).max()) for s in scaled) > FARTHEST:
-                raise InputError(f"{shape.where}: {path} is larger than {FARTHEST:g} m")
+                raise InputError(f"{shape.where}: {path} reaches farther than {FARTHEST:g} m from its origin")
             self._pieces[key] = [piece for surface in scaled for piece in pieces_of(surface)]
         for piece in self._pieces[key]:
             yield Solid("mesh", np.zeros(0), shape.T_world, piece.vertices, piece, shape.colour or piece.colour)
@@ -109,7 +109,7 @@ class SolidReader:
             outlines.append(np.array([numbers(p.text, 2, shape.where) for p in form.findall("point")]))
             height = float(child_numbers(form, "height", (1.0,), shape.where)[0])
         if min(map(len, outlines)) < 3 or height <= 0:
-            raise InputError(f"{shape.where}: a <polyline> needs three points and a height above 0")
+            raise InputError(f"{shape.where}: a <polyline> needs at least three points and a height above 0")
         try:
             piece = extruded(outlines, height)
         except ValueError as error:
@@ -130,7 +130,7 @@ def _positive(form: "Element", tags: dict[str, tuple[float, ...]], where: str) -
     """Sizes in m of a form, halved where its defaults are; InputError if one is negative."""
     values = np.concatenate([child_numbers(form, tag, default, where) for tag, default in tags.items()])
     if (values < 0).any():
-        raise InputError(f"{where}: <{form.tag}> has a negative size")
+        raise InputError(f"{where}: <{form.tag}> must not have a negative size")
     return values
 
 
@@ -173,7 +173,7 @@ def _plane(form: "Element", shape: SdfShape) -> Solid:
     """A plane that faces along its normal: it ends nowhere; one that is not level becomes a plate of its size."""
     normal = child_numbers(form, "normal", (0.0, 0.0, 1.0), shape.where)
     if not normal.any():
-        raise InputError(f"{shape.where}: the normal of a <plane> is zero")
+        raise InputError(f"{shape.where}: the <normal> of a <plane> must not be zero")
     try:
         half = np.maximum(_positive(form, {"size": (1.0, 1.0)}, shape.where) / 2, THINNEST)
     except InputError:  # of a size beyond all bounds, for one: it ends nowhere

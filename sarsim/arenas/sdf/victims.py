@@ -43,7 +43,7 @@ def add_victims(builder: ArenaBuilder, path: Path, world: SdfWorld, victims: lis
     unseen = list[SdfModel]()
     for victim, solids in zip(victims, _solids_of(world, victims), strict=True):
         if len(solids) > MOST_GEOMS:
-            raise InputError(f"{path}: {victim.name} has {len(solids)} shapes, at most {MOST_GEOMS} are built")
+            raise InputError(f"{path}: {victim.name} has {len(solids)} shapes; the limit is {MOST_GEOMS}")
         if solids:
             origin = victim.T_world[:3, 3]
             geoms = [(_geom(builder, solid, origin), solid.colour) for solid in solids]
@@ -53,7 +53,7 @@ def add_victims(builder: ArenaBuilder, path: Path, world: SdfWorld, victims: lis
             add_person(builder, _pose(victim))
     if unseen:
         names = ", ".join(victim.name for victim in unseen)
-        _log.warning("%s: victims without a readable shape, shown as a lying person instead: %s", path, names)
+        _log.warning("%s: victims without a readable shape, each replaced by a lying person: %s", path, names)
 
 
 def _solids_of(world: SdfWorld, victims: list[SdfModel]) -> list[list[Solid]]:

@@ -154,7 +154,7 @@ class SdfWorld:
         beside = [*worlds[1:], *root.findall("model")] if worlds else []
         if beside:
             said = ", ".join(f"<{e.tag}> {name_of(e)}" for e in beside)
-            self.lost.append(f"{path}, {said[:200]}: of a file with a <world> only the first one is read")
+            self.lost.append(f"{path}, {said[:200]}: ignored; only the first <world> of a file is read")
         self._world = self._read("", worlds[0] if worlds else root, path, WORLD, (path.resolve(),))
         self._state = world_state(self._world.element)
 
@@ -189,7 +189,7 @@ class SdfWorld:
         if root.tag not in ROOTS:
             raise InputError(f"{path}: not an SDF file: its root is <{root.tag.rpartition('}')[2][:40]}>, not <sdf>")
         if any(root.find(old) is not None for old in _OLD):
-            raise InputError(f"{path}: SDF of a version before 1.3, with poses and sizes as attributes, is not read")
+            raise InputError(f"{path}: SDF before version 1.3, with poses and sizes as attributes, is not supported")
         of_states = {element for state in root.iter("state") for element in state.iter()}
         self.left_out.update(e.tag for e in root.iter() if e.tag in LEFT_OUT and e not in of_states)
         return root
@@ -200,7 +200,7 @@ class SdfWorld:
         model = _Model(name, element, path.parent, where, Frames(where, root))
         self._models += 1
         if self._models > MOST_GEOMS:
-            raise RefusedError(f"{path}: too many models, at most {MOST_GEOMS} are built")
+            raise RefusedError(f"{path}: too many models; the limit is {MOST_GEOMS}")
         for child in children_of(element):
             with self.without():
                 self._add(model, child, path, root, files)
@@ -270,10 +270,10 @@ class SdfWorld:
         root = self._root(path)
         models = root.findall("model")
         if not models and root.find("light") is None and root.find("actor") is None:
-            raise InputError(f"{where}: {path} holds no <model>")
+            raise InputError(f"{where}: {path} contains no <model>")
         if len(models) > 1:
             self.lost.append(
-                f"{path}, <model> {name_of(models[1])}: of a file that is included only the first counts"
+                f"{path}, <model> {name_of(models[1])}: ignored; only the first <model> of an included file is read"
             )
         return (models[0] if models else None), path
 

@@ -28,7 +28,7 @@ def arenas_of(names: Sequence[str]) -> list[str]:
     found = list(dict.fromkeys(arena for name in names for arena in _expanded(name)))
     if len({name.startswith(GRID) for name in found}) != 1:
         raise InputError(
-            f"--arenas {' '.join(names)}: give at least one, and do not mix 2D maps ({GRID}…) with arenas"
+            f"--arenas {' '.join(names)}: give at least one, and do not mix 2D maps ({GRID}…) with MuJoCo arenas"
         )
     return found
 

@@ -119,7 +119,7 @@ def limited(seconds: float) -> Iterator[None]:
     """Raise TimeoutError if the block takes longer; should it go on nevertheless, the process ends soon after."""
 
     def stop(number: int, frame: FrameType | None) -> None:
-        raise TimeoutError(f"exceeded its limit of {seconds:g} s")
+        raise TimeoutError(f"exceeded the time limit of {seconds:g} s")
 
     before = signal.signal(signal.SIGALRM, stop)
     with Path(os.devnull).open("w") as nowhere:
@@ -188,7 +188,7 @@ def grid_explorer(name: str) -> Explorer2D:
         except Exception as error:
             raise InputError(f"--methods {name} failed: {one_line(error)}") from error
         if not isinstance(node, int | np.integer) or not _is_reachable(int(node), world, sights.before):
-            raise InputError(f"--methods {name}: {node!r:.40} is not a reachable node")
+            raise InputError(f"--methods {name}: returned {node!r:.40}, which is not a reachable node")
         return int(node)
 
     return guarded

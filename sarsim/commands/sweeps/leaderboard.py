@@ -115,7 +115,7 @@ def read_entry(file: Path) -> Entry:
             raise ValueError("it must have one row per arena and seed")
         entry.values("exploration.t99_s", np.inf)
     except (ValueError, KeyError, TypeError, AttributeError, IndexError) as error:
-        raise InputError(f"{file}: not an entry of the leaderboard: {' '.join(str(error).split())}") from error
+        raise InputError(f"{file}: not a leaderboard entry: {' '.join(str(error).split())}") from error
     return entry
 
 

@@ -37,7 +37,7 @@ class Yolo(ImageExport):
         present = {entry.split for entry in dataset.entries}
         if "val" not in present and self._hold_out(folder, dataset):
             _log.warning(
-                "fewer than five scenes, so none is in the split val: it gets the last fifth of each scene's frames"
+                "fewer than five scenes, so the split val has none; it gets the last fifth of each scene's frames"
             )
             present.add("val")
         lines = [f"{split}: images/{split}" for split in SPLITS if split in present]

@@ -148,14 +148,14 @@ def test_a_leaf_stands_where_it_is_held(lane, opens):
 @pytest.mark.parametrize(
     ("lane", "reason"),
     [
-        ("hurdles", "a step of 0.1 m, at most 0.04 m are driven over"),
-        ("krails", "a step of 0.1 m, at most 0.04 m are driven over"),
-        ("stepfield", "a step of 0.15 m, at most 0.04 m are driven over"),
-        ("pitch_roll", "a step of 0.063 m, at most 0.04 m are driven over"),
-        ("door_shut", "a lever 1 m above the floor, the robot has no arm"),
+        ("hurdles", "a step of 0.1 m; the robot can climb at most 0.04 m"),
+        ("krails", "a step of 0.1 m; the robot can climb at most 0.04 m"),
+        ("stepfield", "a step of 0.15 m; the robot can climb at most 0.04 m"),
+        ("pitch_roll", "a step of 0.063 m; the robot can climb at most 0.04 m"),
+        ("door_shut", "a lever 1 m above the floor; the robot has no arm"),
         ("crossing_ramps", None),
         ("avoid_holes", None),
-        ("alleys", "a doorway of 0.597 m in a corner, the robot turns on the spot into one of 0.604 m"),
+        ("alleys", "a doorway of 0.597 m in a corner; to turn into it, the robot needs 0.604 m"),
         ("traverse", None),
     ],
 )

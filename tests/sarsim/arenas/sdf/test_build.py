@@ -184,7 +184,7 @@ def test_what_is_left_out_is_said_once(tmp_path, caplog):
     with caplog.at_level(logging.WARNING):
         build_sdf(path)
     assert [record.getMessage() for record in caplog.records] == [
-        f"{path}: loaded without its 1 sensor, 2 plugins, 1 actor"
+        f"{path}: loaded without unsupported elements: 1 sensor, 2 plugins, 1 actor"
     ]
 
 
@@ -233,7 +233,7 @@ def test_one_thing_that_is_lost_stops_no_world(kind, tmp_path, caplog):
     arena = Compiled(write(tmp_path, PLANE, *walls, LOST[kind]))
     assert arena.model.ngeom == 11
     (line,) = caplog.messages
-    assert "a.world: loaded without 1 thing: " in line and ("lost" in line or "-3000" in line)
+    assert "a.world: loaded without 1 item: " in line and ("lost" in line or "-3000" in line)
 
 
 def test_all_that_is_missing_is_named_once_in_one_line(tmp_path, caplog):

@@ -10,7 +10,7 @@ M_TRIM_THRESHOLD, M_MMAP_THRESHOLD, M_ARENA_MAX = -1, -3, -8  # of malloc.h
 LARGE = 2**22
 """Allocations of at least this many bytes are returned to the system as soon as they are freed.
 
-By default glibc raises this threshold to the size of what was freed, separately for each thread. Fragmentation then
+By default glibc raises this threshold to the size of what was freed, per thread. Fragmentation then
 wastes half a gigabyte or more in a long run. A threshold of 1 MB would cost a fifth of the processor time.
 """
 if hasattr(libc := ctypes.CDLL(None), "mallopt"):

@@ -20,8 +20,8 @@ class KeyframesConfig:
     """When corrected keyframe poses are applied to the maps.
 
     Attributes:
-        noticeable: m; a keyframe keeps its pose in the maps while nothing in its view would move farther than this, as
-            in RTAB-Map.
+        noticeable: m; a keyframe keeps its pose in the maps while nothing in its view would move farther than this,
+            as in RTAB-Map.
         due: m; while a robot drives, the maps are not corrected until something in a keyframe's view would move
             farther, a fifth of a voxel. Each new estimate of the odometry's scale moves most keyframes a little.
     """

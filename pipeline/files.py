@@ -118,7 +118,7 @@ def silenced() -> Iterator[None]:
 
 
 def check_regular(path: Path, most: float = np.inf) -> None:
-    """Raise InputError if a path is not a regular file (a folder, pipe or device), or has more than ``most`` bytes."""
+    """Raise InputError if a path is not a regular file (a folder, pipe or device), or exceeds ``most`` bytes."""
     try:
         status = path.stat()
     except (OSError, ValueError) as error:
@@ -174,7 +174,7 @@ def read_numbers(path: Path, columns: str, finite: bool = True) -> NDArray[np.fl
 
 
 def load_arrays(path: Path, what: str) -> dict[str, NDArray[Any]]:
-    """The arrays in a ``.npz`` file, by name, of any shape and unit; ``what`` names the kind of file in error messages.
+    """The arrays in a ``.npz`` file, by name, of any shape and unit; ``what`` names the kind of file in errors.
 
     Raises:
         InputError: the file is missing or damaged.
@@ -200,7 +200,7 @@ def answer_apart(action: Callable[[], str], seconds: int, memory: int) -> str:
 
     Args:
         action: returns its answer as text.
-        seconds: limit of processor time, s; the wall time may be ten times as long, since the process may have to wait.
+        seconds: limit of processor time, s; the wall time may be ten times as long, as the process may have to wait.
         memory: limit of additional memory beyond that of this process, bytes.
 
     Returns:

@@ -82,7 +82,7 @@ class Grid:
         return mask
 
     def touched(self, boxes: Boxes) -> tuple[MaskLayer, Callable[[Boxes], Mask]]:
-        """The cells touched by boxes (M, 2, 3), m, and a function that returns which other boxes touch these cells."""
+        """The cells touched by boxes (M, 2, 3), m, and a function that tells which other boxes touch these cells."""
         mask = np.zeros(self.shape, np.bool_)
         for (i, j), (k, m) in self.cell_of(boxes):
             mask[i : k + 1, j : m + 1] = True
@@ -96,7 +96,7 @@ class Grid:
         return mask, meets
 
     def distance_to(self, mask: MaskLayer) -> NDArray[np.float64]:
-        """(nx, ny) distance from each cell to the nearest one in the mask, between centres, m; infinite if it is empty."""
+        """(nx, ny) distance between centres of each cell and the nearest in the mask, m; infinite if it is empty."""
         if not mask.any():
             # For an empty mask, SciPy would measure from a point next to the first cell.
             return np.full(mask.shape, np.inf)
@@ -271,7 +271,7 @@ def blocks(layer: NDArray, size: int) -> NDArray:
 
 
 def best_of_blocks(worth: NDArray, size: int) -> Cells:
-    """Indices of the cell with the greatest positive ``worth`` (nx, ny) in each block of ``size`` × ``size`` cells."""
+    """Indices of the cell with the greatest positive ``worth`` (nx, ny) in each block of ``size``² cells."""
     parts = blocks(worth, size)
     best, wanted = parts.argmax(axis=0), parts.max(axis=0) > 0
     return np.argwhere(wanted) * size + np.stack(np.divmod(best[wanted], size), axis=1)
@@ -293,7 +293,7 @@ def inside(inner: Box, outer: Box) -> Box:
 
 
 def roomier(values: NDArray, size: int, more: int) -> NDArray:
-    """The array if it has room for ``more`` rows after the first ``size``, else a copy with 2ⁿ rows, padded with 0."""
+    """The array if it has room for ``more`` rows after the first ``size``, else a copy of 2ⁿ rows, padded with 0."""
     if size + more <= len(values):
         return values
     result = np.zeros((1 << (size + more).bit_length(), *values.shape[1:]), values.dtype)

@@ -38,14 +38,14 @@ FARTHEST_KEPT = np.iinfo(np.int16).max * UNIT
 
 @dataclass(frozen=True, eq=False)
 class Seen:
-    """What a keyframe has observed, thinned and relative to its own pose: enough to rebuild every map for other poses.
+    """What a keyframe has observed, thinned, relative to its own pose: enough to rebuild every map for other poses.
 
     Attributes:
         depth: (h, w) uint16 depth of every n-th pixel along the optical axis, in ``UNIT``; 0 = no return.
         intrinsics: intrinsics of this depth image.
         T_base_camera: pose of the camera in ``base_link``.
-        points: (N, 3) int16 returns in ``base_link``, in ``UNIT``, thinned to the voxels of the semantic map. Those of
-            an unlabelled frame are thinned to half a cell and one height bin of the elevation map.
+        points: (N, 3) int16 returns in ``base_link``, in ``UNIT``, thinned to the voxels of the semantic map. Those
+            of an unlabelled frame are thinned to half a cell and one height bin of the elevation map.
         hits: (N,) uint8 number of returns that each point is the mean of, at most 255.
         above: (N,) uint8 what was seen in the space above each point, see :func:`find_overhangs`.
         dropouts: (M, 3) int16 points where ground should have been seen, see :func:`find_depth_dropouts`.

@@ -129,7 +129,7 @@ LAYOUT: dict[str, dict[str, Field]] = {
         "photo_shape": Field("i8", (3,)),
     },
 }
-"""The rows of each kind. A field whose length varies is stored concatenated, together with an array of its lengths."""
+"""The rows of each kind. A field whose length varies is stored concatenated, with an array of its lengths."""
 
 
 def save_maps(mapper: Mapper, folder: Path) -> None:

@@ -219,10 +219,10 @@ class Mapper:
         Args:
             localised: the result of :meth:`localise`.
             labelled: whether to label the keyframe; by default the policy decides.
-            set_down: whether the robot has just been set down there, so that the ground around it can be assumed level.
+            set_down: whether the robot has just been set down there, so that the ground around it is assumed level.
 
         Raises:
-            InputError: the pose is so far from the others that the maps would take too much memory. They are unchanged.
+            InputError: the pose is so far from the others that the maps would need too much memory. They are unchanged.
         """
         self._T_odom_keyframe = localised.frame.T_odom_base
         if set_down:

@@ -1,7 +1,7 @@
 """The pilot: sends commands to the robot, senses, and takes keyframes while driving.
 
-It makes no decisions: the navigator chooses the commands, the pose check the views that it needs, and the mapper which
-frames are new.
+It makes no decisions: the navigator chooses the commands, the pose check the views that it needs, and the mapper
+which frames are new.
 """
 
 from collections.abc import Callable, Sequence

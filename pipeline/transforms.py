@@ -43,7 +43,7 @@ def from_rotation(R: ArrayLike, t: ArrayLike) -> Pose:
 
 
 def orthonormal(T: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(..., 4, 4) transforms with the nearest rotation matrices, since rounding scales products of many transforms."""
+    """(..., 4, 4) transforms with the nearest rotation matrices, as rounding scales products of many transforms."""
     result = T.copy()
     u, _, v = np.linalg.svd(T[..., :3, :3])
     result[..., :3, :3] = u @ v

@@ -1,4 +1,4 @@
-"""The oracle: how soon a robot that knows the true ground could have seen it, by its own planner and camera."""
+"""The oracle: how soon a robot that knows the true ground could see it, with the same planner and camera."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -28,11 +28,13 @@ from sarsim.scoring.sight import Sight
 from sarsim.scoring.view_tours import Leg, ViewTours
 
 SPACING = KeyframePolicy()
-"""Of the keyframes on the oracle's way: those of the robot, by default."""
+"""Spacing of the keyframes on the oracle's paths: the robot's default."""
+SEARCHES = 32
+"""Searches for paths that are kept. One takes up to 70 MB on 52 × 15 m."""
 
 
 def true_traversability(surface: TrueSurface, robot: RobotModel) -> Traversability:
-    """What the robot's planner would know of the whole arena; all that is not connected ground is a wall."""
+    """The whole arena as the robot's planner would know it; everything but connected ground is a wall."""
     top = np.nanmax(surface.height) + robot.headroom
     elevation = np.where(np.isnan(surface.height) | surface.walls, top, surface.height).astype(np.float32)
     none = np.zeros(surface.grid.shape, np.bool_)
@@ -41,15 +43,15 @@ def true_traversability(surface: TrueSurface, robot: RobotModel) -> Traversabili
 
 @dataclass(eq=False)
 class Oracle(ViewTours):
-    """Looks for the quickest tour; the first viewpoint is the start.
+    """Searches for the fastest tour; the first viewpoint is the start.
 
     Attributes:
         ground: the true ground, as the robot's planner sees it.
-        sight: of its camera.
-        start: (3,) pose: x and y in m, heading in rad.
-        share: of the drivable ground that is to be seen, 0 to 1.
-        body: the robot's greatest speeds and accelerations.
-        config: of the robot's exploration.
+        sight: what the robot's camera sees.
+        start: (3,) x and y, m, and heading, rad.
+        share: share of the drivable ground that must be seen, 0 to 1.
+        body: the robot's maximum speeds and accelerations.
+        config: the robot's exploration settings.
     """
 
     ground: Traversability
@@ -63,7 +65,7 @@ class Oracle(ViewTours):
 
     @cached_property
     def poses(self) -> NDArray[np.float64]:
-        """(V, 3) the start, and of each block of 0.25 m the cell with most headings, with each of these."""
+        """(V, 3) the start, and in each block of 0.25 m the cell with the most headings, with each of them."""
         headings = self.paths(0).headings
         cells = best_of_blocks(np.bitwise_count(headings), self.config.visibility.stride)
         n, m = np.nonzero(bits(headings[tuple(cells.T)]))
@@ -71,37 +73,39 @@ class Oracle(ViewTours):
 
     @cached_property
     def views(self) -> sparse.csr_array:
-        """(V, N) bool sparse, the cells that each pose shows."""
+        """(V, N) bool, sparse: the cells that each pose shows."""
         return self.sight.views(self.poses)
 
     @property
     def wanted(self) -> int:
-        """Number of cells that are to be seen."""
+        """Number of cells that must be seen."""
         return ceil(self.share * len(self.sight.cells))
 
     @cached_property
     def at_start(self) -> Mask:
-        """The cells seen at once."""
+        """The cells seen from the start."""
         seen = np.zeros(len(self.sight.cells), np.bool_)
         seen[cells_shown(self.views, 0)] = True
         return seen
 
     def paths(self, view: int) -> PosePaths:
-        """The quickest ways from a viewpoint."""
+        """The fastest paths from a viewpoint."""
         if view not in self._from:
+            if len(self._from) == SEARCHES:
+                del self._from[next(iter(self._from))]
             x, y, heading = self.start if view == 0 else self.poses[view]
             self._from[view] = PosePaths(self.ground, [x, y], heading, caution=0.0)
         return self._from[view]
 
     def seconds(self, here: int, there: Sequence[int] | slice = slice(None)) -> Values:
-        """Seconds from one viewpoint to others, their keyframes included."""
+        """Seconds from one viewpoint to others, including the keyframe at the end."""
         poses = self.poses[there]
         cells, heading = self.ground.grid.cell_of(poses), np.cos(ANGLES - poses[:, 2:]).argmax(axis=1)
         seconds = self.paths(here).seconds_to(cells)[np.arange(len(poses)), heading]
         return self.config.keyframe_time + seconds.astype(np.float64)
 
     def leg(self, here: int, there: int) -> Leg:
-        """The drive between two viewpoints; keyframes on the way are as frequent as those of the robot."""
+        """The drive between two viewpoints, with keyframes as frequent as the robot's."""
         if (here, there) not in self._legs:
             drive, shown = self.drive(here, there), np.zeros(len(self.sight.cells), np.bool_)
             keyframes = _keyframes(drive.stops, drive.backwards, drive.first, drive.last)
@@ -111,18 +115,18 @@ class Oracle(ViewTours):
         return self._legs[here, there]
 
     def drive(self, here: int, there: int) -> Drive:
-        """The quickest way between two viewpoints."""
+        """The fastest path between two viewpoints."""
         x, y, heading = self.poses[there]
         way = self.paths(here).way_to([x, y], heading)
         return Drive(np.vstack([self.poses[here, :2], way.places]), way.backwards, self.poses[here, 2], heading)
 
     @cached_property
     def physical_seconds(self) -> float:
-        """No body with this drive is sooner at the end of the tour, even if it stops for no image."""
+        """Lower bound on the time of the tour for any robot with this drive, even without stops for images, s."""
         return least_seconds([self.drive(a, b) for a, b in pairwise([0, *self.quickest.order])], self.body)
 
     def figures(self) -> dict[str, float]:
-        """The figures of the tour and of the cover for report.json; none if no tour sees enough, as at the start."""
+        """Figures of the tour and the set cover for report.json; none if no tour, or the start alone, sees enough."""
         tour = self.quickest
         if not 0 < tour.seconds < inf:
             return {}
@@ -135,7 +139,7 @@ class Oracle(ViewTours):
         }
 
     def ratios(self, metres: float, seconds: float) -> dict[str, float]:
-        """How a robot that has seen enough after a way, m, and a time, s, compares; a way only with a way."""
+        """Path length, m, and time, s, after which a robot had seen enough, as ratios to those of the tour."""
         tour = self.quickest
         path = {"path_over_oracle": metres / tour.metres} if tour.metres > 0 else {}
         over = {"time_over_oracle": seconds / tour.seconds, "time_over_physical": seconds / self.physical_seconds}
@@ -145,7 +149,7 @@ class Oracle(ViewTours):
 def _keyframes(
     stops: NDArray[np.float64], backwards: NDArray[np.bool_], first: float, last: float
 ) -> list[NDArray[np.float64]]:
-    """The poses of keyframes on drives from stop (2,) to stop, and in the turns before and after them."""
+    """Keyframe poses on the drives between stops (2,), and in the turns before and after them."""
     poses, heading = list[NDArray[np.float64]](), first
     for (a, b), is_backwards in zip(pairwise(stops), backwards, strict=True):
         if (a != b).any():
@@ -156,13 +160,13 @@ def _keyframes(
 
 
 def _turn(place: NDArray[np.float64], first: float, last: float) -> list[NDArray[np.float64]]:
-    """The poses of keyframes in a turn in place."""
+    """Keyframe poses in a turn in place."""
     turn = float(wrap_angle(last - first))
     steps = np.arange(1, int(abs(turn) / SPACING.turn) + 1) * SPACING.turn * np.sign(turn)
     return [np.array([*place, first + step]) for step in steps]
 
 
 def _drive(a: NDArray[np.float64], b: NDArray[np.float64], heading: float) -> list[NDArray[np.float64]]:
-    """The poses of keyframes on a straight drive, with one at its end."""
+    """Keyframe poses on a straight drive, including one at its end."""
     count = ceil(np.linalg.norm(b - a) / SPACING.way)
     return [np.array([*place, heading]) for place in np.linspace(a, b, count + 1)[1:]]

@@ -1,11 +1,10 @@
-"""Which true ground a depth camera on a robot shows from poses, without noise."""
+"""Which true ground a robot's depth camera would see from given poses, without noise."""
 
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 from scipy import sparse
-from scipy.spatial import cKDTree
 
 from pipeline.arrays import Pose, Poses
 from pipeline.elevation_map.traversability import Traversability
@@ -15,35 +14,34 @@ from sarsim.scoring.coverage import SEEN_HEIGHT
 
 
 class Sight:
-    """Casts one ray from the camera to the middle of each drivable cell in its image (Open3D, Embree).
+    """Casts one ray from the camera to the centre of each drivable cell in its image (Open3D, Embree).
 
     Attributes:
-        cells: (N, 2) the drivable cells.
+        cells: (N, 2) indices of the drivable cells, sorted.
     """
 
     def __init__(self, surface: TrueSurface, ground: Traversability, scene: Any, frame: Frame):
-        """See the drivable ground of a surface.
+        """Look at the drivable ground of a surface.
 
         Args:
             surface: the true ground.
-            ground: on the same grid, by which a robot that stands there leans.
-            scene: Open3D's RaycastingScene of all visible surfaces, m in the world.
-            frame: any of the camera; its intrinsics, mount and ranges count.
+            ground: the ground on the same grid, which gives the tilt of a robot that stands there.
+            scene: Open3D's RaycastingScene of all visible surfaces, in the world frame, m.
+            frame: any frame of the camera; only its intrinsics, camera pose and ranges are used.
         """
         self._grid, self._ground, self._scene, self._frame = surface.grid, ground, scene, frame
         self.cells = np.argwhere(surface.drivable)
         self._middles = np.column_stack([self._grid.centre_of(self.cells), surface.height[surface.drivable]])
-        self._tree = cKDTree(self._middles)
 
     def views(self, poses: NDArray[np.float64]) -> sparse.csr_array:
-        """(V, N) bool: the cells that show from (V, 3) poses: x and y in m, heading in rad."""
+        """(V, N) bool, sparse: which cells are seen from poses (V, 3): x and y, m, and heading, rad."""
         rows = [self._seen(T @ self._frame.T_base_camera) for T in self._on_ground(poses)]
         ends = np.cumsum([0, *map(len, rows)])
         columns = np.concatenate([*rows, np.zeros(0, np.int64)])
         return sparse.csr_array((np.ones(len(columns), np.bool_), columns, ends), shape=(len(poses), len(self.cells)))
 
     def _on_ground(self, poses: NDArray[np.float64]) -> Poses:
-        """Poses of a robot that stands on the ground and leans as the ground does."""
+        """Poses of a robot that stands on the ground and is tilted as the ground is."""
         where = tuple(self._grid.cell_of(poses).T)
         slope, ahead = self._ground.gradient[where], np.stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])], axis=1)
         x = np.column_stack([ahead, (slope * ahead).sum(axis=1)])
@@ -55,10 +53,12 @@ class Sight:
         return T
 
     def _seen(self, T_world_camera: Pose) -> NDArray[np.int64]:
-        """The numbers of the cells that one image shows."""
+        """Sorted indices of the cells that one image shows."""
         lens, sensor = self._frame.intrinsics, self._frame.sensor
         far = sensor.farthest * np.hypot(1, np.hypot(lens.width / lens.fx, lens.height / lens.fy))
-        near = np.sort(self._tree.query_ball_point(T_world_camera[:3, 3], far)).astype(np.int64)
+        # The cells are sorted, so that those within reach along x are a slice.
+        first, last = self._grid.cell_of(T_world_camera[:2, 3] + [[-far, 0], [far, 0]])[:, 0]
+        near = np.arange(*np.searchsorted(self.cells[:, 0], [first, last + 1]))
         along = self._middles[near] - T_world_camera[:3, 3]
         points = along @ T_world_camera[:3, :3]
         inside = lens.project(points)[1] & (points[:, 2] >= sensor.nearest) & (points[:, 2] <= sensor.farthest)
@@ -68,8 +68,8 @@ class Sight:
     def _is_met(
         self, origin: NDArray[np.float64], along: NDArray[np.float64], cells: NDArray[np.int64]
     ) -> NDArray[np.bool_]:
-        """Whether rays (M, 3) from a point return from the ground of their cells, as the coverage counts it."""
-        import open3d as o3d  # here, because it takes a second
+        """Whether rays (M, 3) from a point hit the ground of their cells, by the same rule as the coverage."""
+        import open3d as o3d  # Here, because it takes a second
 
         rays = np.hstack([np.broadcast_to(origin, along.shape), along]).astype(np.float32)
         hit = self._scene.cast_rays(o3d.core.Tensor.from_numpy(rays), nthreads=1)

@@ -1,4 +1,4 @@
-"""Tours over viewpoints that see enough: by set cover or by rate, in a short order, without needless stops."""
+"""Tours over viewpoints that see enough: chosen by set cover or by rate, in a short order, without needless stops."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Sequence
@@ -20,8 +20,8 @@ class Tour:
     """A drive that sees enough.
 
     Attributes:
-        order: of the viewpoints, by their numbers.
-        seconds, metres: until enough was seen; inf if it never was.
+        order: indices of the viewpoints in the order of the tour.
+        seconds, metres: time and path length until enough has been seen; inf if that never happens.
     """
 
     order: list[int]
@@ -34,8 +34,8 @@ class Leg:
     """A drive from one viewpoint to the next.
 
     Attributes:
-        seconds, metres: of the drive, with the keyframe at its end.
-        seen: cells that its keyframes show.
+        seconds, metres: duration and length of the drive, including the keyframe at its end.
+        seen: (N,) cells that the keyframes of the drive show.
     """
 
     seconds: float
@@ -44,33 +44,33 @@ class Leg:
 
 
 class ViewTours(ABC):
-    """Looks for the quickest tour over viewpoints, whose first is the start, that sees enough cells."""
+    """Searches for the fastest tour over viewpoints that sees enough cells; the first viewpoint is the start."""
 
     @property
     @abstractmethod
     def views(self) -> sparse.csr_array:
-        """(V, N) bool sparse, the cells that each viewpoint shows."""
+        """(V, N) bool, sparse: the cells that each viewpoint shows."""
 
     @property
     @abstractmethod
     def wanted(self) -> int:
-        """Number of cells that are to be seen."""
+        """Number of cells that must be seen."""
 
     @property
     @abstractmethod
     def at_start(self) -> Mask:
-        """The cells seen at once."""
+        """The cells seen from the start."""
 
     @abstractmethod
     def seconds(self, here: int, there: Sequence[int] | slice = slice(None)) -> Values:
-        """Seconds from one viewpoint to others, more than 0."""
+        """Seconds from one viewpoint to others, greater than 0."""
 
     @abstractmethod
     def leg(self, here: int, there: int) -> Leg:
-        """The drive between two viewpoints, and what it shows."""
+        """The drive between two viewpoints, and the cells that it shows."""
 
     def tour(self, order: Sequence[int]) -> Tour:
-        """The tour over viewpoints, up to the one where enough was seen."""
+        """The tour over viewpoints in a given order, up to the one where enough has been seen."""
         seen, seconds, metres, done = self.at_start, 0.0, 0.0, list[int]()
         for here, there in pairwise([0, *order]):
             if seen.sum() >= self.wanted:
@@ -81,15 +81,15 @@ class ViewTours(ABC):
         return Tour(done, *((seconds, metres) if seen.sum() >= self.wanted else (inf, inf)))
 
     def cover(self) -> list[int]:
-        """Few viewpoints that see enough."""
+        """A small set of viewpoints that see enough."""
         return greedy_cover(self.views, self.wanted, self.at_start)
 
     def bound(self) -> float:
-        """No fewer viewpoints than this cover enough, by the relaxed set cover."""
+        """Lower bound on the number of viewpoints that see enough, by the relaxed set cover."""
         return cover_bound(self.views, self.wanted, self.at_start)
 
     def by_rate(self) -> list[int]:
-        """Viewpoints that see enough, each the one that shows most new ground a second from the one before it."""
+        """Viewpoints that see enough; each shows the most new ground per second of the drive to it."""
         seen, order = self.at_start.copy(), list[int]()
         while seen.sum() < self.wanted:
             rate = (self.views @ (~seen).astype(np.float64)) / self.seconds(order[-1] if order else 0)
@@ -101,19 +101,20 @@ class ViewTours(ABC):
         return order
 
     def ordered(self, views: list[int]) -> list[int]:
-        """The viewpoints in an order that makes the drive over all of them short, no longer than as given."""
+        """The viewpoints in an order that makes the drive over all of them short, no longer than the given order."""
         cost = np.array([self.seconds(a, [0, *views]) for a in [0, *views]])
-        order = [views[k - 1] for k in visiting_order(cost)]
-        return min(order, views, key=lambda way: sum(self.seconds(a, [b])[0] for a, b in pairwise([0, *way])))
+        orders = visiting_order(cost), range(1, len(views) + 1)
+        order = min(orders, key=lambda order: sum(cost[a, b] for a, b in pairwise([0, *order])))
+        return [views[k - 1] for k in order]
 
     @cached_property
     def quickest(self) -> Tour:
-        """The quickest of the shortened tours over the cover and over the viewpoints by their rate."""
+        """The fastest shortened tour, over the viewpoints of the set cover or over those chosen by rate."""
         orders = [order for views in (self.cover(), self.by_rate()) for order in (views, self.ordered(views))]
         return min((self.shortened(self.tour(order)) for order in orders), key=lambda tour: tour.seconds)
 
     def shortened(self, tour: Tour) -> Tour:
-        """Leave out one viewpoint after another, each time the one without which the tour is quickest."""
+        """Leave out viewpoints one at a time while that makes the tour faster, always the one that saves the most."""
         while True:
             others = [self.tour(tour.order[:k] + tour.order[k + 1 :]) for k in range(len(tour.order))]
             quickest = min(others, key=lambda other: other.seconds, default=tour)

@@ -101,12 +101,13 @@ def run_episode(steps: int, limit: float, job: SweepJob, folder: Path) -> None:
     try:
         with limited(limit):
             figures, curve = explored(job) if job.arena.startswith(GRID) else driven(job, steps)
-    except InputError:
-        raise
+        failure = ""
     except Exception as error:
-        raise InputError(one_line(error)) from error
-    finally:
-        gc.collect()  # an episode's maps are in circles of references, and a worker runs many episodes
+        failure = str(error) if isinstance(error, InputError) else one_line(error)
+    # After the block, because a traceback keeps the episode alive: its maps are in reference cycles.
+    gc.collect()
+    if failure:
+        raise InputError(failure)
     kept = {"row": job.row | figures, "curve": written(curve), "processor_s": time.process_time() - start}
     path = folder / job.file
     path.parent.mkdir(exist_ok=True)

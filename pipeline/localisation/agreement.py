@@ -1,4 +1,4 @@
-"""Whether what the camera sees agrees with the map, from which a robot notices that it was carried."""
+"""Agreement between frames and the map, from which a robot notices that it was carried elsewhere."""
 
 from collections.abc import Iterable
 from typing import NamedTuple
@@ -17,14 +17,14 @@ from pipeline.transforms import angle_of, inverse
 
 
 class Agreement(NamedTuple):
-    """Numbers of image tiles that the map explains and contradicts; tiles where nothing is mapped are neither.
+    """Numbers of image tiles that the map explains or contradicts; unmapped tiles count as neither.
 
     Attributes:
-        explained: tiles that show what the map has there.
-        short: tiles that show something in space that the map has as free.
-        through: tiles that see through what the map has as occupied.
+        explained: tiles that show what the map predicts.
+        short: tiles that show something where the map has free space.
+        through: tiles that look through surfaces of the map.
         seen: tiles with returns.
-        expected: tiles in which the map has a surface within the camera's reach, with or without returns.
+        expected: tiles in which the map has a surface within the camera's range, with or without returns.
     """
 
     explained: int
@@ -45,40 +45,40 @@ class Agreement(NamedTuple):
 
     @property
     def share(self) -> float:
-        """Share of these tiles that the map explains, in [0, 1]; 1 if there are none."""
+        """Share of the known tiles that the map explains, in [0, 1]; 1 if there are none."""
         return self.explained / self.known if self.known else 1.0
 
     def log_likelihoods(self, config: BeliefConfig) -> Values:
-        """(5,) of each :class:`pipeline.localisation.belief.MotionState`."""
+        """(5,) log-likelihoods of the tiles under each :class:`pipeline.localisation.belief.MotionState`."""
         missing = max(0, self.expected - self.known)
         return tiles_seen(self.explained, self.short + self.through, missing, config)
 
     def shows_another_place(self, config: BeliefConfig) -> bool:
-        """Whether the frame is likelier if the robot was carried."""
+        """Whether the tiles are more likely if the robot was carried than if its motion was nominal."""
         likely = self.log_likelihoods(config)
         return bool(likely[MotionState.CARRIED] > likely[MotionState.NOMINAL])
 
     def expects_enough(self, config: BeliefConfig) -> bool:
-        """Whether the map expects enough to be seen to notice a camera that sees nothing."""
+        """Whether the map predicts enough returns for their absence to show that the camera has failed."""
         return self.expected >= config.correlated_tiles
 
 
 def agreement(frame: Frame, T_map_camera: Pose, metric_map: MetricMap, config: BeliefConfig) -> Agreement:
-    """Compare a frame with what the map has before the camera, tile by tile of the depth image.
+    """Compare a frame with the map in front of the camera, tile by tile of the depth image.
 
-    A tile contradicts the map if all returns in the window around it are nearer, or farther, than all that the map
-    has there, for every possible error of the pose. So neither pose errors at edges nor returns from dust count.
+    A tile contradicts the map only if all returns in the window around it are nearer, or all farther, than all that
+    the map has there, whatever the pose error. Pose errors at edges and returns from dust therefore do not count.
     """
     depth, tolerance = tile_depths(frame, config), config.depth_tolerance
     free, surface = expected_depths(frame, T_map_camera, metric_map, config)
-    # A nearer voxel covers more than a window, though it may hold only the end of a wall beside the view.
+    # Ignore voxels too near to measure: each fills more than a window, though it may hold only the end of a wall.
     sensor = frame.sensor
     nearest, farthest = sensor.nearest + sensor.margin, sensor.farthest - sensor.margin
     surface = np.where(surface < nearest, np.inf, surface)
     short = _highest(depth) + tolerance < _lowest(free)
     through = _lowest(depth) > _highest(surface) + tolerance
     seen = np.isfinite(depth)
-    # The windows of the outermost tiles would reach beyond the image.
+    # The windows of the outermost tiles extend beyond the image.
     seen[[0, -1]] = seen[:, [0, -1]] = False
     explained = np.isfinite(surface) & ~short & ~through
     expected = int(((surface > nearest) & (surface < farthest))[1:-1, 1:-1].sum())
@@ -87,10 +87,10 @@ def agreement(frame: Frame, T_map_camera: Pose, metric_map: MetricMap, config: B
 
 
 def change(frame: Frame, last: Frame, config: BeliefConfig) -> Agreement | None:
-    """Compare a frame with the last one, tile by tile, if the wheels stood: a carried robot sees another place.
+    """Compare a frame with the last one, tile by tile; with still wheels, only a carried robot sees another place.
 
-    None if the robot has moved. A frame from elsewhere may say nothing about the map, for example in front of a wall
-    too near for the camera; it then shows nothing where the last frame showed something.
+    Returns None if the wheels moved. This helps where the map does not: in front of a wall too near for the camera, a
+    frame cannot contradict the map, but it lacks returns where the last frame had some.
     """
     moved = inverse(last.T_odom_base) @ frame.T_odom_base
     if np.linalg.norm(moved[:3, 3]) > config.still_way or angle_of(moved) > config.still_turn:
@@ -103,7 +103,7 @@ def change(frame: Frame, last: Frame, config: BeliefConfig) -> Agreement | None:
 
 
 def _lowest(depths: NDArray[np.float64]) -> NDArray[np.float64]:
-    # In a window of ±2.7°, for a heading may be off by 2°.
+    # A window of ±2.7°, because the heading may be off by 2°
     return ndimage.minimum_filter(depths, 3)
 
 
@@ -112,7 +112,7 @@ def _highest(depths: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _side(frame: Frame, config: BeliefConfig) -> int:
-    """Pixels along the sides of a tile."""
+    """Side length of a tile, pixels."""
     return max(2, frame.intrinsics.width // config.tiles)
 
 
@@ -130,11 +130,11 @@ def tile_depths(frame: Frame, config: BeliefConfig) -> NDArray[np.float64]:
 def expected_depths(
     frame: Frame, T_map_camera: Pose, metric_map: MetricMap, config: BeliefConfig
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """Depths in the map before a camera off by up to ``pose_error``, at the middle of every tile (R, C).
+    """Depths that the map predicts at the centre of every tile (R, C), for a camera off by up to ``pose_error``.
 
     Returns:
-        m along the optical axis: the least depth up to which space is free, and the greatest at which the ray meets a
-        surface; infinite if it meets none from one of the positions.
+        The smallest depth up to which space is free, and the largest at which the ray meets a surface, m along the
+        optical axis; the latter is infinite if the ray meets no surface from one of the positions.
     """
     side = _side(frame, config)
     rows, columns = (n // side * side for n in frame.depth.shape)

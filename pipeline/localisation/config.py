@@ -1,4 +1,4 @@
-"""The numbers of localisation."""
+"""Parameters of localisation."""
 
 from dataclasses import dataclass
 from math import radians, tau
@@ -11,24 +11,24 @@ class RegistrationConfig:
     """How frames are turned into clouds, and how clouds are registered.
 
     Attributes:
-        voxel: m; clouds are thinned to the mean of the returns in each voxel.
-        limit_pixels: pixels along each side of a square that must not reach the sensor's limit, which cuts off the
-            far half of the noise: walls at the limit came 3 cm too near, and floors rose by 1 mm from keyframe to
-            keyframe.
+        voxel: edge length of a voxel, m; clouds are thinned to the mean of the returns in each voxel.
+        limit_pixels: side of a square of pixels, at half resolution. A return is left out if any depth in the square
+            around it reaches the sensor's limit, which cuts off the far half of the noise. Otherwise, walls at the
+            limit came out 3 cm too near, and floors rose by 1 mm from keyframe to keyframe.
         normal_neighbours: number of neighbours from which a point's normal is estimated.
-        widest, coarse, fine: m, greatest distances between corresponding points: when starting from a guess alone,
-            from odometry, and at the end (two voxels).
-        rounds: iterations of a registration at each of these distances.
-        least_points: least number of points in the cloud that is registered and in the one that it is registered
-            with.
-        surface_sigma: m, standard deviation of a pair's distance across its surface. Single points have less noise,
-            but it is correlated among the points of one keyframe, with which later ones are registered.
-        same_surface: least cosine between the normals of a pair on one surface.
-        least_strength: share of the strongest information below which information is taken for noise and left out.
-        lever: m, typical distance of what the robot sees; it converts errors of heading into errors of position.
-        chance_overlap: share of a frame's points that may fit what was seen before although its pose is wrong: 0.45
-            in 281 frames of other places. With less overlap the wheels may have slipped, and a loop is doubtful.
-        confidence: probability that the priors accept a correct pose.
+        widest, coarse, fine: maximum distances between corresponding points, m: at first when starting from a guess
+            alone, at first when starting from odometry, and at the end (two voxels).
+        rounds: number of iterations at each of these distances.
+        least_points: minimum number of points in the registered cloud and in the one that it is registered with.
+        surface_sigma: standard deviation of the distance between a pair's points perpendicular to the surface, m. The
+            noise of single points is smaller, but correlated within a keyframe, with which later ones are registered.
+        same_surface: minimum cosine between the normals of a pair on one surface.
+        least_strength: information below this share of the strongest direction's is treated as noise and left out.
+        lever: typical distance of what the robot sees, m; it converts errors of rotation into errors of position.
+        chance_overlap: share of a frame's points that may fit earlier points although the pose is wrong; 0.45 was
+            measured in 281 frames of other places. With less overlap, the wheels may have slipped, or a loop is
+            doubtful.
+        confidence: probability that the test against the priors accepts a correct pose.
     """
 
     voxel: float = 0.05
@@ -52,19 +52,21 @@ class OdometryConfig:
     """The noise of the odometry, and the systematic errors that are expected before the robot drives.
 
     Attributes:
-        gravity_sigma: rad, of a keyframe's roll and pitch: the accelerometer's during a drive.
-        turn_sigma, turn_sigma_per_rad: rad, and rad per rad turned, of the heading: the noise of a single motion,
-            with the random walk of the gyro's bias. For the simulated gyro 2e-4 was measured.
-        way_sigma: m for 1 m driven or 1 rad turned, of the translation of skid-steered wheels, whose errors are a
-            random walk: it grows with the root of both. In four simulated arenas 0.004 was measured on level ground.
-        least_way: m that a standing robot is assumed to have driven.
-        slide_noise: m per rad turned, times the sine of the tilt, of single slides; 0.45 was measured on half ramps.
-        slide: m per rad turned and times the sine of the tilt, mean slide downhill of a skid-steered robot on wood.
-        way_error_sigma, turn_error_sigma: relative errors of the way and of the turn, by tyres and data sheets of
-            gyros.
-        centre_sigma: m, centre of turns ahead of ``base_link``.
-        slide_sigma: of the mean slide, in its unit.
-        bias_sigma: rad/s, error of the yaw rate.
+        gravity_sigma: standard deviation of a keyframe's roll and pitch, rad: the accelerometer's during a drive.
+        turn_sigma, turn_sigma_per_rad: standard deviation of the heading after a motion, rad, and its increase, rad
+            per rad turned, including the random walk of the gyro's bias. For the simulated gyro, 2e-4 was measured.
+        way_sigma: standard deviation of the translation of skid-steered wheels after 1 m driven or 1 rad turned, m.
+            The errors are a random walk, so it grows with the square root of both. On level ground in four simulated
+            arenas, 0.004 was measured.
+        least_way: distance added to every motion, m, which gives even a robot at rest some noise.
+        slide_noise: standard deviation of a single slide, m per rad turned, multiplied by the sine of the tilt; 0.45
+            was measured on half ramps.
+        slide: mean downhill slide of a turning skid-steered robot on wood, in the same unit.
+        way_error_sigma, turn_error_sigma: standard deviations of the relative errors of distance, due to the tyres,
+            and of rotation, from the data sheets of gyros.
+        centre_sigma: standard deviation of the distance of the centre of turns ahead of ``base_link``, m.
+        slide_sigma: standard deviation of the mean slide, in its unit.
+        bias_sigma: standard deviation of the yaw rate's bias, rad/s.
     """
 
     gravity_sigma: float = radians(0.3)
@@ -86,11 +88,12 @@ class PoseGraphConfig:
     """How the pose graph weighs its constraints.
 
     Attributes:
-        fixed_sigma: rad and m, of a fixed pose: the first keyframe's position and heading, and restored poses.
-        least_information: 1/rad² and 1/m², added to each constraint: a plane alone determines only three directions.
-        outlier: number of standard deviations beyond which a loop gets less weight (Geman and McClure).
-        tolerance: relative decrease of the error below which the optimisation ends; it is small because the
-            odometry's errors, each weakly determined, hardly change the sum.
+        fixed_sigma: standard deviation of fixed poses, rad and m: the first keyframe's position and heading, and
+            restored poses.
+        least_information: added to each constraint, 1/rad² and 1/m²: a plane alone determines only three directions.
+        outlier: scale of the Geman-McClure loss, in standard deviations; loops beyond it lose most of their weight.
+        tolerance: relative decrease of the error below which the optimisation ends; small because the odometry's
+            systematic errors, which are weakly determined, hardly change the sum.
     """
 
     fixed_sigma: float = 1e-4
@@ -101,28 +104,28 @@ class PoseGraphConfig:
 
 @dataclass(frozen=True)
 class BeliefConfig:
-    """How often the robot's motion goes wrong, and how far a frame shows where the robot is.
+    """How often the robot's motion goes wrong, and how much a frame says about where the robot is.
 
     Attributes:
-        confidence: probability above which the robot is sure of its state; no single frame can exceed it.
-        fault_way: m driven on average between two slips, between two halts and between two losses of sight. In four
-            recorded drives there was no slip.
-        recovery_way: m, mean length of a slip or a halt as the wheels measure it.
-        lift_time: s, mean time between two lifts of the robot; a mission of an hour has at most one.
-        tiles: image tiles along a row, whose depths are compared with the map: 1.8° each for the Xtion.
-        correlated_tiles: number of tiles that count as one observation, since each is compared with the 3 × 3 around
-            it.
-        image_share: tiles of an image over the square of the tiles in a row; the aspect ratio is 4:3.
-        shown_here, missing_here: probabilities that a tile in which the map expects something shows it, and that it
-            has no return, where the robot is where it thinks. In 169 frames 0.99 and 0.01 were measured, and 0.0002
-            contradicted, in arenas where nothing changes; tiles without a return come in patches, of what is dark or
-            seen at a grazing angle, so they count for less.
-        shown_elsewhere, contradicted_elsewhere, missing_elsewhere: probabilities that such a tile shows, contradicts
-            or lacks it in a frame of another place, as measured in 281 of them.
-        depth_tolerance: m by which a depth may differ from the map's: the diagonal of a voxel, 0.17, and noise.
-        pose_error: m by which the camera may be off where a frame is compared with the map.
-        ray_step: voxels along the optical axis between the samples of a ray.
-        still_way, still_turn: m and rad; if the wheels measure less between two frames, the robot stood still.
+        confidence: probability above which the robot is sure of its state; no single frame makes it surer.
+        fault_way: mean distance driven between two slips, m, and likewise between two times that the robot is held,
+            and between two losses of sight. No slip occurred in four recorded drives.
+        recovery_way: mean length of a slip, or of being held, as the wheels measure it, m.
+        lift_time: mean time between two lifts of the robot, s; a mission of an hour has at most one.
+        tiles: number of tiles in a row of an image, whose depths are compared with the map: for the Xtion, 1.8° each.
+        correlated_tiles: number of tiles that count as one observation, since each is compared in a 3 × 3 window.
+        image_share: number of tiles in an image divided by the square of ``tiles``, for an aspect ratio of 4:3.
+        shown_here, missing_here: probabilities that a tile for which the map predicts a surface shows it, or has no
+            return, if the robot is where it believes to be. In 169 frames of unchanging arenas, 0.99 and 0.01 were
+            measured, and 0.0002 of the tiles contradicted the map. Tiles without a return come in patches, where
+            surfaces are dark or seen at a grazing angle, so they count for less.
+        shown_elsewhere, contradicted_elsewhere, missing_elsewhere: probabilities that such a tile agrees, contradicts
+            the map or has no return in a frame taken elsewhere, as measured in 281 such frames.
+        depth_tolerance: maximum difference between a measured depth and the map's, m: the diagonal of a voxel, 0.17,
+            and noise.
+        pose_error: error of the camera's position that is allowed for when a frame is compared with the map, m.
+        ray_step: depth between the samples of a ray, in voxels along the optical axis.
+        still_way, still_turn: maximum motion that the wheels measure between two frames if they are still, m and rad.
     """
 
     confidence: float = 0.99
@@ -149,13 +152,13 @@ class LoopConfig:
     """When keyframes close a loop.
 
     Attributes:
-        reach: m, greatest distance at which loops are searched for, however uncertain the pose is.
-        variance_ratio: greatest ratio of the variance after a loop to that before, of the heading or of a horizontal
-            direction: a loop must at least halve the deviation.
-        pinned_deviation: m; surfaces alone determine the position if their standard deviation of it is smaller.
-        seen_through: m; a return this far behind a surface shows that the frame looks through it.
-        confirmed_deviation: m, greatest deviation of a keyframe from the one before that confirms its loop.
-        contradiction: m; a keyframe that is farther off contradicts a loop, however certain its registration is.
+        reach: maximum distance at which loops are searched for, m, however uncertain the pose is.
+        variance_ratio: maximum ratio of the variance after a loop to that before it, for the heading or a horizontal
+            direction: a loop must at least halve one standard deviation.
+        pinned_deviation: surfaces alone determine the position if they give it a smaller standard deviation, m.
+        seen_through: a frame looks through a surface if it has a return more than this behind it, m.
+        confirmed_deviation: maximum standard deviation between two keyframes for one to confirm the other's loop, m.
+        contradiction: offset of a keyframe that never contradicts its loop, m, however certain the registration is.
         confidence: probability that a correct loop is accepted.
     """
 
@@ -170,25 +173,25 @@ class LoopConfig:
 
 @dataclass(frozen=True)
 class SlamConfig:
-    """How frames are localised among keyframes.
+    """How frames are localised relative to keyframes.
 
     Attributes:
-        local_deviation: m; keyframes whose deviation from the newest one is smaller form the local map that frames
-            are registered with. The others can only be matched by a loop.
-        found_deviation: m, standard deviation of a pose without odometry: where a carried robot was found, or after a
+        local_deviation: keyframes with a smaller standard deviation relative to the reference, m, form the local map
+            that frames are registered with. The others can only be matched by a loop.
+        found_deviation: standard deviation of a pose without odometry, m: where a carried robot was found, or after a
             jump.
-        jump: m; odometry that measures more between two keyframes has jumped and is ignored.
-        least_extent: m, least size of the map for a robot that may be anywhere in it.
-        held_sigma: m, standard deviation of the position of a robot that is held; added to the distance of one that
-            slips.
-        most_shares: greatest number of keyframes that a new one is connected to; those with the most information are
-            chosen.
-        same_place_way, same_place_turn: m and rad; a frame that is nearer to a keyframe and shows no more repeats it.
-        stopped_way: m; a camera that shows the same image after a longer drive has stopped.
-        foot_radius, ground_upward: m, radius of a disc on which the robot stands, and the least upward component of a
-            normal of ground.
-        ground_sigma: m, of the height of mapped ground under the robot, as measured on half ramps.
-        least_ground_points: least number of points of the ground under the robot.
+        jump: odometry that measures a greater distance since the reference, m, has jumped and is ignored.
+        least_extent: minimum size assumed for the map, m, when the robot may be anywhere in it.
+        held_sigma: standard deviation of the position of a robot that is held, m; for a robot that slips, it is added
+            to the distance driven.
+        most_shares: maximum number of keyframes that a new one is connected to; the most informative are chosen.
+        same_place_way, same_place_turn: a frame closer than this to a keyframe repeats it if it shows no more, m and
+            rad.
+        stopped_way: a camera that shows the same image after a longer drive, m, has stopped.
+        foot_radius, ground_upward: radius of the disc under the robot in which ground is searched for, m, and the
+            minimum upward component of a ground normal.
+        ground_sigma: standard deviation of the mapped ground's height under the robot, m, as measured on half ramps.
+        least_ground_points: minimum number of ground points under the robot.
     """
 
     local_deviation: float = 0.1
@@ -211,28 +214,28 @@ class RelocalisationConfig:
     """How a carried robot is found in its map.
 
     Attributes:
-        least_frames: least number of frames; one corner of a room looks like another, especially in an incomplete
+        least_frames: minimum number of frames; one corner of a room looks like another, especially in an incomplete
             map.
-        patch: m; the frames' points are thinned to patches of this size, which are searched for in the map.
-        searched: number of patches, drawn at random, that the search uses.
+        patch: size of a patch, m; the frames' points are thinned to patches, which are matched with the map.
+        searched: number of patches that the search uses, drawn at random; also the minimum number of points.
         headings: number of headings that are tried, evenly spaced: at 3 m, half a step of 5° moves a point by 0.13 m,
-            which a voxel on either side of a surface allows for.
-        random_poses: number of random poses by which the probability that a patch meets a surface by chance is
-            estimated.
-        missed: probability that a patch lies in free space at the right pose, relative to that at a random pose.
-        promising: share of the best guess's evidence that another guess needs to be considered: both may be off by
-            half a step.
-        most_guesses: greatest number of promising guesses; with more, the place is ambiguous.
-        same_place_way, same_place_turn: m and rad; guesses that are closer than this count as one.
-        registered_voxel: m; the frames' points are thinned to this to register them.
-        ground_tolerance: m by which a pose may be above or below the ground.
-        surface_tolerance: m, greatest distance between a patch and the surface of the map on which it lies.
-        least_explained: least share of what was seen that lies on surfaces of the map.
-        rival: greatest likelihood of any other place, relative to the best one.
+            which the voxel on either side of a surface allows for.
+        random_poses: number of random poses from which the probability is estimated that a patch meets a surface by
+            chance.
+        missed: probability that a patch lies in free space at the correct pose, relative to that at a random pose.
+        promising: a guess is considered if its evidence is more than this share of the best guess's; both may be off
+            by half a step.
+        most_guesses: maximum number of promising guesses; with more, the place is ambiguous.
+        same_place_way, same_place_turn: guesses closer together than this, m and rad, count as one.
+        registered_voxel: edge length of the voxels to which the frames' points are thinned for registration, m.
+        ground_tolerance: maximum height of a pose above or below the ground, m.
+        surface_tolerance: maximum distance from a surface of the map at which a patch lies on it, m.
+        least_explained: minimum share of the patches that lie on surfaces of the map.
+        rival: maximum likelihood of any other place, relative to the best one.
         correlated_patches: number of patches that count as one observation, because neighbours fit, or fail to fit,
             together.
-        drift: m by which the robot may have moved since the first frame: on a slope it slides while it looks around.
-        most_uncertain: m, greatest standard deviation of the position of a robot that was found.
+        drift: standard deviation of the motion since the first frame, m: on a slope, a robot slides as it turns.
+        most_uncertain: maximum standard deviation of the position at which a robot is found, m.
     """
 
     least_frames: int = 3
@@ -257,22 +260,22 @@ class RelocalisationConfig:
 
 @dataclass(frozen=True)
 class DepthOdometryConfig:
-    """How an RGB-D camera alone measures its motion.
+    """How motion is measured with an RGB-D camera alone.
 
     Attributes:
-        guess_sigma: rad and m, standard deviation of the pose of the next frame about a guess.
-        image_turn_sigma, image_way_sigma: rad and m, the same about the pose by the images; small, since along a
-            plane GICP falsely measures that nothing moves.
-        least_overlap: least share of a frame's points that were seen before, unless its image shows the motion.
-        most_blind: consecutive frames with too few returns to register and no visual odometry, after which the pose
-            is lost.
-        kept_way, kept_turn: m and rad between two frames whose points are kept: half the spacing of keyframes, so
-            that keyframes find all their surfaces.
-        most_corners, least_corners: greatest number of corners, and least number that agree on a motion, as must half
-            of all.
-        corner_quality: least quality of a corner relative to the strongest.
-        corner_spacing: pixels between two corners.
-        pixel_error: pixels; greatest error of a corner, both against the motion and after tracking it there and back.
+        guess_sigma: standard deviation of the next frame's pose about a guess, rad and m.
+        image_turn_sigma, image_way_sigma: the same about the pose from visual odometry, rad and m; small, because
+            along a plane GICP falsely measures no motion.
+        least_overlap: minimum share of a frame's points that were seen before, unless its image shows the motion.
+        most_blind: maximum number of consecutive frames with too few returns to register and no visual odometry; with
+            more, the pose is lost.
+        kept_way, kept_turn: distance and rotation between two frames whose points are kept, m and rad: half the
+            spacing of keyframes, so that keyframes find all their surfaces.
+        most_corners, least_corners: maximum number of corners, and minimum number that agree on a motion; at least
+            half of the tracked corners must agree, too.
+        corner_quality: minimum quality of a corner relative to the strongest.
+        corner_spacing: minimum distance between two corners, pixels.
+        pixel_error: maximum error of a corner, pixels, both against the motion and after tracking it there and back.
     """
 
     guess_sigma: float = 0.15
@@ -294,20 +297,20 @@ class VerticalConfig:
     """How the vertical is estimated from the surfaces in view.
 
     Attributes:
-        stride: pixels from one row and column that is used to the next.
-        least_points: least number of returns to find a floor.
+        stride: step between the rows and columns that are used, pixels.
+        least_points: minimum number of returns to find a floor.
         trials: number of RANSAC samples of three points; if a fifth of the points lie on the floor, at least one
             sample lies on it with a probability of 96 %.
         on_floor: number of standard deviations of a depth within which a point lies on the floor.
-        steepest: rad, greatest angle between the floor's normal and the image's upward direction.
-        least_floor: least share of the returns that lie on the floor.
-        least_surfaces: least share of the surfaces that must distinguish the vertical from other directions.
-        most_below: greatest share of the returns that lie below the floor; a table has more, because the floor is
+        steepest: maximum angle between the floor's normal and the image's upward direction, rad.
+        least_floor: minimum share of the returns that lie on the floor.
+        least_surfaces: minimum share of the surfaces that must distinguish the vertical from other directions.
+        most_below: maximum share of the returns that lie below the floor; a table has more, because the floor is
             below it.
-        below: how many times the distance of ``on_floor`` a point must be under the floor to lie below it.
-        first_angle, last_angle: rad; surfaces count if they are this close to horizontal or vertical, in the first
+        below: a point lies below the floor if it is lower by this many times the tolerance of ``on_floor``.
+        first_angle, last_angle: surfaces count if they are this close to horizontal or vertical, rad, in the first
             and in the last rounds (values as published).
-        rounds: number of rounds with each.
+        rounds: number of rounds with each angle.
     """
 
     stride: int = 6
@@ -329,8 +332,8 @@ class TrajectoryConfig:
     """How long a recorded pose is valid.
 
     Attributes:
-        still_valid: s for which a pose remains valid.
-        longest_gap: s between two poses, the longest time over which they are interpolated.
+        still_valid: maximum time before or after a pose for which it is used without interpolation, s.
+        longest_gap: maximum time between two poses that are interpolated, s.
     """
 
     still_valid: float = 0.02
@@ -343,9 +346,9 @@ class PoseCheckConfig:
 
     Attributes:
         looks: number of views in the full turn that a robot makes when its pose is in doubt.
-        carried_way: m; a robot that is found farther than this from its supposed position has been carried.
-        carried_turn: rad; the same of its heading.
-        blind_turn: rad; a camera that shows nothing during a turn of this size, where the map expects something, is
+        carried_way: a robot that is found farther than this from its estimated position was carried, m.
+        carried_turn: the same for its heading, rad.
+        blind_turn: a camera that shows nothing during a turn of this size, rad, although the map predicts returns, is
             broken.
     """
 
@@ -357,7 +360,7 @@ class PoseCheckConfig:
 
 @dataclass(frozen=True)
 class LocalisationConfig:
-    """All settings of localisation, one group for each part."""
+    """All parameters of localisation, one group per part."""
 
     registration: RegistrationConfig = RegistrationConfig()
     odometry: OdometryConfig = OdometryConfig()

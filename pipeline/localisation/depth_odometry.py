@@ -19,10 +19,10 @@ from pipeline.transforms import angle_of, from_rotation, inverse
 
 
 class DepthOdometry:
-    """Estimates ``T_odom_base`` of frames; the first pose must be given, with the right roll and pitch.
+    """Estimates ``T_odom_base`` of frames; the first pose must be given, with the correct roll and pitch.
 
-    Surfaces stay where they were first seen, so drift builds up; :class:`pipeline.localisation.slam.Slam` corrects it
-    where places are met again.
+    Surfaces stay where they were first seen, so drift accumulates; :class:`pipeline.localisation.slam.Slam` corrects
+    it where places are revisited.
     """
 
     def __init__(self, T_odom_base: Pose, *, config: LocalisationConfig = LocalisationConfig()) -> None:
@@ -37,7 +37,7 @@ class DepthOdometry:
         """``T_odom_base`` of the next frame.
 
         Raises:
-            LostError: the frame shows too little that was seen before, or too many frames in a row show nothing.
+            LostError: the frame overlaps too little with earlier ones, or too many frames in a row have no depth.
         """
         registration, most_blind = self._config.registration, self._config.depth_odometry.most_blind
         cloud, by_image = cloud_of_frame(frame, registration), self._by_image(frame)
@@ -60,7 +60,7 @@ class DepthOdometry:
         return self._T
 
     def _by_image(self, frame: Frame) -> Pose | None:
-        """Pose by visual odometry from the last frame that showed surfaces; None if that fails."""
+        """Pose from visual odometry since the last frame that showed surfaces; None if that fails."""
         if self._shown is None:
             return None
         last, T = self._shown
@@ -68,10 +68,10 @@ class DepthOdometry:
         return None if motion is None else T @ last.T_base_camera @ motion @ inverse(frame.T_base_camera)
 
     def _find(self, frame: Frame, cloud: small_gicp.PointCloud, by_image: Pose | None) -> tuple[Pose, Target | None]:
-        """Pose that fits best, and the target that it was registered with; None if the image alone gave the pose.
+        """The best-fitting pose and the target that it was registered with, or None if the image alone gave the pose.
 
-        Registration starts at the pose by the image. If nothing seen before is near, that pose is taken. If the image
-        gives none, or surfaces disprove it, registration starts at the last pose and at a repeated last motion.
+        Registration starts at the pose from visual odometry, which is kept if no earlier points are near. Without it,
+        or if surfaces contradict it, registration starts both at the last pose and at a repeated last motion.
         """
         config = self._config.depth_odometry
         if by_image is not None:
@@ -89,7 +89,7 @@ class DepthOdometry:
     def _best(
         self, frame: Frame, cloud: small_gicp.PointCloud, guesses: Sequence[Pose], sigmas: Values
     ) -> tuple[Target, Registration] | None:
-        """The registration with the most overlap of those that start at guesses; None if none has a target."""
+        """The registration with the most overlap among those started at the guesses; None if none has a target."""
         points, everyone = cloud.points()[:, :3], np.ones(len(self._kept), np.bool_)
         config, information = self._config.registration, np.diag(sigmas**-2.0)
         found: list[tuple[Target, Registration]] = []
@@ -106,10 +106,10 @@ class DepthOdometry:
 
 
 def visual_motion(before: Frame, after: Frame, config: DepthOdometryConfig) -> Pose | None:
-    """``T_before_after`` of the camera; None where too few corners agree.
+    """``T_before_after`` of the camera; None if too few corners agree.
 
-    Corners with depth in the first frame are tracked into the second by optical flow (Lucas and Kanade). RANSAC
-    finds the pose that explains their pixels in the second.
+    Corners with depth in the first frame are tracked into the second by optical flow (Lucas and Kanade). PnP with
+    RANSAC finds the pose that explains their pixels in the second frame.
     """
     first, second = (cv2.cvtColor(frame.rgb, cv2.COLOR_RGB2GRAY) for frame in (before, after))
     corners = cv2.goodFeaturesToTrack(
@@ -137,6 +137,6 @@ def visual_motion(before: Frame, after: Frame, config: DepthOdometryConfig) -> P
 
 
 def _followed(before: NDArray, after: NDArray, corners: NDArray) -> tuple[NDArray[np.float32], Mask]:
-    """Where corners (N, 1, 2) of one grey image are in another, and whether they were found."""
+    """Positions of one grey image's corners (N, 1, 2) in another image, and whether each was found."""
     there, found, _ = cv2.calcOpticalFlowPyrLK(before, after, corners, np.zeros_like(corners))
     return np.asarray(there, np.float32), np.asarray(found).ravel() > 0

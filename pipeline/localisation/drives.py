@@ -1,4 +1,4 @@
-"""The motions by odometry between consecutive keyframes, as constraints of the pose graph."""
+"""The motions between consecutive keyframes as measured by odometry, as constraints of the pose graph."""
 
 from typing import NamedTuple
 
@@ -12,13 +12,13 @@ from pipeline.localisation.motion_model import MeasuredMotion
 
 
 class Drives(NamedTuple):
-    """Motions by odometry as constraints between keyframes, all of which are evaluated at once.
+    """Motions from odometry as constraints between keyframes, all evaluated at once.
 
     Attributes:
-        end: (M,) number of the keyframe at the end of each motion; it begins at the one before.
-        T: (M, 4, 4) the motions as measured.
-        turn: (M, 3) see :class:`MeasuredMotion`, as ``moves``, ``turns`` and ``jacobian``.
-        whitening: (M, 6, 6) roots of their information: with it, every residual has a standard deviation of 1.
+        end: (M,) index of the keyframe at the end of each motion, which starts at the keyframe before it.
+        T: (M, 4, 4) the measured motions.
+        turn, moves, turns, jacobian: see :class:`MeasuredMotion`; their first axis has length M.
+        whitening: (M, 6, 6) square roots of the motions' information, which scale every residual's deviation to 1.
     """
 
     end: Indices
@@ -36,15 +36,15 @@ class Drives(NamedTuple):
         return cls(np.zeros(0, np.int64), *(np.zeros((0, *shape)) for shape in shapes))
 
     def and_to(self, keyframe: int, motion: MeasuredMotion, config: OdometryConfig) -> "Drives":
-        """These and the motion to a keyframe from the one before it."""
+        """These motions, followed by the motion to a keyframe from the one before it."""
         whitening = np.linalg.inv(np.linalg.cholesky(motion.noise(config)))
         last = keyframe, motion.T, motion.turn, motion.moves, motion.turns, motion.jacobian, whitening
         return Drives(*(np.concatenate([those, np.array([this])]) for those, this in zip(self, last, strict=True)))
 
     def residuals(self, poses: Poses, errors: Values) -> NDArray[np.float64]:
-        """(M, 6) how far keyframes' poses are from the motions corrected by systematic errors (5,).
+        """(M, 6) deviations of the keyframes' poses from the motions, corrected for systematic errors (5,).
 
-        In rad and m, in the tangent after each motion, times its ``whitening``.
+        In rad and m in the tangent space after each motion, multiplied by its ``whitening``.
         """
         R = Rotation.from_rotvec(self.turn + self.turns @ errors).as_matrix().swapaxes(1, 2)
         between = self._between(poses)
@@ -53,9 +53,9 @@ class Drives(NamedTuple):
         return np.asarray(np.squeeze(self.whitening @ np.concatenate([turned[..., None], moved], axis=1), -1))
 
     def jacobians(self, poses: Poses) -> tuple[NDArray[np.float64], NDArray[np.float64], NDArray[np.float64]]:
-        """Derivatives (M, 6, 6 or 5) of the residuals by the poses before and after, and by the systematic errors.
+        """Jacobians (M, 6, 6 or 5) of the residuals: with respect to the poses before and after, and to the errors.
 
-        Those by a pose are per rad and m in its tangent.
+        Those with respect to a pose are per rad and m in its tangent space.
         """
         before = adjoints(np.asarray(np.linalg.inv(self._between(poses)), np.float64))
         return -self.whitening @ before, self.whitening, -self.whitening @ self.jacobian
@@ -65,7 +65,7 @@ class Drives(NamedTuple):
 
 
 def adjoints(T: Poses) -> NDArray[np.float64]:
-    """(N, 6, 6) matrices that turn tangents, rad and m, at transforms into tangents at the identity."""
+    """(N, 6, 6) adjoint matrices, which map tangent vectors (rad, m) at the transforms to ones at the identity."""
     result = np.zeros((len(T), 6, 6))
     result[:, :3, :3] = result[:, 3:, 3:] = R = T[:, :3, :3]
     result[:, 3:, :3] = np.cross(T[:, :3, 3:], R, axis=1)

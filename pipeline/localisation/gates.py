@@ -2,10 +2,10 @@
 
 from functools import cache
 
-from scipy.special import chdtri  # of chi2 in scipy.stats, whose import takes half a second of every process
+from scipy.special import chdtri  # scipy.stats.chi2 takes half a second to import in every process
 
 
 @cache
 def chi2_gate(dimensions: int, confidence: float) -> float:
-    """Greatest squared Mahalanobis distance of a share ``confidence`` of a Gaussian of so many dimensions."""
+    """Squared Mahalanobis distance that a Gaussian of these ``dimensions`` stays within with ``confidence``."""
     return float(chdtri(dimensions, 1 - confidence))

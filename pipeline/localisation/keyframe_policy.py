@@ -1,4 +1,4 @@
-"""When a frame on the way becomes a keyframe."""
+"""When a frame becomes a keyframe during a drive."""
 
 from dataclasses import dataclass
 from math import radians
@@ -14,9 +14,10 @@ class KeyframePolicy:
     """How keyframes are spaced.
 
     Attributes:
-        way: m that the robot drives from one keyframe to the next.
-        turn: rad that it turns from one keyframe to the next.
-        labelled_every: of so many keyframes taken on the way one is labelled: the network is the slowest stage.
+        way: distance from the last keyframe at which a new one is due, m.
+        turn: rotation from the last keyframe at which a new one is due, rad.
+        labelled_every: a keyframe of a drive is labelled only if the number of keyframes before it is a multiple of
+            this, because the network is the slowest stage.
     """
 
     way: float = 0.3
@@ -24,10 +25,10 @@ class KeyframePolicy:
     labelled_every: int = 6
 
     def is_due(self, T_odom_keyframe: Pose, T_odom_base: Pose) -> bool:
-        """Whether a pose is far enough from that of the last keyframe to take another one."""
+        """Whether a pose is far enough from that of the last keyframe to take a new one."""
         moved = inverse(T_odom_keyframe) @ T_odom_base
         return bool(np.linalg.norm(moved[:3, 3]) >= self.way or angle_of(moved) >= self.turn)
 
     def is_labelled(self, keyframes: int) -> bool:
-        """Whether the next keyframe on the way is labelled, after so many keyframes."""
+        """Whether the next keyframe of a drive is labelled, given the number of ``keyframes`` before it."""
         return keyframes % self.labelled_every == 0

@@ -1,4 +1,4 @@
-"""The points that frames are registered with: each surface as the first keyframe to see it measured it."""
+"""The points that frames are registered with: each surface as measured by the first keyframe that saw it."""
 
 import numpy as np
 import small_gicp
@@ -9,12 +9,12 @@ from pipeline.localisation.registration import Target, front_normals
 
 
 class LocalMap:
-    """Points in the frame of the keyframe that owns them, so that they move along when its pose is corrected.
+    """Points in the frame of the keyframe that owns them, so that they move with it when its pose is corrected.
 
     Attributes:
-        points: in the ``base_link`` of their keyframe.
-        normals: on the side from which the points were seen.
-        owner: number of each point's keyframe.
+        points: the points, in the ``base_link`` of their keyframe.
+        normals: surface normals, in the same frame, on the side from which the points were seen.
+        owner: index of the keyframe that owns each point.
     """
 
     def __init__(self, config: LocalisationConfig) -> None:
@@ -25,7 +25,7 @@ class LocalMap:
         self._in_map = self.points, self.normals
 
     def add(self, owner: int, T_map_base: Pose, cloud: small_gicp.PointCloud, camera: Place, new: Mask) -> None:
-        """Add the ``new`` points of a keyframe, seen from a camera in ``base_link``."""
+        """Add the ``new`` points of a keyframe; ``camera``: the camera's position in ``base_link``."""
         points, normals = cloud.points()[new, :3], front_normals(cloud, camera)[new]
         R, (at, facing) = T_map_base[:3, :3], self._in_map
         self._in_map = np.vstack([at, points @ R.T + T_map_base[:3, 3]]), np.vstack([facing, normals @ R.T])
@@ -33,15 +33,15 @@ class LocalMap:
         self.owner = np.append(self.owner, np.full(len(points), owner))
 
     def place(self, poses: Poses) -> None:
-        """Transform all points to ``map`` by the poses of their keyframes, which have changed."""
+        """Transform all points to ``map`` again, with the corrected ``poses`` of their keyframes."""
         T = poses[self.owner]
         points = np.einsum("nij,nj->ni", T[:, :3, :3], self.points) + T[:, :3, 3]
         self._in_map = points, np.einsum("nij,nj->ni", T[:, :3, :3], self.normals)
 
     def around(self, points: Places, camera: Place, owners: Mask, margin: float) -> Target | None:
-        """The map's points within ``margin``, m, of points that face the camera: a wall has two sides.
+        """The map's points that face the camera, within ``margin`` m of the box around ``points``; None if too few.
 
-        ``owners``: the keyframes whose points may be taken.
+        A wall has two sides, of which one faces the camera. ``owners``: whether each keyframe's points may be used.
         """
         low, high = points.min(axis=0) - margin, points.max(axis=0) + margin
         (at, normals), near = self._in_map, self._within(low, high, owners)
@@ -50,9 +50,9 @@ class LocalMap:
         return Target(at[near], normals[near], self.owner[near]) if is_enough else None
 
     def ground_below(self, T_map_base: Pose, owners: Mask) -> tuple[Values, Indices]:
-        """Heights of the ground right below a robot, m in ``base_link``, and the keyframes that own it.
+        """Heights of the ground points right below a robot, m in ``base_link``, and the keyframes that own them.
 
-        ``owners``: the keyframes whose points may be taken.
+        ``owners``: whether each keyframe's points may be used.
         """
         (at, normals), radius = self._in_map, self._config.slam.foot_radius
         near = self._within(T_map_base[:3, 3] - radius, T_map_base[:3, 3] + radius, owners)
@@ -62,7 +62,7 @@ class LocalMap:
         return z[is_below], self.owner[near][is_below]
 
     def _within(self, low: Place, high: Place, owners: Mask) -> Indices:
-        """Numbers of the points in a box, m, of keyframes that may be taken; few pass the first axis."""
+        """Indices of the usable points in a box, m; the axes are tested in turn, as few points pass the first."""
         at = self._in_map[0]
         near = np.flatnonzero((at[:, 0] >= low[0]) & (at[:, 0] <= high[0]))
         for axis in (1, 2):

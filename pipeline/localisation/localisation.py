@@ -18,8 +18,8 @@ class Localised:
 
     Attributes:
         frame: what the camera saw.
-        T_map_base: pose of ``base_link`` at its time.
-        repeats: whether the frame adds nothing: a keyframe at its pose saw all that it shows.
+        T_map_base: pose of ``base_link`` at the frame's time.
+        repeats: whether the frame adds nothing, because a keyframe at the same pose has seen all that it shows.
     """
 
     frame: Frame
@@ -28,7 +28,7 @@ class Localised:
 
     @property
     def T_map_camera(self) -> Pose:
-        """Pose of the camera at its time."""
+        """Pose of the camera at the frame's time."""
         return self.T_map_base @ self.frame.T_base_camera
 
 
@@ -37,7 +37,7 @@ class Loop:
     """A loop closure: two keyframes that saw the same place.
 
     Attributes:
-        first, second: numbers of the keyframes, the older one first.
+        first, second: indices of the keyframes, the older one first.
         T_first_second: pose of the second in the frame of the first, as registered.
     """
 
@@ -48,12 +48,13 @@ class Loop:
 
 @dataclass(frozen=True, eq=False)
 class OdometryErrors:
-    """Systematic errors of an odometry.
+    """Systematic errors of the odometry.
 
     Attributes:
-        errors: (5,) relative errors of the way and of the turn, the centre of turns ahead of ``base_link`` in m, the
-            slide downhill in m per rad turned and times the sine of the tilt, and the error of the yaw rate in rad/s.
-        covariance: (5, 5).
+        errors: (5,) relative errors of distance and of rotation, the distance of the centre of turns ahead of
+            ``base_link``, m, the downhill slide, m per rad turned, multiplied by the sine of the tilt, and the bias
+            of the yaw rate, rad/s.
+        covariance: (5, 5) covariance of the errors.
     """
 
     errors: Values
@@ -61,7 +62,7 @@ class OdometryErrors:
 
     @classmethod
     def expected(cls, config: OdometryConfig) -> "OdometryErrors":
-        """Those of a skid-steered robot that has not yet driven."""
+        """The errors expected of a skid-steered robot that has not driven yet."""
         c = config
         sigmas = [c.way_error_sigma, c.turn_error_sigma, c.centre_sigma, c.slide_sigma, c.bias_sigma]
         return cls(np.array([0.0, 0.0, 0.0, c.slide, 0.0]), np.diag(np.square(sigmas)))
@@ -69,15 +70,15 @@ class OdometryErrors:
 
 @dataclass(frozen=True, eq=False)
 class SavedKeyframes:
-    """What a later run needs of keyframes to localise among them.
+    """The keyframe data with which a later run can localise the robot.
 
     Attributes:
-        poses: ``T_map_base``.
-        ups: the vertical in the ``base_link`` of each keyframe.
-        points: of the surfaces seen, in the ``base_link`` of their keyframe.
-        normals: of the points.
-        owner: number of the keyframe that each point belongs to.
-        odometry: what was learnt of the odometry.
+        poses: ``T_map_base`` of each keyframe.
+        ups: the vertical in each keyframe's ``base_link``.
+        points: points of the surfaces seen, in the ``base_link`` of their keyframe.
+        normals: surface normals at the points, in the same frame.
+        owner: index of the keyframe that owns each point.
+        odometry: the estimated systematic errors of the odometry.
     """
 
     poses: Poses
@@ -96,10 +97,10 @@ class Localisation(Protocol):
     """Estimates the robot's pose at each frame, and the poses of keyframes.
 
     Attributes:
-        T_map_odom: by the newest frame.
+        T_map_odom: pose of ``odom`` in ``map``, from the newest frame.
         loops: loop closures so far.
         may_err: whether the poses must be checked against the map.
-        belief: of the robot's motion and place.
+        belief: belief about the robot's motion and position.
     """
 
     T_map_odom: Pose
@@ -109,19 +110,19 @@ class Localisation(Protocol):
 
     @property
     def poses(self) -> Poses:
-        """``T_map_base`` of every keyframe as now estimated."""
+        """Current estimate of every keyframe's ``T_map_base``."""
         ...
 
     def localise(self, frame: Frame) -> Localised:
-        """A new frame and where it was taken; raises LostError if that is unknown."""
+        """Localise a new frame; raises LostError if its pose is unknown."""
         ...
 
     def add(self, localised: Localised) -> None:
-        """Make a keyframe of the newest frame, as :meth:`localise` gave it."""
+        """Make the newest frame, as returned by :meth:`localise`, a keyframe."""
         ...
 
     def pass_by(self, localised: Localised) -> None:
-        """Go on from the newest frame, as :meth:`localise` gave it, without a keyframe."""
+        """Continue from the newest frame, as returned by :meth:`localise`, without making it a keyframe."""
         ...
 
     def optimise(self) -> None:
@@ -141,17 +142,17 @@ class Localisation(Protocol):
         ...
 
     def restore(self, keyframes: SavedKeyframes) -> None:
-        """Begin with the keyframes of an earlier run, whose poses stay fixed."""
+        """Start with the keyframes of an earlier run, whose poses stay fixed."""
         ...
 
 
 def check_odometry(frame: Frame) -> None:
-    """Raises LostError if the odometry of a frame, or the place of its camera on the robot, is no pose."""
+    """Raise LostError if a frame's odometry, or the pose of its camera on the robot, is not a valid pose."""
     check_pose("odometry", frame.time, frame.T_odom_base)
     check_pose("camera's place", frame.time, frame.T_base_camera)
 
 
 def check_pose(what: str, time: float, T: Pose) -> None:
-    """Raises LostError, with ``what`` and the time, s, if a matrix is no pose."""
+    """Raise LostError, naming ``what`` and the time, s, if a matrix is not a valid pose."""
     if not are_poses(T):
         raise LostError(f"the {what} at {time:.2f} s is not finite, or too far away")

@@ -1,8 +1,8 @@
-"""Loops: keyframes that revisit a place whose position was too uncertain to register frames with it directly.
+"""Loop closures: keyframes that revisit a place whose position is too uncertain to register frames with it directly.
 
-One registration may be wrong: two corners look alike, or a frame shows too little. So a loop counts only if a second
-keyframe finds the place where the first one puts it, and if the place then looks as it did before. A loop that other
-constraints contradict later is removed.
+A single registration may be wrong: two corners look alike, or a frame shows too little. A loop therefore counts only
+if a second keyframe finds the place where the first one did, and if the place looks as it did before. A loop is
+removed if other constraints contradict it later.
 """
 
 from collections.abc import Sequence
@@ -22,14 +22,14 @@ from pipeline.transforms import inverse, transform_points
 
 @dataclass(frozen=True, eq=False)
 class Candidate:
-    """A keyframe registered with a place that may be the same.
+    """A keyframe registered with older ones that may have seen the same place.
 
     Attributes:
-        keyframe: its number.
-        covariance: of the registration.
-        owners: numbers of the keyframes that own the place, the most informative one first.
-        T_owner_base: pose relative to each of them, as registered with all.
-        shares: pose relative to each of them, by what it owns alone, and its information.
+        keyframe: index of the keyframe.
+        covariance: covariance of the registered pose.
+        owners: indices of the older keyframes, the most informative first.
+        T_owner_base: pose relative to each older keyframe, as registered with all of them.
+        shares: pose relative to each older keyframe, as registered with its points alone, and the pose's information.
     """
 
     keyframe: int
@@ -40,21 +40,21 @@ class Candidate:
 
     @classmethod
     def of(cls, keyframe: int, found: Registration, shares: Sequence[Share], poses: Poses) -> "Candidate":
-        """A keyframe registered with others, whose ``poses`` may be corrected later."""
+        """A keyframe registered with others; ``poses``: current poses of all keyframes, which may change later."""
         owners = np.array([share.owner for share in shares])
         parts = [(inverse(poses[share.owner]) @ share.T, share.information) for share in shares]
         return cls(keyframe, found.covariance, owners, np.linalg.inv(poses[owners]) @ found.T, parts)
 
     def T_map_base(self, poses: Poses) -> Pose:
-        """Pose of the keyframe by the place, with all keyframes at their ``poses``."""
+        """Pose of the keyframe according to the loop, given the ``poses`` of all keyframes."""
         return poses[self.owners[0]] @ self.T_owner_base[0]
 
 
 class Loops:
-    """Closes loops of a pose graph, and removes them.
+    """Closes loops of a pose graph, and removes wrong ones.
 
     Attributes:
-        closed: those that count.
+        closed: the loops that are in the graph.
     """
 
     def __init__(self, graph: PoseGraph, config: LocalisationConfig) -> None:
@@ -66,31 +66,31 @@ class Loops:
 
     @property
     def is_due(self) -> bool:
-        """Whether a loop was confirmed, which the next correction closes."""
+        """Whether a loop was confirmed and will be closed by the next correction."""
         return bool(self._confirmed)
 
     def propose(self, keyframe: int, found: Registration, shares: Sequence[Share]) -> None:
-        """Take the newest keyframe's registration for a loop if it confirms the one proposed before."""
+        """Propose the newest keyframe's registration as a loop; it is confirmed if the previous proposal agrees."""
         first = self._candidate
         self._candidate = Candidate.of(keyframe, found, shares, self._graph.poses)
         if first is not None and self._agree(first, self._candidate):
             self._confirmed, self._candidate = (first, self._candidate), None
 
     def close(self) -> None:
-        """Close a confirmed loop; the next optimisation begins where it has the newest poses."""
+        """Close a confirmed loop, and move the newest poses to where the loop puts them, to optimise from there."""
         graph = self._graph
         for candidate in self._confirmed:
             number, T = candidate.keyframe, candidate.T_map_base(graph.poses)
             for owner, T_owner, (by_owner, information) in zip(
                 candidate.owners, candidate.T_owner_base, candidate.shares, strict=True
             ):
-                # Not by the owner alone: what it leaves undetermined is meaningless there.
+                # Use the pose from all owners, since a single owner may leave directions undetermined.
                 loop = Loop(int(owner), number, T_owner)
                 graph.connect(loop.first, number, graph.poses[owner] @ by_owner, information, loop)
                 graph.link(loop.first, number, candidate.covariance)
                 self.closed.append(loop)
             self._counted.append(candidate)
-            # Started elsewhere, the robust loss would take the loop for an outlier.
+            # From another initial value, the robust loss would treat the loop as an outlier.
             graph.poses[number:] = T @ inverse(graph.poses[number]) @ graph.poses[number:]
         self._confirmed = ()
 
@@ -104,7 +104,7 @@ class Loops:
         return bool(false)
 
     def _agree(self, first: Candidate, second: Candidate) -> bool:
-        """Whether two candidates put their keyframes where the graph has them relative to each other."""
+        """Whether two candidates agree with the graph about the relative pose of their keyframes."""
         poses = self._graph.poses
         deviation = float(self._graph.deviations(second.keyframe)[first.keyframe])
         if deviation >= self._config.confirmed_deviation:
@@ -128,9 +128,9 @@ class Loops:
 
 
 def seen_through(frame: Frame, T_map_base: Pose, points: Places | Points, margin: float) -> float:
-    """Share of the points in a frame's view behind which, by ``margin`` m, it has returns; 0 of none.
+    """Share of the points in view that a frame looks through, with a return ``margin`` m behind; 0 without points.
 
-    At a wrong pose a frame looks through surfaces that were seen. ``T_map_base``: assumed pose of the robot.
+    At a wrong pose, a frame looks through surfaces that were seen. ``T_map_base``: assumed pose of the robot.
     """
     _, z, depth = in_view(frame, T_map_base, points)
     in_reach = (z > frame.sensor.nearest) & (z < frame.sensor.farthest)
@@ -138,10 +138,10 @@ def seen_through(frame: Frame, T_map_base: Pose, points: Places | Points, margin
 
 
 def in_view(frame: Frame, T_map_base: Pose, points: Places | Points) -> tuple[Indices, Values, Values]:
-    """Points in ``map`` that lie in pixels with returns, if a frame was taken at a pose of the robot.
+    """Points in ``map`` that project into pixels with returns, if a frame was taken with the robot at ``T_map_base``.
 
     Returns:
-        (N, 2) rows and columns of the pixels; (N,) m along the optical axis to the points, and to the returns.
+        (N, 2) row and column of each pixel; (N,) depths of the points and of the returns, m along the optical axis.
     """
     in_camera = transform_points(inverse(T_map_base @ frame.T_base_camera), points)
     pixels, inside = frame.intrinsics.project(in_camera)
@@ -151,5 +151,5 @@ def in_view(frame: Frame, T_map_base: Pose, points: Places | Points) -> tuple[In
 
 
 def looks_the_same(frame: Frame, loop: Pose, before: Pose, points: Places, margin: float) -> bool:
-    """Whether a frame looks through no more of a place, by ``margin`` m, at the pose by a loop than before it."""
+    """Whether a frame looks through no more points, by ``margin`` m, at a loop's pose than at the one before."""
     return seen_through(frame, loop, points, margin) <= seen_through(frame, before, points, margin)

@@ -1,8 +1,8 @@
-"""The robot's motion by its odometry, corrected by the systematic errors that the pose graph has found so far.
+"""The robot's motion from odometry, corrected for the systematic errors that the pose graph has estimated so far.
 
-The gyro's scale, the radius of tyres, the centre of a turn and how far the robot slides in turns on a slope are
-constants that no data sheet gives accurately enough. They are variables of the pose graph, so every return to a
-place corrects them, and with them each motion before.
+The gyro's scale, the radius of the tyres, the centre of turns, and how far the robot slides when it turns on a slope
+are constants that no data sheet gives accurately enough. They are variables of the pose graph, so every return to a
+known place corrects them, and all earlier motions with them.
 """
 
 from dataclasses import dataclass
@@ -20,18 +20,18 @@ from pipeline.localisation.localisation import OdometryErrors
 from pipeline.transforms import from_rotation, inverse, orthonormal
 
 POSE, ERRORS = slice(6), slice(6, None)
-"""Parts of a joint covariance (11, 11)."""
+"""Slices of a joint covariance (11, 11) of a pose and of the systematic errors."""
 
 
 @dataclass(frozen=True, eq=False)
 class MeasuredMotion:
-    """The motion between two moments as the odometry measures it.
+    """The motion between two times as measured by the odometry.
 
     Attributes:
-        T: pose after the motion in ``base_link`` before it.
+        T: pose after the motion, in ``base_link`` before it.
         up: the vertical in ``base_link`` before the motion.
         time: duration, s.
-        turned: rotation about the vertical, whole turns counted, rad.
+        turned: rotation about the vertical, including full turns, rad.
     """
 
     T: Pose
@@ -48,32 +48,32 @@ class MeasuredMotion:
 
     @cached_property
     def moves(self) -> NDArray[np.float64]:
-        """(3, 5) derivative of the translation, m, by the systematic errors, in ``base_link`` before the motion."""
+        """(3, 5) Jacobian of the translation, m, in ``base_link`` before the motion, w.r.t. the systematic errors."""
         slide = -np.linalg.norm(self.turn) * np.append(self.up[:2], 0.0)
         nothing = np.zeros(3)
         return np.stack([self.T[:3, 3], nothing, np.eye(3)[0] - self.T[:3, 0], slide, nothing], axis=1)
 
     @cached_property
     def turns(self) -> NDArray[np.float64]:
-        """(3, 5) derivative of the rotation vector, rad, by the systematic errors."""
+        """(3, 5) Jacobian of the rotation vector, rad, w.r.t. the systematic errors."""
         nothing = np.zeros(3)
         return np.stack([nothing, self.turn, nothing, nothing, self.time * np.eye(3)[2]], axis=1)
 
     def without(self, errors: Values) -> Pose:
-        """The motion, corrected by systematic errors (5,)."""
+        """The motion, corrected for systematic errors (5,)."""
         R = Rotation.from_rotvec(self.turn + self.turns @ errors).as_matrix()
         return from_rotation(R, self.T[:3, 3] + self.moves @ errors)
 
     @cached_property
     def jacobian(self) -> NDArray[np.float64]:
-        """(6, 5) derivative of the pose after the motion, in the tangent there, by the systematic errors."""
+        """(6, 5) Jacobian of the pose after the motion, in its tangent space, w.r.t. the systematic errors."""
         return np.vstack([self.turns, self.T[:3, :3].T @ self.moves])
 
     def noise(self, config: OdometryConfig) -> Covariance:
-        """Covariance of the pose after the motion, apart from systematic errors."""
+        """Covariance of the pose after the motion, without that of the systematic errors."""
         way, turn, slope = (float(np.linalg.norm(v)) for v in (self.T[:3, 3], self.turn, self.up[:2]))
         vertical = np.outer(self.up, self.up)
-        tilt = 2 * config.gravity_sigma**2 * (np.eye(3) - vertical)  # of the levels before and after the motion
+        tilt = 2 * config.gravity_sigma**2 * (np.eye(3) - vertical)  # of roll and pitch before and after the motion
         slide = config.slide_noise * slope * turn
         translation = config.way_sigma**2 * (way + turn + config.least_way) + slide**2
         heading = (config.turn_sigma + config.turn_sigma_per_rad * turn) ** 2 * vertical
@@ -85,10 +85,10 @@ class Prediction:
     """The robot's pose as predicted by the odometry.
 
     Attributes:
-        motion: since the reference.
+        motion: motion since the reference.
         T_map_base: predicted pose.
-        covariance: (11, 11) of the pose relative to the map, in its tangent, and of the systematic errors.
-        step: of the motion alone, as if the pose before it were exact.
+        covariance: (11, 11) of the pose relative to the map, in its tangent space, and of the systematic errors.
+        step: covariance of the pose from the motion alone, as if the pose before it were exact.
     """
 
     motion: MeasuredMotion
@@ -98,10 +98,10 @@ class Prediction:
 
 
 class MotionModel:
-    """Predicts motion by the odometry, corrected by the systematic errors found so far.
+    """Predicts motion from odometry, corrected for the systematic errors estimated so far.
 
     Attributes:
-        errors: (5,) see :class:`pipeline.localisation.localisation.OdometryErrors`.
+        errors: (5,) systematic errors, see :class:`pipeline.localisation.localisation.OdometryErrors`.
     """
 
     def __init__(self, config: OdometryConfig) -> None:
@@ -109,7 +109,7 @@ class MotionModel:
         self.learn(OdometryErrors.expected(config))
 
     def predict(self, T_map_base: Pose, motion: MeasuredMotion) -> Prediction:
-        """The pose after a motion from a reference's pose."""
+        """The pose after a motion that starts at the reference's pose ``T_map_base``."""
         delta, J, noise = motion.without(self.errors), motion.jacobian, motion.noise(self._config)
         F = np.block([[gtsam.Pose3(inverse(delta)).AdjointMap(), J], [np.zeros_like(J.T), np.eye(len(self.errors))]])
         covariance = F @ self._covariance @ F.T
@@ -118,12 +118,12 @@ class MotionModel:
         return Prediction(motion, orthonormal(T_map_base @ delta), covariance, step)
 
     def take(self, prediction: Prediction, information: Information | None) -> None:
-        """Go on from a prediction's pose, whose covariance follows from its motion and from registration.
+        """Continue from a predicted pose, whose covariance follows from the motion and from registration.
 
-        ``information`` of the surfaces; None if nothing was registered.
+        ``information``: that of the registered surfaces; None if nothing was registered.
 
-        Errors add up only while nothing is registered: where surfaces say nothing along the way, as in a corridor, a
-        pose is as uncertain relative to what the last keyframe saw as the last motion.
+        Errors accumulate only while nothing is registered. Even in directions that surfaces do not determine, as
+        along a corridor, a pose is only as uncertain as the last motion, relative to what the last keyframe saw.
         """
         if information is None:
             self._covariance = prediction.covariance
@@ -131,10 +131,10 @@ class MotionModel:
             self.restart(np.asarray(np.linalg.inv(information + np.linalg.inv(prediction.step))))
 
     def restart(self, covariance: Covariance) -> None:
-        """Go on from a pose with this covariance, whatever the odometry measured."""
+        """Continue from a pose with this covariance, whatever the odometry measured."""
         self._covariance = block_diag(covariance, self._covariance[ERRORS, ERRORS])
 
     def learn(self, odometry: OdometryErrors) -> None:
-        """Correct motions from now on by what was learnt of the odometry."""
+        """Correct motions from now on for newly estimated systematic errors of the odometry."""
         self.errors = odometry.errors
         self._covariance = block_diag(self._covariance[POSE, POSE], odometry.covariance)

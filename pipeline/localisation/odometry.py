@@ -1,4 +1,4 @@
-"""Localisation by the odometry alone, for comparison."""
+"""Localisation with odometry alone, for comparison."""
 
 import numpy as np
 
@@ -20,10 +20,10 @@ class OdometryLocalisation(Localisation):
     """Takes the robot's pose from its odometry unchanged.
 
     Attributes:
-        T_map_odom: by the newest frame; here the two frames are the same.
-        loops: loop closures so far.
-        may_err: whether the poses must be checked against the map.
-        belief: that the robot moves as its odometry says; no frame changes it.
+        T_map_odom: pose of ``odom`` in ``map``; here the two frames are the same.
+        loops: loop closures; here always empty.
+        may_err: whether the poses must be checked against the map; here False.
+        belief: here always that the robot moves as its odometry says.
     """
 
     may_err = False
@@ -36,20 +36,20 @@ class OdometryLocalisation(Localisation):
 
     @property
     def poses(self) -> Poses:
-        """``T_map_base`` of every keyframe as now estimated."""
+        """Current estimate of every keyframe's ``T_map_base``."""
         return self._poses
 
     def localise(self, frame: Frame) -> Localised:
-        """A new frame and where it was taken; raises LostError if that is unknown."""
+        """Localise a new frame; raises LostError if its pose is unknown."""
         check_odometry(frame)
         return Localised(frame, self.T_map_odom @ frame.T_odom_base)
 
     def add(self, localised: Localised) -> None:
-        """Make a keyframe of the newest frame, as :meth:`localise` gave it."""
+        """Make the newest frame, as returned by :meth:`localise`, a keyframe."""
         self._poses = np.concatenate([self._poses, localised.T_map_base[None]])
 
     def pass_by(self, localised: Localised) -> None:
-        """Go on from the newest frame without a keyframe; without registration no frame repeats one."""
+        """Continue from the newest frame without a keyframe; here a no-op, because no frame repeats a keyframe."""
 
     def optimise(self) -> None:
         """Correct the poses of all keyframes; here there is nothing to correct."""
@@ -67,5 +67,5 @@ class OdometryLocalisation(Localisation):
         return SavedKeyframes(self.poses, self.poses[:, 2, :3], nothing, nothing, np.zeros(0, np.int64), odometry)
 
     def restore(self, keyframes: SavedKeyframes) -> None:
-        """Begin with the keyframes of an earlier run, whose poses stay fixed."""
+        """Start with the keyframes of an earlier run, whose poses stay fixed."""
         self._poses = keyframes.poses

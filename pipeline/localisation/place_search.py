@@ -1,4 +1,4 @@
-"""Find the poses in a whole map that explain a levelled cloud best; every place and heading is tried.
+"""Find the poses in a map that best explain a levelled cloud, by trying every position and heading.
 
 Correlative scan matching (Olson, "Real-time correlative scan matching", 2009) in 3D: gravity gives roll and pitch,
 and the elevation map gives the height.
@@ -21,7 +21,7 @@ from pipeline.transforms import from_yaw, inverse, wrap_angle, yaw_of
 
 
 class VoxelState(IntEnum):
-    """What a voxel holds; an occupied voxel and its neighbours are SURFACE."""
+    """The state of a voxel; an occupied voxel and its neighbours are SURFACE."""
 
     UNKNOWN = 0
     SURFACE = 1
@@ -29,12 +29,12 @@ class VoxelState(IntEnum):
 
 
 class VoxelField(NamedTuple):
-    """The states of the map's voxels, with a border of unknown ones.
+    """The states of the map's voxels, surrounded by a border of unknown ones.
 
     Attributes:
         voxels: (nx, ny, nz) uint8 :class:`VoxelState`.
         lower: lower corner of the first voxel.
-        size: side of a voxel, m.
+        size: edge length of a voxel, m.
         border: (3,) width of the border at both ends of each axis, m.
     """
 
@@ -45,7 +45,7 @@ class VoxelField(NamedTuple):
 
     @classmethod
     def around(cls, metric_map: MetricMap, points: Places) -> "VoxelField":
-        """The field of the whole map, with a border that holds a robot's points at any place and yaw in the map."""
+        """The field of the map, with a border that holds a robot's ``points`` at any position and yaw in the map."""
         reach, height = np.linalg.norm(points[:, :2], axis=1).max(), np.abs(points[:, 2]).max()
         border = np.array([reach, reach, height])
         lower, upper = metric_map.bounds()
@@ -63,7 +63,7 @@ class VoxelField(NamedTuple):
         return ((points - self.lower) / self.size).astype(np.float32)
 
     def at(self, points: Places | Points) -> NDArray[np.uint8]:
-        """(N,) states at points in ``map``; UNKNOWN beyond the field."""
+        """(N,) states at points in ``map``; UNKNOWN outside the field."""
         index = np.floor(self.voxel(points)).astype(np.int64)
         inside = ((index >= 0) & (index < self.voxels.shape)).all(axis=1)
         values = np.full(len(points), VoxelState.UNKNOWN, np.uint8)
@@ -71,30 +71,30 @@ class VoxelField(NamedTuple):
         return values
 
     def holds(self, places: Places) -> Mask:
-        """Whether places lie within the border."""
+        """Which positions lie inside the border."""
         high = self.lower + np.array(self.voxels.shape) * self.size
         return np.asarray(((places > self.lower + self.border) & (places < high - self.border)).all(axis=1))
 
 
 class Guess(NamedTuple):
-    """A pose that the robot may have.
+    """A possible pose of the robot.
 
     Attributes:
         T_map_level: pose of the levelled robot.
-        evidence: log-likelihood ratio of the robot's observations at this pose to those at a random place of the map.
+        evidence: log-likelihood ratio of the robot's observations at this pose to those at a random pose in the map.
     """
 
     T_map_level: Pose
     evidence: float
 
     def is_near(self, T_map_level: Pose, config: RelocalisationConfig) -> bool:
-        """Whether a pose is the same within the accuracy of the search."""
+        """Whether a pose is the same to within the accuracy of the search."""
         T = inverse(self.T_map_level) @ T_map_level
         return bool(np.hypot(*T[:2, 3]) < config.same_place_way and abs(yaw_of(T)) < config.same_place_turn)
 
 
 def standable(elevation_map: ElevationMap, field: VoxelField, model: RobotModel) -> Places:
-    """Places on mapped ground where the map has no surface in the middle of the robot."""
+    """Positions on mapped ground where no surface of the map would pass through the middle of the robot."""
     elevation = elevation_map.elevation[::2, ::2]
     cells = np.argwhere(~np.isnan(elevation))
     places = np.column_stack([elevation_map.grid.centre_of(2 * cells), elevation[tuple(cells.T)]])
@@ -106,18 +106,18 @@ def standable(elevation_map: ElevationMap, field: VoxelField, model: RobotModel)
 
 
 def weigh(points: Places, places: Places, field: VoxelField, config: RelocalisationConfig) -> NDArray[np.float32]:
-    """The weight of each point of a cloud as evidence, by how often random poses explain it.
+    """The weight of each point of a cloud as evidence, from how often random poses explain the point.
 
-    Level ground is found almost anywhere and weighs little, a wall weighs much, and a point in unknown space nothing.
+    Level ground, found almost anywhere, weighs little; a wall weighs much, and a point in unknown space nothing.
 
     Args:
-        points: P of them, from the levelled robot.
-        places: where it may stand.
-        field: of the map.
-        config: of the search.
+        points: (P, 3) points relative to the levelled robot.
+        places: positions where the robot may be.
+        field: voxel states of the map.
+        config: settings of the search.
 
     Returns:
-        (P, 3) log-likelihood ratios of a right pose to a random one for UNKNOWN, SURFACE and FREE.
+        (P, 3) log-likelihood ratios of the correct pose to a random one, if the point is in UNKNOWN, SURFACE or FREE.
     """
     rng = np.random.default_rng(0)
     counts = np.zeros((len(points), 3), np.int64)
@@ -134,7 +134,7 @@ def weigh(points: Places, places: Places, field: VoxelField, config: Relocalisat
 
 
 def headings(config: RelocalisationConfig) -> Values:
-    """Headings that are tried, rad."""
+    """The headings to try, rad."""
     return np.linspace(0, 2 * np.pi, config.headings, endpoint=False)
 
 
@@ -144,11 +144,11 @@ def search(
     """The promising poses, the best first; none if there are too many to distinguish.
 
     Args:
-        points: P of them, from the levelled robot.
-        gain: (P, 3) as :func:`weigh` gives it.
-        places: where the robot may stand.
-        field: of the map.
-        config: of the search.
+        points: (P, 3) points relative to the levelled robot.
+        gain: (P, 3) weights of the points, from :func:`weigh`.
+        places: positions where the robot may be.
+        field: voxel states of the map.
+        config: settings of the search.
     """
     some, yaws = np.random.default_rng(0).permutation(len(points))[: config.searched], headings(config)
     scores = np.empty((len(places), len(yaws)), np.float32)

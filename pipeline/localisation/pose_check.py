@@ -1,6 +1,6 @@
-"""Whether the robot is where it thinks, and where it is if it was carried elsewhere.
+"""Checks whether the robot is where it believes to be, and finds it if it was carried elsewhere.
 
-Nothing here moves the robot: a check that needs another view asks for it, and the caller turns the robot.
+Nothing here moves the robot: a check that needs another view requests it, and the caller turns the robot.
 """
 
 from collections.abc import Generator
@@ -27,8 +27,8 @@ class Confirmed(NamedTuple):
     """A pose that can be relied on.
 
     Attributes:
-        localised: the newest frame.
-        was_carried: whether the robot was carried to there; None if its pose was never in doubt.
+        localised: the newest frame and its pose.
+        was_carried: whether the robot was carried there; None if its pose was never in doubt.
     """
 
     localised: Localised
@@ -36,14 +36,14 @@ class Confirmed(NamedTuple):
 
 
 Views = Generator[float, Localised | None, Confirmed]
-"""Yields angles, rad, to turn by, and takes what the robot sees then; None if it could not turn."""
+"""Yields angles to turn by, rad, and receives the frame seen after each turn, or None if the robot could not turn."""
 
 
 class PoseCheck:
-    """Compares frames with the map; where they disagree, it asks for other views until it knows the pose.
+    """Compares frames with the map; if they disagree, it requests other views until the pose is known.
 
     Attributes:
-        relocalised: number of times that the robot was localised anew after it was carried.
+        relocalised: number of times that the robot was relocalised after being carried.
     """
 
     def __init__(
@@ -64,14 +64,14 @@ class PoseCheck:
         )
         self._metric_map, self._elevation_map, self._all = metric_map, elevation_map, config
         self._has_seen = False
-        self._T_odom_unseen: list[Pose] = []  # of the newest frames, which show nothing
+        self._T_odom_unseen: list[Pose] = []  # odometry poses of the latest frames without returns
 
     def confirm(self, localised: Localised, last: Frame | None) -> Views:
-        """Ask for views until it is clear where the robot is.
+        """Request views until it is clear where the robot is.
 
         Args:
             localised: the newest frame so far.
-            last: the one before it; None for the first.
+            last: the frame before it; None for the first.
 
         Raises:
             LostError: the pose remains in doubt.
@@ -82,11 +82,11 @@ class PoseCheck:
         return (yield from self._find_place(localised))
 
     def compare(self, localised: Localised, last: Frame | None = None, is_driving: bool = False) -> None:
-        """Weigh what a frame says about the robot's place, compared with the one before it if the wheels stood since.
+        """Update the belief with a frame, compared with the map, and with the last frame if the wheels were still.
 
-        A view that changed is no coincidence because another place looks as the map has this one, so both are one
-        observation; one that did not change only says that the robot was not carried since. On a drive the camera
-        passes what is too near for it, so tiles without a return say nothing.
+        A changed view shows that the robot was carried even if the new place looks as the map predicts, so both
+        comparisons are one observation; an unchanged view only says that it was not carried since the last frame.
+        During a drive, the camera passes surfaces too near for it, so tiles without a return are ignored.
         """
         if not self._localisation.may_err:
             return
@@ -102,9 +102,9 @@ class PoseCheck:
         self._belief.observe_lean()
 
     def check_depth(self, localised: Localised) -> None:
-        """Raise LostError if nothing was seen in a turn, or on a way on which what is too near comes into view.
+        """Raise LostError if the camera measures nothing in a turn, or on a drive longer than its minimum range.
 
-        A frame counts if the map has something there to be seen, or if nothing at all was seen yet.
+        A frame counts only if the map predicts returns in it, or if the camera has not seen anything yet.
         """
         frame = localised.frame
         if frame.returns.any():
@@ -136,7 +136,7 @@ class PoseCheck:
         return agreement(localised.frame, localised.T_map_camera, self._metric_map, self._belief.config)
 
     def _compared(self, localised: Localised, last: Frame | None) -> Generator[float, Localised | None, Localised]:
-        """Compare views until it is clear whether the robot's pose is right: the newest frame."""
+        """Compare views until it is clear whether the robot's pose is right; returns the newest frame."""
         belief = self._belief
         if self._is_lost or not self._localisation.may_err:
             return localised
@@ -151,7 +151,7 @@ class PoseCheck:
         return localised
 
     def _find_place(self, localised: Localised) -> Views:
-        """Gather views until the robot is localised."""
+        """Collect views until the robot is localised."""
         relocalisation = Relocalisation(self._robot, config=self._all)
         for _ in range(self._config.looks):
             relocalisation.add(localised.frame)
@@ -168,7 +168,7 @@ class PoseCheck:
         raise LostError("the camera view does not match the map, and no other place matches reliably")
 
     def _go_on(self, localised: Localised, T_map_base: Pose) -> Confirmed:
-        """Rely on a pose; if it differs from the robot's pose, the robot was carried or set down there."""
+        """Accept a pose; if it differs from the estimated one, the robot was carried or set down there."""
         move, config = inverse(localised.T_map_base) @ T_map_base, self._config
         is_far = np.linalg.norm(move[:3, 3]) > config.carried_way or abs(yaw_of(move)) > config.carried_turn
         self._belief.restart()

@@ -1,4 +1,4 @@
-"""The pose graph: poses of keyframes that fit the constraints by odometry, gravity and registration best."""
+"""The pose graph: the keyframe poses that best fit the constraints from odometry, gravity and registration."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -23,10 +23,10 @@ class PoseGraph:
     """Poses of keyframes and the constraints between them.
 
     Attributes:
-        poses: ``T_map_base`` of every keyframe as now estimated.
-        ups: the vertical in the ``base_link`` of each keyframe, by the odometry.
-        odometry: systematic errors of the odometry as now estimated.
-        drives: motions by odometry between keyframes.
+        poses: current estimate of every keyframe's ``T_map_base``.
+        ups: the vertical in each keyframe's ``base_link``, from the odometry.
+        odometry: current estimate of the odometry's systematic errors.
+        drives: motions between keyframes, from the odometry.
     """
 
     def __init__(self, config: LocalisationConfig) -> None:
@@ -44,10 +44,10 @@ class PoseGraph:
         return len(self.poses)
 
     def add(self, T_map_base: Pose, up: Direction) -> int:
-        """Add a keyframe and return its number; ``up``: the vertical in ``base_link``, by the odometry."""
+        """Add a keyframe and return its index; ``up``: the vertical in ``base_link``, from the odometry."""
         if not len(self):
             sigmas = np.full(6, self._config.graph.fixed_sigma)
-            sigmas[:2] = 1.0  # gravity levels it
+            sigmas[:2] = 1.0  # gravity determines roll and pitch
             model = gtsam.noiseModel.Diagonal.Sigmas(sigmas)
             self._factors.add(gtsam.PriorFactorPose3(0, gtsam.Pose3(T_map_base), model))
         self.poses = np.concatenate([self.poses, T_map_base[None]])
@@ -55,7 +55,7 @@ class PoseGraph:
         return len(self) - 1
 
     def fix(self, poses: Poses, ups: Directions, odometry: OdometryErrors) -> None:
-        """Begin with keyframes whose poses stay fixed, the vertical in each, and what was learnt of the odometry."""
+        """Start with keyframes at fixed poses, the vertical in each, and known systematic errors of the odometry."""
         self.odometry = self._odometry_before = odometry
         fixed_sigma = self._config.graph.fixed_sigma
         model = gtsam.noiseModel.Isotropic.Sigma(6, fixed_sigma)
@@ -65,13 +65,13 @@ class PoseGraph:
         self._links |= {(k - 1, k): np.full(2, fixed_sigma**2) for k in range(1, len(poses))}
 
     def connect(self, i: int, j: int, T_map_base: Pose, information: Information, loop: Loop | None = None) -> None:
-        """Add a constraint: the pose of keyframe j, given the present pose of keyframe i.
+        """Add a constraint: the pose of keyframe j, given the current pose of keyframe i.
 
         Args:
-            i, j: numbers of keyframes.
-            T_map_base: of j.
-            information: in the tangent at that pose.
-            loop: that it belongs to; it may be an outlier, and :meth:`disconnect` takes it back.
+            i, j: indices of the keyframes.
+            T_map_base: pose of keyframe j.
+            information: information of that pose, in its tangent space.
+            loop: the loop that the constraint belongs to, which may be an outlier; :meth:`disconnect` removes it.
         """
         config = self._config.graph
         whole = information + config.least_information * np.eye(len(information))
@@ -85,46 +85,46 @@ class PoseGraph:
             self._loops.append((loop, gtsam.BetweenFactorPose3(i, j, T_i_j, robust)))
 
     def disconnect(self, loops: Sequence[Loop]) -> None:
-        """Take back what was connected and linked by loops."""
+        """Remove the constraints and links of loops."""
         self._loops = [(loop, factor) for loop, factor in self._loops if loop not in loops]
         for loop in loops:
             self._links.pop((loop.first, loop.second), None)
 
     def drive(self, motion: MeasuredMotion) -> None:
-        """Add the robot's motion by odometry from the previous keyframe to the newest one."""
+        """Add the odometry's motion from the previous keyframe to the newest one."""
         self.drives = self.drives.and_to(len(self) - 1, motion, self._config.odometry)
 
     def link(self, i: int, j: int, covariance: Covariance) -> None:
-        """Remember the covariance of the pose of keyframe j relative to i; of several the smallest one counts."""
+        """Store the variances of keyframe j's pose relative to keyframe i; of several, the smallest count."""
         lever = self._config.registration.lever
         variances = np.array([variance_of(covariance, lever), np.linalg.eigvalsh(covariance[:3, :3])[-1]])
         self._links[i, j] = np.minimum(variances, self._links.get((i, j), np.inf))
 
     def deviations(self, keyframe: int) -> Values:
-        """(K,) m, standard deviation of each position relative to a keyframe, by the best chain of links."""
+        """(K,) standard deviation of each position relative to a keyframe, m, along the best chain of links."""
         return self._chained(keyframe, 0)
 
     def headings(self, keyframe: int) -> Values:
-        """(K,) rad, standard deviation of each rotation relative to a keyframe, by the best chain of links.
+        """(K,) standard deviation of each rotation relative to a keyframe, rad, along the best chain of links.
 
-        A gyro keeps it small where wheels alone measure the way, as along a corridor.
+        The gyro keeps it small where only the wheels measure the distance, as along a corridor.
         """
         return self._chained(keyframe, 1)
 
     def _chained(self, keyframe: int, which: int) -> Values:
-        """(K,) standard deviations relative to a keyframe by the best chain of one of the two variances of links."""
+        """(K,) deviations relative to a keyframe along the best chain of links; ``which``: 0 position, 1 rotation."""
         ends = np.array(list(self._links), np.int64).reshape(-1, 2).T
         variances = np.array(list(self._links.values())).reshape(-1, 2)[:, which]
         links = coo_array((variances, tuple(ends)), shape=(len(self), len(self))).tocsr()
         return np.sqrt(dijkstra(links, directed=False, indices=keyframe))
 
     def covariance(self, keyframe: int) -> Covariance:
-        """Of a keyframe's pose relative to the first one's, in its own tangent."""
+        """Covariance of a keyframe's pose relative to the first one's, in its own tangent space."""
         assert self._posterior is not None
         return np.asarray(self._posterior.marginalCovariance(keyframe))
 
     def optimise(self) -> None:
-        """Move the poses so that they fit all constraints best."""
+        """Move the poses to where they best fit all constraints."""
         problem, values = self._problem(), gtsam.Values()
         values.insert(_ERRORS, self.odometry.errors)
         for k, T in enumerate(self.poses):
@@ -135,14 +135,14 @@ class PoseGraph:
         self.poses = orthonormal(poses_of(values))
 
     def _problem(self) -> "Problem":
-        """All constraints: those of loops, and those by gravity and by what is known of the odometry, change."""
+        """All constraints; those from loops, gravity and prior knowledge of the odometry change between calls."""
         graph = gtsam.NonlinearFactorGraph()
         graph.push_back(self._factors)
         for _, factor in self._loops:
             graph.add(factor)
         model = gtsam.noiseModel.Isotropic.Sigma(2, self._config.odometry.gravity_sigma)
         vertical = gtsam.Unit3(np.array([0.0, 0.0, 1.0]))
-        bias = np.mean(np.array(self.ups) - self.poses[:, 2, :3], axis=0)  # of an accelerometer that is mounted askew
+        bias = np.mean(np.array(self.ups) - self.poses[:, 2, :3], axis=0)  # the accelerometer may be mounted askew
         for k, up in enumerate(self.ups):
             graph.add(gtsam.AttitudeFactorPose3(k, vertical, model, gtsam.Unit3(up - bias)))
         before = gtsam.noiseModel.Gaussian.Covariance(self._odometry_before.covariance)
@@ -152,9 +152,9 @@ class PoseGraph:
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """Constraints of poses and of the odometry's systematic errors.
+    """Constraints on the poses and on the odometry's systematic errors.
 
-    GTSAM would call Python for each motion, so that they took most of the time: they are kept apart.
+    The motions are kept out of the GTSAM graph, which would spend most of its time calling Python for each of them.
     """
 
     graph: gtsam.NonlinearFactorGraph
@@ -166,7 +166,7 @@ class Problem:
         return float(self.graph.error(values) + np.sum(np.square(residuals)) / 2)
 
     def linearised(self, values: gtsam.Values) -> gtsam.GaussianFactorGraph:
-        """The constraints about values."""
+        """The constraints, linearised at ``values``."""
         linear, poses, unit = self.graph.linearize(values), poses_of(values), gtsam.noiseModel.Unit.Create(6)
         residuals = self.drives.residuals(poses, values.atVector(_ERRORS))
         for j, before, after, errors, off in zip(
@@ -179,9 +179,9 @@ class Problem:
 def minimise(
     problem: Problem, values: gtsam.Values, tolerance: float
 ) -> tuple[gtsam.Values, gtsam.GaussianBayesTree]:
-    """The values that fit best, by Gauss-Newton steps from others, and their distribution.
+    """The best-fitting values, found by Gauss-Newton steps from initial ``values``, and their posterior distribution.
 
-    A step that would make the error larger is halved. ``tolerance``: relative decrease of the error that ends it.
+    A step that would increase the error is halved. ``tolerance``: relative decrease of the error at which to stop.
     """
     error = problem.error(values)
     while True:
@@ -203,10 +203,10 @@ def poses_of(values: gtsam.Values) -> Poses:
 
 
 def spread(deviation: float, lever: float) -> Values:
-    """(6,) rad and m, standard deviations of a pose whose error moves what is ``lever`` m away by ``deviation`` m."""
+    """(6,) standard deviations of a pose, rad and m, each moving a point ``lever`` m away by ``deviation`` m."""
     return np.repeat([deviation / lever, deviation], 3)
 
 
 def variance_of(covariance: Covariance, lever: float) -> float:
-    """m², variance of the position of a point ``lever`` m away from a pose with this covariance."""
+    """Variance of the position of a point ``lever`` m away from a pose with this covariance, m²."""
     return float(np.trace(covariance[3:, 3:]) + lever**2 * np.linalg.eigvalsh(covariance[:3, :3])[-1])

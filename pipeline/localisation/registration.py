@@ -1,11 +1,11 @@
-"""Registration: where a frame fits the points seen before, by GICP and by priors of its pose.
+"""Registration: aligns a frame with points seen before, using GICP and priors of the frame's pose.
 
-GICP (Segal, Haehnel and Thrun 2009) measures a pose as far as the surfaces determine it. Odometry and gravity are
-Gaussians on the same tangent space, so each Gauss-Newton step weighs all of them by their information. Along a
-corridor GICP has no information, so the odometry decides there without a rule for corridors: a pair measures only the
-distance across its surface. Along the surface, the nearest point would always suggest that the robot has not moved.
+GICP (Segal, Haehnel and Thrun 2009) measures a pose only in the directions that surfaces determine. Odometry and
+gravity are Gaussians in the same tangent space, so each Gauss-Newton step weights all of them by their information. A
+pair of points measures only the distance perpendicular to its surface; along the surface, the nearest point would
+always suggest that the robot has not moved. Along a corridor, odometry therefore decides without a special rule.
 
-Tangents are rotation, then translation, on the right, T · Exp(δ), as in small_gicp and GTSAM.
+Tangent vectors hold rotation before translation and act on the right, T · Exp(δ), as in small_gicp and GTSAM.
 """
 
 from collections.abc import Sequence
@@ -25,11 +25,11 @@ from pipeline.transforms import orthonormal
 
 @dataclass(frozen=True, eq=False)
 class Prior:
-    """What a pose is apart from registration: a Gaussian.
+    """What is known of a pose without registration, as a Gaussian.
 
     Attributes:
         T: mean.
-        information: in the tangent at the mean.
+        information: inverse covariance, in the tangent space at the mean.
     """
 
     T: Pose
@@ -38,12 +38,12 @@ class Prior:
 
 @dataclass(frozen=True, eq=False)
 class Share:
-    """The source's pose by the part of the target that one keyframe owns.
+    """The source's pose according to the part of the target that one keyframe owns.
 
     Attributes:
-        owner: number of the keyframe.
-        T: pose of the source in the target's frame by these points alone.
-        information: in the tangent at ``T``.
+        owner: index of the keyframe.
+        T: pose of the source in the target's frame, from these points alone.
+        information: information of the pose, in the tangent space at ``T``.
     """
 
     owner: int
@@ -52,13 +52,13 @@ class Share:
 
 
 class Target:
-    """Points to register with.
+    """Points that a source is registered with.
 
     Attributes:
-        points: in the target's frame.
-        normals: of the surfaces there.
-        owner: number of the keyframe that each point belongs to.
-        tree: of the points.
+        points: the points, in the target's frame.
+        normals: surface normals at the points.
+        owner: index of the keyframe that owns each point.
+        tree: k-d tree of the points.
     """
 
     def __init__(self, points: Places, normals: Directions, owner: Indices) -> None:
@@ -71,14 +71,14 @@ class Registration:
     """The pose of a source registered with a target.
 
     Attributes:
-        T: pose of the source in the target's frame, GICP and priors fused.
-        information: of GICP alone in the tangent at ``T``.
-        covariance: of GICP and priors.
+        T: pose of the source in the target's frame, fused from GICP and the priors.
+        information: information from GICP alone, in the tangent space at ``T``.
+        covariance: covariance of ``T`` from GICP and the priors.
         overlap: share of the source's points with a corresponding target point.
         chi2: squared Mahalanobis distance of ``T`` from the priors.
-        prior: information of the priors together.
-        fits: whether it is near enough to the priors not to disprove them.
-        is_sure: whether it also explains more of the source than chance does.
+        prior: summed information of the priors.
+        fits: whether ``T`` is close enough to the priors to be consistent with them.
+        is_sure: whether ``T`` fits, and the overlap is larger than chance explains.
     """
 
     T: Pose
@@ -92,9 +92,9 @@ class Registration:
 
     @property
     def surprise(self) -> float:
-        """Negative logarithm of the marginal likelihood of the motion under the priors, by Laplace's approximation.
+        """Negative log marginal likelihood of the motion under the priors, in Laplace's approximation.
 
-        A prior that says less fits more, and pays for it by its volume as far as surfaces determine the pose
+        A vaguer prior fits more motions, but is penalised for its volume in the directions that surfaces determine
         (MacKay, Information Theory, Inference, and Learning Algorithms, 2003, chapter 28).
         """
         return self.chi2 / 2 + occam_factor(self.prior, self.information)
@@ -106,19 +106,19 @@ def occam_factor(prior: Information, information: Information) -> float:
 
 
 def cloud_of(points: Points, config: RegistrationConfig) -> small_gicp.PointCloud:
-    """A thinned cloud with normals from points in any frame."""
+    """A thinned cloud with normals, made from points in any frame."""
     cloud = small_gicp.voxelgrid_sampling(points.astype(np.float64), config.voxel)
     small_gicp.estimate_normals(cloud, num_neighbors=config.normal_neighbours)
     return cloud
 
 
 def logarithm(T: NDArray[np.floating]) -> NDArray[np.float64]:
-    """(6,) rad and m, the tangent of a 4×4 transform."""
+    """(6,) tangent vector of a 4×4 transform, rad and m."""
     return np.asarray(gtsam.Pose3.Logmap(gtsam.Pose3(T)))
 
 
 def exponential(tangent: NDArray[np.float64]) -> Pose:
-    """The transform of a tangent (6,), rad and m."""
+    """The transform of a tangent vector (6,), rad and m."""
     return np.asarray(gtsam.Pose3.Expmap(tangent).matrix())
 
 
@@ -132,11 +132,11 @@ def register(
     """Fit a source to a target, starting at the mean of the first prior.
 
     Args:
-        target: in ``map``.
-        source: thinned, with normals, in its own frame.
-        priors: of the source's pose in ``map``; together they must determine it.
-        farthest: m, greatest distance of corresponding points at first.
-        config: of the registration.
+        target: the points to register with, in ``map``.
+        source: thinned cloud with normals, in its own frame.
+        priors: priors of the source's pose in ``map``; together they must determine it.
+        farthest: initial maximum distance between corresponding points, m.
+        config: settings of the registration.
     """
     T = priors[0].T
     for gate in np.repeat(np.unique([config.fine, config.coarse, farthest])[::-1], config.rounds):
@@ -161,44 +161,45 @@ def register(
 def shares_of(
     target: Target, source: small_gicp.PointCloud, T: Pose, config: RegistrationConfig
 ) -> tuple[list[Share], Mask]:
-    """The share of each owner of the target's points in a registration, and which of the source's points are new.
+    """The share of each keyframe that owns points of the target, and which of the source's points are new.
 
     Args:
         target, source: see :func:`register`.
         T: pose of the source in the target's frame.
-        config: of the registration.
+        config: settings of the registration.
 
     Returns:
-        The shares, the most informative one first, and the points without a target point within a voxel.
+        The shares, the most informative first, and which source points have no target point within a voxel size.
     """
     pairs = _Pairs(target, source, T, config.fine, config)
     owner = target.owner[pairs.target]
     shares = []
     for one in np.unique(owner):
         H, pull = pairs.measure(owner == one)
-        # The identity decides what a few points leave undetermined: there the share's own minimum is meaningless.
+        # The identity fixes what a few points leave undetermined, where the share's own minimum is meaningless.
         delta = np.linalg.solve(H + np.eye(len(H)), pull)
         shares.append(Share(int(one), T @ exponential(np.asarray(delta)), H))
     return sorted(shares, key=lambda share: -np.trace(share.information)), pairs.squared > config.voxel**2
 
 
 class _Pairs:
-    """Corresponding points, and the source's pose by them.
+    """Corresponding points, and what they measure of the source's pose.
 
-    A normal n has noise, and J(n)ᵀ J(n), the information of a point on its surface, is biased by the square of it:
-    bare floors falsely suggest that the robot does not move. The noise of the two normals n and m of a pair is
-    independent, so J(n)ᵀ J(m) is unbiased (the method of instrumental variables).
+    The information of a point, J(n)ᵀ J(n), is biased by the square of the noise in its normal n: a bare floor would
+    falsely suggest that the robot does not move. The noise in the two normals n and m of a pair is independent, so
+    J(n)ᵀ J(m) is unbiased (the method of instrumental variables).
 
     Attributes:
-        source, target: (P,) indices of the points of each pair that lie on one surface.
-        squared: (N,) m², squared distance from each source point to the nearest target point.
-        rows: for the normals of either side, (P, 6) derivative by the pose, in the tangent, and (P,) residual.
+        source, target: (P,) indices of the paired points; the points of a pair lie on one surface.
+        squared: (N,) squared distance from each source point to the nearest target point, m².
+        rows: for the target's and for the source's normals, (P, 6) whitened Jacobian with respect to the pose, in its
+            tangent space, and (P,) residuals.
     """
 
     def __init__(
         self, target: Target, source: small_gicp.PointCloud, T: Pose, gate: float, config: RegistrationConfig
     ) -> None:
-        """Pair the points closer than ``gate`` m, with the source at a pose."""
+        """Pair the points closer than ``gate`` m, with the source at the pose ``T``."""
         points, R = source.points()[:, :3], T[:3, :3]
         at = points @ R.T + T[:3, 3]
         index, self.squared = map(np.array, target.tree.batch_nearest_neighbor_search(at))
@@ -220,10 +221,10 @@ class _Pairs:
         self._determined = directions[:, strength > self._least]
 
     def measure(self, rows: Mask | EllipsisType = ...) -> tuple[Information, NDArray[np.float64]]:
-        """Information of the pose and (6,) information vector by the pairs in ``rows`` (P,).
+        """Information of the pose and information vector (6,) from the pairs in ``rows`` (P,).
 
-        Only in the directions that all pairs determine: what some of them measure beyond these is noise. It is small,
-        but along a corridor it is all there is, and it is alike in each keyframe.
+        Only directions that all pairs together determine count; in others, the pairs measure noise. The noise is
+        small, but along a corridor there is nothing else, and it is similar in every keyframe.
         """
         H, pull = self._whole if rows is ... else self._scaled(rows)
         strength, directions = np.linalg.eigh(self._determined.T @ H @ self._determined)
@@ -232,13 +233,13 @@ class _Pairs:
         return scaled * (strength * real) @ scaled.T, scaled @ (real * ((self._determined @ directions).T @ pull))
 
     def _scaled(self, rows: Mask | EllipsisType = ...) -> tuple[Information, NDArray[np.float64]]:
-        """Information and information vector, noise included, of rotations times ``lever`` and translations, m."""
+        """Information and information vector, including the noise, with rotations multiplied by ``lever``, m."""
         (J_n, r_n), (J_m, r_m) = ((J[rows] / self._scale, residual[rows]) for J, residual in self.rows)
         return (J_n.T @ J_m + J_m.T @ J_n) / 2, -(J_n.T @ r_m + J_m.T @ r_n) / 2
 
 
 def front_normals(cloud: small_gicp.PointCloud, camera: Place) -> Directions:
-    """Normals of a cloud's points, on the side of the camera that saw them."""
+    """Normals of a cloud's points, oriented towards the camera that saw them."""
     normals = np.array(cloud.normals())[:, :3]
     away = np.einsum("ni,ni->n", normals, camera - cloud.points()[:, :3]) < 0
     return np.where(away[:, None], -normals, normals)

@@ -1,4 +1,4 @@
-"""Find where in its map a robot stands after it was carried; a doubtful place is refused."""
+"""Find where in its map a robot is after it was carried; doubtful results are rejected."""
 
 from typing import NamedTuple
 
@@ -28,10 +28,10 @@ class RegisteredGuess(NamedTuple):
 
 
 class MapPoints:
-    """The map's points around some guesses, to register clouds with by GICP (Segal et al. 2009)."""
+    """The map's points around some guesses, with which clouds are registered by GICP (Segal et al. 2009)."""
 
     def __init__(self, points: Points, guesses: list[Guess], reach: float, config: LocalisationConfig) -> None:
-        """Take those points within ``reach`` m of a guess along x and y."""
+        """Keep the points within ``reach`` m of any guess along both x and y."""
         self._config = config
         near = np.zeros(len(points), np.bool_)
         for guess in guesses:
@@ -41,17 +41,17 @@ class MapPoints:
             self._cloud, self._tree = self.prepared(points[near], config.registration.voxel)
 
     def prepared(self, points: Places | Points, size: float) -> tuple[small_gicp.PointCloud, small_gicp.KdTree]:
-        """Points, thinned to voxels of ``size`` m, with their covariances, and a KD tree of them."""
+        """Points, thinned to voxels of ``size`` m, with their covariances, and a k-d tree of them."""
         neighbours = self._config.registration.normal_neighbours
         return small_gicp.preprocess_points(points.astype(np.float64), size, num_neighbors=neighbours)
 
     def are_near(self, points: Points) -> Mask:
-        """Whether a point of the map lies near each of some points in ``map``."""
+        """Which of the ``points``, in ``map``, have a point of the map nearby."""
         _, squared = self._tree.batch_nearest_neighbor_search(points.astype(np.float64))
         return np.asarray(np.asarray(squared) < self._config.relocalisation.surface_tolerance**2)
 
     def align(self, cloud: small_gicp.PointCloud, T_map_level: Pose) -> Pose:
-        """Pose of a levelled cloud as registered; it stays level."""
+        """The registered pose of a levelled cloud; it stays level."""
         for reach in (self._config.registration.coarse, self._config.registration.fine):
             T_map_level = without_tilt(self._register(cloud, T_map_level, reach).T_target_source)
         return T_map_level
@@ -67,9 +67,9 @@ class MapPoints:
             T = result.T_target_source
         move = inverse(T_map_level) @ T
         change = np.concatenate([Rotation.from_matrix(move[:3, :3]).as_rotvec(), move[:3, 3]])
-        # Errors of points closer than a correspondence are one error.
+        # The errors of points closer together than a correspondence count as one error.
         information = result.H * (registration.voxel / registration.fine) ** 2
-        # While it looks around on a slope, a robot slides.
+        # A robot on a slope slides while it looks around.
         drift = spread(config.drift, registration.lever)
         drift[:2] = self._config.odometry.gravity_sigma
         covariance = np.linalg.inv(information + np.diag(drift**-2.0))
@@ -83,14 +83,14 @@ class MapPoints:
 
 
 class Relocalisation:
-    """Gathers frames since the robot was set down, and finds where in a map they were taken.
+    """Collects frames since the robot was set down, and finds where in a map they were taken.
 
     Attributes:
         frames: all frames so far.
     """
 
     def __init__(self, model: RobotModel, *, config: LocalisationConfig = LocalisationConfig()) -> None:
-        """For a robot of this size."""
+        """``model``: gives the robot's size."""
         self._model, self._config = model, config
         self.frames: list[Frame] = []
 
@@ -106,13 +106,13 @@ class Relocalisation:
         """Find where the robot is.
 
         Args:
-            metric_map: in which to find the robot.
-            elevation_map: of the same ground.
-            points: of the same surfaces.
+            metric_map: the map in which to find the robot.
+            elevation_map: elevation map of the same area.
+            points: points of the mapped surfaces.
 
         Returns:
-            ``T_map_base`` of the newest frame; None in doubt: no place fits, more than one place fits, or too little
-            is mapped there.
+            ``T_map_base`` of the newest frame; None if in doubt, because no place fits, more than one fits, or too
+            little is mapped there.
         """
         config, registration = self._config.relocalisation, self._config.registration
         if len(self.frames) < config.least_frames or not len(points):
@@ -142,7 +142,7 @@ class Relocalisation:
 
     @property
     def _T_level_odom(self) -> Pose:
-        """The frame ``level`` is the newest ``base_link`` without roll and pitch."""
+        """Transform from ``odom`` to ``level``, which is the newest ``base_link`` without roll and pitch."""
         return inverse(without_tilt(self.frames[-1].T_odom_base))
 
     def _points(self, frame: Frame) -> Places:
@@ -158,7 +158,7 @@ class Relocalisation:
         return disproves(found.explained, found.short + found.through, config)
 
     def _correct(self, T_map_level: Pose, target: MapPoints) -> Pose | None:
-        """``T_map_base`` corrected by the newest frame alone, for wheels slide while the robot looks around."""
+        """``T_map_base`` corrected with the newest frame alone, because wheels slide while the robot looks around."""
         points = self._points(self.frames[-1])
         if len(points) < self._config.relocalisation.searched:
             return None
@@ -168,7 +168,7 @@ class Relocalisation:
 
 
 def stands(T_map_level: Pose, elevation_map: ElevationMap, tolerance: float) -> bool:
-    """Whether a pose is on the ground, within a ``tolerance`` in m, or the ground there is unknown."""
+    """Whether a pose is on the ground, to within ``tolerance`` m, or the ground there is unknown."""
     ground = elevation_map.grid.at(elevation_map.elevation, T_map_level[:2, 3], outside=np.nan)
     return not abs(T_map_level[2, 3] - ground) > tolerance
 
@@ -176,7 +176,7 @@ def stands(T_map_level: Pose, elevation_map: ElevationMap, tolerance: float) -> 
 def judge(
     T_map_level: Pose, patches: Places, gain: NDArray[np.float32], target: MapPoints, field: VoxelField
 ) -> RegisteredGuess:
-    """How well a pose explains P patches, from the levelled robot; ``gain`` (P, 3) is their worth."""
+    """How well a pose explains (P, 3) patches relative to the levelled robot; ``gain``: (P, 3) from :func:`weigh`."""
     moved = transform_points(T_map_level, patches)
     covered, is_unknown = target.are_near(moved), field.at(moved) == VoxelState.UNKNOWN
     value = np.where(covered, VoxelState.SURFACE, np.where(is_unknown, VoxelState.UNKNOWN, VoxelState.FREE))
@@ -185,7 +185,7 @@ def judge(
 
 
 def decide(found: list[RegisteredGuess], config: RelocalisationConfig) -> Pose | None:
-    """Pose of the best place if the map covers it and it is far likelier than any other and than chance."""
+    """Pose of the best guess, if the map covers it and it is far likelier than any other guess and than chance."""
     ranked = sorted(found, key=lambda place: -place.guess.evidence)
     if not ranked or ranked[0].covered < config.least_explained:
         return None
@@ -201,9 +201,9 @@ def without_tilt(T: Pose) -> Pose:
 
 
 def voxel_means(points: Places | Points, size: float) -> Places:
-    """Means of the points in each voxel of a grid of ``size`` m.
+    """The mean of the points in each voxel of ``size`` m.
 
-    In double precision, as small_gicp thins what it registers; a :class:`VoxelCloud` has single precision.
+    It has double precision, like the clouds that small_gicp registers; a :class:`VoxelCloud` has single precision.
     """
     if not len(points):
         return np.zeros((0, 3))

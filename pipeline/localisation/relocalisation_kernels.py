@@ -1,4 +1,4 @@
-"""Rays through voxels of the metric map, and scores of many poses of a cloud at once."""
+"""Kernels that cast rays through the metric map, and score many poses of a cloud at once."""
 
 import numpy as np
 from numba import njit
@@ -6,16 +6,18 @@ from numba import njit
 
 @njit(cache=True)
 def cast(rays, origins, voxels, reach, step, free, surface):
-    """The least depth to which each ray is free, and the greatest at which it meets a surface, over all origins.
+    """The smallest depth up to which each ray is free, and the largest at which it meets a surface, over all origins.
+
+    All depths are in voxels along the optical axis.
 
     Args:
-        rays: (N, 3) float64 voxels along each ray for every voxel along the optical axis, in the grid's axes.
-        origins: (M, 3) float64 in voxels of the box; each ray is cast from each origin.
-        voxels: (nx, ny, nz) int8 log-odds; voxels beyond the box are unknown.
-        reach: voxels along the optical axis.
-        step: voxels along the optical axis between the samples of a ray.
-        free: (N,) float64, filled with voxels along the optical axis.
-        surface: (N,) float64, filled likewise; infinite if the ray from any origin meets no surface.
+        rays: (N, 3) float64 directions of the rays in the grid's axes, scaled to a depth of 1.
+        origins: (M, 3) float64 positions in voxels of the box; each ray is cast from each origin.
+        voxels: (nx, ny, nz) int8 log-odds of a box of the map; voxels outside the box are unknown.
+        reach: maximum depth.
+        step: depth between the samples of a ray.
+        free: (N,) float64, filled with depths.
+        surface: (N,) float64, filled with depths; infinite if the ray meets no surface from at least one origin.
     """
     for n in range(len(rays)):
         free[n], surface[n] = np.inf, 0.0
@@ -27,9 +29,9 @@ def cast(rays, origins, voxels, reach, step, free, surface):
 
 @njit(cache=True)
 def _follow(ray, origin, voxels, reach, step):
-    """Voxels along the optical axis to the end of the free part of a ray, and whether an occupied voxel ends it.
+    """Depth at which the free part of a ray ends, in voxels, and whether an occupied voxel ends it.
 
-    Unknown voxels right before the camera, which sees nothing so near, are skipped.
+    Unknown voxels right in front of the camera, which are too near for it to measure, are skipped.
     """
     depth, last_free = 0.0, 0.0
     while depth < reach:
@@ -50,15 +52,15 @@ def _follow(ray, origin, voxels, reach, step):
 
 @njit(cache=True)
 def score(cloud, gain, places, yaws, field, scores):
-    """The summed gains of a cloud at every place and yaw.
+    """The summed gains of a cloud's points at every position and yaw.
 
     Args:
-        cloud: (P, 3) float32 points of a levelled robot, voxels from it.
-        gain: (P, K) float32, what each point adds where the field holds 0 to K - 1.
-        places: (C, 3) float32 of the robot, in voxels of the field, farther from its ends than the cloud reaches.
-        yaws: (Y,) float64 rad.
-        field: (nx, ny, nz) uint8.
-        scores: (C, Y) float32, filled.
+        cloud: (P, 3) float32 points relative to the levelled robot, in voxels.
+        gain: (P, K) float32 gain of each point for each value of the field, 0 to K - 1.
+        places: (C, 3) float32 robot positions in voxels of the field, farther from its ends than the cloud reaches.
+        yaws: (Y,) float64 yaws of the robot, rad.
+        field: (nx, ny, nz) uint8 values.
+        scores: (C, Y) float32, filled with the sums.
     """
     turned = np.empty((len(cloud), 2), np.float32)
     ny, nz = field.shape[1], field.shape[2]
@@ -79,13 +81,13 @@ def score(cloud, gain, places, yaws, field, scores):
 
 @njit(cache=True)
 def count_values(cloud, places, yaws, field, counts):
-    """How often each point of a cloud meets each value of a field, over poses.
+    """Count in how many poses each point of a cloud lies on each value of a field.
 
     Args:
         cloud, field: as for :func:`score`.
-        places: (N, 3) float32 of the robot, in voxels of the field.
-        yaws: (N,) float64 rad.
-        counts: (P, K) int64 zeros, filled.
+        places: (N, 3) float32 positions of the robot, in voxels of the field.
+        yaws: (N,) float64 yaws of the robot, rad.
+        counts: (P, K) int64 counts, initially 0.
     """
     for n in range(len(places)):
         c, s = np.float32(np.cos(yaws[n])), np.float32(np.sin(yaws[n]))

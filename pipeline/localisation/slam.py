@@ -1,8 +1,8 @@
-"""Simultaneous localisation and mapping: where the robot is, from its frames, its odometry and gravity.
+"""Simultaneous localisation and mapping: estimates the robot's pose from its frames, its odometry and gravity.
 
-The thesis leaves this to RTAB-Map. Each frame is registered with the surfaces that earlier keyframes saw, and each
-keyframe joins a pose graph, with a constraint to each of those. A loop is closed where the robot comes back to
-keyframes whose relative position is too uncertain to register frames with them directly.
+The thesis uses RTAB-Map for this. Each frame is registered with the surfaces that earlier keyframes saw, and each
+keyframe is added to a pose graph, with a constraint to each of these keyframes. A loop is closed when the robot
+returns to keyframes whose relative position is too uncertain to register frames with them directly.
 """
 
 from dataclasses import dataclass, replace
@@ -40,10 +40,10 @@ from pipeline.transforms import from_rotation, inverse, orthonormal, transform_p
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class Match(Localised):
-    """A frame, where it was taken, and what the keyframe made of it is connected by.
+    """A frame, its pose, and the data that connect a keyframe made from it to others.
 
-    ``prediction`` is None if the odometry cannot be trusted. ``step`` is the pose relative to the reference before
-    the frame was registered; None for the first frame.
+    ``prediction`` is None if the odometry cannot be trusted. ``step`` is the prior of the pose, relative to the
+    reference, before the frame was registered; None for the first frame.
     """
 
     prediction: Prediction | None = None
@@ -55,13 +55,13 @@ class Match(Localised):
 
 @dataclass(frozen=True, eq=False)
 class _Reference:
-    """The pose since which the odometry is taken.
+    """The pose from which odometry measures the motion.
 
     Attributes:
-        keyframe: number of the keyframe that it is relative to.
-        T_keyframe_base: relative to that.
-        time: s.
-        T_odom_base: by the odometry.
+        keyframe: index of the keyframe that the pose is relative to.
+        T_keyframe_base: the pose relative to that keyframe.
+        time: time of the pose, s.
+        T_odom_base: the pose according to odometry.
     """
 
     keyframe: int
@@ -76,18 +76,18 @@ class _Reference:
 
 
 class Slam(Localisation):
-    """Localises frames in the map of its keyframes.
+    """Localises frames relative to its keyframes.
 
     Attributes:
-        T_map_odom: by the newest frame.
+        T_map_odom: pose of ``odom`` in ``map``, from the newest frame.
         graph: pose graph of the keyframes.
         local_map: surfaces that the keyframes saw.
         motion: motion model of the odometry.
         loops: loop closures so far.
-        closes_loops: False for comparison only.
-        on_ground: whether ``base_link`` is on the ground, as that of a robot is, and that of a camera in a hand not.
+        closes_loops: whether loops are closed; False only for comparison.
+        on_ground: whether ``base_link`` is on the ground, as for a robot but not for a hand-held camera.
         slips: number of frames in which registration showed that wheels slipped or spun.
-        belief: of the robot's motion and place.
+        belief: belief about the robot's motion and position.
     """
 
     may_err = True
@@ -112,26 +112,26 @@ class Slam(Localisation):
 
     @property
     def poses(self) -> Poses:
-        """``T_map_base`` of every keyframe as now estimated."""
+        """Current estimate of every keyframe's ``T_map_base``."""
         return self.graph.poses
 
     @property
     def deviations(self) -> Values:
-        """(K,) m, standard deviation of each keyframe's position relative to the reference."""
+        """(K,) standard deviation of each keyframe's position relative to the reference, m."""
         return self._deviations
 
     @property
     def T_map_reference(self) -> Pose:
-        """Pose since which the odometry is taken: of the newest keyframe, or of a frame passed since."""
+        """Pose from which odometry measures the motion: the newest keyframe's, or that of a later frame passed by."""
         return self.poses[self._reference.keyframe] @ self._reference.T_keyframe_base
 
     @property
     def covariance(self) -> Covariance:
-        """Of the newest keyframe's pose relative to the first one's, in its tangent, as optimised last."""
+        """Covariance of the newest keyframe's pose relative to the first one's, from the last optimisation."""
         return self.graph.covariance(len(self.graph) - 1)
 
     def localise(self, frame: Frame) -> Match:
-        """A new frame and where it was taken, by registration.
+        """Localise a new frame by registration.
 
         Raises:
             LostError: the odometry is not finite, or the camera has stopped.
@@ -144,7 +144,7 @@ class Slam(Localisation):
         return replace(match, repeats=self._repeats(match))
 
     def _repeats(self, match: Match) -> bool:
-        """Whether a keyframe at its pose saw all that a frame shows."""
+        """Whether a keyframe at the same pose has seen all that a frame shows."""
         if match.registration is None or match.cloud is None or match.prediction is None:
             return False
         unseen = (1 - match.registration.overlap) * match.cloud.size()
@@ -152,7 +152,7 @@ class Slam(Localisation):
         return match.registration.is_sure and is_small and self._repeated(match.T_map_base) is not None
 
     def add(self, localised: Localised) -> None:
-        """Make a keyframe of the newest frame, as :meth:`localise` gave it."""
+        """Make the newest frame, as returned by :meth:`localise`, a keyframe."""
         match, reference = self._arrive(localised), self._reference
         frame, T_map_base = match.frame, match.T_map_base
         number = self.graph.add(T_map_base, frame.T_odom_base[2, :3])
@@ -174,14 +174,14 @@ class Slam(Localisation):
             self._find_loop(number, match)
 
     def pass_by(self, localised: Localised) -> None:
-        """Take the odometry since the newest frame, which repeats a keyframe, and keep nothing else of it."""
+        """Measure the motion from the newest frame, which repeats a keyframe, and keep nothing else of the frame."""
         self._arrive(localised)
         number = self._repeated(localised.T_map_base)
         assert number is not None
         self._refer(number, inverse(self.poses[number]) @ localised.T_map_base, localised.frame)
 
     def _arrive(self, match: Localised) -> Match:
-        """Rely on the newest frame's pose: motions begin there."""
+        """Accept the newest frame's pose as the start of the next motion."""
         assert isinstance(match, Match) and match.frame is self._last
         if match.prediction is not None:
             self.motion.take(match.prediction, match.registration.information if match.registration else None)
@@ -195,13 +195,13 @@ class Slam(Localisation):
         return spread(self._config.slam.found_deviation, self._config.registration.lever)
 
     def _refer(self, keyframe: int, T_keyframe_base: Pose, frame: Frame) -> None:
-        """Take the odometry since a frame, at a pose relative to a keyframe."""
+        """Measure motions from now on from a frame, whose pose is relative to a keyframe."""
         self._reference = _Reference(keyframe, T_keyframe_base, frame.time, frame.T_odom_base)
         self._anchor, self._turned = None, 0.0
         self._judge()
 
     def _repeated(self, T_map_base: Pose) -> int | None:
-        """Number of the nearest keyframe at the same pose; None if there is none, or its place is uncertain."""
+        """Index of the nearest keyframe at the same pose; None if there is none, or its position is uncertain."""
         config = self._config.slam
         way = np.linalg.norm(self.poses[:, :3, 3] - T_map_base[:3, 3], axis=1)
         cosine = (np.einsum("kij,ij->k", self.poses[:, :3, :3], T_map_base[:3, :3]) - 1) / 2
@@ -222,7 +222,7 @@ class Slam(Localisation):
     def set_down(self, T_map_base: Pose) -> None:
         """Continue from the pose at which a carried robot was found, whatever the odometry measured."""
         self._anchor, self._last = T_map_base, None
-        if len(self.graph):  # what is seen from there belongs to the keyframes near it
+        if len(self.graph):  # nearby keyframes have seen what is in view from there
             nearest = int(np.linalg.norm(self.poses[:, :3, 3] - T_map_base[:3, 3], axis=1).argmin())
             T_keyframe_base = inverse(self.poses[nearest]) @ T_map_base
             self._reference = replace(self._reference, keyframe=nearest, T_keyframe_base=T_keyframe_base)
@@ -239,10 +239,10 @@ class Slam(Localisation):
         return SavedKeyframes(self.poses, ups, seen.points, seen.normals, seen.owner, self.graph.odometry)
 
     def restore(self, keyframes: SavedKeyframes) -> None:
-        """Begin with the keyframes of an earlier run, whose poses stay fixed; :meth:`set_down` gives the robot's.
+        """Start with the keyframes of an earlier run, whose poses stay fixed; :meth:`set_down` sets the robot's pose.
 
         Raises:
-            InputError: the keyframes have no points, for nothing was registered.
+            InputError: the keyframes have no points, because they were not registered.
         """
         if not len(keyframes.points):
             raise InputError("the map has no registered keyframes, so a robot cannot be localised in it")
@@ -258,16 +258,16 @@ class Slam(Localisation):
         last = self._last
         if last is not None and np.array_equal(last.depth, frame.depth) and frame.returns.any():
             moved = inverse(last.T_odom_base) @ frame.T_odom_base
-            # Noise changes every image.
+            # Noise makes every new image different.
             if np.linalg.norm(moved[:3, 3]) > self._config.slam.stopped_way:
                 raise LostError(
                     f"the camera has stopped: at {frame.time:.2f} s it repeats its last image while the robot moves"
                 )
 
     def _pass_time(self, frame: Frame) -> None:
-        """Let the belief follow the way since the last frame, and add up the robot's rotation.
+        """Update the belief for the motion since the last frame, and add up the robot's rotation.
 
-        Between keyframes the rotation may exceed half a turn, as when the robot looks around.
+        Between keyframes, the rotation may exceed half a turn, as when the robot looks around.
         """
         if (last := self._last) is not None:
             moved = inverse(last.T_odom_base) @ frame.T_odom_base
@@ -276,7 +276,7 @@ class Slam(Localisation):
 
     @property
     def _local(self) -> Mask:
-        """The keyframes that are sure enough, relative to the reference, to register frames with them."""
+        """The keyframes whose pose relative to the reference is certain enough to register frames with them."""
         return self._deviations < self._config.slam.local_deviation
 
     def _renew(self) -> None:
@@ -284,7 +284,7 @@ class Slam(Localisation):
         self._judge()
 
     def _judge(self) -> None:
-        """See how sure each keyframe is relative to the reference."""
+        """Update the uncertainty of each keyframe's pose relative to the reference."""
         self._deviations = self.graph.deviations(self._reference.keyframe)
         self._headings = self.graph.headings(self._reference.keyframe)
 
@@ -330,12 +330,12 @@ class Slam(Localisation):
         return bool(way > self._config.slam.jump)
 
     def _likelihoods(self, found: dict[MotionState, Registration], target: Target, frame: Frame) -> Values:
-        """(5,) log-likelihoods of a frame that was registered with a target under some states."""
+        """(5,) log-likelihoods of a frame; ``found``: its registrations with a target, under some of the states."""
         config, likely = self._config, np.full(len(MotionState), -np.inf)
         for state, registration in found.items():
             likely[state] = log_likelihood(registration, target, frame, config)
         motion = min(found.values(), key=lambda registration: registration.surprise)
-        # Elsewhere, either the frame happens to fit here as well, or it fits nowhere near.
+        # If the robot is elsewhere, the frame either fits here by chance, or fits nowhere nearby.
         reach = max(config.slam.least_extent, float(np.ptp(self.poses[:, :3, 3], axis=0).max()))
         level = by_gravity(motion.T, frame, config.odometry.gravity_sigma)
         anywhere = level.information + np.diag(np.repeat([np.pi, reach], 3) ** -2.0)
@@ -347,7 +347,7 @@ class Slam(Localisation):
         return self.local_map.around(points @ T[:3, :3].T + T[:3, 3], camera, owners, margin)
 
     def _by_odometry(self, frame: Frame) -> Prediction:
-        """The pose by the odometry since the reference."""
+        """The pose predicted by odometry since the reference."""
         start = self._reference
         T, up = inverse(start.T_odom_base) @ frame.T_odom_base, start.T_odom_base[2, :3]
         return self.motion.predict(self.T_map_reference, MeasuredMotion(T, up, frame.time - start.time, self._turned))
@@ -355,14 +355,15 @@ class Slam(Localisation):
     def _relative_to(self, target: Target, prior: Prior) -> Prior:
         """A prior of the pose relative to the keyframes that own the target, whose own poses are uncertain.
 
-        Were the heading as uncertain as the position allows, a wall beside the robot would turn it in each frame.
+        The heading has its own uncertainty: with that of the position, a wall next to the robot would turn its
+        estimated heading in each frame.
         """
         heading, way = (float(np.median(sigma[target.owner])) for sigma in (self._headings, self._deviations))
         covariance = np.linalg.inv(prior.information) + np.diag(np.repeat([heading, way], 3) ** 2)
         return Prior(prior.T, np.asarray(np.linalg.inv(covariance)))
 
     def _step(self, odometry: Prediction) -> Prior:
-        """The pose by the motion since the reference, as uncertain as it is relative to the reference's keyframe."""
+        """A prior of the pose from the motion since the reference, relative to the reference's keyframe."""
         if not self._reference.is_keyframe:
             return prior_of(odometry)
         return Prior(odometry.T_map_base, np.asarray(np.linalg.inv(odometry.step)))
@@ -370,7 +371,7 @@ class Slam(Localisation):
     def _connect(
         self, number: int, cloud: small_gicp.PointCloud, target: Target, registration: Registration | None
     ) -> Mask:
-        """Connect a keyframe with those that it was registered with; returns which of its points are new."""
+        """Connect a keyframe to those that it was registered with; returns which of its points are new."""
         assert registration is not None
         shares, new = shares_of(target, cloud, registration.T, self._config.registration)
         for share in shares[: self._config.slam.most_shares]:
@@ -379,9 +380,9 @@ class Slam(Localisation):
         return new
 
     def _stand(self, T_map_base: Pose) -> Share | None:
-        """The pose, moved up or down onto the ground that earlier keyframes saw there; None without such ground.
+        """The pose, raised or lowered to the ground that earlier keyframes saw there; None if they saw too little.
 
-        In a narrow place the camera sees walls alone, which do not show how high the robot is.
+        In a narrow place, the camera sees only walls, which do not determine the robot's height.
         """
         config = self._config.slam
         heights, owners = self.local_map.ground_below(T_map_base, self._local)
@@ -392,7 +393,7 @@ class Slam(Localisation):
         return Share(int(np.bincount(owners).argmax()), lifted, information)
 
     def _find_loop(self, number: int, match: Match) -> None:
-        """Register the newest keyframe with those nearby whose relative position is uncertain; one loop at a time."""
+        """Register the newest keyframe with nearby ones whose relative position is uncertain; one loop at a time."""
         config, uncertain = self._config.registration, ~self._local
         if self._loops.is_due or match.cloud is None or not uncertain.any():
             return
@@ -410,12 +411,12 @@ class Slam(Localisation):
             self._loops.propose(number, found, shares[: self._config.slam.most_shares])
 
     def _is_loop(self, found: Registration, prior: Prior, deviation: float, frame: Frame, target: Target) -> bool:
-        """Whether a registration with places off by a ``deviation``, m, is right and reduces it."""
+        """Whether a registration with keyframes uncertain by ``deviation`` m is correct, and makes them less so."""
         loops = self._config.loops
         horizontal = slice(2, 5)  # the heading and the horizontal directions
         ratio = found.covariance[horizontal, horizontal] * prior.information.diagonal()[horizontal]
         informs = np.linalg.eigvals(ratio).real.min() < loops.variance_ratio
-        # Near enough to register from the odometry, a loop may leave a direction to it, as along a corridor.
+        # If odometry is accurate enough to start from, a loop may leave a direction to it, as along a corridor.
         is_near = deviation < self._config.registration.coarse
         is_safe = is_near or is_pinned(found.information, loops.pinned_deviation)
         is_likely = found.is_sure and bool(informs) and is_safe
@@ -442,10 +443,10 @@ def prior_of(prediction: Prediction) -> Prior:
 
 
 def log_likelihood(registration: Registration, target: Target, frame: Frame, config: LocalisationConfig) -> float:
-    """Logarithm of the likelihood of a frame under the priors, up to a constant of the frame.
+    """Log-likelihood of a frame under the priors, up to a constant that depends only on the frame.
 
-    What it shows was seen before, and what was seen before it shows. New ground makes the first share smaller, what
-    hides old ground the second, so that the better one counts.
+    The evidence is the share of the frame's points that were seen before, or that of the visible old points that the
+    frame shows, whichever is better: new ground lowers the first share, and what hides old ground the second.
     """
     chance, fine = config.registration.chance_overlap, config.registration.fine
     pixels, z, depth = in_view(frame, registration.T, target.points)
@@ -464,9 +465,9 @@ def otherwise(
     frame: Frame,
     config: LocalisationConfig,
 ) -> dict[MotionState, tuple[Prior, Registration]]:
-    """Register a frame as if the robot had stayed at ``T_map_base``, or had slipped: by no more than the way.
+    """Register a frame as if the robot had stayed at ``T_map_base``, or had slipped: no farther than measured.
 
-    A slip is registered from the position before, and from the odometry's.
+    For a slip, the registration is started from both the previous position and that of the odometry.
     """
     stayed = odometry.T.copy()
     stayed[:3, 3] = T_map_base[:3, 3]
@@ -491,7 +492,7 @@ def otherwise(
 
 
 def by_gravity(T: Pose, frame: Frame, sigma: float) -> Prior:
-    """A prior of roll and pitch alone, ``sigma`` rad: the pose, rotated until its vertical is the odometry's."""
+    """A prior of roll and pitch alone, with ``sigma`` rad: the pose, rotated to the vertical of the odometry."""
     up = frame.T_odom_base[2, :3]
     level = T @ exponential(np.append(np.cross(up, T[2, :3]), np.zeros(3)))
     tilt = (np.eye(3) - np.outer(up, up)) / sigma**2
@@ -499,6 +500,6 @@ def by_gravity(T: Pose, frame: Frame, sigma: float) -> Prior:
 
 
 def is_pinned(information: Information, deviation: float) -> bool:
-    """Whether surfaces alone, which give this information, determine the position to within ``deviation`` m."""
+    """Whether this information, from surfaces alone, determines the position to within ``deviation`` m."""
     covariance = np.linalg.inv(information + np.eye(len(information)))[3:, 3:]
     return bool(np.linalg.eigvalsh(covariance)[-1] < deviation**2)

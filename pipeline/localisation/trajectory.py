@@ -1,4 +1,4 @@
-"""Timed poses: measured by odometry, estimated, or true."""
+"""Poses with times: measured by odometry, estimated, or true."""
 
 from bisect import bisect_right
 from collections.abc import Sequence
@@ -16,28 +16,28 @@ from pipeline.localisation.localisation import Localisation
 from pipeline.transforms import POSE, are_poses, from_rotation, inverse
 
 LEAST_SINCE_1970 = 1e8
-"""s, in 1973: later times are since 1970, and in whole ms, µs or ns are far beyond all that are in s."""
+"""The smallest plausible time since 1970, s (in 1973); in ms, µs or ns, it exceeds every plausible time in s."""
 
 
 class Trajectory:
     """Poses at times.
 
     Attributes:
-        times: s, rising.
-        poses: at these times.
-        of_camera: whether they are the camera's; else they are those of ``base_link``.
+        times: times in ascending order, s.
+        poses: poses at these times.
+        of_camera: whether the poses are the camera's instead of ``base_link``'s.
         left_out: number of lines of the file that hold no pose.
     """
 
     left_out = 0
 
     def __init__(self, times: Values, poses: Poses, of_camera: bool = False) -> None:
-        """Sort the poses by their ``times``, s; of several poses at one time the first counts."""
+        """Sort the poses by their ``times``, s; of several poses with the same time, the first is kept."""
         self.times, first = np.unique(times, return_index=True)
         self.poses, self.of_camera = poses[first], of_camera
 
     def at(self, time: float, config: TrajectoryConfig) -> Pose | None:
-        """Pose at a time in s, interpolated over at most ``longest_gap``; None if there is none so near."""
+        """Pose at a time, s: interpolated over at most ``longest_gap``, or the nearest if still valid, else None."""
         after = int(np.searchsorted(self.times, time))
         if after < len(self.times) and self.times[after] == time:
             return self.poses[after]
@@ -51,18 +51,18 @@ class Trajectory:
         return self.poses[k] if abs(self.times[k] - time) <= config.still_valid else None
 
     def of_base(self, T_base_camera: Pose) -> "Trajectory":
-        """The trajectory of ``base_link``, on which the camera has a pose."""
+        """The trajectory of ``base_link``, given the pose of the camera on it."""
         if not self.of_camera:
             return self
         return Trajectory(self.times, self.poses @ inverse(T_base_camera))
 
     def moved(self, T: Pose) -> "Trajectory":
-        """The same trajectory in another frame, in which the present one has the pose ``T``."""
+        """The same trajectory in another frame; ``T``: pose of the current frame in it."""
         return Trajectory(self.times, T @ self.poses, self.of_camera)
 
 
 class OdometryPose(Protocol):
-    """A pose by odometry at a time, such as a frame's or a motion's."""
+    """An odometry pose with its time, such as that of a frame or a motion."""
 
     @property
     def time(self) -> float:
@@ -77,10 +77,10 @@ Sample = TypeVar("Sample", bound=OdometryPose)
 
 
 class EstimatedTrajectory(Generic[Sample]):
-    """The robot's poses in ``map``, also those between the keyframes."""
+    """The robot's poses in ``map``, including those between keyframes."""
 
     def __init__(self, localisation: Localisation, odometry: Sequence[Sample]):
-        """``odometry`` grows while the robot drives. Keyframes that ``localisation`` has are an earlier run's."""
+        """``odometry`` grows while the robot drives. Keyframes already in ``localisation`` are an earlier run's."""
         self._localisation, self._odometry = localisation, odometry
         self._keyframes: list[Sample] = []
         self._loaded = localisation.poses.copy()
@@ -90,7 +90,7 @@ class EstimatedTrajectory(Generic[Sample]):
         self._keyframes.append(keyframe or self._odometry[-1])
 
     def estimated(self) -> list[Pose]:
-        """``T_map_base`` at every pose of the odometry: by odometry from the keyframe before it."""
+        """``T_map_base`` for every pose of the odometry, by odometry from the last keyframe before it."""
         if not self._keyframes:
             return [pose.T_odom_base for pose in self._odometry]
         pairs = zip(self._localisation.poses[len(self._loaded) :], self._keyframes, strict=True)
@@ -104,7 +104,7 @@ class EstimatedTrajectory(Generic[Sample]):
 
 
 def write_tum(path: Path, times: Sequence[float], poses: Sequence[Pose]) -> None:
-    """Write poses at times in s in the TUM format: time, position, quaternion (x y z w).
+    """Write poses and their times, s, in the TUM format: time, position, quaternion (x y z w).
 
     Raises:
         InputError: the file cannot be written.
@@ -118,12 +118,12 @@ def write_tum(path: Path, times: Sequence[float], poses: Sequence[Pose]) -> None
 
 
 def read_trajectory(path: Path, of_camera: bool) -> Trajectory:
-    """Poses from a file in the TUM format: time as of :func:`in_seconds`, position in m, quaternion (x y z w).
+    """Read a file in the TUM format: time (see :func:`in_seconds`), position in m, quaternion (x y z w).
 
-    Lines that are not finite, or whose quaternion is 0, are left out: trackers write them when they are lost.
+    Lines with non-finite numbers or a zero quaternion are left out: trackers write them while they are lost.
 
     Raises:
-        InputError: the file is missing, a line is not of this format, or none holds a pose.
+        InputError: the file cannot be read, a line does not have this format, or no line holds a pose.
     """
     rows = read_numbers(path, "time x y z qx qy qz qw", finite=False)
     good = rows[np.isfinite(rows).all(axis=1) & rows[:, 4:].any(axis=1)]
@@ -139,9 +139,9 @@ def read_trajectory(path: Path, of_camera: bool) -> Trajectory:
 
 
 def in_seconds(times: Values) -> Values:
-    """Times in s, given in s, or in ms, µs or ns since 1970: in a smaller unit they are too large for the next.
+    """Convert times in s, or in ms, µs or ns since 1970, to s; the unit is inferred from their median.
 
     Args:
-        times: of one file, (N,) or (N, 1), at least one.
+        times: all times of a file, (N,) or (N, 1), at least one.
     """
     return times / next((unit for unit in (1e9, 1e6, 1e3) if np.median(times) > LEAST_SINCE_1970 * unit), 1.0)

@@ -1,4 +1,4 @@
-"""Estimate the vertical from the surfaces that a camera sees, for recordings that do not contain it otherwise."""
+"""Estimate the vertical from the surfaces that a camera sees, for recordings that do not provide it."""
 
 import numpy as np
 
@@ -13,9 +13,9 @@ from pipeline.transforms import from_rotation, inverse, level
 
 
 def vertical(frame: Frame, config: LocalisationConfig = LocalisationConfig()) -> Direction | None:
-    """The vertical in ``base_link``, from surfaces about level or upright in the image; None if they leave it open.
+    """The vertical in ``base_link``, from surfaces roughly level or upright in the image; None if undetermined.
 
-    Floors and tables are horizontal, walls and cupboards vertical; a wall alone leaves it open. Method: S. Gupta,
+    Floors and tables are horizontal, walls and cupboards vertical; a wall alone does not suffice. Method: S. Gupta,
     P. Arbeláez and J. Malik, "Perceptual Organization and Recognition of Indoor Scenes from RGB-D Images", CVPR 2013.
     """
     cloud, c = cloud_of_frame(frame, config.registration), config.vertical
@@ -34,12 +34,12 @@ def vertical(frame: Frame, config: LocalisationConfig = LocalisationConfig()) ->
 
 
 def T_floor_camera(frame: Frame, config: VerticalConfig = VerticalConfig()) -> Pose:
-    """Pose of ``camera_optical`` over the floor that it sees, as :func:`T_level_camera`.
+    """Pose of ``camera_optical`` above the floor that it sees, in the frame of :func:`T_level_camera`.
 
-    The floor is the plane with the most returns of those that face upward in the image and have nothing below.
+    The floor is the plane with the most returns among those that face upward in the image and have nothing below.
 
     Raises:
-        InputError: there is no such plane, or too few returns.
+        InputError: there is no such plane, or there are too few returns.
     """
     depth, rays = (image[:: config.stride, :: config.stride] for image in (frame.depth, frame.intrinsics.rays))
     shown = depth > 0
@@ -64,16 +64,16 @@ def T_floor_camera(frame: Frame, config: VerticalConfig = VerticalConfig()) -> P
 
 
 def T_lowest_camera(frame: Frame, up: Direction, config: VerticalConfig = VerticalConfig()) -> Pose:
-    """Pose of the camera over the lowest that it sees, with the vertical in ``camera_optical``."""
+    """Pose of the camera above the lowest surface that it sees; ``up``: the vertical in ``camera_optical``."""
     heights = (frame.intrinsics.rays[frame.returns] @ up) * frame.depth[frame.returns]
     return T_level_camera(up, float(np.quantile(heights, config.most_below)))
 
 
 def T_level_camera(up: Direction, floor: float) -> Pose:
-    """Pose of ``camera_optical`` over a floor: level, x forward where it looks, the origin below the camera.
+    """Pose of ``camera_optical`` in a level frame on the floor: x points where it looks, the origin is below it.
 
     Args:
         up: the vertical in ``camera_optical``.
-        floor: m along it from the camera, below 0.
+        floor: coordinate of the floor along ``up`` from the camera, m; negative.
     """
     return inverse(from_rotation(level(up, forward=(0.0, 0.0, 1.0)).T, floor * up))

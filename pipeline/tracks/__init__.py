@@ -1,1 +1,1 @@
-"""What is followed over frames until it is confirmed: people, and all else that a rescue robot looks for."""
+"""Tracking people, and everything else that a rescue robot looks for, over frames until they are confirmed."""

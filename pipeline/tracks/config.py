@@ -1,4 +1,4 @@
-"""The numbers by which people and finds are followed over frames."""
+"""Parameters of tracking people and finds over frames."""
 
 from dataclasses import dataclass
 from math import log, radians
@@ -6,16 +6,16 @@ from math import log, radians
 
 @dataclass(frozen=True, kw_only=True)
 class Confirmation:
-    """When a track is reported: of its detections each has a confidence from 0 to 1, and each miss one of 0.
+    """When a track is reported; each detection has a confidence from 0 to 1, and each miss counts as 0.
 
     Attributes:
-        confidence: the mean over detections and misses must be greater; at 0.5 it is likelier than not.
-        evidence: least sum of the confidences.
-        whole: m across; of most objects of the kind at least this much is seen, and less may be a part of anything.
-        evidence_of_part: least sum of the confidences if less than ``whole`` is seen.
-        misses: there must be fewer for each detection; None for any number.
-        baseline: m, least distance between the farthest two places from which it was seen: from one place, the edge
-            of an object may look like another object.
+        confidence: the mean over detections and misses must exceed this; 0.5 means more likely real than not.
+        evidence: minimum sum of the confidences.
+        whole: size that is seen of most objects of the kind, m; something smaller may be a part of anything.
+        evidence_of_part: minimum sum of the confidences if less than ``whole`` is seen.
+        misses: maximum number of misses per detection, exclusive; None for no limit.
+        baseline: minimum distance between the two camera positions farthest apart, m: from a single position, the
+            edge of an object may look like another object.
     """
 
     confidence: float = 0.0
@@ -28,14 +28,14 @@ class Confirmation:
 
 @dataclass(frozen=True, kw_only=True)
 class TrackConfig:
-    """How one kind of object is followed.
+    """How one kind of object is tracked.
 
     Attributes:
         confirmation: when a track is reported.
-        misses: a track that was missed more often for each detection is given up.
-        accepted: probability that two places of one object are near enough to be taken for one.
-        across: m of the object that are to be in the image when it is looked at again.
-        photo_margin: margin of a photo around the box of the object, as a share of the longer side.
+        misses: a track with more misses per detection than this is given up.
+        accepted: probability that two measured positions of one object are close enough to be taken for one.
+        across: width of the object that must be in the image when it is looked at again, m.
+        photo_margin: margin of a photo around the object's box, as a share of the box's longer side.
     """
 
     confirmation: Confirmation
@@ -47,15 +47,16 @@ class TrackConfig:
 
 @dataclass(frozen=True, kw_only=True)
 class PeopleConfig(TrackConfig):
-    """How people are followed.
+    """How people are tracked.
 
     Attributes:
-        evidence_to_look: least sum of the confidences for which a person who is not confirmed is worth a drive.
-        touch: distance up to which two things touch, m: three times the error of a keyframe's pose.
-        open_share: a person is in view if for this share of the points no return is nearer by more than ``touch``.
-        voxel: m, edge of the voxels of a person.
-        agreed: least share of the frames with a person that show a voxel of it.
-        skin_to_middle: m, standard deviation due to the distance from the visible skin to the middle of the body.
+        evidence_to_look: minimum sum of the confidences for which an unconfirmed person is worth a drive.
+        touch: maximum distance between two sets of points that touch, m: three times the error of a keyframe's pose.
+        open_share: a person is in view if, at more than this share of the person's points, there is a return that is
+            not nearer by ``touch`` or more.
+        voxel: edge length of a person's voxels, m.
+        agreed: minimum share of the keyframes showing a person that must show a voxel for it to count.
+        skin_to_middle: standard deviation due to the distance from the visible skin to the middle of the body, m.
     """
 
     confirmation: Confirmation = Confirmation(
@@ -73,18 +74,19 @@ class PeopleConfig(TrackConfig):
 
 @dataclass(frozen=True, kw_only=True)
 class ObjectConfig(TrackConfig):
-    """How a kind of signs, codes, objects or heat is followed.
+    """How one kind of sign, code, object or heat is tracked.
 
     Attributes:
-        across: m, the largest signs.
-        readable: pixels along a side from which signs and codes are surely read: two for a module of a small QR code.
-        nearer: least distance of another look, as a share of the nearest so far.
-        same_side: rad around earlier lines of sight; from farther aside a sign is narrower, or not to be seen at all.
-        sigmas: standard deviations of the position within which a return is of the object, not in front of it.
-        gap: m of depth between an object and others in front of or behind it.
-        pose_sigma: m, standard deviation of a keyframe's position: of trajectories in the benchmark's arenas.
-        kept_voxel: m, edge of the voxels in each of which one of an observation's points is kept.
-        of_person: distance from a person up to which a find belongs to that person, m.
+        across: width of the largest signs, m.
+        readable: side length from which signs and codes are surely read, pixels: two per module of a small QR code.
+        nearer: minimum distance of another look, as a share of the nearest so far.
+        same_side: maximum angle to an earlier line of sight, rad; from farther to the side, a sign looks narrower, or
+            cannot be seen at all.
+        sigmas: a return is of the object, not in front of it, within this many standard deviations of its position.
+        gap: difference in depth between an object and others in front of or behind it, m.
+        pose_sigma: standard deviation of a keyframe's position, m, from trajectories in the benchmark's arenas.
+        kept_voxel: edge length of voxels, m, in each of which one point of an observation is kept.
+        of_person: maximum distance from a person at which a find belongs to that person, m.
     """
 
     confirmation: Confirmation = Confirmation(confidence=0.5)
@@ -104,26 +106,25 @@ SHAPE = ObjectConfig(confirmation=Confirmation(confidence=0.5, baseline=0.3), of
 
 
 Extents = tuple[float, float, float]
-"""m, the longest first."""
+"""Three extents, the longest first, m."""
 WEIGHED = ("victim", "hazmat_sign", "fire_extinguisher", "door_lever")
-"""Kinds that are weighed against background; what codes say needs no such check."""
+"""Kinds that are weighed against background; codes that were decoded need no such check."""
 
 
 @dataclass(frozen=True)
 class LikelihoodConfig:
-    """What objects measure, and what background does.
+    """The sizes of objects and of background.
 
     Attributes:
-        victim: medians of an object's extents; of people who stand or lie: stature, shoulder breadth, chest depth;
-            who sit: sitting height, half of it and a thigh before them, shoulder breadth (NASA-STD-3000, section
-            3.3); of dolls, as the RoboCup Rescue arena designer has them.
-        hazmat_sign: the same of labels as the leagues print them, 0.1 to 0.3 m.
-        fire_extinguisher: the same as the arena designer has them.
-        door_lever: the same of levers with their plates.
-        thinnest: m, noise of a depth camera at its usual range; nothing seems thinner.
+        victim: median extents, m: of standing or lying people, stature, shoulder breadth and chest depth; of sitting
+            people, sitting height, depth including the thighs, and shoulder breadth (NASA-STD-3000, section 3.3); of
+            dolls, as in the RoboCup Rescue arena designer.
+        hazmat_sign: the same for labels as the leagues print them, 0.1 to 0.3 m.
+        fire_extinguisher: the same as in the arena designer.
+        door_lever: the same for levers with their plates.
+        thinnest: noise of a depth camera at its usual range, m; nothing seems thinner.
         spread: standard deviation of an extent's logarithm: 95 % lie within a factor of 1.5.
-        highest: m over the ground up to which people lie and stand, and signs hang; background is up to twice as high
-            and long.
+        highest: maximum height above the ground of people and signs, m; background is up to twice as high and long.
     """
 
     victim: tuple[Extents, ...] = ((1.7, 0.5, 0.25), (0.9, 0.7, 0.5), (0.45, 0.2, 0.14))
@@ -135,7 +136,7 @@ class LikelihoodConfig:
     highest: float = 2.0
 
     def extents(self, kind: str) -> tuple[Extents, ...]:
-        """The extents, m, that objects of a kind may have; none of a kind that is not weighed."""
+        """The extents that objects of a kind may have, m; empty if the kind is not weighed."""
         return getattr(self, kind) if kind in WEIGHED else ()
 
 
@@ -144,13 +145,14 @@ class ReobservationConfig:
     """What another look is worth, and from where.
 
     Attributes:
-        reward: m² of unseen ground to which a viewpoint towards an object is equivalent.
-        new_side: rad, least angle between a viewpoint and earlier ones, seen from the object, for the full reward. No
-            viewpoint so near one that showed nothing has any: a person in a box is seen only from its open side.
-        spacing: m; viewpoints that are nearer to each other show the same.
-        most_tries: to see an object again.
-        margin: m before the object at which the line of sight to it may end.
-        beside_camera: m of a line of sight that count as free because the robot itself will stand there.
+        reward: area of unseen ground to which a viewpoint towards an object is equivalent, m².
+        new_side: minimum angle between a viewpoint and earlier ones, as seen from the object, for the full reward,
+            rad. Within this angle of one that showed nothing, there is no reward: a person in a box is seen only from
+            its open side.
+        spacing: viewpoints closer together than this show the same, m.
+        most_tries: maximum number of tries to see an object again.
+        margin: distance before the object at which the line of sight to it may end, m.
+        beside_camera: length at the start of a line of sight that counts as free, m, since the robot will be there.
     """
 
     reward: float = 1.0
@@ -163,11 +165,11 @@ class ReobservationConfig:
 
 @dataclass(frozen=True)
 class TracksConfig:
-    """How each kind is followed, and when it is looked at again.
+    """How each kind is tracked, and when it is looked at again.
 
     Attributes:
-        likelihood: weighs what was seen against background.
-        other: kinds of a reader of one's own.
+        likelihood: used to weigh what was seen against background.
+        other: settings for the kinds of a user's own readers.
     """
 
     victim: PeopleConfig = PeopleConfig()

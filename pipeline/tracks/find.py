@@ -1,4 +1,4 @@
-"""What is found: by a reader in one image, and on the map."""
+"""Objects that are found: by a reader in one image, and on the map."""
 
 import re
 from dataclasses import dataclass
@@ -9,13 +9,13 @@ from pipeline.arrays import Covariance, Pixels, Place, Rgb
 
 VICTIM, HEAT = "victim", "heat"
 KINDS = (VICTIM, "hazmat_sign", "qr_code", "april_tag", "fire_extinguisher", "door_lever", HEAT)
-"""What a rescue robot looks for, as report.json has it; heat is what victims that are alive give off."""
+"""What a rescue robot looks for, as named in report.json; heat is given off by living victims."""
 FIND_KINDS = KINDS[1:]
-"""All but victims, who have figures of their own."""
+"""All kinds except victims, which are reported separately."""
 SHAPED = ("fire_extinguisher", "door_lever")
-"""Kinds that are recognised by their shapes."""
+"""Kinds that are recognised by their shape."""
 OWN_KIND = re.compile(r"[a-z][a-z0-9_]{0,39}")
-"""How the kinds of a reader of one's own are written, as those above."""
+"""Valid names for the kinds of a user's own readers, in the style of those above."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,9 +23,9 @@ class Reading:
     """An object in an image.
 
     Attributes:
-        kind: one of ``KINDS``, or of a reader of one's own.
-        text: the class of a sign or what a code says; empty if it cannot be read, or says nothing.
-        corners: of its outline; none of a person of an earlier run.
+        kind: one of ``KINDS``, or a kind of a user's own reader.
+        text: the class of a sign or the content of a code; empty if it cannot be read, or there is none.
+        corners: corners of the outline; empty for a person from an earlier run.
         confidence: 0 to 1.
     """
 
@@ -36,13 +36,13 @@ class Reading:
 
     @property
     def box(self) -> tuple[float, float, float, float]:
-        """x0, y0, x1, y1 around the outline, pixels."""
+        """Bounding box x0, y0, x1, y1 of the outline, pixels."""
         (x0, y0), (x1, y1) = self.corners.min(axis=0).tolist(), self.corners.max(axis=0).tolist()
         return x0, y0, x1, y1
 
     @property
     def side(self) -> float:
-        """Pixels, the square root of the box's area."""
+        """Square root of the box's area, pixels."""
         x0, y0, x1, y1 = self.box
         return float(np.sqrt((x1 - x0) * (y1 - y0)))
 
@@ -52,14 +52,14 @@ class Find:
     """An object on the map, as it is reported.
 
     Attributes:
-        kind: one of ``KINDS``.
-        text: a class, or what a code says.
-        position: in ``map``.
-        covariance: of the position.
-        time_s: s, when it was first seen.
+        kind: one of ``KINDS``, or a kind of a user's own reader.
+        text: the class of a sign or the content of a code.
+        position: position in ``map``.
+        covariance: covariance of the position.
+        time_s: time at which it was first seen, s; NaN if in an earlier run.
         confidence: 0 to 1.
-        photo: that shows it best.
-        of_person: whether a person who is on the map gives it off, as heat; it lies where the person does.
+        photo: the photo that shows it best.
+        of_person: whether it is given off by a person on the map, like heat; its position is then the person's.
     """
 
     kind: str
@@ -79,5 +79,5 @@ def box_corners(box: tuple[float, float, float, float]) -> Pixels:
 
 
 def is_find_kind(kind: str) -> bool:
-    """Whether it can be the kind of a find, also of a reader of one's own; people are no finds."""
+    """Whether a name can be the kind of a find, including a user's own reader's; people are not finds."""
     return kind != VICTIM and OWN_KIND.fullmatch(kind) is not None

@@ -1,7 +1,8 @@
-"""How much better the depth returns of a detection agree with what it claims to be than with background.
+"""How much better the depth returns of a detection agree with its kind than with background.
 
-One Bayes factor of extents, height, and the share of the box that they fill, for every kind of find. An object shows
-any part of each of its extents, which are log-normal; those of background have no scale: their logarithm is uniform.
+For every kind of find, one Bayes factor combines the extents of the returns, their height, and the share of the box
+that they fill. An object shows any part of each of its extents, which are log-normal; the extents of background are
+scale-free, with uniform logarithms.
 """
 
 from collections.abc import Iterator
@@ -19,11 +20,11 @@ from pipeline.tracks.config import Extents, LikelihoodConfig
 
 @dataclass(frozen=True, eq=False)
 class Weighed:
-    """How well the returns of a detection agree with what it claims to be.
+    """How well the returns of a detection agree with its kind.
 
     Attributes:
         log_ratio: natural logarithm of the Bayes factor against background; −∞ without returns.
-        belongs: which returns are the object's own.
+        belongs: which returns belong to the object.
     """
 
     log_ratio: float
@@ -38,15 +39,15 @@ def weigh(
     background: Mask | None = None,
     camera: Place | None = None,
 ) -> Weighed:
-    """Weigh the returns in a detection's box, or all points of a find, against what it claims to be.
+    """Weigh whether the returns in a detection's box, or all points of a find, are of a kind or background.
 
     Args:
         kind: one of ``WEIGHED``.
-        points: of the detection or the find.
+        points: points of the detection or the find.
         ground: height of the ground, m in ``map``.
-        config: what objects measure.
-        background: which are returns of something else, such as a wall.
-        camera: its position, if all are returns in a box of its image.
+        config: sizes of objects and of background.
+        background: which points are returns of something else, such as a wall.
+        camera: position of the camera, if all points are returns in a box of its image.
     """
     free = np.ones(len(points), np.bool_) if background is None else ~background
     best = Weighed(-inf, np.zeros(len(points), np.bool_))
@@ -55,8 +56,9 @@ def weigh(
         for part in _parts(points, free, extents[1] / 2):
             ratio = _of_shape(points[part], extents, ground, config) - log(len(config.extents(kind)))
             if in_box is not None:
-                # Both shares are uniform for background. That of the returns is triangular for an object; that of the
-                # area, which a box fits on four sides, is as the greatest of four uniform ones.
+                # For background, the shares of the box's returns and of its area are uniform. For an object, that of
+                # the returns is triangular; that of the area is the maximum of four uniform ones, since a box fits on
+                # four sides.
                 spanned = max(np.ptp(in_box[part], axis=0).prod(), 1 / len(points))
                 ratio += log(2 * part.mean()) + log(4) + 3 * log(spanned)
             if ratio > best.log_ratio:
@@ -65,7 +67,7 @@ def weigh(
 
 
 def _of_shape(points: Points, extents: Extents, ground: float, config: LikelihoodConfig) -> float:
-    """Log ratio by the extents and the height of a part of the points, for an object of these extents."""
+    """Log Bayes factor from the extents and the height of a part's points, for an object with these extents."""
     seen, spread = np.maximum(extents_of(points), config.thinnest), config.spread
     # E[1/F; F > e] for a log-normal full extent F and a visible one e, over 1 / (e · log range) of the background.
     sizes = np.log(seen / extents) + spread**2 / 2 + log(log(2 * config.highest / config.thinnest))
@@ -75,7 +77,7 @@ def _of_shape(points: Points, extents: Extents, ground: float, config: Likelihoo
 
 
 def _in_box(points: Points, camera: Place) -> NDArray[np.float64]:
-    """(N, 2) where points lie in their box as seen by a camera, as shares of its width and height."""
+    """(N, 2) positions of points in their bounding box as seen by a camera, as shares of its width and height."""
     rays = points - camera
     rays = rays / np.linalg.norm(rays, axis=1, keepdims=True)
     middle = rays.mean(axis=0)
@@ -85,14 +87,14 @@ def _in_box(points: Points, camera: Place) -> NDArray[np.float64]:
 
 
 def extents_of(points: Points) -> Values:
-    """Three extents, m, the longest first, of points along their principal axes, without 5 % at each end."""
+    """Three extents of points along their principal axes, the longest first, m, without 5 % at each end."""
     middle = points - points.mean(axis=0)
     _, axes = np.linalg.eigh(middle.T.astype(np.float64) @ middle)
     return -np.sort(-np.subtract(*np.percentile(middle @ axes, [95, 5], axis=0)))
 
 
 def _parts(points: Points, free: Mask, gap: float) -> Iterator[Mask]:
-    """Which points are of each part of the ``free`` ones; parts are apart by about ``gap``, m."""
+    """Masks of the parts into which the ``free`` points fall; parts are separated by about ``gap`` m."""
     if not free.any():
         return
     part_of = np.zeros(len(points), np.int64)

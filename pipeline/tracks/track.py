@@ -1,4 +1,4 @@
-"""What the robot follows over frames: an object as keyframes have shown it, and the rules of its kind."""
+"""Tracks of objects over frames: what keyframes have shown of an object, and the rules for its kind."""
 
 from abc import ABC, abstractmethod
 from collections import defaultdict
@@ -20,18 +20,18 @@ from pipeline.tracks.likelihood import extents_of
 
 @dataclass(frozen=True, eq=False)
 class Observation:
-    """An object as one keyframe shows it, in ``base_link`` of the keyframe or, placed, in ``map``.
+    """An object as one keyframe shows it, in the keyframe's ``base_link`` or, once placed, in ``map``.
 
     Attributes:
         reading: what the image shows.
-        keyframe: its number.
-        position: middle of the object; without depth, where the camera's range ends in its direction.
+        keyframe: index of the keyframe.
+        position: middle of the object; without depth, the end of the camera's range in its direction.
         information: inverse of the position's covariance.
         camera: position of the camera.
         points: the object's own returns, thinned.
-        photo: that shows it; empty where another of its observations shows more.
-        time: of the frame, s; NaN in an earlier run.
-        has_depth: whether its distance was measured.
+        photo: photo of the object; empty if another of its observations shows more.
+        time: time of the frame, s; NaN if it is from an earlier run.
+        has_depth: whether the object's distance was measured.
     """
 
     reading: Reading
@@ -45,7 +45,7 @@ class Observation:
     has_depth: bool = True
 
     def moved(self, T: Pose) -> "Observation":
-        """The same observation moved by the transform ``T``."""
+        """The same observation, transformed by ``T``."""
         R, t = T[:3, :3], T[:3, 3]
         information = R @ self.information @ R.T
         position, camera, points = R @ self.position + t, R @ self.camera + t, moved(T, self.points)
@@ -54,12 +54,12 @@ class Observation:
 
 @dataclass(frozen=True, eq=False)
 class Location:
-    """Where an object is by all of its observations, in ``map``.
+    """Where an object is according to all of its observations, in ``map``.
 
     Attributes:
-        position: of its middle.
-        covariance: of the position.
-        points: what is there of the object.
+        position: middle of the object.
+        covariance: covariance of the position.
+        points: points of the object.
     """
 
     position: Place
@@ -69,13 +69,13 @@ class Location:
 
 @dataclass(frozen=True, kw_only=True)
 class TrackPolicy(TrackConfig, ABC):
-    """How one kind of object is followed: its numbers, and what differs from kind to kind.
+    """How one kind of object is tracked: its parameters, and what differs from kind to kind.
 
     Attributes:
-        kind: one of :data:`pipeline.tracks.find.KINDS`.
-        is_flat: whether it shows the same from wherever it is seen, so that only a nearer view shows more.
-        has_checksum: whether it is read rightly or not at all: what was read is sure, the rest is not reported.
-        likelihood: weighs what was seen against background.
+        kind: one of :data:`pipeline.tracks.find.KINDS`, or a kind of a user's own reader.
+        is_flat: whether it shows the same from all directions, so that only a nearer view shows more.
+        has_checksum: whether it is decoded correctly or not at all; what was not decoded is not reported.
+        likelihood: used to weigh what was seen against background.
     """
 
     kind: str
@@ -85,32 +85,32 @@ class TrackPolicy(TrackConfig, ABC):
 
     @property
     def gate(self) -> float:
-        """Greatest squared Mahalanobis distance between two places that are taken for one object's."""
+        """Maximum squared Mahalanobis distance between two positions that are taken for one object's."""
         return chi2_gate(3, self.accepted)
 
     @abstractmethod
     def locate(self, placed: Sequence[Observation]) -> Location:
-        """Where an object is by its observations in ``map``, at least one."""
+        """Where an object is according to its observations in ``map``, at least one."""
 
     def joined(self, one: "Track", other: "Track") -> Location:
-        """Where an object is by the observations of both tracks."""
+        """Where an object is according to the observations of both tracks."""
         return self.locate([*one.placed, *other.placed])
 
     @abstractmethod
     def shows(self, observation: Observation) -> float:
-        """How much a photo of the object shows of it."""
+        """How much of the object the observation's photo shows, in any unit."""
 
     @abstractmethod
     def distance(self, track: "Track", new: "Track") -> float:
-        """Squared Mahalanobis distance of a new observation; infinite if it is of another object."""
+        """Squared Mahalanobis distance of a new observation from a track; infinite if it is of another object."""
 
     @abstractmethod
     def separation(self, one: "Track", other: "Track") -> float:
-        """How far apart two tracks are that may have turned out to be of one object; infinite if they are of two."""
+        """Distance between two tracks, to merge those of one object; infinite if they are of different objects."""
 
     @abstractmethod
     def should_show(self, track: "Track", frame: Frame, T_camera_map: Pose) -> bool:
-        """Whether a frame should have shown the object: if it did not, it is missed once more."""
+        """Whether a frame should have shown the object; if it did not, this counts as a miss."""
 
     @abstractmethod
     def is_worth_a_look(self, track: "Track") -> bool:
@@ -118,10 +118,10 @@ class TrackPolicy(TrackConfig, ABC):
 
     @abstractmethod
     def distances(self, track: "Track", sensor: SensorModel) -> tuple[float, float]:
-        """Least and greatest horizontal distance, m, from which a camera would show enough of it."""
+        """Minimum and maximum horizontal distance from which a camera would show enough of the object, m."""
 
     def has_shape(self, track: "Track") -> bool:
-        """Whether all that was seen of the object, together, has the shape of its kind."""
+        """Whether everything that was seen of the object, taken together, has the shape of its kind."""
         return True
 
 
@@ -130,14 +130,14 @@ class Track:
     """An object on the map, reported or not.
 
     Attributes:
-        policy: of its kind.
-        seen: its observations, in ``base_link`` of their keyframes.
-        placed: the same in ``map``.
+        policy: policy of its kind.
+        seen: its observations, in the ``base_link`` of their keyframes.
+        placed: the same observations in ``map``.
         ground: height of the lowest ground from which it was seen, m in ``map``.
         missed: number of keyframes that should have shown it and did not.
-        tried: the places on the ground from which it was to be seen again, one each.
-        tried_at: these places in ``map``.
-        where: its location by all observations.
+        tried: places on the ground from which the robot tried to see it again, one per try.
+        tried_at: the same places in ``map``.
+        where: its location according to all observations.
     """
 
     policy: TrackPolicy
@@ -152,14 +152,14 @@ class Track:
         self.where = self.policy.locate(self.placed)
 
     def place(self, poses: Poses) -> None:
-        """Locate it anew, with the keyframes at these poses in ``map``."""
+        """Locate it again, with the keyframes at these ``poses`` in ``map``."""
         self.placed = [seen.moved(poses[seen.keyframe]) for seen in self.seen]
         self.ground = min(float(poses[seen.keyframe][2, 3]) for seen in self.seen)
         self.tried_at = list(Places.joined(self.tried).at(poses))
         self.where = self.policy.locate(self.placed)
 
     def take(self, other: "Track") -> None:
-        """Add the observations of what has turned out to be the same object."""
+        """Add the observations of a track that has turned out to be of the same object."""
         self.where = self.policy.joined(self, other)
         self.seen += other.seen
         self.placed += other.placed
@@ -173,17 +173,17 @@ class Track:
 
     @property
     def position(self) -> Place:
-        """Of its middle."""
+        """Position of its middle."""
         return self.where.position
 
     @property
     def covariance(self) -> Covariance:
-        """Of the position."""
+        """Covariance of the position."""
         return self.where.covariance
 
     @property
     def points(self) -> Points:
-        """What is there of it."""
+        """Points of the object."""
         return self.where.points
 
     @property
@@ -193,27 +193,27 @@ class Track:
 
     @property
     def keyframes(self) -> set[int]:
-        """Numbers of the keyframes that show it."""
+        """Indices of the keyframes that show it."""
         return {observation.keyframe for observation in self.seen}
 
     @property
     def best(self) -> int:
-        """Index of the observation whose photo shows most."""
+        """Index of the observation whose photo shows the most."""
         return int(np.argmax([self.policy.shows(observation) for observation in self.seen]))
 
     @property
     def photo(self) -> Rgb:
-        """The one that shows it best."""
+        """The photo that shows it best."""
         return self.seen[self.best].photo
 
     @property
     def times(self) -> list[float]:
-        """s, when this run's frames that show it were taken, the first one first."""
+        """Times of this run's frames that show it, s, in ascending order."""
         return sorted(observation.time for observation in self.seen if np.isfinite(observation.time))
 
     @property
     def text(self) -> str:
-        """What most observations say, weighted by their confidences; empty if none could be read."""
+        """The text with the largest sum of confidences over the observations; empty if none could be read."""
         votes = defaultdict[str, float](float)
         for observation in self.seen:
             votes[observation.reading.text] += observation.reading.confidence if observation.reading.text else 0.0
@@ -231,13 +231,13 @@ class Track:
 
     @property
     def baseline(self) -> float:
-        """m between the farthest two places from which it was seen."""
+        """Greatest distance between two camera positions from which it was seen, m."""
         each = np.array(self.cameras)
         return float(np.linalg.norm(each[:, None] - each[None], axis=2).max())
 
     @property
     def size(self) -> float:
-        """m, diagonal of the box of the extents of its points."""
+        """Diagonal of the box with the extents of its points, m."""
         return float(np.linalg.norm(extents_of(self.points)))
 
     @property
@@ -247,12 +247,12 @@ class Track:
 
     @property
     def is_decoded(self) -> bool:
-        """Whether it was read, and rightly: it has a check sum."""
+        """Whether it was decoded, and correctly, as its checksum shows."""
         return self.policy.has_checksum and bool(self.text)
 
     @property
     def is_given_up(self) -> bool:
-        """Whether it was missed too often; what was decoded stays."""
+        """Whether it was missed too often; decoded objects are never given up."""
         return self.missed > self.policy.misses * len(self.seen) and not self.is_decoded
 
     @property
@@ -271,7 +271,7 @@ class Track:
         return self.policy.has_shape(self)
 
     def find(self) -> Find:
-        """What is reported of it."""
+        """The find to report."""
         first = min(observation.time for observation in self.seen)
         return Find(
             self.policy.kind, self.text, self.position, self.covariance, first, min(1.0, self.confidence), self.photo
@@ -279,6 +279,6 @@ class Track:
 
 
 def mahalanobis(one: Track, other: Track) -> float:
-    """Squared Mahalanobis distance of the positions of two tracks."""
+    """Squared Mahalanobis distance between the positions of two tracks."""
     apart = one.position - other.position
     return float(apart @ np.linalg.solve(one.covariance + other.covariance, apart))

@@ -1,4 +1,4 @@
-"""All tracks of some kinds: which observations are of one object, what is missed, confirmed and given up."""
+"""All tracks of some kinds: which observations are of one object, and which objects are confirmed or given up."""
 
 from collections.abc import Callable, Sequence
 
@@ -11,45 +11,45 @@ from pipeline.tracks.track import Track
 from pipeline.transforms import inverse
 
 LARGEST = 1e12
-"""Bounds gates that accept every squared distance: those of other objects are infinite."""
+"""Upper bound of gates, so that even an infinite one rejects the infinite distances of other objects."""
 Join = Callable[[list[Track], Sequence[Track]], list[Track]]
-"""Adds new tracks to a list, each to the track of the same object or as one of its own; gives those that took one."""
+"""Adds new tracks to a list, each to a track of the same object or as a new entry; returns the tracks that grew."""
 
 
 class Tracks:
     """The objects of some kinds, confirmed or not.
 
     Attributes:
-        all: in the order in which they were first seen, also those with little evidence.
+        all: all tracks, in the order in which they were first seen, including those with little evidence.
     """
 
     def __init__(self, join: Join) -> None:
-        """Begin with none; ``join`` decides which observations of a frame are of objects that it has."""
+        """Start without tracks; ``join``: decides which observations of a frame are of known objects."""
         self.all: list[Track] = []
         self._join = join
 
     @property
     def confirmed(self) -> list[Track]:
-        """Those to report."""
+        """The tracks to report."""
         return [track for track in self.all if track.is_confirmed]
 
     @property
     def unconfirmed(self) -> list[Track]:
-        """Those worth another look."""
+        """The tracks worth another look."""
         return [track for track in self.all if track.policy.is_worth_a_look(track)]
 
     def place(self, poses: Poses) -> None:
-        """Move all with their keyframes, at these poses in ``map``, and merge what proves to be one object."""
+        """Move all tracks with their keyframes, to these ``poses`` in ``map``, and merge those of one object."""
         for track in self.all:
             track.place(poses)
         self._merge()
 
     def add(self, new: Sequence[Track], frame: Frame, T_map_camera: Pose) -> None:
-        """Add what a keyframe shows, count what it should have shown as missed, and give up what is missed too often.
+        """Add what a keyframe shows, count misses of what it should have shown, and give up tracks missed too often.
 
         Args:
-            new: a track of each observation.
-            frame: of the keyframe, with its depth.
+            new: one track per observation.
+            frame: the keyframe's frame, with its depth.
             T_map_camera: pose of ``camera_optical``.
         """
         before, T_camera_map = list(self.all), inverse(T_map_camera)
@@ -61,7 +61,7 @@ class Tracks:
         self.all = [track for track in self.all if not track.is_given_up]
 
     def _merge(self) -> None:
-        """Make one of the tracks that have turned out to be of one object."""
+        """Merge tracks that have turned out to be of one object."""
         kept: list[Track] = []
         for track in self.all:
             apart = [_of_kind(track.policy.separation, other, track) for other in kept]
@@ -73,7 +73,7 @@ class Tracks:
 
 
 def join_nearest(tracks: list[Track], new: Sequence[Track]) -> list[Track]:
-    """Each observation to its nearest track: several of one frame may be parts of one object."""
+    """Add each observation to its nearest track: several observations in a frame may be parts of one object."""
     seen = []
     for one in new:
         distances = [_of_kind(one.policy.distance, track, one) for track in tracks]
@@ -87,7 +87,7 @@ def join_nearest(tracks: list[Track], new: Sequence[Track]) -> list[Track]:
 
 
 def join_one_to_one(tracks: list[Track], new: Sequence[Track]) -> list[Track]:
-    """Each observation to another track, so that all are as near as possible: a frame shows an object once."""
+    """Add observations to tracks one to one, with minimum total distance: a frame shows each object only once."""
     before = list(tracks)
     cost = np.array([[_of_kind(one.policy.distance, track, one) for track in before] for one in new])
     cost = cost.reshape(len(new), len(before))
@@ -103,5 +103,5 @@ def join_one_to_one(tracks: list[Track], new: Sequence[Track]) -> list[Track]:
 
 
 def _of_kind(distance: Callable[[Track, Track], float], one: Track, other: Track) -> float:
-    """The distance of two tracks; infinite if they are of two kinds."""
+    """The distance between two tracks; infinite if they are of different kinds."""
     return distance(one, other) if one.policy.kind == other.policy.kind else np.inf

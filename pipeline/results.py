@@ -16,7 +16,6 @@ from pipeline.league.config import LeagueConfig
 from pipeline.league.hand_in import hand_in
 from pipeline.map_file import save_maps
 from pipeline.rerun.recorder import Recorder
-from pipeline.rescue_report.finds import person_find
 from pipeline.rescue_report.report import RescuePage, RescueReport
 from pipeline.sink import Result, Sink
 
@@ -44,7 +43,7 @@ class HandIn(Sink):
         """Write them, each by itself; InputError if one cannot be written."""
         if result.steps:
             mapper, driven = result.mapper, np.array(result.trajectory.estimated())
-            finds = [*map(person_find, mapper.victims.confirmed), *mapper.finds.reported]
+            finds = [*(person.find() for person in mapper.victims.confirmed), *mapper.finds.reported]
             maps = mapper.metric_map, mapper.semantic_map, mapper.traversability
             hand_in(result.folder, self._brief, driven, finds, *maps, config=self._config)
 

@@ -2,7 +2,6 @@
 
 import json
 from collections.abc import Iterator
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -12,7 +11,6 @@ from pipeline.frame import jpeg
 from pipeline.rescue_report.people import Row, photo_name, plain
 from pipeline.rescue_report.situation import Situation
 from pipeline.tracks.find import Find
-from pipeline.tracks.track import Track
 
 
 def finds_data(situation: Situation) -> list[Row]:
@@ -37,13 +35,8 @@ def _row(find: Find, photo: str) -> Row:
 
 def _named(situation: Situation) -> Iterator[tuple[Find, str]]:
     """Each find with the name of the file of its photo."""
-    yield from ((person_find(person.victim), photo_name(person)) for person in situation.people)
+    yield from ((person.victim.find(), photo_name(person)) for person in situation.people)
     yield from ((find, f"find_{k}.jpg") for k, find in enumerate(situation.finds, start=1))
-
-
-def person_find(victim: Track) -> Find:
-    """A confirmed person as a find; the time is that of this run's first frame that shows the person."""
-    return replace(victim.find(), time_s=min(victim.times, default=np.nan))
 
 
 def write_finds(folder: Path, situation: Situation) -> None:

@@ -271,11 +271,9 @@ class Track:
         return self.policy.has_shape(self)
 
     def find(self) -> Find:
-        """The find to report."""
-        first = min(observation.time for observation in self.seen)
-        return Find(
-            self.policy.kind, self.text, self.position, self.covariance, first, min(1.0, self.confidence), self.photo
-        )
+        """The find to report; its time is that of this run's first frame that shows it, NaN without one."""
+        first, confidence = min(self.times, default=np.nan), min(1.0, self.confidence)
+        return Find(self.policy.kind, self.text, self.position, self.covariance, first, confidence, self.photo)
 
 
 def mahalanobis(one: Track, other: Track) -> float:

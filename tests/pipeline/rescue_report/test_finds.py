@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from pipeline.rescue_report.finds import finds_data, person_find, write_finds
+from pipeline.rescue_report.finds import finds_data, write_finds
 from pipeline.rescue_report.page import page
 from pipeline.rescue_report.situation import Situation
 from pipeline.tracks.find import Find
@@ -44,7 +44,7 @@ def test_finds_come_back_as_json_with_the_confirmed_people(situation: Situation,
 def test_a_person_was_found_when_this_run_first_saw_the_person() -> None:
     person = victim(block((1.6, 0.3, 0.2), (0.3, 0.3, 0.4)), 3)
     person.seen = [replace(seen, time=time) for seen, time in zip(person.seen, (np.nan, 7.0, 5.0), strict=True)]
-    found = person_find(person)
+    found = person.find()
     assert (found.kind, found.text, found.time_s) == ("victim", "", 5.0)
 
 

@@ -1,4 +1,4 @@
-"""The interface of engines, which do many jobs, such as scenes of a dataset, independently of each other."""
+"""The interface of engines, which run many independent jobs, such as scenes of a dataset."""
 
 import traceback
 from collections.abc import Callable, Generator, Iterable
@@ -9,29 +9,29 @@ from typing import Protocol, TypeVar
 from pipeline.errors import InputError
 from sarsim.jobs.folder_lock import FolderLock
 
-ATTEMPTS = 3  # Largest number of attempts at a job whose workers die
+ATTEMPTS = 3  # Maximum number of attempts at a job whose workers die
 
 Job = TypeVar("Job")
 Result = TypeVar("Result")
 Work = Callable[[Job, Path], Result]
-"""Does a job, and writes files into a folder. It is sent to other processes.
+"""A function that does a job and writes files into a folder. It must be picklable.
 
 It raises InputError if the job cannot be done.
 """
 Outcomes = Generator[tuple[Job, Future[Result]]]
-"""Each job with its outcome, as it ends; closing the generator ends the workers."""
+"""Yields each job with its outcome when it ends; closing the generator ends the workers."""
 
 
 class Engine(Protocol):
-    """Does jobs."""
+    """Runs jobs."""
 
     def run(self, work: Work[Job, Result], jobs: Iterable[Job], lock: FolderLock) -> Outcomes[Job, Result]:
-        """Do jobs, in any order; their files get into the locked folder, and who writes there holds the lock."""
+        """Run jobs in any order; their files go into the locked folder. Every process that writes holds the lock."""
         ...
 
 
 def done(work: Work[Job, Result], job: Job, folder: Path) -> Result:
-    """Do a job in a worker; what it raises besides InputError becomes a RuntimeError, which can always be sent."""
+    """Do a job in a worker. Exceptions other than InputError become RuntimeErrors, which can always be pickled."""
     try:
         return work(job, folder)
     except InputError:

@@ -1,4 +1,4 @@
-"""The engines by their names."""
+"""The engines by name."""
 
 import os
 
@@ -8,10 +8,10 @@ from sarsim.jobs.ray_engine import RayEngine
 
 
 def make_engine(name: str = "local", workers: int | None = None) -> Engine:
-    """The engine that ``--engine`` names, with one worker per core if their number is not given.
+    """The engine that ``--engine`` names; by default with one worker per core.
 
     Raises:
-        InputError: it is not installed.
+        InputError: the engine is not installed.
     """
     workers = workers or len(os.sched_getaffinity(0))
     return RayEngine(workers, os.environ.get("RAY_ADDRESS")) if name == "ray" else LocalEngine(workers)

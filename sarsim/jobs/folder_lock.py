@@ -13,17 +13,17 @@ from filelock import lock_descriptor
 
 from pipeline.errors import InputError
 
-PATIENCE = 10.0  # s to wait for the workers of a command that was killed; they end by themselves
-PAUSE = 0.05  # s between two tries to take a lock
+PATIENCE = 10.0  # s to wait for the workers of a killed command, which end by themselves
+PAUSE = 0.05  # s between two attempts to acquire the lock
 
 
 @dataclass(frozen=True)
 class FolderLock:
-    """A lock held by this process and by every worker that it is sent to, until the last of them has ended.
+    """A lock held by this process and by every worker that receives it, until the last of them has ended.
 
     Attributes:
-        folder: that is locked.
-        descriptor: of the folder; its duplicates are the same lock.
+        folder: the locked folder.
+        descriptor: file descriptor of the folder; duplicates of it hold the same lock.
     """
 
     folder: Path
@@ -39,10 +39,10 @@ def _received(folder: Path, duplicate: Any) -> FolderLock:
 
 @contextmanager
 def locked(folder: Path) -> Iterator[FolderLock]:
-    """Lock a folder; waits until no other process holds it.
+    """Lock a folder, waiting until no other process holds the lock.
 
     Raises:
-        InputError: another process holds it for longer than ``PATIENCE``.
+        InputError: another process holds the lock for longer than ``PATIENCE``.
     """
     descriptor, deadline = os.open(folder, os.O_RDONLY), time.monotonic() + PATIENCE
     try:

@@ -18,7 +18,7 @@ _log = logging.getLogger(__name__)
 
 
 class LocalEngine:
-    """Does jobs in worker processes; one that dies is replaced."""
+    """Runs jobs in worker processes; a worker that dies is replaced."""
 
     def __init__(self, workers: int):
         self._count = workers
@@ -53,31 +53,31 @@ class LocalEngine:
 
 
 class WorkerDiedError(Exception):
-    """The process ended with its job undone."""
+    """The process ended before its job was done."""
 
 
 class Worker:
-    """Does one job after the other in a process of its own: its death disturbs no other worker's job."""
+    """Does jobs one after another in its own process, whose death affects no other worker's job."""
 
     def __init__(self, lock: FolderLock):
-        """The process, which starts with the first job, holds the ``lock`` as long as it lives."""
+        """The process starts with the first job and holds the ``lock`` as long as it lives."""
         self._lock = lock
         self._started: tuple[WorkerProcess, Connection] | None = None
 
     def begin(self, work: Work[Job, Result], job: Job) -> Connection:
-        """Let it do a job, in a new process if the last one is dead; the pipe can be read when it has ended."""
+        """Start a job, in a new process if the last one is dead; the pipe is readable when the job has ended."""
         if self._started is None:
             self._started = connected(_serve, self._lock)
         _, pipe = self._started
         try:
             pipe.send((work, job))
-        except BrokenPipeError:  # it has died idle
+        except BrokenPipeError:  # It died while idle
             self.end()
             return self.begin(work, job)
         return pipe
 
     def outcome(self) -> Future[Any]:
-        """The outcome of the job, once it has ended; a WorkerDiedError if its process died."""
+        """The outcome of the job, once it has ended; WorkerDiedError if its process died."""
         assert self._started is not None, "no job has started"
         outcome: Future[Any] = Future()
         try:
@@ -93,7 +93,7 @@ class Worker:
             self._started[0].terminate()
 
     def end(self) -> int | None:
-        """End the process; its exit code, negative for a signal."""
+        """End the process and return its exit code, which is negative for a signal."""
         if self._started is None:
             return None
         (process, pipe), self._started = self._started, None
@@ -106,7 +106,7 @@ class Worker:
 
 
 def _serve(pipe: Connection, lock: FolderLock) -> None:
-    """Do the jobs that come through the pipe until its other end is closed, and send back each result or error."""
+    """Do the jobs received through the pipe until its other end is closed, and send back each result or error."""
     with suppress(EOFError, BrokenPipeError):
         while True:
             work, job = pipe.recv()

@@ -15,17 +15,17 @@ from typing import Any, TypeVar
 Result = TypeVar("Result")
 
 ONE_THREAD = {
-    "LP_NUM_THREADS": "0",  # for Mesa's software renderer
+    "LP_NUM_THREADS": "0",  # Of Mesa's software renderer
     "OMP_NUM_THREADS": "1",
     "OPENBLAS_NUM_THREADS": "1",
     "NUMBA_NUM_THREADS": "1",
 }
-"""Environment of a worker: workers share the cores best if each keeps to one."""
-CLEANING = 5.0  # s that a process may clean up before it is killed
+"""Environment of a worker: workers share the cores best if each uses only one."""
+CLEANING = 5.0  # s for a process to clean up before it is killed
 
 
 class WorkerProcess(SpawnProcess):
-    """A process that ends with this one, however this one ends."""
+    """A process that ends when this one ends, for whatever reason."""
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs, daemon=True)
@@ -37,25 +37,25 @@ class WorkerProcess(SpawnProcess):
 
 
 def tidily(function: Callable[..., Result], *args: Any) -> Result:
-    """Call a function; should SIGTERM end the process meanwhile, clean-up code (``finally``, ``with``) runs first."""
+    """Call a function. If SIGTERM ends the process meanwhile, clean-up code (``finally``, ``with``) runs first."""
     signal.signal(signal.SIGTERM, _clean_up_and_end)
     try:
         return function(*args)
-    except SystemExit:  # at once: what else is registered for the end may take its time
+    except SystemExit:  # At once, because exit handlers may take long
         os._exit(1)
     finally:
         signal.signal(signal.SIGTERM, signal.SIG_DFL)
 
 
 def _clean_up_and_end(*_: object) -> None:
-    signal.signal(signal.SIGTERM, signal.SIG_IGN)  # a second one must not cut the clean-up off
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)  # A second SIGTERM must not cut off the clean-up
     sys.exit(1)
 
 
 def connected(
     function: Callable[..., object], *args: Any, environment: Mapping[str, str] = ONE_THREAD
 ) -> tuple[WorkerProcess, Connection]:
-    """Call a function in a new process, with one end of a pipe as its first argument; the other end is returned."""
+    """Call a function in a new process with one end of a pipe as its first argument; return the other end."""
     ours, theirs = Pipe()
     process = WorkerProcess(target=tidily, args=(function, theirs, *args))
     with _starting(environment):
@@ -66,11 +66,11 @@ def connected(
 
 @contextmanager
 def _starting(environment: Mapping[str, str]) -> Iterator[None]:
-    """Processes started in the block get an environment, and leave Ctrl-C and a closed terminal to this process.
+    """Start processes in the block with an environment; Ctrl-C and a closed terminal then affect this process only.
 
-    They inherit that these signals are blocked; one that comes meanwhile reaches this process after the block.
+    The processes inherit a mask that blocks these signals; one sent meanwhile reaches this process after the block.
     """
-    resource_tracker.ensure_running()  # multiprocessing starts it with the first process, and unblocks Ctrl-C then
+    resource_tracker.ensure_running()  # Else multiprocessing starts it with the first process and unblocks Ctrl-C
     before = {name: os.environ.get(name) for name in environment}
     blocked = signal.pthread_sigmask(signal.SIG_BLOCK, (signal.SIGINT, signal.SIGHUP))
     os.environ.update(environment)
@@ -84,7 +84,7 @@ def _starting(environment: Mapping[str, str]) -> Iterator[None]:
 
 
 def _end_with_parent() -> None:
-    """End this process when its parent has ended, because a killed parent cannot do that."""
+    """End this process when its parent has ended, since a killed parent cannot end it."""
     parent = parent_process()
     assert parent is not None
     parent.join()

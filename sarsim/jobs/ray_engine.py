@@ -1,4 +1,4 @@
-"""An engine with workers on a Ray cluster; sarsim must be installed on its machines."""
+"""An engine with workers on a Ray cluster; sarsim must be installed on all of its machines."""
 
 import os
 import tempfile
@@ -16,16 +16,16 @@ from sarsim.jobs.processes import ONE_THREAD
 
 
 class RayEngine:
-    """Does jobs as Ray's tasks and fetches their files; Ray itself restarts a task whose worker dies.
+    """Runs jobs as Ray tasks and fetches their files; Ray itself restarts a task whose worker dies.
 
-    Its pools have actors instead, and wait forever for one whose node is lost when no other node has room for it.
+    Ray's pools use actors instead, and wait forever for an actor whose node is lost if no other node has room for it.
     """
 
     def __init__(self, workers: int, address: str | None = None):
-        """Run at most ``workers`` tasks at a time, on the cluster at ``address`` or on one that is started here.
+        """Run at most ``workers`` tasks at a time, on the cluster at ``address`` or on a new local one.
 
         Raises:
-            InputError: Ray is not installed, or there is no cluster at the address.
+            InputError: Ray is not installed, or there is no cluster at ``address``.
         """
         self._count = workers
         try:
@@ -42,7 +42,7 @@ class RayEngine:
             raise InputError(f"RAY_ADDRESS {address}: no Ray cluster at this address") from error
 
     def run(self, work: Work[Job, Result], jobs: Iterable[Job], lock: FolderLock) -> Outcomes[Job, Result]:
-        """See :class:`sarsim.jobs.engine.Engine`; only this process writes into the folder."""
+        """See :class:`sarsim.jobs.engine.Engine`. Only this process writes into the folder."""
         task = self._ray.remote(num_cpus=1, max_retries=ATTEMPTS - 1)(_do)
         todo, shared = deque(jobs), self._ray.put(work)
         running: dict[Any, Job] = {}
@@ -57,7 +57,7 @@ class RayEngine:
             self._ray.shutdown()
 
     def _outcome(self, ended: Any, folder: Path) -> Future[Any]:
-        """The outcome of a task, whose files are written into the folder."""
+        """The outcome of a task; its files are written into the folder."""
         outcome: Future[Any] = Future()
         try:
             result, files = self._ray.get(ended)
@@ -75,7 +75,7 @@ class RayEngine:
 
 
 def _do(work: Work[Job, Result], job: Job) -> tuple[Result, dict[Path, bytes]]:
-    """Do a job; its result, and the content of its files, which the task's machine does not keep."""
+    """Do a job and return its result and the contents of its files, which are not kept on the task's machine."""
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         result = done(work, job, folder)

@@ -1,1 +1,1 @@
-"""Methods of the robot by their names, sarsim's and the user's own, made, tried and watched."""
+"""The robot's methods by name, shipped and user-defined: created, tried out and checked while they run."""

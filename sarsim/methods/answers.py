@@ -1,4 +1,4 @@
-"""What a method of the user's own may answer; InputError, in one line, for anything else."""
+"""Checks of the return values of user-defined methods; InputError, in one line, for invalid ones."""
 
 from collections.abc import Callable, Mapping
 from typing import Any
@@ -17,12 +17,12 @@ from pipeline.victims.detection.detection import Detection
 
 
 def one_line(error: BaseException) -> str:
-    """An error by its type and message, in one line."""
+    """Type and message of an error, in one line."""
     return f"{type(error).__name__}: {' '.join(str(error).split())}"
 
 
 def _check_viewpoint(answer: Any, name: str, context: Context) -> None:
-    """A viewpoint that can be driven to, or None."""
+    """Allow a viewpoint that can be reached, or None."""
     if answer is None:
         return
     if not isinstance(answer, Viewpoint):
@@ -34,14 +34,14 @@ def _check_viewpoint(answer: Any, name: str, context: Context) -> None:
 
 
 def _check_probabilities(answer: Any, name: str, frame: object, points: Any, T_map_camera: object) -> None:
-    """(N, 8) class probabilities of N points."""
+    """Allow (N, 8) class probabilities of N points."""
     _check_numbers(answer, (len(points), len(Label)), f"{name}: the probabilities")
     if (answer < 0).any() or not np.allclose(answer.sum(axis=1), 1, atol=1e-3):
         raise InputError(f"{name}: the probabilities of a point must not be negative and must sum to 1")
 
 
 def _check_detections(answer: Any, name: str, rgb: object) -> None:
-    """A list of detections of kinds that the robot looks for."""
+    """Allow a list of detections of kinds that the robot searches for."""
     if not isinstance(answer, list) or not all(isinstance(one, Detection) for one in answer):
         raise InputError(f"{name} must return a list of Detection, not {_kind(answer)}")
     for one in answer:
@@ -53,7 +53,7 @@ def _check_detections(answer: Any, name: str, rgb: object) -> None:
 
 
 def _check_readings(answer: Any, name: str, frame: Frame, detections: object) -> None:
-    """A list of readings, whose outlines lie in the image."""
+    """Allow a list of readings whose outlines lie in the image."""
     if not isinstance(answer, list) or not all(isinstance(one, Reading) for one in answer):
         raise InputError(f"{name} must return a list of Reading, not {_kind(answer)}")
     for one in answer:
@@ -77,13 +77,13 @@ def _check_localised(answer: Any, name: str, frame: object) -> None:
 
 
 def check_poses(answer: Any, where: str) -> None:
-    """(1, 4, 4) the poses after a first keyframe."""
+    """Allow (1, 4, 4) poses after a first keyframe."""
     if np.shape(answer) != (1, 4, 4) or not are_poses(answer):
         raise InputError(f"{where}: after the first keyframe, poses must be one pose (1, 4, 4), not {_kind(answer)}")
 
 
 def _check_plan(answer: Any, name: str, *args: object) -> None:
-    """A plan with way points, or None."""
+    """Allow a plan with waypoints, or None."""
     if answer is None:
         return
     if not isinstance(answer, PathPlan):
@@ -102,11 +102,11 @@ CHECKS: Mapping[str, Callable[..., None]] = {
     "localise": _check_localised,
     "plan": _check_plan,
 }
-"""Checks of answers, by the method's name; arguments: the answer, how to begin the line, and the method's own."""
+"""Checks by method name; they get the return value, the beginning of the error line, and the method's arguments."""
 
 
 def _check_numbers(value: Any, shape: tuple[int, ...], what: str) -> None:
-    """Finite numbers of a shape."""
+    """Allow finite numbers of a given shape."""
     is_number = np.issubdtype(np.asarray(value).dtype, np.number)
     if not is_number or np.shape(value) != shape or (shape and not isinstance(value, np.ndarray)):
         raise InputError(f"{what} must be {f'an array {shape}' if shape else 'a number'}, not {_kind(value)}")
@@ -115,5 +115,5 @@ def _check_numbers(value: Any, shape: tuple[int, ...], what: str) -> None:
 
 
 def _kind(value: Any) -> str:
-    """A value by its type and, of an array, shape."""
+    """The type of a value and, for an array, its shape."""
     return f"an array {value.shape} of {value.dtype}" if isinstance(value, np.ndarray) else type(value).__name__

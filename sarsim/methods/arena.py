@@ -1,4 +1,4 @@
-"""What ``--arena`` names, also a function of the user's own."""
+"""The arena that ``--arena`` names, which may be a user-defined function."""
 
 from sarsim.arenas.arena import RescueArena
 from sarsim.arenas.load import checked_arena, load_arena
@@ -14,17 +14,17 @@ def make_arena(
     seed: int = 0,
     victims: WorldVictims | None = None,
 ) -> RescueArena:
-    """The arena of that name.
+    """The arena with a given name.
 
     Args:
-        name: as :func:`~sarsim.arenas.load.load_arena` takes it, MODULE:FUNCTION, or an entry point.
-        start: where to set the robot down; if not given, the arena's own start, or else the best place in it.
+        name: a name that :func:`~sarsim.arenas.load.load_arena` accepts, MODULE:FUNCTION, or an entry point.
+        start: where to set the robot down; by default the arena's own start, or else the best position in it.
         random: settings of a random arena.
-        seed: for a function of the user's own.
-        victims: settings of the victims of a world of others.
+        seed: seed for a user-defined function.
+        victims: settings of the victims in a published world.
 
     Raises:
-        InputError: as by :func:`~sarsim.arenas.load.load_arena`, or the function fails or returns something else.
+        InputError: as in :func:`~sarsim.arenas.load.load_arena`, or the function fails or does not return an arena.
     """
     if is_own_arena(name):
         return checked_arena(own_arena(name, seed), f"--arena {name}", start)

@@ -1,4 +1,4 @@
-"""Level ground half seen by a robot, on which methods of one's own are tried before a run."""
+"""Level ground, partly seen by a robot, on which user-defined methods are tried before a run."""
 
 import numpy as np
 
@@ -12,15 +12,15 @@ from pipeline.sensor import XTION
 from pipeline.transforms import from_rotation, yaw_of
 
 INTRINSICS = Intrinsics(640, 480, 577.0, 577.0, 320.0, 240.0)
-"""Of an Xtion, 58° × 45°."""
+"""Intrinsics of an Xtion, 58° × 45°."""
 HEIGHT = 0.65
-"""m of the camera above the ground."""
+"""Height of the camera above the ground, m."""
 SENSED = 100
-"""Returns of the ground in each cell, so that none of it is doubted."""
+"""Returns per ground cell: enough that none of the ground is uncertain."""
 
 
 def level_frame() -> Frame:
-    """A frame of level ground, 20° down; its colours are black."""
+    """A frame of level ground seen from a camera pitched down by 20°; the image is black."""
     sin, cos = np.sin(np.deg2rad(20)), np.cos(np.deg2rad(20))
     R = np.array([[0, -sin, cos], [-1, 0, 0], [0, -cos, -sin]])
     down = -(INTRINSICS.rays @ R[2])
@@ -37,7 +37,7 @@ def level_frame() -> Frame:
 
 
 def level_context(robot: RobotModel) -> Context:
-    """What a robot knows in the middle of a square of level ground, beyond which nothing was seen."""
+    """What a robot knows in the middle of a square of level ground, outside of which nothing has been seen."""
     half, pose = 4 * robot.length, np.eye(4)
     world = ElevationMap(robot)
     cell = world.grid.cell

@@ -1,7 +1,7 @@
-"""Methods of the user's own, by a flag: found, made, tried, and watched while they run.
+"""User-defined methods named by a flag: loaded, created, tried out, and checked while they run.
 
-A name is MODULE:CLASS, of an arena MODULE:FUNCTION, looked for on PYTHONPATH and in the working folder, or an entry
-point of an installed package in the group ``sarsim.<flag>``, as ``sarsim.exploration``.
+A name is MODULE:CLASS (for an arena, MODULE:FUNCTION), searched for on PYTHONPATH and in the working directory, or an
+entry point that an installed package registers in the group ``sarsim.<flag>``, such as ``sarsim.exploration``.
 """
 
 import inspect
@@ -34,10 +34,10 @@ from sarsim.methods.names import OWN_CLASS, OWN_FUNCTION, own_method, working_fo
 def make_exploration(
     name: str, robot: RobotModel, seed: int = 0, config: ExplorationConfig = ExplorationConfig()
 ) -> Strategy | None:
-    """The strategy that ``--exploration`` names; None for the explorer's own. ``seed``: of the random walk.
+    """The strategy that ``--exploration`` names; None for the explorer's default. ``seed``: seed of the random walk.
 
     Raises:
-        InputError: there is no such class, or it is no strategy, as a step on level ground shows.
+        InputError: there is no such class, or a trial step on level ground shows that it is not a strategy.
     """
     if name == "next_best_view":
         return None
@@ -45,7 +45,7 @@ def make_exploration(
         return NearestFrontier(robot, config=config)
     if name == "random_walk":
         return RandomWalk(robot, seed)
-    tried = _own("exploration", name, Strategy, robot)  # for trial alone: a strategy remembers what it saw
+    tried = _own("exploration", name, Strategy, robot)  # For the trial only: a strategy remembers what it has seen
     context = level_context(robot)
     tried.observe(context)
     if (viewpoint := tried.next_viewpoint(context)) is not None:
@@ -56,10 +56,10 @@ def make_exploration(
 def make_localisation(
     name: str, robot: RobotModel, config: LocalisationConfig, is_true: bool = False
 ) -> Localisation:
-    """The localisation that ``--localisation`` names; ``is_true``: the odometry has the true pose already.
+    """The localisation that ``--localisation`` names; ``is_true``: whether the odometry gives the true pose.
 
     Raises:
-        InputError: there is no such class, or it is no localisation, as its first keyframe shows.
+        InputError: there is no such class, or a first keyframe shows that it is not a localisation.
     """
     if name == "odometry" or (name == "slam" and is_true):
         return OdometryLocalisation(config=config)
@@ -77,7 +77,7 @@ def make_planner(name: str, robot: RobotModel) -> Planner:
     """The planner that ``--planner`` names.
 
     Raises:
-        InputError: there is no such class, or it is no planner, as a plan on level ground shows.
+        InputError: there is no such class, or a trial plan on level ground shows that it is not a planner.
     """
     if name == "topological":
         return TOPOLOGICAL
@@ -87,10 +87,10 @@ def make_planner(name: str, robot: RobotModel) -> Planner:
 
 
 def own_classifier(name: str) -> PointClassifier:
-    """The classifier of points that ``--labels`` names, if it is none of sarsim's.
+    """The user-defined point classifier that ``--labels`` names.
 
     Raises:
-        InputError: there is no such class, or it must be a classifier, as an image of level ground shows.
+        InputError: there is no such class, or an image of level ground shows that it is not a classifier.
     """
     classifier, frame = _own("labels", name, PointClassifier), level_frame()
     classifier.classify(frame, frame.points(frame.T_base_camera), frame.T_base_camera)
@@ -101,7 +101,7 @@ def own_detector(name: str) -> Detector:
     """The detector that ``--detector-class`` names.
 
     Raises:
-        InputError: there is no such class, or it is no detector, as a black image shows.
+        InputError: there is no such class, or a black image shows that it is not a detector.
     """
     detector = _own("detector-class", name, Detector)
     detector.detect(level_frame().rgb)
@@ -109,10 +109,10 @@ def own_detector(name: str) -> Detector:
 
 
 def own_reader(name: str) -> FindReader:
-    """A reader of finds that ``--reader`` names.
+    """The reader of finds that ``--reader`` names.
 
     Raises:
-        InputError: there is no such class, or it is no reader, as a black image shows.
+        InputError: there is no such class, or a black image shows that it is not a reader.
     """
     reader: FindReader = _own("reader", name, FindReader)
     reader.read(level_frame(), [])
@@ -120,13 +120,13 @@ def own_reader(name: str) -> FindReader:
 
 
 def own_sink(name: str) -> Sink:
-    """A sink that ``--sink`` names; InputError if there is no such class, or it is no sink."""
+    """The sink that ``--sink`` names; InputError if there is no such class, or it is not a sink."""
     sink: Sink = _own("sink", name, Sink)
     return sink
 
 
 def own_arena(name: str, seed: int) -> Any:
-    """What the function that ``--arena`` names returns; it gets the seed if it has such a parameter.
+    """The return value of the function that ``--arena`` names, which gets the seed if it has such a parameter.
 
     Raises:
         InputError: there is no such function, or it fails.
@@ -142,7 +142,7 @@ def own_arena(name: str, seed: int) -> Any:
 
 
 def _own(flag: str, name: str, protocol: type, *args: RobotModel) -> Any:
-    """An instance of a class with the members of a protocol, whose answers are checked from then on."""
+    """An instance of a class with the members of a protocol, whose return values are checked from then on."""
     where = _where(flag, name)
     kind = load_class(flag, name)
     method, attributes = _guarded(kind, f"{where}: creating an instance")(*args), inspect.get_annotations(protocol)
@@ -151,7 +151,7 @@ def _own(flag: str, name: str, protocol: type, *args: RobotModel) -> Any:
             continue
         if member not in dir(method):
             if inspect.isabstract(protocol) and not getattr(wanted, "__isabstractmethod__", False):
-                setattr(method, member, wanted.__get__(method))  # the protocol's default
+                setattr(method, member, wanted.__get__(method))  # The protocol's default
                 continue
             what = "method" if inspect.isfunction(wanted) else "attribute"
             raise InputError(f"{where}: has no {what} {member}; see {protocol.__module__}.{protocol.__name__}")
@@ -164,7 +164,7 @@ def _own(flag: str, name: str, protocol: type, *args: RobotModel) -> Any:
 
 
 def load_class(flag: str, name: str) -> Callable[..., Any]:
-    """The class of that name; InputError if there is none."""
+    """The class with a given name; InputError if there is none."""
     loaded = _loaded(flag, name, OWN_CLASS)
     if ":" in name and not inspect.isclass(loaded):
         raise InputError(f"{_where(flag, name)}: must be a class")
@@ -172,7 +172,7 @@ def load_class(flag: str, name: str) -> Callable[..., Any]:
 
 
 def _loaded(flag: str, name: str, form: str) -> Any:
-    """What that name of a form stands for; InputError if there is nothing."""
+    """The object that a name of a given form stands for; InputError if there is none."""
     where, (module, colon, kind) = _where(flag, name), name.partition(":")
     found = () if colon else own_method(flag, name, form)
     try:
@@ -185,7 +185,7 @@ def _loaded(flag: str, name: str, form: str) -> Any:
 
 
 def _watch(method: Any, member: str, count: int, where: str) -> None:
-    """Replace a method of an instance by one whose errors and answers are checked."""
+    """Wrap a method of an instance to check its return value and errors."""
     function, name = getattr(method, member), f"{where}: {member}"
     try:
         inspect.signature(function).bind(*range(count))
@@ -200,7 +200,7 @@ def _watch(method: Any, member: str, count: int, where: str) -> None:
 
 
 def _guarded(function: Callable[..., Any], name: str, check: Callable[..., None] | None = None) -> Callable[..., Any]:
-    """A function whose errors, and answers that ``check`` refuses, are InputErrors that begin with ``name``."""
+    """Wrap a function: its errors, and values that ``check`` rejects, become InputErrors that begin with ``name``."""
 
     def guarded(*args: Any) -> Any:
         try:

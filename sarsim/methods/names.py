@@ -1,4 +1,4 @@
-"""Names of methods, known without loading any, so that a wrong one is refused at once."""
+"""Names of methods, checked without loading any, so that a wrong name is rejected at once."""
 
 import sys
 from collections.abc import Iterator
@@ -14,15 +14,15 @@ OWN_CLASS, OWN_FUNCTION = "MODULE:CLASS", "MODULE:FUNCTION"
 
 
 def check_method(kind: str, name: str, flag: str = "") -> None:
-    """Check that a name is that of a shipped method, of an entry point, or begins with a module that is there.
+    """Check that a name is that of a shipped method or an entry point, or begins with an existing module.
 
     Args:
         kind: one of ``METHODS``.
-        name: of a method.
-        flag: that names it, for the message, if it is not called like the kind.
+        name: name of the method.
+        flag: the flag that names it, for error messages, if it differs from the kind.
 
     Raises:
-        InputError: there is no such method; the message says which there are.
+        InputError: there is no such method; the message lists those that exist.
     """
     module, colon, _ = name.partition(":")
     if colon:
@@ -36,7 +36,7 @@ def check_method(kind: str, name: str, flag: str = "") -> None:
 
 
 def own_method(kind: str, name: str, form: str = OWN_CLASS, flag: str = "") -> EntryPoints:
-    """The entry points of that name; InputError, with the names that there are, if there is none."""
+    """The entry points with a given name; InputError, listing the existing names, if there is none."""
     group = f"sarsim.{kind.replace('-', '_')}"
     if not (found := entry_points(group=group, name=name)):
         known = ", ".join([*METHODS[kind], *sorted(entry_points(group=group).names)])
@@ -46,7 +46,7 @@ def own_method(kind: str, name: str, form: str = OWN_CLASS, flag: str = "") -> E
 
 @contextmanager
 def working_folder() -> Iterator[None]:
-    """Look for modules in the working folder too, after all others."""
+    """Also search for modules in the working directory, after all other locations."""
     sys.path.append(str(Path.cwd()))
     try:
         yield

@@ -1,4 +1,4 @@
-"""What labels points and finds people, by the settings of a command; it needs no simulator."""
+"""The classifier, detector and readers that a command's settings select; none of them needs a simulator."""
 
 from pathlib import Path
 
@@ -16,7 +16,7 @@ from sarsim.settings import POINT_NETWORKS, Labels, PerceptionConfig
 
 
 def make_perception(config: PerceptionConfig) -> tuple[PointClassifier, Detector | None]:
-    """The classifier and the victim detector, if any, of a command; InputError if they cannot be used."""
+    """The classifier of a command and its victim detector, if any; InputError if they cannot be used."""
     classifier = make_classifier(config.labels, config.weights, config.pipeline.semantic_map)
     if config.detector_class:
         return classifier, own_detector(config.detector_class)
@@ -25,7 +25,7 @@ def make_perception(config: PerceptionConfig) -> tuple[PointClassifier, Detector
 
 
 def make_readers(config: PerceptionConfig) -> FindReader | None:
-    """The readers of all finds but people, the user's own last; InputError if they cannot be used."""
+    """The readers of all finds except people, user-defined ones last; InputError if they cannot be used."""
     own, shipped = [own_reader(name) for name in config.reader], shipped_readers(config)
     return SeveralReaders([*([shipped] if shipped else []), *own]) if own else shipped
 

@@ -1,1 +1,1 @@
-"""Untrusted models of arenas and robots: checked as files, then on trial, before anything is built of them."""
+"""Untrusted models of arenas and robots: their files are checked, then compiled on trial, before they are used."""

@@ -1,15 +1,15 @@
-"""XML as the programs of these files read it: Gazebo and MuJoCo by tinyxml2, which takes more than the standard does.
+"""XML as Gazebo and MuJoCo read it, with tinyxml2, which accepts more than the standard allows.
 
-Mended are a bare ``&``, bytes that are not UTF-8, ``--`` in a comment, something before the declaration, missing
-spaces between attributes, an attribute given twice (the first counts), ``<`` in an attribute, prefixes of no
-namespace, control characters, and what stands behind the root. What tinyxml2 refuses stays as it is: tags that do
-not match, values without quotes. Document types and entities stay too, for the parser to refuse.
+Repaired are a bare ``&``, bytes that are not UTF-8, ``--`` in a comment, text before the declaration, missing spaces
+between attributes, repeated attributes (the first is used), ``<`` in an attribute, prefixes without a namespace,
+control characters, and anything after the root. What tinyxml2 rejects stays as it is: mismatched tags and values
+without quotes. Document types and entities stay too, for the parser to reject.
 """
 
 import re
 
 _PARTS = {"<!--": "-->", "<![CDATA[": "]]>", "<?": "?>"}
-"""Beginning and end of everything that is not an element."""
+"""Start and end markers of everything that is not an element."""
 _NAME = r"[^\s<>/=\"'&!?]+"
 _ATTRIBUTE = re.compile(rf"\s*({_NAME})\s*=\s*(\"[^\"]*\"|'[^']*')")
 _TAG = re.compile(rf"<(/?)({_NAME})((?:{_ATTRIBUTE.pattern.replace('(', '(?:')})*)\s*(/?)>")
@@ -19,7 +19,7 @@ _NOT_UTF8 = re.compile("[\udc80-\udcff]")
 
 
 def legible(content: bytes) -> str:
-    """Mend what a strict parser refuses in a file's content and Gazebo and MuJoCo do not."""
+    """Repair what a strict parser would reject in a file's content but Gazebo and MuJoCo accept."""
     text = content.removeprefix(b"\xef\xbb\xbf").decode("utf-8", "surrogateescape")
     text = _CONTROL.sub(" ", _NOT_UTF8.sub(lambda byte: chr(ord(byte[0]) - 0xDC00), text))
     mended, place, depth = list[str](), 0, 0
@@ -37,7 +37,7 @@ def legible(content: bytes) -> str:
             end = tag.end()
             closing, *_, alone = tag.groups()
             depth += -1 if closing else not alone
-            if depth <= 0:  # the root is closed
+            if depth <= 0:  # The root is closed
                 return "".join(mended).strip()
         else:
             break

@@ -1,4 +1,4 @@
-"""The files of an untrusted model, as mere XML and by their sizes, before anything expands or opens them."""
+"""Checks of the files of an untrusted model, as plain XML and by size, before anything expands or opens them."""
 
 import re
 from collections.abc import Iterable
@@ -14,22 +14,22 @@ from sarsim.vetting.legible import legible
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
 
-MOST_MODEL_BYTES = 100_000_000  # of a model's files together: its MJCF, meshes, textures and height fields
-MOST_GEOMS = 6_000  # of a model, copies by ``<replicate>`` counted; PyMJCF takes 2 ms each; esogu_52x15 has 1,600
+MOST_MODEL_BYTES = 100_000_000  # Total of a model's files: MJCF, meshes, textures and height fields
+MOST_GEOMS = 6_000  # Including copies by ``<replicate>``; PyMJCF takes 2 ms each; esogu_52x15 has 1,600
 FOLDERS = ("meshdir", "texturedir", "assetdir")
-"""Attributes of ``<compiler>`` that name folders of files."""
+"""Attributes of ``<compiler>`` that name folders."""
 
 
 class RefusedError(InputError):
-    """A file that may harm: it is not merely broken or missing, and nothing that refers to it is read."""
+    """A file that may be harmful, not merely broken or missing; nothing that refers to it is read."""
 
 
 def parse_xml(path: Path, most: int = MOST_TEXT) -> "Element":
-    """The root of a file of at most ``most`` bytes.
+    """The root element of a file of at most ``most`` bytes.
 
     Raises:
-        InputError: the file is missing, no regular file or too large, is not XML, or declares entities, which may
-            expand endlessly or name other files, or a document type.
+        InputError: the file is missing, not a regular file, too large or not XML, or declares a document type or
+            entities, which may expand endlessly or refer to other files.
     """
     content = read_bytes(path, most)
     try:
@@ -43,21 +43,21 @@ def parse_xml(path: Path, most: int = MOST_TEXT) -> "Element":
 
 
 def root_of(content: bytes) -> "Element":
-    """The root of XML, as MuJoCo and Gazebo read it where the standard forbids it; a ParseError if they do not."""
+    """The root element of XML that MuJoCo and Gazebo can read even if the standard forbids it; else ParseError."""
     try:
         return ElementTree.fromstring(content, forbid_dtd=True)
     except ElementTree.ParseError as error:
         try:
             return ElementTree.fromstring(legible(content), forbid_dtd=True)
         except ElementTree.ParseError:
-            raise error from None  # of the file as it is
+            raise error from None  # The error in the original file
 
 
 def parse_mjcf(path: Path) -> dict[Path, "Element"]:
-    """The root of an MJCF file and of each MJCF file that it includes or attaches, by path.
+    """The root elements of an MJCF file and of all MJCF files that it includes or attaches, by path.
 
     Raises:
-        InputError: one of them cannot be parsed, lies outside the folder of the first, or they are too large.
+        InputError: a file cannot be parsed or lies outside the folder of the first one, or the files are too large.
     """
     waiting, roots, size = [path], dict[Path, "Element"](), 0
     while waiting:
@@ -71,11 +71,11 @@ def parse_mjcf(path: Path) -> dict[Path, "Element"]:
 
 
 def check_files(path: Path) -> None:
-    """Check all files of a model, before anything builds or opens them.
+    """Check all files of a model before anything builds or opens them.
 
     Raises:
-        InputError: as :func:`parse_mjcf`; or the model has too many geoms, or refers to a file outside its folder or
-            to something that is not a file.
+        InputError: as in :func:`parse_mjcf`; or the model has too many geoms, or refers to a file outside its folder
+            or to something that is not a file.
     """
     roots = parse_mjcf(path)
     elements = [element for root in roots.values() for element in root.iter()]
@@ -92,7 +92,7 @@ def check_files(path: Path) -> None:
 
 
 def _within(path: Path, names: Iterable[str], bases: Iterable[Path]) -> list[Path]:
-    """The files of these names in folders ``bases``; InputError if one would lie outside the folder of ``path``."""
+    """The files with given names in folders ``bases``; InputError if one would lie outside the folder of ``path``."""
     home = path.parent.resolve()
     found = [base / name for name in names if name for base in bases]
     try:
@@ -100,7 +100,7 @@ def _within(path: Path, names: Iterable[str], bases: Iterable[Path]) -> list[Pat
             if not file.resolve().is_relative_to(home):
                 raise InputError(f"{path}: must not refer to {file}, which is outside its folder")
         return [file for file in found if file.exists()]
-    except OSError as error:  # a name that is too long
+    except OSError as error:  # The name is too long
         raise InputError(f"{path}: {error.strerror or error}") from error
 
 
@@ -111,7 +111,7 @@ def _bounded(size: int, path: Path) -> int:
 
 
 def _geoms(root: "Element") -> int:
-    """Number of geoms of a file, copies counted."""
+    """Number of geoms in a file, including copies."""
     count, waiting = 0, [(root, 1)]
     while waiting:
         element, times = waiting.pop()
@@ -123,6 +123,6 @@ def _geoms(root: "Element") -> int:
 
 
 def _times(replicate: "Element") -> int:
-    """The number of copies of ``<replicate>``; 1 if ``count`` is no number that MuJoCo takes."""
+    """Number of copies that ``<replicate>`` makes; 1 if MuJoCo would not accept its ``count``."""
     text = replicate.get("count", "")
     return int(text) if re.fullmatch("[0-9]{1,9}", text) else 1

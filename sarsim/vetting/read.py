@@ -11,9 +11,9 @@ from sarsim.vetting.trial import is_shipped, vet_mjcf
 
 
 def read_mjcf(path: Path) -> tuple[mujoco.MjModel, mjcf.RootElement]:
-    """A model as MuJoCo compiles it, and its MJCF, with which another file can be joined.
+    """A compiled model, and its MJCF in a form that can be merged with another file.
 
-    The files that sarsim ships set nothing that another one could misread; a stranger's is vetted and resolved.
+    Shipped files contain no settings that would affect another file; all other files are vetted and resolved.
 
     Raises:
         InputError: the file is invalid; see :func:`~sarsim.vetting.trial.vet_mjcf`.
@@ -23,5 +23,5 @@ def read_mjcf(path: Path) -> tuple[mujoco.MjModel, mjcf.RootElement]:
     vet_mjcf(path)
     try:
         return resolved(path)
-    except InputError as error:  # it has changed since
+    except InputError as error:  # It has changed since it was vetted
         raise InputError(f"{path}: {error}") from error

@@ -1,9 +1,9 @@
-"""MJCF as MuJoCo's own compiler understands it, so that it means the same alone and joined with another file.
+"""MJCF in a form that means the same by itself and merged with another file, by means of MuJoCo's own compiler.
 
-A file of MJCF holds settings for its reader: the unit of angles, how inertias come about, folders, defaults, included
-and attached files, frames, copies. Two files that are joined would read each other's. So MuJoCo reads each alone and
-writes it again with numbers that need no setting: radians and quaternions, every inertia, every attribute where it
-holds.
+An MJCF file contains settings for its reader: the unit of angles, how inertias are computed, folders, defaults,
+included and attached files, frames, copies. If two files are merged, each is read with the other's settings. So
+MuJoCo reads each file alone and writes it with values that depend on no setting: radians and quaternions, explicit inertias,
+and every attribute on its own element.
 """
 
 import ctypes
@@ -28,41 +28,41 @@ from sarsim.vetting.model_files import root_of
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
 
-EXACT = 17  # digits with which a float64 is the same again
+EXACT = 17  # Digits that preserve a float64 exactly
 PATHS = {"mesh": "mesh_pathadr", "hfield": "hfield_pathadr", "texture": "tex_pathadr", "skin": "skin_pathadr"}
-"""Elements with a file, and where a compiled model says which one MuJoCo opened."""
+"""Elements with a file, and the attribute of a compiled model that says which file MuJoCo opened."""
 _Classes = dict[str, dict[str, dict[str, str]]]
 Check = Callable[[mujoco.MjModel], None]
 _TOP = "main"
-"""MuJoCo's name of the default class that holds everywhere."""
+"""MuJoCo's name of the global default class."""
 DEFAULTS_OF = {"equality": "equality", "tendon": "tendon", "actuator": "general"}
-"""The element of a default class for all elements of a section; elsewhere it is the one of the same tag."""
+"""The element in a default class that applies to a whole section; elsewhere it has the same tag."""
 SIZES = (
     "nuserdata",
     *(f"nuser_{kind}" for kind in ("body", "jnt", "geom", "site", "cam", "tendon", "actuator", "sensor")),
 )
-"""Attributes of ``<size>`` for more than the file alone."""
+"""Attributes of ``<size>`` that matter beyond the file itself."""
 
 
 def _no_check(model: mujoco.MjModel) -> None: ...
 
 
 def resolved(path: Path, check: Check = _no_check) -> tuple[mujoco.MjModel, mjcf.RootElement]:
-    """A model as MuJoCo compiles it, and as MJCF that means the same wherever it is joined in.
+    """A compiled model, and MJCF that means the same wherever it is merged.
 
     Args:
-        path: of the file.
-        check: raises InputError for a compiled model that is not to be written again.
+        path: the MJCF file.
+        check: raises InputError if a compiled model must not be written.
 
     Raises:
-        InputError: the file is missing, or MuJoCo or PyMJCF cannot read it; or by ``check``.
+        InputError: the file is missing, MuJoCo or PyMJCF cannot read it, or ``check`` rejects it.
     """
     with _one_line("not a readable MJCF file"):
         return _resolved(mujoco.MjSpec.from_file(str(path)), lambda name: Path(name).read_bytes(), path.parent, check)
 
 
 def resolved_root(root: mjcf.RootElement, name: str) -> tuple[mujoco.MjModel, mjcf.RootElement]:
-    """What :func:`resolved` returns, of MJCF that other code has made; an InputError begins with ``name``."""
+    """As :func:`resolved`, for MJCF created by other code; an InputError begins with ``name``."""
     files = root.get_assets()
     with _one_line(f"{name}: MuJoCo cannot build it"):
         spec = mujoco.MjSpec.from_string(root.to_xml_string(precision=EXACT), assets=files)
@@ -73,7 +73,7 @@ def resolved_root(root: mjcf.RootElement, name: str) -> tuple[mujoco.MjModel, mj
 def _one_line(beginning: str) -> Iterator[None]:
     try:
         with warnings.catch_warnings():
-            warnings.simplefilter("ignore", UserWarning)  # of settings that MuJoCo is going to drop
+            warnings.simplefilter("ignore", UserWarning)  # About settings that MuJoCo will drop
             yield
     except InputError:
         raise
@@ -85,10 +85,10 @@ def _resolved(
     spec: mujoco.MjSpec, read: Callable[[str], bytes], folder: Path, check: Check = _no_check
 ) -> tuple[mujoco.MjModel, mjcf.RootElement]:
     spec.compiler.saveinertial = True
-    spec.compiler.fusestatic = False  # it takes the names of bodies away, and moves nothing
+    spec.compiler.fusestatic = False  # Fusing would only remove the names of bodies
     spec.compiler.alignfree = False
     for joint in spec.joints:
-        joint.align = mujoco.mjtAlignFree.mjALIGNFREE_AUTO  # it moves a body's frame, and nothing in it
+        joint.align = mujoco.mjtAlignFree.mjALIGNFREE_AUTO  # This moves the frame of a body, but nothing in it
     model = spec.compile()
     check(model)
     root = _written(spec)
@@ -98,7 +98,7 @@ def _resolved(
     for body in [body for tag in ("worldbody", "body") for body in root.iter(tag)]:
         _open_frames(body)
     for text in root.iterfind("custom/text"):
-        if text.text and "data" not in text.attrib:  # so MuJoCo writes what has special characters
+        if text.text and "data" not in text.attrib:  # MuJoCo writes text with special characters like this
             text.set("data", text.text)
     _rename(root)
     _drop_settings(root)
@@ -107,21 +107,21 @@ def _resolved(
 
 
 def _written(spec: mujoco.MjSpec) -> "Element":
-    """A compiled spec as XML, with all digits; six, as MuJoCo writes by itself, are half a millimetre at 100 m."""
+    """A compiled spec as XML with full precision; MuJoCo's default of six digits is half a millimetre at 100 m."""
     (path,) = Path(mujoco.__file__).parent.glob("libmujoco.*")
     library = ctypes.CDLL(str(path))
     before = library._mjPRIVATE__get_xml_precision()
     library._mjPRIVATE__set_xml_precision(EXACT)
     try:
         with TemporaryDirectory() as folder:
-            spec.to_file(f"{folder}/model.xml")  # not to a text, which must be UTF-8, as names need not be
+            spec.to_file(f"{folder}/model.xml")  # Not to a string, which must be UTF-8; names need not be
             return root_of(Path(folder, "model.xml").read_bytes())
     finally:
         library._mjPRIVATE__set_xml_precision(before)
 
 
 def _set_options(root: "Element", spec: mujoco.MjSpec) -> None:
-    """Write the options that the file sets, also those of which it says what MuJoCo takes by itself."""
+    """Write the options that the file sets, including those set to MuJoCo's default."""
     compiler = spec.compiler
     compiler.savecompiled = compiler.savecanonical = False
     authored = _written(spec).find("option")
@@ -134,7 +134,7 @@ def _set_options(root: "Element", spec: mujoco.MjSpec) -> None:
 def _with_files(
     root: "Element", model: mujoco.MjModel, spec: mujoco.MjSpec, read: Callable[[str], bytes], folder: Path
 ) -> dict[str, bytes]:
-    """The contents of the files that MuJoCo opened, by their names, which the elements get."""
+    """The contents of the files that MuJoCo opened, by name; the elements are changed to these names."""
     files: dict[str, bytes] = {}
 
     def named(path: str) -> str:
@@ -155,7 +155,7 @@ def _with_files(
 
 
 def _apply_defaults(root: "Element") -> None:
-    """Write into every element what its default class says, and take the classes away."""
+    """Write the attributes of the default classes into the elements, and remove the classes."""
     classes: _Classes = {_TOP: {}}
     for top in root.findall("default"):
         _collect(top, {}, classes)
@@ -165,7 +165,7 @@ def _apply_defaults(root: "Element") -> None:
 
 
 def _collect(default: "Element", inherited: Mapping[str, dict[str, str]], classes: _Classes) -> None:
-    """Add a class and those in it: for each kind of element the attributes that it sets."""
+    """Add a class and its subclasses: the attributes that they set for each kind of element."""
     own = {tag: dict(attributes) for tag, attributes in inherited.items()}
     for child in default:
         if child.tag != "default":
@@ -184,7 +184,7 @@ def _fill(parent: "Element", section: str, childclass: str, classes: _Classes) -
 
 
 def _open_frames(body: "Element") -> None:
-    """Move what is in a body's frames into the body itself, in the same order."""
+    """Move the content of a body's frames into the body itself, in the same order."""
     for frame in body.findall("frame"):
         _open_frames(frame)
         for child in frame:
@@ -205,7 +205,7 @@ def _numbers(element: "Element", name: str, default: str) -> NDArray[np.float64]
 
 
 def _move(element: "Element", T: Pose) -> None:
-    """Give an element of a frame the pose that it has outside, where the frame has the 4×4 pose ``T``."""
+    """Transform the pose of an element out of a frame that has the 4×4 pose ``T``."""
     if element.tag in ("body", "geom", "site", "camera"):
         moved, quat = T @ _pose(element), np.empty(4)
         mujoco.mju_mat2Quat(quat, moved[:3, :3].ravel())
@@ -222,7 +222,7 @@ def _text(numbers: NDArray[np.float64]) -> str:
 
 
 def _rename(root: "Element") -> None:
-    """Change names with ``/``, which PyMJCF keeps for the names of a model that is joined in."""
+    """Change names that contain ``/``, which PyMJCF reserves for the names of attached models."""
     taken = {element.get("name", "") for element in root.iter()}
     names = dict[str, str]()
     for name in sorted(name for name in taken if "/" in name):
@@ -237,7 +237,7 @@ def _rename(root: "Element") -> None:
 
 
 def _drop_settings(root: "Element") -> None:
-    """Take away what is resolved, or holds for the file alone; only the unit of angles is still said."""
+    """Remove settings that are resolved or apply only to the file; only the unit of angles remains."""
     for element in [e for tag in ("compiler", "keyframe") for e in root.findall(tag)]:
         root.remove(element)
     root.insert(0, root.makeelement("compiler", {"angle": "radian"}))

@@ -1,4 +1,4 @@
-"""Untrusted MJCF is compiled on trial in a process of its own, with limited memory and time."""
+"""Compiles untrusted MJCF on trial, in a separate process with limited memory and time."""
 
 from pathlib import Path
 
@@ -12,35 +12,35 @@ from sarsim.assets import asset
 from sarsim.vetting.model_files import check_files
 from sarsim.vetting.resolved import EXACT, resolved
 
-TRIAL_MEMORY = 1_000_000_000  # bytes beyond those that this process uses; the largest shipped arena needs 0.1 GB
-SECONDS = 20  # of processor time
-MOST_USER = 100  # ``user`` numbers of an element
-MOST_HEIGHTS = 2_400_000  # cells of height fields; 6,000 m² of ground, the most that are surveyed, in cells of 5 cm
-FARTHEST = 8_000.0  # m from the origin: from here on float32 no longer resolves 1 mm
-ITERATIONS = 0, 1000  # of a solver; MuJoCo's own default is 100
-FACETS = 3, 128  # along a side or around a drawn shape, which are quads of them; MuJoCo's own default is 28 at most
+TRIAL_MEMORY = 1_000_000_000  # bytes in addition to this process's; the largest shipped arena needs 0.1 GB
+SECONDS = 20  # s of processor time
+MOST_USER = 100  # ``user`` values of an element
+MOST_HEIGHTS = 2_400_000  # Cells of height fields: 6,000 m², the most that is surveyed, in 5 cm cells
+FARTHEST = 8_000.0  # m from the origin; beyond it float32 no longer resolves 1 mm
+ITERATIONS = 0, 1000  # Of a solver; MuJoCo's default is 100
+FACETS = 3, 128  # Quads along or around a drawn shape; MuJoCo's defaults are at most 28
 BOUNDS = {
-    "timestep": (1e-4, 0.02),  # s; the longest is the drive's period
+    "timestep": (1e-4, 0.02),  # s; at most the drive's period
     "iterations": ITERATIONS,
     "ls_iterations": ITERATIONS,
     "noslip_iterations": ITERATIONS,
     "ccd_iterations": ITERATIONS,
     "sdf_iterations": ITERATIONS,
     "extent": (1e-3, FARTHEST),  # m
-    "znear": (1e-6, 1.0),  # with zfar in extents of the model
+    "znear": (1e-6, 1.0),  # Like zfar, in units of the model's extent
     "zfar": (1e-3, 1e6),
-    "shadowsize": (0, 16384),  # pixels, the largest texture of common graphics
+    "shadowsize": (0, 16384),  # pixels, the largest texture of common GPUs
     "offsamples": (0, 16),
     "numslices": FACETS,
     "numstacks": FACETS,
     "numquads": (1, FACETS[1]),
 }
-"""What numbers of a model's options and of how it is drawn make sense."""
+"""Valid ranges of a model's options and visual settings."""
 SAME = (("body_pos", "body_quat", "body_mass", "body_inertia"), ("geom_type", "geom_size", "geom_pos", "geom_user"))
-"""Arrays in which a model that is read and written again may not differ."""
+"""Arrays in which a model must not differ after being written and read again."""
 ALIKE = 1e-6  # m, kg and kg m²
 PLACES = ["body_pos", "geom_pos", "geom_size", "site_pos", "cam_pos", "light_pos", "mesh_vert", "hfield_size"]
-"""Arrays in m."""
+"""Arrays with coordinates in m."""
 
 
 def is_shipped(path: Path) -> bool:
@@ -49,11 +49,11 @@ def is_shipped(path: Path) -> bool:
 
 
 def vet_mjcf(path: Path) -> None:
-    """Check the MJCF of a stranger: its files, then by compiling it and simulating one step in another process.
+    """Check untrusted MJCF: first its files, then by compiling it and simulating one step in a separate process.
 
     Raises:
-        InputError: a file is invalid or too large, or lies outside the folder; or the model cannot be compiled, has a
-            number out of range, or needs too much memory or time.
+        InputError: a file is invalid, too large or outside the folder; or the model cannot be compiled, has a value
+            out of range, or needs too much memory or time.
     """
     check_files(path)
     said = answer_apart(lambda: _tried(path), SECONDS, TRIAL_MEMORY)
@@ -62,7 +62,7 @@ def vet_mjcf(path: Path) -> None:
 
 
 def _tried(path: Path) -> str:
-    """``GOOD``, or what is wrong with a file; empty if MuJoCo ran out of memory."""
+    """``GOOD``, or the fault of a file; empty if MuJoCo ran out of memory."""
     try:
         model, root = resolved(path, check_model)
         mujoco.mj_step(model, mujoco.MjData(model))
@@ -81,7 +81,7 @@ def _tried(path: Path) -> str:
 
 
 def are_alike(one: mujoco.MjModel, other: mujoco.MjModel) -> bool:
-    """Whether two models have the same bodies and geoms, in any order, in the same places and of the same masses."""
+    """Whether two models have the same bodies and geoms, in any order, with the same positions and masses."""
     for names in SAME:
         rows, others = (np.column_stack([getattr(model, name) for name in names]) for model in (one, other))
         if rows.shape != others.shape:
@@ -92,12 +92,12 @@ def are_alike(one: mujoco.MjModel, other: mujoco.MjModel) -> bool:
 
 
 def check_model(model: mujoco.MjModel) -> None:
-    """Raises InputError if a number of a compiled model is out of range."""
+    """Raise InputError if a value of a compiled model is out of range."""
     for owner in (model.opt, model.stat, model.vis.map, model.vis.quality):
         for name in BOUNDS.keys() & set(dir(owner)):
             _check(name, getattr(owner, name), BOUNDS[name])
     _check("number of a height field's cells", model.hfield_data.size, (0, MOST_HEIGHTS))
-    for name in sorted(dir(model), key=lambda name: name.startswith("bvh")):  # computed from others: last
+    for name in sorted(dir(model), key=lambda name: name.startswith("bvh")):  # Derived ones last
         value = getattr(model, name)
         if name.startswith("nuser_"):
             _check(name, value, (0, MOST_USER))

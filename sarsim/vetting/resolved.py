@@ -2,8 +2,8 @@
 
 An MJCF file contains settings for its reader: the unit of angles, how inertias are computed, folders, defaults,
 included and attached files, frames, copies. If two files are merged, each is read with the other's settings. So
-MuJoCo reads each file alone and writes it with values that depend on no setting: radians and quaternions, explicit inertias,
-and every attribute on its own element.
+MuJoCo reads each file alone and writes it with values that depend on no setting: radians and quaternions, explicit
+inertias, and every attribute on its own element.
 """
 
 import ctypes

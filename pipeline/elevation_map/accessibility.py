@@ -1,4 +1,4 @@
-"""Whether ground leads up to a surface: this alone distinguishes a deck to drive onto from a table."""
+"""Whether ground leads up to a surface, which alone distinguishes a deck to drive onto from a table."""
 
 from math import ceil
 
@@ -16,15 +16,15 @@ def is_inaccessible(
 ) -> Mask:
     """Which of the points (N, 3), m, that look like ramps and decks cannot carry the robot.
 
-    Such a point is farther than half of the robot's width from any square of that side on the points' surface, as the
-    feet of a chair are, or it is higher than the robot's headroom above the nearest ground that the robot can get to
-    and belongs to no surface that comes down to this ground, as every ramp does, however steep.
+    A point is one of these if it is farther than half the robot's width from every square of that side on the points'
+    surface, as on the feet of a chair; or if it is higher than the headroom above the nearest ground that the robot
+    can reach and belongs to no surface that comes down to this ground, as every ramp does, however steep.
 
     Args:
-        ground: its traversability.
-        places: where the robot stood.
-        points: of ramps and decks.
-        from_below: which are of decks seen from below; what leads up to them may not have been in view.
+        ground: traversability of the ground.
+        places: positions where the robot has been, (K, 3).
+        points: points labelled as ramps and decks.
+        from_below: which points belong to decks seen from below; what leads up to them may not have been in view.
     """
     cells = np.clip(ground.grid.cell_of(points), 0, np.subtract(ground.grid.shape, 1))
     surface = np.zeros(ground.grid.shape, bool)
@@ -38,9 +38,9 @@ def is_inaccessible(
 
 
 def _comes_down(points: NDArray[np.floating], counts: Mask, height: Values, joint: float) -> Mask:
-    """Whether points (N, 3) belong to a surface of those that count whose foot has almost no height, m.
+    """Whether points (N, 3), m, belong to a surface of points in ``counts`` that comes down to almost no ``height``.
 
-    ``joint``: m, side of the voxels that join a surface if they are neighbours, and greatest height of its foot.
+    ``joint``: side of the voxels that form one surface if adjacent, and maximum ``height`` of its foot, m.
     """
     part_of = np.zeros(len(points), np.intp)
     part_of[counts] = parts(points[counts] - points.min(axis=0), joint)
@@ -48,11 +48,11 @@ def _comes_down(points: NDArray[np.floating], counts: Mask, height: Values, join
 
 
 def height_above_accessible(ground: Traversability, places: Places, points: NDArray[np.floating]) -> Values:
-    """m, height of points (N, 3) above the nearest ground that no hazard separates from where the robot stood.
+    """Height of points (N, 3) above the nearest ground that no hazard separates from where the robot has been, m.
 
-    The camera does not see the ground under the robot, so ground as high as that counts wherever it is.
+    The camera does not see the ground under the robot, so ground at the same height counts wherever it is.
 
-    ``places``: where it stood.
+    ``places``: positions where the robot has been, (K, 3).
     """
     pieces, _ = ndimage.label(~ground.hazard & ~np.isnan(ground.elevation), np.ones((3, 3)))
     level, stood = (np.round(z / ground.robot.max_step) for z in (ground.elevation, places[:, 2]))

@@ -9,8 +9,8 @@ class DropoutConfig:
     """Which gaps in the depth image may hide a thin panel.
 
     Attributes:
-        fewest: least extent of a gap in pixels and in rows; smaller ones are noise.
-        widest: pixels, the greatest width of a gap; wider ones leave unknown ground behind them.
+        fewest: minimum extent of a gap, in pixels along a row and in searched rows; smaller ones are noise.
+        widest: maximum width of a gap, pixels; wider ones leave unknown ground behind them.
         row_step: spacing of the rows that are searched, rows.
     """
 
@@ -24,12 +24,13 @@ class OverhangConfig:
     """Which surfaces hide the space above the ground, where something may hang too low for the robot.
 
     Attributes:
-        nearer: m by which a surface must be nearer than the space that it hides: the surface itself is in the map.
-        deviations: further margin, in standard deviations of the sensor's noise.
-        reach: m, greatest extent of an overhang behind its edge.
-        fewest: least number of pixels, one above the other, that show it; fewer are noise at an edge.
-        beside: m to either side over which it must continue, with ground below; this rules out upright edges, which
-            also hide what is behind them.
+        nearer: minimum difference in depth between a surface and the space that it hides, m: the surface itself is in
+            the map.
+        deviations: additional margin, in standard deviations of the sensor's noise.
+        reach: maximum extent of an overhang behind its edge, m.
+        fewest: minimum number of pixels, one above the other, that show it; fewer are noise at an edge.
+        beside: distance to both sides over which it must continue, with ground below, m; this rules out upright
+            edges, which also hide what is behind them.
     """
 
     nearer: float = 0.05
@@ -44,20 +45,19 @@ class PathCosts:
     """What driving costs, in seconds, apart from what follows from the robot's own data.
 
     Attributes:
-        comfort: m of room around the footprint that lets the robot drive at full speed. More room makes no
-            difference, so clearances are computed up to this distance.
-        narrow_stop: m, stopping distance that the robot keeps where obstacles leave no room around its footprint; a
+        comfort: free space around the footprint that lets the robot drive at full speed, m. More makes no difference,
+            so clearances are computed up to this distance.
+        narrow_stop: stopping distance that limits the speed where obstacles leave no room around the footprint, m; a
             Pioneer then drives at 0.2 m/s.
-        ramp_pace: share of its speed and turn rate that the robot reaches on ramps, where it slips and realigns
-            itself.
-        turn_pace: share of its greatest turn rate that the robot reaches on average, acceleration and braking
-            included.
-        stray: m, greatest deviation of the robot from its path.
+        ramp_pace: share of its ramp speed and turn rate that the robot reaches, because it slips and realigns itself.
+        turn_pace: share of its maximum turn rate that the robot reaches on average, including acceleration and
+            braking.
+        stray: maximum deviation of the robot from its path, m.
         backing: cost of driving backwards relative to forwards: the camera then looks away from the direction of
             travel.
-        risk: s added per second of driving in which the robot is certain to hit an obstacle.
-        stop: s that a bend in the path costs, for braking and accelerating again.
-        tick: s, resolution of costs in the search.
+        risk: cost added per second of driving in which the robot is certain to hit an obstacle, s.
+        stop: cost of a bend in the path, for braking and accelerating again, s.
+        tick: resolution of costs in the search, s.
     """
 
     comfort: float = 0.2
@@ -76,22 +76,22 @@ class TraversabilityConfig:
     """Where the robot may stand, turn and drive.
 
     Attributes:
-        slope_reach: cells to each side over which the slope of a cell is fitted.
+        slope_reach: radius of the neighbourhood over which the slope of a cell is fitted, cells.
         surface_slope, surface_rise: m per m, and m. A neighbour whose height differs by more than both together
             belongs to another surface (a wall, the floor under a deck) and is left out of the fit.
-        drop_gap: m, greatest width of unknown ground between the two sides of a drop.
-        ramp_tilt: rad; steeper ground is a ramp.
-        ramp_margin: m; this close to a ramp the robot drives as on the ramp, because its wheels may already be on it.
-        leniency: m by which the robot may come nearer to unknown ground than to a hazard.
-        turn_leniency: m by which a turn to the next heading may come nearer to an obstacle than a pose.
-        least_driven: m, least clearance assumed where the middle of the robot has been, so that noise in later
-            keyframes does not trap it.
-        deepest_driven: share of half the robot's width. An obstacle this far inside the footprint counts even where
+        drop_gap: maximum width of unknown ground between the two sides of a drop, m.
+        ramp_tilt: tilt above which ground is a ramp, rad.
+        ramp_margin: distance to a ramp within which the robot drives as on the ramp, because its wheels may already
+            be on it, m.
+        leniency: distance by which the robot may come closer to unknown ground than to a hazard, m.
+        turn_leniency: distance by which a turn to the next heading may come closer to an obstacle than a pose may, m.
+        least_driven: minimum clearance where the robot's centre has been, m; it is also assumed to exist there, so
+            that noise in later keyframes does not trap the robot.
+        deepest_driven: share of half the robot's width. An obstacle farther inside the footprint counts even where
             the robot has been: drift of the map cannot explain it.
-        tall: m; a hazard that is higher than this above the ground around it hides what is behind it.
-        wall_gap: cells along each side of a window; for rays, an unseen cell is as high as the highest hazard in its
-            window.
-        costs: of drives over this ground.
+        tall: a hazard higher than this above the ground around it hides what is behind it, m.
+        wall_gap: side of a window, cells; for rays, an unknown cell is as high as the highest hazard in its window.
+        costs: costs of driving.
     """
 
     slope_reach: int = 2
@@ -111,20 +111,21 @@ class TraversabilityConfig:
 
 @dataclass(frozen=True)
 class ElevationConfig:
-    """How high the ground is.
+    """How the height of the ground is determined.
 
     Attributes:
-        cell: m, side of a cell.
-        lowest: m above the start of the robot (usually negative), the lowest height that is mapped.
-        bin: m, height of the bins of a column. The returns in a bin are averaged; one bin is centred on z = 0.
+        cell: side of a cell, m.
+        lowest: lowest height that is mapped, m above the robot's start (usually negative).
+        bin: height of the bins of a column, m. The returns in a bin are averaged; one bin is centred on z = 0.
         levels: number of bins of a column.
-        fewest: least number of returns in a bin, or dropouts in a cell; fewer are noise.
-        noise: share of a bin's returns that may stray into the next one.
-        ray_height: m; a ray that passes a cell at most this high above the ground shows that no wall stands there.
-        start_radius: m from the start within which the robot assumes level ground until it sees the ground.
-        start_ahead: m, length of the strip in front of the robot that it assumes to be level at the start.
+        fewest: minimum number of returns in a bin, or of dropouts in a cell; fewer are noise.
+        noise: share of a bin's returns that may stray into an adjacent bin.
+        ray_height: a ray that passes at most this high above the ground of a cell shows that it contains no wall, m.
+        start_radius: distance from the start within which the robot still assumes that the ground around the start is
+            level, m.
+        start_ahead: length of the strip in front of the robot that it assumes to be level at the start, m.
         dropouts: gaps in the depth image.
-        overhangs: above the ground.
+        overhangs: surfaces above the ground.
         traversability: where the robot may drive.
     """
 
@@ -143,5 +144,5 @@ class ElevationConfig:
 
     @property
     def highest(self) -> float:
-        """M above the start of the robot up to which ground is mapped."""
+        """Greatest height that is mapped, m above the robot's start."""
         return self.lowest + self.levels * self.bin

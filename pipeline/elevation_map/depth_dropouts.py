@@ -1,7 +1,7 @@
 """Depth dropouts: ground that a frame should have shown but did not.
 
-A thin upright panel seen edge-on gives no returns: its face is seen at a grazing angle, and its end may be closer
-than the camera's range. Its only trace is a stripe without ground in the image, with ground on both sides.
+A thin upright panel seen edge-on gives no returns: its face is seen at a grazing angle, and its end may be too close
+to the camera. Its only trace is a stripe without ground in the image, with ground on both sides.
 """
 
 import numpy as np
@@ -18,7 +18,7 @@ from pipeline.transforms import transform_points
 def find_depth_dropouts(
     depth: Depth, intrinsics: Intrinsics, T_target_camera: Pose, sensor: SensorModel, config: DropoutConfig
 ) -> Points:
-    """Where rays should have met the ground that is seen on both sides of them, in the target frame."""
+    """The points, in the target frame, where rays should have met the ground that is seen on both sides of them."""
     dropouts, fewest, step = np.zeros_like(depth), config.fewest, config.row_step
     same_surface = np.float32(sensor.same_surface)
     kernels.dropout_depth(depth, intrinsics.fy, sensor.grazing, same_surface, fewest, config.widest, step, dropouts)

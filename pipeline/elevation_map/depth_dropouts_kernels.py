@@ -6,15 +6,15 @@ from numba import njit
 
 @njit(cache=True)
 def dropout_depth(depth, focal, least_grazing, same_surface, fewest, widest, row_step, dropouts):
-    """Write the depth of the surface on both sides of each narrow gap to the gap's pixels in ``dropouts`` (H, W), m.
+    """Interpolate the depth of the ground in each narrow gap, and write it to the gap in ``dropouts`` (H, W), m.
 
-    A gap is a run of ``fewest`` to ``widest`` pixels in every ``row_step``-th row without a return, or with a nearer
+    A gap is a run of ``fewest`` to ``widest`` pixels, in every ``row_step``-th row, that have no return or a nearer
     one, between two returns whose depths differ by at most a share ``same_surface``. ``depth`` is (H, W) m, 0 without
-    a return, and ``focal`` the vertical focal length in pixels. Ground that is seen at a smaller angle than
-    ``least_grazing``, rad, may itself give no return.
+    a return, and ``focal`` the vertical focal length, pixels. Surfaces seen at less than ``least_grazing``, rad, are
+    ignored, because they may give no returns themselves.
     """
     height, width = depth.shape
-    rows = 2 * row_step  # the next searched row may be as noisy as the pixel's own
+    rows = 2 * row_step  # because the next searched row may be as noisy as the pixel's own
     for v in range(0, height, row_step):
         left, at = np.float32(0.0), -1
         for u in range(width):
@@ -34,9 +34,9 @@ def dropout_depth(depth, focal, least_grazing, same_surface, fewest, widest, row
 
 @njit(cache=True)
 def grazing(depth, v, u, focal, rows):
-    """Angle in rad between a pixel's ray and the surface that it meets, by ``depth`` (H, W), which is not 0 there.
+    """Angle between a pixel's ray and the surface that it meets, rad; ``depth`` (H, W), m, must not be 0 there.
 
-    The slope is taken from ``rows`` above to as many below.
+    The slope is measured between the pixels ``rows`` above and below; the angle is 0 if either has no return.
     """
     above, below = max(v - rows, 0), min(v + rows, depth.shape[0] - 1)
     if not (depth[above, u] > 0 and depth[below, u] > 0):

@@ -1,4 +1,4 @@
-"""Compiled loops of the elevation map and of the traversability."""
+"""Compiled loops of the elevation map and of traversability."""
 
 from typing import NamedTuple
 
@@ -9,17 +9,17 @@ from numpy.typing import NDArray
 MOST_HITS = np.iinfo(np.uint16).max
 """Number of returns at which the count of a bin saturates."""
 NO_COLUMN = -1
-"""Row of the column of a cell without a return."""
+"""Row of a cell without returns, which has no column."""
 _DIRECTIONS = ((1, 0), (0, 1), (1, 1), (1, -1))
 
 
 class Columns(NamedTuple):
-    """What a column's bins are and how its ground is found.
+    """The bins of a column, and how its ground is found.
 
     Attributes:
-        lowest, bin: m in ``map``, where the lowest bin begins, and the height of each.
-        headroom: m, free height above the ground.
-        fewest, noise: as of :class:`pipeline.elevation_map.config.ElevationConfig`.
+        lowest, bin: lower edge of the lowest bin, m in ``map``, and height of each bin, m.
+        headroom: free height above the ground, m.
+        fewest, noise: see :class:`pipeline.elevation_map.config.ElevationConfig`.
     """
 
     lowest: float
@@ -30,12 +30,12 @@ class Columns(NamedTuple):
 
 
 class Bins(NamedTuple):
-    """The bins of the cells' columns; cells without a return have none.
+    """The bins of the cells' columns; cells without returns have none.
 
     Attributes:
         row: (nx, ny) int32, row of the cell's column.
         height: (M, levels) float32 m, mean of the returns in each bin.
-        hits: (M, levels) uint16, number of these.
+        hits: (M, levels) uint16, number of returns in each bin.
     """
 
     row: NDArray[np.int32]
@@ -45,17 +45,17 @@ class Bins(NamedTuple):
 
 @njit(cache=True)
 def cell_at(x, y, origin, cell):
-    """The cell (i, j) of a point, m, on a grid of ``cell`` m whose corner is ``origin`` (2,)."""
+    """The cell (i, j) that contains a point, m, on a grid of ``cell`` m with its corner at ``origin`` (2,)."""
     return int(np.floor((x - origin[0]) / cell)), int(np.floor((y - origin[1]) / cell))
 
 
 @njit(cache=True, nogil=True)
 def accumulate(points, counts, origin, cell, within, columns, bins, number, returns):
-    """Fold points (N, 3), m, into bins; return their cells, (K, 2) int64, and the number of columns afterwards.
+    """Add points (N, 3), m, to the bins; return their cells, (K, 2) int64, and the new number of columns.
 
-    Each point is the mean of ``counts`` (N,) returns. ``returns`` (nx, ny), 0 before, counts the returns by cell.
-    ``number``: of columns before; there is room for N more. Only cells ``within`` (nx, ny) change; so it is with the
-    other functions that take it.
+    Each point is the mean of ``counts`` (N,) returns. ``returns`` (nx, ny), initially 0, counts the returns by cell.
+    ``number`` is the old number of columns; there is room for N more. As in the other functions that take ``within``
+    (nx, ny), only cells in this mask change.
     """
     (nx, ny), nz = returns.shape, bins.height.shape[1]
     cells, size = np.empty((len(points), 2), np.int64), 0
@@ -82,7 +82,7 @@ def accumulate(points, counts, origin, cell, within, columns, bins, number, retu
 
 @njit(cache=True, nogil=True)
 def lower_to_lowest(points, chosen, origin, cell, within, lowest):
-    """Lower ``lowest`` (nx, ny), m, to the ``chosen`` (N,) of the points (N, 3), m, in its cells."""
+    """Lower ``lowest`` (nx, ny), m, to the lowest ``chosen`` (N,) point in each cell; points are (N, 3), m."""
     nx, ny = lowest.shape
     for n in range(len(points)):
         i, j = cell_at(points[n, 0], points[n, 1], origin, cell)
@@ -94,9 +94,9 @@ def lower_to_lowest(points, chosen, origin, cell, within, lowest):
 def column_height(bins, i, j, columns):
     """Height in m of the lowest surface with enough headroom in the column of a cell; NaN if nothing was measured.
 
-    Adjacent filled bins are one body, and so are bodies with too little air between them. Of a body thinner than
-    half a bin, a sloping or noisy floor, the mean counts; of a thicker one, an obstacle, the top counts. A bin with
-    few hits next to a bin with many is noise of the latter.
+    Filled bins with less than the headroom between them are one body. The height is the mean of a body thinner than
+    half a bin, such as a sloping or noisy floor, and the top of a thicker one, such as an obstacle. A bin with few
+    hits next to a bin with many is noise of the latter.
     """
     if bins.row[i, j] == NO_COLUMN:
         return np.nan
@@ -123,7 +123,7 @@ def column_height(bins, i, j, columns):
 def count_dropouts(points, counts, origin, cell, within, columns, bins, dropouts):
     """(K, 2) int64, the cells of those points (N, 3), m, within two bins of the ground or where it is unknown.
 
-    Each point is the mean of ``counts`` (N,) dropouts. ``dropouts`` (nx, ny), 0 before, counts the dropouts by cell.
+    Each point is the mean of ``counts`` (N,) dropouts. ``dropouts`` (nx, ny), initially 0, counts them by cell.
     """
     nx, ny = dropouts.shape
     cells, size = np.empty((len(points), 2), np.int64), 0
@@ -145,10 +145,10 @@ def renew_dropout(direction, dropouts, returns, cells, camera, grazing, fewest, 
     """Mark the cells in which a keyframe has dropouts, and clear those that it shows from another direction.
 
     ``direction`` (nx, ny, 2) is the horizontal direction in which a cell's last dropout was seen, 0 where there is
-    none. A keyframe clears a cell if it has returns and no dropout there; fewer than ``fewest`` do not count.
-    ``dropouts`` and ``returns`` (nx, ny) count the points of the keyframe from ``camera`` (3,) in ``cells`` (K, 2).
-    A panel without returns is seen within ``grazing``, rad, of its plane, so directions that differ by more than
-    twice that show the ground.
+    none. ``dropouts`` and ``returns`` (nx, ny) count those of a keyframe from ``camera`` (3,), m, in ``cells``
+    (K, 2). At least ``fewest`` dropouts mark a cell; at least ``fewest`` returns without any dropout clear it. A
+    panel without returns is seen within ``grazing``, rad, of its plane; from a direction that differs by more than
+    twice this angle, it would give returns.
     """
     for i, j in cells:
         if dropouts[i, j] < fewest and returns[i, j] < fewest:
@@ -164,11 +164,11 @@ def renew_dropout(direction, dropouts, returns, cells, camera, grazing, fewest, 
 
 @njit(cache=True, nogil=True)
 def lowest_rays(points, counts, camera, cell, ray_height, fewest):
-    """(R, 3) float32 m, the lowest point of the rays from ``camera`` (3,) to ``points`` (N, 3) over each place.
+    """(R, 3) float32 m, the lowest point over each place on the rays from ``camera`` (3,) to ``points`` (N, 3).
 
-    Places are the cells of a lattice so fine that each cell of ``cell`` m holds one of their middles, without those
-    in which a keyframe with ``counts`` (N,) returns a point sees ground itself, by ``fewest`` returns or more. A ray
-    is followed back from a cell before its return, where noise does not matter, up to ``ray_height`` m above it.
+    Places are the cells of a grid so fine that each cell of ``cell`` m contains the centre of one, except those in
+    which the keyframe has ``fewest`` returns or more, given ``counts`` (N,) returns per point. A ray is followed back
+    from a cell before its return, so that noise does not matter, up to ``ray_height`` m above the return.
     """
     step = cell / np.sqrt(2.0)
     x0, y0, x1, y1 = camera[0], camera[1], camera[0], camera[1]
@@ -198,7 +198,7 @@ def lowest_rays(points, counts, camera, cell, ray_height, fewest):
 
 @njit(cache=True, nogil=True)
 def lower_ceiling(ceiling, rays, origin, cell, within):
-    """Lower ``ceiling`` (nx, ny), m, to points ``rays`` (R, 3) of rays; returns their cells, (R, 2) int64."""
+    """Lower ``ceiling`` (nx, ny), m, to the points ``rays`` (R, 3), m, on rays; return their cells, (K, 2) int64."""
     nx, ny = ceiling.shape
     cells, size = np.empty((len(rays), 2), np.int64), 0
     for n in range(len(rays)):
@@ -212,7 +212,7 @@ def lower_ceiling(ceiling, rays, origin, cell, within):
 
 @njit(cache=True, nogil=True)
 def sweep(cells, poses, disc, within, been, swept):
-    """Set bits ``poses`` (K,) of ``cells`` (K, 2) in ``been`` (nx, ny), and mark discs (D, 2) around in ``swept``."""
+    """Set bits ``poses`` (K,) of ``cells`` (K, 2) in ``been`` (nx, ny); mark the discs (D, 2) around in ``swept``."""
     for k in range(len(cells)):
         i, j = cells[k]
         if within[i, j]:
@@ -223,7 +223,7 @@ def sweep(cells, poses, disc, within, been, swept):
 
 @njit(cache=True, nogil=True)
 def forget(cells, offsets, distances, within, been):
-    """Clear the bits of ``been`` (nx, ny) of the poses whose footprint would hold one of the ``cells`` (K, 2).
+    """Clear in ``been`` (nx, ny) the bits of the poses whose footprint would contain one of the ``cells`` (K, 2).
 
     See :func:`pose_kernels.footprint_distances` for ``offsets`` (N, 2) and ``distances`` (N, 16).
     """
@@ -239,16 +239,16 @@ def forget(cells, offsets, distances, within, been):
 
 @njit(cache=True, nogil=True)
 def extract_elevation(bins, cells, columns, elevation):
-    """Renew ``elevation`` (nx, ny) in ``cells`` (K, 2)."""
+    """Recompute ``elevation`` (nx, ny), m, in ``cells`` (K, 2)."""
     for i, j in cells:
         elevation[i, j] = column_height(bins, i, j, columns)
 
 
 @njit(cache=True)
 def cells_to_known(elevation, i, j, di, dj, max_gap, dropout=None):
-    """Cells from (i, j) along (di, dj) to the next known one of ``elevation`` (nx, ny).
+    """Number of steps along (di, dj) from cell (i, j) to the next known cell of ``elevation`` (nx, ny).
 
-    0 if more than ``max_gap`` unknown cells or a ``dropout`` (nx, ny) cell come first.
+    0 if more than ``max_gap`` unknown cells, a ``dropout`` (nx, ny) cell or the border come first.
     """
     for gap in range(1, max_gap + 2):
         a, b = i + gap * di, j + gap * dj
@@ -263,11 +263,11 @@ def cells_to_known(elevation, i, j, di, dj, max_gap, dropout=None):
 
 @njit(cache=True, nogil=True)
 def bridge_gaps(elevation, dropout, ceiling, max_gap, level, ray_height):
-    """(nx, ny) m, ``elevation`` with unknown cells filled between two known ones that differ by ``level`` m at most.
+    """(nx, ny) m, ``elevation`` with unknown cells filled between two known ones that differ by at most ``level`` m.
 
-    Gaps run along the axes and the diagonals over at most ``max_gap`` cells; where several gaps cross, the last one
-    counts. Only cells are filled over which a ray passed, at ``ceiling`` (nx, ny), m, up to ``ray_height`` m above
-    the ground: elsewhere a thin wall may stand that was seen from neither side. Nothing is filled across a
+    Gaps run along the axes and diagonals over at most ``max_gap`` cells; where several gaps cross, the last one
+    counts. A cell is filled only if a ray passed over it, at ``ceiling`` (nx, ny), m, at most ``ray_height`` m above
+    the ground: elsewhere, there may be a thin wall that was seen from neither side. Nothing is filled across a
     ``dropout`` (nx, ny) cell.
     """
     filled = elevation.copy()
@@ -290,9 +290,9 @@ def bridge_gaps(elevation, dropout, ceiling, max_gap, level, ray_height):
 def step_hazards(elevation, max_gap, max_step, steepest):
     """(nx, ny) bool, the higher cells of steps and drops in ``elevation`` (nx, ny), m.
 
-    A step is two of eight neighbours that differ by more than ``max_step`` m. A drop is two known cells along the
-    axes or the diagonals, at most ``max_gap`` unknown cells apart, that differ by more than ``max_step`` m and a
-    slope of ``steepest`` m per cell.
+    A step is a pair of 8-connected neighbours that differ by more than ``max_step`` m. A drop is a pair of known
+    cells along an axis or diagonal, with up to ``max_gap`` unknown cells in between, that differ by more than
+    ``max_step`` m plus a slope of ``steepest`` m per cell.
     """
     nx, ny = elevation.shape
     hazard = np.zeros((nx, ny), np.bool_)
@@ -313,9 +313,9 @@ def step_hazards(elevation, max_gap, max_step, steepest):
 
 @njit(cache=True)
 def gradients(elevation, cell, radius, surface_slope, surface_rise):
-    """(nx, ny, 2) slope of the least-squares plane through each cell's round neighbourhood; 0 where unknown.
+    """(nx, ny, 2) slope of the least-squares plane through each cell's circular neighbourhood; 0 where unknown.
 
-    Neighbours that differ by more than ``surface_slope`` m per m and ``surface_rise`` m belong to another surface.
+    Neighbours that differ by more than ``surface_slope`` m per m plus ``surface_rise`` m belong to another surface.
     """
     nx, ny = elevation.shape
     result = np.zeros((nx, ny, 2), np.float32)

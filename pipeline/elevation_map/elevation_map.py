@@ -1,4 +1,4 @@
-"""How high the ground is, cell by cell.
+"""The elevation map: the height of the ground in each cell.
 
 Voxels of 0.1 m cannot distinguish a ramp from a step, so the elevation map keeps the mean height of the returns in
 finer columns.
@@ -41,18 +41,18 @@ _EVIDENCE = {
     "been": Layer(np.uint16, in_place=True),
     "swept": Layer(np.bool_, in_place=True),
 }
-"""The layers that keyframes change, besides the bins of columns."""
+"""The layers that keyframes change, in addition to the bins of columns."""
 _ROWS = {"row": Layer(np.int32, kernels.NO_COLUMN, in_place=True)}
 
 
 class ElevationMap:
-    """A grid map of the ground that grows where points fall.
+    """A grid map of the ground that grows where points are added.
 
     Attributes:
         robot: its ``max_gap`` is the widest gap that is filled, its ``headroom`` the free height above the ground.
-        config: how it judges what keyframes show.
-        start_height: m in ``map``, from where its range of heights counts; 0 until ``begin_at`` says otherwise.
-        layers: changes are tracked of ``measured``, ``elevation``, ``dropout`` and ``driven``.
+        config: settings of the map.
+        start_height: height above which the mapped range is measured, m in ``map``; 0 until :meth:`begin_at` sets it.
+        layers: all layers; changes of ``measured``, ``elevation``, ``dropout`` and ``driven`` are tracked.
     """
 
     def __init__(self, robot: RobotModel, config: ElevationConfig = ElevationConfig()):
@@ -66,13 +66,13 @@ class ElevationMap:
         self._everywhere = np.zeros((0, 0), np.bool_)
 
     def begin_at(self, height: float) -> None:
-        """Count the heights that are mapped from ``height``, m in ``map``, where the robot was set down."""
+        """Measure the mapped range from ``height``, m in ``map``, at which the robot was set down."""
         self.start_height = self.config.bin * round(height / self.config.bin)
         self._columns = self._columns._replace(lowest=self.config.lowest + self.start_height)
 
     @property
     def grid(self) -> Grid:
-        """Where the cells lie now."""
+        """The current grid."""
         return self.layers.grid
 
     @property
@@ -87,23 +87,23 @@ class ElevationMap:
 
     @property
     def dropout(self) -> MaskLayer:
-        """Where a thin panel without returns may stand: the ground is unknown there, whatever was seen."""
+        """The cells where a thin panel without returns may stand; their ground is unknown, whatever was seen."""
         return self.layers["dropout"]
 
     @property
     def driven(self) -> NDArray[np.uint16]:
-        """(nx, ny) bits of the headings with which the middle of the robot has been there, and of the turns it made.
+        """(nx, ny) bits of the headings that the robot has had with its centre in a cell, and of its turns there.
 
-        Bit h is that of entry h of :attr:`pose_kernels.Terrain.clearance`. Obstacles met later clear bits.
+        Bit h belongs to entry h of :attr:`pose_kernels.Terrain.clearance`. Obstacles found later clear bits.
         """
         return self.layers["driven"]
 
     def assume_ground(self, points: NDArray[np.floating]) -> None:
-        """Assume ground at the height of (N, 3) points in their cells until it is measured."""
+        """Assume ground at the heights of points (N, 3), m, in their cells until it is measured."""
         self._set("assumed", points)
 
     def add_obstacle(self, points: NDArray[np.floating]) -> None:
-        """Put an obstacle that the robot touched into the cells of (N, 3) points; no keyframe removes it."""
+        """Add an obstacle that the robot touched to the cells of points (N, 3), m; no keyframe removes it."""
         self._set("touched", points)
 
     def _set(self, layer: str, points: NDArray[np.floating]) -> None:
@@ -117,7 +117,7 @@ class ElevationMap:
         self._renew(where)
 
     def forget_track(self, points: NDArray[np.floating]) -> None:
-        """Forget that the robot could stand where (N, 3) points of obstacles, m, would be inside its footprint."""
+        """Forget the driven poses at which obstacles at points (N, 3), m, would be inside the footprint."""
         if not len(points):
             return
         self.cover(points)
@@ -130,7 +130,7 @@ class ElevationMap:
         self._renew(tuple(reached[self.grid.holds(reached)].T))
 
     def add_track(self, track: NDArray[np.float64]) -> None:
-        """Mark (N, 3) successive poses of the robot's middle, m and rad; the cells that it swept hold no panel."""
+        """Mark successive poses (N, 3) of the robot's centre, m and rad; the cells that it swept contain no panel."""
         if not len(track):
             return
         places = track[:, :2]
@@ -143,7 +143,7 @@ class ElevationMap:
 
     @cached_property
     def _disc(self) -> Cells:
-        """The cells that a robot in the middle of cell (0, 0) sweeps, even if its pose is wrong by a cell."""
+        """The cells that a robot in cell (0, 0) sweeps, even if its position is wrong by a cell."""
         cell = self.grid.cell
         reach = max(self.robot.half_width - cell, 0.0)
         square = np.argwhere(np.ones((2 * int(reach / cell) + 1,) * 2)) - int(reach / cell)
@@ -164,11 +164,11 @@ class ElevationMap:
         Args:
             points: its returns.
             hits: (N,) number of returns that each point is the mean of; 1 if not given.
-            dropouts: where ground should have been seen and was not.
-            dropout_hits: (M,) number of pixels that each of these is the mean of; 1 if not given.
-            rays: points of rays over places without returns, see :func:`elevation_kernels.lowest_rays`.
-            camera: where it was; without it dropouts are neither found nor cleared.
-            above: (N,) what is known of the space above each point, see :func:`find_overhangs`.
+            dropouts: points where ground should have been seen but was not.
+            dropout_hits: (M,) number of pixels that each dropout is the mean of; 1 if not given.
+            rays: points on rays that passed over ground without returns, see :func:`elevation_kernels.lowest_rays`.
+            camera: position of the camera; without it, dropouts are neither marked nor cleared.
+            above: (N,) what was seen in the space above each point, see :func:`find_overhangs`.
         """
         if not len(points):
             return
@@ -192,12 +192,12 @@ class ElevationMap:
 
     @contextmanager
     def made_anew(self, boxes: Boxes) -> Iterator[Callable[[Boxes], Mask]]:
-        """Forget everything within boxes in ``map``; the block of the ``with`` statement adds the evidence again.
+        """Forget everything within boxes in ``map``; the body of the ``with`` statement adds the evidence again.
 
         Only cells within the boxes change, at any height.
 
         Yields:
-            A function that says which of other boxes lie within them in part.
+            A function that tells which of other boxes overlap these cells.
         """
         self.cover(boxes.reshape(-1, boxes.shape[-1]))
         within, meets = self.grid.touched(boxes)
@@ -214,7 +214,7 @@ class ElevationMap:
         self._renew(np.nonzero(within))
 
     def cover(self, points: NDArray[np.floating]) -> None:
-        """Grow the grid to hold points (N, 2 or 3), m; InputError if it would take too much memory."""
+        """Grow the grid to contain points (N, 2 or 3), m; InputError if it would take too much memory."""
         if self._making is None:
             self.layers.cover(points)
 
@@ -238,7 +238,7 @@ class ElevationMap:
         return self._everywhere
 
     def _renew(self, where: tuple[NDArray, ...]) -> None:
-        """Renew what follows from the evidence, in and around cells that it changed, an index of a layer."""
+        """Update the derived layers in and around cells whose evidence changed; ``where`` indexes a layer."""
         if self._making is not None or not len(where[0]):
             return
         layers, gap = self.layers, round(self.robot.max_gap / self.grid.cell) + 1
@@ -246,7 +246,7 @@ class ElevationMap:
         changed[where] = True
         kernels.extract_elevation(self._bins, np.argwhere(changed), self._columns, layers["returned"])
         layers.write("driven", layers["been"][where], where)
-        # A panel may stand anywhere that the robot has not been.
+        # No panel stands where the robot has been.
         missing = layers["dropout_direction"][where].any(axis=-1)
         layers.write("dropout", missing & ~layers["swept"][where], where)
         here, around = box_around(changed, gap), box_around(changed, 2 * gap)
@@ -260,9 +260,9 @@ class ElevationMap:
         layers.write("elevation", bridged[inside(here, around)], here)
 
     def _is_under_something(self, box: Box) -> MaskLayer:
-        """The cells of a box where something hides a part of the headroom that no keyframe has seen through.
+        """The cells of a box where something hides part of the headroom, which no keyframe has seen through.
 
-        The robot has had headroom where it has been.
+        Where the robot has been, it had headroom.
         """
         layers, noise = self.layers, self.config.bin
         ground, roofed, seen_open, swept = (layers[name][box] for name in ("returned", "roofed", "open", "swept"))

@@ -1,4 +1,4 @@
-"""Overhangs: which ground of a frame lies under something too low for the robot.
+"""Overhangs: which ground in a frame lies under something too low for the robot.
 
 A table top just below the camera is seen at such a grazing angle that it gives no returns, so its column shows only
 the floor below it. Its edge does give returns, which hide part of the space straight above that floor.
@@ -18,7 +18,7 @@ def find_overhangs(frame: Frame, points: Points, headroom: float, config: Overha
     """What a frame shows of the space above its returns (N, 3), m in ``base_link``, up to ``headroom`` m.
 
     Returns:
-        (N,) ``kernels.ROOFED`` if a nearer surface hides a part of it, ``kernels.OPEN`` if the frame sees through all
+        (N,) ``kernels.ROOFED`` if a nearer surface hides part of it, ``kernels.OPEN`` if the frame sees through all
         of it, or ``kernels.UNSURE``.
     """
     k, sensor = frame.intrinsics, frame.sensor

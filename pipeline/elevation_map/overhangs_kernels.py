@@ -6,16 +6,16 @@ import numpy as np
 from numba import njit
 
 UNSURE, OPEN, ROOFED = np.uint8(0), np.uint8(1), np.uint8(2)
-"""The space above a return: not known, seen through, or hidden in part by a nearer surface."""
+"""The space above a return: unknown, seen through, or partly hidden by a nearer surface."""
 
 
 class Limits(NamedTuple):
     """What counts as an overhang.
 
     Attributes:
-        headroom: m above a return.
-        nearest, farthest: m of depth between which surfaces surely give returns.
-        nearer, reach, fewest, beside: as of :class:`pipeline.elevation_map.config.OverhangConfig`.
+        headroom: height above a return up to which overhangs matter, m.
+        nearest, farthest: depths between which surfaces surely give returns, m.
+        nearer, reach, fewest, beside: see :class:`pipeline.elevation_map.config.OverhangConfig`.
     """
 
     headroom: float
@@ -33,11 +33,11 @@ def overhangs(points, noise, depth, pinhole, up, limits):
 
     Args:
         points: (N, 3) returns, m in ``camera_optical``.
-        noise: (N,) m, of depths as deep as theirs.
+        noise: (N,) margin for the noise of depths like theirs, m.
         depth: (H, W) m, not positive without a return.
         pinhole: (4,) fx, fy, cx, cy.
-        up: (3,) in ``camera_optical``.
-        limits: of what counts.
+        up: (3,) unit vector that points up, in ``camera_optical``.
+        limits: what counts as an overhang.
     """
     result = np.full(len(points), UNSURE, np.uint8)
     for n in range(len(points)):
@@ -50,8 +50,8 @@ def overhangs(points, noise, depth, pinhole, up, limits):
 def _space_above(point, noise, depth, pinhole, up, limits):
     """Follow the vertical line above a return through the image, pixel by pixel.
 
-    A ray that meets the level of the return beyond the sensor's range need not return. But it also may not if an edge
-    is too near for the sensor, so this counts only for returns so far away that such an overhang cannot reach them.
+    A ray that meets the level of the return only beyond the sensor's range is expected to give none. An edge too
+    close to the sensor gives none either, so this counts only for returns so far away that it cannot overhang them.
     """
     fx, fy, cx, cy = pinhole
     step, below, hidden, result = point[2] / fy, point @ up, 0, OPEN
@@ -74,15 +74,15 @@ def _space_above(point, noise, depth, pinhole, up, limits):
 
 @njit(cache=True)
 def _hides(d, z, noise, limits):
-    """Whether a return at depth ``d`` hides what lies at depth ``z``, not too far behind it."""
+    """Whether a return at depth ``d``, m, hides what lies at depth ``z``, not too far behind it."""
     return z - limits.reach <= d < z - noise - limits.nearer
 
 
 @njit(cache=True)
 def _goes_on_beside(point, noise, depth, pinhole, pixel, z, limits):
-    """Whether what hides the space above a return at a pixel does so on both sides, and the ground is seen there too.
+    """Whether the surface that hides the space above a return extends to both sides of it without hiding the ground.
 
-    Beside the upright edge of a wall or a post, a camera that leans sees the ground, and the wall above it.
+    Next to the upright edge of a wall or post, a tilted camera sees the ground, and the wall above it.
     """
     fx, fy, cx, cy = pinhole
     u, v = pixel

@@ -1,4 +1,4 @@
-"""Compiled geometry of a footprint with a heading: how much room it has, and what moves cost."""
+"""Compiled geometry of a footprint with a heading: its clearance, and the costs of moves."""
 
 import math
 from functools import cache
@@ -13,15 +13,15 @@ from pipeline.elevation_map.elevation_kernels import cell_at
 
 _HALF = np.array([(1, 0), (2, 1), (1, 1), (1, 2), (0, 1), (-1, 2), (-1, 1), (-2, 1)])
 VECTORS = np.concatenate([_HALF, -_HALF])
-"""(16, 2) displacement in cells by a move along each heading: headings are those of a lattice, 18 to 27° apart."""
+"""(16, 2) displacement by a move along each heading, cells; the headings are those of a lattice, 18 to 27° apart."""
 HEADINGS, STANDING = len(VECTORS), len(_HALF)
-"""Number of headings, and of those with different footprints: the opposite of a heading has the same."""
+"""Number of headings, and of those with different footprints: opposite headings have the same."""
 ANGLES = np.arctan2(*VECTORS.T[::-1]) % math.tau
 """(16,) rad, the headings."""
 UNKNOWN, HAZARD = 1, 2
-"""Kinds of obstacles; 0 is none."""
+"""Kinds of obstacles; 0 is no obstacle."""
 BUCKETS = 8192
-"""Number of buckets of the search's queue; a move costs fewer ticks."""
+"""Number of buckets in the search's queue; every move costs fewer ticks."""
 
 
 class Terrain(NamedTuple):
@@ -30,15 +30,15 @@ class Terrain(NamedTuple):
     Attributes:
         origin: corner of cell [0, 0].
         cell: side of a cell, m.
-        leniency: m by which the robot may come nearer to unknown ground than to a hazard.
-        sweep: cm by which a turn to the next heading may come nearer to an obstacle.
+        leniency: distance by which the robot may come closer to unknown ground than to a hazard, m.
+        sweep: distance by which a turn to the next heading may come closer to an obstacle than a pose may, cm.
         obstacle: uint8, 0, ``UNKNOWN`` or ``HAZARD``.
-        to_obstacle: m to the nearest obstacle.
+        to_obstacle: distance to the nearest obstacle, m.
         clearance: (nx, ny, 16) int8 cm to the nearest obstacle, negative inside: from the footprint at each of eight
             headings, and from the area that it sweeps in a turn from each of these headings to the next.
-        least: int8 cm, least clearance that is allowed.
-        ramp: where the wheels are on a ramp or right before it.
-        uphill: (nx, ny, 2), gradient of that ramp; 0 where there is none.
+        least: int8 minimum clearance that is allowed, cm.
+        ramp: where the wheels may be on a ramp.
+        uphill: (nx, ny, 2) gradient of that ramp; 0 where there is none.
     """
 
     origin: Place
@@ -54,18 +54,18 @@ class Terrain(NamedTuple):
 
 
 class Costs(NamedTuple):
-    """What moves cost a robot.
+    """Parameters of the costs of a robot's moves.
 
     Attributes:
-        half_length, half_width: of the footprint, m.
-        speed, ramp_speed: m/s, on level ground with much room, and on ramps, as expected.
-        turn_rate, ramp_turn_rate: rad/s, as expected.
-        stray: greatest deviation of the robot from its way, m.
+        half_length, half_width: half the length and width of the footprint, m.
+        speed, ramp_speed: expected speeds on level ground with enough room, and on ramps, m/s.
+        turn_rate, ramp_turn_rate: expected turn rates on level ground and on ramps, rad/s.
+        stray: maximum deviation of the robot from its path, m.
         slide: additional deviation in a turn, m per unit of slope.
         lean: how far the top of the body leans downhill, m per unit of slope: its height.
-        across: relative increase of the time by driving across a slope, per unit of slope.
-        narrow_speed: m/s where no room is left around the footprint.
-        comfort, backing, risk, stop, tick: as of :class:`pipeline.elevation_map.config.PathCosts`.
+        across: relative increase of the driving time, per unit of slope across the direction of travel.
+        narrow_speed: speed where no room is left around the footprint, m/s.
+        comfort, backing, risk, stop, tick: see :class:`pipeline.elevation_map.config.PathCosts`.
     """
 
     half_length: float
@@ -88,17 +88,17 @@ class Costs(NamedTuple):
 
 @njit(cache=True)
 def distance_to_footprint(x, y, cos, sin, half_length, half_width):
-    """Signed distance from points (x, y) to the rectangle around (0, 0) that heads along (cos, sin)."""
+    """Signed distance from points (x, y) to the footprint centred on (0, 0) with the heading (cos, sin)."""
     a, b = np.abs(x * cos + y * sin) - half_length, np.abs(y * cos - x * sin) - half_width
     return np.sqrt(np.maximum(a, 0.0) ** 2 + np.maximum(b, 0.0) ** 2) + np.minimum(np.maximum(a, b), 0.0)
 
 
 @cache
 def footprint_distances(half_length, half_width, cell, comfort):
-    """Cells around the robot, nearest first, and the distance of the middle of each from the footprint, m.
+    """Cells around the robot, nearest first, and the distance of the centre of each from the footprint.
 
     Returns:
-        (N, 2) int64 offsets, (N, 16) int8 cm by heading and turn as in :class:`Terrain`, and (N,) cm, their least.
+        (N, 2) int64 offsets, (N, 16) int8 cm by heading and turn as in :class:`Terrain`, and (N,) cm, their minimum.
     """
     reach = int((np.hypot(half_length, half_width) + comfort) / cell) + 1
     offsets = np.argwhere(np.ones((2 * reach + 1,) * 2)) - reach
@@ -114,11 +114,11 @@ def footprint_distances(half_length, half_width, cell, comfort):
 
 @njit(cache=True)
 def clearances(obstacle, to_obstacle, footprint, near, rows, columns, comfort, leniency):
-    """(nx, ny, 16) int8, see :class:`Terrain`, for (nx, ny) obstacles; beyond the grid all is unknown.
+    """(nx, ny, 16) int8 cm, see :class:`Terrain`, for obstacles (nx, ny); everything beyond the grid is unknown.
 
-    ``footprint`` is what :func:`footprint_distances` returns up to ``comfort``, and unknown ground
-    counts as ``leniency``, m, farther away. Only cells with an obstacle within ``near`` m, from the first up to but
-    not including the last of ``rows`` and of ``columns``, are computed.
+    ``footprint`` is what :func:`footprint_distances` returns for ``comfort``, m. Unknown ground counts as
+    ``leniency`` m farther away. Only cells in the half-open ranges ``rows`` and ``columns`` with an obstacle within
+    ``near`` m are computed; the others get ``comfort``.
     """
     nx, ny = obstacle.shape
     offsets, distances, nearest = footprint
@@ -145,9 +145,10 @@ def clearances(obstacle, to_obstacle, footprint, near, rows, columns, comfort, l
 
 @njit(cache=True, nogil=True)
 def bits_of(cells, yaws):
-    """(K,) uint16 bits, as entries of a clearance, of the headings nearest to successive ``yaws`` (K,), rad.
+    """(K,) uint16 bits, numbered as the entries of a clearance, of the headings nearest to ``yaws`` (K,), rad.
 
-    Poses in one of the ``cells`` (K, 2) after the other that turn from a heading to the next one set that turn's bit.
+    A pose in the same one of the ``cells`` (K, 2) as the pose before it, but with the next heading to either side,
+    sets the bit of this turn too.
     """
     bits, last = np.zeros(len(cells), np.uint16), -1
     for k in range(len(cells)):
@@ -168,9 +169,9 @@ def bits_of(cells, yaws):
 
 @njit(cache=True)
 def allow_driven(clearance, driven, least, deepest):
-    """Raise ``clearance`` (nx, ny, 16), cm, to ``least`` (nx, ny) at the poses of ``driven`` (nx, ny) bits.
+    """Raise ``clearance`` (nx, ny, 16), cm, to ``least`` (nx, ny) at the poses given by the bits ``driven`` (nx, ny).
 
-    Not where it is below ``deepest``: so far into the footprint no drift of the map moves an obstacle.
+    Clearances below ``deepest``, cm, stay: drift of the map does not move an obstacle so far into the footprint.
     """
     nx, ny, poses = clearance.shape
     for i in range(nx):
@@ -200,20 +201,20 @@ def free_poses(clearance, least, sweep):
 
 @njit(cache=True)
 def danger(clearance, spread):
-    """Probability that the robot meets an obstacle ``clearance`` m away if it may be off its way by ``spread`` m."""
+    """Probability that the robot hits an obstacle ``clearance`` m away if it strays from its path by ``spread`` m."""
     return max(0.0, 1.0 - max(clearance, 0.0) / spread) if spread > 0 else 0.0
 
 
 @njit(cache=True)
 def level_speed(room, speed, comfort, narrow_speed):
-    """m/s on level ground with ``room`` m around the footprint, a number or an array: the less, the slower."""
+    """Speed on level ground with ``room`` m (scalar or array) around the footprint, m/s: the less, the slower."""
     narrow_speed = min(speed, narrow_speed)
     return narrow_speed + (speed - narrow_speed) * np.minimum(np.maximum(room, 0.0) / comfort, 1.0)
 
 
 @njit(cache=True)
 def drive_seconds_per_metre(clearance, cos, sin, uphill, backward, costs):
-    """Cost of a metre along (cos, sin), s, with ``clearance`` m around the footprint on a slope (2,)."""
+    """Cost of a metre along (cos, sin), s, with ``clearance`` m around the footprint on a slope ``uphill`` (2,)."""
     across = abs(uphill[1] * cos - uphill[0] * sin)
     on_ramp = uphill[0] != 0 or uphill[1] != 0
     speed = costs.ramp_speed if on_ramp else level_speed(clearance, costs.speed, costs.comfort, costs.narrow_speed)
@@ -224,7 +225,7 @@ def drive_seconds_per_metre(clearance, cos, sin, uphill, backward, costs):
 
 @njit(cache=True)
 def turn_seconds_per_radian(clearance, uphill, costs):
-    """Cost of a radian of a turn in place, s, with ``clearance`` m around the footprint on a slope (2,)."""
+    """Cost per radian of a turn in place, s, with ``clearance`` m around the footprint on a slope ``uphill`` (2,)."""
     slope = np.hypot(uphill[0], uphill[1])
     seconds = 1.0 / (costs.ramp_turn_rate if slope > 0 else costs.turn_rate)
     room = clearance - costs.lean * slope
@@ -233,13 +234,13 @@ def turn_seconds_per_radian(clearance, uphill, costs):
 
 @njit(cache=True)
 def ticks(seconds, tick):
-    """The seconds in whole ticks of ``tick`` s, at least one and fewer than there are buckets."""
+    """``seconds`` in whole ticks of ``tick`` s, at least one and fewer than ``BUCKETS``."""
     return max(1, min(int(seconds / tick + 0.5), BUCKETS - 1))
 
 
 @njit(cache=True)
 def room_at(x, y, cos, sin, terrain, costs):
-    """m from the footprint of a robot at (x, y) m that heads along (cos, sin) to the nearest obstacle."""
+    """m from the footprint of a robot at (x, y), m, with the heading (cos, sin) to the nearest obstacle."""
     nx, ny = terrain.least.shape
     i, j = cell_at(x, y, terrain.origin, terrain.cell)
     if not (0 <= i < nx and 0 <= j < ny):
@@ -262,7 +263,7 @@ def room_at(x, y, cos, sin, terrain, costs):
 
 @njit(cache=True)
 def rooms(poses, terrain, costs):
-    """(N,) :func:`room_at` of poses (N, 3): x and y in m, heading in rad; negative where the robot cannot stand."""
+    """(N,) :func:`room_at` poses (N, 3): x and y in m, heading in rad; negative where the robot cannot stand."""
     nx, ny = terrain.least.shape
     result = np.empty(len(poses))
     for n in range(len(poses)):
@@ -278,14 +279,14 @@ def rooms(poses, terrain, costs):
 def line_seconds(ax, ay, bx, by, backward, terrain, costs):
     """Cost of a straight drive between points, m, in s; inf if the footprint meets an obstacle.
 
-    ``backward`` changes the cost alone.
+    ``backward`` only changes the cost.
     """
     nx, ny = terrain.least.shape
     dx, dy = bx - ax, by - ay
     length = np.sqrt(dx * dx + dy * dy)
     cos, sin = (dx / length, dy / length) if length > 0 else (1.0, 0.0)
     steps = int(np.ceil(length / terrain.cell)) + 1
-    # An obstacle so near to the middle lies in the footprint, along whatever heading: most lines are blocked so.
+    # An obstacle this close to the centre is inside the footprint at any heading; this finds most blocked lines.
     inside = min(costs.half_length, costs.half_width) - terrain.leniency - terrain.cell
     for s in range(steps + 1):
         i, j = cell_at(ax + dx * s / steps, ay + dy * s / steps, terrain.origin, terrain.cell)

@@ -17,27 +17,27 @@ from pipeline.errors import InputError
 from pipeline.grid_map import Box, Grid
 from pipeline.robot import RobotModel
 
-FARTHEST = 1.0  # m around the robot up to which clearances fit into int8 cm
+FARTHEST = 1.0  # maximum distance from the robot for which clearances fit into int8 cm, m
 
 
 @dataclass(frozen=True, eq=False)
 class Traversability:
-    """Where the robot may drive by an elevation map; all arrays are (nx, ny) on the map's grid.
+    """Where the robot may drive according to an elevation map; all arrays are (nx, ny) on the map's grid.
 
     Attributes:
-        grid: where the cells lie.
+        grid: the map's grid.
         elevation: float32 m, NaN where unknown.
         gradient: (nx, ny, 2) float32 slope of the ground along x and y; 0 where unknown.
         hazard: steps and slopes that the robot cannot drive over.
-        to_hazard: float64 m to the nearest hazard, at most :func:`reach_of` the robot.
-        obstacle, to_obstacle, clearance, least, ramp, uphill: as of :class:`pose_kernels.Terrain`; distances are at
-            most :func:`reach_of` the robot, and a thin panel that may stand there is a hazard.
-        free: (nx, ny, 2) uint8 bits of the eight headings with which it can stand, and of the turns it can make.
-        turnable: where the robot may turn around, on level ground.
+        to_hazard: float64 distance to the nearest hazard, at most :func:`reach_of` the robot, m.
+        obstacle, to_obstacle, clearance, least, ramp, uphill: see :class:`pose_kernels.Terrain`; distances are at
+            most :func:`reach_of` the robot, and a place where a thin panel may stand is a hazard.
+        free: (nx, ny, 2) uint8 bits of the eight headings with which the robot can stand, and of the possible turns.
+        turnable: where the robot can turn all the way round on level ground.
         tall: hazards that hide what is behind them, unlike decks and ramps.
-        sealed: float32 m, the elevation with small gaps in walls closed, so that no ray slips through.
-        robot, config: for and by which the ground was assessed.
-        is_tight: whether ways need no margin, see :attr:`without_margin`.
+        sealed: float32 elevation with small gaps in walls closed, so that no ray slips through, m.
+        robot, config: the robot and the settings used for the assessment.
+        is_tight: whether paths need no margin, see :attr:`without_margin`.
     """
 
     grid: Grid
@@ -61,15 +61,15 @@ class Traversability:
 
     @cached_property
     def traversable(self) -> MaskLayer:
-        """Where the robot may stand with one heading at least."""
+        """Where the robot may stand with at least one heading."""
         return self.free[..., 0] != 0
 
     @cached_property
     def without_margin(self) -> "Traversability":
-        """The same ground if the footprint keeps off the middle of cells with obstacles, instead of all of each cell.
+        """The same ground if the footprint need only avoid the centres of cells with obstacles, not all of each cell.
 
-        The middle is where an obstacle in a cell is expected. A passage two cells wider than the robot is then
-        passable wherever it lies on the grid.
+        The centre is where the obstacle is expected. A passage two cells wider than the robot is then passable,
+        wherever it lies on the grid.
         """
         least = np.minimum(self.least, 0)
         free = pose_kernels.free_poses(self.clearance, least, sweep_of(self.config))
@@ -79,12 +79,12 @@ class Traversability:
     def with_unseen_free(
         self, places: NDArray[np.float64], margin: float, shut: NDArray[np.float64], doubts: bool = True
     ) -> "Traversability":
-        """The same ground if all of it that is unknown is free and level, on a grid that holds more.
+        """The same ground if all unknown ground is free and level, on a larger grid.
 
         Args:
-            places: (N, 2) m that the grid holds, with ``margin`` m around each.
-            margin: in m.
-            shut: (M, 2) m, unknown ground that is not free nonetheless.
+            places: (N, 2) positions that the grid must contain, m.
+            margin: distance around each of them that it must contain too, m.
+            shut: (M, 2) positions of unknown ground that is not free nevertheless, m.
             doubts: whether depth dropouts, where a thin panel may stand, are not free.
         """
         grid = self.grid.widened(places, margin)
@@ -97,7 +97,7 @@ class Traversability:
         obstacle = np.where(hazard, pose_kernels.HAZARD, 0).astype(np.uint8)
         everywhere = slice(None), slice(None)
         clearance = _clearances(obstacle, distance, self.robot, grid.cell, self.config, everywhere)
-        # Where the robot has driven it has more.
+        # Where the robot has driven, the clearance is larger.
         clearance = np.maximum(clearance, known["clearance"])
         least = known["least"]
         least[np.isnan(known["elevation"])] = 0 if self.is_tight else least_clearance(grid.cell)
@@ -118,7 +118,7 @@ class Traversability:
         return pose_kernels.Terrain(self.grid.origin, self.grid.cell, self.config.leniency, sweep, *layers)
 
     def costs(self, caution: float = 1.0) -> pose_kernels.Costs:
-        """Costs of moves that allow for ``caution`` times the measured deviations of the robot from its way."""
+        """Costs of moves that allow for ``caution`` times the measured deviations of the robot from its path."""
         robot, costs = self.robot, self.config.costs
         return pose_kernels.Costs(
             half_length=robot.half_length,
@@ -140,22 +140,22 @@ class Traversability:
         )
 
     def line_seconds(self, starts: ArrayLike, ends: ArrayLike) -> Values:
-        """(N,) s, costs of straight drives between points (N or 1, 2 or 3), m; inf where an obstacle is met."""
+        """(N,) s, costs of straight drives between points (N or 1, 2 or 3), m; inf if an obstacle is in the way."""
         a, b = np.broadcast_arrays(*(np.asarray(side, np.float64)[..., :2] for side in (starts, ends)))
         a, b = np.ascontiguousarray(a), np.ascontiguousarray(b)
         return pose_kernels.lines_seconds(a, b, self.terrain, self.costs())
 
     def rooms(self, poses: Places) -> Values:
-        """(N,) m around the footprint at poses (N, 3), see :func:`pose_kernels.rooms`; negative without enough."""
+        """(N,) m around the footprint at poses (N, 3), negative if too little; see :func:`pose_kernels.rooms`."""
         return pose_kernels.rooms(np.ascontiguousarray(poses, np.float64), self.terrain, self.costs())
 
     def has_ramp(self, xy: ArrayLike) -> bool:
-        """Whether the robot minds a ramp near a place (2,), m."""
+        """Whether the robot drives as on a ramp near a position (2,), m."""
         places = self.grid.centre_of(np.argwhere(self.ramp))
         return bool((np.linalg.norm(places - np.asarray(xy), axis=1) < self.config.ramp_margin).any())
 
     def on_ground(self, xy: ArrayLike) -> Places:
-        """(N, 3) the points of the ground at (N, 2) m."""
+        """(N, 3) points on the ground at positions (N, 2), m."""
         return np.column_stack([np.asarray(xy, np.float64), self.grid.at(self.elevation, xy)])
 
 
@@ -165,15 +165,15 @@ UNSEEN: dict[str, float] = {
     "to_hazard": np.inf,
     "clearance": np.iinfo(np.int8).min,
 }
-"""What layers hold beyond the map, unless it is 0."""
+"""Values of layers beyond the map, if not 0."""
 LAYERS = [field.name for field in fields(Traversability) if field.name not in ("grid", "robot", "config", "is_tight")]
 
 
 def reach_of(robot: RobotModel, config: TraversabilityConfig, cell: float) -> float:
-    """m; obstacles farther away make no difference to the robot on a grid of ``cell`` m.
+    """Distance, m, beyond which obstacles make no difference to the robot on a grid of ``cell`` m.
 
     Raises:
-        InputError: the robot needs too much room.
+        InputError: the robot's corner radius plus ``comfort`` is more than ``FARTHEST``.
     """
     widest = robot.corner_radius + config.costs.comfort
     if not widest <= FARTHEST:
@@ -182,12 +182,15 @@ def reach_of(robot: RobotModel, config: TraversabilityConfig, cell: float) -> fl
 
 
 def least_clearance(cell: float) -> int:
-    """Whole cm, least clearance of the footprint from hazards: half the diagonal of a cell, m, which is as exact."""
+    """Minimum clearance of the footprint from hazards, whole cm: half the diagonal of a cell of ``cell`` m.
+
+    The positions of hazards are no more exact than this.
+    """
     return round(100 * np.hypot(cell, cell) / 2)
 
 
 def sweep_of(config: TraversabilityConfig) -> int:
-    """Whole cm by which a turn to the next heading may come nearer to an obstacle."""
+    """Whole cm by which a turn to the next heading may come closer to an obstacle than a pose may."""
     return round(100 * config.turn_leniency)
 
 
@@ -206,19 +209,19 @@ def assess(
     config: TraversabilityConfig,
     within: Box = (slice(None), slice(None)),
 ) -> Traversability:
-    """Assess every cell of a grid, beyond which all is unknown.
+    """Assess every cell of a grid, beyond which everything is unknown.
 
     The footprint keeps :func:`least_clearance` from hazards and from depth dropouts, where a thin panel may stand,
-    and a little less from unknown ground: a wall that is only seen at grazing angles stays unknown.
+    and a little less from unknown ground, which may be a wall that is only seen at grazing angles.
 
     Args:
-        grid: where the cells lie.
+        grid: the grid of the layers.
         elevation: (nx, ny) float32 m, NaN where unknown.
         dropout: where a thin panel may stand.
         driven: (nx, ny) bits of the poses that the robot has had, see :attr:`ElevationMap.driven`.
-        robot: its size and abilities.
-        config: what it takes for a hazard.
-        within: box of cells outside of which clearances, and the layers derived from them, are not computed.
+        robot: the robot's size and abilities.
+        config: settings of the assessment.
+        within: box of cells outside which clearances, and the layers derived from them, are not computed.
 
     Raises:
         InputError: the robot needs too much room, see :func:`reach_of`.
@@ -257,7 +260,7 @@ def assess(
 
 
 def _spread(layer: NDArray[Any], grid: Grid, box: Box, fill: float) -> NDArray[Any]:
-    """A layer in a box of a grid; ``fill`` elsewhere."""
+    """A layer placed in a box of a larger grid, with ``fill`` elsewhere."""
     spread = np.full((*grid.shape, *layer.shape[2:]), fill, layer.dtype)
     spread[box] = layer
     return spread
@@ -266,7 +269,7 @@ def _spread(layer: NDArray[Any], grid: Grid, box: Box, fill: float) -> NDArray[A
 def _obstacles(elevation: Layer, hazard: MaskLayer, cell: float, reach: float) -> tuple[NDArray[np.uint8], Layer]:
     obstacle = np.where(np.isnan(elevation), pose_kernels.UNKNOWN, 0).astype(np.uint8)
     obstacle[hazard] = pose_kernels.HAZARD
-    # Beyond the grid's border all is unknown.
+    # Everything beyond the grid is unknown.
     distance = ndimage.distance_transform_edt(np.pad(obstacle == 0, 1))[1:-1, 1:-1]
     return obstacle, np.minimum(distance * cell, reach)
 

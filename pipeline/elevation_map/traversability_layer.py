@@ -1,4 +1,4 @@
-"""The traversability of an elevation map, updated from keyframe to keyframe."""
+"""The traversability of an elevation map, updated incrementally."""
 
 from dataclasses import replace
 
@@ -11,19 +11,19 @@ from pipeline.grid_map import box_around, inside
 
 
 class TraversabilityLayer:
-    """Assesses one elevation map again, but only around cells that changed."""
+    """Assesses one elevation map repeatedly, each time only around the cells that changed."""
 
     def __init__(self) -> None:
         self._last: Traversability | None = None
         self._revision = 0
 
     def update(self, elevation_map: ElevationMap) -> Traversability:
-        """Return the same as ``assess_map`` of the map; results that were returned before stay as they were."""
+        """Return the same as ``assess_map`` of the map; results returned before do not change."""
         source, last = elevation_map.layers, self._last
         changed = source.changed_since(self._revision, "elevation", "dropout", "driven")
         self._revision = source.revision
         if last is None or not last.grid.is_same(source.grid):
-            # A hazard at the old border reaches into the cells that the grid has gained.
+            # A hazard at the old border affects the cells that the grid has gained.
             last = assess_map(elevation_map)
         elif changed.any():
             last = _assessed_around(changed, elevation_map, last)
@@ -32,11 +32,11 @@ class TraversabilityLayer:
 
 
 def _assessed_around(changed: MaskLayer, elevation_map: ElevationMap, last: Traversability) -> Traversability:
-    # A cell affects hazards across a gap and slopes on both sides, and a hazard affects the cells within reach.
+    # A cell affects hazards across a gap and the slopes around it, and a hazard affects the cells within its reach.
     cell, config = last.grid.cell, last.config
     reach = round((reach_of(last.robot, config, cell) + config.drop_gap) / cell) + 2 * config.slope_reach + 1
     here, around = box_around(changed, reach), box_around(changed, 2 * reach)
-    # Contiguous, as the kernels are compiled for.
+    # The kernels are compiled for contiguous arrays.
     elevation = np.ascontiguousarray(elevation_map.elevation[around])
     dropout, driven = elevation_map.dropout[around], elevation_map.driven[around]
     within = inside(here, around)

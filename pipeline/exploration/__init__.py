@@ -1,1 +1,1 @@
-"""Exploration: the next best view and its baselines, goals, and the clock: what to do next."""
+"""Exploration: what the robot does next, by the next best view or a baseline, with goals and a clock."""

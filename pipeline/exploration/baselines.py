@@ -1,4 +1,4 @@
-"""Baselines of exploration, behind the interface of :class:`pipeline.exploration.viewpoint.Strategy`."""
+"""Baselines of exploration, which implement :class:`pipeline.exploration.viewpoint.Strategy`."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -10,17 +10,17 @@ from pipeline.transforms import wrap_angle
 
 
 class NearestFrontier(NextBestView):
-    """Drives to the cheapest place from which unseen ground should be visible (Yamauchi 1997).
+    """Drives to the cheapest position from which unseen ground should be visible (Yamauchi 1997).
 
-    There it takes the heading with the greatest gain. What counts as unseen, what a keyframe should show and when a
-    cell is given up are as in :class:`NextBestView`, but the gain per second and the turn at the place are ignored.
+    The heading there is the one with the greatest gain. What counts as unseen, what a keyframe should show and when a
+    cell is given up are as in :class:`NextBestView`, but gain per second and the time of the final turn are ignored.
     As in Yamauchi's method, frontiers smaller than the robot come last.
     """
 
     takes_rewards = False
 
     def worth(self, gains: NDArray[np.float64], seconds: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(N, 16) m², gains of the nearest place that is worth the drive, 0 elsewhere; see the base class."""
+        """(N, 16) m², gains at the nearest position that is worth the drive, 0 elsewhere; see the base class."""
         is_large = gains >= self._robot.length * self._robot.width
         large = (gains >= self.needed(seconds)) & (is_large | ~is_large.any())
         distance = seconds.min(axis=1)
@@ -29,10 +29,10 @@ class NearestFrontier(NextBestView):
 
 
 class RandomWalk(Strategy):
-    """Takes a given number of keyframes in random directions from random places nearby, without any goal."""
+    """Takes a given number of keyframes with random headings at random positions nearby."""
 
     def __init__(self, robot: RobotModel, seed: int = 0, stride: float = 2.0, steps: int = 300):
-        """``stride``: greatest length of the way to the next place, m; ``steps``: number of keyframes to take."""
+        """``stride``: maximum length of the path to the next position, m; ``steps``: number of keyframes to take."""
         self._rng, self._draw = np.random.default_rng(seed), np.zeros(2)
         self._most_seconds, self._steps_left = stride / robot.speed, steps
 
@@ -42,7 +42,7 @@ class RandomWalk(Strategy):
         self._draw = self._rng.random(2)
 
     def next_viewpoint(self, context: Context) -> Viewpoint | None:
-        """The viewpoint that was drawn; None after the last step, or if the robot can drive nowhere."""
+        """The viewpoint that was drawn; None after the last step, or if the robot cannot drive anywhere."""
         cells = np.argwhere(context.traversability.turnable & (context.paths.cost <= self._most_seconds))
         if not len(cells) or self._steps_left < 0:
             return None

@@ -1,4 +1,4 @@
-"""The numbers of the exploration: what views are expected to show, when they are worth a drive, and of missions."""
+"""Parameters of exploration and missions: what views are expected to show, and when they are worth a drive."""
 
 from dataclasses import dataclass
 
@@ -10,16 +10,16 @@ class VisibilityConfig:
     """Which unseen ground a view is expected to show.
 
     Attributes:
-        rays: number of directions around a place in which rays are cast.
-        stride: cells along each side of the blocks, each of which has one place for viewpoints.
-        short_by: m by which the robot may stop short of a viewpoint, and then sees less far.
+        rays: number of directions, all around a position, in which rays are cast.
+        stride: side of the square blocks that each contribute one cell for viewpoints, cells.
+        short_by: distance by which the robot may stop short of a viewpoint, m; the camera's range is reduced by it.
         ramp_slope: slope above which ground is a ramp; 8°.
         nist_slope: slope of a NIST ramp. Ground missed by a keyframe is assumed to fall at least this steeply.
-        blocked: a ray is expected to cross unknown ground until a wall has stopped it with this probability.
-        least_unknown: m, unknown ground that a ray is expected to cross even between the closest walls.
-        level_run: m of level ground after which a ramp is taken to have ended.
-        new_view: m; a cell that a keyframe missed is not expected to be seen from places closer than this to that
-            keyframe.
+        blocked: a ray is followed through unknown ground until a wall has stopped it with this probability.
+        least_unknown: minimum length of unknown ground that a ray is expected to see through, m, however close the
+            walls are.
+        level_run: length of level ground over which the fall assumed behind a NIST ramp decreases to 0, m.
+        new_view: a cell is not expected to be seen from closer than this to the keyframe that last missed it, m.
     """
 
     rays: int = 180
@@ -38,18 +38,18 @@ class InspectionConfig:
     """Which walls a keyframe has shown well enough, and where to stand to inspect the others.
 
     Attributes:
-        square: depth values along each side of an image square; each square is a piece of wall.
-        flatness: deviation of points from their plane above which a piece is rejected, in standard deviations of the
-            depth.
-        upright: greatest upward component of a piece's normal.
-        highest: m above the ground; signs and other finds hang no higher.
-        sign: m, side of a typical sign, as the leagues print hazmat signs.
-        readable: pixels across such a sign from which it can be read.
-        before: m from a wall to the points that represent it, so that those of its two sides are as far apart as
-            finds may be.
-        spacing: m between such points; those this close to a point that was read or aimed at count as inspected.
-        depth: m in front of a wall that a line of sight need not check.
-        beside_camera: m next to the camera that a line of sight need not check: the robot itself will stand there.
+        square: side of the image squares that are tested as pieces of wall, depth values.
+        flatness: RMS distance of points from their plane above which a piece is rejected, in standard deviations of
+            the depth.
+        upright: maximum vertical component of a piece's normal.
+        highest: maximum height of a piece above the ground, m; signs and other finds hang no higher.
+        sign: side of a typical sign, such as the hazmat signs that the leagues print, m.
+        readable: minimum width of such a sign in the image for it to be readable, pixels.
+        before: distance from a wall to the points that represent it, m. The points on its two sides are then farther
+            apart than ``spacing``.
+        spacing: spacing of these points, m; those this close to a point that was read or aimed at count as inspected.
+        depth: length in front of a wall over which a line of sight is not checked, m.
+        beside_camera: length at the camera over which a line of sight is not checked, m: the robot will be there.
     """
 
     square: int = 8
@@ -66,19 +66,19 @@ class InspectionConfig:
 
 @dataclass(frozen=True)
 class UnseenWaysConfig:
-    """How the robot searches for routes to goals through unseen ground.
+    """How the robot searches for paths to goals through unseen ground.
 
     Attributes:
-        margin: m around a goal within which a route may go around obstacles.
-        farthest: m from the robot to a goal. Goals farther away are reached over seen ground only, because the time
-            and memory of the search grow with the area.
-        ahead: m of the unseen route that a view should show.
-        second_look: s, cost of a second view if the first one shows none of this ground.
-        detour: s, longest detour for a view; longer ones are considered only if there is none within it.
-        least_share: share of this ground that a view must show.
-        alternatives: greatest number of routes through different unseen ground that are compared.
-        tries: number of keyframes that may miss ground before it no longer counts as free.
-        drives: number of drives to views of that ground, wherever they ended, with the same effect.
+        margin: distance around a goal within which a path may go around obstacles, m.
+        farthest: maximum distance from the robot to a goal, m. Goals farther away are reached over seen ground only,
+            because the time and memory of the search grow with the area.
+        ahead: length of the path through unseen ground that a view should show, m.
+        second_look: cost of a second view if the first shows none of this ground, s.
+        detour: maximum detour for a view, s; longer ones are considered only if no view is within it.
+        least_share: minimum share of this ground that a view must show.
+        alternatives: maximum number of paths through different unseen ground that are compared.
+        tries: number of keyframes that miss unseen ground, after which it no longer counts as free.
+        drives: number of drives to views of unseen ground, wherever they ended, with the same effect.
     """
 
     margin: float = 3.0
@@ -96,22 +96,22 @@ class UnseenWaysConfig:
 class ExplorationConfig:
     """When a viewpoint is worth a drive, and when a drive has ended.
 
-    Exploring ends where ``more_time`` would show less than ``more_ground``. In foraging, equal factors are where the
-    marginal value theorem (Charnov 1976) leaves a patch for another; here the other choice is to end.
+    Exploration ends when ``more_time`` would show less than ``more_ground``. With equal factors, this would be the
+    marginal value theorem of foraging (Charnov 1976), which says when to leave a patch; here, the robot just stops.
 
     Attributes:
-        keyframe_time: s that a keyframe takes, in addition to the drive.
-        more_ground: least factor by which the seen ground must grow
-        more_time: while the time of the run grows by this factor.
-        horizon: s of driving within which viewpoints are searched for at first; doubled as long as needed.
-        arrived: m; a robot this close to a viewpoint or goal has reached it.
+        keyframe_time: time that a keyframe takes, in addition to the drive, s.
+        more_ground: minimum factor by which the seen ground must grow while the run's time grows by ``more_time``.
+        more_time: see ``more_ground``.
+        horizon: driving time within which viewpoints are searched for at first, s; doubled as often as needed.
+        arrived: distance within which a viewpoint or goal counts as reached, m.
         patience: number of drives without progress towards a goal after which it is given up.
-        looks: number of looks at what blocks the route to seen ground, after which the robot takes it for blocked.
-        progress: s by which the route to a goal must shrink to count as progress: the cost of a bend.
-        shown: share of the expected ground that must be seen for a viewpoint to count as done, even on the way to it.
+        looks: number of looks at what blocks the path to seen ground, after which the robot treats it as blocked.
+        progress: decrease of the time to a goal above which a drive counts as progress, s: the cost of a bend.
+        shown: share of the expected ground that must be seen for a viewpoint to count as done, even before arrival.
         visibility: what a view is expected to show.
-        unseen_ways: routes to goals through unseen ground.
-        inspection: of walls, when exploration is finished.
+        unseen_ways: paths to goals through unseen ground.
+        inspection: inspection of walls after exploration.
     """
 
     keyframe_time: float = 2.0

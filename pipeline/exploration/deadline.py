@@ -1,4 +1,4 @@
-"""The clock of a mission: when a robot must turn back, and where it ends."""
+"""The clock of a mission: when the robot must turn back, and where it must be at the end."""
 
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
@@ -13,7 +13,7 @@ from pipeline.planning.pose_paths import PosePaths
 
 
 class PlacedFind(Protocol):
-    """What a mission must know of a find."""
+    """What a mission must know about a find."""
 
     @property
     def kind(self) -> str:
@@ -22,7 +22,7 @@ class PlacedFind(Protocol):
 
     @property
     def position(self) -> Place:
-        """Where it is, (3,)."""
+        """Position of the find, (3,)."""
         ...
 
 
@@ -31,7 +31,7 @@ class Retreat:
     """Where a mission ends.
 
     Attributes:
-        task: home, or beside living victims.
+        task: ``home``, at the robot's start, or ``park``, near living victims.
         position: (2,) m in ``map``.
     """
 
@@ -40,13 +40,13 @@ class Retreat:
 
 
 class Deadline:
-    """Compares the time that is left with the time to drive to where the mission must end.
+    """Compares the time left with the time to drive to where the mission must end.
 
     Attributes:
         begin: the robot's time at which the clock started, s.
         end: the robot's time at which the clock stops, s.
-        retreat: where the robot must be by then; None if it may be anywhere.
-        has_called: whether exploring was stopped so that the robot gets back in time.
+        retreat: where the robot must be at ``end``; None if it may be anywhere.
+        has_called: whether the last viewpoint was refused so that the robot gets back in time.
     """
 
     def __init__(
@@ -63,24 +63,24 @@ class Deadline:
 
         Args:
             begin, end: times of the robot at which the clock starts and stops, s.
-            finds: returns what was found so far.
-            home: whether the robot must be back at its start by then.
-            beside: m; greatest distance to living victims by then, if it has found any; None for no limit.
-            config: of the exploration.
+            finds: returns the finds so far.
+            home: whether the robot must be back at its start at ``end``.
+            beside: maximum distance to living victims at ``end``, if any were found, m; None for no limit.
+            config: settings of exploration.
         """
         self.end = end
         self.retreat: Retreat | None = None
         self.has_called = False
         self.begin, self._finds, self._wants_home = begin, finds, home
-        # By the distance at which a place counts as reached the robot may stop short of it.
+        # The robot may stop this far short of a position, because it then counts as reached.
         self._near = None if beside is None else beside - config.arrived
         self._arrived = config.arrived
         self._home: Place | None = None
-        # Of the drives so far: s as planned and as they took; when the last began, and as planned; the most late.
+        # All drives: planned and actual time, s. The last drive: its start and planned time. Longest delay so far.
         self._planned, self._taken, self._last, self._late = 0.0, 0.0, (begin, 0.0), 0.0
 
     def observe(self, context: Context) -> None:
-        """Renew the place of the retreat, and learn how much longer than planned the last drive took."""
+        """Update the retreat, and record how much longer than planned the last drive took."""
         if self._home is None:
             self._home = context.T_map_base[:2, 3].copy()
         begin, seconds = self._last
@@ -98,11 +98,11 @@ class Deadline:
             self.retreat = Retreat("home", self._home)
 
     def allows(self, position: Place, context: Context) -> bool:
-        """Whether a drive to a place (2,) leaves time for the way from there to the retreat.
+        """Whether a drive to a position (2,) leaves time for the drive from there to the retreat.
 
-        Planned times are scaled by how much longer than planned earlier drives took, with a margin for one more drive
-        as late as the latest so far. If the map shows no way back, the way back is assumed to take as long as the
-        robot has been driving.
+        Planned times are multiplied by the ratio of actual to planned times so far, if above 1, and the longest delay
+        so far is added as a margin. If the map shows no path to the retreat, the drive there is assumed to take as
+        long as the run so far and the drive to the position.
         """
         now = context.frame.time
         if self.retreat is None:
@@ -117,7 +117,7 @@ class Deadline:
         return can_do
 
     def set_out(self, position: Place, context: Context) -> None:
-        """Remember the planned time of a drive to a place (2,)."""
+        """Remember the planned time of a drive to a position (2,)."""
         is_drive = np.linalg.norm(position - context.T_map_base[:2, 3]) > self._arrived
         seconds = _finite(context.paths.without_risk.cost_to(position), 0.0) if is_drive else 0.0
         self._planned += seconds
@@ -129,7 +129,7 @@ def _finite(seconds: float, otherwise: float) -> float:
 
 
 def parking_place(victims: Places, paths: PosePaths, near: float) -> Place | None:
-    """The place within ``near`` m of the most victims, (N, 2), of several the soonest reached; None if none is."""
+    """The position within ``near`` m of the most victims (N, 2), of several the soonest reached; None without any."""
     if not len(victims) or paths.start is None:
         return None
     grid = paths.traversability.grid

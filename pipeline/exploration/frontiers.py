@@ -1,4 +1,4 @@
-"""Where seen ground borders on unseen ground; all strategies share this."""
+"""Frontiers, where seen ground borders on unseen ground; shared by all strategies."""
 
 import cv2
 import numpy as np
@@ -11,7 +11,7 @@ from pipeline.exploration.viewpoint import Context
 def unseen(context: Context) -> MaskLayer:
     """The cells that were not seen and may be traversable.
 
-    Unknown ground closer to a hazard than half the robot's width counts only if routes may be tight, because only
+    Unknown ground closer to a hazard than half the robot's width counts only if paths need no margin, because only
     then can it be under a wheel.
     """
     traversability = context.traversability
@@ -20,14 +20,14 @@ def unseen(context: Context) -> MaskLayer:
 
 
 def near_ground(context: Context, cells: MaskLayer) -> MaskLayer:
-    """Where the robot's corners may touch any of these cells."""
+    """The cells from which the robot's corners may touch any of the given cells."""
     side = 2 * round(context.traversability.robot.corner_radius / context.traversability.grid.cell) + 1
     # Many times faster than SciPy's filter.
     return cv2.dilate(cells.view(np.uint8), np.ones((side, side), np.uint8)).view(np.bool_)
 
 
 def find_frontiers(context: Context) -> Places:
-    """Centres of the connected pieces of reachable ground that border on unseen ground."""
+    """One point near the centre of each connected piece of reachable ground that borders on unseen ground."""
     traversability, target = context.traversability, unseen(context)
     pieces, _ = ndimage.label(near_ground(context, target) & context.paths.reachable & ~target, np.ones((3, 3)))
     centres = []

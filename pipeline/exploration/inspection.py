@@ -1,4 +1,4 @@
-"""Inspects walls that no keyframe has shown closely and squarely enough to read what may hang on them."""
+"""Inspection of walls that no keyframe has shown from close and straight enough to read what may hang on them."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,7 +18,7 @@ from pipeline.transforms import wrap_angle
 
 
 class Inspection(Strategy):
-    """Drives to where the next such wall can be inspected soonest; each wall is aimed at once."""
+    """Drives to where a remaining wall can be inspected soonest; each wall is aimed at only once."""
 
     def __init__(
         self, keyframes: Keyframes, metric_map: MetricMap, *, config: ExplorationConfig = ExplorationConfig()
@@ -33,7 +33,7 @@ class Inspection(Strategy):
         """Do nothing: the keyframes themselves keep what they have shown."""
 
     def next_viewpoint(self, context: Context) -> Viewpoint | None:
-        """The pose, reached soonest, from which a remaining wall is readable; None if there is none."""
+        """The pose reached soonest from which signs on a remaining wall are readable; None if there is none."""
         left, paths = self._left(context), context.paths
         cells = best_of_blocks(np.bitwise_count(paths.headings), self._config.visibility.stride)
         if not len(left.points) or not len(cells):
@@ -54,7 +54,7 @@ class Inspection(Strategy):
         return None
 
     def commit(self, viewpoint: Viewpoint, context: Context) -> None:
-        """Remember at which walls the robot looks next."""
+        """Remember the walls that the robot looks at next."""
         left, place = self._left(context), context.traversability.on_ground(viewpoint.position[None])
         off = np.abs(wrap_angle(_bearings(left, place)[:, 0] - viewpoint.heading))
         is_aimed = self._shows(left, place, context.frame)[:, 0] & (off < context.frame.intrinsics.half_view)
@@ -64,12 +64,12 @@ class Inspection(Strategy):
         self._aimed.append(Places.anchored(before, context.poses, len(context.poses) - 1))
 
     def _is_free(self, camera: Place, point: Place) -> bool:
-        """Whether nothing is between a camera and a point of a wall."""
+        """Whether nothing is between a camera and a point on a wall."""
         free = self._walls.depth, self._walls.beside_camera
         return self._map.is_free_along(camera, point, cKDTree(point[None]), *free)
 
     def _left(self, context: Context) -> WallPieces:
-        """Walls that were neither shown well enough nor aimed at yet, thinned."""
+        """The pieces of walls that were neither shown well enough nor aimed at yet, thinned."""
         for seen in self._keyframes.seen[len(self._shown) :]:
             self._shown.append(WallPieces.of(seen, context.frame, self._walls))
         walls = _at(self._shown, context.poses, self._walls)
@@ -82,14 +82,14 @@ class Inspection(Strategy):
         return left.where(first)
 
     def _shows(self, walls: WallPieces, places: NDArray[np.float64], frame: Frame) -> NDArray[np.bool_]:
-        """(N, M) whether walls are readable and in range from places (M, 3) on the ground."""
+        """(N, M) whether signs on N pieces are readable and not too close from positions (M, 3) on the ground, m."""
         cameras = places + _height(frame)
         far = np.linalg.norm(cameras - walls.points[:, None], axis=2) >= frame.sensor.nearest + frame.sensor.margin
         return far & (walls.sides_from(cameras, frame) >= self._walls.readable)
 
 
 def _at(shown: list[WallPieces], poses: Poses, config: InspectionConfig) -> WallPieces:
-    """Walls of keyframes, each in ``base_link``, in ``map``."""
+    """Transform the walls of each keyframe from its ``base_link`` to ``map``."""
     T = np.repeat(poses, [len(walls.points) for walls in shown], axis=0)
     points, normals, sides = (
         np.concatenate([getattr(walls, name) for walls in shown]) for name in ("points", "normals", "sides")
@@ -99,11 +99,11 @@ def _at(shown: list[WallPieces], poses: Poses, config: InspectionConfig) -> Wall
 
 
 def _height(frame: Frame) -> Place:
-    """From the ground up to a camera, (3,)."""
+    """Offset from the ground up to a camera, (3,) m."""
     return np.array([0.0, 0.0, frame.T_base_camera[2, 3]])
 
 
 def _bearings(walls: WallPieces, places: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(N, M) rad, of walls as seen from places (M, 3)."""
+    """(N, M) bearings of N pieces of walls from positions (M, 3), rad."""
     ways = walls.points[:, None] - places
     return np.arctan2(ways[..., 1], ways[..., 0])

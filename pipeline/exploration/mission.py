@@ -1,4 +1,4 @@
-"""What to do next: an ordered list of strategies over one context (explore, drive to goals, drive home)."""
+"""What to do next: an ordered list of strategies that share one context (explore, drive to goals, drive home)."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -22,26 +22,26 @@ class RobotState(Protocol):
 
     @property
     def T_map_start(self) -> Pose | None:
-        """Where the robot began; None if it has not."""
+        """Pose at which the robot started; None if it has not started."""
         ...
 
     @property
     def is_held(self) -> bool:
-        """Whether the robot cannot get away from where it stands."""
+        """Whether the robot cannot drive away from its position."""
         ...
 
 
 class Mission:
-    """Chooses the next viewpoint: the first that a strategy names, in the order of :attr:`strategies`.
+    """Chooses the next viewpoint: the first that a strategy returns, in the order of :attr:`strategies`.
 
-    It begins with exploring; :meth:`tasks` sends the robot to goals and home afterwards.
+    A mission begins with exploration; :meth:`tasks` sends the robot to goals and home afterwards.
 
     Attributes:
         exploration: the strategy that explores unseen ground.
-        goals: the goals of the present task; None while the task is to explore.
-        may_explore: whether the task to explore may go on.
-        deadline: the clock that runs; None if none does.
-        inspection: what the robot does when nothing is left to explore; None for nothing.
+        goals: the goals of the current task; None while the task is to explore.
+        may_explore: whether exploration may continue.
+        deadline: the running clock; None if the mission has none.
+        inspection: the strategy for when nothing is left to explore; None for none.
     """
 
     def __init__(self, exploration: Strategy, *, config: ExplorationConfig = ExplorationConfig()):
@@ -57,9 +57,9 @@ class Mission:
 
     @property
     def strategies(self) -> Iterator[Strategy]:
-        """The strategies in the order in which they are asked: goals, then exploring if that may open a way to them.
+        """The strategies in the order in which they are asked.
 
-        Without goals, exploring, then inspecting.
+        With goals: the goals, then exploration if it may open a path to them. Without: exploration, then inspection.
         """
         if self.goals is not None:
             yield self.goals
@@ -80,28 +80,31 @@ class Mission:
 
     @property
     def explores(self) -> bool:
-        """Whether the present task is to explore."""
+        """Whether the current task is to explore."""
         return self.goals is None
 
     @property
     def is_out_of_time(self) -> bool:
-        """Whether exploring was stopped so that the robot gets back in time."""
+        """Whether the last viewpoint was refused so that the robot gets back in time."""
         return self.deadline is not None and self.deadline.has_called
 
     @property
     def is_tight(self) -> bool:
-        """Whether routes to the present goals are planned without a margin."""
+        """Whether paths to the current goals are planned without a margin."""
         return self.goals is not None and self.goals.is_tight
 
     def tighten(self) -> bool:
-        """Plan routes to the present goals without a margin; False if this is already so, or would not help."""
+        """Plan paths to the current goals without a margin; False if this is already so, or would not help."""
         if self.goals is None or not self.goals.left or self.goals.is_tight:
             return False
         self.goals.is_tight = True
         return True
 
     def choose(self, context: Context) -> Viewpoint | None:
-        """The first viewpoint that any strategy names, to which the robot then sets out; None if the task is done."""
+        """The first viewpoint that a strategy returns, for which the robot then sets out.
+
+        None if the task is done, or if the clock does not allow the drive.
+        """
         for strategy in self.strategies:
             if (viewpoint := strategy.next_viewpoint(context)) is not None:
                 if not self._has_time(viewpoint, context):
@@ -116,7 +119,7 @@ class Mission:
         return self._sender.is_shown(elevation_map)
 
     def _has_time(self, viewpoint: Viewpoint, context: Context) -> bool:
-        """Whether the clock allows the drive; the robot then sets out. Once it turns back, it is not asked again."""
+        """Whether the clock allows the drive, which then begins. On the retreat, the clock is no longer asked."""
         if self.deadline is None:
             return True
         if not self._is_on_retreat and not self.deadline.allows(viewpoint.position, context):
@@ -131,12 +134,12 @@ class Mission:
     def tasks(
         self, goals: Sequence[ArrayLike], home: bool, robot: RobotState, explores: bool = True
     ) -> Iterator[str]:
-        """Begin one task after the other: explore if it ``explores``, drive to goals (2,) m in ``map``, drive home.
+        """Begin one task after another: explore if ``explores``, drive to ``goals``, drive ``home``.
 
-        With a clock, the retreat of :attr:`deadline` is the end.
+        Goals are (2,) m in ``map``. If :attr:`deadline` has a retreat, the last drive leads there instead of home.
 
         Yields:
-            The name of each task as it begins; the robot makes steps until one has no plan.
+            The name of each task as it begins; the caller then makes steps until one has no plan.
         """
         if explores:
             yield "exploring"
@@ -167,7 +170,7 @@ class Mission:
             self._reported[name] = len(goals.visits)
 
     def report(self) -> dict[str, Any]:
-        """Figures of each task after exploring, and why goals were not reached."""
+        """Figures of each task after exploration, and why goals were not reached."""
         return {
             name: {
                 "given": len(goals.visits) + len(goals.left),
@@ -180,7 +183,7 @@ class Mission:
 
     @property
     def visits(self) -> dict[str, list["Visit"]]:
-        """The outcomes of goals so far, by the name of the task."""
+        """The outcomes of goals so far, by task name."""
         return {name: goals.visits for name, goals in self._visited.items()}
 
 
@@ -189,10 +192,10 @@ class Visit:
     """The outcome of a goal.
 
     Attributes:
-        goal: (2,).
-        obstacle: why the robot did not reach it, in a line for the log; None if it did.
-        way: m driven for it, by odometry.
-        begin, end: the robot's time when it set out, from the start or the last goal, and when it was there, s.
+        goal: (2,) m in ``map``.
+        obstacle: why the robot did not reach it, as a line for the log; None if it did.
+        way: distance driven for it by odometry, m.
+        begin, end: the robot's times at the end of the previous visit, or at the task's start, and of this one, s.
     """
 
     goal: Place
@@ -203,13 +206,13 @@ class Visit:
 
 
 class Goals(Strategy):
-    """Drives to goals in an order that keeps the drive short, computed anew at every step, through unseen ground too.
+    """Drives to goals, even through unseen ground, in an order that keeps the drive short, renewed at every step.
 
     Attributes:
-        left: (2,) each, goals still to be visited.
+        left: goals still to be visited, each (2,) m in ``map``.
         visits: outcomes of the other goals, in the order in which they were visited or given up.
-        is_tight: whether ways to them need no margin, see :attr:`Traversability.without_margin`; set once no other
-            way is left.
+        is_tight: whether paths to them need no margin, see :attr:`Traversability.without_margin`; set once no other
+            path is left.
     """
 
     def __init__(
@@ -219,25 +222,25 @@ class Goals(Strategy):
         *,
         config: ExplorationConfig = ExplorationConfig(),
     ):
-        """Goals (2,), m in ``map``.
+        """Start with goals, each (2,) m in ``map``.
 
-        ``may_be_near``: the nearest reachable ground within the robot's length stands for one, as where it was set
-        down, which may not be reachable itself.
+        ``may_be_near``: whether the nearest reachable ground within the robot's length may replace a goal, such as
+        the start, which may not be reachable itself.
         """
         self.left = [np.asarray(goal, np.float64) for goal in goals]
         self.visits: list[Visit] = []
         self.is_tight = False
         self._may_be_near, self._config = may_be_near, config
         self._context: Context | None = None
-        self._since: Context | None = None  # when the way to the next goal began
+        self._since: Context | None = None  # when the drive to the next goal began
         self._goal: Place | None = None
         self._unseen: UnseenWays | None = None
         self._view: WayView | None = None
-        # By a goal's id: s of the shortest way to it so far, and how many drives since did not shorten it.
+        # By ``id`` of a goal: cost of the shortest path to it so far, s, and number of drives since without progress.
         self._tries: dict[int, tuple[float, int]] = {}
 
     def observe(self, context: Context) -> None:
-        """Count goals that are near as visited, and give up a goal if drives bring the robot no nearer to it."""
+        """Count goals that the robot has reached, and give up a goal if drives bring the robot no nearer to it."""
         self._context, self._since = context, self._since or context
         for goal in list(self.left):
             place = self._place(goal, context.paths)
@@ -252,7 +255,7 @@ class Goals(Strategy):
             self._unseen.observe(context)
 
     def next_viewpoint(self, context: Context) -> Viewpoint | None:
-        """The next goal, or a view of unseen ground on the way to it; None if no way is left to any."""
+        """The next goal, or a view of unseen ground on the path to it; None if no path to any goal is left."""
         places = [self._place(goal, context.paths) for goal in self.left]
         are_known = all(obstacle_to(context.paths, place) is None for place in places)
         order = order_goals(context.paths, places) if are_known else self._order_through_unseen(places, context)
@@ -266,7 +269,7 @@ class Goals(Strategy):
         return None
 
     def _order_through_unseen(self, places: list[Place], context: Context) -> list[int]:
-        """The order of those places to which ways lead if unseen ground is free, by their index."""
+        """Indices of the places that can be reached if unseen ground is free, in the order in which to visit them."""
         assert self._unseen is not None
         near = [k for k, place in enumerate(places) if not self._unseen.is_far(place, context)]
         if context.paths.start is None or len(near) < 2:
@@ -277,18 +280,18 @@ class Goals(Strategy):
 
     @property
     def may_open(self) -> bool:
-        """Whether no way to the goals left is known, but exploring may open one, since no hazard is in its way."""
+        """Whether exploration may open a path to a remaining goal: none is known, but hazards do not rule one out."""
         unseen, context = self._unseen, self._context
         if unseen is None or context is None or not self.is_tight:
             return False
         return any(unseen.may_open(self._place(goal, context.paths), context) for goal in self.left)
 
     def is_shown(self, elevation_map: ElevationMap) -> bool:
-        """Whether the map shows the unseen ground for which the robot set out."""
+        """Whether the map now shows the ground that the robot set out to see."""
         return self._view is not None and self._unseen is not None and self._unseen.is_shown(elevation_map)
 
     def commit(self, viewpoint: Viewpoint, context: Context) -> None:
-        """Remember the goal to which the robot sets out, or the ground that it is to see."""
+        """Remember the goal for which the robot sets out, or the ground that it should see."""
         if isinstance(viewpoint, WayView) and self._unseen is not None:
             self._view = viewpoint
             self._unseen.commit(viewpoint, context)
@@ -297,13 +300,13 @@ class Goals(Strategy):
         self._tries.setdefault(id(self._goal), (context.paths.cost_to(viewpoint.position), 0))
 
     def refuse(self, why: str | None = None) -> None:
-        """Give up the goals that are left; the reason is ``why``, or else the obstacle that the last step showed."""
+        """Give up the remaining goals; the reason is ``why``, or else the obstacle that the last step showed."""
         for goal in list(self.left):
             obstacle = self._obstacle_to(goal) if why is None else None
             self._end(goal, obstacle or f"{goal_name(goal)} was not reached: {why or 'the episode ended'}")
 
     def _obstacle_to(self, goal: Place) -> str | None:
-        """Why no way leads to a goal, in a line for the log; None if one may lead there."""
+        """Why no path leads to a goal, as a line for the log; None if one may lead there."""
         context, unseen = self._context, self._unseen
         if context is None or unseen is None or (known := obstacle_to(context.paths, goal)) is None:
             return None
@@ -312,7 +315,7 @@ class Goals(Strategy):
         return unseen.obstacle_to(goal, context) or known
 
     def _place(self, goal: Place, paths: PosePaths) -> Place:
-        """The place to drive to for a goal: the nearest reachable one near it, or else the goal."""
+        """The position to drive to for a goal: the nearest reachable one close to it, or else the goal itself."""
         if not np.isfinite(goal).all():
             return goal
         t = paths.traversability

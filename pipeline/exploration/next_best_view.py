@@ -1,4 +1,4 @@
-"""Frontier exploration on the metric map: the next best view."""
+"""Frontier exploration on the elevation map: the next best view."""
 
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -27,13 +27,13 @@ from pipeline.transforms import wrap_angle
 
 @dataclass(frozen=True, eq=False)
 class Outlook:
-    """What there is to see, as known after a keyframe.
+    """What is left to see, as known after a keyframe.
 
     Attributes:
         terrain: the ground, the targets and their probabilities.
-        camera: what it sees of the ground.
-        seen: m² of ground that were seen so far.
-        seconds: of the run so far, with the time to look around once.
+        camera: what the camera sees of the ground.
+        seen: area of the ground seen so far, m².
+        seconds: duration of the run so far, plus the time to look around once, s.
     """
 
     terrain: SearchedTerrain
@@ -42,23 +42,23 @@ class Outlook:
     seconds: float
 
     def in_view(self, viewpoint: Viewpoint) -> MaskLayer:
-        """The targets that a keyframe from a viewpoint should show."""
+        """The targets that a keyframe at a viewpoint should show."""
         terrain = self.terrain._replace(falls=viewpoint.falls)
         return visibility.cells_in_view(viewpoint.position, viewpoint.heading, self.camera, terrain)
 
     def after(self, viewpoint: Viewpoint) -> "Outlook":
-        """What is left to see if a keyframe from a viewpoint shows what it should."""
+        """The outlook after a keyframe at a viewpoint that shows what it should."""
         target = self.terrain.target & ~self.in_view(viewpoint)
         return replace(self, terrain=self.terrain._replace(target=target))
 
 
 class Offer(NamedTuple):
-    """Viewpoints.
+    """Candidate viewpoints.
 
     Attributes:
-        places: of them.
-        cells: in which they lie.
-        gains: (N, 16) m² that each shows along each heading; 0 where the robot cannot stand so.
+        places: their positions.
+        cells: the cells in which they lie.
+        gains: (N, 16) gain of each with each heading, m²; 0 where it is too small or the robot cannot stand.
     """
 
     places: Places
@@ -71,26 +71,26 @@ class NextBestView(Strategy):
 
     Attributes:
         takes_rewards: whether the rewards of a context count.
-        config: of the exploration.
-        sightings: what keyframes showed and did not.
-        outlook: what is left to see, since the first keyframe was observed.
+        config: settings of exploration.
+        sightings: what keyframes showed and missed.
+        outlook: what is left to see; set by the first call of :meth:`observe`.
     """
 
     takes_rewards = True
     outlook: Outlook
 
     def __init__(self, robot: RobotModel, *, config: ExplorationConfig = ExplorationConfig()):
-        """``robot``: the range of its camera limits what keyframes are expected to show."""
+        """``robot``: its size and turn rate determine which viewpoints are worth a drive."""
         self.config, self.sightings = config, Sightings(robot, config)
         self._robot = robot
         self._began: float | None = None
-        self._looks: Counter[tuple[float, float]] = Counter()  # by the places of cells that bar a way
+        self._looks: Counter[tuple[float, float]] = Counter()  # by the position of a cell that blocks a path
         self._promised, self._is_for_ground = (np.zeros((0, 2)), 0.0), False
-        # Rays cast for one guess of the ground behind crests are of no use for the other.
+        # Rays cast under one assumption about the ground behind crests do not apply under the other.
         self._gains = {falls: visibility.ViewpointGains(config.visibility.stride) for falls in (True, False)}
 
     def observe(self, context: Context) -> None:
-        """Record what the keyframes since the last call showed and did not, and where unseen ground is left."""
+        """Record what the keyframes since the last call showed and missed, and where unseen ground is left."""
         camera = visibility.camera_view(context.frame, self.config.visibility)
         terrain = self.sightings.observe(context, camera)
         self._began = context.frame.time if self._began is None else self._began
@@ -99,19 +99,19 @@ class NextBestView(Strategy):
         self.outlook = Outlook(terrain, camera, seen, seconds)
 
     def next_viewpoint(self, context: Context) -> Viewpoint | None:
-        """The viewpoint that shows most per second; None if it is not worth the drive, nor what it may open."""
+        """The viewpoint that shows most per second, or else one that may open a path; None if neither is worth it."""
         return self._next(self.outlook, context)
 
     def leftovers(self, context: Context) -> list[Viewpoint]:
-        """The viewpoints that would show what is left, each what those before it do not, whatever they cost."""
+        """The viewpoints that would show what is left, whatever they cost, each what those before it do not show."""
         return list(self._in_turn(self._best, self.outlook, context))
 
     def offers(self, context: Context, first: Viewpoint, most: int) -> list[Viewpoint]:
-        """``first`` and up to ``most`` in all that are worth the drive, each for what those before it do not show."""
+        """``first`` and others worth the drive, up to ``most`` in all, each for what those before it do not show."""
         return [first, *islice(self._in_turn(self._next, self.outlook.after(first), context), most - 1)]
 
     def commit(self, viewpoint: Viewpoint, context: Context) -> None:
-        """Remember what a keyframe from this viewpoint should show."""
+        """Remember what a keyframe at this viewpoint should show."""
         ends, cells = np.stack([context.T_map_base[:2, 3], viewpoint.position]), self.outlook.in_view(viewpoint)
         self.sightings.expect(np.argwhere(cells), ends, context.poses)
         terrain = self.outlook.terrain
@@ -125,30 +125,31 @@ class NextBestView(Strategy):
             context.rewards.aim(place, viewpoint.heading)
 
     def is_shown(self, elevation_map: ElevationMap) -> bool:
-        """Whether the map already has most of the ground for which the robot set out."""
+        """Whether the map already shows most of the ground that the robot set out to see."""
         places, area = self._promised
         cell = elevation_map.grid.cell
         seen = np.isfinite(elevation_map.grid.at(elevation_map.measured, places, outside=np.nan)).sum() * cell**2
         return self._is_for_ground and bool(seen >= self.config.shown * area)
 
     def worth(self, gains: NDArray[np.float64], seconds: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(N, 16) scores of viewpoints, of which the greatest is chosen; not above 0 for those that show nothing.
+        """(N, 16) scores of viewpoints, the highest of which is chosen; at most 0 for those that show nothing.
 
         Args:
             gains: (N, 16) m² that each viewpoint is expected to show.
-            seconds: (N, 16) s until the keyframe is taken, increased by the risk of the way.
+            seconds: (N, 16) s until the keyframe is taken, increased for the risk on the path.
         """
         return gains / seconds
 
     def needed(self, seconds: NDArray[np.float64] | float) -> NDArray[np.float64]:
-        """(N, 16) m² that viewpoints must show to be worth these s until their keyframes, or of one viewpoint."""
+        """(N, 16) m² that viewpoints must show to be worth ``seconds`` until their keyframes; a scalar for one."""
         growth = np.log(self.config.more_ground) / np.log(self.config.more_time)
         return np.asarray(self.outlook.seen * np.expm1(growth * np.log1p(seconds / self.outlook.seconds)))
 
     def _next(self, outlook: Outlook, context: Context) -> Viewpoint | None:
-        """The best viewpoint that is worth the drive, or else one that may open a way.
+        """The best viewpoint that is worth the drive, or else one that may open a path.
 
-        A deck behind a crest shows from below, ground that falls does not: the robot looks for decks last.
+        From below a crest, a deck behind it is visible, but falling ground is not. Decks are assumed only if nothing
+        else is worth the drive.
         """
         for falls in (True, False):
             best = self._best(replace(outlook, terrain=outlook.terrain._replace(falls=falls)), context)
@@ -157,9 +158,10 @@ class NextBestView(Strategy):
         return self._opening(outlook, context)
 
     def _opening(self, outlook: Outlook, context: Context) -> Viewpoint | None:
-        """A viewpoint that is worth its time by the ground to which the way may be free, the most first, if any.
+        """A viewpoint that is worth its time for the seen ground to which it may open a path; None if there is none.
 
-        However small what bars the way: only cells on both sides of which the robot could stand count.
+        The largest unreachable pieces come first. What blocks the path may be small, but only unseen cells between
+        reachable ground and the piece count.
         """
         traversability, reachable, terrain = context.traversability, context.paths.reachable, outlook.terrain
         pieces, _ = ndimage.label(traversability.traversable & ~reachable, np.ones((3, 3)))
@@ -182,21 +184,21 @@ class NextBestView(Strategy):
 
     @property
     def _often_looked_at(self) -> Places:
-        """(N, 2) m, cells that kept the way barred however often the robot looked at them."""
+        """(N, 2) m, cells that the robot has looked at so often that they count as blocked."""
         often = [place for place, looks in self._looks.items() if looks >= self.config.looks]
         return np.array(often).reshape(-1, 2)
 
     def _in_turn(
         self, best: Callable[[Outlook, Context], Viewpoint | None], outlook: Outlook, context: Context
     ) -> Iterator[Viewpoint]:
-        """What ``best`` names without rewards, again and again, until nothing is left that this does not show."""
+        """What ``best`` returns without rewards, one after another, each for what those before it do not show."""
         context = replace(context, rewards=None)
         while viewpoint := best(outlook, context):
             yield viewpoint
             outlook = outlook.after(viewpoint)
 
     def _best(self, outlook: Outlook, context: Context, least: float | None = None) -> Viewpoint | None:
-        """The viewpoint of the greatest worth; None if none shows anything."""
+        """The viewpoint with the highest score; None if none shows anything."""
         offer = self._offer(outlook, context, least)
         if offer is None or (found := self._quickest(offer.gains, offer.cells, context)) is None:
             return None
@@ -207,7 +209,7 @@ class NextBestView(Strategy):
     def _offer(self, outlook: Outlook, context: Context, least: float | None = None) -> Offer | None:
         """The viewpoints that show enough to count; None if there are none.
 
-        ``least``: m² that count; by default a strip of cells as wide as the robot.
+        ``least``: minimum gain, m²; by default that of a row of cells as long as the robot is wide.
         """
         paths, traversability = context.paths, context.traversability
         if paths.start is None:
@@ -224,15 +226,15 @@ class NextBestView(Strategy):
     def _quickest(
         self, gains: NDArray[np.float64], cells: Cells, context: Context
     ) -> tuple[np.intp, np.intp, float] | None:
-        """Row and heading of the greatest worth, and the seconds until its keyframe; None if no way leads to any.
+        """Row and heading with the highest score, and the seconds until its keyframe; None if no path leads to any.
 
-        ``gains``: (N, 16) m². The search for ways goes no farther than it must.
+        ``gains``: (N, 16) m². The search for paths goes no farther than necessary.
         """
         paths, keyframe_time, horizon = context.paths, self.config.keyframe_time, self.config.horizon
         straight = paths.least_seconds_to(cells)[:, None]
         while True:
             found = paths.seconds_to(cells, horizon)
-            # Ways beyond the search's horizon cost more than the horizon, and no less than a straight drive.
+            # Paths beyond the search's horizon cost more than the horizon, and no less than a straight drive.
             beyond = np.inf if paths.is_complete else np.maximum(straight, horizon)
             least = np.where(np.isfinite(found), found, beyond)
             worth = self.worth(gains, keyframe_time + least)
@@ -245,10 +247,10 @@ class NextBestView(Strategy):
             horizon *= 2
 
     def _candidates(self, outlook: Outlook, context: Context) -> Cells:
-        """Of each block the cell with the most reachable headings, and cells where the robot cannot turn around.
+        """The cell of each block with the most reachable headings, and some cells where the robot cannot turn around.
 
-        The latter near ground taken for level at the start: with its back to the wall of a small room, or on a ramp
-        that it backed up, the robot sees ground that is otherwise nearer than the range of its camera.
+        The latter are close to ground that was assumed, not seen, at the start: with its back to the wall of a small
+        room, or on a ramp that it backed up, the robot sees ground that is otherwise too close to its camera.
         """
         traversability, paths = context.traversability, context.paths
         spread = best_of_blocks(np.bitwise_count(paths.headings), self.config.visibility.stride)
@@ -259,7 +261,7 @@ class NextBestView(Strategy):
         return np.argwhere(is_one)
 
     def _gains_of(self, candidates: Places, cells: Cells, outlook: Outlook, context: Context) -> NDArray[np.float64]:
-        """(1 + N, 16) m² that each candidate should show, and its rewards: the first where it is, others in cells."""
+        """(1 + N, 16) m² that each candidate should show, plus rewards; all but the first are in ``cells``."""
         terrain, camera = outlook.terrain, outlook.camera
         here = visibility.gains(candidates[:1], camera, terrain)
         gains = np.vstack([here, self._gains[terrain.falls].of(cells, camera, terrain)])

@@ -1,4 +1,4 @@
-"""How likely ground that should be in view is seen: a Beta distribution for each number of earlier misses."""
+"""Probability that ground expected in view is shown: a Beta distribution for each number of earlier misses."""
 
 import numpy as np
 
@@ -8,15 +8,15 @@ MOST_MISSES = np.iinfo(np.uint8).max
 
 
 def chances(shown: Values, missed: Values) -> Values:
-    """Probability that ground in view shows after 0, 1, … misses: the means of the distributions.
+    """Probability that ground in view is shown after 0, 1, … misses: the means of the distributions.
 
-    Prior: by Laplace's rule of succession, what was missed k times shows in one of k + 1 tries, so k / (k + 1) times
-    as likely as what was missed once less. To these k + 1 tries come those of the run. Ground that was never missed
-    is certain: beyond a rim there is none, but behind the next corner there may be.
+    The prior follows Laplace's rule of succession: ground missed k times is shown in one of k + 1 tries, so with
+    k / (k + 1) times the probability after k - 1 misses. The run's tries are added to these k + 1. The probability
+    without misses stays 1: there may be no ground beyond an outer edge, but there may be behind the next corner.
 
     Args:
-        shown: number of tries that showed the ground after so many misses.
-        missed: number of tries that missed it once more.
+        shown: number of tries that showed ground after 0, 1, … misses.
+        missed: number of tries that missed ground again after 0, 1, … misses.
     """
     result = np.ones(len(shown))
     for k in range(1, len(shown)):

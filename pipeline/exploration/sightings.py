@@ -1,4 +1,4 @@
-"""What keyframes should have shown of unseen ground, and what they did."""
+"""What keyframes should have shown of unseen ground, and what they did show."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -23,7 +23,7 @@ class Sightings:
     """Counts how often ground that should have been in view was shown, and how often it was missed.
 
     Attributes:
-        chances: (256,) probability that ground in view shows, by the number of keyframes that missed it.
+        chances: (256,) probability that ground in view is shown, by the number of keyframes that missed it.
     """
 
     _layers: GridMap
@@ -31,22 +31,22 @@ class Sightings:
     def __init__(self, robot: RobotModel, config: ExplorationConfig):
         self._robot, self._config = robot, config
         self.chances = np.ones(MOST_MISSES + 1)
-        # Cells that were shown after so many misses, and that were missed once more after so many misses.
+        # Numbers of cells that were shown and that were missed again, by the number of earlier misses.
         self._shown, self._missed = np.zeros((2, MOST_MISSES + 1), np.int64)
         # The cells that the next keyframe should show, and the ends of the drive to it.
         self._expected, self._drive = NOWHERE, NOWHERE
-        # Cells that viewpoints should have shown and did not, although their keyframes do not miss them.
+        # Cells that viewpoints should have shown but did not, and that are not among the misses of their keyframes.
         self._disappointing: list[Places] = []
-        # Of the keyframes, as they were when their misses were counted.
+        # Poses of the keyframes when their misses were counted.
         self._poses = np.zeros((0, 4, 4))
 
     @property
     def misses(self) -> NDArray[np.uint8]:
-        """(nx, ny) number of keyframes that should have shown each cell, by the newest map, and did not."""
+        """(nx, ny) number of keyframes that, according to the newest map, should have shown each cell but did not."""
         return self._layers["misses"]
 
     def observe(self, context: Context, camera: CameraView) -> SearchedTerrain:
-        """Count what the keyframes since the last call showed and did not; the ground that is left to be searched."""
+        """Count what the keyframes since the last call showed and missed; return the ground left to be searched."""
         ground = context.traversability
         if not len(self._poses):
             self._layers = GridMap(ground.grid.cell, LAYERS)
@@ -71,7 +71,7 @@ class Sightings:
             new_view=guesses.new_view,
         )
         self._count_misses(context.poses, first, camera, terrain)
-        # Cells side by side show or hide together: as many as the robot is wide are one try.
+        # Adjacent cells are shown or missed together, so a strip as wide as the robot counts as one try.
         tries = self._robot.width / layers.grid.cell
         self.chances = chances(self._shown / tries, self._missed / tries)
         rounded = visibility.rounded(self.chances).astype(np.float32)
@@ -84,24 +84,24 @@ class Sightings:
         self._drive = Places.anchored(drive, poses, newest)
 
     def _count_shown(self, context: Context, camera: CameraView) -> int:
-        """Count which targets were shown; the number of the first keyframe whose misses are still to be counted."""
+        """Count the targets that were shown; return the index of the first keyframe with misses not counted yet."""
         layers, before = self._layers, self._poses
         first, ahead = len(before), (camera.far, 0.0, 0.0, 1.0)
         moved = np.linalg.norm(((context.poses[:first] - before) @ ahead)[:, :2], axis=1).max(initial=0.0)
         if moved < layers.grid.cell:
-            # Along the rims of what was seen, also a map that moved by less covers ground without showing it.
+            # Even a smaller move makes the map cover ground along its edges without showing it; opening drops this.
             is_shown = ndimage.binary_opening(layers["target"] & ~np.isnan(context.measured), np.ones((3, 3)))
             self._shown += np.bincount(layers["misses"][is_shown], minlength=MOST_MISSES + 1)
             self._poses = np.concatenate([before, context.poses[first:]])
             return first
-        # What was missed from corrected poses is found anew.
+        # The misses are counted again from the corrected poses.
         self._poses, self._missed[:] = context.poses, 0
         layers.write("misses", np.zeros_like(layers["misses"]))
         layers.write("missed_from", np.full_like(layers["missed_from"], np.inf))
         return 0
 
     def _count_misses(self, poses: Poses, first: int, camera: CameraView, terrain: SearchedTerrain) -> None:
-        """Count which targets the keyframes from number ``first`` on should have shown, by the newest map."""
+        """Count the targets that keyframes from index ``first`` on missed, according to the newest map."""
         misses, missed_from = self._layers["misses"].copy(), terrain.missed_from
         visibility.count_misses(poses[first:], camera, terrain, misses, self._missed)
         self._note_disappointment(missed_from, poses)
@@ -116,9 +116,9 @@ class Sightings:
     def _note_disappointment(self, missed_from: NDArray[np.float32], poses: Poses) -> None:
         """Note the cells that the last viewpoint should have shown if the drive ended there, or where it began.
 
-        Those that the newest keyframe missed are left out: these count already. A robot that could not set out, or
-        sees no more than before where it wanted to look, must turn to something else; but a keyframe from elsewhere
-        says nothing of what was to be seen.
+        Cells that the newest keyframe missed are left out, because they are counted already. A robot that could not
+        set out, or that sees nothing new from the viewpoint, must look for something else; but a keyframe taken
+        elsewhere does not show whether the cells can be seen from the viewpoint.
         """
         here = poses[-1, :2, 3]
         drive = np.linalg.norm(here - self._drive.at(poses)[:, :2], axis=1)

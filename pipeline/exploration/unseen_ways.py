@@ -1,4 +1,4 @@
-"""Ways to goals through unseen ground, as if it were free (Koenig & Likhachev 2002), and views that show it."""
+"""Paths to goals on the assumption that unseen ground is free (Koenig & Likhachev 2002), and views that show it."""
 
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -29,10 +29,10 @@ NONE = np.zeros((0, 2))
 
 @dataclass(frozen=True, eq=False)
 class WayView(Viewpoint):
-    """A view of unseen ground on a way to a goal.
+    """A view of unseen ground on a path to a goal.
 
     Attributes:
-        shows: (N, 2) m, the ground that it is to show.
+        shows: (N, 2) m, the ground that it should show.
     """
 
     shows: NDArray[np.float64] = field(default_factory=lambda: NONE)
@@ -40,12 +40,12 @@ class WayView(Viewpoint):
 
 @dataclass(frozen=True, eq=False)
 class GoalSearch:
-    """The cheapest ways to a goal from all poses.
+    """The cheapest paths to a goal from all poses.
 
     Attributes:
-        ground: on a grid that may be larger than that of the map.
-        goal: (2,) m.
-        caution: of the costs, see :class:`PosePaths`.
+        ground: the ground, on a grid that may be larger than that of the map.
+        goal: (2,) m in ``map``.
+        caution: see :class:`PosePaths`.
     """
 
     ground: Traversability
@@ -54,31 +54,31 @@ class GoalSearch:
 
     @cached_property
     def _paths(self) -> PosePaths:
-        """Ways from the goal; with the opposite headings they lead back, at the same cost."""
+        """Paths from the goal; in reverse, with opposite headings, they lead to it at the same cost."""
         return PosePaths(self.ground, self.goal, caution=self.caution)
 
     def seconds_from(self, places: NDArray[np.float64], until: float = np.inf) -> NDArray[np.float32]:
-        """(N, 16) s from places with each heading to the goal; inf beyond ``until`` s."""
+        """(N, 16) s from places (N, 2), m, with each heading to the goal; inf beyond ``until`` s."""
         seconds = self._paths.seconds_to(self.ground.grid.cell_of(places), until)
         return np.roll(seconds, STANDING, axis=1)
 
     def least_seconds_from(self, xy: Place, heading: int) -> float:
-        """Seconds from a pose to the goal; inf if no way leads there."""
+        """Seconds from a pose to the goal; inf if no path leads there."""
         return self._paths.seconds_at(xy, (heading + STANDING) % HEADINGS)
 
     def states_from(self, xy: Place, heading: int) -> Cells:
-        """(N, 3) cells of the ground and headings from a pose to the goal, if a way leads there."""
+        """(N, 3) cells of ``ground`` and headings from a pose to the goal, to which a path must lead."""
         states = self._paths.states_to(xy, (heading + STANDING) % HEADINGS)[::-1]
         return np.column_stack([states[:, :2], (states[:, 2] + STANDING) % HEADINGS])
 
 
 class Gap(NamedTuple):
-    """The unseen ground that a way to a goal meets first.
+    """The unseen ground that a path to a goal meets first.
 
     Attributes:
-        hidden: the cells that keep the robot from the way.
-        before: (N, 3) cells of the map and headings of the way up to there.
-        seconds: of the whole way.
+        hidden: the unseen cells that keep the robot from following the path.
+        before: (N, 3) cells of the map and headings of the path before the gap.
+        seconds: time of the entire path to the goal, s.
     """
 
     hidden: MaskLayer
@@ -90,8 +90,8 @@ class Offer(NamedTuple):
     """A view of a gap.
 
     Attributes:
-        view: of it.
-        seconds: to the goal by way of the view, with what another look may cost.
+        view: the view.
+        seconds: time to the goal via the view, including the expected cost of another look, s.
     """
 
     view: WayView
@@ -99,9 +99,9 @@ class Offer(NamedTuple):
 
 
 class UnseenWays:
-    """Finds the view of the cheapest way to a goal if unseen ground were free, where it first meets such ground.
+    """Finds views of where the cheapest path to a goal, if unseen ground were free, first meets unseen ground.
 
-    What several views did not show is not taken for free any more.
+    Ground that several views did not show no longer counts as free.
     """
 
     def __init__(self, robot: RobotModel, config: ExplorationConfig):
@@ -109,18 +109,18 @@ class UnseenWays:
         self._sightings = Sightings(robot, config)
         self._terrain: SearchedTerrain
         self._camera: CameraView
-        self._promised = NONE  # what the last view was to show
-        self._aimed: list[Places] = []  # what each view was to show, anchored
+        self._promised = NONE  # what the last view should show
+        self._aimed: list[Places] = []  # what each view should have shown, anchored
 
     def observe(self, context: Context) -> None:
-        """Note what keyframes showed and did not."""
+        """Record what keyframes showed and missed."""
         self._camera = visibility.camera_view(context.frame, self._config.visibility)
         self._terrain = self._sightings.observe(context, self._camera)
 
     def ground_towards(self, goals: NDArray[np.float64], context: Context, doubts: bool = True) -> Traversability:
-        """The ground if what is unseen is free, on a grid that holds goals (N, 2) that are not :meth:`is_far`.
+        """The ground if unseen ground is free, on a grid that contains goals (N, 2), m, none of them :meth:`is_far`.
 
-        ``doubts``: whether it is not free where views failed to show it, nor where thin panels may stand.
+        ``doubts``: whether ground that views failed to show, or where a thin panel may stand, is not free.
         """
         shut = self._shut(context) if doubts else NONE
         return context.traversability.with_unseen_free(goals, self._numbers.margin, shut, doubts)
@@ -130,7 +130,7 @@ class UnseenWays:
         return not np.linalg.norm(goal - context.T_map_base[:2, 3]) <= self._numbers.farthest
 
     def obstacle_to(self, goal: Place, context: Context) -> str | None:
-        """Why no way through unseen ground leads to a goal, for the log; None if the ground there was seen."""
+        """Why no path leads to a goal through unseen ground, for the log; None if unseen ground is not the cause."""
         ground, robot = context.traversability, context.T_map_base[:2, 3]
         if not np.isfinite(goal).all() or context.paths.start is None:
             return None
@@ -143,7 +143,7 @@ class UnseenWays:
         return f"{goal_name(goal)} cannot be reached: every path is blocked, and the ground there was not seen"
 
     def may_open(self, goal: Place, context: Context) -> bool:
-        """Whether a way leads to a goal if nothing but hazards that were seen is in the way."""
+        """Whether a path leads to a goal if only hazards that were seen can block it."""
         start = context.paths.start
         if start is None or self.is_far(goal, context):
             return False
@@ -151,9 +151,9 @@ class UnseenWays:
         return bool(np.isfinite(PosePaths(ground, start, context.paths.heading).cost_to(goal)))
 
     def view_towards(self, goal: Place, context: Context) -> WayView | None:
-        """The view by which the robot gets to a goal soonest; None if no way is left to it, or none to be viewed.
+        """The view via which the robot reaches a goal soonest; None if no path, or nothing to look at, is left.
 
-        What keyframes missed counts by its chance to show; if nothing else leads on, as much as any ground.
+        Ground that keyframes missed is weighted by its chance to be shown or, if this yields no view, counts fully.
         """
         if context.paths.start is None or self.is_far(goal, context):
             return None
@@ -164,7 +164,7 @@ class UnseenWays:
         return None
 
     def _view_on(self, terrain: SearchedTerrain, goal: Place, context: Context) -> WayView | None:
-        """The best view of a few ways through different ground."""
+        """The best view for a few paths through different unseen ground."""
         shut, offers = self._shut(context), list[Offer]()
         while len(offers) < self._numbers.alternatives:
             ground = context.traversability.with_unseen_free(goal[None], self._numbers.margin, shut)
@@ -174,13 +174,13 @@ class UnseenWays:
                 break
             if (offer := self._best_offer(gap, search, context, terrain)) is not None:
                 offers.append(offer)
-            # Another way may need no look, or a quicker one; if nothing shows this ground, it has to lead elsewhere.
+            # Another path may need no look, or a quicker one; if no view shows this ground, the path must avoid it.
             shut = np.vstack([shut, context.traversability.grid.centre_of(np.argwhere(gap.hidden))])
         return min(offers, key=lambda offer: offer.seconds).view if offers else None
 
     def _best_offer(self, gap: Gap, search: GoalSearch, context: Context, terrain: SearchedTerrain) -> Offer | None:
         """The best view of a gap; None if none shows enough of it."""
-        # A deck behind a crest shows from below, ground that falls does not: the robot looks for decks last.
+        # From below a crest, a deck behind it is visible, but falling ground is not: decks are assumed last.
         for falls, within in product((True, False), (self._numbers.detour, np.inf)):
             searched = terrain._replace(target=gap.hidden, falls=falls)
             if (offer := self._best_view(gap, search, context, searched, within)) is not None:
@@ -188,26 +188,26 @@ class UnseenWays:
         return None
 
     def commit(self, view: WayView, context: Context) -> None:
-        """Remember what a view that :meth:`view_towards` named is to show."""
+        """Remember what a view returned by :meth:`view_towards` should show."""
         self._promised = view.shows
         self._aimed.append(Places.anchored(view.shows, context.poses, len(context.poses) - 1))
         ends, grid = np.stack([context.T_map_base[:2, 3], view.position]), context.traversability.grid
         self._sightings.expect(grid.cell_of(view.shows), ends, context.poses)
 
     def is_shown(self, elevation_map: ElevationMap) -> bool:
-        """Whether the map has most of the ground that the last view was to show."""
+        """Whether the map already shows most of the ground that the last view should show."""
         seen = np.isfinite(elevation_map.grid.at(elevation_map.elevation, self._promised, outside=np.nan))
         return bool(seen.sum() >= self._config.shown * len(seen))
 
     def _shut(self, context: Context) -> NDArray[np.float64]:
-        """(N, 2) m, cells that are still unseen after as many keyframes, or drives, as should be enough."""
+        """(N, 2) m, cells that are still unknown after ``tries`` keyframes or ``drives`` drives."""
         ground = context.traversability
         aims = sum((ground.grid.mask_of(p.at(context.poses)) for p in self._aimed), np.zeros(ground.grid.shape, int))
         is_shut = (self._sightings.misses >= self._numbers.tries) | (aims >= self._numbers.drives)
         return ground.grid.centre_of(np.argwhere(is_shut & np.isnan(ground.elevation)))
 
     def _first_gap(self, search: GoalSearch, context: Context) -> Gap | None:
-        """The first gap of the way from where the robot is; None if there is no way, or no gap."""
+        """The first gap on the path from the robot's position; None if there is no path, or no gap."""
         start = self._start(search, context)
         if start is None:
             return None
@@ -222,9 +222,9 @@ class UnseenWays:
         return Gap(hidden, states[:first], search.least_seconds_from(*start)) if hidden.any() else None
 
     def _known_until(self, states: Cells, search: GoalSearch, context: Context) -> int:
-        """The number of poses of a way, (N, 3) cells of the map and headings, up to the first gap.
+        """The number of poses of a path, (N, 3) cells of the map and headings, before the first gap.
 
-        What the robot can drive round sooner than it looks there is no gap.
+        Unseen ground that the robot can drive around in less time than it needs to look at it is no gap.
         """
         can_reach = context.paths.can_reach(states)
         known, (i, j, heading) = np.flatnonzero(can_reach), states[can_reach].T
@@ -239,7 +239,7 @@ class UnseenWays:
         return int(near.max()) + 1
 
     def _start(self, search: GoalSearch, context: Context) -> tuple[Place, int] | None:
-        """Where the way begins: where the robot is, or else with too little room there, where it can get."""
+        """Where the path starts: the robot's pose or, if it has too little room there, a pose that it can reach."""
         paths, grid = context.paths, context.traversability.grid
         assert paths.start is not None
         headings = range(HEADINGS) if paths.heading is None else [nearest_heading(paths.heading)]
@@ -257,9 +257,9 @@ class UnseenWays:
     def _best_view(
         self, gap: Gap, search: GoalSearch, context: Context, terrain: SearchedTerrain, within: float
     ) -> Offer | None:
-        """The view by which the robot gets to the goal soonest; None if none shows enough of a gap.
+        """The view via which the robot reaches the goal soonest; None if none shows enough of a gap.
 
-        ``within``: s by which it may get there later than without a look.
+        ``within``: maximum delay compared with driving there without a look, s.
         """
         t, paths, camera = context.traversability, context.paths, self._camera
         cells = self._candidates(gap, context)
@@ -285,7 +285,7 @@ class UnseenWays:
         return Offer(view, float(cost[n, m]))
 
     def _candidates(self, gap: Gap, context: Context) -> Cells:
-        """(N, 2) cells from which a gap may be in view: some all around, and all on the way to it."""
+        """(N, 2) cells from which a gap may be in view: some all around it, and all on the path to it."""
         t, paths = context.traversability, context.paths
         cells = best_of_blocks(np.bitwise_count(paths.headings), self._config.visibility.stride)
         cells = np.unique(np.vstack([cells, gap.before[:, :2]]), axis=0)
@@ -296,7 +296,7 @@ class UnseenWays:
 
 
 def _unknown_around(states: Cells, t: Traversability) -> MaskLayer:
-    """The unknown cells that keep the robot from successive poses (N, 3), cells and headings, but for the first."""
+    """The unknown cells that keep the robot from all but the first of successive poses (N, 3), cells and headings."""
     length, width = t.robot.half_length, t.robot.half_width
     offsets, distances, _ = footprint_distances(length, width, t.grid.cell, t.config.costs.comfort)
     is_near = distances + 100 * t.config.leniency < t.least.max()

@@ -1,4 +1,4 @@
-"""Viewpoints, what the robot knows when it chooses one, and the interface of strategies that choose."""
+"""Viewpoints, what the robot knows when it chooses one, and the interface of strategies that choose them."""
 
 from abc import abstractmethod
 from collections.abc import Sequence
@@ -17,16 +17,16 @@ from pipeline.planning.pose_paths import PosePaths
 
 @dataclass(frozen=True, eq=False)
 class Viewpoint:
-    """A place to look from.
+    """A pose to look from.
 
     Attributes:
         position: (2,) m in ``map``.
         heading: rad.
-        turn: whether the robot turns to the heading when it is there.
-        gain: m² of ground expected to be seen for the first time, and the rewards of the viewpoint.
-        seconds: expected until the keyframe is taken.
+        turn: whether the robot turns to the heading on arrival.
+        gain: area of ground expected to be seen for the first time, plus the rewards of the viewpoint, m².
+        seconds: expected time until the keyframe is taken, s.
         falls: whether the gain assumes that unknown ground behind crests falls.
-        opens: whether its purpose is to show what blocks the route to ground that was seen.
+        opens: whether its purpose is to show what blocks the path to ground that was seen.
         stands: whether the robot must stop there, unless the drive itself shows enough, because its next drive
             depends on what it sees.
     """
@@ -42,19 +42,19 @@ class Viewpoint:
 
 
 class ViewpointRewards(Protocol):
-    """Rewards that make a viewpoint worth a drive besides unseen ground."""
+    """Rewards for viewpoints, in addition to unseen ground."""
 
     @property
     def wanted(self) -> Sequence[object]:
-        """What is to be seen; empty if there are no rewards."""
+        """What should be looked at; empty if there are no rewards."""
         ...
 
     def gains(self, places: Places, bearings: Values) -> NDArray[np.float64]:
-        """(N, M) m², rewards of keyframes from N places on the ground along M bearings (rad)."""
+        """(N, M) m², rewards of keyframes at N positions on the ground, each with M headings (rad)."""
         ...
 
     def aim(self, place: Place, heading: float) -> None:
-        """Remember that the next keyframe is to be taken from a place (3,) on the ground along a heading (rad)."""
+        """Remember that the next keyframe should be taken at a position (3,) on the ground with a heading (rad)."""
         ...
 
 
@@ -64,12 +64,12 @@ class Context:
 
     Attributes:
         frame: the newest frame.
-        T_map_base: of the robot.
+        T_map_base: pose of the robot.
         measured: float32 height of the ground where it was seen, m; NaN elsewhere.
-        paths: cheapest ways from where the robot stands.
+        paths: cheapest paths from the robot's position.
         poses: ``T_map_base`` of all keyframes, the newest last.
-        rewards: of viewpoints, besides unseen ground; None for no such rewards.
-        driven: m that the robot has driven so far, by its odometry.
+        rewards: rewards for viewpoints, in addition to unseen ground; None if there are none.
+        driven: distance driven so far by odometry, m.
     """
 
     frame: Frame
@@ -87,21 +87,21 @@ class Context:
 
 
 class Strategy(Protocol):
-    """A strategy that decides where to go; only abstract methods must be overridden."""
+    """A strategy that decides where to go; only the abstract methods must be overridden."""
 
     @abstractmethod
     def observe(self, context: Context) -> None:
-        """Take into account what the newest keyframe shows; called once a step, before any other method."""
+        """Take into account what the newest keyframe shows; called once per step, before any other method."""
         ...
 
     @abstractmethod
     def next_viewpoint(self, context: Context) -> Viewpoint | None:
-        """Where to go next; None if this strategy has no viewpoint. The call changes nothing."""
+        """Where to go next; None if this strategy has no viewpoint. The call has no side effects."""
         ...
 
     @abstractmethod
     def commit(self, viewpoint: Viewpoint, context: Context) -> None:
-        """Remember that the robot sets out for a viewpoint that this strategy has named."""
+        """Remember that the robot sets out for a viewpoint that this strategy has returned."""
         ...
 
     def is_shown(self, elevation_map: ElevationMap) -> bool:
@@ -109,5 +109,5 @@ class Strategy(Protocol):
         return False
 
     def leftovers(self, context: Context) -> list[Viewpoint]:
-        """Viewpoints that would show more, whether or not they are worth the drive; the call changes nothing."""
+        """Viewpoints that would show more, whether or not they are worth the drive. The call has no side effects."""
         return []

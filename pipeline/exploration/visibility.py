@@ -1,4 +1,4 @@
-"""Which ground keyframes from viewpoints are expected to show for the first time."""
+"""Which ground keyframes at viewpoints are expected to show for the first time."""
 
 from functools import cache
 
@@ -16,10 +16,10 @@ from pipeline.transforms import yaw_of
 
 
 def camera_view(frame: Frame, config: VisibilityConfig) -> kernels.CameraView:
-    """What the camera that took a frame sees of the ground, from up to ``short_by`` before a viewpoint.
+    """What the camera that took a frame sees of the ground, from up to ``short_by`` m before a viewpoint.
 
-    Nothing is expected within half a ray's step of the image's lower and upper edge, and within one of its sides.
-    Values are rounded to 1 mm and 0.1°, so that a camera that trembles on its mount stays the same.
+    Nothing is expected within half a ray step of the image's lower and upper edges, or within one step of its sides.
+    Values are rounded to 1 mm and 0.1°, so that vibrations of the camera do not change the result.
     """
     lens, T, step = frame.intrinsics, frame.T_base_camera, 2 * np.pi / config.rays
     pitch = np.arcsin(T[2, 2])
@@ -34,23 +34,23 @@ def camera_view(frame: Frame, config: VisibilityConfig) -> kernels.CameraView:
 
 
 def expected_depth(walls: MaskLayer, seen: MaskLayer, cell: float, config: VisibilityConfig) -> float:
-    """m of unknown ground that a ray is expected to see through, rounded: far in a hall, not so far among walls.
+    """Length of unknown ground that a ray is expected to see through, m, rounded; longer in a hall than among walls.
 
     Args:
         walls: cells that block the view.
         seen: cells whose ground was seen.
         cell: side of a cell, m.
-        config: how sure the view must be.
+        config: its ``blocked`` and ``least_unknown`` are used.
     """
     depth = -np.log1p(-config.blocked) * mean_free_path(walls, seen, cell)
     return float(rounded(max(config.least_unknown, depth)))
 
 
 def mean_free_path(walls: MaskLayer, seen: MaskLayer, cell: float) -> float:
-    """m that a ray goes on average over seen ground from one wall to the next.
+    """Mean length of a ray over seen ground from one wall to the next, m.
 
-    The mean chord of an area A with a perimeter P is π A / P, whatever its shape (Santaló, Integral Geometry and
-    Geometric Probability, 1976). Edges of cells are 4 / π times as long as the perimeter that they follow.
+    The mean chord of an area A with perimeter P is π A / P, whatever its shape (Santaló, Integral Geometry and
+    Geometric Probability, 1976). Edges of cells are on average 4 / π times as long as the perimeter that they follow.
     """
     ground = seen & ~walls
     edges = sum(
@@ -61,18 +61,18 @@ def mean_free_path(walls: MaskLayer, seen: MaskLayer, cell: float) -> float:
 
 
 def rounded(values: ArrayLike) -> NDArray[np.float64]:
-    """To half powers of two, so that rays are cast anew only when a value changes much."""
+    """Values rounded to powers of √2, so that rays are cast anew only when a value changes considerably."""
     return np.asarray(2 ** (np.round(2 * np.log2(values)) / 2))
 
 
 def gains(places: Places, camera: kernels.CameraView, terrain: kernels.SearchedTerrain) -> NDArray[np.float64]:
-    """(N, 16) m² that viewpoints at places along each heading should show."""
+    """(N, 16) m² that viewpoints at N positions should show with each heading."""
     shape = len(places), camera.rays
     return _by_heading(kernels.ray_gains(places, camera, terrain, np.ones(shape, np.bool_), np.zeros(shape)), camera)
 
 
 def _by_heading(rays: NDArray[np.float64], camera: kernels.CameraView) -> NDArray[np.float64]:
-    """(N, 16) sums of the values of (N, R) rays over the field of view along each heading."""
+    """(N, 16) sums of the values of (N, R) rays over the field of view at each heading."""
     half, first = _rays_in_view(camera) // 2, np.rint(ANGLES / camera.step).astype(int)
     sums = np.cumsum(np.hstack([np.zeros((len(rays), 1)), rays[:, -half:], rays, rays[:, :half]]), axis=1)
     return sums[:, first + 2 * half + 1] - sums[:, first]
@@ -81,7 +81,7 @@ def _by_heading(rays: NDArray[np.float64], camera: kernels.CameraView) -> NDArra
 def cells_in_view(
     position: Place, heading: float, camera: kernels.CameraView, terrain: kernels.SearchedTerrain
 ) -> MaskLayer:
-    """The target cells that a viewpoint with a heading (rad) should show."""
+    """The target cells that a keyframe at a position with a heading (rad) should show."""
     return kernels.cells_in_view(*position, _bearings(heading, camera), camera, terrain)
 
 
@@ -92,9 +92,9 @@ def count_misses(
     misses: NDArray[np.uint8],
     missed: Indices,
 ) -> None:
-    """Count the target cells that keyframes should have shown and did not, in the order of their poses.
+    """Count the target cells that keyframes should have shown but did not, in the order of their poses.
 
-    Renewed in place: ``terrain.missed_from``, ``misses`` (nx, ny), the number of keyframes that missed each cell, and
+    Updated in place: ``terrain.missed_from``; ``misses`` (nx, ny), the number of keyframes that missed each cell; and
     ``missed`` (256,), the number of cells that were missed, by how often they had been missed before.
     """
     for T in poses:
@@ -102,27 +102,27 @@ def count_misses(
 
 
 def _bearings(heading: float, camera: kernels.CameraView) -> Values:
-    """Bearings (rad) of rays all over the field of view along a heading, rad."""
+    """Bearings (rad) of rays across the field of view at a heading (rad)."""
     half, middle = _rays_in_view(camera) // 2, round(heading / (2 * np.pi) * camera.rays)
-    # The rays from which the gain was computed, bit for bit, for one may slip through where two cells meet at a
-    # corner; and rays in between, for the cells that lie between them.
+    # Bit for bit the rays from which the gain was computed, because the slightest change may let a ray slip between
+    # two cells that meet at a corner; and rays in between, for the cells that lie between them.
     first = np.arange(middle - half, middle + half + 1) % camera.rays * camera.step
     return np.asarray(first[:, None] + np.arange(3) / 3 * camera.step).ravel()
 
 
 class ViewpointGains:
-    """Gains of viewpoints; only those rays are cast again that may meet changed cells, if they may meet targets."""
+    """Cached gains of viewpoints; a ray is cast again only if it may meet both a changed cell and a target."""
 
     def __init__(self, stride: int) -> None:
-        """``stride``: cells along each side of the blocks by which rays that need not be cast are found."""
+        """``stride``: side of the blocks of cells used to find the rays that need not be cast, cells."""
         self._stride = stride
         self._camera: kernels.CameraView | None = None
         self._terrain: kernels.SearchedTerrain | None = None
 
     def of(self, cells: Cells, camera: kernels.CameraView, terrain: kernels.SearchedTerrain) -> NDArray[np.float64]:
-        """(N, 16) m² that viewpoints along each heading should show, ``cells`` being elements of the terrain."""
+        """(N, 16) m² that viewpoints in ``cells`` of the terrain should show with each heading."""
         if self._terrain is None or camera != self._camera or not _is_alike(self._terrain, terrain):
-            # What was kept is of no use.
+            # The cached rays do not apply.
             self._camera, self._terrain, self._cells = camera, terrain, np.zeros((0, 2), np.int64)
             self._rays, self._gains = np.zeros((1, camera.rays)), np.zeros((1, len(ANGLES)))
         changed = _changed(self._terrain, terrain)
@@ -131,7 +131,7 @@ class ViewpointGains:
         row = rows[tuple(cells.T)]
         if (row >= 0).all() and not changed.any():
             return self._gains[row]
-        # New cells have row -1: they first get the rays of any other cell, which are then renewed.
+        # New cells have row -1: they first get the rays of another cell, which are then replaced.
         rays, sums = (earlier.take(row, axis=0, mode="clip") for earlier in (self._rays, self._gains))
         renewed = self._towards(changed, cells, camera, terrain.cell)
         renewed[row < 0] = True
@@ -147,13 +147,13 @@ class ViewpointGains:
         return sums
 
     def _towards(self, mask: MaskLayer, cells: Cells, camera: kernels.CameraView, cell: float) -> NDArray[np.bool_]:
-        """(N, R) the rays from cells that may meet a cell of a mask."""
+        """(N, R) whether each ray from N cells may meet a cell of a mask."""
         stride, wanted = self._stride, np.zeros((len(cells), camera.rays), np.bool_)
         parts, side = np.asarray(blocks(mask, stride).any(axis=0)), stride * cell
         here = tuple(cells.T // stride)
-        # For an empty mask the distances mean nothing, but then no ray meets a square either.
+        # For an empty mask the distances mean nothing, but then no ray meets a block either.
         near = (ndimage.distance_transform_edt(~parts) <= camera.reach / side + 2)[here]
-        # From outside, a ray enters a piece of the mask through its rim.
+        # From outside, a ray enters a piece of the mask through its boundary.
         rim = parts & ~ndimage.binary_erosion(parts, np.ones((3, 3)))
         rays = _rays_by_offset(camera.reach, cell, stride, camera.rays)
         wanted[near] = kernels.rays_towards(cells[near], rim, rays, stride, camera.rays)
@@ -162,13 +162,13 @@ class ViewpointGains:
 
 
 def _is_alike(before: kernels.SearchedTerrain, terrain: kernels.SearchedTerrain) -> bool:
-    """Whether two terrains have the same cells and guesses, whatever their layers hold."""
+    """Whether two terrains have the same grid and parameters, whatever values their layers hold."""
     same = before.target.shape == terrain.target.shape and (before.origin == terrain.origin).all()
     return bool(same) and all(a == b for a, b in zip(before, terrain, strict=True) if not isinstance(a, np.ndarray))
 
 
 def _changed(before: kernels.SearchedTerrain, terrain: kernels.SearchedTerrain) -> MaskLayer:
-    """The cells in which any layer of two terrains alike differs."""
+    """The cells in which any layer differs between two terrains with the same grid."""
     changed = np.zeros(terrain.target.shape, np.bool_)
     layers = "elevation", "gradient", "target", "probability", "missed_from"
     for old, new in ((getattr(before, name), getattr(terrain, name)) for name in layers):
@@ -179,16 +179,16 @@ def _changed(before: kernels.SearchedTerrain, terrain: kernels.SearchedTerrain) 
 
 
 def _bits(values: NDArray) -> NDArray:
-    """The values as integers, so that NaN is equal to NaN."""
+    """The values as integers, so that NaN equals NaN."""
     return values.view(f"u{values.itemsize}")
 
 
 @cache
 def _rays_by_offset(reach: float, cell: float, stride: int, count: int) -> NDArray[np.int16]:
-    """(S, S, 2) the first ray, and the first after the last, from a cell to a block within ``reach`` m of it.
+    """(S, S, 2) the half-open range of rays from a cell to a block within ``reach`` m of it.
 
-    Indices are those of the block's middle cell, from the corner of a square around the cell; rays may be beyond 0 to
-    ``count``, and are none if the block is farther away.
+    An index is the position of the block's middle cell in a square of cells with the cell at its centre. Rays may be
+    less than 0 or more than ``count``; the range is empty if the block is farther away.
     """
     most, radius, step = int(reach / cell) + stride, stride * cell / np.sqrt(2), 2 * np.pi / count
     i, j = cell * (np.indices((2 * most + 1,) * 2) - most)

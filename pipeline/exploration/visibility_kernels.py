@@ -1,4 +1,4 @@
-"""Compiled ray casting for the exploration."""
+"""Compiled ray casting for exploration."""
 
 from typing import NamedTuple
 
@@ -11,15 +11,15 @@ from pipeline.elevation_map.elevation_kernels import cell_at
 
 
 class CameraView(NamedTuple):
-    """What the camera sees of the ground from a robot that stands level.
+    """What the camera of a level robot sees of the ground.
 
     Attributes:
-        height, ahead: of the camera above the ground and before the robot's middle, m.
-        near, far: distances from the camera at which it sees the ground, m.
-        lower_edge, upper_edge: of the image, rad above the horizon.
-        field_of_view: along the horizon, rad.
-        grazing: least angle between a ray and ground that gives a return, rad.
-        rays: number of directions all around in which rays are cast.
+        height, ahead: position of the camera, m above the ground and m in front of the robot's centre.
+        near, far: minimum and maximum distance from the camera at which it sees the ground, m.
+        lower_edge, upper_edge: angles of the image's edges above the horizon, rad.
+        field_of_view: horizontal field of view, rad.
+        grazing: minimum angle between a ray and the ground for a return, rad.
+        rays: number of directions, all around the robot, in which rays are cast.
     """
 
     height: float
@@ -34,17 +34,17 @@ class CameraView(NamedTuple):
 
     @property
     def step(self) -> float:
-        """rad from one ray to the next."""
+        """Angle from one ray to the next, rad."""
         return 2 * np.pi / self.rays
 
     @property
     def reach(self) -> float:
-        """m; nothing farther from the robot is seen, however the robot leans."""
+        """Distance from the robot beyond which nothing is seen, however the robot leans, m."""
         return self.far + self.height + self.ahead
 
 
 class SearchedTerrain(NamedTuple):
-    """The ground that was seen, and the targets of keyframes; layers are (nx, ny) on one grid.
+    """The ground seen so far, and the targets of keyframes; layers are (nx, ny) on one grid.
 
     Attributes:
         origin: corner of cell [0, 0].
@@ -53,9 +53,9 @@ class SearchedTerrain(NamedTuple):
         gradient: (nx, ny, 2) float32 slope along x and y.
         target: unseen ground that counts.
         probability: float32, probability that a cell in view can be seen at all.
-        missed_from: (nx, ny, 2) float32 m, where the last keyframe that missed the cell was taken; inf if none did.
-        falls: whether unknown ground behind the crest of a ramp is assumed to fall as the ramp rose.
-        most_unknown: m of unknown ground that a ray is expected to see through.
+        missed_from: (nx, ny, 2) float32 position of the last keyframe that missed the cell, m; inf if none did.
+        falls: whether unknown ground behind the crest of a ramp is assumed to fall as steeply as the ramp rose.
+        most_unknown: length of unknown ground that a ray is expected to see through, m.
         ramp_slope, nist_slope, level_run, new_view: see ``VisibilityConfig``.
     """
 
@@ -76,17 +76,17 @@ class SearchedTerrain(NamedTuple):
 
 @njit(cache=True)
 def cast_ray(x, y, bearing, view, terrain, seen):
-    """What a ray of the camera of a robot at (x, y) is expected to show for the first time.
+    """What a camera ray of a robot at (x, y), m, is expected to show for the first time along ``bearing``, rad.
 
-    The ray runs over the ground that was seen; a cell is hidden if something before it rises higher in the view.
-    Unknown ground is assumed to continue at the last height seen, but if ``terrain.falls``, to fall behind the crest
-    of a ramp as the ramp rose; ground that a keyframe missed is assumed to fall as well. Ground that is met at a
+    The ray runs over the ground seen so far; a cell is hidden if a nearer one rises higher in the view. Unknown
+    ground is assumed to continue at the last height seen or, if ``terrain.falls``, to fall behind the crest of a ramp
+    as steeply as the ramp rose. Ground that a keyframe missed is assumed to fall as well. Ground that is met at a
     grazing angle gives no return.
 
-    Unknown ground is never likelier to be seen than the unknown ground right before it, which the ray must pass.
+    Unknown ground is never likelier to be seen than the unknown ground just before it, which the ray must pass.
 
-    Returns the summed distances of the target cells in view, weighted by their probability, and their number; times
-    the step and the angle between rays the sum is an area. The flat indices of these cells are written to ``seen``.
+    Returns the sum of the distances of the target cells in view, weighted by their probability, and their number. The
+    sum times the cell size and the angle between rays is an area. The cells' flat indices are written to ``seen``.
     """
     nx, ny = terrain.elevation.shape
     origin, cell = terrain.origin, terrain.cell
@@ -112,7 +112,7 @@ def cast_ray(x, y, bearing, view, terrain, seen):
             level = terrain.elevation[i, j]
             rise = rise_along(i, j, dx, dy, terrain.gradient)
             fall = max(fall_after(rise, terrain.falls, terrain.ramp_slope), fall - levelling)
-        # Also below the view: ground that did not show from farther away is not assumed to continue out of sight.
+        # Also below the image: ground that did not show from farther away is not assumed to continue out of sight.
         probability = min(probability, terrain.probability[i, j]) if is_unknown else 1.0
         slope = (level - camera) / d
         if slope > ceiling:
@@ -132,25 +132,25 @@ def cast_ray(x, y, bearing, view, terrain, seen):
 
 @njit(cache=True)
 def camera_on(level, tilt, view):
-    """Height of the camera and its distance before the robot, m, and the slopes of its lowest and highest ray.
+    """Height of the camera and its distance ahead of the robot, m, and the slopes of its lowest and highest rays.
 
-    The robot stands at the height ``level`` on a slope, by whose ``tilt`` the camera points up or down along it.
+    The robot is at the height ``level``, m, on a slope that pitches the camera up by ``tilt``, rad.
     """
     height = level + view.height * np.cos(tilt) + view.ahead * np.sin(tilt)
     ahead = view.ahead * np.cos(tilt) - view.height * np.sin(tilt)
     return height, ahead, np.tan(tilt + view.lower_edge), np.tan(tilt + view.upper_edge)
 
 
-# Functions called for each cell get numbers and layers; passing the whole terrain takes four times as long.
+# Functions called for each cell take numbers and layers; passing the entire terrain takes four times as long.
 @njit(cache=True)
 def rise_along(i, j, dx, dy, gradient):
-    """Slope of the ground in cell (i, j) along the unit direction (dx, dy), by its ``gradient`` (nx, ny, 2)."""
+    """Slope of the ground in cell (i, j) along the unit vector (dx, dy), from ``gradient`` (nx, ny, 2)."""
     return gradient[i, j, 0] * dx + gradient[i, j, 1] * dy
 
 
 @njit(cache=True)
 def fall_after(rise, falls, ramp_slope):
-    """Slope at which unknown ground is assumed to fall behind ground that rises with the slope ``rise``."""
+    """Slope at which unknown ground is assumed to fall behind ground that rises at the slope ``rise``."""
     return rise if falls and rise > ramp_slope else 0.0
 
 
@@ -158,14 +158,14 @@ def fall_after(rise, falls, ramp_slope):
 def is_shown(from_miss, d, slope, rise, view, new_view, nist_slope):
     """Whether a ray shows what it meets at a horizontal distance of ``d`` m.
 
-    The ray has the ``slope``, and the ground that it meets ``rise`` along it. The keyframe that last missed this
-    ground was taken ``from_miss`` (2,) m away; inf if none was.
+    ``slope`` is that of the ray, and ``rise`` that of the ground along the ray. ``from_miss`` (2,) is the offset of
+    the robot from where the last keyframe that missed this ground was taken, m; infinite if none did.
     """
     ex, ey = from_miss
     if ex * ex + ey * ey < new_view * new_view:
         return False
     if np.isfinite(ex):
-        # It may fall away as a NIST ramp does.
+        # The ground may fall as steeply as a NIST ramp.
         rise = min(rise, -nist_slope)
     grazing = np.arctan(rise) - np.arctan(slope)
     return grazing >= view.grazing and d * np.sqrt(1 + slope * slope) >= view.near
@@ -173,7 +173,7 @@ def is_shown(from_miss, d, slope, rise, view, new_view, nist_slope):
 
 @njit(cache=True)
 def ray_gains(places, view, terrain, wanted, earlier):
-    """(N, R) m² that each ray from (N, 2) points should show: cast if ``wanted``, otherwise as ``earlier``."""
+    """(N, R) m² that each ray from points (N, 2), m, should show: cast where ``wanted``, elsewhere as ``earlier``."""
     result = earlier.copy()
     step = 2 * np.pi / view.rays
     seen = np.zeros(int(view.far / terrain.cell) + 2, np.int64)
@@ -187,10 +187,10 @@ def ray_gains(places, view, terrain, wanted, earlier):
 
 @njit(cache=True)
 def rays_towards(cells, mask, rays, side, count):
-    """(N, R) bool, which of ``count`` rays from cells (N, 2) that come through blocks of a mask (I, J).
+    """(N, R) bool, which of the ``count`` rays from each of the cells (N, 2) pass through blocks of a mask (I, J).
 
-    Blocks have ``side`` cells to each side, an odd number. ``rays`` (S, S, 2) are the first ray, and the first after
-    the last, by the offset of a block's middle from the cell, which is in the middle of this square.
+    Blocks have ``side`` × ``side`` cells, where ``side`` is odd. ``rays`` (S, S, 2) is the half-open range of rays by
+    the offset of a block's middle cell from the cell, which is at the centre of the array.
     """
     wanted = np.zeros((len(cells), count), np.bool_)
     most = len(rays) // 2
@@ -219,17 +219,17 @@ def cells_in_view(x, y, bearings, view, terrain):
 
 @njit(cache=True)
 def count_misses(x, y, bearings, view, terrain, misses, missed):
-    """Count the target cells that a keyframe from (x, y) should have shown along ``bearings`` and did not.
+    """Count the target cells that a keyframe at (x, y), m, should have shown along ``bearings``, rad, but did not.
 
-    Renewed in place: ``misses`` (nx, ny), ``terrain.missed_from``, and ``missed`` (256,), the number of such cells by
-    their earlier misses.
+    Updated in place: ``misses`` (nx, ny), ``terrain.missed_from``, and ``missed`` (256,), the number of these cells
+    by how often they had been missed before.
     """
     seen, most = np.zeros(int(view.far / terrain.cell) + 2, np.int64), len(missed) - 1
     for bearing in bearings:
         _, count = cast_ray(x, y, bearing, view, terrain, seen)
         for n in range(count):
             i, j = divmod(seen[n], terrain.target.shape[1])
-            # Once, although several rays, and a ray at several places, may show the cell.
+            # Count a cell once, although several rays, or one ray at several positions, may show it.
             if terrain.missed_from[i, j, 0] != np.float32(x) or terrain.missed_from[i, j, 1] != np.float32(y):
                 missed[misses[i, j]] += 1
                 misses[i, j] = min(misses[i, j] + 1, most)

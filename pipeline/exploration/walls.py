@@ -1,4 +1,4 @@
-"""Pieces of walls as keyframes show them, and how many pixels wide a sign on them would be."""
+"""Pieces of walls that keyframes show, and how many pixels wide a sign on them would be."""
 
 from typing import NamedTuple
 
@@ -15,10 +15,10 @@ class WallPieces(NamedTuple):
     """Pieces of walls.
 
     Attributes:
-        points: their middles.
-        normals: away from the wall.
-        sides: pixels across a typical sign there, foreshortened as the pieces were seen.
-        config: of the inspection.
+        points: centres of the pieces.
+        normals: normals that point away from the wall.
+        sides: foreshortened width of a typical sign on each piece, as the keyframe would show it, pixels.
+        config: settings of the inspection.
     """
 
     points: Places
@@ -28,9 +28,9 @@ class WallPieces(NamedTuple):
 
     @classmethod
     def of(cls, seen: Seen, frame: Frame, config: InspectionConfig) -> "WallPieces":
-        """What a keyframe shows, in its ``base_link``: squares of depths that are flat, upright and low.
+        """The pieces that a keyframe shows, in its ``base_link``: image squares that are flat, upright and low.
 
-        ``frame``: of the same camera.
+        ``frame``: any frame of the same camera.
         """
         squares = _squares(seen.intrinsics.rays * (seen.depth * UNIT)[..., None], config.square)
         middle = squares.mean(axis=1)
@@ -49,7 +49,7 @@ class WallPieces(NamedTuple):
         return WallPieces(self.points[index], self.normals[index], self.sides[index], self.config)
 
     def sides_from(self, cameras: ArrayLike, frame: Frame) -> NDArray[np.float64]:
-        """(N, M) pixels across a typical sign on each piece, foreshortened for cameras (M, 3); 0 from behind."""
+        """(N, M) pixels across a typical sign on each piece, foreshortened, for cameras (M, 3), m; 0 from behind."""
         ways = np.asarray(cameras, np.float64) - self.points[:, None]
         distances = np.maximum(np.linalg.norm(ways, axis=2), frame.sensor.nearest / 2)
         cosines = np.einsum("nmi,ni->nm", ways, self.normals) / distances
@@ -57,12 +57,12 @@ class WallPieces(NamedTuple):
 
     @property
     def before(self) -> Places:
-        """The points in front of the pieces that represent them."""
+        """The point in front of each piece that represents it."""
         return self.points + self.config.before * self.normals
 
 
 def _squares(points: NDArray[np.float32], side: int) -> NDArray[np.float64]:
-    """(N, S², 3) the squares of S × S points of an image (H, W, 3), m, without those that lack any."""
+    """(N, S², 3) the squares of S × S points of an image (H, W, 3), m, without squares that lack a return."""
     h, w = points.shape[0] // side, points.shape[1] // side
     parts = points[: h * side, : w * side].reshape(h, side, w, side, 3).swapaxes(1, 2).reshape(h * w, side**2, 3)
     return parts[(parts[..., 2] > 0).all(axis=1)].astype(np.float64)

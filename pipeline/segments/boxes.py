@@ -11,12 +11,12 @@ from pipeline.geometry.planes import Plane
 from pipeline.transforms import from_rotation
 
 DIRECTIONS = np.array([(np.cos(azimuth), np.sin(azimuth)) for azimuth in np.deg2rad(np.arange(360))]).T
-"""(2, 360) horizontal unit vectors, one for each degree from the x axis on."""
+"""(2, 360) horizontal unit vectors, one per degree, counter-clockwise from the x axis."""
 
 
 @dataclass(frozen=True, eq=False)
 class Box:
-    """An oriented bounding box of a piece of plane.
+    """An oriented bounding box of a piece of a plane.
 
     Attributes:
         T_map_box: origin in the middle, z along the plane's normal, x horizontal, y upwards in the plane.
@@ -28,7 +28,7 @@ class Box:
 
     @property
     def area(self) -> float:
-        """m², in the plane."""
+        """Area in the plane, m²."""
         return float(self.extent[0] * self.extent[1])
 
 
@@ -40,11 +40,11 @@ def corners(box: Box) -> Places:
 
 @dataclass(frozen=True, eq=False)
 class Hull:
-    """Reach of points in 360 horizontal directions, down and up. Hulls unite exactly, in any order, and only grow.
+    """Extent of points in 360 horizontal directions and along z. Unions of hulls are exact, whatever their order.
 
     Attributes:
-        reach: (360,) float64, greatest x · cos(k°) + y · sin(k°), m.
-        low, high: least and greatest z, m.
+        reach: (360,) float64, maximum of x · cos(k°) + y · sin(k°), m.
+        low, high: minimum and maximum z, m.
     """
 
     reach: NDArray[np.float64]
@@ -58,11 +58,11 @@ class Hull:
         return cls(reach, float(points[:, 2].min()), float(points[:, 2].max()))
 
     def union(self, other: "Hull") -> "Hull":
-        """The hull of the points of both."""
+        """The hull of both sets of points."""
         return Hull(np.maximum(self.reach, other.reach), min(self.low, other.low), max(self.high, other.high))
 
     def span(self, axis: NDArray[np.float64], origin: NDArray[np.float64]) -> NDArray[np.float64]:
-        """(2,) reach from ``origin`` (2,) against and along the horizontal ``axis`` (2,), to the nearest degree."""
+        """(2,) minimum and maximum along a horizontal ``axis`` (2,), rounded to a degree, relative to ``origin``."""
         k = round(np.rad2deg(np.arctan2(axis[1], axis[0]))) % len(self.reach)
         offset = DIRECTIONS[:, k] @ origin
         return np.array([-self.reach[k - len(self.reach) // 2] - offset, self.reach[k] - offset])
@@ -72,12 +72,12 @@ def bounding_box(plane: Plane, centre: Place, hull: Hull, thickness: float, asce
     """The box around a hull in a plane.
 
     Args:
-        plane: its normal is the box's z axis.
-        centre: a point of the plane among the hull's points.
-        hull: of the points.
-        thickness: m, along the normal.
-        ascent: rad; a plane that is tilted less has no direction of ascent.
-        cell: m, edge of the cells in which the surface was seen.
+        plane: the plane; its normal is the box's z axis.
+        centre: a point of the plane within the hull.
+        hull: hull of the points.
+        thickness: thickness of the box along the normal, m.
+        ascent: minimum tilt of a plane with a direction of ascent, rad.
+        cell: edge length of the cells in which the surface was seen, m.
     """
     n = plane.normal
     level = abs(n[2]) > np.cos(ascent)
@@ -91,7 +91,7 @@ def bounding_box(plane: Plane, centre: Place, hull: Hull, thickness: float, asce
 
 
 def _span(hull: Hull, axis: Direction, centre: Place) -> NDArray[np.float64]:
-    """(2,) least and greatest coordinate along an ``axis`` in the hull's plane, from ``centre``."""
+    """(2,) minimum and maximum coordinate along an ``axis`` in the hull's plane, relative to ``centre``."""
     slant = np.hypot(axis[0], axis[1])
     if abs(axis[2]) > slant:
         return np.sort((np.array([hull.low, hull.high]) - centre[2]) / axis[2])
@@ -99,7 +99,7 @@ def _span(hull: Hull, axis: Direction, centre: Place) -> NDArray[np.float64]:
 
 
 def _least_area_axis(hull: Hull, slack: float) -> Direction:
-    """The horizontal axis of the rectangle of least area; x of the map if ``slack`` m a side make the difference."""
+    """The horizontal axis of the smallest rectangle; the map's x axis if its sides are at most ``slack`` m longer."""
     forth, back = np.split(hull.reach, 2)
     along, across = np.split(forth + back, 2)
     area = along * across

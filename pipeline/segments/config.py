@@ -1,4 +1,4 @@
-"""Numbers of the segments: how planes are found in a frame, and when they become one segment."""
+"""Parameters of the segments: how planes are found in a frame, and when they become one segment."""
 
 from dataclasses import dataclass, field
 from math import radians
@@ -8,18 +8,18 @@ from pipeline.geometry.config import CellConfig
 
 @dataclass(frozen=True)
 class SurfelConfig:
-    """How a frame is thinned to surfels, the mean points of blocks of the image.
+    """How a frame is thinned to surfels, the mean points of image blocks.
 
     Attributes:
-        block: pixels, the edge of a block.
-        rows: rows of pixels of a block that one label, or one of two surfaces, has to fill.
-        depth_step: 1/m of inverse depth, between surfaces one behind the other: three times a structured-light
-            camera's resolution.
-        deviations: standard deviations of the noise, between surfaces one behind the other. The means of a slope's
-            halves are 3.5 apart, those of Gaussian noise 2.7.
-        reach: blocks up to this far apart along rows and columns are neighbours.
-        spacing: m per m of depth, between neighbouring surfels one block apart: eight times their distance on a
-            surface that the camera faces, so that a surface is seen as one down to a grazing angle of 7°.
+        block: edge length of a block, pixels.
+        rows: minimum number of pixels of a label, or of each of two surfaces, in a block, counted in rows of a block.
+        depth_step: minimum difference in inverse depth between two surfaces one behind the other, 1/m: three times
+            the resolution of a structured-light camera.
+        deviations: minimum difference between the mean inverse depths of two such surfaces, in standard deviations
+            within them. The halves of a slope differ by 3.5, those of Gaussian noise by 2.7.
+        reach: maximum distance between neighbours along rows and columns, blocks.
+        spacing: maximum distance between neighbouring surfels one block apart, m per m of depth: eight times that on
+            a surface facing the camera, so that surfaces stay connected down to a grazing angle of 7°.
     """
 
     block: int = 8
@@ -31,7 +31,7 @@ class SurfelConfig:
 
     @property
     def fewest_pixels(self) -> int:
-        """Least number of pixels of a surfel."""
+        """Minimum number of pixels of a surfel."""
         return self.rows * self.block
 
 
@@ -40,13 +40,14 @@ class RegionConfig:
     """How regions grow over surfels, and how planes are fitted to them.
 
     Attributes:
-        angle: rad, between a surfel's normal and its region's.
-        step: m, from a surfel to the plane through the one beside it: a region does not jump down a step.
-        distance: m, from a surfel to its plane.
-        fewest_surfels: of a plane.
-        samples: of RANSAC, for each plane: one of 50 has three inliers with a probability of 0.999 if half of the
-            surfels are inliers.
-        rounds: how often surfels go to the nearest plane and planes are fitted to them again.
+        angle: maximum angle between the normals of a surfel and its region, rad.
+        step: maximum distance of a surfel from the plane through its neighbour, m, so that a region does not jump
+            down a step.
+        distance: maximum distance of a surfel from its plane, m.
+        fewest_surfels: minimum number of surfels of a plane.
+        samples: number of RANSAC samples for each plane. If half of the surfels are inliers, at least one of 50
+            samples consists of three inliers with a probability of 0.999.
+        rounds: how often surfels are reassigned to the nearest plane and the planes fitted again.
     """
 
     angle: float = radians(20)
@@ -59,12 +60,12 @@ class RegionConfig:
 
 @dataclass(frozen=True)
 class ExtentConfig:
-    """Which pixels show where a plane ends: they are moved along their rays onto the plane.
+    """Which pixels determine the extent of a plane; they are moved along their rays onto the plane.
 
     Attributes:
-        stride: pixels from one to the next.
-        shift: m along the optical axis by which a pixel may move.
-        noise: m per m² of depth by which it may move farther: 3σ of a structured-light camera (Nguyen et al. 2012).
+        stride: step between these pixels, along rows and columns.
+        shift, noise: a pixel may move by less than ``shift + noise · depth²`` along the optical axis; m, 1/m. The
+            noise is 3σ of a structured-light camera (Nguyen et al. 2012).
     """
 
     stride: int = 2
@@ -74,20 +75,21 @@ class ExtentConfig:
 
 @dataclass(frozen=True)
 class SegmentsConfig:
-    """All numbers of the segments.
+    """All parameters of the segments.
 
     Attributes:
-        surfels: of a frame.
-        regions: of surfels.
-        extent: of a plane.
-        cells: in which a segment was seen.
-        flatness: m, by which corners of one segment may lie off the plane of another that it continues.
-        least_cosine: between the normals of segments that continue each other: corners alone do not distinguish a
-            surface from a narrow one that stands on it.
-        ascent: rad; a plane that is tilted less has no reliable direction of ascent.
-        thickness: of a box, in standard deviations of the noise: two to either side.
-        checkpoint: members from one kept state of the fold to the next; a fold begins at the last one before a
-            keyframe that moved.
+        surfels: how a frame is thinned.
+        regions: how planes are found.
+        extent: which pixels determine the extent of a plane.
+        cells: the cells in which a segment was seen.
+        flatness: maximum distance of the corners of a segment's box, less half its thickness, from the plane of a
+            segment that it continues, m.
+        least_cosine: minimum cosine between the normals of segments that continue each other. Corners alone do not
+            distinguish a surface from a narrow one that stands on it.
+        ascent: minimum tilt of a plane with a reliable direction of ascent, rad.
+        thickness: thickness of a box, in standard deviations of the noise: two on either side.
+        checkpoint: number of members between saved states. When a keyframe moves, members are merged again from the
+            last state saved before it.
     """
 
     surfels: SurfelConfig = SurfelConfig()

@@ -1,4 +1,4 @@
-"""Which lines pass through which segments: the test for edges that cross walls (thesis 3.3, figures 8 to 10)."""
+"""Which lines pass through segments: the test for edges that cross walls (thesis 3.3, figures 8 to 10)."""
 
 from collections.abc import Sequence
 from typing import TypeAlias
@@ -11,24 +11,24 @@ from pipeline.segments.boxes import Box
 from pipeline.segments.segment import Segment
 
 Clips: TypeAlias = NDArray[np.float64]
-"""(N, S) shares of the way along N lines at which they enter or leave S boxes."""
+"""(N, S) line parameters t at which N lines enter or leave S boxes."""
 
 _ROUNDING = 1e-9
-"""m by which boxes are enlarged, so that rounding does not decide whether a line touches one."""
+"""Boxes are enlarged by this, m, so that rounding does not decide whether a line touches one."""
 
 
 def crossings(a: Places, b: Places, segments: Sequence[Segment], margin: float = 0.0, height: float = 0.0) -> Mask:
-    """Which of the straight lines from ``a`` to ``b`` pass through one of the segments.
+    """Which of the straight lines from ``a`` to ``b`` pass through any of the segments.
 
-    The parametric line (thesis, equations 1 to 3) is clipped to the segment's box, which takes the place of the
-    plane of equation 4. The part inside must also come near a cell in which the surface was seen: a line may pass
-    through a door in a wall although the wall's box covers the door.
+    The parametric line (thesis, equations 1 to 3) is clipped to the segment's box, which replaces the plane of
+    equation 4. The part inside must also come near a cell in which the surface was seen: a line may pass through a
+    doorway although the wall's box covers it.
 
     Args:
-        a, b: with their heights.
-        segments: segments that block, whatever their labels.
-        margin: m; a line that comes this near to a surface passes through it.
-        height: m, of the body that moves along the line, from the line upwards.
+        a, b: (N, 3) start and end points.
+        segments: the segments that block lines, whatever their labels.
+        margin: a line that comes this near to a surface counts as passing through it, m.
+        height: height of the body that moves along the line, measured upwards from the line, m.
     """
     result = np.zeros(len(a), np.bool_)
     near = _near_boxes(a, b, [segment.box for segment in segments], margin + _ROUNDING, height)
@@ -40,7 +40,7 @@ def crossings(a: Places, b: Places, segments: Sequence[Segment], margin: float =
 
 
 def _near_boxes(a: Places, b: Places, boxes: Sequence[Box], margin: float, height: float) -> NDArray[np.bool_]:
-    """(N, S) where the axis-aligned box around a line and its moving body meets that around a segment's box."""
+    """(N, S) whether the axis-aligned box around a line and its moving body meets that around a segment's box."""
     T = np.reshape([box.T_map_box for box in boxes], (-1, 4, 4))
     half = np.reshape([box.extent for box in boxes], (-1, 3)) / 2 + margin
     reach = np.einsum("sij,sj->si", np.abs(T[:, :3, :3]), half)
@@ -50,7 +50,7 @@ def _near_boxes(a: Places, b: Places, boxes: Sequence[Box], margin: float, heigh
 
 
 def _cross(a: Places, b: Places, segments: Sequence[Segment], margin: float, height: float) -> Mask:
-    """:func:`crossings` of lines and segments that are near each other."""
+    """As :func:`crossings`, for lines and segments that are near each other."""
     result = np.zeros(len(a), np.bool_)
     boxes, cell = [segment.box for segment in segments], segments[0].cell
     for lift in np.linspace(0, height, int(np.ceil(height / cell)) + 1):
@@ -68,8 +68,7 @@ def clip(a: Places, b: Places, boxes: Sequence[Box], margin: float = 0.0) -> tup
     """Clip N lines to S boxes that are ``margin`` m larger on every side.
 
     Returns:
-        The t in [0, 1] at which x = a + (b - a) t enters and leaves; enter > leave if the line misses
-        the box.
+        The t in [0, 1] at which x = a + (b - a) t enters and leaves each box; enter > leave if the line misses it.
     """
     T = np.reshape([box.T_map_box for box in boxes], (-1, 4, 4))
     half = np.reshape([box.extent for box in boxes], (-1, 3)) / 2 + margin
@@ -77,7 +76,7 @@ def clip(a: Places, b: Places, boxes: Sequence[Box], margin: float = 0.0) -> tup
     step = np.einsum("ni,sij->nsj", b - a, T[:, :3, :3])
     with np.errstate(divide="ignore", invalid="ignore", over="ignore"):
         first, last = (-half - start) / step, (half - start) / step
-    # A line parallel to a pair of faces lies between them everywhere or nowhere.
+    # A line parallel to a pair of faces lies entirely between them or entirely outside.
     along, between = step == 0, np.abs(start) <= half
     enter = np.where(along, np.where(between, -np.inf, np.inf), np.minimum(first, last))
     leave = np.where(along, np.inf, np.maximum(first, last))
@@ -85,7 +84,7 @@ def clip(a: Places, b: Places, boxes: Sequence[Box], margin: float = 0.0) -> tup
 
 
 def _sample(a: Places, b: Places, enter: Values, leave: Values, step: float) -> tuple[Places, Indices]:
-    """Points at most ``step`` m apart from each line's entry to its exit, and their lines."""
+    """Points on each line from entry to exit, at most ``step`` m apart, and the index of each point's line."""
     counts = np.ceil((leave - enter) * np.linalg.norm(b - a, axis=1) / step).astype(int) + 1
     line = np.repeat(np.arange(len(a)), counts)
     share = np.concatenate([np.linspace(0, 1, count) for count in counts] or [np.empty(0)])
@@ -94,7 +93,7 @@ def _sample(a: Places, b: Places, enter: Values, leave: Values, step: float) -> 
 
 
 def _near_surface(points: Places, line: Indices, lines: int, segment: Segment, margin: float) -> Mask:
-    """(lines,) bool, whether a point of the line is near a cell of the segment."""
+    """(lines,) bool: whether any of the line's points is near a cell of the segment."""
     distance, _ = segment.tree.query(segment.plane.projected(points))
     half_diagonal = segment.cell * np.sqrt(3) / 2
     return np.bincount(line, distance <= margin + half_diagonal, lines) > 0

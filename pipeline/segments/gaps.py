@@ -1,7 +1,7 @@
-"""Gaps between pieces of one plane, where no labelled keyframe looked, though the map may hold the surface.
+"""Gaps between pieces of one plane, which no labelled keyframe shows although the metric map may contain the surface.
 
-During a drive few keyframes are labelled, but all are in the metric map. So pieces are one surface if the map holds
-it along the straight lines across their gap; a door leaves nothing there.
+During a drive, few keyframes are labelled, but all are in the metric map. Pieces therefore form one surface if the
+metric map contains it along the straight lines across their gap; across a doorway, it contains none.
 """
 
 from collections.abc import Callable, Iterator, Sequence
@@ -16,18 +16,18 @@ from pipeline.arrays import Direction, Mask, Places
 from pipeline.segments.segment import Segment
 
 IsSurface = Callable[[Places, Direction], Mask]
-"""Which places the map holds as a surface that was seen from the side of a normal."""
+"""Takes positions and a normal; returns which are on a surface in the metric map, seen from the normal's side."""
 
 
 @dataclass(frozen=True, eq=False)
 class Gap:
-    """The straight lines across a gap, from the cells of one piece that are nearest to the other.
+    """The straight lines across a gap, from those cells of one piece that are nearest to the other.
 
     Attributes:
-        width: m, the shortest distance along any axis of the map.
-        start, end: of the lines, in the plane of the larger piece.
-        normal: of this plane.
-        cell: m, edge of the pieces' cells.
+        width: smallest Chebyshev distance between cells of the two pieces, along the axes of the map, m.
+        start, end: ends of the lines, in the plane of the larger piece.
+        normal: normal of this plane.
+        cell: edge length of the pieces' cells, m.
     """
 
     width: float
@@ -38,7 +38,7 @@ class Gap:
 
     @classmethod
     def between(cls, a: Segment, b: Segment) -> Self | None:
-        """The gap between two segments of one plane; None if they face each other with a corner alone."""
+        """The gap between two segments of one plane; None if only their corners face each other."""
         small, large = (a, b) if a.box.area < b.box.area else (b, a)
         widths, nearest = large.tree.query(small.tree.data, p=np.inf)
         cells = large.config.cells
@@ -50,7 +50,7 @@ class Gap:
         return cls(float(widths.min()), start, end, large.plane.normal, cells.edge)
 
     def is_closed(self, is_surface: IsSurface) -> bool:
-        """Whether most of the lines lie on a surface: lines are halved until their parts are as short as a cell."""
+        """Whether most of the lines lie on a surface; lines are halved until their parts are as short as a cell."""
         start, way, parts = self.start, self.end - self.start, 1
         while 2 * len(start) > len(self.start):
             if parts * self.cell >= self.width:
@@ -63,16 +63,16 @@ class Gap:
 
 
 class Gaps:
-    """Joins segments across the gaps that the map closes."""
+    """Joins segments across gaps that the metric map fills."""
 
     def __init__(self, is_surface: IsSurface | None) -> None:
-        """Without ``is_surface`` no gap is closed."""
+        """Without ``is_surface``, no gap is closed."""
         self._is_surface = is_surface
         self._gaps: dict[tuple[Segment, Segment], Gap | None] = {}
         self._joined: dict[tuple[Segment, ...], Segment] = {}
 
     def closed(self, segments: Sequence[Segment]) -> list[Segment]:
-        """The segments, those without an open gap between them joined, oldest first."""
+        """The segments, oldest first, with those across closed gaps joined."""
         if self._is_surface is None:
             return list(segments)
         before, self._gaps = self._gaps, {}
@@ -89,7 +89,7 @@ class Gaps:
 
 
 def _neighbours(segments: Sequence[Segment]) -> Iterator[tuple[Segment, Segment]]:
-    """The pairs that continue each other, but for those with a third segment of their plane nearer to both."""
+    """Yield the pairs that continue each other, except those with a third segment of their plane nearer to both."""
     low, high = np.array([segment.bounds for segment in segments]).reshape(-1, 2, 3).swapaxes(0, 1)
     distance = np.full((len(segments), len(segments)), np.inf)
     pairs = [pair for pair in _coplanar(segments) if segments[pair[0]].continues(segments[pair[1]])]
@@ -101,7 +101,7 @@ def _neighbours(segments: Sequence[Segment]) -> Iterator[tuple[Segment, Segment]
 
 
 def _coplanar(segments: Sequence[Segment]) -> list[list[int]]:
-    """The index pairs of segments on one side of a plane, of which one has its middle in the plane of the other."""
+    """The index pairs of segments that face the same side, where the centre of one lies in the plane of the other."""
     middles = np.array([segment.box.T_map_box[:3, 3] for segment in segments]).reshape(-1, 3)
     normals = np.array([segment.plane.normal for segment in segments]).reshape(-1, 3)
     offsets = [segment.plane.offset for segment in segments]

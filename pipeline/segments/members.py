@@ -1,4 +1,4 @@
-"""The patches of which segments are made, kept so that segments can be made again at other poses of the robot."""
+"""The patches that segments are made of, kept so that segments can be rebuilt when keyframe poses change."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -16,15 +16,15 @@ from pipeline.transforms import inverse, transform_points
 
 @dataclass(frozen=True, eq=False)
 class Member:
-    """The kept data of a patch, in ``base_link`` of the keyframe that shows it.
+    """The data kept from a patch, in ``base_link`` of the keyframe that shows it.
 
     Attributes:
-        keyframe: number of the keyframe.
+        keyframe: index of the keyframe.
         label: class of the patch.
-        normal: of its plane.
-        moments: of its surfels.
+        normal: normal of its plane.
+        moments: moments of its surfels.
         outline: corners of the convex hull of its points.
-        points: one of its points in each cube with half the edge of a cell.
+        points: one of its points per voxel; a voxel has half the edge length of a cell.
     """
 
     keyframe: int
@@ -36,7 +36,7 @@ class Member:
 
     @classmethod
     def of(cls, patch: PlanePatch, keyframe: int, T_map_base: Pose, cell: float) -> Self:
-        """The member of a patch that a keyframe at this pose shows, for segments with cells of ``cell`` m."""
+        """The member for a patch that a keyframe at ``T_map_base`` shows; ``cell``: edge length of a cell, m."""
         across = np.eye(3)[np.abs(patch.plane.normal).argmin()]
         u = np.cross(patch.plane.normal, across)
         v = np.cross(patch.plane.normal, u)

@@ -1,8 +1,8 @@
 """Planar regions of one frame: regions with nearly the same normal, and the planes through them.
 
-In the thesis RANSAC finds the planes of a whole class, and region growing separates surfaces on the same plane. Here
-regions of one normal are grown first: given many parallel ramps at once, RANSAC prefers a level cut through all
-of them to any of their slopes. Each region then gets its planes by RANSAC.
+In the thesis, RANSAC finds all planes of a class, and region growing separates surfaces on the same plane. Here,
+regions with nearly the same normal are grown first, because RANSAC on many parallel ramps at once prefers a level cut
+through all of them to the slope of any one. RANSAC then finds the planes of each region.
 """
 
 from collections.abc import Iterator
@@ -22,12 +22,12 @@ from pipeline.segments.surfels_kernels import NONE, make_surfels, neighbours
 
 @dataclass(frozen=True, eq=False)
 class Surfels:
-    """A thinned frame, in ``camera_optical``: see ``make_surfels`` and ``neighbours``.
+    """The surfels of a frame, in ``camera_optical``; see ``make_surfels`` and ``neighbours``.
 
     Attributes:
         points: the mean points.
-        labels: theirs.
-        near: (N, K) int32 neighbours of every surfel, ending with NONE.
+        labels: label of every surfel.
+        near: (N, K) int32 neighbours of every surfel, padded with NONE.
         of_pixel: (H, W) int32 surfel of every pixel, or NONE.
     """
 
@@ -38,7 +38,7 @@ class Surfels:
 
     @classmethod
     def of(cls, frame: Frame, labels: NDArray[np.uint8], config: SurfelConfig) -> Self:
-        """Thin a frame, which averages out its noise; the boundaries between (H, W) labels are kept."""
+        """Thin a frame, which averages out its noise; no surfel mixes two of the (H, W) labels."""
         points, surfel_labels, blocks, of_pixel = make_surfels(
             frame.depth, labels, frame.intrinsics.rays, config.block, config.fewest_pixels, config.depth_step,
             config.deviations,
@@ -53,9 +53,9 @@ class PlanarRegions:
     """The planes of a frame and the surfels on them.
 
     Attributes:
-        surfels: the thinned frame.
+        surfels: the surfels of the frame.
         region: (N,) int32 plane of every surfel, NONE for surfels on no plane.
-        planes: in ``camera_optical``.
+        planes: the planes in ``camera_optical``.
     """
 
     surfels: Surfels
@@ -69,11 +69,11 @@ def planar_regions(
     """Grow regions and fit planes to them.
 
     Args:
-        frame: one frame.
-        labels: (H, W) uint8; no region has more than one label, and pixels of label 0 are left out.
-        seed: of RANSAC; the same seed and frame give the same planes, bit for bit.
-        thinning: of the frame to surfels.
-        config: of regions and their planes.
+        frame: the frame.
+        labels: (H, W) uint8; no region has more than one label, and pixels with label 0 are left out.
+        seed: seed of RANSAC; the same seed and frame give the same planes, bit for bit.
+        thinning: how the frame is thinned to surfels.
+        config: how regions grow and planes are fitted.
     """
     surfels = Surfels.of(frame, labels, thinning)
     region, planes = _ransac_regions(surfels, _grow(surfels, config), seed, config)
@@ -81,7 +81,7 @@ def planar_regions(
 
 
 def _grow(surfels: Surfels, config: RegionConfig) -> NDArray[np.int32]:
-    """(N,) region of every surfel; the flattest surfels are the first seeds."""
+    """(N,) region of every surfel; seeds are taken in order of flatness."""
     normal, variation = normals(surfels.points, surfels.near)
     order = np.argsort(variation, kind="stable")
     return grow_regions(surfels.points, surfels.near, normal, order, np.cos(config.angle), config.step)
@@ -92,8 +92,8 @@ def _ransac_regions(
 ) -> tuple[NDArray[np.int32], Planes]:
     """(N,) plane of every surfel, NONE for outliers, and the planes of all regions.
 
-    Large regions come first and claim all surfels on their planes: the surfels along the line where two walls meet
-    lie between both, and would form a narrow plane of their own.
+    Large regions come first, and surfels of later regions may join their planes: otherwise, the surfels along the
+    line where two walls meet, which lie between both, would form a narrow plane of their own.
     """
     result = np.full(len(region), NONE, np.int32)
     planes = np.empty((0, 4))
@@ -115,7 +115,7 @@ def _ransac_regions(
 def _settle(
     surfels: Surfels, region: NDArray[np.int32], planes: Planes, config: RegionConfig
 ) -> tuple[NDArray[np.int32], Planes]:
-    """Assign every surfel to the nearest plane around it, and fit again, so that edges lie where planes meet."""
+    """Reassign every surfel to the nearest plane around it and refit, so that edges lie where planes meet."""
     everything = np.arange(len(region))
     for _ in range(config.rounds):
         region = claim_nearest(surfels.points, surfels.near, everything, region, planes, config.distance)
@@ -134,7 +134,7 @@ def _fit(points: Points) -> Planes:
 
 
 def groups(numbers: NDArray) -> Iterator[tuple[int, Indices]]:
-    """Every number in an array (N,) except NONE, in order, with the indices of its elements."""
+    """Yield each distinct number in an array (N,) except NONE, ascending, with the indices where it occurs."""
     order = np.argsort(numbers, kind="stable")
     starts = np.flatnonzero(np.diff(numbers[order], prepend=NONE))
     for members in np.split(order, starts)[1:]:

@@ -1,6 +1,6 @@
 """Planes in one frame: region growing and RANSAC (thesis 3.2, figures 4 and 5).
 
-A plane whose surface has a gap is split there by a second region growing, over the cells that it fills.
+A plane whose surface has a gap is split at the gap by a second region growing, over the cells that the surface fills.
 """
 
 from collections.abc import Iterator
@@ -24,14 +24,14 @@ from pipeline.transforms import transform_points
 
 @dataclass(frozen=True, eq=False)
 class PlanePatch:
-    """A connected piece of plane in one frame, in ``map``.
+    """A connected piece of a plane in one frame, expressed in ``map``.
 
     Attributes:
         label: its class.
         plane: least-squares plane.
-        moments: of its surfels.
-        points: where the rays of its pixels meet the plane.
-        cells: of the map that contain these points.
+        moments: moments of its surfels.
+        points: points where the rays of its pixels meet the plane.
+        cells: cells of the map that contain these points.
     """
 
     label: Label
@@ -44,17 +44,17 @@ class PlanePatch:
 def find_planes(
     frame: Frame, labels: Labels, T_map_camera: Pose, seed: int, config: SegmentsConfig
 ) -> list[PlanePatch]:
-    """The planes of one frame.
+    """Find the connected pieces of planes in one frame.
 
     Args:
-        frame: one frame.
+        frame: the frame.
         labels: class of every return, row-major.
         T_map_camera: pose of the camera.
-        seed: of RANSAC; the same seed and frame give the same planes, bit for bit.
-        config: what is a plane.
+        seed: seed of RANSAC; the same seed and frame give the same planes, bit for bit.
+        config: parameters of the segments.
 
     Raises:
-        InputError: if the number of labels is not that of the returns.
+        InputError: the number of labels differs from the number of returns.
     """
     found = planar_regions(frame, _label_image(frame, labels), seed, config.surfels, config.regions)
     surfels, region, extent = found.surfels, found.region, config.extent
@@ -78,7 +78,7 @@ def find_planes(
 
 
 def _label_image(frame: Frame, labels: Labels) -> NDArray[np.uint8]:
-    """(H, W) uint8 label of every pixel of a planar class, 0 elsewhere."""
+    """(H, W) uint8 label of every pixel with a planar class, 0 elsewhere."""
     if labels.shape != (np.count_nonzero(frame.returns),):
         raise InputError(f"planes: {labels.shape} labels for {np.count_nonzero(frame.returns)} returns")
     image = np.zeros(frame.depth.shape, np.uint8)
@@ -87,7 +87,7 @@ def _label_image(frame: Frame, labels: Labels) -> NDArray[np.uint8]:
 
 
 def _pieces(points: Points, config: CellConfig) -> Iterator[tuple[Indices, SurfaceCells]]:
-    """The connected pieces of points: the indices of each piece's points, and its cells."""
+    """Split points into connected pieces; yield the indices of each piece's points, and its cells."""
     cells, row = cells_of(points, config.edge)
     piece = connected_pieces(cells, np.bincount(row), config)
     for number, inside in groups(piece[row]):

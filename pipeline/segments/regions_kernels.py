@@ -10,12 +10,12 @@ from pipeline.segments.surfels_kernels import NONE
 def normals(points, near):
     """(N, 3) float64 unit normals of the points' neighbourhoods, and their (N,) float64 surface variation.
 
-    Surface variation: least eigenvalue of the covariance over their sum, 0 for a plane, 1/3 for a ball (Pauly,
-    Gross & Kobbelt 2002). With fewer than three neighbours it is 1 and the normal 0.
+    Surface variation is the smallest eigenvalue of the covariance divided by the sum of all three: 0 for a plane, 1/3
+    for a ball (Pauly, Gross & Kobbelt 2002). With fewer than three neighbours, it is 1 and the normal is 0.
     """
     result, variation = np.zeros((len(points), 3)), np.ones(len(points))
     for i in range(len(points)):
-        # Relative to the point itself: its own contribution to the sums is zero.
+        # Offsets are relative to the point itself, whose own contribution to the sums is therefore zero.
         n, m, s = 1, np.zeros(3), np.zeros((3, 3))
         for j in near[i]:
             if j == NONE:
@@ -42,7 +42,7 @@ def normals(points, near):
 
 @njit(cache=True)
 def least_eigenvalue(s):
-    """The least eigenvalue of a symmetric 3×3 matrix, in closed form (Smith 1961)."""
+    """The smallest eigenvalue of a symmetric 3×3 matrix, in closed form (Smith 1961)."""
     mean = (s[0, 0] + s[1, 1] + s[2, 2]) / 3
     a, b, c = s[0, 0] - mean, s[1, 1] - mean, s[2, 2] - mean
     xy, xz, yz = s[0, 1], s[0, 2], s[1, 2]
@@ -56,7 +56,7 @@ def least_eigenvalue(s):
 
 @njit(cache=True)
 def null_vector(s):
-    """The unit null vector of a symmetric 3×3 matrix of rank 2: the direction of its rows' longest cross product."""
+    """The unit null vector of a symmetric 3×3 matrix of rank 2: the direction of two rows' longest cross product."""
     best, longest = np.zeros(3), 0.0
     for r, q in ((0, 1), (0, 2), (1, 2)):
         x = s[r, 1] * s[q, 2] - s[r, 2] * s[q, 1]
@@ -71,11 +71,12 @@ def null_vector(s):
 
 @njit(cache=True)
 def grow_regions(points, near, normal, order, min_cosine, max_offset):
-    """(N,) int32 region of every point; a region is connected and has nearly one normal.
+    """(N,) int32 region of every point, or NONE; a region is connected and its normals are nearly the same.
 
     Seeds are taken in ``order``. A neighbour joins if the cosine between its normal and the region's mean normal is
-    at least ``min_cosine`` (so that a region does not creep around an edge) and if its distance from the plane
-    through the point beside it is at most ``max_offset`` m (so that a region does not jump down a step).
+    at least ``min_cosine`` (so that a region does not creep around an edge) and if its distance from the plane with
+    that mean normal through its neighbour in the region is at most ``max_offset`` m (so that a region does not jump
+    down a step). Points without a normal get NONE.
     """
     region = np.full(len(points), NONE, np.int32)
     queue = np.empty(len(points), np.int32)
@@ -95,7 +96,7 @@ def grow_regions(points, near, normal, order, min_cosine, max_offset):
                 if region[j] != NONE:
                     continue
                 length = np.sqrt((total * total).sum())
-                # A neighbourhood's normal has no sign.
+                # The sign of a neighbourhood's normal is arbitrary.
                 dot = (total * normal[j]).sum()
                 offset = (total * (points[j] - points[i])).sum()
                 if abs(dot) >= min_cosine * length and abs(offset) <= max_offset * length:
@@ -109,9 +110,9 @@ def grow_regions(points, near, normal, order, min_cosine, max_offset):
 
 @njit(cache=True)
 def claim_nearest(points, near, members, region, planes, max_distance):
-    """(M,) int32: the region whose plane is nearest to each of ``members``, among its own and its neighbours'.
+    """(M,) int32: for each of ``members``, the region with the nearest plane, among its own and its neighbours'.
 
-    ``planes`` (R, 4) rows [n, d]. A point that is ``max_distance`` or farther from all these planes gets NONE.
+    ``planes`` has (R, 4) rows [n, d]. A point at least ``max_distance`` m from all of these planes gets NONE.
     """
     result = np.full(len(members), NONE, np.int32)
     for m in range(len(members)):
@@ -126,7 +127,7 @@ def claim_nearest(points, near, members, region, planes, max_distance):
 
 @njit(cache=True)
 def claim(point, region, planes, least, so_far):
-    """Distance of a point (3,) to a region's plane (4,), and the region, if below ``least``; or ``least, so_far``."""
+    """Distance of a point (3,) to a region's plane (4,), and the region; ``least, so_far`` if it is not closer."""
     if region == NONE:
         return least, so_far
     plane = planes[region]

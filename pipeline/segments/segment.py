@@ -1,4 +1,4 @@
-"""A segment: a piece of plane in the map, made of the patches of one frame or many (thesis 3.2, figure 6)."""
+"""A segment: a piece of a plane in the map, made of patches of one or more frames (thesis 3.2, figure 6)."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -20,17 +20,17 @@ from pipeline.segments.members import Member
 
 @dataclass(frozen=True, eq=False)
 class Segment:
-    """A piece of plane in the map. It is replaced, not changed, when it grows.
+    """A piece of a plane in the map. When it grows, a new segment replaces it.
 
     Attributes:
         label: its class.
-        plane: in ``map``; the normal of a traversable surface points upwards.
-        box: around all its points.
-        cells: of the map in which it was seen.
-        moments: of its surfels.
-        hull: of its points.
-        members: indices of its patches in :attr:`Segments.members`, in order.
-        config: of the segments.
+        plane: its plane in ``map``; the normal of a traversable surface points upwards.
+        box: bounding box of all its points.
+        cells: cells of the map in which it was seen.
+        moments: moments of its surfels.
+        hull: hull of its points.
+        members: indices of its patches in :attr:`Segments.members`, ascending.
+        config: parameters of the segments.
     """
 
     label: Label
@@ -53,7 +53,7 @@ class Segment:
         members: tuple[int, ...],
         config: SegmentsConfig,
     ) -> Self:
-        """A segment from its sums, with its normal on this side."""
+        """Create a segment; its plane and box are computed, with the normal on the same side as ``side``."""
         plane, rms = moments.fit(side)
         thickness, edge = config.thickness * rms, config.cells.edge
         box = bounding_box(plane, moments.centroid, hull, thickness, config.ascent, edge)
@@ -61,31 +61,31 @@ class Segment:
 
     @classmethod
     def placed(cls, member: Member, number: int, T_map_base: Pose, config: SegmentsConfig) -> Self:
-        """The segment that a member with this number makes if its keyframe is at a pose."""
+        """The segment made of the member with this number alone, if its keyframe is at ``T_map_base``."""
         normal, moments = T_map_base[:3, :3] @ member.normal, member.moments.moved(T_map_base)
         cells = placed_cells(T_map_base, member.points, config.cells.edge)
         hull = Hull.of(moved(T_map_base, member.outline))
         return cls.of(member.label, normal, cells, moments, hull, (number,), config)
 
     def merged(self, other: "Segment") -> "Segment":
-        """One segment made of both."""
+        """The union of both segments."""
         cells, hull = unite(self.cells, other.cells), self.hull.union(other.hull)
         members, moments = tuple(sorted(self.members + other.members)), self.moments + other.moments
         return Segment.of(self.label, self.plane.normal, cells, moments, hull, members, self.config)
 
     @property
     def id(self) -> int:
-        """The number of its oldest patch, which stays the same while it grows."""
+        """The index of its oldest patch, which stays the same as newer patches join."""
         return self.members[0]
 
     @property
     def cell(self) -> float:
-        """Edge of its cells, m."""
+        """Edge length of its cells, m."""
         return self.config.cells.edge
 
     @cached_property
     def bounds(self) -> Cells:
-        """The least and the greatest index of the cells along each axis."""
+        """The minimum and maximum index of the cells along each axis."""
         return bounds(self.cells)
 
     @cached_property
@@ -94,7 +94,7 @@ class Segment:
         return KDTree(centres(self.cells, self.cell))
 
     def continues(self, other: "Segment") -> bool:
-        """Whether both have one class and lie in one plane, seen from one side."""
+        """Whether both segments have the same class and lie in one plane, seen from the same side."""
         if self.label != other.label or self.plane.normal @ other.plane.normal < self.config.least_cosine:
             return False
         small, large = (self, other) if self.box.area < other.box.area else (other, self)
@@ -102,5 +102,5 @@ class Segment:
         return bool(offsets.max() <= self.config.flatness)
 
     def touches(self, other: "Segment") -> bool:
-        """Whether both continue each other without a gap."""
+        """Whether both segments continue each other without a gap."""
         return self.continues(other) and in_contact(self.cells, other.cells, self.config.cells)

@@ -1,4 +1,4 @@
-"""The map of segments: pieces of plane that grow and merge from frame to frame (thesis 3.2, figures 5 and 6)."""
+"""The map of segments: pieces of planes that grow and merge from frame to frame (thesis 3.2, figures 5 and 6)."""
 
 from bisect import bisect
 from collections.abc import Iterable, Iterator
@@ -16,22 +16,22 @@ from pipeline.segments.segment import Segment
 
 
 class Segments:
-    """All segments: patches that touch, and pieces of one plane whose gap the map holds, are one.
+    """All segments: touching patches form one, as do pieces of one plane if the metric map fills their gap.
 
     Attributes:
-        members: the patches of which the segments are made.
-        config: of their planes, cells and boxes.
+        members: the patches that the segments are made of.
+        config: parameters of their planes, cells and boxes.
     """
 
     def __init__(self, is_surface: IsSurface | None = None, *, config: SegmentsConfig = SegmentsConfig()) -> None:
-        """No segments. Without ``is_surface`` every gap parts a surface."""
+        """Start without segments. Without ``is_surface``, every gap separates two segments."""
         self.config = config
         self.members: list[Member] = []
         self._gaps = Gaps(is_surface)
         self._touching: list[Segment] = []
         self._bounds = np.zeros((0, 2, 3), np.int64)
         self._segments: list[Segment] = []
-        # Pose of the keyframe of each member that was folded, and what each group of that many members made.
+        # Keyframe pose of each member added so far, and the state saved before every ``checkpoint``-th member.
         self._poses: list[Pose] = []
         self._kept: list[tuple[list[Segment], NDArray[np.int64]]] = []
 
@@ -43,7 +43,7 @@ class Segments:
         return iter(self._segments)
 
     def __getitem__(self, id: int) -> Segment:
-        """The segment of that id; KeyError if it never existed or was merged into an older one."""
+        """The segment with this id; KeyError if it never existed or was merged into an older one."""
         return {segment.id: segment for segment in self}[id]
 
     def of(self, *labels: Label) -> list[Segment]:
@@ -51,14 +51,14 @@ class Segments:
         return [segment for segment in self if segment.label in labels]
 
     def update(self, patches: Iterable[PlanePatch], keyframe: int, T_map_base: Pose) -> None:
-        """Add the planes of a keyframe at a pose; each is merged with all the segments that it continues."""
+        """Add the planes of a keyframe at ``T_map_base``; each is merged with all segments that it touches."""
         for patch in patches:
             self.members.append(Member.of(patch, keyframe, T_map_base, self.config.cells.edge))
             self._add(len(self.members) - 1, T_map_base)
         self._segments = self._gaps.closed(self._touching)
 
     def rebuild(self, poses: Poses) -> None:
-        """Make all segments anew, as if each keyframe had been at its pose from the start."""
+        """Rebuild all segments, as if each keyframe had had its pose in ``poses`` from the start."""
         every = self.config.checkpoint
         at = [poses[member.keyframe] for member in self.members]
         is_same = [np.array_equal(old, new) for old, new in zip(self._poses, at, strict=False)]
@@ -72,7 +72,7 @@ class Segments:
         self._segments = self._gaps.closed(self._touching)
 
     def _add(self, number: int, T_map_base: Pose) -> None:
-        """Add a member, merged with all that it continues: after a merger it may continue still more of them."""
+        """Add a member, merged with all segments that it touches; after each merger it may touch further ones."""
         if number % self.config.checkpoint == 0:
             self._kept.append((list(self._touching), self._bounds))
         self._poses.append(T_map_base)
@@ -85,7 +85,7 @@ class Segments:
         self._bounds = np.insert(self._bounds, row, new.bounds, axis=0)
 
     def _partner(self, new: Segment) -> int | None:
-        """The index of the oldest segment that a new one touches."""
+        """The index of the oldest segment that ``new`` touches, or None."""
         (low, high), reach = new.bounds, self.config.cells.reach
         near = (self._bounds[:, 0] <= high + reach) & (self._bounds[:, 1] >= low - reach)
         rows = np.flatnonzero(near.all(axis=1)).tolist()

@@ -4,23 +4,23 @@ import numpy as np
 from numba import njit
 
 NONE = -1
-"""No surfel, neighbour, region or plane."""
+"""Index meaning no surfel, neighbour, region or plane."""
 
 
 @njit(cache=True)
 def make_surfels(depth, labels, rays, block, min_pixels, min_step, deviations):
-    """Surfels: mean points of the pixels of one label in every block of the image.
+    """Make surfels: the mean points of the pixels of each label in each block of the image.
 
-    A block in which one label has two surfaces, one behind the other, gives a surfel for each.
+    If a label in a block covers two surfaces, one behind the other, each of them gives a surfel.
 
     Args:
         depth: (H, W) float32 m.
         labels: (H, W) uint8, 0 for pixels to leave out.
         rays: (H, W, 3) float32, points at depth 1.
-        block: pixels, the edge of a block.
-        min_pixels: fewer pixels make no surfel.
-        min_step: 1/m of inverse depth, between surfaces one behind the other.
-        deviations: standard deviations of the noise, between such surfaces.
+        block: edge length of a block, pixels.
+        min_pixels: minimum number of pixels of a surfel.
+        min_step: minimum difference in inverse depth between two surfaces one behind the other, 1/m.
+        deviations: minimum difference between two such surfaces, in standard deviations within them.
 
     Returns:
         (N, 3) float32 points in ``camera_optical``, (N,) uint8 labels, (N, 2) int32 row and column of their
@@ -53,10 +53,10 @@ def make_surfels(depth, labels, rays, block, min_pixels, min_step, deviations):
 
 @njit(cache=True)
 def parting_inverse_depth(depth, labels, label, min_step, deviations):
-    """The inverse depth, 1/m, between two surfaces of one label in a block (h, w), or 0 if there is only one.
+    """The inverse depth, 1/m, that separates two surfaces of one label in a block (h, w), or 0 if there is only one.
 
-    The block is split at the middle of its range; the means of both halves must be ``min_step`` and so many standard
-    ``deviations`` apart.
+    The block is split at the middle of its range of inverse depths; the means of the two parts must be more than
+    ``min_step`` and more than ``deviations`` standard deviations apart.
     """
     low, high = np.inf, 0.0
     for v in range(depth.shape[0]):
@@ -83,7 +83,7 @@ def parting_inverse_depth(depth, labels, label, min_step, deviations):
 
 @njit(cache=True)
 def mean_point(depth, labels, rays, label, parting, near):
-    """Number and mean (3,) of the points of one label in front of (``near``) or behind the parting inverse depth."""
+    """Number and mean (3,) of one label's points in front of (``near``) or behind the inverse depth ``parting``."""
     n, x, y, z = 0, 0.0, 0.0, 0.0
     for v in range(depth.shape[0]):
         for u in range(depth.shape[1]):
@@ -109,14 +109,14 @@ def assign(of_pixel, depth, labels, label, parting, near, surfel):
 def neighbours(blocks, columns, labels, points, reach, max_step):
     """(N, K) int32, K = 2·(2·reach + 1)²: every surfel's neighbours of the same label, up to ``reach`` blocks away.
 
-    Rows end with NONE. Surfels are not neighbours if their distance exceeds ``max_step`` times the lesser depth times
-    the number of blocks from one to the other.
+    Rows are padded with NONE. Surfels are not neighbours if their distance exceeds ``max_step`` times the smaller
+    depth times their distance in blocks.
 
     Args:
         blocks, labels, points: as ``make_surfels`` returns them.
         columns: a number greater than any block's column.
-        reach: blocks.
-        max_step: m per m of depth.
+        reach: maximum distance along rows and columns, blocks.
+        max_step: maximum distance between surfels one block apart, m per m of depth.
     """
     number = blocks[:, 0] * columns + blocks[:, 1]
     result = np.full((len(blocks), 2 * (2 * reach + 1) ** 2), NONE, np.int32)
@@ -146,15 +146,15 @@ def distance(a, b):
 def project_pixels(depth, rays, T_target_camera, of_pixel, near, region, planes, stride, max_shift, noise):
     """The points where the rays of pixels meet the pixels' planes.
 
-    The noise of a depth camera moves points along their rays; on the plane it is gone. Among the planes of its surfel
-    and of the surfel's neighbours, a pixel belongs to the one that it reaches by the smallest shift along its ray.
+    The noise of a depth camera moves points along their rays; projecting them onto a plane removes it. Among the
+    planes of its surfel and the surfel's neighbours, a pixel is assigned to the one with the smallest shift.
 
     Args:
         depth: (H, W) float32 m.
         rays: (H, W, 3) float32.
         T_target_camera: 4×4 pose of the camera in the target frame.
         of_pixel: (H, W) int32, the surfel of every pixel or NONE.
-        near: (N, K) int32 neighbours of every surfel, ending with NONE.
+        near: (N, K) int32 neighbours of every surfel, padded with NONE.
         region: (N,) int32, the plane of every surfel or NONE.
         planes: (P, 4) float64 rows [n, d] in ``camera_optical``.
         stride: step between the pixels that are projected, along rows and columns.

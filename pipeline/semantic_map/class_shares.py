@@ -1,4 +1,4 @@
-"""The class probabilities of points in two bytes each: the two most probable classes and their shares."""
+"""The class probabilities of points in three bytes each: the two most probable classes and the first one's share."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -16,11 +16,11 @@ WHOLE = np.iinfo(np.uint8).max
 
 @dataclass(frozen=True, eq=False)
 class ClassShares:
-    """The two most probable classes of points.
+    """The two most probable classes of each point.
 
     Attributes:
-        classes: (N, 2) uint8 the most probable class and the next; the lower id wins a tie.
-        share: (N,) uint8 of the first class, of ``WHOLE`` for both.
+        classes: (N, 2) uint8, the most probable class and the next; the lower id wins a tie.
+        share: (N,) uint8, the first class's share of ``WHOLE``; the second class has the rest.
     """
 
     classes: NDArray[np.uint8]
@@ -28,7 +28,7 @@ class ClassShares:
 
     @classmethod
     def of(cls, probabilities: Probabilities) -> Self:
-        """Keep the probabilities, in [0, 1], of the two most probable classes."""
+        """Keep the two most probable classes, with their probabilities scaled to a sum of 1."""
         best = np.argsort(-probabilities, axis=1, kind="stable")[:, :2]
         first, second = np.take_along_axis(probabilities, best, axis=1).T
         both = np.maximum(first + second, np.finfo(np.float32).tiny)
@@ -36,10 +36,10 @@ class ClassShares:
 
     @property
     def nbytes(self) -> int:
-        """Bytes of its arrays."""
+        """Size of the arrays in bytes."""
         return self.classes.nbytes + self.share.nbytes
 
     @property
     def probabilities(self) -> NDArray[np.uint8]:
-        """(N, 8) uint8 of every class, in units of 1/255."""
+        """(N, 8) uint8 probability of every class, in units of 1/255."""
         return spread(self.classes, self.share, WHOLE, len(Label))

@@ -1,4 +1,4 @@
-"""Point classifiers: their interface, and the one that gives the simulator's true labels."""
+"""Point classifiers: their interface, and one that returns the simulator's true labels."""
 
 from typing import Protocol
 
@@ -14,11 +14,11 @@ CLASSES = (Label.WALL, Label.TERRAIN, Label.INCLINED_RAMP, Label.STRAIGHT_RAMP, 
 
 
 class PointClassifier(Protocol):
-    """Gives every point of a frame its class probabilities.
+    """Computes the class probabilities of every point of a frame.
 
     Attributes:
-        is_certain: whether its labels need no other evidence, so that the map does not revise them; False for a
-            classifier without the attribute.
+        is_certain: whether its labels are certain, so that the map does not revise them; False for a classifier
+            without the attribute.
     """
 
     is_certain: bool = False
@@ -28,9 +28,9 @@ class PointClassifier(Protocol):
 
         Args:
             frame: the frame of the points.
-            points: all returns row-major, as ``frame.points`` gives them, m in ``map``; but z counts from the height
-                at which the robot was set down.
-            T_map_camera: pose of the frame's camera, with z as of the points.
+            points: all returns, row-major, as ``frame.points`` returns them, m in ``map``, but with z relative to the
+                height at which the robot was set down.
+            T_map_camera: pose of the frame's camera, with z relative to the same height.
 
         Returns:
             Probabilities that sum to 1 for each point.
@@ -39,12 +39,12 @@ class PointClassifier(Protocol):
 
 
 class TruthClassifier(PointClassifier):
-    """The labels that the simulator wrote into the frame (``--labels truth``)."""
+    """Returns the labels that the simulator wrote into the frame (``--labels truth``)."""
 
     is_certain = True
 
     def classify(self, frame: Frame, points: Points, T_map_camera: Pose) -> Probabilities:
-        """One-hot of ``frame.label`` at the returns; InputError if the frame has none."""
+        """One-hot probabilities of ``frame.label`` at the returns; InputError if the frame has no labels."""
         if frame.label is None:
             raise InputError(f"the frame at {frame.time:.2f} s has no true labels: only a simulator provides them")
         return np.eye(len(Label), dtype=np.float32)[frame.label[frame.returns]]

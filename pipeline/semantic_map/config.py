@@ -1,4 +1,4 @@
-"""Numbers of the semantic map: how points get classes, and how the map revises them."""
+"""Parameters of the semantic map: how points are classified, and how the map revises their classes."""
 
 from dataclasses import dataclass, field
 from math import radians
@@ -11,13 +11,13 @@ class RuleConfig:
     """How the baseline classifies points by height and slope.
 
     Attributes:
-        voxel: m; the cloud is thinned to one point a voxel.
-        neighbours: points to which a normal is fitted.
-        wall_tilt: rad; a surface at least as steep is a wall.
-        roughness: m, standard deviation from the plane of the neighbours; what is rougher is clutter.
-        ramp_tilt: rad; a surface at least as steep is an inclined ramp.
-        deck: m over where the robot was set down; a level surface above this is a straight ramp, not terrain.
-        ceiling: m, likewise; a level surface above this is a ceiling.
+        voxel: edge length of a voxel, m; the cloud is thinned to one point per voxel.
+        neighbours: number of points to which a plane is fitted for the normal.
+        wall_tilt: minimum tilt of a wall, rad.
+        roughness: maximum standard deviation from the plane of the neighbours, m; rougher points are clutter.
+        ramp_tilt: minimum tilt of an inclined ramp, rad.
+        deck: height above the ground where the robot was set down, m; level surfaces above it are straight ramps.
+        ceiling: height above the same ground, m; level surfaces above it are ceilings.
     """
 
     voxel: float = 0.03
@@ -34,16 +34,15 @@ class PlanarVoteConfig:
     """How the points of a plane vote on their classes.
 
     Attributes:
-        surfels: to which a frame is thinned.
-        regions: of surfels; narrow, because no labels separate planes here.
-        shift: m along the optical axis, greatest distance of a pixel from its plane.
-        noise: m per m² of depth that is added to it.
-        window: pixels around a pixel that fits several planes, whose depths decide between these planes.
-        weight: of the mean log probabilities of a plane's points; a point's own log probabilities weigh 1.
-        least_probability: of a class; it limits the evidence of a network that rules a class out.
-        lean: rad by which the floor, a deck or a ceiling may be out of level, and a wall or a side of a deck out of
-            plumb.
-        least_ramp: rad, least tilt of an inclined ramp.
+        surfels: how a frame is thinned to surfels.
+        regions: how regions of surfels grow; the angle is small, because no labels separate planes here.
+        shift, noise: a pixel is less than ``shift + noise · depth²`` from its plane along the optical axis; m, 1/m.
+        window: if a pixel fits several planes, the pixels up to this far away in rows and columns help to decide.
+        weight: weight of the mean log probabilities of a plane's points; a point's own log probabilities weigh 1.
+        least_probability: lower limit of a class's probability; it limits the evidence against a class.
+        lean: maximum angle of a floor, deck or ceiling to the horizontal, and of a wall or the side of a deck to the
+            vertical, rad.
+        least_ramp: minimum tilt of an inclined ramp, rad.
     """
 
     surfels: SurfelConfig = field(default_factory=SurfelConfig)
@@ -62,8 +61,8 @@ class NetworkConfig:
     """How a network classifies a frame.
 
     Attributes:
-        grids: of columns, each shifted against the others, over which class probabilities are averaged.
-        vote: of the points of a plane.
+        grids: number of grids of columns, shifted relative to each other; class probabilities are averaged over them.
+        vote: how the points of a plane vote.
     """
 
     grids: int = 3
@@ -72,12 +71,12 @@ class NetworkConfig:
 
 @dataclass(frozen=True)
 class UprightsConfig:
-    """What stands upright, in cells of a plan.
+    """How upright surfaces are recognised in a grid seen from above.
 
     Attributes:
-        reach: cells around a cell whose points show which way a wall runs; with fewer, noise would decide. So far the
-            directions of two walls mix in a corner.
-        blur: cells by which the edge of a ramp's top is blurred: one by noise, one by the grid.
+        reach: distance up to which points around a cell determine the direction of a wall, cells; with less, noise
+            would dominate. Within this distance of a corner, the directions of both walls mix.
+        blur: uncertainty of the edge of a ramp's top, cells: one due to noise, one due to the grid.
     """
 
     reach: int = 2
@@ -86,14 +85,14 @@ class UprightsConfig:
 
 @dataclass(frozen=True)
 class SemanticMapConfig:
-    """All numbers of the semantic map.
+    """All parameters of the semantic map.
 
     Attributes:
-        voxel: m, the edge of the voxels; each keeps one point whatever the number of frames.
-        skin: m; a point this near to the points of what was found belongs to it.
-        uprights: walls and the sides of ramps.
-        rules: of the baseline.
-        network: of the classifier.
+        voxel: edge length of a voxel, m; each voxel keeps one point, whatever the number of frames.
+        skin: points within this distance of the points of a find belong to the find, m.
+        uprights: how walls and the sides of ramps are recognised.
+        rules: parameters of the baseline.
+        network: parameters of the network classifier.
     """
 
     voxel: float = 0.02

@@ -1,7 +1,7 @@
-"""What was found, in a labelled map: signs and codes, people, and the boxes that hold people off the ground.
+"""Labels of finds in a map: signs and codes, people, and the boxes that hold people off the ground.
 
-Signs lie flat on walls, and so do the backs of the boxes in which the dolls of RoboCup Rescue lie: their shape
-is that of the wall.
+Signs lie flat on walls, and so do the backs of the boxes that hold the dolls of RoboCup Rescue, so their shape alone
+does not distinguish them from the wall.
 """
 
 from collections.abc import Sequence
@@ -18,17 +18,17 @@ from pipeline.labels import Label
 def with_finds(
     points: Points, labels: Labels, signs: Sequence[Points], people: Sequence[Points], step: float, skin: float
 ) -> Labels:
-    """Labels of a map's points in which signs are clutter and people victims, and boxes of people are whole.
+    """Labels of a map's points in which signs are clutter, people are victims, and the boxes of people are complete.
 
-    If some points are labelled as victim already, all keep their labels.
+    If any point is already labelled as a victim, all labels are kept.
 
     Args:
-        points: of the map.
-        labels: theirs.
+        points: points of the map.
+        labels: labels of these points.
         signs: points of each sign or code.
         people: points of each person.
-        step: m; what is farther above the ground hangs.
-        skin: m; a point this near to the points of what was found belongs to it.
+        step: an object farther than this above the points below it hangs, m.
+        skin: points within this distance of the points of a find belong to the find, m.
     """
     if (labels == Label.VICTIM).any():
         return labels
@@ -44,7 +44,7 @@ def with_finds(
 
 
 def _near(points: Points, found: Points, skin: float) -> Indices:
-    """Points within ``skin`` m of those of a find."""
+    """Indices of the points within ``skin`` m of the points of a find."""
     if not len(found):
         return np.zeros(0, np.int64)
     around = _within(points, found, skin)
@@ -53,20 +53,20 @@ def _near(points: Points, found: Points, skin: float) -> Indices:
 
 
 def _within(points: Points, found: Points, skin: float) -> Indices:
-    """Points in the bounding box of others, at least one, or within ``skin`` m of it."""
+    """Indices of the points in the bounding box of ``found``, at least one point, enlarged by ``skin`` m."""
     return _in_box(points, found.min(axis=0) - skin, found.max(axis=0) + skin)
 
 
 def _in_box(points: Points, low: NDArray[np.float32], high: NDArray[np.float32]) -> Indices:
-    """Points between corners (D,), m, of which only as many coordinates count."""
+    """Indices of the points whose first D coordinates lie between the corners (D,), m."""
     own = points[:, : len(low)]
     return np.flatnonzero(((own >= low) & (own <= high)).all(axis=1))
 
 
 def _back_of_box(points: Points, labels: Labels, person: Indices, step: float, skin: float) -> Indices:
-    """What is taken for wall in the hull of a person and of the clutter around it, if both hang.
+    """Indices of wall points in the hull of a person and the clutter around it, if they hang and are mostly clutter.
 
-    A box is larger than what is seen of the person in it, by no more than the person's length to each side.
+    A box extends beyond the visible part of the person in it by at most the length of this part on each side.
     """
     nothing = np.zeros(0, np.int64)
     if not len(person):
@@ -85,16 +85,16 @@ def _back_of_box(points: Points, labels: Labels, person: Indices, step: float, s
 
 
 def _in_hull(points: Points, own: Points, skin: float) -> Mask:
-    """Which points are in the convex hull of others, or up to ``skin`` m from it."""
+    """Which points are in the convex hull of ``own`` or at most ``skin`` m outside each of its faces."""
     try:
         faces = ConvexHull(own).equations
-    except QhullError:  # they are flat, or too few
+    except QhullError:  # the points are coplanar, or too few
         return np.zeros(len(points), np.bool_)
     return (points @ faces[:, :3].T + faces[:, 3] <= skin).all(axis=1)
 
 
 def _stands(points: Points, own: Points, step: float) -> bool:
-    """Whether most of the points below an object's own reach up to it, to within ``step`` m."""
+    """Whether most of the points below an object are within ``step`` m of its bottom; True if there are none."""
     bottom = own[:, 2].min()
     heights = points[_in_box(points, own[:, :2].min(axis=0), own[:, :2].max(axis=0)), 2]
     below = heights[heights < bottom]

@@ -1,10 +1,10 @@
 """The points of a plane vote on their classes.
 
-A network that sees one column at a time makes scattered errors, and more at edges, where a voxel holds two surfaces.
+A network that sees one column at a time makes scattered errors, most of all at edges, where a voxel has two surfaces.
 But a plane hardly ever has two classes, and the line where two planes meet follows more exactly from their equations
-than from the classes of points. So planar regions are found without labels, and every pixel is assigned to the plane
-that it and its neighbours reach by the smallest shift along their rays. The class of a point follows from its own
-probabilities, those of all points on its plane, and the plane's tilt, which defines walls, floors and ramps.
+than from the classes of points. Planar regions are therefore found without labels, and every pixel is assigned to the
+plane that it and its neighbours reach with the smallest shift along their rays. The class of a point depends on its
+own probabilities, those of all points on its plane, and the plane's tilt, which defines walls, floors and ramps.
 """
 
 import numpy as np
@@ -24,18 +24,18 @@ def planar_vote(
 ) -> NDArray[np.float32]:
     """Let the points of every plane vote.
 
-    The probabilities of a point on a plane become the normalised product of its own and of the geometric mean over
-    all points of the plane, the latter to the power of a weight. Before that, classes that a plane of this
-    tilt cannot have pass their probability to classes that it can have. Points on no plane keep their probabilities.
+    The probabilities of a point on a plane become the normalised product of its own and the geometric mean over all
+    points of the plane, the latter to the power of ``config.weight``. Before that, the probabilities of classes that
+    a plane with this tilt cannot have are moved to those that it can have. Points on no plane keep theirs.
 
     Args:
-        frame: one frame.
+        frame: the frame.
         T_map_camera: pose of the camera.
         probabilities: (N, 6) float32 of the frame's returns, row-major, by class of ``CLASSES``; rows sum to 1.
-        config: the weight, and what is a plane.
+        config: parameters of the vote.
 
     Returns:
-        (N, 6) float32.
+        (N, 6) float32 probabilities.
     """
     found = planar_regions(frame, frame.returns.astype(np.uint8), 0, config.surfels, config.regions)
     plane = planes_of_pixels(
@@ -49,7 +49,7 @@ def planar_vote(
 
 
 def possible_classes(cosines: Values, config: PlanarVoteConfig) -> NDArray[np.bool_]:
-    """(P, 6) which of ``CLASSES`` a plane may have, given the (P,) cosines between normals and the vertical."""
+    """(P, 6) which of ``CLASSES`` each plane may have, given the (P,) cosines between normals and the vertical."""
     lean = np.arccos(np.abs(cosines).clip(max=1))
     level, upright = lean < config.lean, lean > np.pi / 2 - config.lean
     possible = {

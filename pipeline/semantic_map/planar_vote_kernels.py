@@ -10,13 +10,14 @@ from pipeline.segments.surfels_kernels import NONE, dot, regions_around
 def planes_of_pixels(depth, rays, of_pixel, near, region, planes, max_shift, noise, window):
     """(H, W) int32 plane of every pixel, NONE for pixels on no plane.
 
-    If a pixel fits several planes, it and its neighbours in the image decide together: near the line where two planes
-    meet, noise shifts a pixel by more than their distance.
+    If a pixel fits several planes, its neighbours in the image help to decide, because near the line where two planes
+    meet, noise shifts a pixel by more than the distance between the planes.
 
     Args:
         depth, rays, of_pixel, near, region, planes: as for ``project_pixels``.
-        max_shift, noise: a pixel is on no plane that its ray meets ``max_shift + noise · depth²`` m or more away.
-        window: greatest distance, rows and columns, of such neighbours.
+        max_shift, noise: a pixel fits a plane if its ray meets it less than ``max_shift + noise · depth²`` m away
+            along the optical axis.
+        window: maximum distance of these neighbours in rows and columns.
     """
     choices = regions_around(near, region)
     result = np.full(depth.shape, NONE, np.int32)
@@ -41,9 +42,9 @@ def planes_of_pixels(depth, rays, of_pixel, near, region, planes, max_shift, noi
 
 @njit(cache=True)
 def nearest_plane(depth, rays, z, ray, choices, planes, limit):
-    """The plane, of the ``planes`` (P, 4) that fit the pixel ``z, ray``, with the least sum of shifts in a window.
+    """Of the ``choices`` of ``planes`` (P, 4) that fit the pixel ``z, ray``, the one with the smallest sum of shifts.
 
-    The shift of each of the window's pixels to the plane counts as at most ``limit``.
+    The sum is over the pixels of a window, each of whose shifts to the plane counts as at most ``limit`` m.
     """
     least, nearest = np.inf, NONE
     for p in choices:
@@ -61,23 +62,23 @@ def nearest_plane(depth, rays, z, ray, choices, planes, limit):
 
 @njit(cache=True, inline="always")
 def shift(z, ray, plane):
-    """m along the optical axis from a pixel of depth ``z`` to the point where its ray (3,) meets the plane (4,)."""
+    """Distance along the optical axis from a pixel at depth ``z`` to where its ray (3,) meets the plane (4,), m."""
     slope = dot(plane, ray)
     return abs(plane[3] / slope - z) if slope != 0 else np.inf
 
 
 @njit(cache=True)
 def possible_logs(probabilities, plane, possible, clutter, floor):
-    """(N, C) float32 log probabilities, with those of a plane's impossible classes passed to its possible ones.
+    """(N, C) float32 log probabilities, after moving the probabilities of impossible classes to possible ones.
 
-    The possible classes gain in proportion, except ``clutter``: that a plane is no wall does not make it clutter.
+    The possible classes gain in proportion, except ``clutter``: not being a wall does not make a plane clutter.
 
     Args:
         probabilities: (N, C) float32.
         plane: (N,) int32 plane of every point, or NONE.
         possible: (P, C) bool, the possible classes of every plane.
-        clutter: index of the class that is not made of planes.
-        floor: least probability.
+        clutter: index of the class clutter, which is not made of planes.
+        floor: lower limit of the probabilities.
     """
     logs = np.log(np.maximum(probabilities, np.float32(floor)))
     for i in range(len(logs)):
@@ -115,11 +116,11 @@ def mean_logs(logs, plane, planes):
 
 @njit(cache=True)
 def normalised_products(probabilities, logs, evidence, plane):
-    """(N, C) float32: exp(``logs`` + the plane's ``evidence``) over its sum; ``probabilities`` of points on no plane.
+    """(N, C) float32: normalised exp(``logs`` + the plane's ``evidence``); ``probabilities`` for points on no plane.
 
     Args:
         probabilities, logs: (N, C) float32, and :func:`possible_logs` of them.
-        evidence: (P, C) float64, logarithms.
+        evidence: (P, C) float64 logarithms for every plane.
         plane: (N,) int32 plane of every point, or NONE.
     """
     result = probabilities.copy()

@@ -1,4 +1,4 @@
-"""Labelled point clouds as PLY, which CloudCompare, MeshLab and Open3D read."""
+"""Labelled point clouds as PLY files, which CloudCompare, MeshLab and Open3D read."""
 
 from pathlib import Path
 
@@ -16,7 +16,7 @@ VERTEX = np.dtype([(name, {"float": "<f4", "uchar": "u1"}[kind]) for name, kind 
 def write_ply(path: Path, points: Points, colours: NDArray[np.uint8], labels: Labels) -> None:
     """Write points with (N, 3) colours and labels as binary PLY.
 
-    The file appears whole or not at all. InputError if it cannot be written.
+    The file is written completely or not at all. InputError if it cannot be written.
     """
     vertices = np.empty(len(points), VERTEX)
     for name, column in zip(_TYPES, (*points.T, *colours.T, labels), strict=True):
@@ -26,10 +26,10 @@ def write_ply(path: Path, points: Points, colours: NDArray[np.uint8], labels: La
 
 
 def read_ply(path: Path) -> NDArray[np.void]:
-    """(N,) vertices, with the fields of ``VERTEX``, of a file that :func:`write_ply` wrote.
+    """(N,) vertices, with the fields of ``VERTEX``, of a file written by :func:`write_ply`.
 
     Raises:
-        InputError: no such file, too large, or one that :func:`write_ply` did not write.
+        InputError: the file cannot be read, is too large, or was not written by :func:`write_ply`.
     """
     head, end, body = read_bytes(path, MOST_MEMORY).partition(b"end_header\n")
     count, rest = divmod(len(body), VERTEX.itemsize)
@@ -39,7 +39,7 @@ def read_ply(path: Path) -> NDArray[np.void]:
 
 
 def _header(count: int) -> bytes:
-    """The text before ``count`` vertices."""
+    """The PLY header of a file with ``count`` vertices."""
     properties = [f"property {kind} {name}" for name, kind in _TYPES.items()]
     lines = ["ply", "format binary_little_endian 1.0", f"element vertex {count}", *properties, "end_header", ""]
     return "\n".join(lines).encode()

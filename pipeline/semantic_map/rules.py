@@ -1,4 +1,4 @@
-"""The baseline: classes by height and slope alone, without learning."""
+"""The baseline: classification by height and slope alone, without learning."""
 
 import numpy as np
 from scipy.spatial import cKDTree
@@ -15,11 +15,11 @@ class RuleClassifier(PointClassifier):
     """Classifies points by height and normal."""
 
     def __init__(self, *, config: RuleConfig = RuleConfig()) -> None:
-        """Begin with these rules."""
+        """Set the parameters of the rules."""
         self._config = config
 
     def classify(self, frame: Frame, points: Points, T_map_camera: Pose) -> Probabilities:
-        """One-hot; a point that is not finite is unlabelled."""
+        """One-hot probabilities; points that are not finite are unlabelled."""
         cloud = VoxelCloud.of(points, self._config.voxel)
         labels = np.append(_labels(cloud.points, self._config), Label.UNLABELLED)
         return np.eye(len(Label), dtype=np.float32)[labels[cloud.voxel_of_point]]
@@ -27,7 +27,7 @@ class RuleClassifier(PointClassifier):
 
 def _labels(points: Points, config: RuleConfig) -> Indices:
     tilt, roughness = tilt_and_roughness(points, config.neighbours)
-    # The first rule that holds decides.
+    # The first rule that applies decides.
     rules = [
         (tilt > config.wall_tilt, Label.WALL),
         (roughness > config.roughness, Label.CLUTTER),
@@ -39,14 +39,14 @@ def _labels(points: Points, config: RuleConfig) -> Indices:
 
 
 def tilt_and_roughness(points: Points, neighbours: int) -> tuple[Values, Values]:
-    """Tilt of, and deviation from, the plane fitted to the nearest points of every point by principal components.
+    """Tilt and roughness of the surface around every point, from principal components of its nearest points.
 
     Args:
-        points: of a surface.
+        points: points of surfaces.
         neighbours: number of nearest points, the point itself included; all points if there are fewer.
 
     Returns:
-        Angle between the plane's normal and the vertical, 0 to π/2 rad, and standard deviation from the plane, m.
+        Angle between the fitted plane's normal and the vertical, 0 to π/2 rad, and standard deviation from it, m.
     """
     if len(points) == 0:
         return np.empty(0), np.empty(0)

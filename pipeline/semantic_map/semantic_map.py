@@ -18,20 +18,21 @@ from pipeline.semantic_map.semantic_map_kernels import BLOCK, COLUMN, GONE, accu
 from pipeline.semantic_map.uprights import RAMPS
 
 IsInaccessible = Callable[[Points, Mask], Mask]
-"""Takes points labelled as ramps, and which are straight ones; where no robot can drive."""
+"""Takes points labelled as ramps, and which of them are straight ramps; returns which the robot cannot drive on."""
 Revise = Callable[[Points, Labels], Labels]
-"""Takes all points and their labels; labels that fit together."""
+"""Takes all points and their labels; returns labels that are consistent with each other."""
 EVERYWHERE = np.zeros(2, np.int64), np.zeros((0, 0), np.bool_)
-"""Columns in which points are added: all."""
+"""The selection of all columns."""
 
 
 class SemanticMap:
     """Labelled points, fused over all frames.
 
-    Points labelled as a ramp, straight or inclined, that the robot cannot drive on, as a table's top, become clutter.
+    Points labelled as a ramp, straight or inclined, on which the robot cannot drive, such as a table top, become
+    clutter.
 
     Memory grows with the surface seen, not with the number of frames. Voxels are kept in the order in which they were
-    first hit: the same frames in the same order give the same map.
+    first hit, so the same frames in the same order give the same map.
 
     Attributes:
         config: the size of the voxels, and how labels are revised.
@@ -73,13 +74,13 @@ class SemanticMap:
         neighbouring pixels are correlated, so a product would be overconfident.
 
         Args:
-            points: in ``map``; points that are not finite are left out.
-            probabilities: of their classes, as float32 or as uint8 in units of 1/255.
-            hits: (N,) number of returns of which each point is the mean; 1 if not given.
-            keyframe: number of the frame, which gives voxels their order; by default the next.
+            points: points in ``map``; those that are not finite are left out.
+            probabilities: their class probabilities, as float32 or as uint8 in units of 1/255.
+            hits: (N,) number of returns that each point is the mean of; 1 if not given.
+            keyframe: number of the frame, which determines the order of its voxels; by default the next.
 
         Raises:
-            InputError: if the shapes do not fit.
+            InputError: the shapes of the arrays are wrong.
         """
         if points.shape != (len(points), 3) or probabilities.shape != (len(points), len(Label)):
             raise InputError(
@@ -100,12 +101,12 @@ class SemanticMap:
 
     @contextmanager
     def made_anew(self, boxes: Boxes) -> Iterator[Callable[[Boxes], Mask]]:
-        """Forget the columns that boxes in ``map`` touch; the block of the ``with`` statement adds all frames again.
+        """Empty the columns that boxes in ``map`` touch; the body of the ``with`` statement must fill them again.
 
-        Only these columns change. Frames are added in their order.
+        It must add all frames that touch these columns, in their order. Other columns do not change.
 
         Yields:
-            A function that says which of other boxes touch them.
+            A function that tells which of other boxes touch these columns.
         """
         columns = Grid.around(boxes, COLUMN * BLOCK * self.config.voxel)
         within, meets = columns.touched(boxes)
@@ -120,20 +121,20 @@ class SemanticMap:
 
     @property
     def _order(self) -> Indices:
-        """The rows of the voxels in the order of the points that hit them first."""
+        """The rows of the voxels in the order in which they were first hit."""
         if self._known_order is None:
             rows = np.flatnonzero(self._born[: self._size] != GONE)
             self._known_order = rows[np.argsort(self._born[rows], kind="stable")]
         return self._known_order
 
     def _reserve(self, more: int) -> None:
-        """Make room for ``more`` blocks and voxels; doubling keeps the mean cost of growth constant."""
+        """Make room for ``more`` blocks and voxels; doubling keeps the amortised cost of growth constant."""
         self._rows, self._born = (roomier(values, self._size, more) for values in (self._rows, self._born))
         if self._blocks + more <= len(self._block_keys):
             return
         self._block_keys = roomier(self._block_keys, self._blocks, more)
         self._voxels = roomier(self._voxels, self._blocks, more)
-        # Twice as many slots as blocks: linear probing is fast while half of the slots are empty.
+        # Twice as many slots as blocks: linear probing is fast as long as half of the slots are empty.
         size = 2 * len(self._block_keys)
         self._slots, self._block_of_slot = np.full(size, EMPTY, np.int64), np.empty(size, np.int32)
         self._shift = 64 - (size.bit_length() - 1)
@@ -144,7 +145,7 @@ class SemanticMap:
         return self._rows[self._order, 1:4]
 
     def labels(self) -> Labels:
-        """The most probable class of every voxel (the lower id wins a tie), as the other maps revise it."""
+        """The most probable class of every voxel (the lower id wins a tie), as revised using the other maps."""
         labels, points = self._rows[self._order, 4:].argmax(axis=1).astype(np.uint8), self.points()
         if self._is_inaccessible is not None:
             ramps = np.flatnonzero(np.isin(labels, RAMPS))
@@ -155,7 +156,7 @@ class SemanticMap:
         return labels
 
     def probabilities(self) -> Probabilities:
-        """Of the classes of every voxel: the mean over all its returns."""
+        """The class probabilities of every voxel: the mean over all its returns."""
         rows = self._rows[self._order]
         return np.divide(rows[:, 4:], rows[:, :1], dtype=np.float32)
 
@@ -164,6 +165,6 @@ class SemanticMap:
         return self._rows[self._order, 0].astype(np.uint32)
 
     def save(self, path: Path) -> None:
-        """Write a binary PLY: ``x y z``, ``red green blue`` of the label, ``label``. InputError if it cannot."""
+        """Write a binary PLY file: ``x y z``, the label's ``red green blue``, ``label``; InputError if this fails."""
         labels = self.labels()
         write_ply(path, self.points(), COLOURS[labels], labels)

@@ -1,4 +1,4 @@
-"""Compiled loops that add the points of a frame to voxels, found by their blocks in a hash table."""
+"""Compiled loops that add the points of a frame to voxels, whose blocks are found in a hash table."""
 
 import numpy as np
 from numba import int64, njit
@@ -10,7 +10,7 @@ BLOCK = 4
 COLUMN = 4
 """Blocks along each side of a column, which is as high as the map."""
 GONE = np.iinfo(np.int64).max
-"""Place in the order of points of a voxel that was forgotten."""
+"""Value of ``born`` for a voxel that was removed."""
 
 
 @njit(cache=True, nogil=True)
@@ -20,21 +20,22 @@ def accumulate(
 ):  # fmt: skip
     """Add points to the voxels that contain them; returns the numbers of blocks, rows and free rows afterwards.
 
-    Points that are not finite, too far out for a key, without finite weights, or in no column are left out.
+    Points are left out if they are not finite, too far from the origin for a key, or outside the chosen columns, or
+    if the sum of their weights is not positive and finite.
 
     Args:
-        points, weights: (N, 3) float32, and (N, C) evidence per class in the given ``unit``.
-        counts: (N,) number of returns of which each point is the mean.
+        points, weights: (N, 3) float32, and (N, C) evidence for every class in the given ``unit``.
+        counts: (N,) number of returns that each point is the mean of.
         per_metre: number of voxels per metre.
-        keys, indices: (2ⁿ,) int64 and int32, the table's keys and rows of their blocks; more than half stay empty.
+        keys, indices: (2ⁿ,) int64 and int32, the table's keys and the rows of their blocks; at least half stay empty.
         shift: 64 - n.
         block_keys, blocks: (B,) int64 key of every block of 4 × 4 × 4 voxels, and (B, 64) int32 rows of its voxels,
-            EMPTY where there is none; B is at least N more than the blocks so far.
+            EMPTY for voxels without points; B exceeds the number of blocks so far by at least N.
         rows: (M, 4 + C) float32, for every voxel its number of returns, their mean and the sums of their weights.
-        born: (M,) int64, for every voxel the place in the order of points of the first that hit it.
-        first: place in this order of points[0].
-        columns: (2,) index of the first, and (nx, ny) bool which are chosen; if these are empty, all.
-        free: (F,) int32 rows of voxels that were forgotten, which are used first.
+        born: (M,) int64, for every voxel the serial number of the first point that hit it.
+        first: serial number of points[0].
+        columns: (2,) index of the first column, and (nx, ny) bool mask of the chosen ones; all if the mask is empty.
+        free: (F,) int32 rows of removed voxels, which are reused first.
         size: numbers of blocks, rows and free rows so far.
     """
     (number, used, left), are_all = size, columns[1].size == 0
@@ -77,7 +78,7 @@ def accumulate(
 
 @njit(cache=True, inline="always")
 def _is_chosen(i, j, columns):
-    """Whether the column of the blocks (i, j) is one of those chosen."""
+    """Whether the column of the blocks (i, j) is chosen."""
     low, chosen = columns
     u, v = i // COLUMN - low[0], j // COLUMN - low[1]
     return 0 <= u < chosen.shape[0] and 0 <= v < chosen.shape[1] and chosen[u, v]
@@ -85,9 +86,9 @@ def _is_chosen(i, j, columns):
 
 @njit(cache=True, nogil=True)
 def forget(block_keys, blocks, born, columns):
-    """Empty the ``blocks`` (B, 64) of the chosen columns; returns the rows of their voxels, which are GONE.
+    """Empty the ``blocks`` (B, 64) of the chosen columns; returns the rows of their voxels, marked as GONE.
 
-    For the arguments see :func:`accumulate`.
+    For the arguments, see :func:`accumulate`.
     """
     index, free, size = unpacked(block_keys), np.empty(len(born), np.int32), 0
     for b in range(len(blocks)):
@@ -102,7 +103,7 @@ def forget(block_keys, blocks, born, columns):
 
 @njit(cache=True, nogil=True)
 def spread(classes, share, whole, size):
-    """(N, ``size``) uint8: ``share`` (N,) for the first of ``classes`` (N, 2), the rest of ``whole`` for the next."""
+    """(N, ``size``) uint8: ``share`` (N,) for the first of ``classes`` (N, 2), ``whole`` minus it for the other."""
     result = np.zeros((len(share), size), np.uint8)
     for n in range(len(share)):
         result[n, classes[n, 0]] = share[n]

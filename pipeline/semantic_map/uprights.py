@@ -1,8 +1,8 @@
-"""What stands upright in a labelled map, seen from above: a wall is flat and wide, a ramp's side ends at its top.
+"""Upright surfaces in a labelled map, seen from above: a wall is flat and wide, a ramp's side ends at its top.
 
-A network sees a piece of a surface at a time; only the map shows how far the surface goes. What is narrower than half
-of the robot, or round, is no wall: posts, legs of tables and decks, barrels. What is labelled as a ramp and is not
-broad is the side of the nearest ramp or deck, and so is a wall that ends at its height.
+A network sees only a piece of a surface at a time; the map shows the full extent. Surfaces that are round or narrower
+than half of the robot are not walls: posts, legs of tables and decks, barrels. A narrow surface labelled as a ramp is
+the side of the nearest ramp or deck, and so is a wall that ends at the height of its top.
 """
 
 from dataclasses import dataclass
@@ -27,10 +27,10 @@ class SeenFromAbove:
     """Points in the cells of a grid, seen from above.
 
     Attributes:
-        cell: m.
-        shape: of the grid.
+        cell: edge length of a cell, m.
+        shape: number of cells along x and y.
         of_point: flat index of every point's cell.
-        height: (N,) float32 m of every point.
+        height: (N,) float32 height of every point, m.
     """
 
     cell: float
@@ -40,7 +40,7 @@ class SeenFromAbove:
 
     @classmethod
     def of(cls, points: Points, cell: float) -> Self:
-        """Of points, at least one."""
+        """Assign points, at least one, to cells with an edge length of ``cell`` m."""
         cells = np.floor(points[:, :2] / cell).astype(np.int64)
         i, j = (cells - cells.min(axis=0)).T
         shape = int(i.max()) + 1, int(j.max()) + 1
@@ -52,9 +52,9 @@ class SeenFromAbove:
         return counts.astype(np.int32).reshape(self.shape)
 
     def span(self, chosen: Mask) -> tuple[Layer, Layer]:
-        """The height in m of the lowest and the highest of the ``chosen`` points in every cell.
+        """The heights of the lowest and the highest of the ``chosen`` points in every cell, m.
 
-        A cell without any has a span from 1 m above all points to 1 m below them.
+        In a cell without any, the lowest is 1 m above all points and the highest 1 m below them.
         """
         beyond = self.height.max() + 1, self.height.min() - 1
         lowest, highest = (np.full(self.shape, z, np.float32) for z in beyond)
@@ -70,14 +70,14 @@ class SeenFromAbove:
 def with_whole_uprights(
     points: Points, labels: Labels, robot: RobotModel, cell: float, config: SemanticMapConfig
 ) -> Labels:
-    """Labels of a map's points in which walls, and the sides of ramps and decks, are whole and nothing else is.
+    """Labels of a map's points, corrected for walls and for the sides of ramps and decks.
 
     Args:
-        points: of the map.
-        labels: theirs.
-        robot: by its size.
-        cell: m, of the plan in which a surface without holes fills all cells.
-        config: of the map.
+        points: points of the map.
+        labels: labels of these points.
+        robot: the robot, whose dimensions limit those of walls and sides.
+        cell: edge length of cells that are all filled where a surface has no holes, m.
+        config: parameters of the semantic map.
     """
     if not len(points):
         return labels
@@ -87,14 +87,14 @@ def with_whole_uprights(
 
 
 def with_whole_walls(plan: SeenFromAbove, labels: Labels, width: float, gap: float, config: UprightsConfig) -> Labels:
-    """Labels in which walls are flat and at least ``width`` m wide; others are clutter.
+    """Labels in which all walls are flat and at least ``width`` m wide; other walls become clutter.
 
-    Which way a wall runs shows around its cells or, if it has gaps of up to ``gap`` m between slats, in a
-    neighbourhood as wide as a wall must be. Clutter in a cell of a wall, of which most is a wall, becomes one.
+    The direction of a wall is found from the points close to a cell or, if the wall has gaps of up to ``gap`` m
+    between slats, in a neighbourhood ``width`` m wide. Clutter in a wall becomes wall where wall points prevail.
     """
     is_wall, is_clutter = labels == Label.WALL, labels == Label.CLUTTER
     walls, length = plan.counts(is_wall), ceil(width / plan.cell)
-    # Cells of one run stay in a line over a gap: there, their directions part by less than a cell.
+    # Cells of one run stay in line across a gap: over its length, their directions diverge by at most a cell.
     tolerance, most_gap = plan.cell / gap, int(gap / plan.cell)
     reaches = config.reach, length // 2
     wide = [on_long_runs(directions(walls, reach), length, most_gap, tolerance) for reach in reaches]
@@ -107,9 +107,9 @@ def with_whole_walls(plan: SeenFromAbove, labels: Labels, width: float, gap: flo
 
 
 def with_sides_of_ramps(plan: SeenFromAbove, labels: Labels, headroom: float, config: UprightsConfig) -> Labels:
-    """Labels in which the sides of a ramp or deck have the label of its top, of the nearest that is broad.
+    """Labels in which the sides of a ramp or deck have the label of its top, the nearest broad surface.
 
-    What is ``headroom`` m high is no side: the robot can get under a deck as high as that.
+    Surfaces at least ``headroom`` m high are not sides: the robot can drive under a deck of that height.
     """
     is_ramp, is_wall = np.isin(labels, RAMPS), labels == Label.WALL
     low, high = plan.span(is_ramp)
@@ -121,7 +121,7 @@ def with_sides_of_ramps(plan: SeenFromAbove, labels: Labels, headroom: float, co
     distance, (i, j) = ndimage.distance_transform_edt(~top, return_indices=True)
     surface, _ = ndimage.label(is_filled, _square(1))
     narrow = (surface == surface[i, j]) & ~top & (high - low < headroom)
-    # What stands there ends at the highest top around it.
+    # A side ends at the highest top around it.
     edge = ndimage.maximum_filter(np.where(top, high, low.min() - 1), len(_square(config.blur)))
     side = _ends_at(edge, *plan.span(is_ramp | is_wall), plan.cell, headroom) & (distance <= config.blur)
     is_side = is_ramp & plan.at_points(narrow) | is_wall & plan.at_points(side)
@@ -130,20 +130,19 @@ def with_sides_of_ramps(plan: SeenFromAbove, labels: Labels, headroom: float, co
 
 
 def _ends_at(edge: Layer, low: Layer, high: Layer, step: float, headroom: float) -> MaskLayer:
-    """Cells in which what stands from ``low`` to ``high``, m, ends at ``edge``, m.
+    """Cells in which an upright surface from ``low`` to ``high``, m, ends at ``edge``, m.
 
-    ``step``, m, is the least height of what stands upright, and how far its end may be from the edge; ``headroom``,
-    m, is its greatest height.
+    The surface is between ``step`` and ``headroom``, m, in height, and its end at most ``step`` from the edge.
     """
     height = high - low
     return (height > step) & (height < headroom) & (np.abs(high - edge) <= step)
 
 
 def _broad(layer: MaskLayer) -> MaskLayer:
-    """Cells of a layer within a square of 3 × 3 cells of it, in which single ones may be missing."""
+    """Cells of a layer that belong to a filled square of 3 × 3 cells, in which single ones may be missing."""
     return layer & ndimage.binary_opening(ndimage.binary_closing(layer, _square(1)), _square(1))
 
 
 def _square(reach: int) -> NDArray[np.int32]:
-    """Ones in the cells up to ``reach`` cells from a cell along each axis."""
+    """A square of ones that extends ``reach`` cells from its centre along each axis."""
     return np.ones((2 * reach + 1, 2 * reach + 1), np.int32)

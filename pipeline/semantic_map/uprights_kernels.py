@@ -1,4 +1,4 @@
-"""Compiled loops over the cells of a plan: which way what stands in them runs, and how far."""
+"""Compiled loops over the cells of a grid seen from above: the direction of upright surfaces, and their length."""
 
 import numpy as np
 from numba import njit
@@ -6,11 +6,11 @@ from numba import njit
 
 @njit(cache=True, nogil=True)
 def directions(counts, reach):
-    """(nx, ny) float32 angle in rad of the principal axis of the points around every cell; NaN in an empty cell.
+    """(nx, ny) float32 angle of the principal axis of the points around every cell, rad; NaN in an empty cell.
 
     Args:
-        counts: (nx, ny) int32 points in every cell.
-        reach: cells, how far from a cell along each axis points count.
+        counts: (nx, ny) int32 number of points in every cell.
+        reach: distance along each axis up to which points are included, cells.
     """
     result = np.full(counts.shape, np.nan, np.float32)
     for i, j in np.argwhere(counts > 0):
@@ -27,13 +27,13 @@ def directions(counts, reach):
 
 @njit(cache=True, nogil=True)
 def on_long_runs(direction, length, gap, tolerance):
-    """(nx, ny) bool, the cells from which others of their own direction follow along it, ``length`` cells in all.
+    """(nx, ny) bool: the cells in a run of ``length`` or more cells that share one direction and lie along it.
 
     Args:
         direction: (nx, ny) rad; NaN in an empty cell.
-        length: cells from the first to the last of a run.
-        gap: most cells in a row that a run may lack.
-        tolerance: rad between the directions of cells of one run.
+        length: minimum length of a run from its first to its last cell, cells.
+        gap: maximum number of successive cells that may be missing in a run.
+        tolerance: maximum difference between the directions of cells in a run, rad.
     """
     result = np.zeros(direction.shape, np.bool_)
     for i, j in np.argwhere(~np.isnan(direction)):
@@ -46,12 +46,12 @@ def on_long_runs(direction, length, gap, tolerance):
 
 @njit(cache=True, nogil=True)
 def farthest(direction, i, j, angle, length, gap, tolerance):
-    """Cells from (i, j), at an ``angle``, to the last of a run; the rest as in :func:`on_long_runs`."""
+    """Number of cells from (i, j) along ``angle`` to the last of a run; other arguments as :func:`on_long_runs`."""
     last, step = 0, 1
     while step - last <= gap + 1 and last < length:
         k, m = i + round(step * np.cos(angle)), j + round(step * np.sin(angle))
         is_inside = 0 <= k < direction.shape[0] and 0 <= m < direction.shape[1]
-        # The sine of the angle between lines has the same size when one of them is turned around.
+        # Directions are axes: reversing one does not change the magnitude of the sine of the angle between them.
         if is_inside and abs(np.sin(direction[k, m] - angle)) <= tolerance:
             last = step
         step += 1

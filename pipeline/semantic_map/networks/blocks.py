@@ -1,4 +1,4 @@
-"""Cuts clouds into blocks for the network: columns of points with six channels each, or nine with their colours."""
+"""Cuts clouds into blocks for the networks: columns of points with six channels each, or nine with colours."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -12,7 +12,7 @@ from pipeline.labels import Label
 from pipeline.semantic_map.classifier import CLASSES
 
 CHANNELS, COLOURED = 6, 9
-"""Numbers of channels of a point, see :func:`channels`: without and with its colour."""
+"""Number of channels of a point, without and with its colour; see :func:`channels`."""
 NO_CLASS = -1
 CLASS_OF_LABEL = np.full(len(Label), NO_CLASS, np.int8)
 """(8,) index in CLASSES of every label, or NO_CLASS."""
@@ -22,16 +22,16 @@ CLASS_OF_LABEL[Label.VICTIM] = CLASSES.index(Label.CLUTTER)  # finding victims i
 
 @dataclass(frozen=True)
 class BlockConfig:
-    """How clouds become blocks; a network needs the settings with which it was trained."""
+    """How clouds are cut into blocks; a network needs the settings that it was trained with."""
 
     voxel_size: float = 0.03
-    """m; a cloud is thinned to one point per voxel, so that blocks near the camera are as dense as far ones."""
+    """Edge length of a voxel, m; a cloud is thinned to one point per voxel, so that near blocks are not denser."""
     size: float = 1.0
-    """m, edge of a column in x and y."""
+    """Edge length of a column in x and y, m."""
     points: int = 4096
-    """Most points of a block."""
+    """Maximum number of points of a block."""
     reach: float = 3.5
-    """m; normalized coordinates are offsets from the camera divided by this range."""
+    """Range of the camera, m; normalized coordinates are offsets from the camera divided by it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +39,7 @@ class Block:
     """A column of a cloud, or a random part of one that has too many points.
 
     Attributes:
-        index: of its points in the cloud; an index may occur several times.
+        index: indices of its points in the cloud; an index may occur several times.
         points: (n, 6 or 9) float32, see :func:`channels`.
     """
 
@@ -55,15 +55,15 @@ def cut(
     fewest: int,
     rng: np.random.Generator,
 ) -> Iterator[Block]:
-    """Blocks that together contain every point at least once.
+    """Yield blocks that together contain every point at least once.
 
     Args:
-        points: (M, 3) float32 in ``map``, finite, or (M, 6) with their colours.
-        camera: its position.
+        points: (M, 3) finite float32 points in ``map``, or (M, 6) with their colours.
+        camera: position of the camera.
         config: how to cut.
-        shift: m, by which the grid of columns is moved along x and y.
-        fewest: a block with fewer points is filled up with random repeats of its points.
-        rng: draws the repeats, and splits at random the columns that have too many points.
+        shift: offset of the grid of columns along x and y, m.
+        fewest: minimum number of points of a block; smaller ones are filled up with random repeats of their points.
+        rng: generator that draws the repeats and randomly splits columns with too many points.
     """
     columns = np.floor((points[:, :2] - shift) / config.size).astype(np.int64)
     order = np.lexsort(columns.T)
@@ -78,9 +78,9 @@ def cut(
 
 
 def channels(points: NDArray[np.float32], centre: Place, camera: Place, config: BlockConfig) -> NDArray[np.float32]:
-    """(n, 6) float32: x and y from the middle of the block, z in ``map``, then normalized x, y, z.
+    """(n, 6) float32: x and y relative to the centre of the block, z in ``map``, then normalized x, y, z.
 
-    Colours, if there are any, come in between, as in the blocks of S3DIS: (n, 9).
+    Colours, if any, are inserted between them, as in the blocks of S3DIS: (n, 9).
 
     S3DIS normalizes by the extent of a room. A frame has no such extent, so the offset from the camera is divided by
     its range: distances keep their proportions, and the network can learn how noise depends on the distance.

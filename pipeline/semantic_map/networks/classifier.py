@@ -1,4 +1,4 @@
-"""The network as one of the robot's point classifiers."""
+"""A network as one of the robot's point classifiers."""
 
 import json
 from dataclasses import asdict, replace
@@ -22,13 +22,13 @@ from pipeline.semantic_map.networks.weights import load_weights, save_weights
 from pipeline.semantic_map.planar_vote import planar_vote
 
 MOST_FACTOR = 16
-"""Greatest factor between the settings of a file's :class:`BlockConfig` and the default ones; with others a frame
-could take hours or all memory."""
+"""Maximum factor between the settings in a file's :class:`BlockConfig` and the defaults; beyond it, a frame could
+take hours or all memory."""
 _CLASS_NAMES = ",".join(label.name.lower() for label in CLASSES)
 
 
 class NetworkClassifier(PointClassifier):
-    """Classifies every point of a frame by a network."""
+    """Classifies every point of a frame with a network."""
 
     def __init__(
         self,
@@ -39,14 +39,14 @@ class NetworkClassifier(PointClassifier):
         *,
         config: NetworkConfig = NetworkConfig(),
     ) -> None:
-        """Load weights that ``train.py`` wrote.
+        """Load weights written by ``sarsim-train``.
 
         Args:
-            weights: file.
+            weights: the file.
             vote: whether the points of a plane vote on their classes; if not, every voxel is classified on its own.
             threads: number of threads; see :func:`for_inference` for the default.
-            network: name of the only network that is accepted; any if not given.
-            config: of grids and vote.
+            network: name of the only accepted network; by default, any is accepted.
+            config: parameters of the grids and the vote.
 
         Raises:
             InputError: as :func:`load_classifier`.
@@ -59,7 +59,7 @@ class NetworkClassifier(PointClassifier):
     def classify(self, frame: Frame, points: Points, T_map_camera: Pose) -> Probabilities:
         """Class probabilities; points that are not finite are unlabelled."""
         cloud = VoxelCloud.of(points, self._blocks.voxel_size)
-        # Sampling and the grids' positions differ by frame, so that seams do too.
+        # Sampling and grid positions differ between frames, so that the seams between blocks do too.
         rng = np.random.default_rng([0, int(np.float64(frame.time).view(np.uint64))])
         seen = coloured(cloud, frame.rgb[frame.returns]) if self._has_colours else cloud.points
         of_voxels = segment(self._network, seen, T_map_camera[:3, 3], self._blocks, self._config.grids, rng)
@@ -81,10 +81,10 @@ def segment(
     grids: int,
     rng: np.random.Generator,
 ) -> NDArray[np.float32]:
-    """(M, classes) float32 probabilities of points, m, as of :func:`cut`: the mean over ``grids`` grids of columns.
+    """(M, classes) float32 probabilities, averaged over ``grids`` grids of columns; arguments as for :func:`cut`.
 
     Raises:
-        InputError: as the network, or its logits are not finite.
+        InputError: the network rejects a block, or its logits are not finite.
     """
     result = np.zeros((len(points), network.classes), np.float32)
     start = rng.uniform()
@@ -98,11 +98,11 @@ def segment(
 
 
 def load_classifier(path: Path, only: str | None = None) -> tuple[PointNetwork, BlockConfig]:
-    """The network of a file that :func:`save_classifier` wrote, and its blocks; ``only`` names the network accepted.
+    """The network in a file written by :func:`save_classifier`, and its blocks; ``only`` names the accepted network.
 
     Raises:
-        InputError: as :func:`load_weights`, or the network has other classes or other channels, or its block settings
-            are missing or far from the default ones.
+        InputError: as :func:`load_weights`, or the network has the wrong classes or channels, or its block settings
+            are missing or too far from the defaults.
     """
     network, metadata = load_weights(path, only)
     if metadata.get("labels") != _CLASS_NAMES or network.classes != len(CLASSES):
@@ -127,7 +127,7 @@ def save_classifier(path: Path, network: PointNetwork, blocks: BlockConfig, trai
     """Write weights, the metadata that :class:`NetworkClassifier` needs, and how they were trained.
 
     Raises:
-        InputError: the file cannot be written.
+        InputError: as :func:`save_weights`.
     """
     about = {"labels": _CLASS_NAMES, "blocks": json.dumps(asdict(blocks)), "training": json.dumps(training)}
     save_weights(path, network, about)

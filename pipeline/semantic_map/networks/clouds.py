@@ -1,4 +1,4 @@
-"""Labelled frames as clouds to train and to validate with."""
+"""Labelled frames as clouds for training and validation."""
 
 from dataclasses import dataclass
 
@@ -19,8 +19,8 @@ class LabelledCloud:
 
     Attributes:
         points: (M, 3) float32 in ``map``, or (M, 6) with their colours.
-        counts: (M, 6) uint16 number of returns by class in the voxel of each point.
-        camera: its position.
+        counts: (M, 6) uint16 number of returns of each class in the voxel of each point.
+        camera: position of the camera.
     """
 
     points: NDArray[np.float32]
@@ -29,7 +29,7 @@ class LabelledCloud:
 
     @classmethod
     def of(cls, frame: Frame, T_map_camera: Pose, voxel_size: float, colours: bool = False) -> "LabelledCloud":
-        """From a frame with true labels; returns without a label are left out. ``colours`` makes nine channels.
+        """From a frame with true labels; unlabelled returns are left out. With ``colours``, points are (M, 6).
 
         Raises:
             InputError: the frame has no labels.
@@ -47,5 +47,5 @@ class LabelledCloud:
 
     @property
     def classes(self) -> Indices:
-        """The most frequent class of every point."""
+        """The most frequent class in every point's voxel."""
         return self.counts.argmax(axis=1)

@@ -13,15 +13,15 @@ from pipeline.semantic_map.networks.layers import largest, largest_of_blocks, to
 from pipeline.semantic_map.networks.network import MOST_CHANNELS, PointNetwork, whole
 
 SLOPE = 0.2
-"""Of LeakyReLU below 0."""
+"""Slope of LeakyReLU below 0."""
 MOST_NEIGHBOURS = 64
-"""Greatest k that ``dgcnn_cpu`` supports."""
+"""Largest k that ``dgcnn_cpu`` supports."""
 EDGE_FEATURES, GLOBAL = 64, 1024
-"""Features of a point after each EdgeConv, and of a block."""
+"""Number of features of a point after each EdgeConv, and of a block."""
 NEAREST_POINTS = 20
-"""Of a point, itself included, unless a file has another k."""
+"""Number of neighbours of a point, itself included, unless a file has another k."""
 GRAPH_CHANNELS = 3
-"""Number of channels, the last ones (normalized x, y, z), on which the first neighbour graph is built."""
+"""Number of channels, the last ones (normalized x, y, z), that the first neighbour graph is built on."""
 
 
 class EdgeConv(nn.Module):
@@ -47,7 +47,7 @@ class Dgcnn(PointNetwork):
     NAME = "dgcnn"
 
     def __init__(self, channels: int, classes: int, k: int = NEAREST_POINTS) -> None:
-        """Random weights; ``channels`` of a point are x, y, z and more, the last three normalized x, y, z."""
+        """Random weights; a point's first three ``channels`` are x, y, z, the last three normalized x, y, z."""
         super().__init__(channels, classes)
         self.k = k
         self.edge_conv1 = EdgeConv(channels, EDGE_FEATURES, EDGE_FEATURES)
@@ -62,17 +62,17 @@ class Dgcnn(PointNetwork):
 
     @property
     def fewest(self) -> int:
-        """Least number of points of a block: as many as a point has neighbours."""
+        """Minimum number of points of a block: as many as a point has neighbours."""
         return self.k
 
     @classmethod
     def for_weights(cls, tensors: Mapping[str, Tensor], metadata: Mapping[str, str]) -> Self:
-        """A network of the size of published weights, with the metadata's k; ValueError if they are of no DGCNN."""
+        """A network that fits published weights, with the metadata's k; ValueError if they are not a DGCNN's."""
         k = whole(metadata.get("k", str(NEAREST_POINTS)))
         if not 1 <= k <= MOST_NEIGHBOURS:
             raise ValueError(f"k = {metadata['k']:.20}: must be from 1 to {MOST_NEIGHBOURS} neighbours")
         first, last = (tuple(tensors[n].shape) if n in tensors else () for n in ("conv1.0.weight", "conv9.weight"))
-        # Shapes need bounds: a tensor with a 0 in its shape takes no bytes of a file, whatever its other sizes.
+        # Shapes need limits: a tensor with a 0 in its shape takes no bytes in a file, whatever its other sizes.
         if len(first) != 4 or not 2 * GRAPH_CHANNELS <= first[1] <= 2 * MOST_CHANNELS or first[0] != EDGE_FEATURES:
             raise ValueError(f"not a DGCNN for segmentation: conv1.0.weight is {first}")
         if len(last) != 3 or not 1 <= last[0] <= MOST_CHANNELS:
@@ -90,7 +90,7 @@ class Dgcnn(PointNetwork):
     def published(self) -> dict[str, Tensor]:
         """All parameters and running statistics by their names in published files (antao97/dgcnn.pytorch).
 
-        There the layers are convolutions, of two dimensions over edges, whose kernels have a size of one.
+        In those files, the layers are convolutions with kernels of size one, two-dimensional for edges.
         """
         on_edges = [cast(nn.Sequential, layer) for conv in self.edge_convs for layer in conv.layers]
         tensors = {"conv9.weight": self.classifier.weight.data[..., None]}
@@ -120,7 +120,7 @@ class Dgcnn(PointNetwork):
 
 @torch.no_grad()
 def nearest(x: Tensor, sizes: Sequence[int], k: int) -> Tensor:
-    """(P, k) int64: the k points of the same block nearest to each of (P, C), itself included, in no order."""
+    """(P, k) int64: for each of the points x (P, C), the k nearest of its block, itself included, unordered."""
     blocks = zip(x.split(list(sizes)), accumulate(sizes, initial=0), strict=False)
     return torch.cat([_nearest(block, k) + start for block, start in blocks])
 

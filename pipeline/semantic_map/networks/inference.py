@@ -1,4 +1,4 @@
-"""Makes a network ready for inference."""
+"""Prepares a network for inference."""
 
 from collections.abc import Iterable, Iterator
 from copy import deepcopy
@@ -18,7 +18,7 @@ from pipeline.semantic_map.networks.threads import Threads
 
 
 def for_inference(network: PointNetwork, threads: int | None = None) -> BlockClassifier:
-    """The network, ready to classify on ``threads`` threads, by default PyTorch's number."""
+    """The network, prepared to classify on ``threads`` threads, by default as many as PyTorch uses."""
     if isinstance(network, Dgcnn):
         return FastDgcnn(deepcopy(network).cpu(), threads)
     return AsWritten(network, threads)
@@ -28,8 +28,8 @@ class AsWritten:
     """A network whose own forward pass is fast enough for inference."""
 
     def __init__(self, network: PointNetwork, threads: int | None = None) -> None:
-        """Copy the network, its batch norms folded into the layers before them."""
-        network.penalty = 0.0  # of the last training step: its graph cannot be copied
+        """Copy the network and fold its batch norms into the layers before them."""
+        network.penalty = 0.0  # the graph of the last training step's penalty cannot be copied
         self._network, self._threads = deepcopy(network).eval(), Threads(threads or torch.get_num_threads())
         for layers in self._network.modules():
             if isinstance(layers, nn.Sequential):
@@ -46,7 +46,7 @@ class AsWritten:
         return next(self.of_blocks([points]))
 
     def of_blocks(self, blocks: Iterable[NDArray[np.float32]]) -> Iterator[NDArray[np.float32]]:
-        """The logits of every block; each thread computes blocks of its own, several at once."""
+        """The logits of every block; each thread computes several blocks at once."""
         return chain.from_iterable(self._threads.each(_together(blocks), self._logits))
 
     def _logits(self, blocks: list[NDArray[np.float32]]) -> list[NDArray[np.float32]]:
@@ -58,9 +58,9 @@ class AsWritten:
 
 
 def _together(blocks: Iterable[NDArray[np.float32]]) -> Iterator[list[NDArray[np.float32]]]:
-    """Successive blocks that have as many points in sum as a block may have, or more.
+    """Group successive blocks, so that each group has at least as many points as a single block may have.
 
-    Fewer points at once let threads wait for Python's lock, more do not fit into the cache.
+    With fewer points at once, threads wait for Python's global lock; many more do not fit into the cache.
     """
     some: list[NDArray[np.float32]] = []
     for block in blocks:
@@ -73,7 +73,7 @@ def _together(blocks: Iterable[NDArray[np.float32]]) -> Iterator[list[NDArray[np
 
 
 def _fold(layers: nn.Sequential) -> None:
-    """Fold batch norms of rows into the linear maps before them."""
+    """Fold batch norms into the linear maps before them."""
     for place, (layer, after) in enumerate(pairwise(layers)):
         if isinstance(layer, nn.Linear) and isinstance(after, nn.BatchNorm1d):
             layers[place], layers[place + 1] = fuse_linear_bn_eval(layer, after), nn.Identity()

@@ -1,4 +1,4 @@
-"""Layers that networks on points share: rows of features in, rows out."""
+"""Layers shared by point networks; they map rows of features to rows of features."""
 
 from collections.abc import Sequence
 from itertools import pairwise
@@ -9,7 +9,7 @@ from torch.nn.functional import linear
 
 
 def mlp(*widths: int) -> nn.Sequential:
-    """A shared MLP: for every row, linear map, batch norm and ReLU, once for each width after the first."""
+    """A shared MLP: a linear map, batch norm and ReLU of each row, for every width after the first."""
     layers: list[nn.Module] = []
     for inputs, outputs in pairwise(widths):
         layers += [nn.Linear(inputs, outputs, bias=False), nn.BatchNorm1d(outputs), nn.ReLU(inplace=True)]
@@ -17,15 +17,15 @@ def mlp(*widths: int) -> nn.Sequential:
 
 
 def largest(edges: Tensor, layers: nn.Module) -> Tensor:
-    """(Q, K, C) features of edges through ``layers`` to their (Q, C') maximum over the K edges."""
+    """(Q, C') maximum over the K edges of the output of ``layers`` for (Q, K, C) features of edges."""
     count, k, _ = edges.shape
     features = layers(edges.flatten(end_dim=1)).view(count, k, -1)
-    # The one is faster backward, the other forward.
+    # max is faster in the backward pass, amax in the forward pass.
     return features.max(dim=1).values if torch.is_grad_enabled() else features.amax(dim=1)
 
 
 def largest_of_blocks(features: Tensor, sizes: Sequence[int]) -> Tensor:
-    """(P, C) features of points, in blocks of ``sizes``, to their (B, C) maximum over each block."""
+    """(B, C) maximum over each block of (P, C) features of points, in blocks of ``sizes`` points."""
     return torch.stack([block.max(dim=0).values for block in features.split(list(sizes))])
 
 
@@ -35,6 +35,6 @@ def to_points(of_blocks: Tensor, sizes: Sequence[int]) -> Tensor:
 
 
 def linear_of_both(layer: nn.Linear, features: Tensor, of_blocks: Tensor, sizes: Sequence[int]) -> Tensor:
-    """``layer`` of (P, C) features of points, each followed by the (B, D) features of its block."""
+    """``layer`` applied to (P, C) features of points, each joined with the (B, D) features of its block."""
     own, common = layer.weight.split([features.shape[1], of_blocks.shape[1]], dim=1)
     return linear(features, own, layer.bias) + to_points(linear(of_blocks, common), sizes)

@@ -4,7 +4,7 @@ import numpy as np
 from numba import njit
 
 CHUNK = 256
-"""Numbers whose maximum is found at once: a compiler turns loops without conditions into vector instructions."""
+"""Number of values whose maximum is found in one loop: without conditions, a compiler can vectorise the loop."""
 
 
 @njit(cache=True, nogil=True, boundscheck=False)
@@ -23,9 +23,9 @@ def farthest_points(points, chosen):
             dx, dy, dz = xs[i] - x, ys[i] - y, zs[i] - z
             d, least = dx * dx + dy * dy + dz * dz, distance[i]
             distance[i] = d if d < least else least
-        farthest = place_of_largest(distance.view(np.int32))  # bits of positive numbers have the numbers' order
+        farthest = place_of_largest(distance.view(np.int32))  # as integers, positive floats keep their order
         if q == 0:
-            # Distances to the middle decide only on the first point: points near the middle may be chosen later.
+            # Distances from the mean determine only the first point: points near the mean may be chosen later.
             distance[:] = np.inf
         chosen[q] = farthest
         x, y, z = xs[farthest], ys[farthest], zs[farthest]
@@ -33,7 +33,7 @@ def farthest_points(points, chosen):
 
 @njit(cache=True, nogil=True, boundscheck=False)
 def place_of_largest(values):
-    """Index of the first of the greatest of (N,) int32 ``values``, none below 0."""
+    """Index of the first maximum of (N,) int32 ``values``, none of which is negative."""
     largest, place = np.int32(-1), 0
     for start in range(0, len(values), CHUNK):
         here = np.int32(-1)

@@ -15,7 +15,7 @@ from pipeline.semantic_map.networks.neighbourhood_kernels import farthest_points
 
 @dataclass(frozen=True, eq=False)
 class PointFeatures:
-    """Points of blocks, concatenated, with their features.
+    """The concatenated points of several blocks, with their features.
 
     Attributes:
         positions: (P, 3) float32, m.
@@ -29,7 +29,7 @@ class PointFeatures:
 
 
 def farthest(cloud: PointFeatures, share: float) -> tuple[Tensor, list[int]]:
-    """(Q,) int64 indices of a ``share`` of each block's points by farthest point sampling; their number per block."""
+    """Farthest point sampling of a ``share`` of each block: (Q,) int64 indices, and the number of them per block."""
     counts = [max(1, ceil(size * share)) for size in cloud.sizes]
 
     def choose(points: NDArray[np.float32], block: int) -> NDArray[np.int64]:
@@ -41,10 +41,10 @@ def farthest(cloud: PointFeatures, share: float) -> tuple[Tensor, list[int]]:
 
 
 def in_ball(cloud: PointFeatures, centres: PointFeatures, radius: float, k: int) -> Tensor:
-    """Ball query: (Q, k) int64 indices of the block's points within ``radius``, m, of every centre, at most k.
+    """Ball query: (Q, k) int64 indices of points of the same block within ``radius``, m, of every centre.
 
-    If there are more, the k nearest are taken; if fewer, the nearest is repeated, as in the code of PointNet++'s
-    authors, which does not change a maximum over them. A centre is a point of the cloud.
+    If there are more than k, the k nearest are taken; if fewer, points are repeated, as in the code of PointNet++'s
+    authors, which does not change a maximum over them. Centres must be points of the cloud.
     """
     return _query(cloud, centres, lambda tree, points: _nearest(tree, points, k, radius))
 
@@ -58,7 +58,7 @@ def nearest(cloud: PointFeatures, centres: PointFeatures, k: int) -> Tensor:
 
 
 def interpolated(cloud: PointFeatures, places: PointFeatures) -> Tensor:
-    """(Q, C) features at other places: the mean of the three nearest points', weighted by inverse square distance.
+    """(Q, C) features at ``places``: the mean over the three nearest points, weighted by inverse squared distance.
 
     PointNet++, equation 2, with p = 2 and k = 3.
     """

@@ -1,4 +1,4 @@
-"""The interface of networks on points for the trainer, for files and for the robot."""
+"""The interface of point networks for training, files and the robot."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -11,7 +11,7 @@ from torch import Tensor, nn
 from pipeline.errors import InputError
 
 MOST_CHANNELS = 64
-"""Greatest number of channels, and of classes, of weights from files; published ones have 9 and 13."""
+"""Maximum number of channels, and of classes, of weights from files; published weights have 9 and 13."""
 
 
 class PointNetwork(nn.Module, ABC):
@@ -19,31 +19,31 @@ class PointNetwork(nn.Module, ABC):
 
     Attributes:
         NAME: its name in files and commands.
-        channels: number per point: x, y in m from the middle of the block, z in m, and more.
+        channels: number of channels of a point: x and y relative to the centre of the block, z (all m), and others.
         classes: number of classes.
-        penalty: the term that its paper adds to the loss, from the last forward pass.
+        penalty: the term that the network's paper adds to the loss, from the last forward pass.
     """
 
     NAME: ClassVar[str]
     penalty: Tensor | float = 0.0
 
     def __init__(self, channels: int, classes: int) -> None:
-        """Create no layers: subclasses do."""
+        """Create no layers; subclasses create them."""
         super().__init__()
         self.channels, self.classes = channels, classes
 
     @abstractmethod
     def forward(self, points: Tensor, sizes: Sequence[int]) -> Tensor:
-        """(P, channels) float32 points of blocks with ``sizes`` points each, P in sum, to (P, classes) logits."""
+        """(P, channels) float32 points of blocks with ``sizes`` points each, P in total, to (P, classes) logits."""
 
     @property
     def fewest(self) -> int:
-        """Least number of points of a block."""
+        """Minimum number of points of a block."""
         return 1
 
     @classmethod
     def for_weights(cls, tensors: Mapping[str, Tensor], metadata: Mapping[str, str]) -> Self:
-        """A network of the size in a file's ``tensors`` or ``metadata``; ValueError if it is missing or too large."""
+        """A network of the size given by a file's ``tensors`` or ``metadata``; ValueError if that is out of range."""
         sizes = [metadata.get(name, "") for name in ("channels", "classes")]
         channels, classes = map(whole, sizes)
         if not (3 < channels <= MOST_CHANNELS and 1 <= classes <= MOST_CHANNELS):
@@ -51,7 +51,7 @@ class PointNetwork(nn.Module, ABC):
         return cls(channels, classes)
 
     def about(self) -> dict[str, str]:
-        """The metadata that a file must have beside the weights for :meth:`for_weights`."""
+        """The metadata that :meth:`for_weights` needs in addition to the weights."""
         return {"channels": str(self.channels), "classes": str(self.classes)}
 
     def published(self) -> dict[str, Tensor]:
@@ -65,7 +65,7 @@ class PointNetwork(nn.Module, ABC):
 
 
 def whole(text: str) -> int:
-    """A whole number of a file's metadata; 0 if it is not one, or has too many digits."""
+    """A whole number from a file's metadata; 0 if the text is not one, or has too many digits."""
     try:
         return int(text) if text.isdecimal() else 0
     except ValueError:
@@ -77,7 +77,7 @@ class BlockClassifier(Protocol):
 
     Attributes:
         classes: number of classes.
-        fewest: least number of points of a block.
+        fewest: minimum number of points of a block.
     """
 
     classes: int
@@ -91,7 +91,7 @@ class BlockClassifier(Protocol):
         """
 
     def of_blocks(self, blocks: Iterable[NDArray[np.float32]]) -> Iterator[NDArray[np.float32]]:
-        """The answers to several blocks in turn: faster than to call for each."""
+        """The logits of each of several blocks; faster than one call per block."""
 
 
 def check_block(network: PointNetwork, points: NDArray[np.float32]) -> None:

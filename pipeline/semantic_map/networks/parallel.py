@@ -1,4 +1,4 @@
-"""One training in several processes: in each step, every process of ``torchrun`` learns from a batch of its own."""
+"""Training in several processes: in each step, every process started by ``torchrun`` learns from its own batch."""
 
 import os
 from dataclasses import dataclass
@@ -13,9 +13,9 @@ class TrainingWorker:
     """This process among those that train together.
 
     Attributes:
-        rank: its number; process 0 validates and writes.
+        rank: number of this process; process 0 validates and writes.
         count: number of processes.
-        device: device on which it computes.
+        device: device that it computes on.
     """
 
     rank: int
@@ -24,7 +24,7 @@ class TrainingWorker:
 
     @classmethod
     def join(cls) -> "TrainingWorker":
-        """This process with the rank that torchrun gave it, else the only one; on its own GPU if there are GPUs."""
+        """This process with its rank from torchrun, or as the only one; on its own GPU if there are GPUs."""
         rank, count = int(os.environ.get("RANK", 0)), int(os.environ.get("WORLD_SIZE", 1))
         device = torch.device("cpu")
         if torch.cuda.is_available():
@@ -45,7 +45,7 @@ class TrainingWorker:
         return self.rank == 0
 
     def share(self, module: nn.Module) -> nn.Module:
-        """The module, its gradients averaged over all workers."""
+        """The module, wrapped to average its gradients over all workers."""
         return DistributedDataParallel(module) if self.count > 1 else module
 
     def agreed(self, value: float) -> float:
@@ -58,17 +58,17 @@ class TrainingWorker:
     def wait(self) -> None:
         """Wait until process 0 calls this.
 
-        It only sends: in a barrier, a process that leaves at once can cut off another's last receipt.
+        Process 0 only sends: after a barrier, a process that leaves at once can interrupt another's last receive.
         """
         self.agreed(0.0)
 
     def random_state(self) -> list[torch.Tensor]:
-        """The state of PyTorch's random numbers on the processor and, if it is used, on the GPU."""
+        """The state of PyTorch's random number generators on the CPU and, if used, on the GPU."""
         on_gpu = [torch.cuda.get_rng_state(self.device)] if self.device.type == "cuda" else []
         return [torch.get_rng_state(), *on_gpu]
 
     def set_random_state(self, state: list[torch.Tensor]) -> None:
-        """Go on with the random numbers after such a state."""
+        """Restore a state returned by :meth:`random_state`."""
         torch.set_rng_state(state[0].cpu())
         for on_gpu in state[1:] if self.device.type == "cuda" else ():
             torch.cuda.set_rng_state(on_gpu.cpu(), self.device)

@@ -1,8 +1,8 @@
 """PointCNN for semantic segmentation (Li et al., NeurIPS 2018): convolutions on neighbours in a learned order.
 
-Levels, neighbours and dilations are those of the authors' setting for part segmentation of ShapeNet; their setting
-for S3DIS looks up one level's neighbours in another. The width is that of their setting for Semantic3D, half as much.
-Here a block's number of points varies, so levels have shares of it where theirs have 768, 384, 128 of 2,048 points.
+Levels, neighbours and dilations are those of the authors' settings for part segmentation on ShapeNet; their settings
+for S3DIS look up one level's neighbours in another. The width is that of their settings for Semantic3D, half as much.
+As a block's number of points varies here, levels have shares of it; theirs have 768, 384 and 128 of 2,048 points.
 """
 
 from collections.abc import Sequence
@@ -15,15 +15,15 @@ from pipeline.semantic_map.networks.neighbourhoods import PointFeatures, farthes
 from pipeline.semantic_map.networks.network import PointNetwork
 
 LEVEL_FEATURES = 128
-"""Features of a point of the first two levels: 32 times the "x" of the authors' settings; each further level doubles
-them."""
+"""Number of features of a point in the first two levels: 32 times the "x" of the authors' settings. It doubles with
+each further level."""
 ENCODER = ((8, 1, 1, 1), (12, 2, 3 / 8, 1), (16, 2, 1 / 2, 2), (16, 6, 1 / 3, 4))
-"""K neighbours, dilation D (every D-th of the nearest), share of the previous level's points, features over
-LEVEL_FEATURES."""
+"""For each level: K neighbours, dilation D (every D-th of the nearest), share of the previous level's points, and
+number of features divided by LEVEL_FEATURES."""
 DECODER = ((16, 6, 3, 2), (12, 6, 2, 1), (8, 6, 1, 0), (8, 4, 0, 0))
-"""K, D, level from which, level to which features go."""
+"""For each step: K, D, and the levels from which and to which features are passed."""
 LIFTED = 4
-"""One in this many features is computed from coordinates; the first level has this many of each channel."""
+"""One in this many features is computed from coordinates; also the depth multiplier of the first level."""
 
 
 def dense(inputs: int, outputs: int) -> nn.Sequential:
@@ -32,10 +32,10 @@ def dense(inputs: int, outputs: int) -> nn.Sequential:
 
 
 class Depthwise(nn.Module):
-    """Depthwise convolution over the K neighbours: a linear map of its own for each channel."""
+    """Depthwise convolution over the K neighbours: a separate linear map for each channel."""
 
     def __init__(self, k: int, channels: int, depth: int) -> None:
-        """Each channel gives ``depth`` features."""
+        """Each channel yields ``depth`` features."""
         super().__init__()
         self.weight = nn.Parameter(torch.empty(channels, k, depth))
         nn.init.normal_(self.weight, std=(1 / k) ** 0.5)
@@ -45,10 +45,10 @@ class Depthwise(nn.Module):
         return torch.einsum("pkc,ckd->pcd", x, self.weight).flatten(start_dim=1)
 
     def of_products(self, matrix: Tensor, *parts: Tensor) -> Tensor:
-        """(P, C · depth): ``forward`` of ``matrix`` (P, K, K) times the parts, each (P, K, some of the C channels).
+        """(P, C · depth): ``forward`` of ``matrix`` (P, K, K) times ``parts``, each (P, K, some of the C channels).
 
-        The matrix is multiplied by the weights, not by the features, so no product of the features' size is stored
-        for the backward pass.
+        The matrix is multiplied by the weights, not by the features, so that no product as large as the features is
+        stored for the backward pass.
         """
         of_parts, turned = [], matrix.transpose(1, 2)
         for part, weight in zip(parts, self.weight.split([part.shape[2] for part in parts]), strict=True):
@@ -64,7 +64,7 @@ class XConv(nn.Module):
         """A convolution.
 
         Args:
-            k, dilation: number of neighbours, which are every ``dilation``-th of the nearest.
+            k, dilation: number of neighbours, and step with which they are taken from the nearest points.
             channels: number of features of a neighbour, 0 if it has none.
             lifted: number of features computed from its coordinates.
             outputs: number of features of the result.
@@ -96,7 +96,7 @@ class XConv(nn.Module):
 
 
 class PointCnn(PointNetwork):
-    """Four X-Convs to coarser points, the last one joined with features of the points' coordinates, and four back."""
+    """Four X-Convs down to coarser levels, the last one joined with features of the coordinates, and four back up."""
 
     NAME = "pointcnn"
 

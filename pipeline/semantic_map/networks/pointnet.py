@@ -12,7 +12,7 @@ from pipeline.semantic_map.networks.network import PointNetwork
 PENALTY = 1e-3
 """Weight of the regularization that keeps the feature transform near orthogonal (the paper's section 3.3)."""
 LOCAL, GLOBAL = 64, 1024
-"""Features of a point by itself, and of a block."""
+"""Number of features of a point by itself, and of a block."""
 
 
 class TransformNet(nn.Module):
@@ -65,12 +65,12 @@ class PointNet(PointNetwork):
 
 
 def _times(features: Tensor, matrices: Tensor, sizes: Sequence[int]) -> Tensor:
-    """(P, C) features, each block's multiplied by its own matrix of ``matrices`` (B, C, C)."""
+    """(P, C) features, those of each block multiplied by the block's matrix of ``matrices`` (B, C, C)."""
     blocks = zip(features.split(list(sizes)), matrices, strict=True)
     return torch.cat([block @ matrix for block, matrix in blocks])
 
 
 def _distance_from_orthogonal(matrices: Tensor) -> Tensor:
-    """Mean over (B, C, C) matrices A of ‖I − A Aᵀ‖², equation 2."""
+    """Mean over (B, C, C) matrices A of ‖I − A Aᵀ‖² (the paper's equation 2)."""
     identity = torch.eye(matrices.shape[1], device=matrices.device)
     return (identity - matrices @ matrices.transpose(1, 2)).square().sum(dim=(1, 2)).mean()

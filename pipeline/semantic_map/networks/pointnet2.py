@@ -14,17 +14,17 @@ from pipeline.semantic_map.networks.network import PointNetwork
 T = TypeVar("T", int, float)
 ABSTRACTIONS = 4
 SHARE = 0.25
-"""Share of a cloud's points that become centres of balls, the points of the next level: 4,096, 1,024, 256, 64, 16."""
+"""Share of a level's points that become ball centres, the next level's points: 4,096, 1,024, 256, 64, 16."""
 RADIUS = 0.1
-"""m, of the balls of the first level; they double from level to level, and so do the features."""
+"""Radius of the first level's balls, m; it doubles from level to level, and so does the number of features."""
 BALL_FEATURES = 32
-"""Features within a ball of the first level."""
+"""Number of features within a ball of the first level."""
 BALL_POINTS = 32
-"""Most points of a ball."""
+"""Maximum number of points of a ball."""
 
 
 def doubled(first: T) -> list[T]:
-    """The values of the levels, and of one more: twice as much at each."""
+    """The values for all levels and one more, each twice the one before."""
     return [first * 2**level for level in range(ABSTRACTIONS + 1)]
 
 
@@ -32,7 +32,7 @@ class SetAbstraction(nn.Module):
     """A PointNet on the ball around each of a few centres."""
 
     def __init__(self, channels: int, widths: Sequence[int], radius: float) -> None:
-        """``widths`` are those of its layers; ``radius`` in m."""
+        """``widths`` are the numbers of outputs of its layers; ``radius`` is in m."""
         super().__init__()
         self.radius = radius
         self.layers = mlp(3 + channels, *widths)
@@ -60,7 +60,7 @@ class FeaturePropagation(nn.Module):
     """Features of a coarse cloud, interpolated at the points of a finer one and joined with its own features."""
 
     def __init__(self, channels: int, widths: Sequence[int]) -> None:
-        """``channels`` is the number of both clouds together; ``widths`` are those of the layers."""
+        """``channels`` is the total of both clouds; ``widths`` are the numbers of outputs of the layers."""
         super().__init__()
         self.layers = mlp(channels, *widths)
 

@@ -1,8 +1,8 @@
 """PointNeXt-S for semantic segmentation (Qian et al., NeurIPS 2022): PointNet++, modernized.
 
-Compared with PointNet++: a linear stem lifts the features, offsets are divided by the radius, so that they have the
-scale of features, each level adds its centres' own features (a residual connection), and the decoder is symmetric. S
-has no inverted residual blocks.
+Differences from PointNet++: a linear stem lifts the features; offsets are divided by the radius, which gives them the
+scale of features; each level adds its centres' own features (a residual connection); the decoder is symmetric. The
+variant S has no inverted residual blocks.
 """
 
 from collections.abc import Sequence
@@ -18,7 +18,7 @@ from pipeline.semantic_map.networks.network import PointNetwork
 from pipeline.semantic_map.networks.pointnet2 import BALL_FEATURES, RADIUS, FeaturePropagation, balls, doubled
 
 WIDTHS = doubled(BALL_FEATURES)
-"""Features of a point at each level."""
+"""Number of features of a point at each level."""
 
 
 class ResidualSetAbstraction(nn.Module):
@@ -40,7 +40,7 @@ class ResidualSetAbstraction(nn.Module):
 
 
 class PointNeXt(PointNetwork):
-    """The S of the family: a linear stem, four set abstractions, four feature propagations."""
+    """The variant S: a linear stem, four set abstractions and four feature propagations."""
 
     NAME = "pointnext"
 

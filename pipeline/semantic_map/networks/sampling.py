@@ -1,4 +1,4 @@
-"""Random training blocks: each is a function of the seed and its number, so training resumes at any step."""
+"""Random training blocks. Each depends only on the seed and its number, so training can resume at any step."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,10 +16,10 @@ from pipeline.semantic_map.networks.training_config import BlockAugmentation, Po
 
 @dataclass(frozen=True, eq=False)
 class Batch:
-    """Blocks, concatenated.
+    """Concatenated blocks.
 
     Attributes:
-        points: (P, 6 or 9) float32.
+        points: (P, 6 or 9) float32 channels of every point.
         shares: (P, 6) float32 share of every class in a point's voxel.
         sizes: number of points of every block.
     """
@@ -35,12 +35,12 @@ class BlockSampler:
     def __init__(
         self, clouds: Sequence[LabelledCloud], blocks: BlockConfig, fewest: int, config: PointTrainingConfig
     ) -> None:
-        """A batch has blocks of the clouds in turn; a block has at least ``fewest`` points."""
+        """The blocks of a batch come from the clouds in turn; each has at least ``fewest`` points."""
         self._clouds, self._blocks, self._fewest = clouds, blocks, fewest
         self._size, self._seed, self._augmentation = config.batch, config.seed, config.augmentation
 
     def batch(self, number: int) -> Batch:
-        """The batch of that number; every cloud is used once before any is used again."""
+        """The batch with this number; every cloud is used once before any is used again."""
         first = number * self._size
         drawn = [self._block(turn) for turn in range(first, first + self._size)]
         counts = np.concatenate([counts for _, counts in drawn]).astype(np.float32)
@@ -49,7 +49,7 @@ class BlockSampler:
         return Batch(torch.from_numpy(points), torch.from_numpy(shares), [len(points) for points, _ in drawn])
 
     def _block(self, turn: int) -> tuple[NDArray[np.float32], NDArray[np.uint16]]:
-        """(n, 6 or 9) channels and (n, 6) counts."""
+        """(n, 6 or 9) channels and (n, 6) counts of the points of a block."""
         epoch, place = divmod(turn, len(self._clouds))
         order = np.random.default_rng([self._seed, epoch]).permutation(len(self._clouds))
         cloud = self._clouds[order[place]]
@@ -61,7 +61,7 @@ class BlockSampler:
     def _crop(
         self, cloud: LabelledCloud, points: NDArray[np.float32], rng: np.random.Generator
     ) -> tuple[NDArray[np.int64], NDArray[np.float64]]:
-        """Indices of the points of a column around a random point, and the column's middle (2,)."""
+        """Indices of the points of a column around a random point, and the column's centre (2,)."""
         candidates = np.arange(len(points))
         if rng.random() < self._augmentation.rare:
             classes = cloud.classes
@@ -77,7 +77,7 @@ class BlockSampler:
 def augmented(
     cloud: LabelledCloud, config: BlockAugmentation, rng: np.random.Generator
 ) -> tuple[NDArray[np.float32], NDArray[np.float64]]:
-    """The points of the cloud, turned, mirrored, jittered and darkened at random; (3,) m, the camera position."""
+    """The points of the cloud, randomly rotated, mirrored, jittered and darkened, and the (3,) camera position, m."""
     yaw, roll, pitch = rng.uniform(0, 2 * np.pi), *rng.normal(0, config.jitter, 2)
     turn = Rotation.from_euler("xyz", [roll, pitch, yaw]).as_matrix()
     turn[:, 1] *= rng.choice([-1, 1])

@@ -1,4 +1,4 @@
-"""Scores of a classifier by its confusion matrix (C, C): counts by true class (row) and predicted class (column)."""
+"""Scores of a classifier from its confusion matrix (C, C): counts by true (row) and predicted class (column)."""
 
 from collections.abc import Sequence
 
@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 
 def confusion_of(counts: NDArray[np.integer], given: NDArray[np.integer]) -> NDArray[np.int64]:
-    """(C, C) from the (M, C) returns by true class in the voxel of every point, and its (M,) predicted classes."""
+    """The confusion matrix (C, C), from the points' (M, C) counts of returns by true class and (M,) predictions."""
     result = np.zeros((counts.shape[1], counts.shape[1]), np.int64)
     np.add.at(result.T, given, counts)
     return result
@@ -21,6 +21,6 @@ def iou(confusion: NDArray[np.int64]) -> NDArray[np.float64]:
 
 
 def mean_iou(confusion: NDArray[np.int64], classes: Sequence[int]) -> float:
-    """Mean IoU, by a confusion matrix (C, C), over those of the given classes that occur; NaN if none does."""
+    """Mean IoU from a confusion matrix (C, C), over those of the given classes that occur; NaN if none does."""
     occurring = [c for c in classes if confusion[c].any()]
     return float(iou(confusion)[occurring].mean()) if occurring else float("nan")

@@ -1,4 +1,4 @@
-"""Reads the tensors of a safetensors file that a stranger may have made."""
+"""Reads the tensors of a safetensors file from an untrusted source."""
 
 from collections.abc import Mapping
 from pathlib import Path
@@ -15,7 +15,7 @@ def read_tensors(path: Path) -> tuple[dict[str, Tensor], dict[str, str]]:
     """The tensors of a file by name, of any shape, and its metadata (empty in files of other programs).
 
     Raises:
-        InputError: no such file, a pickle, or no whole safetensors file.
+        InputError: the file cannot be read, is a pickle, or is not a complete safetensors file.
     """
     check_regular(path)
     try:
@@ -34,10 +34,10 @@ def read_tensors(path: Path) -> tuple[dict[str, Tensor], dict[str, str]]:
 
 @torch.no_grad()
 def copy_tensors(tensors: Mapping[str, Tensor], wanted: Mapping[str, Tensor], path: Path) -> None:
-    """Copy the tensors of a file into ``wanted`` ones of the same names and shapes, and of any precision.
+    """Copy the tensors of a file, of any precision, into the ``wanted`` ones with the same names and shapes.
 
     Raises:
-        InputError: they are not exactly those wanted, or hold numbers that are impossible; it names ``path``.
+        InputError: names or shapes differ, or a tensor holds impossible numbers; the message names ``path``.
     """
     _refuse(sorted(wanted.keys() - tensors.keys()), "missing", path)
     _refuse(sorted(tensors.keys() - wanted.keys()), "unknown", path)

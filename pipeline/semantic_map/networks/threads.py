@@ -1,4 +1,4 @@
-"""Threads that share the rows of a block, or blocks."""
+"""Threads that share the rows of a block, or several blocks."""
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -13,15 +13,15 @@ Result = TypeVar("Result")
 
 
 class Threads:
-    """A few threads, each of which computes alone: PyTorch starts no threads of its own inside them.
+    """A pool of threads, in which PyTorch starts no threads of its own.
 
-    PyTorch's own threads split every small operation and then wait for the slowest one, long on a busy machine.
+    PyTorch's threads split every small operation and then wait for the slowest one, a long time on a busy machine.
     """
 
     def __init__(self, count: int) -> None:
         """Start ``count`` threads."""
         self._count = count
-        # PyTorch's setting holds for the thread that sets it and for threads that start later.
+        # PyTorch's setting applies to the thread that sets it and to threads that start later.
         with torch_threads(1):
             self._pool = ThreadPoolExecutor(count)
             all_started = Barrier(count)
@@ -32,7 +32,7 @@ class Threads:
         return self._pool.submit(torch.inference_mode()(action)).result()
 
     def each(self, items: Iterable[Item], action: Callable[[Item], Result]) -> Iterator[Result]:
-        """``action`` of every item, each in the next free thread, without automatic differentiation."""
+        """The result of ``action`` for each item, run in the next free thread, without automatic differentiation."""
         return self._pool.map(torch.inference_mode()(action), items)
 
     def over(self, tiles: Sequence[slice], action: Callable[[slice], object]) -> None:
@@ -48,7 +48,7 @@ class Threads:
         try:
             work()
         finally:
-            # Tasks that have not begun have no rows left, and waiting for them could take for ever: cancel them.
+            # Tasks that have not started have no rows left, and waiting for them could take forever: cancel them.
             running = [other for other in others if not other.cancel()]
         for other in running:
             other.result()

@@ -26,7 +26,7 @@ from pipeline.semantic_map.networks.weights import NETWORKS
 
 
 class PointLearner(Learner[Batch, PointNetwork]):
-    """A network on points that learns from blocks; its score is the mean IoU over the thesis's four classes."""
+    """Trains a point network on blocks; the score is the mean IoU over the thesis's four classes."""
 
     SCORES = ("miou_four", *(f"iou.{label.name.lower()}" for label in CLASSES))
     THREADS = 1
@@ -46,13 +46,13 @@ class PointLearner(Learner[Batch, PointNetwork]):
             training: clouds to learn from.
             validation: clouds for the scores.
             config: settings.
-            initial: a network to begin with, with the clouds' channels and :data:`CLASSES`, or the name of a network,
-                which begins with random weights.
-            device: on which it learns.
+            initial: the initial network, with the clouds' channels and :data:`CLASSES`, or the name of a network,
+                which then starts with random weights.
+            device: device to train on.
             blocks: how to cut clouds into blocks; by default columns of 1 m.
 
         Raises:
-            InputError: there is nothing to learn from or to validate with.
+            InputError: there are no labelled points for training or for validation.
         """
         training = [cloud for cloud in training if len(cloud.points)]
         for purpose, clouds in (("train", training), ("validate", validation)):
@@ -65,35 +65,35 @@ class PointLearner(Learner[Batch, PointNetwork]):
         self.network = network.to(device).train()
         for layer in network.modules():
             if isinstance(layer, nn.Dropout):
-                layer.p = 0.0  # the published 0.5 suits longer trainings
+                layer.p = 0.0  # the published 0.5 suits longer training runs
         self._sampler = BlockSampler(training, self._blocks, network.fewest, config)
         self._device, self._weights = device, class_weights(training).to(device)
         points = [sum(len(cloud.points) for cloud in clouds) for clouds in (training, validation)]
         self.data = f"{network.NAME} {channels} {points} {self._blocks}"
 
     def batch(self, number: int) -> Batch:
-        """Blocks of clouds."""
+        """The batch of blocks with this number."""
         return self._sampler.batch(number)
 
     def loss(self, network: nn.Module, batch: Batch) -> Tensor:
-        """The cross entropy and the network's penalty."""
+        """The sum of the cross entropy and the network's penalty."""
         logits = network(batch.points.to(self._device), batch.sizes)
         return cross_entropy(logits, batch.shares.to(self._device), self._weights) + self.network.penalty
 
     def validate(self, network: PointNetwork) -> list[float]:
-        """The mean IoU over the four, and the IoU of each class."""
+        """The mean IoU over the thesis's four classes, and the IoU of each class."""
         confusion = validate(network, self._validation, self._blocks, self._seed)
         return [mean_iou(confusion, list(map(CLASSES.index, THESIS_FOUR))), *iou(confusion).tolist()]
 
     def write(self, network: PointNetwork, out: Path, about: dict[str, Any]) -> None:
-        """Write a file for the robot's classifier."""
+        """Write a file that the robot's classifier can load."""
         save_classifier(out, network, self._blocks, about)
 
 
 def validate(network: PointNetwork, clouds: Sequence[LabelledCloud], blocks: BlockConfig, seed: int) -> NDArray:
     """(6, 6) int64 confusion matrix of the clouds' returns: true class (row) and predicted class (column).
 
-    The clouds are cut by one grid of ``blocks``, at random from ``seed``; planes do not vote.
+    Each cloud is cut by a single grid of ``blocks``, placed randomly according to ``seed``; planes do not vote.
     """
     fast = for_inference(network)
     confusion = np.zeros((len(CLASSES), len(CLASSES)), np.int64)
@@ -105,13 +105,13 @@ def validate(network: PointNetwork, clouds: Sequence[LabelledCloud], blocks: Blo
 
 
 def cross_entropy(logits: Tensor, shares: Tensor, weights: Tensor) -> Tensor:
-    """Class-weighted mean cross entropy of (P, C) logits with the (P, C) shares of the classes of each point."""
+    """Class-weighted mean cross entropy between (P, C) logits and the (P, C) class shares of the points."""
     weighted = shares * weights
     return -(weighted * log_softmax(logits, dim=1)).sum() / weighted.sum()
 
 
 def class_weights(clouds: Sequence[LabelledCloud]) -> Tensor:
-    """(C,) float32: 1 over the root of a class's share of the points; 1 for one that does not occur."""
+    """(C,) float32: 1 over the square root of each class's share of the points; 1 for a class that does not occur."""
     points = sum(np.bincount(cloud.classes, minlength=len(CLASSES)) for cloud in clouds)
     share = torch.from_numpy(points / np.sum(points)).float()
     return torch.where(share > 0, share.rsqrt(), 1)

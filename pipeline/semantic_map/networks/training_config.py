@@ -1,4 +1,4 @@
-"""Settings of every training; they can be read without loading PyTorch."""
+"""Settings shared by all training runs; this module does not import PyTorch."""
 
 from dataclasses import dataclass
 from math import cos, pi
@@ -8,19 +8,19 @@ from pipeline.errors import InputError
 
 @dataclass(frozen=True, kw_only=True)
 class Schedule:
-    """How AdamW's settings change in a training: the learning rate rises in a line, then falls to 0 as half a cosine.
+    """How AdamW's settings change: the learning rate rises linearly, then falls to 0 along half a cosine.
 
     Attributes:
-        rise: share of the training in which the learning rate rises.
+        rise: share of the training during which the learning rate rises.
     """
 
     rise: float = 0.05
 
     def rate(self, progress: float, steps: int) -> float:
-        """The learning rate, as a share of the highest, of the step that ends at a progress of 0 to 1.
+        """The learning rate of the step that ends at this progress, 0 to 1, as a share of the peak.
 
         Args:
-            progress: share of the training that is done after the step.
+            progress: share of the training that is completed after the step.
             steps: number of steps of the training.
         """
         if progress < self.rise:
@@ -28,21 +28,21 @@ class Schedule:
         return (1 + cos(pi * (progress - self.rise) / (1 - self.rise))) / 2
 
     def momentum(self, progress: float, steps: int) -> float:
-        """β₁ of that step, by default PyTorch's 0.9."""
+        """β₁ for that step; here PyTorch's default, 0.9."""
         return 0.9
 
 
 @dataclass(frozen=True, kw_only=True)
 class Optimization:
-    """How a training follows the gradients.
+    """How training follows the gradients, and how often it saves its state.
 
     Attributes:
-        schedule: of the learning rate and β₁.
-        weight_decay: AdamW's for all weights but the next; PyTorch's default.
-        weight_decay_of_vectors: AdamW's for biases and batch norms.
-        most_gradient: norm to which a gradient is shortened; None leaves it as it is.
-        averaging: decay per step of a moving average of the weights, which is then validated and written.
-        save_every: steps between checkpoints, apart from those at validations: a killed process loses no more steps.
+        schedule: schedule of the learning rate and β₁.
+        weight_decay: AdamW's weight decay for all parameters except biases and batch norms; PyTorch's default.
+        weight_decay_of_vectors: AdamW's weight decay for biases and batch norms.
+        most_gradient: maximum norm, to which the gradient is clipped; None for no clipping.
+        averaging: decay per step of a moving average of the weights, which is validated and written; None for none.
+        save_every: steps between checkpoints, besides those at validations; a killed process loses no more steps.
     """
 
     schedule: Schedule = Schedule()
@@ -91,12 +91,12 @@ class BlockAugmentation:
     """How random blocks are cut and changed.
 
     Attributes:
-        rare: share of the blocks that are cut around a point of a class drawn evenly from the frame's classes; the
+        rare: share of the blocks that are cut around a point of a class drawn uniformly from the frame's classes; the
             others are cut around any point.
-        jitter: m, standard deviation of the noise of every coordinate and of the height of the whole cloud; rad, that
-            of its roll and pitch about the camera.
+        jitter: standard deviation of the noise of every coordinate and of the height of the cloud, m, and of its roll
+            and pitch about the camera, rad.
         dark: share of the clouds that are black; the others' colours are multiplied by a random factor of at most 1.
-        thinnest: the share of a block's points that is kept is drawn uniformly between this and 1.
+        thinnest: minimum share of a block's points that is kept; the share is drawn uniformly between this and 1.
     """
 
     rare: float = 0.5

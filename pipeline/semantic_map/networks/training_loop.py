@@ -1,4 +1,4 @@
-"""The training loop of all networks: it learns from batches and writes the weights at every validation."""
+"""The training loop of all networks, which learns from batches and writes the weights at every validation."""
 
 import csv
 import json
@@ -27,13 +27,13 @@ Network = TypeVar("Network", bound=nn.Module)
 
 
 class Learner(ABC, Generic[Batch, Network]):
-    """What differs between trainings.
+    """The parts that differ between training runs.
 
     Attributes:
         SCORES: names of a validation's scores, the main one first.
-        THREADS: in which PyTorch computes; None for as many as it has.
-        network: the one that learns, in training mode, on the device of its training.
-        data: a description of what it learns from, with which a checkpoint must agree.
+        THREADS: number of threads in which PyTorch computes; None for its default.
+        network: the network being trained, in training mode, on the device used for training.
+        data: description of the training data, which must match that in a checkpoint.
     """
 
     SCORES: ClassVar[tuple[str, ...]]
@@ -43,33 +43,33 @@ class Learner(ABC, Generic[Batch, Network]):
 
     @abstractmethod
     def batch(self, number: int) -> Batch:
-        """The batch of that number; numbers ascend. Called in another thread, during the step before."""
+        """The batch with this number; numbers ascend. Called from another thread, during the preceding step."""
 
     @abstractmethod
     def loss(self, network: nn.Module, batch: Batch) -> Tensor:
-        """The loss on a batch; ``network`` computes as the one that learns does."""
+        """The loss on a batch; ``network`` is the network being trained, possibly wrapped to average gradients."""
 
     @abstractmethod
     def validate(self, network: Network) -> list[float]:
-        """The ``SCORES`` of a network, which stays as it is."""
+        """The ``SCORES`` of a network, which must not be changed."""
 
     @abstractmethod
     def write(self, network: Network, out: Path, about: dict[str, Any]) -> None:
-        """Write a network's weights into a file, with metadata on their training; the network stays as it is."""
+        """Write a network's weights to a file, with metadata on their training; the network must not be changed."""
 
 
 class TrainingLoop(Generic[Batch, Network]):
-    """A training that can be interrupted at any step and resumed; it ends with the same weights.
+    """A training run that can be interrupted at any step and resumed, with the same final weights.
 
     Attributes:
-        learner: what it trains.
+        learner: the parts specific to this training.
         config: settings.
-        out: file for the weights; a checkpoint and a table (.csv) get its name with other endings.
+        out: file for the weights; the checkpoint and the table (.csv) have the same name with other suffixes.
         worker: this process.
         step: number of batches so far.
-        spent: s of processor time for these batches, without validations.
-        rows: of the table, one for each validation: step, mean loss since the row before, scores.
-        result: the network that is validated and written: the one that learns, or a moving average of its weights.
+        spent: processor time for these batches, excluding validations, s.
+        rows: rows of the table, one for each validation: step, mean loss since the previous row, scores.
+        result: the network that is validated and written: the one being trained, or a moving average of its weights.
     """
 
     def __init__(
@@ -83,14 +83,14 @@ class TrainingLoop(Generic[Batch, Network]):
         """Start, or resume from ``out``'s checkpoint if there is one.
 
         Args:
-            learner: what to train.
+            learner: the parts specific to this training.
             config: settings.
             out: file for the weights.
             worker: this process.
-            about: more metadata on the training, written with the weights.
+            about: additional metadata on the training, written with the weights.
 
         Raises:
-            InputError: the checkpoint is of another training.
+            InputError: the checkpoint cannot be read, or belongs to another training run.
         """
         self.learner, self.config, self.out, self.worker = learner, config, out, worker
         self._about = about or {}
@@ -109,14 +109,14 @@ class TrainingLoop(Generic[Batch, Network]):
 
     @property
     def progress(self) -> float:
-        """Share of the training that is done, 1 at the end: of the steps or, if greater, of the limited minutes."""
+        """Completed share of the training: of the steps or, if greater, of the time limit; at least 1 at the end."""
         if self.config.minutes is None:
             return self.step / self.config.steps
         return max(self.step / self.config.steps, self.spent / 60 / self.config.minutes)
 
     @property
     def score(self) -> float:
-        """The first score of the last validation; NaN before it."""
+        """The main score of the last validation; NaN before the first one."""
         return self.rows[-1][2] if self.rows else float("nan")
 
     def run(self, report: Callable[["TrainingLoop[Any, Any]"], object] = lambda training: None) -> None:
@@ -164,14 +164,14 @@ class TrainingLoop(Generic[Batch, Network]):
 
     @torch.no_grad()
     def _follow(self, kept: float) -> None:
-        """Keep that share of the average, and take the rest from the network."""
+        """Keep the share ``kept`` of the moving average, and take the rest from the network."""
         now = self.learner.network.state_dict()
         for name, tensor in self.result.state_dict().items():
             if tensor.is_floating_point():
                 tensor.lerp_(now[name], 1 - kept)
 
     def _keep(self) -> None:
-        """Validate, and write the present weights whatever the score: a small validation chooses badly."""
+        """Validate, and write the current weights whatever the score: a small validation set selects badly."""
         if self.worker.leads:
             scores = self.learner.validate(self.result)
             self.rows.append([self.step, float(np.mean(self._losses)), *scores])

@@ -15,18 +15,18 @@ from pipeline.semantic_map.networks.pointnext import PointNeXt
 from pipeline.semantic_map.networks.tensor_file import copy_tensors, read_tensors
 
 NETWORKS: dict[str, type[PointNetwork]] = {n.NAME: n for n in (PointNet, PointNet2, PointCnn, Dgcnn, PointNeXt)}
-"""By their names in files; a file of another program has no such name and holds a DGCNN."""
+"""Networks by their names in files; a file without a name, written by another program, must hold a DGCNN."""
 
 
 def load_weights(path: Path, network: str | None = None) -> tuple[PointNetwork, dict[str, str]]:
     """A network in evaluation mode, and the file's metadata (empty in files of other programs).
 
     Args:
-        path: of the file.
-        network: name of the only network that is accepted; any if not given.
+        path: the file.
+        network: name of the only accepted network; by default, any is accepted.
 
     Raises:
-        InputError: no such file, not safetensors, weights of another network, or numbers that are not finite.
+        InputError: the file cannot be read, is not safetensors, or holds another network or non-finite numbers.
     """
     tensors, metadata = read_tensors(path)
     name = metadata.get("network", Dgcnn.NAME)
@@ -41,11 +41,11 @@ def load_weights(path: Path, network: str | None = None) -> tuple[PointNetwork, 
 
 
 def save_weights(path: Path, network: PointNetwork, metadata: dict[str, str] | None = None) -> None:
-    """Write the weights in half precision, and ``metadata`` about them. InputError if that is impossible."""
+    """Write weights in half precision, with ``metadata``; InputError if a weight is too large or writing fails."""
     tensors = {name: t.detach().cpu().half().contiguous() for name, t in network.published().items()}
     for name, tensor in tensors.items():
         if not tensor.isfinite().all():
             raise InputError(f"{path}: {name} is too large for half precision; lower the learning rate")
     content = save(tensors, {"network": network.NAME} | network.about() | (metadata or {}))
     with whole_file(path) as file:
-        file.write_bytes(content)  # safetensors' own save_file makes files that only their owner may read
+        file.write_bytes(content)  # safetensors' own save_file creates files that only their owner may read

@@ -1,4 +1,4 @@
-"""DGCNN's forward pass for one block on the CPU: several times as fast as the network as written, and as exact."""
+"""DGCNN's forward pass for one block on the CPU: several times faster than the network as written, and as exact."""
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
@@ -17,27 +17,27 @@ from pipeline.semantic_map.networks.network import check_block
 from pipeline.semantic_map.networks.threads import Threads
 
 TILE_ROWS = 64
-"""Points per tile: their data, above all 1 MB of distances from 4,096 points, stay in the cache."""
+"""Number of points per tile: their data, mainly 1 MB of distances to 4,096 points, stay in the cache."""
 SLOPE32 = np.float32(SLOPE)
 
 Features = NDArray[np.float32]
 Neighbours = NDArray[np.int32]
 Responses = Callable[[slice, Neighbours, Features], None]
-"""Fills in the (R, C) features of the points of a slice from their (R, k) neighbours."""
+"""Fills in the (R, C) features of the points in a slice from their (R, k) neighbours."""
 
 
 class FastDgcnn:
     """A trained DGCNN, ready for inference.
 
-    An EdgeConv's first layer is linear in [x_j − x_i, x_i], so it is applied to points and added up for edges as
-    A x_j + B x_i. A layer after an activation needs every edge. The very first layer is computed edge by edge: it has
-    few channels, and the differences of neighbours are small numbers, which A x_j + B x_i would round away. The
-    maximum comes before batch norm and activation, which are monotone. The global feature is the same for all points,
-    so its part of the next layer is computed once.
+    An EdgeConv's first layer is linear in [x_j − x_i, x_i], so it is applied to points, and its output for an edge is
+    the sum A x_j + B x_i. A layer after an activation must be applied to every edge. So is the very first layer: it
+    has few channels, and A x_j + B x_i would round away the small differences between neighbours. The maximum is
+    taken before batch norm and activation, which are monotonic. The global feature is the same for all points, so its
+    part of the next layer is computed once.
     """
 
     def __init__(self, network: Dgcnn, threads: int | None = None) -> None:
-        """Prepare the network, which is on the CPU; ``threads`` defaults to PyTorch's number (``OMP_NUM_THREADS``).
+        """Prepare a network that is on the CPU; ``threads`` defaults to PyTorch's number (``OMP_NUM_THREADS``).
 
         Raises:
             InputError: k is too large.
@@ -58,7 +58,7 @@ class FastDgcnn:
         """(N, channels) float32 points to (N, classes) float32 logits.
 
         Raises:
-            InputError: another number of channels, fewer than k points, or points that are not finite.
+            InputError: the number of channels is wrong, there are fewer than k points, or they are not finite.
         """
         check_block(self._network, points)
         return self._threads.run(lambda: self._logits(torch.from_numpy(np.ascontiguousarray(points))).numpy())
@@ -74,7 +74,7 @@ class FastDgcnn:
         return self._segment(torch.cat((x1, x2, x3), dim=1))
 
     def _edge_conv(self, graph: Tensor, responses: Responses, channels: int) -> Tensor:
-        """(N, channels) features; neighbours are nearest in the (N, C) features ``graph``."""
+        """(N, channels) features; neighbours are the nearest points by the (N, C) features ``graph``."""
         find = neighbour_finder(graph, self.k)
         features = np.empty((len(graph), channels), np.float32)
         self._threads.over(tiles(len(graph)), lambda rows: responses(rows, find(rows), features[rows]))
@@ -134,8 +134,8 @@ class FastDgcnn:
 
 
 def neighbour_finder(x: Tensor, k: int) -> Callable[[slice], Neighbours]:
-    """A function that finds the (R, k) nearest of the (N, C) points to R of them, by brute force."""
-    # Added up in the same order as in dgcnn.nearest: another order rounds to other neighbours.
+    """A function that finds, by brute force, the (R, k) of the (N, C) points nearest to R of them."""
+    # Summed in the same order as in dgcnn.nearest: rounding in another order may give other neighbours.
     half_square = (x.T.contiguous().square().sum(dim=0) / 2).numpy()
 
     def find(rows: slice) -> Neighbours:
@@ -153,16 +153,16 @@ def tiles(count: int) -> list[slice]:
 
 
 def linear(x: Tensor, weight: Tensor, bias: Tensor | None = None) -> Tensor:
-    """``x Wᵀ + b``, as torch.nn.functional.linear, which leaves float32 to MKL; on AMD oneDNN is twice as fast."""
+    """``x Wᵀ + b`` with oneDNN, on AMD twice as fast for float32 as MKL, which torch.nn.functional.linear uses."""
     return torch.ops.mkldnn._linear_pointwise(x, weight, bias, "none", [], "")
 
 
 @dataclass(frozen=True, eq=False)
 class _Layer:
-    """A linear map and batch norm, scale · W x + shift, with no scale below 0.
+    """A linear map and batch norm, scale · W x + shift, without negative scales.
 
     Attributes:
-        weight: (outputs, inputs) float32; a row and its scale change signs if the scale would be negative.
+        weight: (outputs, inputs) float32; a row and its scale are negated if the scale would be negative.
         scale: (outputs,) float32.
         shift: (outputs,) float32.
     """
@@ -182,7 +182,7 @@ class _Layer:
         return cls(weight * sign[:, None], scale.abs(), shift.float())
 
     def largest(self, edges: Features, features: Features) -> None:
-        """Fill in (R, outputs) the largest response to the (R k, inputs) edges of each of R points."""
+        """Fill ``features`` (R, outputs) with the largest response to the (R k, inputs) edges of each of R points."""
         responses = linear(torch.from_numpy(edges), self.weight).numpy()
         kernels.largest_edge(responses, self.scale.numpy(), self.shift.numpy(), SLOPE32, features)
 
@@ -191,7 +191,7 @@ class _Layer:
         return self.weight * self.scale[:, None], self.shift
 
     def split(self, x: Tensor) -> tuple[Features, Features]:
-        """(N, outputs) A x and B x + shift of (N, C) features; the response on [x_j − x_i, x_i] is their sum."""
+        """(N, outputs) A x and B x + shift for (N, C) features; A x_j + B x_i + shift is the response to an edge."""
         weight, bias = self.folded()
         of_difference, of_point = weight.chunk(2, dim=1)
         of_neighbour = linear(x, of_difference.contiguous())

@@ -6,15 +6,15 @@ from numba import njit
 from pipeline.semantic_map.networks.dgcnn import MOST_NEIGHBOURS
 
 GROUPS = 256
-"""Groups of every 256th point; the closest point of each group is found first: passes over whole rows stay SIMD."""
+"""Number of groups, each of every 256th point; finding the closest point of each in passes over rows allows SIMD."""
 
 
 @njit(cache=True, nogil=True, boundscheck=False)
 def select_nearest(product, half_square, neighbours):
-    """The k nearest points, by ``x_i · x_j − |x_j|² / 2``, which is largest where the distance of i and j is least.
+    """Find the k points j nearest to i: those with the largest closeness ``x_i · x_j − |x_j|² / 2``.
 
-    Of equally close points the one with the lower index is taken. A branch that a processor cannot predict costs as
-    much as a row of comparisons, so there are almost none.
+    Of equally close points, the one with the lower index is taken. A branch that the processor cannot predict costs
+    as much as a row of comparisons, so the code has almost none.
 
     Args:
         product: (R, N) float32 ``x_i · x_j`` of R points with all N.
@@ -24,7 +24,7 @@ def select_nearest(product, half_square, neighbours):
     count, k = product.shape[1], neighbours.shape[1]
     best, best_of_best = np.empty(GROUPS, np.float32), np.empty(MOST_NEIGHBOURS, np.float32)
     rank, groups = np.empty(MOST_NEIGHBOURS, np.int32), np.empty(GROUPS + 1, np.int32)
-    # Zeros: with NaN, which cannot be compared, the neighbours are wrong but still valid indices.
+    # Zeros, so that with NaN, which cannot be compared, the neighbours are wrong but still valid indices.
     candidates, closeness = np.zeros(count + 1, np.int32), np.empty(count + 1, np.float32)
     for r in range(len(product)):
         row = product[r]
@@ -57,7 +57,7 @@ def _best_of_groups(row, half_square, best):
 
 @njit(cache=True, nogil=True, boundscheck=False)
 def _lower_bound(best, best_of_best, rank, k):
-    """A lower bound of the k nearest points' closeness: the k-th largest of MOST_NEIGHBOURS maxima."""
+    """A lower bound on the k nearest points' closeness: the k-th largest of MOST_NEIGHBOURS maxima."""
     best_of_best[:] = best[:MOST_NEIGHBOURS]
     for start in range(MOST_NEIGHBOURS, GROUPS, MOST_NEIGHBOURS):
         for b in range(MOST_NEIGHBOURS):
@@ -89,7 +89,7 @@ def _drop_worst(candidates, closeness, found, k):
 
 @njit(cache=True, nogil=True, boundscheck=False)
 def difference_edges(points, first, neighbours, edges):
-    """[x_j − x_i, x_i] of every edge.
+    """Compute [x_j − x_i, x_i] of every edge.
 
     Args:
         points: (N, C) float32.
@@ -119,12 +119,12 @@ def normalize_edges(edges, scale, shift, slope):
 
 @njit(cache=True, nogil=True, boundscheck=False)
 def sum_edges(of_neighbour, of_point, neighbours, slope, edges):
-    """LeakyReLU(A x_j + B x_i) of every edge.
+    """Compute LeakyReLU(A x_j + B x_i) of every edge.
 
     Args:
         of_neighbour: (N, C) float32 A x_j of all points.
         of_point, neighbours: (R, C) float32 B x_i of R points and their (R, k) int32 neighbours.
-        slope: of LeakyReLU below 0.
+        slope: slope of LeakyReLU below 0.
         edges: (R k, C) float32, filled.
     """
     count, k = neighbours.shape
@@ -139,12 +139,12 @@ def sum_edges(of_neighbour, of_point, neighbours, slope, edges):
 
 @njit(cache=True, nogil=True, boundscheck=False, fastmath={"contract"})
 def largest_edge(edges, scale, shift, slope, features):
-    """LeakyReLU(scale · max over the neighbours + shift): monotone functions may follow the maximum.
+    """Compute LeakyReLU(scale · max over the neighbours + shift): monotonic functions may follow the maximum.
 
     Args:
         edges: (R k, C) float32.
         scale, shift: (C,) float32, scale not negative.
-        slope: of LeakyReLU below 0.
+        slope: slope of LeakyReLU below 0.
         features: (R, C) float32, filled.
     """
     k = len(edges) // len(features)
@@ -162,7 +162,7 @@ def largest_edge(edges, scale, shift, slope, features):
 
 @njit(cache=True, nogil=True, boundscheck=False)
 def largest_sum(of_neighbour, of_point, neighbours, slope, features):
-    """Fill ``features`` (R, C) float32: LeakyReLU(max over the neighbours of A x_j + B x_i); rest as in sum_edges."""
+    """Fill ``features`` (R, C) float32: LeakyReLU(max over neighbours of A x_j + B x_i); otherwise as sum_edges."""
     count, k = neighbours.shape
     for i in range(count):
         feature = features[i]

@@ -8,6 +8,7 @@ from itertools import pairwise
 from math import inf
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy import sparse
 
 from pipeline.arrays import Mask, Values
@@ -42,6 +43,11 @@ class Leg:
     metres: float
     seen: Mask
 
+    @cached_property
+    def bits(self) -> NDArray[np.uint8]:
+        """The seen cells, eight per byte: tours are joined and counted several times faster."""
+        return np.packbits(self.seen)
+
 
 class ViewTours(ABC):
     """Searches for the fastest tour over viewpoints that sees enough cells; the first viewpoint is the start."""
@@ -71,14 +77,14 @@ class ViewTours(ABC):
 
     def tour(self, order: Sequence[int]) -> Tour:
         """The tour over viewpoints in a given order, up to the one where enough has been seen."""
-        seen, seconds, metres, done = self.at_start, 0.0, 0.0, list[int]()
+        seen, seconds, metres, done = np.packbits(self.at_start), 0.0, 0.0, list[int]()
         for here, there in pairwise([0, *order]):
-            if seen.sum() >= self.wanted:
+            if np.bitwise_count(seen).sum() >= self.wanted:
                 break
             leg = self.leg(here, there)
-            seen, seconds, metres = seen | leg.seen, seconds + leg.seconds, metres + leg.metres
+            seen, seconds, metres = seen | leg.bits, seconds + leg.seconds, metres + leg.metres
             done.append(there)
-        return Tour(done, *((seconds, metres) if seen.sum() >= self.wanted else (inf, inf)))
+        return Tour(done, *((seconds, metres) if np.bitwise_count(seen).sum() >= self.wanted else (inf, inf)))
 
     def cover(self) -> list[int]:
         """A small set of viewpoints that see enough."""

@@ -22,6 +22,6 @@ if hasattr(libc := ctypes.CDLL(None), "mallopt"):
 # pipeline's, but its busy-waiting costs a fifth of an episode's processor time.
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
 
-# OpenCV reads this once, when it is first imported, and rejects images whose header declares more pixels. Its default,
-# a gigapixel, takes gigabytes of memory and half a minute. 64 megapixels are enough for any photo.
+# OpenCV reads this once, when it is first imported, and rejects images whose header declares more pixels. Its
+# default, a gigapixel, takes gigabytes of memory and half a minute. 64 megapixels are enough for any photo.
 os.environ.setdefault("OPENCV_IO_MAX_IMAGE_PIXELS", str(2**26))

@@ -222,7 +222,7 @@ class Mapper:
             set_down: whether the robot has just been set down there, so that the ground around it is assumed level.
 
         Raises:
-            InputError: the pose is so far from the others that the maps would need too much memory. They are unchanged.
+            InputError: the pose is so far from the others that the maps would take too much memory. They stay as is.
         """
         self._T_odom_keyframe = localised.frame.T_odom_base
         if set_down:

@@ -1,1 +1,1 @@
-"""The commands of a checkout; those of sarsim are its modules, which the files here call."""
+"""The commands of a checkout; sarsim's own commands are modules of sarsim, which the files here call."""

@@ -81,7 +81,7 @@ def benchmark(settings: SubjectSettings, subject: str) -> None:
 
 
 def report(subject: str, settings: SubjectSettings, result: "Result") -> dict[str, Any]:
-    """The figures, with the version, the machine and the settings for which they hold."""
+    """The figures, with the version, the machine and the settings of the measurement."""
     config = {name: value for name, value in asdict(settings).items() if name != "json"}
     return {
         "subject": subject,
@@ -94,10 +94,10 @@ def report(subject: str, settings: SubjectSettings, result: "Result") -> dict[st
 
 
 def write(file: Path, content: Mapping[str, Any], pictures: Iterable[Path]) -> None:
-    """Write the figures, and beside them the pictures, whose names begin with the file's.
+    """Write the figures and, next to them, the pictures, whose names get the file's stem as a prefix.
 
     Raises:
-        InputError: they cannot be written.
+        InputError: a file cannot be written.
     """
     with whole_file(file) as part:
         part.write_text(json.dumps(content, indent=2, default=str) + "\n")

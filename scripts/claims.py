@@ -14,7 +14,7 @@ except ModuleNotFoundError as error:
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # scripts/ is not installed
 from scripts.results import ROOT, expected, measured, number, plan
 
-FAILED = 1  # Status if a claim does not hold
+FAILED = 1  # Exit status if a claim does not hold
 
 
 def claims() -> None:
@@ -30,13 +30,13 @@ def claims() -> None:
 
 
 def holds(claim: Mapping[str, Any], figures: Mapping[str, float]) -> bool:
-    """Whether the figure that a claim names is there and within its bounds."""
+    """Whether the figure that a claim names exists and is within its bounds."""
     figure = figures.get(claim["figure"], float("nan"))
     return bool(claim.get("least", figure) <= figure <= claim.get("most", figure))
 
 
 def verdict(claim: Mapping[str, Any], figures: Mapping[str, float]) -> str:
-    """A line on whether a claim holds."""
+    """A line that says whether a claim holds."""
     word = "holds" if holds(claim, figures) else "FAILS"
     figure = figures.get(claim["figure"])
     value = "missing" if figure is None else number(figure)

@@ -18,7 +18,7 @@ except ModuleNotFoundError as error:
 def list_kernels() -> None:
     """Run the default episode with an empty cache, and write what numba compiles into sarsim/kernels.json."""
     with tempfile.TemporaryDirectory() as folder:
-        os.environ["NUMBA_CACHE_DIR"] = f"{folder}/cache"  # numba reads it when it is imported
+        os.environ["NUMBA_CACHE_DIR"] = f"{folder}/cache"  # numba reads this when it is imported
         lines = [json.dumps(one) for one in compiled(Path(folder, "episode"))]
     FILE.write_text("[\n" + ",\n".join(lines) + "\n]\n")
     print(f"{len(lines)} functions in {FILE}")

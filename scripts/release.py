@@ -9,13 +9,13 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 DATE = r"\d{4}-\d\d-\d\d"
 RESULTS = "<!-- results: written by make results -->"
-"""Where README's results begin and end."""
+"""Marks the beginning of README's results."""
 ROW = re.compile(rf", {DATE}, ([0-9a-f]{{7,40}}\+?) \|$", re.MULTILINE)
-"""The end of a row of README's results: when and on which commit it was measured."""
+"""The end of a row of README's results: date and commit of the measurement."""
 
 
 def main() -> None:
-    """Entry point: notes on stdout; or what is wrong on stderr, and status 1."""
+    """Entry point: print the notes, or print all faults to stderr and exit with status 1."""
     parser = ArgumentParser(description=__doc__)
     parser.add_argument("tag", help="as v0.1.0")
     tag = parser.parse_args().tag
@@ -37,7 +37,7 @@ def text(name: str) -> str:
 
 
 def changes(changelog: str, version: str) -> tuple[str, str]:
-    """The heading of a version in the changelog, and what stands below it."""
+    """The rest of a version's heading in the changelog, and the text below it; empty if it has none."""
     found = re.search(rf"^## {re.escape(version)}\b(.*)\n((?:(?!## ).*\n?)*)", changelog, re.MULTILINE)
     return (found[1], found[2].strip()) if found else ("", "")
 
@@ -50,7 +50,7 @@ def faults_of_tag(tag: str, version: str) -> list[str]:
 
 
 def faults_of_dates(heading: str, citation: str, version: str) -> list[str]:
-    """What is wrong with the dates of a version: CHANGELOG and CITATION must have one, and the same."""
+    """What is wrong with the dates of a version: CHANGELOG and CITATION must have the same one."""
     date = re.search(DATE, heading)
     if not date:
         return [f"CHANGELOG.md: the heading of {version} needs the release date, as in '## {version}, 2026-11-27'"]
@@ -62,7 +62,7 @@ def faults_of_results(readme: str) -> list[str]:
     """What is wrong with README's results: every row must be measured, and all on one commit without changes."""
     lines = iter(readme.partition(RESULTS)[2].splitlines())
     table = takewhile(lambda line: line.startswith("|"), dropwhile(lambda line: not line.startswith("|"), lines))
-    rows = list(table)[2:]  # after the heads of the columns and the line below them
+    rows = list(table)[2:]  # without the header and the line below it
     commits = [found[1] if (found := ROW.search(row)) else "none" for row in rows]
     if not rows:
         return ["README.md: has no results table"]

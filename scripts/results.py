@@ -34,7 +34,7 @@ README = ROOT / "README.md"
 MARKERS = ("<!-- results: written by make results -->", "<!-- end of results -->")
 WRITTEN = "Written by make results from pages.yaml and JSON"  # In every page
 NOT_MEASURED = "not measured yet"
-DIGITS = 5  # Significant digits of a figure that is kept
+DIGITS = 5  # Significant digits of a stored figure
 LEADERBOARD = """\
 The leaderboard compares methods of exploration on the same frozen arenas with the same seeds. Brackets hold 95 %
 intervals. [Sweeps](../sweeps.md) explains the columns, and how to enter a method of your own."""
@@ -44,7 +44,7 @@ other software where there is any. They help you to judge what to expect. Each p
 measurement."""
 
 Record = Mapping[str, Any]
-"""Figures, by name, and for what they hold: date, commit, command, version, machine, processor_s."""
+"""Figures by name, and how they were measured: date, commit, command, version, machine, processor_s."""
 
 
 @dataclass(frozen=True)
@@ -76,13 +76,13 @@ def results(settings: Results) -> None:
 
 
 def plan() -> dict[str, Any]:
-    """The pages: title, command, minutes of processor time, and tables of figures of each, and README's rows."""
+    """The title, command, minutes of processor time and tables of each page; and README's rows and claims."""
     content: dict[str, Any] = yaml.safe_load((FOLDER / "pages.yaml").read_text())
     return content
 
 
 def renew(name: str, page: Mapping[str, Any], settings: Results) -> None:
-    """Measure a page unless its figures are of this state of the code."""
+    """Measure a page unless it has figures for this state of the code."""
     commit, old = state_of_code(), record_of(name)
     if old and old["commit"] == commit and not commit.endswith("+") and not settings.again:
         print(f"{name}: already measured on {commit}")
@@ -99,16 +99,16 @@ def renew(name: str, page: Mapping[str, Any], settings: Results) -> None:
 
 
 def measured(command: str, folder: Path, environment: Mapping[str, str] = {}) -> dict[str, Any]:
-    """The record of a command, without the commit: of a benchmark, or of an episode by its report.
+    """The record of a command, without the commit; the command is a benchmark or an episode.
 
-    ``environment``: variables for the command, such as those that choose a library's instructions.
+    ``environment``: environment variables for the command, such as one that selects a library's instruction set.
 
     Raises:
         InputError: the command failed.
     """
     benchmark = command.startswith("benchmark.py")
     if not benchmark:
-        shutil.rmtree(folder, ignore_errors=True)  # an episode wants a new one
+        shutil.rmtree(folder, ignore_errors=True)  # an episode needs a new folder
     folder.mkdir(parents=True, exist_ok=True)
     output = ["--json", str(folder / "figures.json")] if benchmark else ["--out", str(folder)]
     before = resource.getrusage(resource.RUSAGE_CHILDREN)
@@ -129,26 +129,26 @@ def measured(command: str, folder: Path, environment: Mapping[str, str] = {}) ->
 
 
 def kept(figures: Mapping[str, Any]) -> dict[str, float]:
-    """The figures that are numbers, rounded to ``DIGITS``, with names that do not begin with a dot."""
+    """The figures that are numbers, except settings, rounded to ``DIGITS``; leading dots are stripped from names."""
     numbers = {name.lstrip("."): value for name, value in figures.items() if isinstance(value, int | float)}
     return {name: float(f"{value:.{DIGITS}g}") for name, value in numbers.items() if not name.startswith("config")}
 
 
 def record_of(name: str) -> Record | None:
-    """What was measured for a page, if anything was."""
+    """The record of a page; None if it has not been measured."""
     file = FOLDER / f"{name}.json"
     return json.loads(file.read_text()) if file.exists() else None
 
 
 def write_pages() -> None:
-    """Write every page of results and README's table from the figures that are there."""
+    """Write every page of results and README's table from the figures that exist."""
     for file, text in texts().items():
         with whole_file(file) as part:
             part.write_text(text)
 
 
 def texts() -> dict[Path, str]:
-    """The text of every file that is written from figures."""
+    """The text of every file that is generated from figures."""
     content = plan()
     pages, records = content["pages"], {name: record_of(name) for name in content["pages"]}
     written = {FOLDER / f"{name}.md": text_of(name, page, records[name]) for name, page in pages.items()}
@@ -187,7 +187,7 @@ def index_of(pages: Mapping[str, Any], records: Mapping[str, Record | None]) -> 
 
 @cache
 def leaderboard(files: tuple[Path, ...], about: str) -> str:
-    """The page of the leaderboard by the files of its entries, as Markdown; each file is read once in a process."""
+    """The page of the leaderboard, from the files of its entries, as Markdown; cached, to read the files once."""
     from sarsim.commands.sweeps.leaderboard import boards, read_entry
 
     parts = []
@@ -212,19 +212,19 @@ def text_of(name: str, page: Mapping[str, Any], record: Record | None) -> str:
 
 
 def markdown(title: str, about: str, command: str, *parts: str) -> str:
-    """A page with a title, what it is about, the command that makes it, and paragraphs or tables."""
+    """A page with a title, an introduction, the command that makes it, and paragraphs or tables."""
     return "\n\n".join([f"# {title}", f"<!-- {WRITTEN} -->", about, f"```sh\n{command}\n```", *parts]) + "\n"
 
 
 def origin(record: Record) -> str:
-    """When, on what code and on what machine the figures were measured."""
+    """When, with what code and on what machine the figures were measured."""
     machine = record["machine"]
     on = f"{machine['cores']} cores of {machine['processor']} ({machine['instructions']})"
     return f"Measured on {record['date']} at commit {record['commit']} (version {record['version']}) on {on} by"
 
 
 def shown(command: str) -> str:
-    """A command as a page shows it: by its installed name if it has one, without the folder of unfinished runs."""
+    """A command as a page shows it: with its installed name, if it has one, and without the folder ``--runs``."""
     command = re.sub(r" --runs \S+", "", command)
     return (
         command.replace("run_episode.py", "sarsim-episode")
@@ -234,9 +234,9 @@ def shown(command: str) -> str:
 
 
 def table_of(table: Mapping[str, Any], figures: Mapping[str, float]) -> str:
-    """A table of the rows that have a figure, empty without such rows.
+    """A table of the rows that have a figure; empty if there are none.
 
-    A figure's name is ``cell`` with the parts of its name that row and column stand for.
+    The format ``cell``, filled in with the values of row and column, is the name of a figure.
     """
     columns, cell = table.get("columns", {table.get("unit", "value"): ""}), table.get("cell", "{row}")
     rows = []
@@ -254,7 +254,7 @@ def line(cells: Iterable[str]) -> str:
 
 
 def readme_row(row: Mapping[str, str], record: Record | None) -> str:
-    """A row of README's results: ``ours`` and ``peer`` with the figures that stand in braces."""
+    """A row of README's results: ``ours`` and ``peer`` with figures in place of the fields in braces."""
     try:
         cells = [
             filled(row[who], record["figures"] if record else {}) if who in row else "–" for who in ("ours", "peer")
@@ -280,12 +280,12 @@ def claim_row(claim: Mapping[str, Any], page: Mapping[str, Any], record: Record 
 
 
 def expected(claim: Mapping[str, Any]) -> str:
-    """Which figures a claim allows."""
+    """The figures that a claim allows."""
     return f"≥ {claim['least']:g}" if "least" in claim else f"≤ {claim['most']:g}"
 
 
 def number(value: float) -> str:
-    """A figure in four digits."""
+    """A figure to four significant digits, or, from 1000 on, as an integer."""
     return f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.4g}"
 
 
@@ -296,7 +296,7 @@ def duration(page: Mapping[str, Any], record: Record | None) -> str:
 
 
 def seconds(page: Mapping[str, Any], record: Record | None) -> float:
-    """Processor time of a page, s: by its last measurement if that was whole, else as it is planned."""
+    """Processor time of a page, s: of its last measurement if that was complete, otherwise as planned."""
     whole = record and shown(record["command"]) == shown(page["command"])
     return float(record["processor_s"] if record and whole else 60 * page["minutes"])
 

@@ -1,6 +1,6 @@
-"""Draw docs/images/episode.webp: an episode seen from above, with the labels that the robot gives, and by its camera.
+"""Draw docs/images/episode.webp: an episode from above, with the robot's labels, and as the robot's camera sees it.
 
-``python docs/figures/draw_animation.py runs/nist_6x4-0`` takes the files of an episode in that arena.
+``python docs/figures/draw_animation.py runs/nist_6x4-0`` reads the folder of an episode in the arena nist_6x4.
 """
 
 import json
@@ -25,21 +25,21 @@ from sarsim.scoring.coverage import Coverage
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 
 STEP, SHOWN, LAST = 1.0, 90, 3500
-"""s of the episode from one image to the next; ms that each is shown, and the last one."""
+"""Time of the episode between two images, s; display time of each image, and of the last, ms."""
 OVERVIEW, CUT = (720, 540), (45, 467)
-"""Pixels of the picture from above, and its rows that show something."""
+"""Size of the picture from above, and the range of its rows that is shown, pixels."""
 SIDE = 300
-"""Pixels that the column beside it is wide."""
+"""Width of the column to the right of that picture, pixels."""
 DARK = 16
-"""Largest value of a colour of the sky in the robot's noisy image."""
+"""Maximum value of the sky's colours in the robot's noisy image."""
 SKY = 20.0
-"""m from the picture's camera beyond which nothing of the arena lies."""
+"""m from the picture's camera, beyond which there is nothing of the arena."""
 BEHIND = 0.03
-"""m that a point may lie behind the surface of the picture, and still be painted on it."""
+"""Maximum distance of a painted point behind the surface in the picture, m."""
 PAINT = 0.8
 """Opacity of a label's colour."""
 AROUND = 0.1
-"""m around a person who was found within which points are the person's."""
+"""Margin around the box of a person who was found, m; points inside belong to the person."""
 NAMES = {Label.WALL: "wall", Label.TERRAIN: "terrain", Label.INCLINED_RAMP: "inclined ramp",
          Label.STRAIGHT_RAMP: "straight ramp", Label.VICTIM: "person found"}  # fmt: skip
 INK, DIM, GROUND, TRACK = (240, 240, 240), (160, 165, 170), (24, 27, 31), (255, 255, 255)
@@ -49,15 +49,15 @@ IMAGE = Path(__file__).parents[1] / "images" / "episode.webp"
 
 @dataclass(frozen=True, eq=False)
 class Drive:
-    """What an episode's folder holds of the drive.
+    """The drive of an episode.
 
     Attributes:
-        times: (N,) s of the true poses.
-        places: (N, 3) m.
-        turns: their rotations, by time.
-        keyframes: time in s, and what was seen of each.
-        poses: of the keyframes.
-        people: time in s at which each was found, its place (3,) and its size (3,), m.
+        times: (N,) times of the true poses, s.
+        places: (N, 3) true positions, m.
+        turns: the true rotations, interpolated over time.
+        keyframes: time of each keyframe, s, and what was seen in it.
+        poses: (K, 4, 4) poses of the keyframes.
+        people: time at which each person was found, s, and the person's position (3,) and size (3,), m.
     """
 
     times: NDArray[np.float64]
@@ -78,7 +78,7 @@ def main() -> None:
 
 
 def read(folder: Path, robot: SimulatedRobot) -> Drive:
-    """What the folder of an episode holds of its drive."""
+    """Read the drive of an episode from its folder."""
     columns = "t x y z qx qy qz qw"
     true = read_numbers(folder / "trajectory_true.tum", columns)
     keyframes = read_keyframes(folder / "keyframes.npz", robot.model)
@@ -94,9 +94,9 @@ def read(folder: Path, robot: SimulatedRobot) -> Drive:
 
 
 def passed(track: NDArray[np.float64], poses: NDArray[np.float64]) -> NDArray[np.int64]:
-    """(K,) indices of the poses (N, 7) of a drive, position and quaternion, at which it passed ``poses`` (K, 4, 4).
+    """(K,) indices in a track (N, 7), positions and quaternions, at which it passed ``poses`` (K, 4, 4).
 
-    Of all choices in the order of the drive, that of the least sum of distances, by dynamic programming.
+    Minimises the sum of distances over all choices in the order of the drive, by dynamic programming.
     """
     quaternions = Rotation.from_matrix(poses[:, :3, :3]).as_quat()
     apart = np.linalg.norm(track[:, :3] - poses[:, None, :3, 3], axis=2)
@@ -113,7 +113,7 @@ def passed(track: NDArray[np.float64], poses: NDArray[np.float64]) -> NDArray[np
 
 
 def growing(drive: Drive, robot: SimulatedRobot) -> Iterator[Image.Image]:
-    """Images every ``STEP`` of the drive."""
+    """One image per ``STEP`` of the drive."""
     coverage, done = Coverage(robot), 0
     clouds = [(np.zeros((0, 3), np.float32), np.zeros(0, np.int64))]
     for time in np.arange(drive.times[0], drive.times[-1] + STEP, STEP).clip(max=drive.times[-1]):
@@ -135,7 +135,7 @@ def growing(drive: Drive, robot: SimulatedRobot) -> Iterator[Image.Image]:
 
 
 def labelled(seen: Seen, T: NDArray[np.float64]) -> tuple[NDArray[np.float32], NDArray[np.int64]]:
-    """(N, 3) points in ``map``, m, without the ceiling, and their labels (N,); none if it was not labelled."""
+    """(N, 3) points in ``map``, m, except the ceiling, and their labels (N,); empty if it was not labelled."""
     if seen.shares is None:
         return np.zeros((0, 3), np.float32), np.zeros(0, np.int64)
     labels = seen.shares.classes[:, 0].astype(np.int64)
@@ -146,7 +146,7 @@ def labelled(seen: Seen, T: NDArray[np.float64]) -> tuple[NDArray[np.float32], N
 def painted(
     robot: SimulatedRobot, points: NDArray[np.float32], colours: NDArray[np.uint8], track: NDArray[np.float64]
 ) -> NDArray[np.uint8]:
-    """(H, W, 3) the arena from above, with the points in sight painted on it, and the track (N, 3) m of the robot."""
+    """(H, W, 3) the arena from above, with the visible points and the robot's track (N, 3) m painted on it."""
     data = robot.physics.data.ptr
     picture = cv2.resize(robot.renderer.colour(data, "overview"), OVERVIEW)
     depth = cv2.resize(robot.renderer.segmentation_and_depth(data, "overview")[1], OVERVIEW)
@@ -171,7 +171,7 @@ def painted(
 def in_picture(
     robot: SimulatedRobot, points: NDArray[np.floating]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """(N, 2) pixels of points (N, 3) m in the picture from above, and (N,) m along its optical axis."""
+    """(N, 2) pixels of points (N, 3) m in the picture from above, and their depths (N,) m."""
     view = robot.physics.named
     in_camera = (points - view.data.cam_xpos["overview"]) @ view.data.cam_xmat["overview"].reshape(3, 3)
     focal = OVERVIEW[1] / 2 / np.tan(np.radians(view.model.cam_fovy["overview"]) / 2)
@@ -179,7 +179,7 @@ def in_picture(
 
 
 def beside(picture: NDArray[np.uint8], view: NDArray[np.uint8], time: float, explored: float) -> Image.Image:
-    """The picture from above, and right of it the robot's view, the clock, what is explored, and the colours."""
+    """The picture from above and, to its right, the robot's view, the clock, the explored share and a legend."""
     height = CUT[1] - CUT[0]
     image = Image.new("RGB", (OVERVIEW[0] + SIDE, height), GROUND)
     image.paste(Image.fromarray(picture[slice(*CUT)]), (0, 0))

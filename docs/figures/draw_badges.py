@@ -1,4 +1,4 @@
-"""Draw README's badges from pyproject.toml: ``draw_badges.py``. As files, they need no network to be shown."""
+"""Draw README's badges from pyproject.toml: ``draw_badges.py``. Stored as files, they are shown without a network."""
 
 import tomllib
 from pathlib import Path
@@ -26,7 +26,7 @@ def badge(left: str, right: str) -> str:
 
 
 def badges() -> dict[Path, str]:
-    """The file and the text of every badge."""
+    """The file and the SVG text of every badge."""
     project = tomllib.loads((ROOT / "pyproject.toml").read_text())["project"]
     pins = dict(d.split("==") for d in project["dependencies"] if "==" in d)
     shown = {

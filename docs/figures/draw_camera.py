@@ -1,4 +1,4 @@
-"""Draw docs/images/camera.jpg: the images of the robot's camera at one place of the NIST arena."""
+"""Draw docs/images/camera.jpg: the images of the robot's camera at one pose in the NIST arena."""
 
 from pathlib import Path
 
@@ -14,11 +14,11 @@ from sarsim.sensors.xtion import Xtion
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 
 POSITION, YAW = (-1.55, 1.1, 0.0), np.radians(4)  # in the northern lane, in front of a victim, a ramp and a deck
-ERROR = 0.04  # m, the end of the error's colour scale
+ERROR = 0.04  # m, at either end of the colour scale of errors
 
 
 def error_picture(error: NDArray[np.float32], returns: NDArray[np.bool_]) -> NDArray[np.uint8]:
-    """(H, W, 3) BGR of errors (H, W) in m: too near is blue, too far red, without error grey, no return black."""
+    """(H, W, 3) BGR image of errors (H, W) in m: blue too near, red too far, grey exact, black without return."""
     scaled = ((error / ERROR + 1) / 2 * 255).clip(0, 255).astype(np.uint8)
     side = np.abs(scaled.astype(np.float32) - 127.5)[..., None] / 127.5
     red_or_blue = np.where((scaled > 127)[..., None], (40, 40, 230), (230, 90, 40))
@@ -33,7 +33,7 @@ def titled(picture: NDArray[np.uint8], title: str) -> NDArray[np.uint8]:
 
 
 def main() -> None:
-    """Put the robot down, take a frame, draw."""
+    """Place the robot, take a frame and draw it."""
     simulation = SimulatedRobot(load_arena("nist_6x4"), SimulationConfig(sensor="ideal"), seed=0)
     quaternion = (np.cos(YAW / 2), 0, 0, np.sin(YAW / 2))
     simulation.robot.set_pose(simulation.physics, POSITION, quaternion)

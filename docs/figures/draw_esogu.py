@@ -16,7 +16,7 @@ from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 
 IMAGES = Path(__file__).parents[1] / "images"
 HIDDEN = 3
-"""A group of geoms that is not drawn."""
+"""A geom group that is not drawn."""
 PLACES = [
     (-25.0, 0.7, 0.0), (5.0, 1.1, -0.12), (-19.9, -5.8, 2.9), (-1.2, -2.3, -2.3),
     (6.2, -5.3, 0.2), (-10.9, 5.1, -0.25), (12.8, 3.0, 1.7), (-2.2, 2.8, 0.8),
@@ -37,7 +37,7 @@ def save(name: str, picture: NDArray[np.uint8]) -> None:
 
 
 def from_above(camera: str) -> NDArray[np.uint8]:
-    """The floor without its ceiling, BGR; drawn twice as large, so that edges are smooth."""
+    """The floor without its ceiling, BGR; rendered at twice the size, for smooth edges."""
     model = mujoco.MjModel.from_xml_path(str(asset("arenas", "esogu_52x15.xml")))
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
@@ -57,7 +57,7 @@ def cropped(picture: NDArray[np.uint8], margin: int = 12) -> NDArray[np.uint8]:
 
 
 def robots_eye(places: list[tuple[float, float, float]], config: SimulationConfig) -> NDArray[np.uint8]:
-    """(H, W, 3) BGR images of the robot's camera, with labels below, four places in a row."""
+    """(H, W, 3) BGR images of the robot's camera, with labels below, four positions in a row."""
     robot = SimulatedRobot(load_arena("esogu_52x15"), config, seed=0)
     camera = RgbdCamera(robot.renderer, robot.robot.camera.full_identifier)
     pictures = []

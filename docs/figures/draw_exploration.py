@@ -24,7 +24,7 @@ def pictures(file: Path, worst: dict[str, list[str]]) -> NDArray[np.uint8]:
 
 
 def main() -> None:
-    """Draw."""
+    """Draw the image."""
     file = Path(sys.argv[1])
     content = json.loads(file.read_text())
     cv2.imwrite(str(IMAGE), pictures(file, content["worst"]), [cv2.IMWRITE_JPEG_QUALITY, 85])

@@ -1,4 +1,4 @@
-"""Draw labels: semantic-labels.jpg with the network and the vote, networks.jpg with all networks."""
+"""Draw labelled frames: semantic-labels.jpg with the default network and the vote, networks.jpg with all networks."""
 
 import sys
 from pathlib import Path
@@ -15,12 +15,12 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[2]))  # scripts/ is not 
 from scripts.benchmarks.labelled_drives import PosedFrame, drive_through
 
 FRAMES = {"nist_6x4": (1, 3, 4), "esogu_52x15": (1, 7, 15)}
-"""By arena, the indices of the drawn frames of a drive."""
-KEYFRAMES = (2.0, 0.8)  # m and rad
+"""For each arena, the indices of the frames of a drive that are drawn."""
+KEYFRAMES = (2.0, 0.8)  # m and rad between frames
 
 
 def label_picture(seen: PosedFrame, labels: NDArray[np.integer]) -> NDArray[np.uint8]:
-    """(H, W, 3) BGR, the (N,) labels of the returns in their colours; no return is black."""
+    """(H, W, 3) BGR image of the labels (N,) of the returns, in their colours; black without return."""
     picture = np.zeros((*seen.frame.depth.shape, 3), np.uint8)
     picture[seen.frame.returns] = COLOURS[labels, ::-1]
     return picture
@@ -46,7 +46,7 @@ def draw(name: str, networks: list[NetworkClassifier]) -> None:
 
 
 def main() -> None:
-    """Draw the default network, alone and with the vote, and all networks alone."""
+    """Draw the default network, without and with the vote, and all networks without it."""
     draw("semantic-labels.jpg", [NetworkClassifier(WEIGHTS, vote=False), NetworkClassifier(WEIGHTS)])
     draw("networks.jpg", [NetworkClassifier(WEIGHTS.with_stem(name), vote=False) for name in POINT_NETWORKS])
 

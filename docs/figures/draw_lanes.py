@@ -25,7 +25,7 @@ def main() -> None:
 
 
 def drawn(lane: str, size: tuple[int, int], distance: float, azimuth: float, elevation: float) -> NDArray[np.uint8]:
-    """(H, W, 3) image of a lane without a roof, ``distance`` m from its middle, angles in degrees."""
+    """(H, W, 3) image of a lane without its roof, from ``distance`` m away from its centre; angles in degrees."""
     root = load_arena(f"{LANES_FOLDER}{lane}").mjcf_model
     for roof in [g for g in root.find_all("geom") if g.dclass is not None and g.dclass.dclass == "ceiling"]:
         roof.remove()

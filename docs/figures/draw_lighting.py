@@ -37,7 +37,7 @@ def save(name: str, picture: NDArray[np.uint8]) -> None:
 
 
 def row_of(title: str, config: SimulationConfig) -> NDArray[np.uint8]:
-    """Colour and depth at each place, side by side, (H, W, 3) BGR."""
+    """Colour and depth images at each pose, side by side, (H, W, 3) BGR."""
     robot = SimulatedRobot(load_arena("nist_6x4"), config, seed=0)
     pictures = []
     for x, y, yaw in PLACES:

@@ -20,7 +20,7 @@ KEYFRAMES = (35, 70, 105, 140)
 ELEVATION, AZIMUTH = np.radians(52), np.radians(-75)
 PIXELS_PER_METRE = 112
 SIZE = (800, 560)  # width, height of a panel
-BRIGHTNESS = (0.62, 0.8, 1.0)  # of faces whose normals are along x, y and z
+BRIGHTNESS = (0.62, 0.8, 1.0)  # of faces with normals along x, y and z
 
 
 class Panels(Sink):
@@ -42,7 +42,7 @@ class Panels(Sink):
 
 
 def draw(metric_map: MetricMap, labels: NDArray[np.uint8]) -> NDArray[np.uint8]:
-    """The occupied voxels as cubes in the colours of their (N,) labels, drawn from far to near."""
+    """The occupied voxels as cubes in the colours of their (N,) labels, drawn from back to front."""
     picture = np.full((SIZE[1], SIZE[0], 3), 255, np.uint8)
     centres, side = metric_map.occupied_centres(), metric_map.voxel_size
     colours = COLOURS[labels][:, ::-1]

@@ -1,6 +1,6 @@
 """Draw the picture of missions.md: ``python docs/figures/draw_mission.py runs/mission``.
 
-What a mission handed in: the 2D map, the 3D map from above, coloured as it is handed in, and the list of finds.
+It shows what a mission handed in: the 2D map, the 3D map from above in its own colours, and the list of finds.
 """
 
 import csv
@@ -16,9 +16,9 @@ from pipeline.league.cloud import RGB, read_cloud
 
 IMAGE = Path(__file__).parents[1] / "images" / "mission.jpg"
 HEIGHT = 720
-"""Pixels of the maps."""
+"""Height of the maps, pixels."""
 LINE = 26
-"""Pixels of a line of the list."""
+"""Height of a line of the list, pixels."""
 FONT = cv2.FONT_HERSHEY_SIMPLEX
 
 

@@ -1,4 +1,4 @@
-"""Draw docs/images/real-*.jpg: real frames of a folder like ../shared/real_rgbd, and the labels of their maps.
+"""Draw docs/images/real-*.jpg: real frames from a folder like ../shared/real_rgbd, and the labels of their maps.
 
 ``python docs/figures/draw_real_frames.py FOLDER`` also prints the shares of the labels among all returns.
 """
@@ -46,7 +46,7 @@ def desk(folder: Path) -> tuple[NDArray, NDArray, Calibration]:
 
 
 def labels_of(colour: NDArray, depth: NDArray, calibration: Calibration) -> NDArray[np.uint8]:
-    """(H, W) labels of the map of map_recording.py at each pixel's point; unlabelled without depth."""
+    """(H, W) label of each pixel's point in the map that map_recording.py makes; unlabelled without depth."""
     with TemporaryDirectory() as name:
         for kind, image in (("rgb", colour), ("depth", np.rint(np.clip(depth, 0, 13) * SCALE).astype(np.uint16))):
             (Path(name) / kind).mkdir()
@@ -64,7 +64,7 @@ def labels_of(colour: NDArray, depth: NDArray, calibration: Calibration) -> NDAr
 
 
 def main() -> None:
-    """Map each frame, draw it beside its labels, and print the labels' shares."""
+    """Map each frame, draw it next to its labels, and print the labels' shares."""
     folder, images = Path(sys.argv[1]), Path(__file__).parents[1] / "images"
     for read in (corridor, basement, desk):
         colour, depth, calibration = read(folder)

@@ -1,6 +1,6 @@
 """Draw the pictures of recording.md: ``python docs/figures/draw_recording.py runs/nist_6x4-0/episode.rrd``.
 
-Needs no screen, but Debian's xvfb and mesa-vulkan-drivers, and for the browser's image Debian's chromium, and
+Needs no screen, but Debian's xvfb and mesa-vulkan-drivers; the browser's image also needs Debian's chromium, and
 Playwright in the Python that runs this script.
 """
 
@@ -44,7 +44,7 @@ def in_window(recording: Path, tab: int) -> NDArray[np.uint8]:
     """(H, W, 3) uint8 BGR, the native viewer with one of the map's tabs in front."""
     with tempfile.TemporaryDirectory() as folder:
         layout, picture = at_the_end(recording, tab, Path(folder)), Path(folder, "picture.png")
-        # On such a large screen the pointer, in the middle of the screen, is outside the window.
+        # On so large a screen, the pointer, which is in the middle, is outside the window.
         screen = ["xvfb-run", "-a", "-s", "-screen 0 6000x4000x24"]
         viewer = [sys.executable, "-m", "rerun_cli", recording, layout, "--bind", HOST, "--port", "auto"]
         size = "x".join(map(str, SIZE))
@@ -53,7 +53,7 @@ def in_window(recording: Path, tab: int) -> NDArray[np.uint8]:
 
 
 def in_browser(recording: Path) -> NDArray[np.uint8]:
-    """(H, W, 3) uint8 BGR, the page for the browser."""
+    """(H, W, 3) uint8 BGR, the web viewer in a browser."""
     from playwright.sync_api import sync_playwright
 
     with tempfile.TemporaryDirectory() as folder, sync_playwright() as playwright:
@@ -68,7 +68,7 @@ def in_browser(recording: Path) -> NDArray[np.uint8]:
 
 
 def at_the_end(recording: Path, tab: int, folder: Path) -> Path:
-    """A file in ``folder`` with the recording's layout, one of the map's tabs in front, at the end of the episode."""
+    """A layout file in ``folder`` that shows the end of the episode, with one of the map's tabs in front."""
     layout = folder / "tab.rbl"
     blueprint(*arena_bounds(recording), tab=tab, is_live=True).save("sarsim", layout)
     return layout

@@ -1,6 +1,6 @@
 """Draw the picture of rescue-report.md: ``python docs/figures/draw_rescue_report.py runs/nist_6x4-0/report.html``.
 
-The image shows the page as on a screen, and beside it as on a phone. Needs Debian's chromium, but no screen.
+The image shows the page as on a desktop screen and, next to it, as on a phone. Needs Debian's chromium, no screen.
 """
 
 import subprocess
@@ -14,11 +14,11 @@ from numpy.typing import NDArray
 
 IMAGE = Path(__file__).parents[1] / "images" / "rescue-report.jpg"
 HEIGHT = 1500
-"""Pixels of the image."""
+"""Height of the browser's windows, pixels."""
 
 
 def main() -> None:
-    """Draw the page that the command names."""
+    """Draw the page named on the command line."""
     page = Path(sys.argv[1]).absolute()
     wide, narrow = in_browser(page, 1180, HEIGHT), in_browser(page, 500, HEIGHT)
     gap = np.full((HEIGHT, 24, 3), 150, np.uint8)

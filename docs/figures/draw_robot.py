@@ -1,4 +1,4 @@
-"""Draw the picture of the robots' page."""
+"""Draw the picture for the robots' page."""
 
 from pathlib import Path
 
@@ -14,7 +14,7 @@ IMAGE = Path(__file__).parents[1] / "images" / "pioneer3at.jpg"
 
 
 def main() -> None:
-    """Let the robot settle, and draw it by the camera of its scene."""
+    """Let the robot settle, and draw it with its scene's camera."""
     model = mujoco.MjModel.from_xml_path(str(asset("robots", "pioneer3at", "scene.xml")))
     data = mujoco.MjData(model)
     mujoco.mj_step(model, data, 500)

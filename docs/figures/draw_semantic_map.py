@@ -1,4 +1,4 @@
-"""Draw docs/images/semantic-map.jpg: points and segments from frames all over the NIST arena, from above."""
+"""Draw docs/images/semantic-map.jpg: points and segments from frames all over the NIST arena, seen from above."""
 
 from itertools import product
 from pathlib import Path
@@ -56,12 +56,12 @@ def segments_picture(segments: Segments) -> NDArray[np.uint8]:
 
 
 def main() -> None:
-    """Put the robot at several places, take frames all around, draw."""
+    """Place the robot at several positions, take frames in all directions, and draw the map."""
     simulation = SimulatedRobot(load_arena("nist_6x4"), SimulationConfig(odometry="truth", sensor="xtion"), seed=0)
     classifier, semantic_map, segments = TruthClassifier(), SemanticMap(), Segments()
     for step, ((x, y), yaw) in enumerate(product(PLACES, YAWS)):
         simulation.robot.set_pose(simulation.physics, (x, y, 0.0), (np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)))
-        simulation.drive(Velocity())  # settles, and updates the pose
+        simulation.drive(Velocity())  # lets the robot settle, and updates its pose
         frame = simulation.sense()
         T_map_camera = frame.T_odom_base @ frame.T_base_camera
         points = frame.points(T_map_camera)

@@ -14,7 +14,7 @@ CROPS = {
     "rooms": ("real-desk", [(70, 0, 250, 240), (390, 0, 570, 240)]),
     "grid": ("metric-map", [(820, 562, 1576, 1066)]),
 }
-"""Name of each thumbnail, its picture, and the pieces (left, upper, right, lower) that are put side by side."""
+"""For each thumbnail: its picture, and the pieces (left, upper, right, lower) that are put side by side."""
 
 
 def thumbnail(picture: Image.Image, pieces: list[tuple[int, int, int, int]]) -> Image.Image:

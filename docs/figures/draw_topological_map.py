@@ -24,10 +24,10 @@ TREE, LOOP, PLAN = (40, 40, 40), (0, 140, 255), (60, 160, 30)
 
 
 class Picture:
-    """The ground from above, with ways, nodes and edges drawn over it."""
+    """The ground from above, with paths, nodes and edges drawn over it."""
 
     def __init__(self, traversability: Traversability):
-        """Paint the ground: unknown, hazards, traversable, ramps."""
+        """Paint the ground: unknown, known, hazards, traversable, ramps."""
         ground = np.full((*traversability.grid.shape, 3), UNKNOWN, np.uint8)
         ground[~np.isnan(traversability.elevation)] = KNOWN
         ground[traversability.traversable] = TRAVERSABLE
@@ -40,7 +40,7 @@ class Picture:
         self.image = np.ascontiguousarray(np.kron(ground, np.ones((CELL, CELL, 1), np.uint8)).swapaxes(0, 1)[::-1])
 
     def line(self, way: NDArray[np.float64], colour: tuple[int, int, int], width: int) -> None:
-        """Draw a way (N, 2 or 3)."""
+        """Draw a path (N, 2 or 3)."""
         cv2.polylines(self.image, [self._pixels(way)], False, colour, width, cv2.LINE_AA)
 
     def nodes(self, topology: TopologicalMap) -> None:
@@ -61,7 +61,7 @@ class Picture:
 
 
 def explored() -> tuple[Explorer, Step]:
-    """The NIST arena after an episode."""
+    """The explorer and its last step, after an episode in the NIST arena."""
     robot = SimulatedRobot(load_arena("nist_6x4"), SimulationConfig(), seed=0)
     explorer = Explorer(robot, make_mapper(TRUE_LABELS, robot.model))
     step = explorer.step()
@@ -73,7 +73,7 @@ def explored() -> tuple[Explorer, Step]:
 
 
 def farthest_plan(topology: TopologicalMap, traversability: Traversability) -> NDArray[np.float64]:
-    """(N, 2) the plan between the two nodes that are farthest apart on the graph."""
+    """(N, 2) the plan between the two nodes farthest apart on the graph."""
     ways = dict(nx.all_pairs_dijkstra_path_length(topology.graph))
     a, b = max(((a, b) for a in ways for b in ways[a]), key=lambda pair: ways[pair[0]][pair[1]])
     paths = PosePaths(traversability, topology.nodes[a].position)

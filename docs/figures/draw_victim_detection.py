@@ -25,9 +25,9 @@ from scripts.benchmarks.victims_frames import recipe, with_lighting
 
 IMAGE = Path(__file__).parents[1] / "images" / "victim-detections.jpg"
 SEED, FRAMES, A_ROW, LEAST = 2026, 4, 3, 3000
-"""Seed of the arenas; frames of each; images for each lighting; least number of pixels of people in an image."""
+"""Seed of the arenas; frames per arena; images per lighting; minimum number of pixels of people in an image."""
 FOUND, REFUSED = (60, 220, 60), (255, 140, 0)
-"""RGB of a box that is a person by its depth, and of one that is not; the person's pixels are tinted."""
+"""RGB of a box in which depth confirms a person, and of others; the pixels of confirmed people are tinted."""
 
 
 def main() -> None:
@@ -38,7 +38,7 @@ def main() -> None:
 
 
 def frames(light: Lighting) -> Iterator[Frame]:
-    """From each of the first arenas that show people, the frame in which people cover most pixels."""
+    """From each of the first arenas that show people, the frame in which people cover the most pixels."""
     arenas, shown = with_lighting(recipe(SEED, FRAMES), light), 0
     for index in count():
         scene, arena = find_scene(arenas, index)
@@ -56,7 +56,7 @@ def frames(light: Lighting) -> Iterator[Frame]:
 
 
 def picture(frame: Frame, detector: VictimDetector) -> NDArray[np.uint8]:
-    """(H, W, 3) the image with the detections, and whether each is a person by its depth."""
+    """(H, W, 3) the image with its detections, coloured by whether depth confirms a person."""
     result = frame.rgb.copy()
     for detection in detector.detect(frame.rgb):
         seen = observe(frame, detection, frame.T_base_camera)

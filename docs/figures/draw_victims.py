@@ -13,7 +13,7 @@ from sarsim.victims.victims import Placement, Posture, VictimModel, make_victim
 
 IMAGES = Path(__file__).parents[1] / "images"
 EYE = 0.62
-"""m; height of the robot's camera."""
+"""Height of the robot's camera, m."""
 STAGE = """
 <mujoco>
   <size nuser_geom="1"/>
@@ -45,7 +45,7 @@ SHEET: list[tuple[Posture, Placement, float]] = [
 ]  # fmt: skip
 """Posture, placement, and the camera's azimuth, degrees."""
 DISTANCE = {"box": 1.7, "hole": 2.7}
-"""m, distance of the camera for some of the placements."""
+"""Distance of the camera for some placements, m."""
 
 
 def main() -> None:
@@ -65,7 +65,7 @@ def main() -> None:
 
 
 def picture(victim: VictimModel, azimuth: float, distance: float, size: tuple[int, int]) -> NDArray[np.uint8]:
-    """(H, W, 3) RGB, a victim from the height of the robot's camera and with its field of view."""
+    """(H, W, 3) RGB image of a victim, from the height and with the field of view of the robot's camera."""
     model = stage(victim)
     data = mujoco.MjData(model)
     mujoco.mj_forward(model, data)
@@ -78,7 +78,7 @@ def picture(victim: VictimModel, azimuth: float, distance: float, size: tuple[in
 
 
 def stage(victim: VictimModel) -> mujoco.MjModel:
-    """A model with the victim on a floor, and a wall if the victim needs one."""
+    """A model of the victim on a floor, with a wall if the victim needs one."""
     root: Element = fromstring(STAGE)
     if victim.needs_wall:
         wall = {"type": "box", "size": "0.02 2.5 0.6", "pos": "-0.02 0 0.6", "material": "panel"}

@@ -14,7 +14,7 @@ DPI = 80
 
 
 def outputs(printed: str) -> list[dict[str, Any]]:
-    """The outputs of a cell that has just run, as the notebook format has them: its text and its open figures."""
+    """The outputs of a cell that has just run, in notebook format: its text and its open figures."""
     made: list[dict[str, Any]] = []
     if printed:
         made.append({"name": "stdout", "output_type": "stream", "text": printed.splitlines(keepends=True)})
@@ -28,7 +28,7 @@ def outputs(printed: str) -> list[dict[str, Any]]:
 
 
 def run() -> None:
-    """Run all cells in their order."""
+    """Run all cells in order."""
     content = json.loads(NOTEBOOK.read_text())
     space: dict[str, Any] = {}
     for count, cell in enumerate((c for c in content["cells"] if c["cell_type"] == "code"), 1):

@@ -1,1 +1,1 @@
-"""Readers of recordings that are to be mapped: TUM folders and ROS bags."""
+"""Readers of recordings to be mapped: TUM folders and ROS bags."""

@@ -1,4 +1,4 @@
-"""The numbers by which recordings are read."""
+"""Parameters of reading recordings."""
 
 from dataclasses import dataclass
 
@@ -8,10 +8,10 @@ class DatasetsConfig:
     """How recordings are read.
 
     Attributes:
-        at_rest: s at the beginning during which an accelerometer measures the vertical.
-        buffered: depth images that are buffered: they may come out of order, and colour images may lag.
-        depth_units: units of depth images per metre, unless they are given.
-        most_step: s from one image to the next, hours, beyond which the times of a folder cannot be in s.
+        at_rest: time at the start during which an accelerometer measures the vertical, s.
+        buffered: number of depth images that are buffered: they may come out of order, and colour images may lag.
+        depth_units: units of depth images per metre, by default.
+        most_step: maximum median time between a folder's images, s; if it is longer (hours), times cannot be in s.
     """
 
     at_rest: float = 0.5

@@ -15,12 +15,12 @@ from pipeline.localisation.trajectory import LEAST_SINCE_1970, in_seconds
 
 IMAGE_ENDINGS = (".png", ".jpg", ".jpeg", ".ppm", ".pgm", ".tif", ".tiff")
 DEPTH, COLOUR = ("depth",), ("rgb", "color")  # Names of lists and of folders
-NUMBER = re.compile(r"\d{9,}\.\d+|\d+")  # In a file's name: s since 1970 have decimals, other numbers are whole
+NUMBER = re.compile(r"\d{9,}\.\d+|\d+")  # In file names: s since 1970 have decimals, other numbers are whole
 Key = tuple[float, ...]
 
 
 class Pair(NamedTuple):
-    """A depth image, taken at a time in s, and the colour image that belongs to it; None if there is none."""
+    """A depth image with the time at which it was taken, s, and its colour image; None if it has none."""
 
     time: float
     depth: Path
@@ -28,26 +28,26 @@ class Pair(NamedTuple):
 
 
 class _Images(NamedTuple):
-    """Images of one kind, with their times in s where they have any."""
+    """Images of one kind, and their times, s; None if they have no times."""
 
     files: list[Path]
     times: Values | None
 
 
 def image_pairs(path: Path, fps: float | None, most_step: float) -> list[Pair]:
-    """The depth images of a folder in the order of time, each with its colour image.
+    """The depth images of a folder in chronological order, each with its colour image.
 
-    A file of associations (``assoc*.txt``: time and file of one kind, time and file of the other) pairs them as it
-    says. Else images pair by their times, from ``depth.txt`` and ``rgb.txt`` or from the files' names, or without
-    times by the numbers in the names.
+    If there is a file of associations (``assoc*.txt``: time and file of one kind, time and file of the other), it
+    gives the pairs. Otherwise images are paired by their times, from ``depth.txt`` and ``rgb.txt`` or from the file
+    names, or, without times, by the numbers in the names.
 
     Args:
-        path: of the folder.
+        path: the folder.
         fps: images per second, for images without times.
-        most_step: s between images beyond which times cannot be in s.
+        most_step: maximum median time between images, s; if it is longer, times cannot be in s.
 
     Raises:
-        InputError: there are no images, a list is broken, or nothing says when the images were taken.
+        InputError: there are no images, a list is malformed, or nothing says when the images were taken.
     """
     pairs = _associated(path)
     if pairs is None:
@@ -61,7 +61,7 @@ def image_pairs(path: Path, fps: float | None, most_step: float) -> list[Pair]:
 
 
 def holds_images(path: Path) -> bool:
-    """Whether a folder has depth images, or a list or associations of them."""
+    """Whether a folder has depth images, or a list or a file of associations of them."""
     listed = any((path / f"{name}.txt").exists() or _files(path / name) for name in DEPTH)
     return listed or bool(_association_rows(path))
 
@@ -71,7 +71,7 @@ def _files(folder: Path) -> list[Path]:
 
 
 def _associated(path: Path) -> list[Pair] | None:
-    """The pairs of a file of associations; None without one."""
+    """The pairs in a file of associations; None if there is none."""
     rows = _association_rows(path)
     if rows is None:
         return None
@@ -82,10 +82,10 @@ def _associated(path: Path) -> list[Pair] | None:
 
 
 def _association_rows(path: Path) -> list[list[str]] | None:
-    """The lines, split, of the first file of associations of depth to colour images; None if there is none.
+    """The lines, as words, of the first file that associates depth with colour images; None if there is none.
 
     Raises:
-        InputError: a line does not have this form.
+        InputError: a line does not have this format.
     """
     for file in sorted(path.glob("assoc*.txt")):
         rows = [(n, words) for n, line in enumerate(read_text(file).splitlines(), 1) if (words := _words(line))]
@@ -110,7 +110,7 @@ def _is_number(word: str) -> bool:
 
 
 def _images(path: Path, names: tuple[str, ...]) -> _Images:
-    """The images of one kind, from a list or a folder of one of some names."""
+    """The images of one kind, from a list or, without a list, a folder that has one of the names."""
     for name in names:
         if (path / f"{name}.txt").exists():
             return _from_list(path / f"{name}.txt")
@@ -122,7 +122,7 @@ def _images(path: Path, names: tuple[str, ...]) -> _Images:
 
 
 def _from_list(file: Path) -> _Images:
-    """The images of a list of times and files; without times if all of several have the same."""
+    """The images in a list of times and files; without times if several images all have the same time."""
     found = []
     for number, line in enumerate(read_text(file).splitlines(), 1):
         words = _words(line)
@@ -138,7 +138,7 @@ def _from_list(file: Path) -> _Images:
 
 
 def _from_names(files: list[Path]) -> _Images:
-    """Images in the order of the numbers in their names, which are their times if they are as large as times."""
+    """Images sorted by the numbers in their names, which are taken for times if they are large enough."""
     files = sorted(files, key=lambda file: ([*map(float, NUMBER.findall(file.stem))], file.name))
     keys = _keys(files)
     if keys is None or len(keys[0]) != 1:
@@ -148,7 +148,7 @@ def _from_names(files: list[Path]) -> _Images:
 
 
 def _keys(files: list[Path]) -> list[Key] | None:
-    """Of each name the numbers that differ from name to name, or the last; None if files share them."""
+    """For each name, the numbers that differ between names, or else the last; None if these are not unique."""
     numbers = [tuple(map(float, NUMBER.findall(file.stem))) for file in files]
     if not numbers[0] or len(set(map(len, numbers))) > 1:
         return None
@@ -158,7 +158,7 @@ def _keys(files: list[Path]) -> list[Key] | None:
 
 
 def _by_time(depth: _Images, colour: _Images) -> list[Pair]:
-    """Depth images with the colour images nearest in time; nothing if either kind has no times."""
+    """Depth images with the colour images nearest in time; empty if either kind has no times."""
     if depth.times is None or colour.times is None:
         return []
     pairs = []
@@ -170,7 +170,7 @@ def _by_time(depth: _Images, colour: _Images) -> list[Pair]:
 
 
 def _by_number(path: Path, depth: _Images, colour: _Images, fps: float | None) -> list[Pair]:
-    """Depth images with the colour images of the same numbers."""
+    """Depth images with the colour images that have the same numbers."""
     keys, others = _keys(depth.files), _keys(colour.files)
     if keys is None or others is None:
         if len(depth.files) != len(colour.files):
@@ -190,7 +190,7 @@ def _by_number(path: Path, depth: _Images, colour: _Images, fps: float | None) -
 
 
 def _places(keys: list[Key], others: list[Key]) -> Values:
-    """How many images were taken before each of ``keys``: those that are lost count by their numbers."""
+    """Number of images taken before each of ``keys``, including lost ones, as inferred from the numbers."""
     every = sorted({*keys, *others})
     if len(every[0]) > 1 or len(every[-1]) > 1:
         return np.array([every.index(key) for key in keys], float)

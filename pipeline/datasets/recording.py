@@ -19,7 +19,7 @@ _log = logging.getLogger(__name__)
 
 
 class CameraPose(NamedTuple):
-    """Pose of a camera on a robot: m and degrees in ``base_link``; at angles of 0 it looks forward and is level."""
+    """Pose of a camera on a robot: m and degrees in ``base_link``; with angles of 0 it is level and looks forward."""
 
     x: float
     y: float
@@ -30,13 +30,13 @@ class CameraPose(NamedTuple):
 
     @property
     def T_base_camera(self) -> Pose:
-        """Pose of ``camera_optical``; by REP 103 the pitch of a camera that looks down is positive."""
+        """Pose of ``camera_optical``; as in REP 103, the pitch of a camera that looks down is positive."""
         R = Rotation.from_euler("ZYX", [self.yaw, self.pitch, self.roll], degrees=True).as_matrix()
         return from_rotation(R @ LINK_OPTICAL, [self.x, self.y, self.z])
 
 
 LINK_OPTICAL = np.array([[0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
-"""Rotation of ``camera_optical`` in a body that looks along its x axis (REP 103)."""
+"""Rotation of ``camera_optical`` in the frame of a camera body that looks along its x axis (REP 103)."""
 
 
 @dataclass(eq=False)
@@ -44,19 +44,19 @@ class Recording:
     """Frames of an RGB-D camera, and other data recorded with them.
 
     Attributes:
-        path: of its file or folder.
-        frames: makes an iterator over the frames in the order of time. Their ``T_odom_base`` is the identity, and so
-            is ``T_base_camera`` if it is unknown. The iterator raises InputError where the recording is broken; the
-            frames before are good.
-        has_camera_pose: whether the frames have the camera's pose on the robot.
-        odometry: ``T_odom_base``, if it was recorded.
+        path: its file or folder.
+        frames: returns an iterator over the frames in chronological order. Their ``T_odom_base`` is the identity, and
+            so is ``T_base_camera`` if it is unknown. The iterator raises InputError where the recording is broken;
+            the frames before that are good.
+        has_camera_pose: whether the frames contain the camera's pose on the robot.
+        odometry: recorded poses in ``odom``, of ``base_link`` or of the camera; None if there are none.
         truth: true poses for comparison, in any frame.
-        up: the vertical in ``base_link`` at the beginning, by an accelerometer; in ``camera_optical`` if the
+        up: the vertical at the start, measured by an accelerometer, in ``base_link``; in ``camera_optical`` if the
             camera's pose is unknown.
-        keyframes: the times of the frames of which the robot made keyframes, and whether it labelled them.
-        steps: the times of those keyframes at which the robot stood, corrected its maps and planned.
+        keyframes: times of the frames that the robot made keyframes, s, and whether it labelled each.
+        steps: times of the keyframes at which the robot stopped, corrected its maps and planned, s.
         left_out: number of items that could not be used, by reason.
-        notes: what was assumed where the recording is not as expected, each in one line.
+        notes: assumptions made where the recording is not as expected, one line each.
     """
 
     path: Path
@@ -71,7 +71,7 @@ class Recording:
     notes: list[str] = field(default_factory=list)
 
     def note(self, line: str) -> None:
-        """Tell the user, once, of something that was assumed."""
+        """Tell the user once about an assumption."""
         if line not in self.notes:
             self.notes.append(line)
             _log.warning("%s: %s", self.path, line)
@@ -81,7 +81,7 @@ class Recording:
         self.left_out[reason] = self.left_out.get(reason, 0) + 1
 
     def check_clocks(self, first: float, last: float) -> None:
-        """Raise InputError if the times of known poses do not overlap those of the images, from first to last, s."""
+        """Raise InputError if known poses do not overlap in time with the images, from ``first`` to ``last``, s."""
         for name, poses in (("odometry", self.odometry), ("true poses", self.truth)):
             if poses is not None and (poses.times[0] > last or poses.times[-1] < first):
                 of_poses = f"{poses.times[0]:.2f} to {poses.times[-1]:.2f} s"

@@ -1,4 +1,4 @@
-"""Replays a recording through the mapper: poses for its frames, and the choice of keyframes."""
+"""Replay a recording through the mapper: find the poses of its frames, and choose keyframes."""
 
 from collections.abc import Iterator
 from contextlib import suppress
@@ -30,11 +30,11 @@ POSELESS = "frames without a known pose"
 
 
 class Replayed(NamedTuple):
-    """A frame that was given to the mapper.
+    """A frame that was passed to the mapper.
 
     Attributes:
-        frame: with its ``T_odom_base`` and ``T_base_camera``.
-        keyframe: the keyframe made of it; None if it is no keyframe.
+        frame: the frame, with its ``T_odom_base`` and ``T_base_camera``.
+        keyframe: the keyframe made from it; None if it did not become one.
         T_world_base: the true pose; None if the recording has none.
     """
 
@@ -44,7 +44,7 @@ class Replayed(NamedTuple):
 
 
 def default_poses(recording: Recording) -> PoseSource:
-    """The default source of poses: recorded odometry with registration, or without odometry registration alone."""
+    """The default source of poses: odometry corrected by registration or, without odometry, registration alone."""
     return "registration" if recording.odometry is None else "slam"
 
 
@@ -52,18 +52,18 @@ def localisation_of(poses: PoseSource, config: LocalisationConfig = Localisation
     """The mapper's localisation for a source of poses."""
     if poses not in ("slam", "registration"):
         return OdometryLocalisation(config=config)
-    # Without odometry the camera may be in a hand.
+    # Without odometry, the camera may be hand-held.
     return Slam(on_ground=poses == "slam", config=config)
 
 
 class Replay:
-    """Adds a recording's frames to the maps, one after the other."""
+    """Adds a recording's frames to the maps, one after another."""
 
     def __init__(self, recording: Recording, mapper: Mapper, poses: PoseSource, T_base_camera: Pose | None = None):
-        """``T_base_camera`` overrides the recording's; if neither is known, it is measured from the floor.
+        """``T_base_camera`` overrides the recording's; if neither is known, it is estimated from the floor.
 
         Raises:
-            InputError: the recording has no such poses.
+            InputError: the recording does not have these poses.
         """
         self.recording, self.mapper, self._numbers = recording, mapper, mapper.config.localisation
         self._T_base_camera = T_base_camera
@@ -84,11 +84,11 @@ class Replay:
         return given
 
     def __iter__(self) -> Iterator[Replayed]:
-        """Add one frame after the other to the maps.
+        """Add one frame after another to the maps.
 
         Raises:
-            InputError: the recording is broken; the frames before are mapped.
-            LostError: the pose of a frame cannot be found any more; the frames before are mapped.
+            InputError: the recording is broken; the frames before that are mapped.
+            LostError: the pose of a frame can no longer be found; the frames before that are mapped.
         """
         for frame in self.recording.frames():
             if not self._has_begun and not self._begin(self.mapper.clean(frame)):
@@ -109,7 +109,7 @@ class Replay:
         return self._given.at(frame.time, self._numbers.trajectory) if self._given else None
 
     def _begin(self, frame: Frame) -> bool:
-        """Find the poses of camera and robot by the first frame; False if it is blank."""
+        """Find the poses of camera and robot from the first frame; False if it is blank or lacks a known pose."""
         if not frame.returns.any():
             self.recording.leave_out("blank frames at the start")
             return False
@@ -132,12 +132,12 @@ class Replay:
         return True
 
     def _upright(self, given: Trajectory, up: Direction, T_map_base: Pose, time: float) -> Trajectory:
-        """Given poses in ``map``: as they are if z is up there, within the tilt of ground that the robot drives on.
+        """Given poses in ``map``: unchanged if z points up in their frame, within the tilt that the robot tolerates.
 
         Args:
-            given: of ``base_link``, in any frame.
+            given: poses of ``base_link``, in any frame.
             up: the vertical in ``base_link`` at ``time``, s.
-            T_map_base: pose at that time in a ``map`` that begins there.
+            T_map_base: pose at that time in a ``map`` that starts there.
         """
         T = given.at(time, self._numbers.trajectory)
         assert T is not None
@@ -146,7 +146,7 @@ class Replay:
         return given.moved(T_map_base @ inverse(T))
 
     def _above_floor(self, first: Frame) -> Pose:
-        """Pose of the first frame's camera over the floor, by the accelerometer, else by the surfaces in view.
+        """Pose of the first frame's camera above the floor, from the accelerometer or else the surfaces in view.
 
         Raises:
             InputError: neither shows which way is up.
@@ -164,7 +164,7 @@ class Replay:
         )
 
     def _up(self, frame: Frame, T_base_camera: Pose) -> Direction:
-        """The vertical in ``base_link`` by the accelerometer, else by the surfaces, else for a level robot."""
+        """The vertical in ``base_link``, from the accelerometer, else from the surfaces, else of a level robot."""
         if self.recording.up is not None:
             return self.recording.up
         up = vertical(replace(frame, T_base_camera=T_base_camera), self._numbers)
@@ -183,7 +183,7 @@ class Replay:
         return self.mapper.take(frame, at_stop, labelled, may_repeat=recorded, on_ground=self._is_on_ground)
 
     def _is_labelled(self, frame: Frame) -> bool | None:
-        """Whether the keyframe of this frame is to be labelled; None if it is no keyframe."""
+        """Whether the frame is to be labelled as a keyframe; None if it is not to become one."""
         if self.recording.keyframes is not None:
             return self.recording.keyframes.get(frame.time)
         if not self.mapper.is_due(frame.T_odom_base):
@@ -200,7 +200,7 @@ class Replay:
 
 
 def _measured(T_base_camera: Pose) -> str:
-    """The note on a camera's pose on the robot that nobody gave."""
+    """The note that the camera's pose on the robot was estimated."""
     height, down = T_base_camera[2, 3], np.degrees(np.arcsin(np.clip(-T_base_camera[2, 2], -1, 1)))
     given = "the camera's pose on the robot is unknown (give it with --camera)"
     return f"{given}; estimated from the first frame: {height:.2f} m high, tilted down by {down:.0f}°"

@@ -1,4 +1,4 @@
-"""Reads a ROS bag: of ROS 2 as MCAP or SQLite, or of ROS 1."""
+"""Read a ROS bag: of ROS 2, as MCAP or SQLite, or of ROS 1."""
 
 import heapq
 import re
@@ -33,8 +33,8 @@ from pipeline.ros.messages import NANO, STORE, Message, pose_matrix, seconds, ve
 
 KEYFRAME_TOPIC, LABELLED_TOPIC, STEP_TOPIC = "/keyframe", "/semantic_cloud", "/map"
 TRUTH, LABELS = "/ground_truth/pose", "/camera/label/image_raw"  # Topics of sarsim's own bags
-ENDINGS = ".mcap", ".db3", ".bag"  # Of files with messages
-INFRARED = re.compile("/(infra|ir/)", re.IGNORECASE)  # In names of topics of infrared images
+ENDINGS = ".mcap", ".db3", ".bag"  # Endings of files with messages
+INFRARED = re.compile("/(infra|ir/)", re.IGNORECASE)  # In the names of topics with infrared images
 
 
 def read_ros_bag(
@@ -44,12 +44,12 @@ def read_ros_bag(
     *,
     config: DatasetsConfig = DatasetsConfig(),
 ) -> Recording:
-    """A bag's images, odometry, transforms and accelerometer; from sarsim's own bags also keyframes and ground truth.
+    """The images, odometry, transforms and accelerometer of a bag; of sarsim's bags also keyframes and ground truth.
 
     Args:
-        path: of the bag's folder or file.
-        topics: to use, if the bag has several of a kind.
-        calibration: of the camera; overrides that of ``camera_info``.
+        path: the bag's folder or file.
+        topics: names of topics to use if the bag has several of a kind.
+        calibration: intrinsics of the camera; override those from ``camera_info``.
         config: how recordings are read.
 
     Raises:
@@ -80,7 +80,7 @@ def read_ros_bag(
 
 
 def holds_bag(path: Path) -> bool:
-    """Whether a folder is a bag, or one or more lie in it."""
+    """Whether a folder is a bag, or contains one or more."""
     return any(file.suffix in ENDINGS for file in path.iterdir()) or _describes_bag(path / "metadata.yaml")
 
 
@@ -90,9 +90,9 @@ def _describes_bag(file: Path) -> bool:
 
 @contextmanager
 def _opened(path: Path) -> Iterator[AnyReader]:
-    """A reader of a bag; its errors, which are of many kinds, become InputError."""
+    """A reader of a bag, whose errors of many types become InputError."""
     alone = sorted(file for file in path.iterdir() if file.suffix in ENDINGS) if path.is_dir() else []
-    # The reader takes a folder whose name ends with .bag for a file of ROS 1.
+    # The reader would take a folder whose name ends in .bag for a file of ROS 1.
     is_lone = len(alone) == 1 and (path.suffix == ".bag" or not _describes_bag(path / "metadata.yaml"))
     file = alone[0] if is_lone else path
     if file.exists() and not file.is_dir():
@@ -110,18 +110,18 @@ def _opened(path: Path) -> Iterator[AnyReader]:
 
 
 class Topics:
-    """The names of a bag's topics by their contents.
+    """The names of a bag's topics, by content.
 
     Attributes:
         kinds: the types of all topics with messages, by name.
-        depth: of depth images.
-        colour, odometry, imu: None if there is none.
-        transforms: of the robot's transforms.
-        notes: what is left out though a user may want it, each in one line.
+        depth: topic of the depth images.
+        colour, odometry, imu: topics of these data; None if there is none.
+        transforms: topics of the robot's transforms.
+        notes: which topics are ignored although a user may want them, one line each.
     """
 
     def __init__(self, path: Path, reader: AnyReader, named: Sequence[str]):
-        """Find the topics; InputError if there are no depth images, or several topics of a kind but none is named."""
+        """Find the topics; InputError if there are no depth images, or several topics of a kind but none named."""
         self._path, self._named, self.notes = path, named, list[str]()
         self.kinds = {name: info.msgtype or "" for name, info in reader.topics.items() if info.msgcount}
         if unknown := [name for name in named if name not in self.kinds]:
@@ -158,7 +158,7 @@ class Topics:
         return [name for name, found in self.kinds.items() if found == kind]
 
     def _one(self, what: str, names: list[str]) -> str | None:
-        """The topic to use: the raw one rather than compressed ones, of several the named one; None without any."""
+        """The topic to use: the named one, or the raw one rather than compressed ones; None if there is none."""
         raw = [n for n in names if not any(n != m and n.startswith(f"{m}/") for m in names)]
         found = [n for n in names if n in self._named] or raw
         if len(found) > 1:
@@ -204,7 +204,7 @@ class _Beside:
             takers[connection.topic](message, _time(message, received))
 
     def sources(self, topics: Topics) -> tuple[ImageSource, ImageSource | None]:
-        """The depth and the colour images, with the first camera_info and frame of each."""
+        """The sources of the depth and colour images, each with its first camera_info and its frame."""
         depth = self._source(topics.depth, topics)
         return depth, self._source(topics.colour, topics) if topics.colour else None
 
@@ -223,7 +223,7 @@ class _Beside:
         return ImageSource(topic, info, next((frame for frame in frames if self.links.knows(frame)), frames[0]))
 
     def _stream(self, topic: str) -> str:
-        """The frame of a RealSense stream, whose messages name none; empty for other topics."""
+        """The frame of a RealSense stream, whose messages do not name it; empty for other topics."""
         return next((stream.strip("/") for stream in self._streams if topic.startswith(f"{stream}/")), "")
 
     def _take_odometry(self, message: Message, time: float) -> None:
@@ -239,18 +239,18 @@ class _Beside:
             self.links.take(link, time)
 
     def odometry(self, camera: str) -> list[tuple[float, Pose]]:
-        """The odometry of the robot that carries a camera, by its topic or else by the transforms from ``odom``."""
+        """The odometry of the robot that carries a camera, from its topic or else the transforms from ``odom``."""
         return self._odometry or self.links.odometry(camera)
 
     def trajectory(self, name: str, poses: list[tuple[float, Pose]]) -> Trajectory | None:
-        """The trajectory of poses at their times, s, without poses that are not finite."""
+        """A trajectory of poses with times, s, without those that are not finite; None if none is left."""
         good = [(time, T) for time, T in poses if np.isfinite(T).all()]
         if len(good) < len(poses):
             self.notes.append(f"{name}: {len(poses) - len(good)} of {len(poses)} poses are not finite")
         return Trajectory(np.array([t for t, _ in good]), np.array([T for _, T in good])) if good else None
 
     def up(self, camera: str, at_rest: float) -> Direction | None:
-        """The vertical by the accelerometer in the first s, in the robot's frame or else in the camera's."""
+        """The vertical, by accelerometer in the first ``at_rest`` s, in the robot's frame or else in the camera's."""
         felt = np.array([a for time, a in self._felt if time <= self._felt[0][0] + at_rest]).reshape(-1, 3)
         links, imu = self.links, self._imu_frame
         in_base = links.mount(camera).T_base_camera is not None
@@ -261,14 +261,14 @@ class _Beside:
 
 
 def _first(reader: AnyReader, topic: str) -> Message:
-    """The first message of a topic that has one."""
+    """The first message of a topic, which must have one."""
     connections = [c for c in reader.connections if c.topic == topic]
     connection, _, raw = next(reader.messages(connections))
     return reader.deserialize(raw, connection.msgtype)
 
 
 def _time(message: Message, received: int) -> float:
-    """The time of a message, s: of its stamp, or at which it was ``received``, ns, if it has none."""
+    """The time of a message, s: its stamp or, if it has none, the time at which it was ``received``, ns."""
     return (seconds(message.header.stamp) if hasattr(message, "header") else 0.0) or received / NANO
 
 
@@ -279,7 +279,7 @@ def _pose(message: Message) -> Pose:
 def _frames(
     recording: Recording, topics: Topics, camera: RgbdCamera, T_base_camera: Pose | None, span: float, buffered: int
 ) -> Iterator[Frame]:
-    """Frames of each depth image and the colour image nearest in time, in the order of their stamps."""
+    """A frame for each depth image, with the colour image nearest in time, in the order of the stamps."""
     place, last = np.eye(4) if T_base_camera is None else T_base_camera, -np.inf
     with _opened(recording.path) as reader:
         for time, depth, found in _matched(reader, topics, buffered):
@@ -305,7 +305,7 @@ Found = Callable[[str | None], Message | None]
 
 
 def _matched(reader: AnyReader, topics: Topics, buffered: int) -> Iterator[tuple[float, Message, Found]]:
-    """Depth images with their times, and for each a function that returns its other image of a topic."""
+    """Depth images with their times, each with a function that returns the matching image of another topic."""
     wanted = [c for c in reader.connections if c.topic in (topics.depth, topics.colour, LABELS)]
     depths: list[tuple[float, int, Message]] = []
     others: dict[str, dict[float, Message]] = {topics.colour or "": {}, LABELS: {}}

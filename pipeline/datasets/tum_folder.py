@@ -1,4 +1,4 @@
-"""Reads a folder in the layout of the TUM RGB-D benchmark (Sturm et al., IROS 2012), or of plain numbered images."""
+"""Read a folder in the layout of the TUM RGB-D benchmark (Sturm et al., IROS 2012), or of plain numbered images."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -26,19 +26,19 @@ def read_tum_folder(
     *,
     config: DatasetsConfig = DatasetsConfig(),
 ) -> Recording:
-    """A folder with ``depth.txt`` and ``rgb.txt``, or with images in ``depth`` and ``rgb`` or ``color``.
+    """A recording in a folder with ``depth.txt`` and ``rgb.txt``, or images in ``depth`` and ``rgb`` or ``color``.
 
     Images are paired by ``associations.txt``, by their times, or by the numbers in their names. Times are in s, or in
     ms, µs or ns since 1970.
 
-    ``groundtruth.txt`` and ``odometry.txt`` hold poses of the camera, ``calibration.txt`` the line fx fy cx cy,
-    ``accelerometer.txt`` what was felt: in ``base_link`` beside a ``camera.txt``, else in the axes of a Kinect (x
-    right, y up, z back) or of its camera (x right, y down, z forward), which is not upside down.
+    ``groundtruth.txt`` and ``odometry.txt`` hold poses of the camera, ``calibration.txt`` the line fx fy cx cy, and
+    ``accelerometer.txt`` accelerations: in ``base_link`` if there is a ``camera.txt``, else in the axes of a Kinect
+    (x right, y up, z back) or its camera (x right, y down, z forward), which is assumed not to be upside down.
 
     Args:
-        path: of the folder.
-        calibration: of the camera; overrides that of ``calibration.txt``.
-        depth_scale: units of the depth images per metre; 5000 if not given.
+        path: the folder.
+        calibration: intrinsics of the camera; override those in ``calibration.txt``.
+        depth_scale: units of the depth images per metre; by default those of ``config``.
         fps: frames per second of images without times.
         config: how recordings are read.
 
@@ -79,7 +79,7 @@ def _trajectory(path: Path, recording: Recording | None = None) -> Trajectory | 
 
 
 def _up(path: Path, recording: Recording, at_rest: float) -> Direction | None:
-    """The vertical in the first s, in ``base_link`` or else in ``camera_optical``; None if it was not felt."""
+    """The vertical in the first ``at_rest`` s, in ``base_link`` or else ``camera_optical``; None if not measured."""
     if not path.exists():
         return None
     rows = read_numbers(path, "time ax ay az", finite=False)

@@ -1,1 +1,1 @@
-"""What a rescue robot looks for besides people: signs, codes, extinguishers, levers, heat; read and placed."""
+"""Finds: the signs, codes, extinguishers, levers and heat that a robot looks for besides people, read and located."""

@@ -1,4 +1,4 @@
-"""Looks at frames in a thread of its own, while they are put into the maps and the robot drives on."""
+"""Read frames in a separate thread, while they are added to the maps and the robot drives on."""
 
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import dataclass
@@ -17,10 +17,10 @@ class ReadFrame:
     """A frame and what it shows.
 
     Attributes:
-        frame: of a keyframe.
-        keyframe: its number.
-        detections: in its image.
-        readings: in its image.
+        frame: the frame of a keyframe.
+        keyframe: index of the keyframe.
+        detections: detections in the frame's image.
+        readings: readings in the frame.
     """
 
     frame: Frame
@@ -30,22 +30,22 @@ class ReadFrame:
 
 
 class BackgroundReader:
-    """Reads one frame at a time; its caller decides when it takes the result, so that episodes repeat exactly."""
+    """Reads one frame at a time; the caller decides when to take the result, so that episodes repeat exactly."""
 
     def __init__(self) -> None:
         self._thread = ThreadPoolExecutor(1, initializer=_alone)
         self._begun: Future[ReadFrame] | None = None
 
     def begin(self, frame: Frame, keyframe: int, detector: Detector | None, readers: FindReader | None) -> None:
-        """Begin to read the frame of a keyframe; one that was begun before must have been taken by :meth:`end`.
+        """Begin to read the frame of a keyframe; the previous one must have been taken with :meth:`end`.
 
-        Without a detector no people are found, without readers nothing else.
+        Without a detector, no people are found; without readers, nothing else is.
         """
         assert self._begun is None
         self._begun = self._thread.submit(_read, frame, keyframe, detector, readers)
 
     def end(self) -> ReadFrame | None:
-        """Wait until the frame that was begun is read, and give what it shows; None if none was begun."""
+        """Wait until the frame that was begun has been read, and return what it shows; None if none was begun."""
         begun, self._begun = self._begun, None
         return None if begun is None else begun.result()
 
@@ -57,9 +57,9 @@ def _read(frame: Frame, keyframe: int, detector: Detector | None, readers: FindR
 
 
 def _alone() -> None:
-    """Let this thread compute alone: further threads of OpenCV and PyTorch wait for work in a busy loop.
+    """Make OpenCV and PyTorch compute in this thread alone: their other threads wait for work in a busy loop.
 
-    On two cores beside a thread that computes as well, that makes an image take up to seven times as long.
+    On two cores, while another thread computes as well, that makes an image take up to seven times as long.
     """
     torch.set_num_threads(1)
     cv2.setNumThreads(1)

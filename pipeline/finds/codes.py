@@ -1,4 +1,4 @@
-"""Reads QR codes and AprilTags in an image by OpenCV; what a code says is data, and nothing is done with it."""
+"""Read QR codes and AprilTags in an image with OpenCV; the content of a code is only data and never acted upon."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
@@ -20,19 +20,19 @@ class CodeReader:
     """Finds QR codes and AprilTags."""
 
     def __init__(self, config: CodesConfig = CodesConfig()) -> None:
-        """With OpenCV's two decoders of QR codes, and its detector of tags.
+        """Use OpenCV's two decoders of QR codes, and its detector of tags.
 
-        The one by ArUco's markers searches an image in a quarter of the time; the other reads more rectified codes.
+        The one based on ArUco searches an image in a quarter of the time; the other one reads more rectified codes.
         """
         self._config = config
         self._in_images, self._in_squares = cv2.QRCodeDetectorAruco(), cv2.QRCodeDetector()
         self._tags = cv2.aruco.ArucoDetector(cv2.aruco.getPredefinedDictionary(FAMILY))
 
     def read(self, squares: Squares) -> list[Reading]:
-        """The codes in an image, those that were decoded first.
+        """The codes in an image, decoded ones first.
 
-        QR codes are searched for in the image, and in squares that are as black and white as a code, rectified:
-        a decoder reads no code that is seen aslant, or whose modules have less than about three pixels.
+        QR codes are searched for in the image, and in rectified squares that are as black and white as a code:
+        decoders cannot read codes that are seen obliquely, or whose modules are smaller than about three pixels.
         """
         grey = np.asarray(cv2.cvtColor(squares.image, cv2.COLOR_RGB2GRAY), np.uint8)
         pyramid, found = Pyramid(grey), [*self._read_tags(grey), *self._read_codes(self._in_images, grey)]
@@ -49,12 +49,12 @@ class CodeReader:
             yield Reading("april_tag", str(number), quad.reshape(4, 2).astype(np.float32), 1.0)
 
     def _read_codes(self, decoder: Any, grey: NDArray[np.uint8]) -> Iterator[Reading]:
-        """Codes, those that were located but not decoded too: they are to be looked at from nearer."""
+        """Codes, including those located but not decoded, which are to be looked at from nearer."""
         for text, quad in _decoded(decoder, grey, self._config.least_area):
             yield Reading("qr_code", text, quad.astype(np.float32), 1.0 if text else self._config.undecoded)
 
     def _may_be_code(self, patch: NDArray[np.uint8]) -> bool:
-        """Whether the pixels of a row or column of a grey patch change as much as those of a code."""
+        """Whether grey levels along the rows and columns of a patch change as much as those of a code."""
         grey = patch.astype(np.float32) / np.iinfo(np.uint8).max
         changes = np.mean([np.abs(np.diff(grey, axis=k)).sum(axis=k).mean() for k in (0, 1)])
         return bool(changes > self._config.changes)
@@ -69,7 +69,7 @@ class CodeReader:
 
 
 def _decoded(decoder: Any, grey: NDArray[np.uint8], least_area: float) -> Iterator[tuple[str, Pixels]]:
-    """What codes say, and their four corners; what OpenCV fails at was not read."""
+    """The texts of codes, and their four corners; none if OpenCV fails."""
     try:
         _, texts, quads, _ = decoder.detectAndDecodeMulti(grey)
     except (cv2.error, UnicodeDecodeError):
@@ -80,7 +80,7 @@ def _decoded(decoder: Any, grey: NDArray[np.uint8], least_area: float) -> Iterat
 
 
 def _distinct(readings: Sequence[Reading]) -> list[Reading]:
-    """The readings of which none has its middle within an earlier one of the same kind."""
+    """The readings without those whose middle is within an earlier one of the same kind."""
     kept: list[Reading] = []
     for reading in readings:
         middle = reading.corners.mean(axis=0).tolist()
@@ -91,6 +91,6 @@ def _distinct(readings: Sequence[Reading]) -> list[Reading]:
 
 
 def plain_text(text: str, most: int = 40) -> str:
-    """What a code says on one line of printable characters, ``most`` at most; what is cut ends with "…"."""
+    """A code's text on one line of at most ``most`` printable characters; "…" replaces what is cut off."""
     shown = "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text[: most + 1])
     return shown if len(shown) <= most else shown[: most - 1] + "…"

@@ -1,30 +1,30 @@
-"""The numbers by which signs, codes, shapes and heat are read in images."""
+"""Parameters of reading signs, codes, shapes and heat in images."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
 class SquaresConfig:
-    """What may be a square in an image.
+    """Which outlines in an image may be squares.
 
     Attributes:
-        most_pixels: of an image; a larger one is made smaller, so that it takes no longer than 1600 × 1200.
-        least_side: pixels along a side from which a sign may be recognised.
-        small_window, window: pixels along the surroundings with whose mean brightness or saturation a pixel is
-            compared.
-        contrast: levels of 256 by which a pixel must differ from the mean.
-        more_coloured: levels of 256 by which it must be more saturated than the mean to be coloured.
-        hues: 256ths of the circle of hues from one mask of a colour to the next.
-        hue_width: 256ths of the circle that such a mask spans.
+        most_pixels: maximum size of an image, pixels; larger ones are shrunk, to take about as long as 1600 × 1200.
+        least_side: minimum side of a sign that can be recognised, pixels.
+        small_window, window: sides of the square neighbourhoods whose mean brightness or saturation a pixel is
+            compared with, pixels.
+        contrast: offset of the thresholds below and above the mean, levels of 256.
+        more_coloured: difference from the mean saturation above which a pixel is coloured, levels of 256.
+        hues: step from one colour mask to the next, 256ths of the circle of hues.
+        hue_width: range of hues in a colour mask, 256ths of the circle.
         coloured: saturation, of 255, above which a pixel has a hue.
-        faint_edge, sure_edge: grey levels, the lower and the upper threshold of Canny's edges.
-        tolerances: shares of an outline's length by which a polygon may be off, tried until it has four corners.
-        filled: least share of a quadrilateral that its outline's hull fills, and of the hull's own area.
-        aslant: largest ratio of two sides: that of a square seen at 70° from ahead.
-        oblong: ratio of two sides from which on signs may hang side by side along the longer one alone.
-        same: share of a diagonal by which corners of the same square may differ.
-        smallest, largest: m along a side of signs and codes, where the depth is known: the leagues' signs are
-            0.3 m wide.
+        faint_edge, sure_edge: lower and upper threshold of the Canny edge detector, grey levels.
+        tolerances: errors of an outline's polygon, as shares of its length, tried until it has four corners or fewer.
+        filled: minimum ratio of the area of the quadrilateral to that of its outline's hull, and vice versa.
+        aslant: maximum ratio of two sides: that of a square seen at 70° to its normal.
+        oblong: ratio of two sides from which on signs are expected side by side only along the longer one.
+        same: maximum difference in middle and size of outlines of the same square, as a share of the diagonal.
+        smallest, largest: minimum and maximum side of signs and codes, m, checked where the depth is known; the
+            leagues' signs are up to 0.3 m wide.
     """
 
     most_pixels: int = 2_097_152
@@ -52,11 +52,11 @@ class HazmatConfig:
     """When a square is a hazmat sign.
 
     Attributes:
-        confidence: a sign is surer than this.
-        rarer: odds of a sign among the patches that were learned, over those among the squares of a camera's image:
-            chosen by the photos of boards and rooms on which its figures are given, for earlier weights.
-        alike: least intersection over union of squares that vote on a sign's class.
-        sizes: of a square over its outline's, all of which vote: outlines are a little off.
+        confidence: minimum confidence of a sign, exclusive.
+        rarer: odds of a sign among the training patches, divided by those among the squares of a camera's image;
+            chosen, for earlier weights, on the photos of boards and rooms on which the results are reported.
+        alike: minimum intersection over union of squares that vote on a sign's class.
+        sizes: scales of a square's outline over which probabilities are averaged: outlines are a little off.
     """
 
     confidence: float = 0.5
@@ -70,11 +70,11 @@ class CodesConfig:
     """How QR codes are read.
 
     Attributes:
-        checked_side: pixels along a rectified square in which the modules of a code are looked for.
-        changes: times the whole range of grey by which the pixels of a row or column must change in sum. Of the 21
-            modules of the smallest code half differ from the one before: 10 changes by 30 % of the range.
-        read_side: pixels along a rectified square that is decoded: three and more a module up to version 10.
-        least_area: square pixels; a smaller quadrilateral is no code.
+        checked_side: side of a rectified square that is checked for the modules of a code, pixels.
+        changes: minimum sum of the changes from pixel to pixel along a row or column, in units of the whole grey
+            range. Of the 21 modules of the smallest code, half differ from the one before: 10 changes of 30 %.
+        read_side: side of a rectified square that is decoded, pixels: at least three per module up to version 10.
+        least_area: minimum area of a code, square pixels.
         undecoded: confidence of a code that was located but not decoded; it is looked at from nearer.
     """
 
@@ -91,12 +91,12 @@ class ShapesConfig:
 
     Attributes:
         stride: distance between the rows and columns that are searched, pixels.
-        noise: standard deviations of the depth by which a pixel must stand out.
-        hue: 256ths of the circle of hues around the red of RAL 3000, as EN 3 asks for.
-        coloured: saturation, of 255, above which a pixel has that red.
-        spreads: standard deviations of an extent's logarithm about its median up to which it is looked for: 97 % of
-            the objects are smaller than two above it.
-        confidence: an object is surer than this.
+        noise: minimum height by which a pixel stands out, standard deviations of the depth.
+        hue: maximum difference from the hue of RAL 3000, the red that EN 3 requires, 256ths of the circle.
+        coloured: saturation, of 255, above which a pixel of such a hue is red.
+        spreads: maximum deviation of the logarithm of an object's extent from its median, standard deviations: 97 %
+            of the objects are less than two above it.
+        confidence: minimum confidence of an object, exclusive.
     """
 
     stride: int = 2
@@ -109,12 +109,12 @@ class ShapesConfig:
 
 @dataclass(frozen=True)
 class HeatConfig:
-    """What is warm.
+    """Which regions are warm.
 
     Attributes:
-        warmer: °C above the median of the image: clothes on a living person are 6 to 8 °C above the air of a room,
-            and the noise of an uncooled camera is 0.05 °C.
-        least_outline: pixels along the outline of a warm region; fewer may be a lamp or a hot spot of the sensor.
+        warmer: minimum temperature above the median of the image, °C: clothes on a living person are 6 to 8 °C warmer
+            than the air in a room, and the noise of an uncooled camera is 0.05 °C.
+        least_outline: minimum number of pixels on the outline of a warm region; fewer may be a lamp or a hot pixel.
     """
 
     warmer: float = 5.0
@@ -123,7 +123,7 @@ class HeatConfig:
 
 @dataclass(frozen=True)
 class FindsConfig:
-    """The numbers of all readers; each part says its own."""
+    """The parameters of all readers; the parts document their own."""
 
     squares: SquaresConfig = SquaresConfig()
     hazmat: HazmatConfig = HazmatConfig()

@@ -15,14 +15,14 @@ from pipeline.transforms import inverse
 
 
 class Finds(Tracks):
-    """All finds but people, confirmed or not.
+    """All finds except people, confirmed or not.
 
     Attributes:
-        readings: in the last frame.
+        readings: what was read in the last frame.
     """
 
     def __init__(self, people: Tracks, config: TracksConfig = TracksConfig()) -> None:
-        """Begin with none; ``people`` are those on the map, who give off heat."""
+        """Start without finds; ``people``: the people on the map, who give off heat."""
         super().__init__(join_one_to_one)
         self._config = config
         self._policies = {kind: policy_of(kind, config) for kind in FIND_KINDS}
@@ -31,35 +31,35 @@ class Finds(Tracks):
 
     @property
     def reported(self) -> list[Find]:
-        """What is reported; what is warm of a person as one find, and no shape that a person has."""
+        """The finds to report; a person's heat is one find, and shapes that belong to a person are left out."""
         found = [track.find() for track in self.confirmed]
         reach = {kind: policy.of_person for kind, policy in self._policies.items() if policy.of_person}
         if not any(find.kind in reach for find in found):
-            return found  # whether people are confirmed takes long, and this is asked at every step
+            return found  # checking whether people are confirmed takes long, and this is called at every step
         return list(one_per_person(found, self._people.confirmed, self._people.unconfirmed, reach))
 
     @property
     def shown(self) -> list[Points]:
-        """The points of every flat find that is reported.
+        """The points of each flat find that is confirmed.
 
-        What hangs flat on a wall looks like the wall; other finds stand out of it.
+        Flat finds on a wall look like the wall; other finds stand out from it.
         """
         return [shown(track) for track in self.all if track.policy.is_flat and track.is_confirmed]
 
     def policy_of(self, kind: str) -> ObjectPolicy:
-        """How a kind is followed, also one of a reader of one's own."""
+        """How a kind is tracked, including kinds of a user's own readers."""
         if kind not in self._policies:
             self._policies[kind] = policy_of(kind, self._config)
         return self._policies[kind]
 
     def update(self, frame: Frame, readings: Sequence[Reading], T_map_base: Pose, keyframe: int) -> None:
-        """Add what was read in a keyframe, and count what was missed.
+        """Add what was read in a keyframe, and count misses of finds that it should have shown.
 
         Args:
-            frame: with its depth.
-            readings: in its image.
+            frame: the keyframe's frame, with its depth.
+            readings: readings in its image.
             T_map_base: pose of the robot.
-            keyframe: its number.
+            keyframe: index of the keyframe.
         """
         self.readings = list(readings)
         new, T_base_map = [], inverse(T_map_base)

@@ -5,4 +5,4 @@ HAZMAT_CLASSES = (
     "flammable-solid", "infectious-substance", "inhalation-hazard", "non-flammable-gas", "organic-peroxide",
     "oxidizer", "oxygen", "poison", "radioactive", "spontaneously-combustible",
 )  # fmt: skip
-"""In the order of the network's outputs, after which "no sign" comes last."""
+"""In the order of the network's outputs; its last output is "no sign"."""

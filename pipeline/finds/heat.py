@@ -1,4 +1,4 @@
-"""Finds what is warm in the image of a thermal camera."""
+"""Find warm regions in the image of a thermal camera."""
 
 from collections.abc import Iterator
 

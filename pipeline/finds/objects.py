@@ -1,4 +1,4 @@
-"""How signs, codes, objects and heat are followed: all kinds of finds but people."""
+"""How signs, codes, objects and heat are tracked: all kinds of finds except people."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,17 +14,17 @@ from pipeline.tracks.track import Location, Observation, Track, TrackPolicy, mah
 from pipeline.transforms import inverse, transform_points
 
 FLAT = ("hazmat_sign", "qr_code", "april_tag")
-"""Kinds that show the same from wherever they are seen."""
+"""Kinds that show the same from all directions."""
 CHECKED = ("qr_code", "april_tag")
-"""Kinds that are read rightly or not at all, for they carry check sums."""
+"""Kinds that are decoded correctly or not at all, because they have checksums."""
 
 
 @dataclass(frozen=True, kw_only=True)
 class ObjectPolicy(ObjectConfig, TrackPolicy):
-    """A frame shows an object once; what is small in the image, or has no depth, is looked at from nearer."""
+    """How objects are tracked: a frame shows each once; those that are small or without depth get a nearer look."""
 
     def locate(self, placed: Sequence[Observation]) -> Location:
-        """The mean by the information; the covariance is that of one, for observations from one place err alike."""
+        """The information-weighted mean; the covariance is that of the best observation, as errors are correlated."""
         counting = with_depth(placed)
         total = sum(seen.information for seen in counting)
         position = np.linalg.solve(total, sum(seen.information @ seen.position for seen in counting))
@@ -33,23 +33,23 @@ class ObjectPolicy(ObjectConfig, TrackPolicy):
         return Location(np.asarray(position, np.float64), covariance, position[None].astype(np.float32))
 
     def shows(self, observation: Observation) -> float:
-        """Pixels along a side, times the confidence."""
+        """Side of the object in the image, pixels, times the confidence."""
         return observation.reading.confidence * observation.reading.side
 
     def distance(self, track: Track, new: Track) -> float:
-        """Infinite for codes of different texts."""
+        """Squared Mahalanobis distance; infinite for codes with different texts."""
         is_other = self.has_checksum and bool(track.text and new.text) and track.text != new.text
         return np.inf if is_other else mahalanobis(track, new)
 
     def separation(self, one: Track, other: Track) -> float:
-        """Within the gate; flat objects that one keyframe shows side by side are two."""
+        """Distance within the gate, else infinite; flat objects that one keyframe shows side by side are two."""
         if self.is_flat and one.keyframes & other.keyframes:
             return np.inf
         distance = self.distance(one, other)
         return distance if distance <= self.gate else np.inf
 
     def should_show(self, track: Track, frame: Frame, T_camera_map: Pose) -> bool:
-        """The object is in the image at least as large as before, from about the same side, with nothing in front."""
+        """Whether the object is in the image, as near as in some earlier view, from a similar side and not hidden."""
         if not track.is_placed:
             return False
         here = inverse(T_camera_map)[:3, 3]
@@ -69,17 +69,17 @@ class ObjectPolicy(ObjectConfig, TrackPolicy):
         return measured > 0 and abs(measured - point[0, 2]) < self.sigmas * np.sqrt(track.covariance.trace())
 
     def is_worth_a_look(self, track: Track) -> bool:
-        """It has no place, or could not be read, or was always small.
+        """Whether it never had depth, could not be read or was always small, and was missed less often than seen.
 
-        The robot goes nowhere to see a shape again: with nothing to find, that took a quarter more time than
-        exploring alone.
+        The robot does not go anywhere to see a shape again: where there was nothing to find, that took a quarter more
+        time than exploration alone.
         """
         largest = max(seen.reading.side for seen in track.seen)
         is_unread = not track.text if self.has_checksum else self.is_flat and largest < self.readable
         return (is_unread or not track.is_placed) and track.missed < len(track.seen)
 
     def distances(self, track: Track, sensor: SensorModel) -> tuple[float, float]:
-        """From there it has depth and, if it was too small before, is large enough to be read."""
+        """Minimum and maximum distance, m, at which it is in range and, if it was too small, near enough to read."""
         nearest = min(track.placed, key=lambda seen: float(np.linalg.norm(seen.position - seen.camera)))
         way = float(np.linalg.norm(nearest.position - nearest.camera))
         share = max(nearest.reading.side / self.readable, self.nearer)
@@ -88,17 +88,17 @@ class ObjectPolicy(ObjectConfig, TrackPolicy):
 
 
 def with_depth(placed: Sequence[Observation]) -> Sequence[Observation]:
-    """The observations with depth, if any has it: those without guess how far away the object is."""
+    """The observations with depth, or all if there are none: without depth, the object's distance is a guess."""
     return [seen for seen in placed if seen.has_depth] or placed
 
 
 def shown(track: Track) -> Points:
-    """Returns of an object in the best of the photos with depth."""
+    """The object's returns in the observation with the best photo, with depth if any has depth."""
     return max(with_depth(track.placed), key=track.policy.shows).points
 
 
 def policy_of(kind: str, config: TracksConfig) -> ObjectPolicy:
-    """The policy of a kind of finds but people."""
+    """The policy for a kind of find other than people."""
     numbers: ObjectConfig = getattr(config, kind) if kind in FIND_KINDS else config.other
     return ObjectPolicy(
         kind=kind, is_flat=kind in FLAT, has_checksum=kind in CHECKED, likelihood=config.likelihood, **vars(numbers)

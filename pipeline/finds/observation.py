@@ -1,4 +1,4 @@
-"""Places what was read in an image: by the depth in its outline, or without depth in its direction alone."""
+"""Locate what was read in an image: by the depth in its outline or, without depth, only by its direction."""
 
 from dataclasses import replace
 
@@ -19,11 +19,11 @@ from pipeline.transforms import transform_points
 
 
 def sight(frame: Frame, reading: Reading, keyframe: int, T_map_base: Pose, policy: ObjectPolicy) -> Observation:
-    """A reading of a frame's image as an observation in ``map``.
+    """An observation in ``map`` of what was read in a frame's image.
 
-    A flat object's depth is the median within its outline. Of another object the middle of its own returns
-    is taken, and parts of it may be hidden. Without depth, it may be anywhere in its direction; so may what gives no
-    return from most of its outline, for the rest is the rim of something nearer.
+    A flat object's depth is the median within its outline. Another object is located at the middle of its own
+    returns, with an uncertainty for hidden parts. Without depth, an object may be anywhere in its direction; so may
+    one with returns in at most half of its outline, because these may be from the rim of something nearer.
     """
     outline = _inside(frame, reading)
     inside = outline & frame.returns
@@ -32,7 +32,7 @@ def sight(frame: Frame, reading: Reading, keyframe: int, T_map_base: Pose, polic
     z = float(np.median(depth)) if depth.size else frame.sensor.farthest
     k, (u, v) = frame.intrinsics, reading.corners.mean(axis=0)
     in_camera = np.array([(u - k.cx) / k.fx, (v - k.cy) / k.fy, 1.0]) * z
-    # Along the ray as uncertain as the depth, or as its whole range; across it by a pixel.
+    # The uncertainty along the ray is that of the depth, or the whole range; across the ray, it is a pixel.
     along = frame.sensor.sigma(z) if depth.size else z
     ray = in_camera / np.linalg.norm(in_camera)
     covariance = np.outer(ray, ray) * along**2 + np.eye(3) * ((z / k.fx) ** 2 + policy.pose_sigma**2)
@@ -65,7 +65,7 @@ def sight(frame: Frame, reading: Reading, keyframe: int, T_map_base: Pose, polic
 def _weighed(
     reading: Reading, points: Points, T_map_camera: Pose, ground: float, config: LikelihoodConfig
 ) -> tuple[Reading, Mask]:
-    """A reading, as sure as its points make it, and which of them belong to the object."""
+    """A reading with its confidence updated from its points, and which of these belong to the object."""
     if reading.kind not in WEIGHED:
         return reading, np.zeros(len(points), np.bool_)
     weighed = weigh(reading.kind, points, ground, config, camera=T_map_camera[:3, 3])
@@ -73,7 +73,7 @@ def _weighed(
 
 
 def _inside(frame: Frame, reading: Reading) -> PixelMask:
-    """The pixels within an outline."""
+    """The pixels within a reading's outline."""
     mask = np.zeros(frame.depth.shape, np.uint8)
     outline = cv2.convexHull(reading.corners.astype(np.float32) - np.float32(0.5))
     cv2.fillConvexPoly(mask, np.round(outline).astype(np.int32), 1)

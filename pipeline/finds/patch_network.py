@@ -1,4 +1,4 @@
-"""The classifiers of small square pictures, a convolutional network each: of hazmat signs, and of what stands out."""
+"""Convolutional classifiers of small square image patches: of hazmat signs, and of what stands out from walls."""
 
 from pathlib import Path
 
@@ -16,10 +16,10 @@ WIDTHS = 24, 48, 64, 96, 96  # Channels after each convolution
 
 
 class PatchNetwork(nn.Sequential):
-    """Four halvings of a patch, and the scores of each class, "none of them" last."""
+    """Convolutions that halve a patch four times, and the scores of the classes, with "none of them" last."""
 
     def __init__(self, classes: int, has_relief: bool = False, side: int = PATCH) -> None:
-        """Random weights for some classes, and patches of ``side`` pixels with colours, or colours and relief."""
+        """Start with random weights, for patches of ``side`` pixels with colours, or with colours and relief."""
         layers, before = list[nn.Module](), 3 + has_relief
         for width in WIDTHS:
             stride = 2 if width != before else 1
@@ -33,7 +33,7 @@ class PatchNetwork(nn.Sequential):
         """The network of a safetensors file, in evaluation mode.
 
         Raises:
-            InputError: the file is missing, damaged or of another network.
+            InputError: the file is missing or damaged, or belongs to another network.
         """
         network = cls(classes, has_relief, side)
         try:
@@ -44,7 +44,7 @@ class PatchNetwork(nn.Sequential):
         return network.eval()
 
     def probabilities(self, patches: NDArray[np.uint8], turns: int = 4) -> NDArray[np.float32]:
-        """(N, classes + 1) of (N, side, side, channels) patches, the mean over several turns of a square."""
+        """(N, classes + 1) of (N, side, side, channels) patches, averaged over ``turns`` rotations by 90°."""
         with torch.inference_mode():
             images = to_input(patches)
             turned = [self(torch.rot90(images, k, (2, 3))).softmax(1) for k in range(turns)]
@@ -52,14 +52,14 @@ class PatchNetwork(nn.Sequential):
 
 
 def to_input(patches: NDArray[np.uint8], device: torch.device | None = None) -> Tensor:
-    """(N, channels, H, W) float32 of (N, H, W, channels) uint8 patches, on a device; by default on the processor.
+    """(N, channels, H, W) float32 from (N, H, W, channels) uint8 patches, on a device; by default on the CPU.
 
-    The colours are less their mean and over their standard deviation; a relief is a share of its range.
+    Each patch's colours are standardised to zero mean and about unit variance; a relief is scaled to 0 to 1.
     """
     images = torch.from_numpy(np.ascontiguousarray(patches)).to(device).permute(0, 3, 1, 2).float()
     colours, relief = images[:, :3], images[:, 3:]
     mean = colours.mean((1, 2, 3), keepdim=True)
-    # Several times as fast as PyTorch's std; the mean's square is small enough for float32.
+    # Several times as fast as PyTorch's std; the squares are small enough for float32.
     deviation = ((colours - mean).square_().mean((1, 2, 3), keepdim=True)).sqrt_()
     evened = (colours - mean) / (deviation + 1)
     return torch.cat([evened, relief / np.iinfo(np.uint8).max], 1)

@@ -1,7 +1,7 @@
-"""Where a fire extinguisher or a door lever may be: what stands out of the wall, or has the red of the bottles.
+"""Where a fire extinguisher ("bottle") or a door lever may be: what stands out from the wall, or has a bottle's red.
 
-Along a column of the image, inverse depth is the same on an upright wall and grows evenly on the ground. A
-morphological opening leaves both as they are, and takes away what is lower than its window.
+Along a column of the image, inverse depth is constant on an upright wall and increases linearly on the ground. A
+morphological opening leaves both unchanged, and removes what is less tall than its window.
 """
 
 from dataclasses import dataclass
@@ -21,14 +21,14 @@ from pipeline.tracks.config import LikelihoodConfig
 
 @dataclass(frozen=True)
 class Sizes:
-    """How large regions of bottles and levers are; all in m or m².
+    """How large the regions of bottles and levers are, in m or m².
 
     Attributes:
-        relief: median by which a bottle stands out, its width.
-        tallest, widest: the largest that a region may be; a bottle may hang askew.
-        longest: least longer side of a region.
-        area: least area.
-        ratio: of the largest extents to their median.
+        relief: median height by which a bottle stands out, which is its width.
+        tallest, widest: maximum height and width of a region; a bottle may hang askew.
+        longest: minimum longer side of a region.
+        area: minimum area of a region.
+        ratio: ratio of the largest extents to their median.
     """
 
     relief: float
@@ -40,7 +40,7 @@ class Sizes:
 
     @classmethod
     def of(cls, config: ShapesConfig, likelihood: LikelihoodConfig) -> Self:
-        """By the medians of the extents, and how far they spread."""
+        """The sizes that follow from the medians and the spread of the extents."""
         (bottle, *_), (lever, *_) = likelihood.fire_extinguisher, likelihood.door_lever
         larger = exp(config.spreads * likelihood.spread)
         smallest = lever[1] * exp(-config.spreads * likelihood.spread)
@@ -50,11 +50,11 @@ class Sizes:
 
 @dataclass(frozen=True, eq=False)
 class Protrusions:
-    """What a frame shows that may be such an object.
+    """What a frame shows that may be a bottle or a lever.
 
     Attributes:
-        picture: (H, W, 4) uint8, the frame's colours, and how far each pixel stands out, over a bottle's width.
-        regions: (N, 2) int64 rows and columns of some of the pixels of each.
+        picture: (H, W, 4) uint8, the frame's colours, and how far each pixel stands out; 255 = a bottle's width.
+        regions: (N, 2) int64 rows and columns of some of the pixels of each region.
     """
 
     picture: NDArray[np.uint8]
@@ -62,7 +62,7 @@ class Protrusions:
 
     @classmethod
     def of(cls, frame: Frame, config: ShapesConfig, likelihood: LikelihoodConfig) -> Self:
-        """What stands out in a frame as extinguishers and levers do."""
+        """The regions of a frame that stand out, or are red, and have the size of bottles or levers."""
         stride, sizes = config.stride, Sizes.of(config, likelihood)
         depth, lens = frame.every_nth(stride)
         depth = np.where(np.isfinite(depth), depth, 0)
@@ -77,31 +77,31 @@ class Protrusions:
 
 
 def outline(region: NDArray[np.int64]) -> Pixels:
-    """Corners of the convex hull around a region's (N, 2) rows and columns."""
+    """Corners of the convex hull of a region, (N, 2) rows and columns."""
     return np.asarray(cv2.convexHull(region[:, ::-1].astype(np.float32) + np.float32(0.5))[:, 0], np.float32)
 
 
 def square_around(region: NDArray[np.int64]) -> Pixels:
-    """Corners of the square twice as wide as a region's (N, 2) rows and columns are long, about its middle."""
+    """Corners of a square around the middle of a region, (N, 2) rows and columns, twice as wide as it is long."""
     low, high = region.min(axis=0), region.max(axis=0) + 1
     unit = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]], np.float32)
     return ((low + high)[::-1] / 2 + unit * (high - low).max()).astype(np.float32)
 
 
 def relief(depth: Depth, lens: Intrinsics, sensor: SensorModel, tallest: float, ratio: float) -> Depth:
-    """m by which each return stands out of what is above and below; else 0.
+    """How far each return stands out from what is above and below it in the image, m; 0 elsewhere.
 
     Args:
-        depth: in m.
-        lens: of the camera.
-        sensor: that measured it.
-        tallest: m, the height up to which objects stand out.
-        ratio: of the farthest to the nearest depth of each band of depths, all of which have one window.
+        depth: depth image, m.
+        lens: intrinsics of the depth image.
+        sensor: the camera that measured it.
+        tallest: maximum height of objects that stand out, m.
+        ratio: ratio of the farthest to the nearest depth of a band of depths; each band has its own window.
     """
     nearness = np.asarray(cv2.medianBlur(_filled(depth), 3), np.float32)
     far, out = np.float32(1 / sensor.farthest), np.zeros_like(depth)
     z = sensor.nearest
-    while z < sensor.farthest:  # the nearest of each band are as large in the image as its window
+    while z < sensor.farthest:  # a band's window fits its nearest objects
         behind = np.maximum(_opened(nearness, ceil(tallest * lens.fy / z) | 1), far)
         band = (depth >= z) & (depth < z * ratio)
         out[band] = 1 / behind[band] - 1 / np.maximum(nearness[band], far)
@@ -110,7 +110,7 @@ def relief(depth: Depth, lens: Intrinsics, sensor: SensorModel, tallest: float, 
 
 
 def _filled(depth: Depth) -> NDArray[np.float32]:
-    """(H, W) inverse depth, 1/m; without a return that of the farther of those next to it left and right, if any."""
+    """(H, W) inverse depth, 1/m; gaps get that of the farther of the next returns to the left and right, if any."""
     is_return, columns = depth > 0, np.arange(depth.shape[1])
     left = np.maximum.accumulate(np.where(is_return, columns, -1), axis=1) + 1
     right = np.minimum.accumulate(np.where(is_return, columns, len(columns))[:, ::-1], axis=1)[:, ::-1] + 1
@@ -121,7 +121,7 @@ def _filled(depth: Depth) -> NDArray[np.float32]:
 
 
 def _opened(image: NDArray[np.float32], rows: int) -> NDArray[np.float32]:
-    """An image opened with a window of an odd number of rows; its first and last row go on beyond it."""
+    """An image opened with a window of an odd number of rows; its first and last rows are replicated beyond it."""
     padded = cv2.copyMakeBorder(image, rows, rows, 0, 0, cv2.BORDER_REPLICATE)
     return np.asarray(cv2.morphologyEx(padded, cv2.MORPH_OPEN, np.ones((rows, 1), np.uint8)), np.float32)[rows:-rows]
 
@@ -129,13 +129,13 @@ def _opened(image: NDArray[np.float32], rows: int) -> NDArray[np.float32]:
 def _is_red(rgb: Rgb, config: ShapesConfig) -> PixelMask:
     """The pixels with a bottle's hue, in any light."""
     hue, saturation, _ = cv2.split(cv2.cvtColor(rgb, cv2.COLOR_RGB2HSV_FULL))
-    # Hues are a circle, and so are the sums of unsigned bytes.
+    # Hues wrap around, and so do sums of unsigned bytes.
     return (hue + np.uint8(config.hue) < 2 * config.hue) & (saturation > config.coloured)
 
 
 def _regions(mask: PixelMask, depth: Depth, lens: Intrinsics, sizes: Sizes) -> list[NDArray[np.int64]]:
-    """(N, 2) rows and columns of the connected regions as large as objects may be."""
-    pair = np.ones((2, 2), np.uint8)  # an opening in two steps, for OpenCV's moves by a pixel
+    """(N, 2) rows and columns of each connected region that is as large as objects may be."""
+    pair = np.ones((2, 2), np.uint8)  # an opening in two steps, because OpenCV's shifts by a pixel
     clean = cv2.dilate(cv2.erode(mask.astype(np.uint8), pair), pair, anchor=(0, 0))
     count, number, boxes, _ = cv2.connectedComponentsWithStats(clean)
     away = np.bincount(number.ravel(), depth.ravel(), count) / boxes[:, cv2.CC_STAT_AREA]
@@ -144,7 +144,7 @@ def _regions(mask: PixelMask, depth: Depth, lens: Intrinsics, sizes: Sizes) -> l
     fits = (height < sizes.tallest) & (width < sizes.widest)
     fits &= np.maximum(width, height) > sizes.longest
     fits &= boxes[:, cv2.CC_STAT_AREA] * pixel**2 > sizes.area
-    fits[0] = False  # what is not in the mask
+    fits[0] = False  # label 0 is what is not in the mask
     found = []
     for part in np.flatnonzero(fits):
         x, y, w, h = boxes[part, : cv2.CC_STAT_AREA]

@@ -1,4 +1,4 @@
-"""Squares in an image, as those that signs are printed on: outlines with four corners, found in several ways."""
+"""Squares in an image, such as those that signs are printed on: outlines with four corners, found in several ways."""
 
 from collections.abc import Iterator, Sequence
 
@@ -11,7 +11,7 @@ from pipeline.finds.config import SquaresConfig
 
 
 def find_quads(rgb: Rgb, config: SquaresConfig) -> NDArray[np.float32]:
-    """(N, 4, 2) corners, pixels, clockwise, of what may be squares in an image, each once."""
+    """(N, 4, 2) corners, pixels, clockwise, of the possible squares in an image, each once."""
     found = [quad for mask in _masks(rgb, config) for quad in _quads_of(mask, config)]
     quads = np.array(found, np.float32).reshape(-1, 4, 2)
     quads = quads[_distinct(quads, config.same)]
@@ -20,7 +20,7 @@ def find_quads(rgb: Rgb, config: SquaresConfig) -> NDArray[np.float32]:
 
 
 def _parts(quad: Pixels, config: SquaresConfig) -> Iterator[Pixels]:
-    """The halves of an oblong, or the quarters of a square: signs that hang side by side have one outline."""
+    """The halves of an oblong, or the quarters of a square: signs that hang side by side share one outline."""
     sides = np.linalg.norm(np.roll(quad, -1, axis=0) - quad, axis=1)
     wide, high = sides[::2].mean(), sides[1::2].mean()
     columns, rows = (2 if one > other / config.oblong else 1 for one, other in ((wide, high), (high, wide)))
@@ -34,20 +34,20 @@ def _parts(quad: Pixels, config: SquaresConfig) -> Iterator[Pixels]:
 
 
 def _masks(rgb: Rgb, config: SquaresConfig) -> Iterator[NDArray[np.uint8]]:
-    """(H, W) images in which regions, or holes in them, may be squares: by local contrast, by colour, by edges."""
+    """(H, W) images in which regions, or holes in them, may be squares: from local contrast, colours and edges."""
     smooth = np.asarray(cv2.medianBlur(rgb, 3), np.uint8)
     hue, saturation, value = cv2.split(cv2.cvtColor(smooth, cv2.COLOR_RGB2HSV_FULL))
     most = np.iinfo(np.uint8).max
     yield _above(value, -config.contrast, config.small_window)
-    # Inverted: what touches at corners alone is one region in one of the two.
+    # Inverted: shapes that touch only at corners are one region in one of the two masks.
     yield most - _above(value, config.contrast, config.small_window)
     for above in (-config.contrast, config.contrast):
         yield most - _above(value, above, config.window)
     yield _above(saturation, config.more_coloured, config.window)
-    # On grey walls saturation is noise: without its specks there are few outlines.
+    # On grey walls, saturation is noise: once its specks are removed, there are few outlines.
     yield np.asarray(cv2.medianBlur(_above(saturation, -config.contrast, config.small_window), 5), np.uint8)
     for first in range(0, most + 1, config.hues):
-        # Hues are a circle, and so are the differences of unsigned bytes.
+        # Hues wrap around, and so do differences of unsigned bytes.
         is_one = (hue - np.uint8(first) < config.hue_width) & (saturation > config.coloured)
         if np.count_nonzero(is_one) >= config.least_side**2:
             yield np.where(is_one, most, 0).astype(np.uint8)
@@ -57,7 +57,7 @@ def _masks(rgb: Rgb, config: SquaresConfig) -> Iterator[NDArray[np.uint8]]:
 
 
 def _above(channel: cv2.typing.MatLike, above: int, window: int) -> NDArray[np.uint8]:
-    """255 where a pixel exceeds the mean of its surroundings, of ``window`` pixels along, by more than ``above``."""
+    """255 where a pixel exceeds the mean of the ``window`` × ``window`` pixels around it by more than ``above``."""
     how = cv2.ADAPTIVE_THRESH_MEAN_C, cv2.THRESH_BINARY, window, -above
     return np.asarray(cv2.adaptiveThreshold(channel, np.iinfo(np.uint8).max, *how), np.uint8)
 
@@ -71,7 +71,7 @@ def _quads_of(mask: NDArray[np.uint8], config: SquaresConfig) -> Iterator[Pixels
 
 
 def _large(contours: Sequence[cv2.typing.MatLike], least: int) -> Iterator[cv2.typing.MatLike]:
-    """Those of contours (N, 1, 2) that are ``least`` pixels wide and high: one in 300 of a noisy image."""
+    """The contours (N, 1, 2) at least ``least`` pixels wide and high: one in 300 in a noisy image."""
     if not contours:
         return
     begins = np.cumsum([0, *map(len, contours[:-1])])
@@ -81,7 +81,7 @@ def _large(contours: Sequence[cv2.typing.MatLike], least: int) -> Iterator[cv2.t
 
 
 def _quad(hull: NDArray[np.int32], config: SquaresConfig) -> Pixels | None:
-    """Four corners of the quadrilateral that a hull is; None if it is not one, or seen too much from the side."""
+    """Four corners of a hull that is a quadrilateral; None if it is not one, too small or seen too obliquely."""
     area = cv2.contourArea(hull)
     for tolerance in config.tolerances:
         corners = cv2.approxPolyDP(hull, tolerance * cv2.arcLength(hull, True), True)[:, 0].astype(np.float32)
@@ -95,7 +95,7 @@ def _quad(hull: NDArray[np.int32], config: SquaresConfig) -> Pixels | None:
 
 
 def _distinct(quads: NDArray[np.float32], same: float) -> NDArray[np.intp]:
-    """Indices of quadrilaterals of which none is the same as one before, from any corner."""
+    """Indices of the quadrilaterals without repetitions of earlier ones, whichever corner comes first."""
     kept: list[int] = []
     for k, quad in enumerate(quads):
         others = quads[kept]

@@ -1,4 +1,4 @@
-"""All readers of finds together: from a frame to what it shows."""
+"""All readers of finds together, which turn a frame into readings of what it shows."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -20,7 +20,7 @@ from pipeline.victims.detection.detection import Detection
 
 
 class FindReader(Protocol):
-    """Finds objects of some kinds in a frame; may be one's own."""
+    """Finds objects of some kinds in a frame; users may write their own."""
 
     def read(self, frame: Frame, detections: Sequence[Detection]) -> list[Reading]:
         """What a frame shows, given a detector's boxes in its image; may be called in another thread."""
@@ -28,10 +28,10 @@ class FindReader(Protocol):
 
 
 class SeveralReaders:
-    """Takes what several readers find, of each object what the first one says."""
+    """Combines several readers; of an object that several find, the first one's reading counts."""
 
     def __init__(self, readers: Sequence[FindReader]):
-        """With readers, in the order in which they read."""
+        """``readers``: in the order in which they read."""
         self._readers = readers
 
     def read(self, frame: Frame, detections: Sequence[Detection]) -> list[Reading]:
@@ -46,7 +46,7 @@ class FindReaders:
     """Reads signs, codes, shapes and heat, and takes over what a detector has found."""
 
     def __init__(self, hazmat: HazmatReader, shapes: ShapeReader, config: FindsConfig = FindsConfig()):
-        """With readers of hazmat signs, and of extinguishers and levers."""
+        """``hazmat``: reads hazmat signs; ``shapes``: reads extinguishers and levers."""
         self._hazmat, self._shapes, self._codes = hazmat, shapes, CodeReader(config.codes)
         self._config = config
 
@@ -58,7 +58,7 @@ class FindReaders:
         config: FindsConfig = FindsConfig(),
         likelihood: LikelihoodConfig = LikelihoodConfig(),
     ) -> "FindReaders":
-        """With the weights of both classifiers; InputError as :meth:`HazmatReader.load`."""
+        """Readers with the weights of both classifiers; InputError as for :meth:`HazmatReader.load`."""
         shape_reader = ShapeReader.load(shapes, config.shapes, likelihood)
         return cls(HazmatReader.load(hazmat, config.hazmat), shape_reader, config)
 
@@ -71,7 +71,7 @@ class FindReaders:
         return [*shapes, *_others(self._read(squares, detections), shapes), *heat]
 
     def read_image(self, rgb: NDArray[np.uint8], detections: Sequence[Detection]) -> list[Reading]:
-        """What an image shows, (H, W, 3) or grey (H, W) uint8; a detector's boxes of people are left alone.
+        """What an image shows, (H, W, 3) or grey (H, W) uint8; a detector's boxes of people are ignored.
 
         Raises:
             InputError: the image is empty or of another type.
@@ -86,5 +86,5 @@ class FindReaders:
 
 
 def _others(readings: Sequence[Reading], read: Sequence[Reading]) -> list[Reading]:
-    """The readings that are of other objects than those read."""
+    """The readings of objects other than those already ``read``."""
     return [r for r in readings if not any(r.kind == k.kind and is_same(r.corners, k.corners) for k in read)]

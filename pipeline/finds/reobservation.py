@@ -1,4 +1,4 @@
-"""Re-observation: rewards for viewpoints that would show again what is not confirmed, or could not be read."""
+"""Re-observation: rewards for viewpoints that would show unconfirmed or unread objects again."""
 
 from collections.abc import Sequence
 
@@ -17,10 +17,10 @@ from pipeline.transforms import wrap_angle
 
 
 class Reobservation:
-    """Rewards of viewpoints towards what is worth another look, and the tries to see each object again.
+    """Rewards viewpoints towards what is worth another look, and counts the tries to see each object again.
 
     Attributes:
-        camera: the last frame, of whose kind the next will be; None before the first.
+        camera: the last frame, whose camera the next frame is assumed to share; None before the first.
     """
 
     def __init__(
@@ -30,7 +30,7 @@ class Reobservation:
         keyframes: Keyframes,
         config: ReobservationConfig = ReobservationConfig(),
     ) -> None:
-        """Reward viewpoints towards what is unconfirmed of these, along lines of sight that are free in this map."""
+        """Reward viewpoints towards what is unconfirmed in ``tracks``, with lines of sight free in ``metric_map``."""
         self.camera: Frame | None = None
         self._tracks, self._map, self._keyframes, self._config = tracks, metric_map, keyframes, config
         self._aimed: list[tuple[Track, Places]] = []
@@ -42,14 +42,14 @@ class Reobservation:
         return [track for track in unconfirmed if len(track.tried) < self._config.most_tries]
 
     def gains(self, places: NDArray[np.float64], bearings: Values) -> NDArray[np.float64]:
-        """(N, M) float64 rewards, m², of viewpoints at (N, 3) places on the ground along bearings, rad."""
+        """(N, M) float64 rewards, m², of viewpoints at (N, 3) places on the ground with (M,) bearings, rad."""
         total = np.zeros((len(places), len(bearings)))
         for track in self.wanted:
             total += self._gains(track, places, bearings)
         return total
 
     def aim(self, place: Place, heading: float) -> None:
-        """Note that the next frame is to be taken from a place on the ground along a heading, rad."""
+        """Note that the next frame is to be taken at a place on the ground with a heading, rad."""
         bearing = np.array([heading])
         aimed = [track for track in self.wanted if self._gains(track, place[None], bearing).any()]
         poses = self._keyframes.poses
@@ -84,15 +84,15 @@ class Reobservation:
 
 
 def half_view(frame: Frame, track: Track) -> float:
-    """rad from the middle of the image within which an object, as far away as it would be looked at, is whole."""
+    """Maximum angle from the image's middle, rad, at which an object at its maximum distance is wholly visible."""
     _, most = track.policy.distances(track, frame.sensor)
     return float(frame.intrinsics.half_view - np.arctan2(track.policy.across / 2, most))
 
 
 def _newness(track: Track, places: NDArray[np.float64], target: Place, config: ReobservationConfig) -> Values:
-    """Share of the reward: 0 beside earlier viewpoints, and on the side of viewpoints that showed nothing.
+    """Share of the reward: 0 near earlier viewpoints, and on the side of viewpoints that showed nothing.
 
-    Of a flat object another side shows no more.
+    A flat object shows nothing new from another side.
     """
     found, tried = (np.reshape(p, (-1, 3))[:, :2] for p in (track.cameras, track.tried_at))
     if track.policy.is_flat:

@@ -1,4 +1,4 @@
-"""Reads fire extinguishers and door levers: what stands out is classified by its colours and its relief."""
+"""Read fire extinguishers and door levers: what stands out is classified by its colours and its relief."""
 
 from pathlib import Path
 
@@ -14,7 +14,7 @@ from pipeline.tracks.find import SHAPED, Reading
 
 
 class ShapeReader:
-    """Finds the kinds that are recognised by their shapes."""
+    """Finds objects of the kinds that are recognised by their shape."""
 
     def __init__(
         self,
@@ -22,18 +22,18 @@ class ShapeReader:
         config: ShapesConfig = ShapesConfig(),
         likelihood: LikelihoodConfig = LikelihoodConfig(),
     ):
-        """Read by a trained network; ``likelihood`` says how large the objects are."""
+        """Read with a trained network; ``likelihood``: the sizes of the objects."""
         self._network, self._config, self._likelihood = network, config, likelihood
 
     @classmethod
     def load(
         cls, weights: Path, config: ShapesConfig = ShapesConfig(), likelihood: LikelihoodConfig = LikelihoodConfig()
     ) -> "ShapeReader":
-        """A reader with the weights of a safetensors file; InputError as :meth:`PatchNetwork.load`."""
+        """A reader with the weights of a safetensors file; InputError as for :meth:`PatchNetwork.load`."""
         return cls(PatchNetwork.load(weights, len(SHAPED), has_relief=True), config, likelihood)
 
     def read(self, frame: Frame) -> list[Reading]:
-        """The objects in a frame that are sure enough, the surest first, each once."""
+        """The objects in a frame with enough confidence, the most confident first, each once."""
         seen = Protrusions.of(frame, self._config, self._likelihood)
         if not seen.regions:
             return []

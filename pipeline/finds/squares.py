@@ -15,16 +15,16 @@ from pipeline.finds.quads import find_quads
 from pipeline.frame import Frame
 
 PATCH, SURROUNDINGS = 64, 0.1
-"""Pixels along a patch, and the share of it that surrounds what it shows on each side; networks have learned so."""
+"""Side of a patch, pixels, and the share of it that is margin on each side; the networks were trained with these."""
 
 
 @dataclass(frozen=True, eq=False)
 class Squares:
-    """An image and what may be squares in it.
+    """An image and the possible squares in it.
 
     Attributes:
-        image: in three channels.
-        scale: its pixels over those of the original along a side.
+        image: the image, in three channels.
+        scale: side length of the image relative to the original.
         quads: (N, 4, 2) float32 corners in ``image``, pixels, clockwise.
     """
 
@@ -39,12 +39,12 @@ class Squares:
 
     @classmethod
     def of(cls, rgb: NDArray[np.uint8], config: SquaresConfig) -> "Squares":
-        """Those of an (H, W, 3) or grey (H, W) uint8 image; InputError if it is empty or of another type."""
+        """The squares in an (H, W, 3) or grey (H, W) uint8 image; InputError if it is empty or of another type."""
         image, scale = _bounded(rgb, config.most_pixels)
         return cls(image, scale, find_quads(image, config))
 
     def fitting(self, frame: Frame, config: SquaresConfig) -> Self:
-        """Those squares of a frame's image that are as large as signs and codes, or of unknown distance."""
+        """The squares in a frame's image that are as large as signs and codes, or whose distance is unknown."""
         corners = self.quads / self.scale
         sides = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean(axis=1)
         columns, rows = corners.mean(axis=1).T.astype(np.intp)
@@ -54,13 +54,13 @@ class Squares:
 
 
 def _bounded(rgb: NDArray[np.uint8], most: int) -> tuple[Rgb, float]:
-    """An (H, W, 3) or grey (H, W) or (H, W, 1) uint8 image in three channels of ``most`` pixels at most.
+    """An (H, W, 3) or grey (H, W) or (H, W, 1) uint8 image in three channels, shrunk to at most ``most`` pixels.
 
     Returns:
-        The image, and its pixels over those of the original along a side.
+        The image, and its side length relative to the original.
 
     Raises:
-        InputError: it is empty, of another shape or type.
+        InputError: the image is empty, or of another shape or type.
     """
     if rgb.dtype != np.uint8 or rgb.size == 0 or rgb.ndim not in (2, 3) or rgb.shape[2:] not in ((), (1,), (3,)):
         raise InputError(f"image: must be uint8 (height, width) or (height, width, 3), not {rgb.dtype} {rgb.shape}")
@@ -73,14 +73,14 @@ def _bounded(rgb: NDArray[np.uint8], most: int) -> tuple[Rgb, float]:
 
 
 class Pyramid:
-    """An image, half of it, half of that and so on, each made when it is first asked for."""
+    """An image pyramid: each level halves the one before, and is made when it is first used."""
 
     def __init__(self, image: NDArray[np.uint8]):
-        """Of an (H, W, ...) image."""
+        """The pyramid of an (H, W, ...) image."""
         self._levels = [image]
 
     def __getitem__(self, level: int) -> NDArray[np.uint8]:
-        """The image halved a number of times, by areas."""
+        """The image halved ``level`` times, by averaging areas."""
         while len(self._levels) <= level:
             last = self._levels[-1]
             size = (last.shape[1] + 1) // 2, (last.shape[0] + 1) // 2
@@ -89,7 +89,7 @@ class Pyramid:
 
 
 def corners_in(side: int) -> Pixels:
-    """Four corners of the square that a patch of ``side`` pixels shows."""
+    """Four corners of the square inside the margin of a patch of ``side`` pixels."""
     low, high = SURROUNDINGS * side, (1 - SURROUNDINGS) * side
     return np.array([[low, low], [high, low], [high, high], [low, high]], np.float32)
 
@@ -97,8 +97,8 @@ def corners_in(side: int) -> Pixels:
 def rectified(
     pyramid: Pyramid, quad: Pixels, side: int = PATCH, interpolation: int = cv2.INTER_LINEAR
 ) -> NDArray[np.uint8]:
-    """(side, side, ...) uint8 a quadrilateral of an image, four corners in pixels, as a square with a margin."""
-    # By areas, for a perspective transform takes single pixels.
+    """(side, side, ...) uint8 patch that shows a quadrilateral, four corners in pixels, as a square with a margin."""
+    # Areas are averaged first, because a perspective transform samples single pixels.
     level = int(np.log2(max(*cv2.boundingRect(quad)[2:], side) / side))
     whole, image = pyramid[0].shape, pyramid[level]
     part = np.diag([whole[1] / image.shape[1], whole[0] / image.shape[0], 1])
@@ -113,7 +113,7 @@ def is_same(one: Pixels, other: Pixels) -> bool:
 
 
 def overlap(one: Pixels, other: Pixels) -> tuple[float, float]:
-    """The area that two outlines share, over that of both together and over the smaller."""
+    """The area that two outlines share, divided by that of their union and by that of the smaller one."""
     common, _ = cv2.intersectConvexConvex(cv2.convexHull(one), cv2.convexHull(other))
     areas = cv2.contourArea(one), cv2.contourArea(other)
     return common / max(sum(areas) - common, 1), common / max(min(areas), 1)

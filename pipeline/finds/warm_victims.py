@@ -1,4 +1,4 @@
-"""Ties what is found on people to them: one find of heat for each, and no bottles and levers."""
+"""Assign what is found on people to them: one find of heat for each person, and no extinguishers or levers."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
@@ -13,17 +13,17 @@ from pipeline.tracks.track import Track
 def one_per_person(
     finds: Sequence[Find], people: Sequence[Track], suspected: Sequence[Track], reach: Mapping[str, float]
 ) -> Iterator[Find]:
-    """The finds, those of heat that parts of one person give off as a single one in the middle of the person.
+    """The finds, with the heat that parts of one person give off merged into one find in the middle of the person.
 
-    Clothes, blankets and what stands in front leave several warm regions of a person. A single warm region of which
-    no person was seen stays where it is. What looks like a bottle or a lever on a person is the person's own. What is
-    warm of a person who is only ``suspected`` is one find too, for its warmth bears it out.
+    Clothes, blankets and objects in front leave several warm regions of a person. A warm region where no person was
+    seen stays where it is. An extinguisher or lever on a person is left out, because it is a part of the person. The
+    heat of a person who is only ``suspected`` is merged too, because it supports the suspicion.
 
     Args:
-        finds: without people.
-        people: confirmed.
+        finds: finds to report; none of them are people.
+        people: the confirmed people.
         suspected: people who are not confirmed.
-        reach: by kind, distance from a person up to which a find belongs to that person, m.
+        reach: maximum distance from a person at which a find belongs to that person, by kind, m.
     """
     everyone = [*people, *suspected]
     trees = [cKDTree(person.points) for person in everyone]

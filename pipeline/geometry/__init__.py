@@ -1,1 +1,1 @@
-"""Geometry that several rooms share."""
+"""Geometry that several packages share."""

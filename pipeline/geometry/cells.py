@@ -1,7 +1,7 @@
-"""Sets of small cells of the map, which show where inside its bounding box a surface is.
+"""Sets of small cells of the map, which show where a surface is inside its bounding box.
 
-A set holds distinct indices, sorted. The cells are the map's, not the surface's, so sets of different frames unite
-exactly and in any order. Their centres lie at multiples of their edge.
+A set holds distinct cell indices, sorted. The grid belongs to the map, not to a surface, so the union of sets from
+different frames is exact and does not depend on their order. Cell centres lie at multiples of the edge length.
 """
 
 from typing import TypeAlias
@@ -19,7 +19,7 @@ from pipeline.geometry.voxel_hash import voxels_of
 from pipeline.geometry.voxel_hash_kernels import unpacked
 
 NONE = -1
-"""No piece."""
+"""Number of a cell that belongs to no piece."""
 SurfaceCells: TypeAlias = NDArray[np.int32]
 """(K, 3) int32 distinct indices of cells, sorted."""
 
@@ -31,12 +31,12 @@ def cells_of(points: NDArray[np.floating], edge: float) -> tuple[SurfaceCells, I
 
 
 def centres(cells: SurfaceCells, edge: float) -> Places:
-    """The centres of cells (K, 3) with an ``edge`` in m."""
+    """The centres of cells (K, 3) of edge length ``edge``, m."""
     return np.multiply(cells, edge, dtype=np.float64)
 
 
 def unite(a: SurfaceCells, b: SurfaceCells) -> SurfaceCells:
-    """The cells (M, 3) of both sets."""
+    """The union (M, 3) of two sets (K, 3) and (L, 3)."""
     return kernels.united(a, b)
 
 
@@ -49,10 +49,10 @@ def in_contact(a: SurfaceCells, b: SurfaceCells, config: CellConfig) -> bool:
 def connected_pieces(cells: SurfaceCells, points: Indices, config: CellConfig) -> Indices:
     """(K,) number of each cell's piece, NONE for cells that are only noise at a surface's edge.
 
-    Cells with few ``points`` (K,) beside cells with many are noise. Of the others, neighbouring inner cells form one
-    piece, and each remaining cell joins the nearest piece, as in DBSCAN (Ester et al. 1996) and a watershed: so
-    surfaces that touch at corners or by a thin strip stay two. An inner cell of a level or upright surface lacks at
-    most one row of the square of its neighbours.
+    Cells with few ``points`` (K,) next to cells with many are noise. Among the others, neighbouring inner cells form
+    one piece, and each remaining cell joins the nearest piece, as in DBSCAN (Ester et al. 1996) and watersheds. Thus
+    surfaces that touch only at corners or along a thin strip stay separate. An inner cell of a level or upright
+    surface lacks at most one row of the square of its neighbours.
     """
     side = 2 * config.reach + 1
     pairs = KDTree(cells).query_pairs(config.reach, p=np.inf, output_type="ndarray")
@@ -73,7 +73,7 @@ def _components(pairs: NDArray[np.intp], size: int) -> Indices:
 
 
 def _flood(piece: Indices, pairs: NDArray[np.intp]) -> None:
-    """Spread pieces step by step to the cells without one, in place; of several pieces the lowest number wins."""
+    """Spread pieces step by step to neighbouring cells without one, in place; of several, the lowest number wins."""
     both_ways = np.vstack([pairs, pairs[:, ::-1]])
     while True:
         source, target = both_ways[(piece[both_ways] == NONE) @ [1, 2] == 2].T

@@ -9,13 +9,13 @@ from pipeline.geometry.voxel_hash_kernels import unpacked, voxels_of
 
 @njit(cache=True, nogil=True)
 def placed_cells(T, points, edge):
-    """(K, 3) int32 sorted cells, centred at multiples of the ``edge``, m, of points (N, 3) moved by a 4×4 ``T``."""
+    """(K, 3) int32 sorted cells, centred at multiples of ``edge``, m, with points (N, 3), m, moved by a 4×4 ``T``."""
     return unpacked(np.sort(voxels_of(moved(T, points) + np.float32(edge / 2), np.float32(1 / edge))[1]))
 
 
 @njit(cache=True)
 def bounds(cells):
-    """(2, 3) int64 least and greatest index along each axis of the cells (K, 3), K at least 1."""
+    """(2, 3) int64 minimum and maximum index along each axis of cells (K, 3), at least one."""
     result = np.empty((2, 3), np.int64)
     for axis in range(3):
         result[:, axis] = cells[0, axis]
@@ -39,13 +39,13 @@ def united(a, b):
 
 @njit(cache=True)
 def count_near(cells, others, reach, enough):
-    """How many of the cells (K, 3) have any of the sorted cells (L, 3) up to ``reach`` away along every axis.
+    """Number of cells (K, 3) with any of the sorted ``others`` (L, 3) within ``reach`` cells along every axis.
 
-    The count ends at ``enough``.
+    Counting stops at ``enough``.
     """
     count, n = 0, 0
     while n < len(cells) and count < enough:
-        # Sorted cells begin with the least first index and end with the greatest.
+        # The first of the sorted cells has the lowest first index, the last one the highest.
         if others[0, 0] - reach <= cells[n, 0] <= others[-1, 0] + reach:
             count += has_near(cells[n], others, reach)
         n += 1
@@ -54,7 +54,7 @@ def count_near(cells, others, reach, enough):
 
 @njit(cache=True)
 def has_near(cell, others, reach):
-    """Whether any of the sorted cells (L, 3) is up to ``reach`` away from a cell (3,) along every axis."""
+    """Whether any of the sorted ``others`` (L, 3) is within ``reach`` cells of a cell (3,) along every axis."""
     for i in range(cell[0] - reach, cell[0] + reach + 1):
         for j in range(cell[1] - reach, cell[1] + reach + 1):
             first, end = 0, len(others)
@@ -71,7 +71,7 @@ def has_near(cell, others, reach):
 
 @njit(cache=True, inline="always")
 def compared(cell, i, j, k):
-    """-1, 0 or 1: whether a cell (3,) sorts before, as or after the indices (i, j, k)."""
+    """-1, 0 or 1 if a cell (3,) sorts before, equal to or after the indices (i, j, k)."""
     for mine, other in ((cell[0], i), (cell[1], j), (cell[2], k)):
         if mine != other:
             return -1 if mine < other else 1

@@ -6,9 +6,9 @@ from scipy import ndimage
 
 
 def parts(points: NDArray[np.floating], edge: float) -> NDArray[np.intp]:
-    """(N,) number from 1 on of the part to which each point (N, 3), m, belongs.
+    """(N,) number, from 1 on, of the connected part to which each point (N, 3), m, belongs.
 
-    Points in one cube with an ``edge`` in m, or in neighbouring ones, are of one part.
+    Points in the same cube of edge length ``edge``, m, or in neighbouring cubes are connected.
     """
     if not len(points):
         return np.zeros(0, np.intp)

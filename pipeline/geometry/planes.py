@@ -1,8 +1,8 @@
 """Planes: through three points, by RANSAC, and fitted by least squares.
 
-One convention holds for every plane: the points x with n · x = d, where n has length 1 and points to the side from
-which the surface was seen. Four numbers in an array are [n, d]. In ``camera_optical`` that side contains the origin,
-so d ≤ 0 there. Planes that a library returns in another convention are converted where it is called.
+All planes follow one convention: the points x with n · x = d, where the unit vector n points to the side from which
+the surface was seen. As an array, a plane is [n, d]. In ``camera_optical`` that side contains the origin, so d ≤ 0.
+Planes that a library returns in another convention are converted where the library is called.
 """
 
 from dataclasses import dataclass
@@ -19,8 +19,8 @@ class Plane:
     """The points x with ``normal · x = offset``.
 
     Attributes:
-        normal: towards the camera that saw the surface.
-        offset: m.
+        normal: unit normal, towards the camera that saw the surface.
+        offset: signed distance from the origin along the normal, m.
     """
 
     normal: Direction
@@ -31,11 +31,11 @@ class Plane:
         return points @ self.normal - self.offset
 
     def projected(self, points: Places) -> Places:
-        """The points of the plane nearest to these."""
+        """Points projected orthogonally onto the plane."""
         return points - self.distance(points)[:, None] * self.normal
 
     def facing(self, direction: Direction) -> "Plane":
-        """The same plane with its normal on the side of a direction of any length."""
+        """The same plane with its normal on the side of a direction, which may have any length."""
         return self if self.normal @ direction >= 0 else Plane(-self.normal, -self.offset)
 
 
@@ -45,7 +45,7 @@ def distances(points: NDArray[np.floating], planes: NDArray[np.floating]) -> NDA
 
 
 def planes_through(triples: NDArray[np.float64]) -> Planes:
-    """The planes through three points each (N, 3, 3), m; NaN for three points on a line."""
+    """The planes, each through three points (N, 3, 3), m; NaN for collinear points."""
     normals = np.cross(triples[:, 1] - triples[:, 0], triples[:, 2] - triples[:, 0])
     with np.errstate(invalid="ignore"):
         normals = normals / np.linalg.norm(normals, axis=1, keepdims=True)
@@ -55,16 +55,16 @@ def planes_through(triples: NDArray[np.float64]) -> Planes:
 def plane_inliers(points: Points, max_distance: float, samples: int, seed: int) -> Mask:
     """The inliers of the plane with the most inliers, by RANSAC (Fischler & Bolles 1981).
 
-    The same seed gives the same plane, bit for bit. For that Open3D must try all samples, hence the probability of 1:
-    with less it stops early, after a number of samples that depends on the timing of its threads.
+    The same seed gives the same plane, bit for bit. For this, Open3D must try all samples, hence a probability of 1:
+    otherwise it stops early, after a number of samples that depends on the timing of its threads.
 
     Args:
-        points: at least three, in any frame.
-        max_distance: m, from the plane.
+        points: at least three points, in any frame.
+        max_distance: distance from the plane within which points are inliers, m.
         samples: number of random planes.
-        seed: of the samples; it seeds Open3D as a whole.
+        seed: seed of the samples; it seeds all of Open3D.
     """
-    import open3d as o3d  # here, because it takes a second, which would delay every command's --help
+    import open3d as o3d  # here, because this takes a second, which would delay every command's --help
 
     o3d.utility.random.seed(seed & np.iinfo(np.int32).max)
     cloud = o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points.astype(np.float64)))
@@ -79,7 +79,7 @@ def facing_camera(planes: Planes) -> Planes:
 
 @dataclass(frozen=True, eq=False)
 class Moments:
-    """Count, sum and sum of squares of points, which suffice for a least-squares plane; moments of sets add up.
+    """Count, sum and sum of squares of points, which suffice for a least-squares plane; moments are additive.
 
     Attributes:
         count: number of points.
@@ -115,7 +115,7 @@ class Moments:
         return self.total / self.count
 
     def fit(self, towards: Direction) -> tuple[Plane, float]:
-        """The plane of least squared orthogonal distances, facing ``towards``, and the distances' rms in m."""
+        """The least-squares plane (of orthogonal distances), facing ``towards``, and the RMS distance from it, m."""
         centroid = self.centroid
         covariance = self.squares / self.count - np.outer(centroid, centroid)
         variances, axes = np.linalg.eigh(covariance)

@@ -1,4 +1,4 @@
-"""Clouds thinned to voxels: near surfaces get as many points as far ones, and noise averages out."""
+"""Point clouds thinned to voxels: near surfaces become as sparse as far ones, and noise averages out."""
 
 from dataclasses import dataclass, replace
 from typing import Self
@@ -11,20 +11,20 @@ from pipeline.geometry.voxel_hash import first_of, voxels_of
 
 
 def first_in_voxels(points: NDArray[np.floating], per_unit: float | np.floating = 1.0) -> Indices:
-    """(M,) index of the first of the points (N, 3) in each voxel, in order; arguments as of :func:`voxels_of`."""
+    """(M,) index of the first of the points (N, 3) in each voxel, ascending; arguments as in :func:`voxels_of`."""
     voxel_of_point, keys = voxels_of(points, per_unit)
     return np.sort(first_of(voxel_of_point, len(keys)))
 
 
 @dataclass(frozen=True, eq=False)
 class VoxelCloud:
-    """The mean of the points of every occupied voxel, in the order of the voxels' keys.
+    """The mean of the points in each occupied voxel, in the order of the voxels' keys.
 
     Attributes:
         points: the means.
-        hits: (M,) uint32 number of points in every voxel.
-        voxel_of_point: number of the voxel of every point that was given; M for points that are not finite or too far
-            from the origin for a key.
+        hits: (M,) uint32 number of points in each voxel.
+        voxel_of_point: index of the voxel of each original point; M for points that are not finite or too far from
+            the origin for a key.
     """
 
     points: Points
@@ -33,7 +33,7 @@ class VoxelCloud:
 
     @classmethod
     def of(cls, points: Points, voxel_size: float | tuple[float, float, float]) -> Self:
-        """Thin points to cubes, or to boxes along x, y and z, with edges of ``voxel_size`` m."""
+        """Thin points to voxels with edges of ``voxel_size`` m: cubes, or boxes with these edges along x, y and z."""
         if isinstance(voxel_size, tuple):
             in_voxels = np.divide(points, np.array(voxel_size, np.float32), dtype=np.float32)
             voxel_of_point, keys = voxels_of(in_voxels)
@@ -44,6 +44,6 @@ class VoxelCloud:
         return replace(cloud, points=cloud.means(points))
 
     def means(self, values: NDArray[np.float32]) -> NDArray[np.float32]:
-        """(M, C) float32 mean over the points of every voxel, given the (N, C) values of all points."""
+        """(M, C) float32 mean over the points of each voxel, given the (N, C) values of all points."""
         sums = [np.bincount(self.voxel_of_point, of, len(self.hits))[: len(self.hits)] for of in values.T]
         return (np.stack(sums, axis=1) / self.hits[:, None]).astype(np.float32)

@@ -1,4 +1,4 @@
-"""The voxels that hold points, found by a hash table: memory grows with the occupied voxels alone."""
+"""The voxels that contain points, found with a hash table: memory grows only with the number of these voxels."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,11 +8,11 @@ from pipeline.geometry import voxel_hash_kernels as kernels
 
 
 def voxels_of(points: NDArray[np.floating], per_unit: float | np.floating = 1.0) -> tuple[Indices, NDArray[np.int64]]:
-    """The voxel of each point (N, 3), numbered in the order of the voxels' (M,) sorted keys, which are returned too.
+    """(N,) index of the voxel of each point (N, 3), in the order of the voxels' (M,) sorted keys, and these keys.
 
-    The number is M for points that are not finite or too far from the origin for a key. ``per_unit`` is the number
-    of voxels along one unit of the points' coordinates. It multiplies them with the precision of both: dividing
-    beforehand rounds otherwise at the faces of voxels.
+    The index is M for points that are not finite or too far from the origin for a key. ``per_unit`` is the number of
+    voxels per unit of the points' coordinates. It multiplies them in their own precision; dividing them beforehand
+    would round differently at the faces of voxels.
     """
     of_point, keys = kernels.voxels_of(points, points.dtype.type(per_unit))
     order = keys.argsort()
@@ -22,7 +22,7 @@ def voxels_of(points: NDArray[np.floating], per_unit: float | np.floating = 1.0)
 
 
 def first_of(voxel_of_point: Indices, count: int) -> Indices:
-    """(``count``,) index of the first point in each voxel, from the voxel of each point, as of :func:`voxels_of`."""
+    """(``count``,) index of the first point in each voxel, given each point's voxel, as from :func:`voxels_of`."""
     first = np.empty(count + 1, np.int64)
     first[voxel_of_point[::-1]] = np.arange(len(voxel_of_point))[::-1]
     return first[:count]

@@ -1,6 +1,6 @@
 """A hash table of voxels with open addressing and linear probing.
 
-A key packs the three indices of a voxel; keys sort as the indices do. A table has 2ⁿ slots, the empty ones EMPTY.
+A key packs the three indices of a voxel, and keys sort as the indices do. A table has 2ⁿ slots; free ones are EMPTY.
 """
 
 import numpy as np
@@ -9,19 +9,19 @@ from numba import int64, njit, uint64
 BITS = 21
 """Bits of a key for each of a voxel's three indices."""
 HALF = 1 << (BITS - 1)
-"""Bound of a voxel's indices: voxels farther from the origin, along any axis, have no key."""
+"""Limit of a voxel's indices: voxels this far from the origin or farther, along any axis, have no key."""
 EMPTY = -1
 NO_INDEX = -HALF
 """Index of a point without a voxel."""
 FIBONACCI = 0x9E3779B97F4A7C15
-"""2⁶⁴ over the golden ratio: multiplicative hashing, Knuth, The Art of Computer Programming 6.4."""
+"""2⁶⁴ over the golden ratio, for multiplicative hashing (Knuth, The Art of Computer Programming 6.4)."""
 
 
 @njit(cache=True)
 def voxels_of(points, per_unit):
-    """(N,) int32 voxel of every point (N, 3), EMPTY for points without a key, and the (M,) keys as they were found.
+    """(N,) int32 voxel of each point (N, 3), EMPTY for points without a key, and the (M,) keys in the order found.
 
-    ``per_unit`` is the number of voxels along one unit of the points' coordinates.
+    ``per_unit`` is the number of voxels per unit of the points' coordinates.
     """
     bits, count, of_point = 10, 0, np.empty(len(points), np.int32)
     voxel_keys, last_key, voxel = np.empty(1 << bits, np.int64), int64(EMPTY), int64(EMPTY)
@@ -45,7 +45,7 @@ def voxels_of(points, per_unit):
 
 @njit(cache=True)
 def insert_all(keys, indices, shift, voxel_keys):
-    """Fill an empty table, (size,) ``keys`` and ``indices``, which maps ``voxel_keys[i]`` (N,) to ``i``."""
+    """Fill an empty table, (size,) ``keys`` and ``indices``, to map ``voxel_keys[i]`` (N,) to ``i``."""
     for i in range(len(voxel_keys)):
         slot = find_slot(keys, shift, voxel_keys[i])
         keys[slot], indices[slot] = voxel_keys[i], i

@@ -1,4 +1,4 @@
-"""An unbounded 3D array of int8, kept as cubic blocks that are allocated where values are written."""
+"""An unbounded 3D array of int8, stored as cubic blocks that are allocated where values are written."""
 
 from collections.abc import Iterable, Iterator
 from itertools import product
@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from pipeline.arrays import Cells
 from pipeline.errors import InputError
 
-SIDE = 64  # Voxels along a side of a block: a multiple of those that the kernels read and decide together
+SIDE = 64  # Side of a block, voxels: a multiple of the number that the kernels read and test together
 
 Key = tuple[int, int, int]
 Box = tuple[slice, slice, slice]
@@ -18,7 +18,7 @@ Box = tuple[slice, slice, slice]
 class BlockArray:
     """A 3D array without bounds: zero wherever nothing was written.
 
-    It grows by whole blocks of SIDE³ voxels and copies nothing. Finding a block takes one dictionary lookup.
+    It grows by whole blocks of SIDE³ voxels without copying. Finding a block takes one dictionary lookup.
     """
 
     def __init__(self, max_bytes: int):
@@ -27,7 +27,7 @@ class BlockArray:
 
     @property
     def nbytes(self) -> int:
-        """Bytes of all blocks."""
+        """Memory of all blocks, bytes."""
         return len(self._blocks) * SIDE**3
 
     def __contains__(self, key: Key) -> bool:
@@ -35,14 +35,14 @@ class BlockArray:
         return key in self._blocks
 
     def __getitem__(self, key: Key) -> NDArray[np.int8]:
-        """(SIDE, SIDE, SIDE) int8, the block itself, not a copy."""
+        """(SIDE, SIDE, SIDE) int8 values of a block: the block itself, not a copy."""
         return self._blocks[key]
 
     def reserve(self, keys: Iterable[Key]) -> None:
         """Allocate the blocks that do not exist yet.
 
         Raises:
-            InputError: if they would exceed the bound on memory; then none is allocated.
+            InputError: they would exceed the memory limit. None is allocated.
         """
         missing = [key for key in keys if key not in self._blocks]
         if missing and self.nbytes + len(missing) * SIDE**3 > self._max_bytes:
@@ -51,12 +51,12 @@ class BlockArray:
             self._blocks[key] = np.zeros((SIDE, SIDE, SIDE), np.int8)
 
     def items(self) -> Iterator[tuple[NDArray[np.int64], NDArray[np.int8]]]:
-        """The blocks in order of their index: (3,) int64 index of the first voxel, and the block itself."""
+        """The blocks in order of their indices: (3,) int64 index of the first voxel, and the block itself."""
         for key in sorted(self._blocks):
             yield np.array(key, np.int64) * SIDE, self._blocks[key]
 
     def at(self, index: Cells) -> NDArray[np.int8]:
-        """(N,) int8 values of voxels (N, 3)."""
+        """(N,) int8 values of voxels with indices (N, 3)."""
         result = np.zeros(len(index), np.int8)
         keys, rest = index // SIDE, np.arange(len(index))
         while len(rest):
@@ -68,7 +68,7 @@ class BlockArray:
         return result
 
     def read(self, lower: NDArray[np.int64], shape: tuple[int, ...]) -> NDArray[np.int8]:
-        """A copy of a box, int8, given by its first index (3,) and its shape."""
+        """An int8 copy of the box with a given first index (3,) and shape."""
         result = np.zeros(shape, np.int8)
         for key, in_box, in_block in parts(lower, shape):
             if key in self._blocks:
@@ -79,7 +79,7 @@ class BlockArray:
         """Overwrite the box that begins at a (3,) index with (nx, ny, nz) int8 values.
 
         Raises:
-            InputError: if the box would exceed the bound on memory; then nothing is written.
+            InputError: the box would exceed the memory limit. Nothing is written.
         """
         written = [part for part in parts(lower, values.shape) if values[part[1]].any() or part[0] in self._blocks]
         self.reserve(key for key, _, _ in written)
@@ -87,7 +87,7 @@ class BlockArray:
             self._blocks[key][in_block] = values[in_box]
 
     def bounds(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-        """(3,) first index and (3,) one past the last index of the box around all non-zero values."""
+        """(3,) first and (3,) one past the last index of the box around all non-zero values."""
         corners = [corner + first for first, block in self.items() for corner in _extent(block)]
         if not corners:
             return np.zeros(3, np.int64), np.zeros(3, np.int64)
@@ -95,10 +95,10 @@ class BlockArray:
 
 
 def parts(lower: NDArray[np.int64], shape: tuple[int, ...]) -> Iterator[tuple[Key, Box, Box]]:
-    """A box, given by its first index (3,) and its shape, cut into one part per block.
+    """Cut a box, given by its first index (3,) and its shape, into one part per block.
 
     Yields:
-        The block's key, the part's slices in the box and its slices in the block.
+        The block's key, and the part's slices in the box and in the block.
     """
     axes = [_parts_of_axis(first, length) for first, length in zip(lower.tolist(), shape, strict=True)]
     for (a, i, u), (b, j, v), (c, k, w) in product(*axes):
@@ -106,7 +106,7 @@ def parts(lower: NDArray[np.int64], shape: tuple[int, ...]) -> Iterator[tuple[Ke
 
 
 def _parts_of_axis(first: int, length: int) -> list[tuple[int, slice, slice]]:
-    """Along one axis: number of the block, indices in the box and indices in the block."""
+    """The parts along one axis: index of the block, and slices in the box and in the block."""
     result = []
     for block in range(first // SIDE, -(-(first + length) // SIDE)):
         corner = block * SIDE - first
@@ -116,7 +116,7 @@ def _parts_of_axis(first: int, length: int) -> list[tuple[int, slice, slice]]:
 
 
 def _extent(block: NDArray[np.int8]) -> list[NDArray[np.int64]]:
-    """First index and one past the last index of a block's non-zero values; an empty list if all are zero."""
+    """First index and one past the last index of a block's non-zero values; an empty list if there are none."""
     filled = [np.flatnonzero(block.any(axis=axes)) for axes in ((1, 2), (0, 2), (0, 1))]
     if not len(filled[0]):
         return []

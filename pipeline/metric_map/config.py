@@ -1,4 +1,4 @@
-"""The numbers of the metric map."""
+"""Parameters of the metric map."""
 
 from dataclasses import dataclass
 
@@ -12,14 +12,14 @@ from pipeline.transforms import FARTHEST
 
 @dataclass(frozen=True)
 class IsolatedReturnsConfig:
-    """Which returns of a depth image stand alone, as specks of dust, rain or snow in the air do.
+    """Which returns of a depth image are isolated, like those of dust, rain or snow in the air.
 
-    Of a surface of which dust hides four fifths, 93 % of the returns remain; of specks that fill 2 % of the image,
-    one in 2000.
+    If dust hides four fifths of a surface, 93 % of its remaining returns are kept; of specks that fill 2 % of the
+    image, one in 2000 is kept.
 
     Attributes:
-        reach: pixels to a return's farthest neighbours.
-        fewest_alike: how many of these must have a similar depth.
+        reach: maximum distance of a return's neighbours along rows and columns, pixels.
+        fewest_alike: minimum number of neighbours that must have a similar depth.
     """
 
     reach: int = 2
@@ -31,21 +31,21 @@ class MetricMapConfig:
     """The voxels, and how rays fill and free them.
 
     Attributes:
-        voxel_size: m.
-        max_range: m; the ray of a farther return frees space up to here and has no end point. Measured along the
-            optical axis for depth images, from the origin for points.
-        margin: m before its end point at which a ray stops freeing space, so that noise does not free the voxels of
-            the surface.
-        offset: (x, y, z) of a voxel's corner in ``map``, in voxels. Built surfaces tend to lie at round coordinates,
-            and noise spreads a surface on the face between two voxel layers over both. So z = 0 and all multiples of
-            half a voxel along every axis lie inside a layer.
-        hit: what an end point adds to a voxel's value; one return proves a surface.
-        miss: what a crossing ray subtracts; rays cross a voxel that has a surface in one corner again and again.
-        greatest: value of a voxel; a vanished surface is erased after ``greatest`` / ``miss`` frames.
-        narrow: depth in voxels up to which the field of view is so narrow that it passes between the corners of
-            voxels, so that rays are traced there.
-        max_bytes: the most memory that the voxels may take.
-        isolated_returns: of depth images, which are left out.
+        voxel_size: side of a voxel, m.
+        max_range: the ray of a return beyond this range frees space up to it and has no end point, m. The range is
+            measured along the optical axis for depth images, and from the origin for point clouds.
+        margin: distance before its end point at which a ray stops freeing space, m, so that noise does not free the
+            voxels of the surface.
+        offset: (x, y, z) of the corner of voxel (0, 0, 0) in ``map``, voxels. Surfaces of buildings tend to lie at
+            round coordinates, and noise would spread a surface between two layers of voxels over both. With this
+            offset, z = 0 and all multiples of half a voxel along each axis lie inside a layer.
+        hit: amount that an end point adds to a voxel's value; a single return proves a surface.
+        miss: amount that a crossing ray subtracts; many rays cross a voxel with a surface in only one corner.
+        greatest: maximum value of a voxel; a surface that vanished is erased after ``greatest`` / ``miss`` frames.
+        narrow: depth up to which rays are traced, voxels, because the field of view is so narrow there that it can
+            pass between the corners of voxels.
+        max_bytes: maximum memory of the voxels, bytes.
+        isolated_returns: which returns of depth images are left out as isolated.
 
     Raises:
         InputError: a value is out of its range; the message names it.
@@ -81,5 +81,5 @@ class MetricMapConfig:
 
     @property
     def least(self) -> int:
-        """Value of a voxel; one hit outweighs it."""
+        """Minimum value of a voxel; a single hit outweighs it."""
         return self.miss - self.hit

@@ -1,15 +1,15 @@
-"""Compiled functions that put boxes around points, and add scans to log-odds."""
+"""Compiled functions that compute boxes around points and add scans to log-odds."""
 
 import numpy as np
 from numba import njit
 
 WORD = np.dtype(np.uint64).itemsize
-"""Marks along z that are read together, as an unsigned integer."""
+"""Number of marks along z that are read together as an unsigned integer."""
 
 
 @njit(cache=True)
 def box_around(points, block):
-    """First index x y z, then shape x y z, of the box of whole blocks around (N, 3) points, with a voxel to spare."""
+    """First index (x, y, z) and shape of the box of whole blocks around (N, 3) points with a margin of a voxel."""
     lower, upper = points[0] - 1, points[0] + 1
     for n in range(1, len(points)):
         for axis in range(3):
@@ -22,7 +22,7 @@ def box_around(points, block):
 
 @njit(cache=True)
 def any_mark(words):
-    """Whether a part of a scan, (nx, ny, nz / WORD) uint64, holds a mark."""
+    """Whether a part of a scan, (nx, ny, nz / WORD) uint64, contains a mark."""
     for i in range(words.shape[0]):
         for j in range(words.shape[1]):
             for k in range(words.shape[2]):
@@ -36,10 +36,10 @@ def fold(words, log_odds, hit, miss, least, greatest):
     """Add a scan's marks to the log-odds of the same voxels.
 
     Args:
-        words: (nx, ny, nz / WORD) uint64, each WORD marks along z: 0 unseen, 1 free, 2 hit.
+        words: (nx, ny, nz / WORD) uint64, each with WORD marks along z: 0 unseen, 1 free, 2 hit.
         log_odds: (nx, ny, nz) int8, changed in place.
-        hit, miss: what an end point adds and a crossing ray subtracts.
-        least, greatest: clamps.
+        hit, miss: amounts that an end point adds and that a crossing ray subtracts.
+        least, greatest: limits of the log-odds.
     """
     for i in range(words.shape[0]):
         for j in range(words.shape[1]):

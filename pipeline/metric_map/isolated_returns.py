@@ -1,4 +1,4 @@
-"""Specks: returns of dust, rain or snow in the air, which stand alone in the depth image."""
+"""Specks: returns of dust, rain or snow in the air, which are isolated in the depth image."""
 
 from dataclasses import replace
 

@@ -1,4 +1,4 @@
-"""Compiled filter of the returns that stand alone in a depth image."""
+"""Compiled filter of isolated returns in a depth image."""
 
 import numpy as np
 from numba import njit
@@ -8,7 +8,7 @@ from numba import njit
 def without_isolated_returns(depth, reach, tolerance, least):
     """A copy of ``depth`` (H, W), m, with 0 where fewer than ``least`` neighbours have a similar depth.
 
-    Neighbours are at most ``reach`` rows and columns away; similar depths differ by at most a share ``tolerance``.
+    Neighbours are at most ``reach`` rows and columns away; similar depths differ by at most the share ``tolerance``.
     """
     height, width = depth.shape
     result = np.zeros_like(depth)

@@ -21,7 +21,7 @@ from pipeline.transforms import FARTHEST, POSE, are_poses
 OCCUPIED, UNKNOWN, FREE = 0.0, 0.5, 1.0  # The thesis's three values of a voxel
 
 LOG_ODDS = 0.1  # Log-odds per unit of the map's int8 values
-COLUMN = 8  # Voxels along each side of the columns that are made anew
+COLUMN = 8  # Side of the columns that are rebuilt, voxels
 
 
 class MetricMap:
@@ -31,8 +31,8 @@ class MetricMap:
     frame changes only the voxels in view, so the time of an update does not depend on the size of the environment.
 
     Attributes:
-        config: its numbers, of which ``voxel_size`` and ``max_range``, m, are attributes of the map itself, too.
-        corner: (3,) in ``map``, where voxel (0, 0, 0) begins.
+        config: the settings, of which ``voxel_size`` and ``max_range``, m, are also attributes of the map itself.
+        corner: (3,) lower corner of voxel (0, 0, 0) in ``map``, m.
     """
 
     def __init__(self, config: MetricMapConfig = MetricMapConfig()) -> None:
@@ -44,17 +44,17 @@ class MetricMap:
 
     @property
     def nbytes(self) -> int:
-        """Bytes of the voxels' values."""
+        """Memory of the voxels' values, bytes."""
         return self._log_odds.nbytes
 
     @contextmanager
     def made_anew(self, boxes: Boxes) -> Iterator[Callable[[Boxes], Mask]]:
-        """Forget the columns that boxes in ``map`` touch; the block of the ``with`` statement adds all scans again.
+        """Empty the columns that boxes in ``map`` touch; the body of the ``with`` statement must fill them again.
 
-        Only these columns change, whatever their height.
+        It must add all scans that touch these columns. Meanwhile, other columns do not change.
 
         Yields:
-            A function that says which of other boxes touch them.
+            A function that tells which of other boxes touch these columns.
         """
         columns = Grid.around(boxes - self.corner, COLUMN * self.voxel_size)
         within, meets = columns.touched(boxes - self.corner)
@@ -67,11 +67,11 @@ class MetricMap:
             self._making = None
 
     def _are_made(self, lower: NDArray[np.int64], shape: tuple[int, ...]) -> MaskLayer:
-        """(nx, ny) which voxels of a box, given by its first index and shape, are in columns that are made anew."""
+        """(nx, ny) which voxels of a box, given by its first index and shape, are in columns being rebuilt."""
         assert self._making is not None
         columns, within = self._making
         axes = zip(lower[:2], shape[:2], columns.low, columns.shape, strict=True)
-        # The columns at the edge of their grid are not among them.
+        # The columns at the edge of their grid are never rebuilt, so voxels beyond it may be clipped to them.
         i, j = (((v + np.arange(n)) // COLUMN - low).clip(0, size - 1) for v, n, low, size in axes)
         return within[np.ix_(i, j)]
 
@@ -81,15 +81,15 @@ class MetricMap:
         """Add a depth image.
 
         Args:
-            depth: values that are not positive and finite are no return.
-            intrinsics: of the depth image.
+            depth: depth image, m; a value that is not positive and finite means no return.
+            intrinsics: intrinsics of the depth image.
             T_map_camera: pose of ``camera_optical``.
-            returns: end points besides those of the image, of which ``depth`` may be a part: every
-                :meth:`stride`-th pixel shows free space as well as the whole image does.
+            returns: (N, 3) additional end points in ``map``, m. If they contain all returns, ``depth`` may be
+                subsampled by :meth:`stride`, and still shows free space as well as the full image does.
 
         Raises:
-            InputError: if the intrinsics do not fit the image, the pose is not rigid or the map is full; the map
-                then stays unchanged.
+            InputError: the intrinsics do not fit the image, the pose is not rigid, or the map is full. The map is
+                unchanged.
         """
         _check_image(depth, intrinsics)
         T_grid_camera = _rigid(T_map_camera)
@@ -98,19 +98,18 @@ class MetricMap:
         self._fold(self._updater.project(np.ascontiguousarray(depth, np.float32), intrinsics, T_grid_camera, ends))
 
     def stride(self, intrinsics: Intrinsics) -> int:
-        """Pixels from one to the next of which three show a voxel at the end of the range: enough for free space."""
+        """Subsampling step that leaves three pixels across a voxel at maximum range: enough for free space."""
         return max(1, int(intrinsics.fx * self.voxel_size / (3 * self.max_range)))
 
     def integrate_points(self, points: ArrayLike, origin: ArrayLike) -> None:
         """Add a point cloud, ray by ray from its origin.
 
         Args:
-            points: (N, 3) m in ``map``; a point is left out if a coordinate is not finite or beyond ±FARTHEST.
-            origin: (3,) m in ``map``, where the sensor was.
+            points: (N, 3) in ``map``, m; a point is left out if a coordinate is not finite or beyond ±FARTHEST.
+            origin: (3,) position of the sensor in ``map``, m.
 
         Raises:
-            InputError: if a shape is wrong, the origin is out of range or the map is full; the map then stays
-                unchanged.
+            InputError: a shape is wrong, the origin is out of range, or the map is full. The map is unchanged.
         """
         cloud, start = _points(points), np.asarray(origin, np.float64)
         if start.shape != (3,) or not np.abs(start).max() <= FARTHEST:
@@ -120,11 +119,11 @@ class MetricMap:
             self._fold(self._updater.trace(cloud, start - self.corner))
 
     def voxel_index(self, points: ArrayLike) -> Cells:
-        """Indices of the voxels that contain (N, 3) points, m in ``map``."""
+        """(N, 3) indices of the voxels that contain points (N, 3) in ``map``, m."""
         return np.floor((_points(points) - self.corner) / self.voxel_size).astype(np.int64)
 
     def voxel_centre(self, index: Cells) -> Points:
-        """Centres of the voxels."""
+        """(N, 3) centres in ``map``, m, of voxels with indices (N, 3)."""
         return ((index + 0.5) * self.voxel_size + self.corner).astype(np.float32)
 
     def bounds(self) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
@@ -132,40 +131,40 @@ class MetricMap:
         return self._log_odds.bounds()
 
     def log_odds(self, lower: NDArray[np.int64], upper: NDArray[np.int64]) -> NDArray[np.int8]:
-        """A copy of the voxels from ``lower`` up to, not including, ``upper``.
+        """A copy of the voxels from index ``lower`` (inclusive) to ``upper`` (exclusive).
 
         Returns:
             (nx, ny, nz) int8 log-odds in units of LOG_ODDS: > 0 occupied, < 0 free, 0 unknown.
 
         Raises:
-            InputError: they would take too much memory.
+            InputError: the copy would take too much memory.
         """
         shape = tuple((upper - lower).tolist())
         check_memory(f"a map of {' × '.join(map(str, shape))} voxels", prod(shape))
         return self._log_odds.read(lower, shape)
 
     def log_odds_at(self, index: Cells) -> NDArray[np.int8]:
-        """(N,) int8 log-odds, in units of LOG_ODDS, of (N, 3) voxels."""
+        """(N,) int8 log-odds, in units of LOG_ODDS, of voxels with indices (N, 3)."""
         return self._log_odds.at(index)
 
     def set_log_odds(self, lower: NDArray[np.int64], values: NDArray[np.int8]) -> None:
-        """Overwrite the voxels from ``lower`` on with (nx, ny, nz) int8 log-odds.
+        """Overwrite the box of voxels that begins at index ``lower`` with (nx, ny, nz) int8 log-odds.
 
         Raises:
-            InputError: if the map is full.
+            InputError: the map is full.
         """
         self._log_odds.write(lower, np.clip(values, self.config.least, self.config.greatest))
 
     def state_at(self, points: ArrayLike) -> NDArray[np.float32]:
-        """(N,) float32 in {0 occupied, 0.5 unknown, 1 free} at (N, 3) points, m in ``map``."""
+        """(N,) float32 states (0 occupied, 0.5 unknown, 1 free) at points (N, 3) in ``map``, m."""
         signs = np.sign(self.log_odds_at(self.voxel_index(points)))
         return np.array((UNKNOWN, OCCUPIED, FREE), np.float32)[signs]
 
     def is_surface(self, points: Places, normal: Direction) -> Mask:
-        """Whether places are occupied, with free space before them on the side of the ``normal``.
+        """Whether points are occupied and have free space in front of them, on the side to which ``normal`` points.
 
-        A thin wall is occupied for both its sides; on one that no frame has shown, the voxels before it are unknown.
-        Noise spreads a surface over two voxels at most; inside of what stands on the surface, more are occupied.
+        The voxels of a thin wall represent both of its sides; in front of a side that no frame has shown, space is
+        unknown. Noise spreads a surface over at most two voxels; inside an object on the surface, more are occupied.
         """
         before, next_before = (self.state_at(points + n * self.voxel_size * normal) for n in (1, 2))
         is_open = (before == FREE) | (before == OCCUPIED) & (next_before == FREE)
@@ -184,11 +183,11 @@ class MetricMap:
         """Whether the line of sight from ``start`` towards ``end`` is free until it reaches the target.
 
         Args:
-            start, end: of the line.
-            target: k-d tree of the target's (N, 3) points, m in ``map``.
-            margin: m from the nearest target point at which the line of sight ends.
-            skip: m from ``start`` that count as free.
-            step: m between the checked points of the line; half a voxel if not given.
+            start, end: (3,) ends of the line in ``map``, m.
+            target: k-d tree of the target's (N, 3) points in ``map``, m.
+            margin: distance from the nearest target point at which the line of sight ends, m.
+            skip: length at ``start`` that counts as free, m.
+            step: spacing of the points on the line that are checked, m; half a voxel if None.
             may_be_unknown: whether unknown space counts as free.
         """
         length = np.linalg.norm(end - start)
@@ -199,22 +198,22 @@ class MetricMap:
 
     @property
     def counts(self) -> tuple[int, int]:
-        """Numbers of the occupied and of the free voxels."""
+        """Numbers of occupied and of free voxels."""
         blocks = [block for _, block in self._log_odds.items()]
         return sum(int(np.count_nonzero(b > 0)) for b in blocks), sum(int(np.count_nonzero(b < 0)) for b in blocks)
 
     def occupied_centres(self) -> Points:
-        """Centres of the occupied voxels; InputError if they take too much memory."""
+        """(N, 3) centres of the occupied voxels, m; InputError if they take too much memory."""
         return self._centres([(first, block > 0) for first, block in self._log_odds.items()])
 
     def free_centres(self) -> Points:
-        """Centres of the free voxels; InputError if they take too much memory."""
+        """(N, 3) centres of the free voxels, m; InputError if they take too much memory."""
         return self._centres([(first, block < 0) for first, block in self._log_odds.items()])
 
     def _centres(self, chosen: list[tuple[NDArray[np.int64], NDArray[np.bool_]]]) -> Points:
-        """Centres of the chosen voxels of blocks, each with the index of its first voxel."""
+        """Centres of voxels; ``chosen``: per block, the index of its first voxel and the mask of the voxels."""
         count = sum(int(np.count_nonzero(mask)) for _, mask in chosen)
-        # An export holds the centres twice, and a vertex of the same size twice.
+        # An export keeps two copies of each centre and two of its vertex, which is about as large.
         check_memory(f"a list of {count} voxels", 2 * count * (3 * np.dtype(np.float64).itemsize))
         centres = [self.voxel_centre(np.argwhere(mask) + first) for first, mask in chosen]
         return np.concatenate([np.zeros((0, 3), np.float32), *centres])
@@ -222,7 +221,7 @@ class MetricMap:
     def _fold(self, scan: Scan) -> None:
         if self._making is not None:
             scan.marks[~self._are_made(scan.lower, scan.marks.shape)] = 0
-        words = scan.marks.view(np.uint64)  # eight marks each
+        words = scan.marks.view(np.uint64)  # Eight marks each
         marked = []
         for key, (i, j, k), in_block in parts(scan.lower, scan.marks.shape):
             part = words[i, j, k.start // WORD : k.stop // WORD]

@@ -1,6 +1,6 @@
 """The projective update: finds the voxels in which the rays of a depth image end and those that they cross.
 
-The marks of a scan are a box of whole blocks of voxels. Points in the box are in voxels, from the box's corner.
+The marks of a scan form a box of whole blocks of voxels. Points in the box are in voxels, relative to its corner.
 """
 
 from typing import NamedTuple
@@ -15,38 +15,38 @@ from pipeline.metric_map.ray_kernels import FREE, HIT, walk
 # fastmath={"contract"} fuses a product and a sum into one instruction, which rounds once instead of twice.
 
 BLOCK = WORD
-"""Voxels along a side of the blocks that are decided together."""
+"""Side of the blocks of voxels that are tested together, voxels."""
 SIDE = BLOCK + 1
-"""Voxel corners along a side of a block."""
+"""Number of voxel corners along a side of a block."""
 CORNERS = -(-(SIDE**3) // 64) * 64
-"""Corners of a block, padded to a multiple of 64 with copies of the last one, so that they fill whole vectors."""
+"""Number of corners in a block, padded with copies of the last one to a multiple of 64, which fills whole vectors."""
 SEEN, HIDDEN = np.uint8(1), np.uint8(2)
 TILE = 8
-"""Pixels along a side of the tiles of the depth pyramid's finest level."""
+"""Side of the tiles of the depth pyramid's finest level, pixels."""
 
 TOO_NEAR = np.finfo(np.float32).eps
-"""m of depth; the camera sees nothing nearer."""
+"""Depth below which nothing is visible, m."""
 
 
 class DepthCamera(NamedTuple):
-    """A depth image's geometry."""
+    """The geometry of a depth image."""
 
     fx: float
     fy: float
     cx: float
     cy: float
     far: float
-    """m of depth; returns up to here are end points, rays of deeper ones free space up to here."""
+    """Depth up to which returns are end points, m; the rays of deeper returns free space up to it."""
     margin: float
-    """A ray frees space up to this many m of depth before its end."""
+    """A ray stops freeing space this much before its end, m of depth."""
     origin: NDArray[np.float64]
-    """(3,) the optical centre in the box, in voxels."""
+    """(3,) position of the optical centre in the box, voxels."""
     axes: NDArray[np.float64]
-    """(3, 3) the camera's axes x, y, z in the map, in voxels per metre."""
+    """(3, 3) the camera's x, y and z axes (rows) in the map, voxels per metre."""
     size: float
-    """m, the side of a voxel."""
+    """Side of a voxel, m."""
     narrow: float
-    """Depth in voxels up to which the field of view passes between the corners of voxels."""
+    """Depth up to which the field of view can pass between the corners of voxels, voxels."""
 
 
 @njit(cache=True, nogil=True)
@@ -54,13 +54,13 @@ def observe(depth, pinhole, pose, size, far, margin, narrow, marks, flat, high):
     """Mark the voxels in which rays end as HIT and those that they only cross as FREE.
 
     Args:
-        depth: (H, W) float32, m; values that are not positive and finite are no return.
+        depth: (H, W) float32, m; a value that is not positive and finite means no return.
         pinhole: (4,) float64 fx, fy, cx, cy in pixels.
-        pose: (3, 4) float64: rotation, camera axes to map axes, and the optical centre in the box, in voxels.
-        size, far, margin, narrow: see DepthCamera.
+        pose: (3, 4) float64: rotation from camera axes to map axes, and the optical centre in the box, voxels.
+        size, far, margin, narrow: see :class:`DepthCamera`.
         marks: (nx, ny, nz) uint8 zeros, whole blocks that contain the view frustum.
-        flat: the same marks in C order, and one last element that stands for "nowhere".
-        high: (levels, ⌈H / TILE⌉, ⌈W / TILE⌉) float32, the depth pyramid, to be filled.
+        flat: the same marks in C order, and a last element that takes the marks of pixels without an end point.
+        high: (levels, ⌈H / TILE⌉, ⌈W / TILE⌉) float32, the depth pyramid, which is filled.
     """
     axes = np.ascontiguousarray(pose[:, :3].T) / size
     origin = pose[:, 3].copy()
@@ -74,7 +74,7 @@ def observe(depth, pinhole, pose, size, far, margin, narrow, marks, flat, high):
 
 @njit(cache=True)
 def _mark_returns(depth, camera, shape, flat, high):
-    """Mark the voxel of each return as HIT and fill ``high`` with the greatest depth of each tile (0 = no return)."""
+    """Mark the voxel of each return as HIT, and fill ``high`` with the greatest depth of each tile (0: no return)."""
     height, width = depth.shape
     nowhere = np.int32(flat.size - 1)
     far = np.float32(camera.far)
@@ -95,7 +95,7 @@ def _mark_returns(depth, camera, shape, flat, high):
 
 @njit(cache=True)
 def _first_of_rows(height, camera):
-    """(H, 3) float32, in voxels: from the camera to the point at 1 m depth in the first pixel of each image row."""
+    """(H, 3) float32 vectors from the camera to the point at 1 m depth in the first pixel of each row, voxels."""
     first = np.empty((height, 3), np.float32)
     x = (0.5 - camera.cx) / camera.fx
     for v in range(height):
@@ -107,7 +107,7 @@ def _first_of_rows(height, camera):
 
 @njit(cache=True, fastmath={"contract"})
 def _voxels_of_row(row, far, first, step, origin, ny, nz, nowhere, index):
-    """Fill ``index`` with the flat index of the voxel of each return of an image row."""
+    """Fill ``index`` with the flat index of the voxel of each return of an image row; others get ``nowhere``."""
     zero = np.float32(0)
     o0, o1, o2 = origin[0], origin[1], origin[2]
     a0, a1, a2 = first[0], first[1], first[2]
@@ -129,7 +129,7 @@ def _deepest_of_columns(depth, top, deepest):
     """Fill ``deepest`` with the greatest depth of each column of a row of tiles."""
     height, width = depth.shape
     for u in range(width):
-        # Each element is written once: stores under a condition would go lane by lane without AVX-512.
+        # Every element is written unconditionally: without AVX-512, conditional stores are not vectorised.
         greatest = np.float32(0)
         for i in range(TILE):
             d = depth[min(top + i, height - 1), u]
@@ -139,7 +139,7 @@ def _deepest_of_columns(depth, top, deepest):
 
 @njit(cache=True)
 def _deepest_of_tiles(deepest, far, high):
-    """Fill ``high`` with the greatest depth of each tile of a row, at most ``far``, from those of the columns."""
+    """Fill ``high`` with the greatest depth, at most ``far``, of each tile of a row, given those of the columns."""
     for t in range(high.size):
         c = deepest[t * TILE : (t + 1) * TILE]
         greatest = max(max(max(c[0], c[1]), max(c[2], c[3])), max(max(c[4], c[5]), max(c[6], c[7])))
@@ -148,7 +148,7 @@ def _deepest_of_tiles(deepest, far, high):
 
 @njit(cache=True)
 def _build_pyramid(high):
-    """Fill the coarser levels: a tile of level n + 1 covers 2 × 2 of level n; level n uses the first ⌈shape / 2ⁿ⌉."""
+    """Fill the coarser levels: a tile of level n + 1 covers 2 × 2 of level n, which uses its first ⌈shape / 2ⁿ⌉."""
     levels, height, width = high.shape
     for level in range(1, levels):
         fine = high[level - 1]
@@ -164,7 +164,7 @@ def _build_pyramid(high):
 
 @njit(cache=True)
 def _mark_narrow(depth, camera, marks):
-    """Trace a few rays where the field of view is narrow: close to the camera, and in its four corners."""
+    """Trace a few rays where the view frustum is narrow: close to the camera, and along its four edges."""
     height, width = depth.shape
     x, y, z = camera.origin
     ax = camera.axes
@@ -190,18 +190,18 @@ def _mark_narrow(depth, camera, marks):
 
 @njit(cache=True)
 def _rays_across(pixels, focal, narrow):
-    """Number of rays, spread over an image axis, that are at most a voxel apart up to ``narrow`` voxels of depth."""
+    """Number of rays across an image axis that are at most a voxel apart up to a depth of ``narrow`` voxels."""
     return max(min(int(np.ceil(narrow * pixels / focal)) + 1, pixels), 2)
 
 
 @njit(cache=True)
 def _mark_free(depth, camera, marks, high):
-    """Mark as FREE every voxel that is not a HIT, has a corner seen by the camera, and is not hidden in part.
+    """Mark as FREE every voxel that is not a HIT, has a corner seen by the camera, and is not partly hidden.
 
-    Where free space ends at a plane (a surface, the edge of the image or of a shadow), it takes up a part of a
-    voxel only if it contains one of the voxel's corners. So the corners, each shared by eight voxels, decide as well
-    as all the rays through a voxel would. A voxel is hidden in part if a vertical edge of it has a seen and a hidden
-    end: rays pass over the edge of a surface, or below it, into the voxel, but the surface may go on from there,
+    Where free space is bounded by a plane (a surface, or the edge of the image or of a shadow), it overlaps a voxel
+    only if it contains one of the voxel's corners. Testing the corners, each shared by eight voxels, is therefore as
+    good as tracing all rays through a voxel. A voxel is partly hidden if one of its vertical edges has a seen and a
+    hidden end: rays pass above or below the edge of a surface into the voxel, but the surface may continue in it,
     level or sloping, at an angle so grazing that it gives no return.
     """
     metric = camera.axes * (camera.size * camera.size)  # m per voxel along each camera axis
@@ -239,7 +239,7 @@ def _sides(shape, camera):
 
 @njit(cache=True)
 def _lies_outside(x, y, z, sides, room):
-    """Whether a block, its centre in voxels from the optical centre, lies entirely beyond a side of the view."""
+    """Whether a block with its centre (x, y, z) voxels from the optical centre lies entirely outside the view."""
     outside = False
     for n in range(room.size):
         outside |= sides[n, 0] * x + sides[n, 1] * y + sides[n, 2] * z < -room[n]
@@ -248,7 +248,7 @@ def _lies_outside(x, y, z, sides, room):
 
 @njit(cache=True)
 def _corner_offsets(metric):
-    """(3, CORNERS) float32, m in camera axes, from a block's first corner to the corners of its voxels."""
+    """(3, CORNERS) float32 vectors from a block's first corner to its voxels' corners, in camera axes, m."""
     offsets = np.empty((3, CORNERS), np.float32)
     for n in range(CORNERS):
         corner = min(n, SIDE**3 - 1)
@@ -273,7 +273,7 @@ def _may_be_seen(r, d, w, spread, shape, camera, high):
 
 @njit(cache=True)
 def _interval(x, half, near, deep, focal, centre):
-    """First and last pixel along an image axis whose ray can meet a cuboid x ± half between depths near and deep."""
+    """First and last pixel along an image axis whose rays can meet a cuboid x ± half between depths near and deep."""
     a, b = x - half, x + half
     first = a / near if a < 0 else a / deep
     last = b / near if b > 0 else b / deep
@@ -282,7 +282,7 @@ def _interval(x, half, near, deep, focal, centre):
 
 @njit(cache=True)
 def _deepest(high, u0, u1, v0, v1):
-    """An upper bound of the depth, m, over the pixels u0..u1 × v0..v1, from at most 3 × 3 tiles."""
+    """An upper bound on the depth of the pixels u0..u1 × v0..v1, m, from at most 3 × 3 tiles."""
     level, shift = 0, 3
     while (u1 >> shift) - (u0 >> shift) > 2 or (v1 >> shift) - (v0 >> shift) > 2:
         level, shift = level + 1, shift + 1
@@ -295,7 +295,7 @@ def _deepest(high, u0, u1, v0, v1):
 
 @njit(cache=True, error_model="numpy", fastmath={"contract"})
 def _project_corners(r0, d0, w0, offsets, shape, camera, pixel, deep):
-    """Fill the flat pixel index and the depth of a block's corners; the depth is NaN outside the image."""
+    """Fill in the flat pixel index and the depth of a block's corners; the depth is NaN outside the image."""
     fx, fy, cx, cy = (np.float32(camera.fx), np.float32(camera.fy), np.float32(camera.cx), np.float32(camera.cy))
     r0, d0, w0 = np.float32(r0), np.float32(d0), np.float32(w0)
     zero, one, nowhere = np.float32(0), np.float32(1), np.float32(np.nan)
@@ -315,11 +315,11 @@ def _project_corners(r0, d0, w0, offsets, shape, camera, pixel, deep):
 
 @njit(cache=True)
 def _see_corners(depth, camera, pixel, deep, reach, seen):
-    """Fill ``seen``: SEEN if the ray of a corner's pixel reaches it, HIDDEN if it ends a voxel before or nowhere.
+    """Fill ``seen``: SEEN if a corner's ray reaches it, HIDDEN if the ray's return is over a voxel nearer or missing.
 
     Returns whether any corner is SEEN.
     """
-    # Fetching the depths in a loop of its own lets the comparison run in vectors.
+    # Fetching the depths in a separate loop lets the comparison be vectorised.
     for n in range(CORNERS):
         reach[n] = depth[np.uint32(pixel[n])]
     far, margin, size = np.float32(camera.far), np.float32(camera.margin), np.float32(camera.size)
@@ -329,7 +329,7 @@ def _see_corners(depth, camera, pixel, deep, reach, seen):
         d = reach[n]
         returns = (d > zero) & (d < infinity)
         d = d if d < far else far
-        # Comparisons with NaN are false: a corner outside the image is neither.
+        # Comparisons with NaN are false, so a corner outside the image is neither SEEN nor HIDDEN.
         is_seen = np.uint8(returns & (d - margin > deep[n]))
         is_hidden = np.uint8(((not returns) & (deep[n] > zero)) | (d + size < deep[n]))
         seen[n] = is_seen * SEEN + is_hidden * HIDDEN
@@ -339,7 +339,7 @@ def _see_corners(depth, camera, pixel, deep, reach, seen):
 
 @njit(cache=True)
 def _join_corners(seen):
-    """Turn the flags of corners into flags of voxels, in place: SEEN, and HIDDEN if the voxel is hidden in part."""
+    """Turn the flags of corners into flags of voxels, in place: SEEN, and HIDDEN if the voxel is partly hidden."""
     for n in range(CORNERS):
         foot, top = seen[n], seen[n + 1]
         seen[n] = ((foot | top) & SEEN) | (((foot & (top << 1)) | (top & (foot << 1))) & HIDDEN)
@@ -350,7 +350,7 @@ def _join_corners(seen):
 
 @njit(cache=True)
 def _mark_block(seen, marks):
-    """Mark as FREE the voxels of a block that are seen and not hidden in part, unless they are marked already."""
+    """Mark as FREE the voxels of a block that are seen and not partly hidden, unless they are already marked."""
     for i in range(BLOCK):
         for j in range(BLOCK):
             for k in range(BLOCK):

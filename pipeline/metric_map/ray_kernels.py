@@ -1,6 +1,6 @@
 """Exact ray traversal (Amanatides and Woo, "A fast voxel traversal algorithm for ray tracing", 1987).
 
-Points are in voxels, from the corner of the box of marks.
+Points are in voxels, relative to the corner of the box of marks.
 """
 
 import numpy as np
@@ -11,13 +11,13 @@ FREE, HIT = 1, 2
 
 @njit(cache=True)
 def trace_points(points, stops, ends, origin, marks):
-    """Mark the voxels of end points as HIT and those that the rays cross as FREE.
+    """Mark the voxels of end points as HIT and those that the rays only cross as FREE.
 
     Args:
         points: (N, 3) float64; only end points must lie inside the box.
-        stops: (N, 3) float64, the point up to which each ray frees space.
+        stops: (N, 3) float64, the points up to which the rays free space.
         ends: (N,) bool, which points are end points.
-        origin: (3,) float64.
+        origin: (3,) float64, the start of all rays.
         marks: (nx, ny, nz) uint8 zeros.
     """
     for n in range(points.shape[0]):
@@ -29,9 +29,9 @@ def trace_points(points, stops, ends, origin, marks):
 
 @njit(cache=True, nogil=True)
 def mark_ends(points, T_grid_camera, size, far, lower, marks):
-    """Mark the voxels of end points (N, 3), m in the grid's frame, up to ``far`` m along the optical axis as HIT.
+    """Mark as HIT the voxels of end points (N, 3), m in the grid's frame, up to ``far`` m along the optical axis.
 
-    ``size``: m, the side of a voxel; ``lower``: (3,) index of the first voxel of ``marks`` (nx, ny, nz).
+    ``size``: side of a voxel, m; ``lower``: (3,) index of the first voxel of ``marks`` (nx, ny, nz).
     """
     axis, origin = T_grid_camera[:3, 2], T_grid_camera[:3, 3]
     for n in range(points.shape[0]):
@@ -47,11 +47,11 @@ def mark_ends(points, T_grid_camera, size, far, lower, marks):
 
 @njit(cache=True)
 def walk(x, y, z, x_stop, y_stop, z_stop, marks):
-    """Mark as FREE in (nx, ny, nz) every voxel from one point to another, both included, that is not a HIT."""
+    """Mark as FREE every voxel of (nx, ny, nz) on the line between two points, both included, that is not a HIT."""
     i, i_end, i_step, i_next, i_gap = _along(x, x_stop)
     j, j_end, j_step, j_next, j_gap = _along(y, y_stop)
     k, k_end, k_step, k_next, k_gap = _along(z, z_stop)
-    # Counting the faces left to cross, instead of comparing ray parameters, ends every ray in exactly its last voxel.
+    # Counting the faces left to cross, instead of comparing ray parameters, ends each ray exactly in its last voxel.
     for _ in range(abs(i_end - i) + abs(j_end - j) + abs(k_end - k)):
         if marks[i, j, k] != HIT:
             marks[i, j, k] = FREE
@@ -70,7 +70,7 @@ def walk(x, y, z, x_stop, y_stop, z_stop, marks):
 
 @njit(cache=True)
 def _along(begin, end):
-    """One axis of a ray: first and last voxel, step, ray parameter at the next face and between two faces."""
+    """One axis of a ray: first and last voxel, step, and ray parameter at the next face and between two faces."""
     first, last = int(begin), int(end)
     if first == last:
         return first, last, 0, np.inf, 0.0

@@ -1,4 +1,4 @@
-"""Scans: which voxels one depth image or point cloud hits and frees, before the map adds them to its log-odds."""
+"""Scans: the voxels that a depth image or point cloud hits and frees, before the map adds them to its log-odds."""
 
 from dataclasses import dataclass
 from functools import lru_cache
@@ -17,12 +17,12 @@ from pipeline.metric_map.ray_kernels import mark_ends, trace_points
 
 @dataclass(frozen=True, eq=False)
 class Scan:
-    """A box of marks, which begins and ends at whole multiples of BLOCK voxels.
+    """A box of marks that begins and ends at multiples of BLOCK voxels.
 
     Attributes:
-        lower: (3,) int64 voxel index of the box's first voxel.
+        lower: (3,) int64 index of the box's first voxel.
         marks: (nx, ny, nz) uint8: 0 unseen, 1 free, 2 hit.
-        flat: the same marks in C order, and one last element that stands for "nowhere".
+        flat: the same marks in C order, and a last element that takes the marks of pixels without an end point.
     """
 
     lower: NDArray[np.int64]
@@ -31,9 +31,9 @@ class Scan:
 
 
 class Updater:
-    """Turns depth images and point clouds into scans of a grid whose voxel (0, 0, 0) starts at the origin.
+    """Turns depth images and point clouds into scans of a grid whose voxel (0, 0, 0) begins at the origin.
 
-    A scan is valid until the next one: they share one buffer, which saves allocations.
+    A scan is valid only until the next one, because all scans share a buffer to save allocations.
     """
 
     def __init__(self, config: MetricMapConfig) -> None:
@@ -42,16 +42,16 @@ class Updater:
         self._memory = np.zeros(0, np.uint8)
 
     def project(self, depth: Depth, intrinsics: Intrinsics, T_grid_camera: Pose, ends: Points) -> Scan:
-        """The voxels in which a depth image's rays end and those they cross, by projecting voxels into the image.
+        """Find the voxels in which a depth image's rays end and those they cross by projecting voxels into the image.
 
         Args:
-            depth: values that are not positive and finite are no return.
-            intrinsics: of the depth image.
+            depth: depth image, m; a value that is not positive and finite means no return.
+            intrinsics: intrinsics of the depth image.
             T_grid_camera: pose of ``camera_optical`` in the grid's frame.
-            ends: further end points in the grid's frame.
+            ends: further end points in the grid's frame, m.
 
         Raises:
-            InputError: the box of marks alone exceeds the map's memory bound; :meth:`trace` raises it too.
+            InputError: the box of marks alone exceeds the map's memory limit; :meth:`trace` raises this too.
         """
         config, size, far = self._config, self._config.voxel_size, self._config.max_range
         pose = T_grid_camera[:3].copy()
@@ -67,9 +67,9 @@ class Updater:
         return scan
 
     def trace(self, points: Places, origin: Place) -> Scan:
-        """The voxels that contain finite points and those that the rays to them from an origin cross.
+        """Find the voxels that contain points in range, and those that the rays from an origin to points cross.
 
-        Points and origin are in the grid's frame.
+        The points, which must be finite, and the origin are in the grid's frame, m.
         """
         size, far = self._config.voxel_size, self._config.max_range
         rays = points - origin
@@ -83,7 +83,7 @@ class Updater:
         return scan
 
     def _scan_around(self, points: NDArray[np.float64]) -> Scan:
-        """An empty scan around (N, 3) points, in voxels in the grid's frame, with a voxel to spare for rounding."""
+        """An empty scan around (N, 3) points in the grid's frame, voxels, with a voxel's margin for rounding."""
         x, y, z, nx, ny, nz = box_around(points, BLOCK)
         size = nx * ny * nz + 1
         if size > self._max_bytes:
@@ -97,6 +97,6 @@ class Updater:
 
 @lru_cache(maxsize=8)
 def _pyramid_shape(height: int, width: int) -> tuple[int, int, int]:
-    """Levels, rows and columns of the pyramid's tiles; the last level uses at most 3 × 3 of them."""
+    """Numbers of levels, rows and columns of tiles in the pyramid; its last level uses at most 3 × 3 tiles."""
     rows, columns = -(-height // TILE), -(-width // TILE)
     return 1 + max(0, int(np.ceil(np.log2(max(rows, columns) / 3)))), rows, columns

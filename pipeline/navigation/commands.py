@@ -1,4 +1,4 @@
-"""What the navigator asks of the robot, and what it is answered."""
+"""The commands that the navigator gives the robot, and the answers to them."""
 
 from collections.abc import Generator
 from dataclasses import dataclass
@@ -10,7 +10,7 @@ from pipeline.robot import Velocity
 
 
 class Turn(Velocity):
-    """A command to turn in place; ``v`` only makes up for sliding down a ramp."""
+    """A command to turn in place; ``v`` only compensates for sliding down a ramp."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -18,8 +18,8 @@ class Approach(Velocity):
     """A command to drive along a stretch.
 
     Attributes:
-        stretch: that the robot follows.
-        at: number of its pose beside which the robot is.
+        stretch: the stretch that the robot follows.
+        at: index of the pose of the stretch that is nearest to the robot.
     """
 
     stretch: Stretch
@@ -27,17 +27,17 @@ class Approach(Velocity):
 
     @property
     def way(self) -> Places:
-        """(N, 2) m, from the robot to the end of the stretch."""
+        """(N, 2) positions from the robot to the end of the stretch, m."""
         return self.stretch.after(self.at).poses[:, :2]
 
     @property
     def direction(self) -> float:
-        """Of travel, rad."""
+        """Direction of travel, rad."""
         return float(self.stretch.poses[self.at, 2])
 
     @property
     def left(self) -> float:
-        """Length of the way, m."""
+        """Length of the rest of the stretch, m."""
         return self.stretch.length - float(self.stretch.along[self.at])
 
 
@@ -45,7 +45,7 @@ STOP = Velocity()
 
 
 class Verdict(Enum):
-    """Whether the robot may follow a command; it follows only what is fine."""
+    """Whether the robot may follow a command; it does so only if the verdict is ``FINE``."""
 
     FINE = "it moves as the odometry says, and the path is clear"
     DONE = "the purpose of the drive is fulfilled"
@@ -68,5 +68,5 @@ class Outcome(Enum):
 
 
 Commands = Generator[Velocity, Verdict, Outcome]
-"""Yields commands, each for one control period, and takes a verdict on each. When the verdict is fine, the robot has
-followed the command, and the navigator knows the motion."""
+"""Yields commands, each for one control period, and receives a verdict on each. If it is ``FINE``, the robot has
+followed the command, and the navigator has received the resulting motion."""

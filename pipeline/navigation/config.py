@@ -1,4 +1,4 @@
-"""The numbers of navigation."""
+"""Parameters of navigation."""
 
 from dataclasses import dataclass
 from math import radians
@@ -8,29 +8,29 @@ from pipeline.planning.stretches import ArcConfig
 
 @dataclass(frozen=True)
 class FollowerConfig:
-    """How the robot follows way points.
+    """How the robot follows stretches.
 
     Attributes:
-        turn_gain: 1/s, turn rate over heading error (thesis 4.5).
-        position_tolerance: m; a way point counts as reached this close to it.
-        heading_tolerance: rad; a heading counts as reached this close to it.
-        lean: rad; a robot that leans more is on a ramp, even if only with its front wheels.
-        ramp_margin: m from where it leaned within which it still drives as on a ramp: on the crest of a ridge it
-            stands level.
-        braking: share of its acceleration, forwards and in turns, by which it brakes, so that the wheels do not skid
-            past the end.
-        shown: rad by which the heading may be off when a viewpoint is passed; the view still shows the same.
-        lead: s by which turn rates anticipate the curvature ahead, because the drive responds with a delay.
-        least_pace: least share of its speed that the robot keeps, however far it is off its heading.
-        still: m/s; a slower robot counts as standing and may turn in place.
-        pivot_level: rad; on level ground, smaller errors of the heading are corrected while driving.
-        pivot_ramp: rad; the same on a ramp, where the robot slides when it turns in place.
-        least_speed: m/s; a slower robot returns to its line as if at this speed, so that noise does not turn it.
-        widest_return: rad, greatest angle between the robot's heading and its line while it returns to the line.
-        hold_gain: 1/s, speed per metre of present and expected slide in a turn on a ramp; 0 for wheels that do not
+        turn_gain: ratio of turn rate to heading error, 1/s (thesis 4.5).
+        position_tolerance: distance within which the end of a stretch counts as reached, m.
+        heading_tolerance: error within which a heading counts as reached, rad.
+        lean: tilt above which the robot is on a ramp, even if only with its front wheels, rad.
+        ramp_margin: distance from where the robot leaned within which it still drives as on a ramp, m: on the crest
+            of a ridge, it is level.
+        braking: share of its maximum acceleration, forwards and in turns, at which the robot brakes, so that the
+            wheels do not skid past the end.
+        shown: error of the heading that is acceptable when a viewpoint is passed, rad; the view is still the same.
+        lead: time by which turn rates anticipate the curvature ahead, s, because the drive responds with a delay.
+        least_pace: minimum share of its speed that the robot keeps, however far it is off its heading.
+        still: speed below which the robot counts as standing and may turn in place, m/s.
+        pivot_level: heading error up to which the robot corrects its heading while driving on level ground, rad.
+        pivot_ramp: the same on a ramp, where the robot slides when it turns in place, rad.
+        least_speed: a slower robot returns to its line as if at this speed, m/s, so that noise does not turn it.
+        widest_return: maximum angle between the robot's heading and its line while it returns to the line, rad.
+        hold_gain: speed per metre of present and expected slide in a turn on a ramp, 1/s; 0 for wheels that do not
             slide.
-        carried_way: m; a robot that moves farther than this in one control period, or starts farther than this from
-            the start of its plan, was carried.
+        carried_way: distance, m; a robot that moves farther than this in one control period, or starts farther than
+            this from the start of its plan, was carried.
     """
 
     turn_gain: float = 1.5
@@ -56,10 +56,10 @@ class RecoveryConfig:
     """How the robot gets out of a halt.
 
     Attributes:
-        tilt_lead: s; the robot backs out if it would lean too far within this time.
-        most_way, least_way: m; it backs out as far as it came, within these bounds.
-        most_turn, least_turn: rad; it turns back as far as it turned, within these bounds.
-        enough: share of that distance or angle after which it counts as free.
+        tilt_lead: the robot backs out if it would lean too far within this time, s.
+        most_way, least_way: bounds, m, within which the robot backs out as far as it came.
+        most_turn, least_turn: bounds, rad, within which the robot turns back as far as it turned.
+        enough: share of that distance or angle after which the robot counts as free.
     """
 
     tilt_lead: float = 0.1
@@ -75,17 +75,17 @@ class ProgressConfig:
     """When a robot counts as held or stuck.
 
     Attributes:
-        averaged: s over which speeds are averaged to detect that something holds the robot.
-        held_share: share of the commanded speed; a slower robot is held, unless it is on a ramp.
-        patience: s without progress after which the robot is stuck.
-        still_way, still_turn: m and rad; a robot that moves less makes no progress.
-        overdue: s that a turn may take, and that a leg may take in addition to ``overdue_ramp`` times its duration at
-            the speed on ramps. A robot that slides back and forth moves, but makes no progress.
+        averaged: time over which speeds are averaged to detect that something holds the robot, s.
+        held_share: share of the commanded speed below which the robot is held, unless it is on a ramp.
+        patience: time without progress after which the robot is stuck, s.
+        still_way, still_turn: displacement, m, and rotation, rad, up to which the robot makes no progress.
+        overdue: maximum duration of a turn, s, and of a leg in excess of ``overdue_ramp`` times its duration at the
+            speed on ramps. A robot that slides back and forth moves, but makes no progress.
         overdue_ramp: see ``overdue``.
-        least_v, least_omega: m/s and rad/s; slower commands are not judged.
-        reaction: s during which a robot may still follow its last command, because of delays on the network and at
-            both ends. Longer intervals between two poses are not judged: a real robot gets no command while its
-            software computes.
+        least_v, least_omega: speeds below which commands are not judged, m/s and rad/s.
+        reaction: time during which a robot may still follow its previous command, s, because of delays on the network
+            and at both ends. Longer intervals between two poses are not judged: a real robot gets no command while
+            its software computes.
     """
 
     averaged: float = 0.5
@@ -105,10 +105,10 @@ class ObstacleCheckConfig:
     """When an obstacle that the map does not show counts.
 
     Attributes:
-        every: m of straight driving between two checks.
-        turn: rad by which an arc turns the camera between two checks: about as often as keyframes are taken.
-        ahead: m from the robot's middle; obstacles farther away do not count yet.
-        least_returns: least number of returns in a cell with an obstacle. In measurements noise gave none, and the
+        every: distance driven between two checks, m.
+        turn: angle by which an arc turns the camera between two checks, rad: about as often as keyframes are taken.
+        ahead: distance from the robot's centre beyond which obstacles do not count yet, m.
+        least_returns: minimum number of returns in a cell with an obstacle. In measurements, noise gave none, and the
             thickest dust at most 17.
     """
 
@@ -123,12 +123,13 @@ class SpeedLimitConfig:
     """Where the robot slows down.
 
     Attributes:
-        beside_people: m from a person within which it drives no faster than ``people_speed``.
-        people_speed: m/s.
-        beside_ramps: m from a ramp within which it drives as on the ramp, because its wheels may already be on it.
-        arc_lag: s within which a robot that enters an arc must reach the arc's turn rate; until then it drives too
-            straight. A Pioneer reaches 0.8 rad/s, at which it slides outwards by 4 to 6° of its heading, measured; at
-            1.5 rad/s it slides by 12°.
+        beside_people: distance from a person within which the robot drives no faster than ``people_speed``, m.
+        people_speed: maximum speed near people, m/s.
+        beside_ramps: distance from a ramp within which the robot drives as on the ramp, because its wheels may
+            already be on it, m.
+        arc_lag: time within which a robot that enters an arc must reach the arc's turn rate, s; until then, its path
+            is too straight. A Pioneer reaches 0.8 rad/s; it then slides outwards, 4 to 6° off its heading (measured).
+            At 1.5 rad/s, it slides by 12°.
     """
 
     beside_people: float = 1.0
@@ -142,10 +143,10 @@ class AttitudeConfig:
     """How the robot estimates its tilt.
 
     Attributes:
-        time_constant: s, time constant with which the estimated vertical follows the accelerometer, which bumps and
-            braking disturb.
-        most_disturbance: m/s²; accelerations that differ more than this from gravity are ignored.
-        most_change: rad; bumps turn the robot quickly, but no farther than this.
+        time_constant: time constant with which the estimated vertical follows the accelerometer, which bumps and
+            braking disturb, s.
+        most_disturbance: maximum difference from gravity at which an acceleration is used, m/s².
+        most_change: maximum predicted change of the tilt, rad; bumps turn the robot quickly, but no farther.
     """
 
     time_constant: float = 0.5
@@ -158,7 +159,7 @@ class FaultConfig:
     """Which faults of its own sensors the robot reports.
 
     Attributes:
-        depth_scale: relative error of the floor's depth from which on it is reported: three times the 1 % error of a
+        depth_scale: relative error of the floor's distance above which it is reported: three times the 1 % error of a
             calibrated camera of this kind (Khoshelham & Oude Elberink, 2012).
     """
 

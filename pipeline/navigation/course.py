@@ -1,4 +1,4 @@
-"""What a robot has to drive: the stretches of a plan, their speeds and how they end."""
+"""Courses: the stretches that a robot has to drive, how fast, and how they end."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -7,22 +7,22 @@ from pipeline.arrays import Place, Values
 from pipeline.planning.stretches import Stretch
 
 SpeedAlong = Callable[[Stretch], Values]
-"""(N,) m/s, the greatest speeds at the poses of a stretch."""
+"""Returns the (N,) maximum speeds at the poses of a stretch, m/s."""
 
 
 @dataclass(frozen=True, eq=False)
 class Course:
-    """A way, and how it is to be driven.
+    """A path, and how to drive it.
 
     Attributes:
-        way: from where the robot stands, or rolls to; at least a heading if there are no stretches.
-        heading: rad, of the robot at the end; None for any.
-        start: (2,) m, where the robot was when the way was planned: one that is elsewhere was carried.
-            None for anywhere.
+        way: the stretches from where the robot stands, or will come to rest; may be empty if there is a heading.
+        heading: heading of the robot at the end, rad; None for any.
+        start: (2,) position of the robot when the path was planned, m; a robot that is elsewhere was carried. None
+            to skip this check.
         speed_along: speed limits set by the ground; None for the robot's own limit.
-        rolls: whether the robot need not stand at the end. It has reached the end where it must brake for it, and
-            goes on with the next course from where it would come to rest, or else must be halted.
-        planned: s that the drive should take; None if it was not planned.
+        rolls: whether the robot need not stop at the end. It then counts as arrived where it must begin to brake, and
+            continues with the next course from where it would come to rest, or must be halted.
+        planned: expected duration of the drive, s; None if it was not planned.
     """
 
     way: Sequence[Stretch]

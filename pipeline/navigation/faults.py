@@ -1,4 +1,4 @@
-"""What the robot notices of its own sensors and wheels."""
+"""Faults of the robot's own sensors and wheels that it notices."""
 
 from dataclasses import dataclass
 
@@ -21,10 +21,10 @@ class Fault:
     """A fault.
 
     Attributes:
-        kind: ``camera`` (it gave no frame), ``depth_scale``, ``slipping``, ``held`` (its wheels spin), ``blind``,
-            ``stuck``, ``carried`` or ``lost``.
-        time_s: when it was noticed, s.
-        text: in words.
+        kind: ``camera`` (no frame), ``depth_scale``, ``slipping``, ``held`` (the wheels spin), ``blind``, ``stuck``,
+            ``carried`` or ``lost``.
+        time_s: time at which it was noticed, s.
+        text: description of the fault.
     """
 
     kind: str
@@ -36,30 +36,30 @@ class Faults:
     """The faults noticed so far.
 
     Attributes:
-        all: in the order in which they were noticed.
+        all: all faults in the order in which they were noticed.
     """
 
     def __init__(self, config: FaultConfig = FaultConfig(), vertical: VerticalConfig = VerticalConfig()) -> None:
-        """Begin without faults; ``vertical`` says how the floor is found."""
+        """Start without faults; ``vertical``: how the floor is found."""
         self.all: list[Fault] = []
         self._config, self._vertical = config, vertical
 
     def note(self, kind: str, time: float, text: str) -> None:
-        """Add a fault noticed at a time, s, unless it is the newest one, which lasts."""
+        """Add a fault noticed at a time, s, unless it equals the newest one, which then persists."""
         if not self.all or (self.all[-1].kind, self.all[-1].text) != (kind, text):
             self.all.append(Fault(kind, time, text))
 
     def check_motion(self, belief: Belief, time: float) -> None:
-        """Note at a time, s, what keeps the robot from moving as its odometry says, if that is likely."""
+        """Note a fault at a time, s, if the most likely motion state is one."""
         if belief.state in NOTICED:
             self.note(belief.state.name.lower(), time, NOTICED[belief.state])
 
     def check_depth_scale(self, frame: Frame) -> None:
-        """Note if the floor seen by a robot at its start is not at the camera's height above the ground."""
+        """Note a fault if the floor seen at the start is not at the expected distance below the camera."""
         height = float(frame.T_base_camera[2, 3])
         try:
             seen = float(T_floor_camera(frame, self._vertical)[2, 3])
-        except InputError:  # there is no floor in view
+        except InputError:  # No floor is in view
             return
         if abs(seen - height) > self._config.depth_scale * height:
             text = f"the camera measures the floor {seen:.2f} m below it, but is mounted {height:.2f} m high"

@@ -1,7 +1,7 @@
 """Navigation (thesis 4.5): drive along stretches without tipping.
 
-The navigator commands nothing itself: it yields one command after another, and the caller sends them to the robot,
-answers with a verdict and reports each motion.
+The navigator does not control the robot itself. It yields one command after another; the caller sends them to the
+robot, answers each with a verdict, and reports each motion.
 """
 
 from collections.abc import Generator, Iterator, Sequence
@@ -22,16 +22,16 @@ from pipeline.robot import Motion, RobotModel, Velocity
 from pipeline.transforms import inverse, transform_points, wrap_angle, yaw_of
 
 REFUSED = {Verdict.UNSURE: Outcome.UNSURE, Verdict.BLOCKED: Outcome.BLOCKED}
-"""How a leg ends when the robot must not go on."""
+"""The outcome of a leg for each verdict that forbids the robot to continue."""
 
 
 @dataclass
 class DrivenLeg:
-    """The drive of one stretch, for the log and the report.
+    """The drive along one stretch, for the log and the report.
 
     Attributes:
-        target: (2,) where it led to.
-        outcome: how it ended.
+        target: (2,) end of the stretch in ``map``, m.
+        outcome: how the drive ended.
     """
 
     target: Place
@@ -39,12 +39,12 @@ class DrivenLeg:
 
 
 def of_leg(outcome: Outcome) -> Outcome:
-    """The leg of a drive with this outcome; one that ended early because it was done counts as reached."""
+    """The outcome of the leg of a drive with this outcome; a drive that was done early counts as reached."""
     return Outcome.REACHED if outcome is Outcome.DONE else outcome
 
 
 class DriveTime(NamedTuple):
-    """Planned and actual time, s, of a drive that reached its end."""
+    """Planned and actual duration of a drive that reached its end, s."""
 
     planned: float
     driven: float
@@ -55,8 +55,8 @@ class Halt:
     """A stop caused by something that the map does not show.
 
     Attributes:
-        T_map_base: where the robot stopped.
-        command: that the robot could not follow.
+        T_map_base: pose at which the robot stopped.
+        command: the command that the robot could not follow.
         freed: whether the robot could back out.
     """
 
@@ -66,12 +66,12 @@ class Halt:
 
     @property
     def touches(self) -> bool:
-        """Whether the robot backed off an obstacle right before its leading end; in a turn it may be anywhere."""
+        """Whether the robot backed off an obstacle right at its leading end; in a turn, it could be anywhere."""
         return self.freed and not isinstance(self.command, Turn)
 
     def touched(self, robot: RobotModel, cell: float) -> Places:
-        """(N, 3) points right before the leading end of the robot, as high as its body, for cells of ``cell`` m."""
-        # Half a cell's diagonal before the footprint, so that the cell lies outside.
+        """(N, 3) points in ``map``, m, right at the leading end and as high as the body, for cells of ``cell`` m."""
+        # Half a cell's diagonal in front of the footprint, so that the cell lies outside it.
         ahead = (robot.half_length + cell / np.sqrt(2)) * np.sign(self.command.v)
         across = np.linspace(-robot.half_width, robot.half_width, 2 + int(2 * robot.width / cell))
         points = [[ahead, left, robot.body_height] for left in across]
@@ -82,17 +82,17 @@ class Navigator:
     """Drives a robot along stretches in ``map``.
 
     Attributes:
-        legs: every leg driven so far.
-        times: of the planned drives so far that got to their ends.
-        halts: the robot's halts on the last way that it followed.
-        track: (3,) m and rad in ``map``, positions and headings since the robot began to follow that path.
-        recovered: number of times so far that the robot backed out of a halt.
+        legs: all legs driven so far.
+        times: durations of all planned drives that have reached their ends.
+        halts: the robot's halts on the newest path that it has followed.
+        track: (3,) x and y, m, and heading, rad, in ``map``, after each motion since the robot began that path.
+        recovered: number of times that the robot has backed out of a halt.
         motion: the newest motion of the body.
         attitude: estimate of the robot's tilt.
     """
 
     def __init__(self, robot: RobotModel, control_period: float, config: NavigationConfig = NavigationConfig()):
-        """``control_period``: s that a command holds."""
+        """``control_period``: duration of each command, s."""
         self.legs: list[DrivenLeg] = []
         self.times: list[DriveTime] = []
         self.halts: list[Halt] = []
@@ -104,14 +104,14 @@ class Navigator:
         self._before: Motion | None = None
         self._T_map_odom = np.eye(4)
         self._leaned_at: Place | None = None
-        self._rest: Stretch | None = None  # in odom, what is left of a stretch to whose end the robot rolls
+        self._rest: Stretch | None = None  # In odom: the rest of a stretch to whose end the robot still rolls
 
     def correct(self, T_map_odom: Pose) -> None:
-        """Go on with the newest pose of ``odom`` in ``map``, also within a drive."""
+        """Continue with the newest pose of ``odom`` in ``map``; this may happen during a drive."""
         self._T_map_odom = T_map_odom
 
     def moved(self, motion: Motion) -> None:
-        """Take the newest motion of the body; LostError if its odometry is no pose."""
+        """Take the newest motion of the body into account; LostError if its odometry is not a pose."""
         check_pose("odometry", motion.time, motion.T_odom_base)
         self._before, self.motion = self.motion, motion
         self.attitude.update(motion.gyro, motion.accelerometer, self._period)
@@ -120,7 +120,7 @@ class Navigator:
         self.track.append(np.append(self.T_map_base[:2, 3], yaw_of(self.T_map_base)))
 
     def next_pose(self, T_map_base: Pose) -> Place:
-        """(3,) x, y and heading where a robot at a pose comes to rest: it may roll on after a way that it passed."""
+        """(3,) x, y and heading at which a robot at a pose comes to rest: it may still roll to the end of a path."""
         if self._rest is None:
             return np.append(T_map_base[:2, 3], yaw_of(T_map_base))
         rest = self._in_map(self._rest)
@@ -130,9 +130,9 @@ class Navigator:
         return stretch.moved(self._T_map_odom)
 
     def follow(self, course: Course) -> Commands:
-        """Drive a course; the outcome is ``REACHED`` if all of its stretches, and its heading, were reached.
+        """Drive a course; the outcome is ``REACHED`` if the ends of all its stretches, and its heading, were reached.
 
-        A robot that still rolls then is at :meth:`next_pose` when it stands.
+        A robot that is still rolling at that moment comes to rest at :meth:`next_pose`.
         """
         began = None if self.motion is None else self._time
         outcome = yield from self._follow(course)
@@ -163,18 +163,18 @@ class Navigator:
             return Outcome.REACHED
         if not way:
             self.legs.append(DrivenLeg(here, Outcome.REACHED))
-        # A turn that fails is a leg that failed.
+        # If the turn fails, the leg has failed.
         outcome = yield from self._supervised(self._turn_to(heading))
         self.legs[-1].outcome = of_leg(outcome)
         return outcome
 
     def _is_elsewhere(self, start: Place | None) -> bool:
-        """Whether the robot was carried since its path was planned, from (2,) m."""
+        """Whether the robot was carried since its path was planned from ``start``, (2,) m."""
         here = self.T_map_base[:2, 3]
         return start is not None and bool(np.linalg.norm(here - start) > self._config.follower.carried_way)
 
     def _joined(self, way: Sequence[Stretch]) -> list[Stretch]:
-        """The path, after the part along which the robot still rolls."""
+        """The path, preceded by the part along which the robot is still rolling."""
         if self._rest is None:
             return list(way)
         rest = self._in_map(self._rest)
@@ -186,7 +186,7 @@ class Navigator:
         return abs(wrap_angle(heading - wanted)) < self._config.follower.shown
 
     def halt(self) -> Commands:
-        """Come to rest at the end of the way along which the robot rolls."""
+        """Come to rest at the end of the path along which the robot is rolling, if any."""
         rest, self._rest = self._rest, None
         if rest is None:
             yield STOP
@@ -199,7 +199,7 @@ class Navigator:
         return (yield from self._supervised(self._turn_to(yaw_of(self.T_map_base) + angle)))
 
     def _drive_leg(self, stretch: Stretch, speed_along: SpeedAlong | None, is_passed: bool) -> Commands:
-        """Turn to the heading of the stretch, then drive along it."""
+        """Turn to the heading of a stretch if necessary, then drive along it."""
         speeds = None if speed_along is None else speed_along(stretch)
         outcome = yield from self._supervised(self._approach(stretch, speeds, is_passed), stretch.length)
         self.legs.append(DrivenLeg(stretch.poses[-1, :2], of_leg(outcome)))
@@ -222,13 +222,13 @@ class Navigator:
 
     @property
     def _on_ramp(self) -> bool:
-        """Whether the robot leans, or leaned near here: on the crest of a ridge it stands level."""
+        """Whether the robot leans, or leaned near here: on the crest of a ridge, it is level."""
         at, near = self._leaned_at, self._config.follower.ramp_margin
         return at is not None and bool(np.linalg.norm(self.T_map_base[:3, 3] - at) < near)
 
     @property
     def _limits(self) -> tuple[float, float]:
-        """Greatest speed (m/s) and turn rate (rad/s) on the ground under the robot."""
+        """Maximum speed, m/s, and turn rate, rad/s, on the ground under the robot."""
         model = self._robot
         return (model.ramp_speed, model.ramp_turn_rate) if self._on_ramp else (model.speed, model.turn_rate)
 
@@ -244,16 +244,16 @@ class Navigator:
             if abs(error) < tolerance:
                 return
             model, (_, fastest) = self._robot, self._limits
-            # It brakes less hard than it could, so that wheels do not skid past the heading.
+            # The robot brakes less hard than it could, so that the wheels do not skid past the heading.
             slower = np.sqrt(2 * config.braking * model.turn_acceleration * (abs(error) - tolerance))
             rate = np.clip(slower, model.min_turn_rate, fastest)
             yield Turn(self._hold(T, place, error) if self._on_ramp else 0.0, float(np.sign(error) * rate))
 
     def _hold(self, T: Pose, place: Place, left: float) -> float:
-        """Speed (m/s) that keeps a robot at a place (2,) of a ramp while it turns by another ``left`` rad.
+        """Speed, m/s, that keeps the robot at a position (2,), m, on a ramp while it turns by another ``left`` rad.
 
-        It can only compensate for sliding along its heading, so it compensates for the expected sliding as well. In a
-        quarter turn on 16° it strays by at most 0.13 m instead of 0.21 m (measured).
+        The robot can only compensate for sliding along its heading, so it also compensates in advance for the sliding
+        to be expected. In a quarter turn on 16°, it then strays by at most 0.13 m instead of 0.21 m (measured).
         """
         ahead = T[:2, 0] / np.linalg.norm(T[:2, 0])
         slide = self._robot.slide_per_radian * abs(left) * T[:2, 2]
@@ -261,9 +261,9 @@ class Navigator:
         return float(np.clip(speed, -self._robot.ramp_speed, self._robot.ramp_speed))
 
     def _along(self, stretch: Stretch, speeds: Values | None, is_passed: bool = False) -> Iterator[Velocity]:
-        """Commands that follow a stretch until the robot is abreast of its end, or must brake for it if it passes it.
+        """Commands that follow a stretch up to its end, or, if ``is_passed``, until the robot must brake for it.
 
-        ``speeds``: (N,) m/s, greatest at its poses; None for no limit.
+        ``speeds``: (N,) maximum speeds at its poses, m/s; None for no limit.
         """
         model, config, at = self._robot, self._config.follower, 0
         while True:
@@ -283,13 +283,13 @@ class Navigator:
             yield self._steered(stretch, at, left, speed)
 
     def _steered(self, stretch: Stretch, at: int, left: float, speed: float) -> Approach:
-        """The command at a speed, m/s, of a robot that is ``left`` m to the left of a pose of its stretch."""
+        """The command at a speed, m/s, for a robot ``left`` m to the left of the pose of index ``at``."""
         model, config = self._robot, self._config.follower
-        # With this gain the robot returns to its line with a damping ratio of 0.7.
+        # With this gain, the robot returns to its line with a damping ratio of 0.7.
         gain, widest = config.turn_gain / (2 * max(speed, config.least_speed)), config.widest_return
         back = float(np.clip(gain * left, -widest, widest))
         error = wrap_angle(stretch.poses[at, 2] - back + np.pi * stretch.backwards - yaw_of(self.T_map_base))
-        # Off its heading it drives more slowly; otherwise it would leave the line.
+        # The farther off its heading, the more slowly the robot drives; otherwise it would leave the line.
         speed *= max(config.least_pace, float(np.cos(2 * error)))
         rate = config.turn_gain * error + speed * stretch.curvature_at(at, config.lead * speed)
         rate = float(np.clip(rate, -model.turn_rate, model.turn_rate))
@@ -298,7 +298,7 @@ class Navigator:
     def _supervised(self, commands: Iterator[Velocity], length: float = 0.0) -> Commands:
         """Yield commands until they end or must be stopped; back out if the robot leans too far or is held.
 
-        ``length``: of the leg, m.
+        ``length``: length of the leg, m.
         """
         start = self._T_odom_base
         progress = Progress(self._robot, start, self._time, self._config.progress, length)
@@ -323,7 +323,7 @@ class Navigator:
         return Outcome.REACHED
 
     def _roll_out(self, command: Velocity) -> Commands:
-        """End a drive early: the robot rolls on as far as it takes to brake."""
+        """End a drive early: the robot rolls on for its braking distance."""
         if isinstance(command, Approach):
             self._rest = self._rest_of(command.stretch, command.at)
         else:
@@ -331,31 +331,31 @@ class Navigator:
         return Outcome.DONE
 
     def _rest_of(self, stretch: Stretch, at: int) -> Stretch:
-        """What of a stretch, in odom, the robot needs to brake."""
+        """The part of a stretch, in ``odom``, that the robot needs to brake, from the pose of index ``at``."""
         brakes = stretch.along[at] + self._braking_way + self._config.follower.position_tolerance
         end = int(np.searchsorted(stretch.along, brakes)) + 1
         return Stretch(stretch.poses[:end], stretch.backwards).after(at).moved(inverse(self._T_map_odom))
 
     @property
     def _braking_way(self) -> float:
-        """M in which the robot comes to rest."""
+        """Braking distance of the robot, m."""
         return self._speed**2 / (2 * self._config.follower.braking * self._robot.acceleration)
 
     @property
     def _was_carried(self) -> bool:
-        """Whether the newest motion is longer than any that the robot can make by itself."""
+        """Whether the newest motion is too long for the robot to have made it on its own."""
         assert self._before is not None
         before = (self._T_map_odom @ self._before.T_odom_base)[:3, 3]
-        # A real robot's time goes on while a keyframe is mapped.
+        # On a real robot, time passes while a keyframe is mapped.
         missed = max(0.0, self._time - self._before.time - self._period)
         most = self._config.follower.carried_way + missed * self._robot.speed
         return bool(np.linalg.norm(self.T_map_base[:3, 3] - before) > most)
 
     def _back_out(self, T_odom_start: Pose, command: Velocity, leans: bool) -> Generator[Velocity, Verdict, bool]:
-        """Undo the last motion since a pose, because that path was free; True if enough of it was possible.
+        """Undo the last motion since a pose, because that path was free; True if the robot got far enough.
 
-        A robot that leans goes back until it is level; one that backs onto something, as up a wall, comes down again.
-        Spinning wheels end it: by their encoders alone, the robot would seem to go back.
+        A robot that leans goes back until it is level; one that tips while backing, as when it backs up a wall, comes
+        down again. Spinning wheels end the motion: by their encoders alone, the robot would seem to move.
         """
         model, config, T_odom_held = self._robot, self._config.recovery, self._T_odom_base
         if isinstance(command, Turn):
@@ -372,7 +372,7 @@ class Navigator:
             if self._tips and not leans:
                 yield from self._back_out(T_odom_held, undo, leans=True)
                 return False
-            # Until they come to rest, the wheels push on and would seem to be held.
+            # Until the wheels have come to rest, they push on, and the robot would seem to be held.
             if progress is None and self._time > began + braking:
                 progress = Progress(model, self._T_odom_base, self._time, self._config.progress)
             if progress and progress.is_stuck(self._T_odom_base, self._time, undo, self._on_ramp):
@@ -388,13 +388,13 @@ class Navigator:
 
     @property
     def _T_odom_base(self) -> Pose:
-        # By the odometry, which no correction of the map moves.
+        # From odometry, which does not jump when the map is corrected.
         assert self.motion is not None
         return self.motion.T_odom_base
 
     @property
     def _speed(self) -> float:
-        """m/s by the encoders."""
+        """Speed measured by the encoders, m/s."""
         assert self.motion is not None
         return abs(self.motion.twist.v)
 
@@ -405,7 +405,7 @@ class Navigator:
 
 
 def _way(T: Pose, T_held: Pose, undo: Velocity) -> float:
-    """By how many rad, or m, a pose lies behind that where the robot was held, in the direction of ``undo``."""
+    """Angle, rad, or distance, m, in the direction of ``undo`` from the pose where the robot was held to ``T``."""
     if undo.omega:
         return float(np.sign(undo.omega) * wrap_angle(yaw_of(T) - yaw_of(T_held)))
     return float(np.sign(undo.v) * (T - T_held)[:3, 3] @ T_held[:3, 0])

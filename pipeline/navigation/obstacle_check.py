@@ -1,7 +1,7 @@
-"""The obstacle check: whether an obstacle that the map does not show stands in the robot's way.
+"""The obstacle check: whether an obstacle that the map does not show blocks the robot's path.
 
-A plan leads over ground that is free in the map, but the map is only as recent as the last keyframe. So the robot
-also checks the depth image while it drives.
+A plan leads over ground that is free in the map, but the map is only as recent as the last keyframe. Therefore the
+robot also checks the depth image while it drives.
 """
 
 import numpy as np
@@ -17,10 +17,10 @@ from pipeline.transforms import wrap_angle
 
 
 class ObstacleCheck:
-    """Watches the way of one drive.
+    """Watches the path of one drive.
 
     Attributes:
-        obstacles: returns of obstacles in the way that the map does not show.
+        obstacles: (N, 3) returns in ``map``, m, of obstacles on the path that the map does not show.
     """
 
     def __init__(self, traversability: Traversability, sensor: SensorModel, config: ObstacleCheckConfig):
@@ -28,7 +28,7 @@ class ObstacleCheck:
         self.obstacles: Points = np.zeros((0, 3), np.float32)
         self._traversability, self._sensor, self._config = traversability, sensor, config
         self._stretch: Stretch | None = None
-        # Of the stretch when it was last looked at: m left, and its direction there, rad.
+        # At the last look: the remaining length of the stretch, m, and the direction of travel, rad
         self._left, self._direction = np.inf, 0.0
 
     def is_due(self, command: Approach) -> bool:
@@ -39,13 +39,13 @@ class ObstacleCheck:
         return (is_new or is_far or has_turned) and not self._is_too_near(command)
 
     def is_clear(self, command: Approach) -> bool:
-        """Whether no obstacle was seen on the way."""
+        """Whether no obstacle was seen on the path, or the rest of it is too near for the camera."""
         return self._is_too_near(command) or not len(self.obstacles)
 
     def look(self, command: Approach, points: Points) -> None:
-        """Find the obstacles among the camera's returns on the way, on traversable ground.
+        """Find the obstacles on the path among the camera's returns over traversable ground.
 
-        They are between half of the body's height and the headroom above the ground in the map.
+        Their heights above the ground in the map are between half the body's height and the headroom.
         """
         self._stretch, self._left, self._direction = command.stretch, command.left, command.direction
         ground = self._traversability
@@ -58,11 +58,11 @@ class ObstacleCheck:
         self.obstacles = near[count[number.ravel()] >= self._config.least_returns]
 
     def _is_too_near(self, command: Approach) -> bool:
-        """Whether an obstacle before the end of the stretch would be too near for the camera."""
+        """Whether an obstacle anywhere up to the end of the stretch would be too near for the camera."""
         return command.left + self._traversability.robot.half_length < self._sensor.nearest
 
     def _on_way(self, points: Points, way: Places) -> Mask:
-        """(N,) which points lie where the footprint passes, up to the end of the path and not too far ahead."""
+        """(N,) which points lie where the footprint will pass, up to the end of the path and not too far ahead."""
         robot, cell = self._traversability.robot, self._traversability.grid.cell
         way = _extended(way, robot.half_length + 2 * cell)
         far = np.linalg.norm(np.diff(way, axis=0), axis=1).cumsum() < self._config.ahead
@@ -74,7 +74,7 @@ class ObstacleCheck:
 
 
 def _extended(way: Places, by: float) -> Places:
-    """A way (N, 2), continued straight by a number of m."""
+    """A path (N, 2), extended straight ahead by a length, m."""
     ahead = (way[-1] - way[-2]) / np.linalg.norm(way[-1] - way[-2])
     steps = np.arange(0.0, by, np.linalg.norm(way[-1] - way[-2]))[1:, None]
     return np.vstack([way, way[-1] + steps * ahead])

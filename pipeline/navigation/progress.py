@@ -1,4 +1,4 @@
-"""Whether the robot makes progress, judged by its commands and the poses that follow."""
+"""Whether the robot makes progress, judged by its commands and the resulting poses."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -11,10 +11,10 @@ from pipeline.transforms import wrap_angle, yaw_of
 
 
 class Progress:
-    """Detects when the robot is held, and when neither its position nor its heading changes any more."""
+    """Detects when the robot is held, and when its position and heading no longer change."""
 
     def __init__(self, robot: RobotModel, T: Pose, time: float, config: ProgressConfig, length: float = 0.0):
-        """Begin at a pose and a time in s; ``length`` of the leg in m."""
+        """Start at a pose and a time, s; ``length``: length of the leg, m."""
         self._limits, self._config = np.array([robot.acceleration, robot.turn_acceleration]), config
         self._deadline = time + config.overdue + config.overdue_ramp * length / robot.ramp_speed
         self._anchor, self._since = T, time
@@ -22,18 +22,18 @@ class Progress:
         self._restart(time)
 
     def _restart(self, time: float) -> None:
-        # (2,) forward speed and turn rate: due by commands and acceleration, and averages of the due and actual ones.
+        # (2,) forward speed and turn rate: expected by command and acceleration; averages of expected and actual.
         self._due: NDArray[np.float64] | None = None
         self._wanted, self._felt, self._judged_from = np.zeros(2), np.zeros(2), time + self._config.reaction
 
     def is_stuck(self, T: Pose, time: float, command: Velocity, on_ramp: bool = False) -> bool:
-        """Whether the newest pose shows that the robot cannot follow the command; on ramps wheels may skid."""
+        """Whether the newest pose shows that the robot cannot follow the command; on ramps, the wheels may skid."""
         config = self._config
         if (pause := time - self._time) > config.reaction:
             self._since, self._deadline, self._time = self._since + pause, self._deadline + pause, time
             self._restart(time)
         held = self._is_held(T, time, command) and not on_ramp
-        # In a turn, wheels that spin on one side alone seem to move the robot.
+        # In a turn, wheels that spin on only one side seem to move the robot.
         moved = np.linalg.norm(T[:3, 3] - self._anchor[:3, 3]) > config.still_way and not isinstance(command, Turn)
         turned = abs(wrap_angle(yaw_of(T) - yaw_of(self._anchor))) > config.still_turn
         if moved or turned:
@@ -46,7 +46,7 @@ class Progress:
         if dt <= 0 or time < self._judged_from:
             return False
         limit = self._limits * dt
-        # The speed that compensates for sliding in a turn need not move the robot.
+        # The speed that compensates for sliding during a turn need not move the robot.
         asked = np.array([0.0 if isinstance(command, Turn) else command.v, command.omega])
         forward = float((T[:3, 3] - self._last[:3, 3]) @ self._last[:3, 0])
         speeds = np.array([forward, wrap_angle(yaw_of(T) - yaw_of(self._last))]) / dt

@@ -14,7 +14,7 @@ from pipeline.planning.stretches import Stretch
 
 
 class SpeedLimit:
-    """Computes the greatest speed on the ground of a map."""
+    """Computes the maximum speeds along a stretch on the ground of a map."""
 
     def __init__(
         self,
@@ -23,7 +23,7 @@ class SpeedLimit:
         people: Sequence[NDArray[np.floating]] = (),
         config: NavigationConfig = NavigationConfig(),
     ):
-        """``ramps``, ``people``: (N, 3) points of each inclined ramp and person of the semantic map, m."""
+        """``ramps``, ``people``: (N, 3) points of each inclined ramp and of each person in ``map``, m."""
         self._traversability, self._config = traversability, config.speed_limit
         self._deceleration = config.follower.braking * traversability.robot.acceleration
         slow = (
@@ -33,7 +33,7 @@ class SpeedLimit:
         self._slow = [(KDTree(np.vstack(these)[:, :2]), near, most) for these, near, most in slow if len(these)]
 
     def __call__(self, stretch: Stretch) -> Values:
-        """(N,) m/s at the poses of a stretch, from which the robot can brake in time for what follows."""
+        """(N,) maximum speeds at the poses of a stretch, m/s; the robot can brake in time for lower ones."""
         robot, poses = self._traversability.robot, stretch.poses
         turn_rate = min(robot.turn_rate, self._config.arc_lag * robot.turn_acceleration)
         turning = turn_rate / np.maximum(np.abs(stretch.curvature), np.finfo(np.float64).eps)
@@ -41,7 +41,7 @@ class SpeedLimit:
         return braked(speeds, stretch.along, self._deceleration)
 
     def _on_ground(self, poses: Places) -> Values:
-        """(N,) m/s at poses on the ground there."""
+        """(N,) maximum speeds at poses that the ground there allows, m/s."""
         t, robot = self._traversability, self._traversability.robot
         costs = t.costs()
         front = poses[:, :2] + robot.half_length * np.column_stack([np.cos(poses[:, 2]), np.sin(poses[:, 2])])
@@ -57,6 +57,6 @@ class SpeedLimit:
 
 
 def braked(speeds: Values, along: Values, deceleration: float) -> Values:
-    """(N,) m/s, the greatest speeds from which a robot can still brake to those farther along its path, in m."""
+    """(N,) speeds reduced so that the robot can brake to those farther along, m/s; ``along``: distances, m."""
     squares = speeds**2 + 2 * deceleration * along
     return np.sqrt(np.minimum.accumulate(squares[::-1])[::-1] - 2 * deceleration * along)

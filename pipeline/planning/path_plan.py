@@ -14,18 +14,18 @@ from pipeline.planning.pose_paths import PosePaths, Way
 from pipeline.planning.visiting_order import visiting_order
 
 UNREACHABLE = 1e5
-"""s, cost assumed between goals that no route connects."""
+"""Cost assumed between goals that no route connects, s."""
 
 
 @dataclass(frozen=True, eq=False)
 class PathPlan:
-    """A way to a goal: straight drives and turns in place.
+    """A path to a goal: straight drives and turns in place.
 
     Attributes:
-        way_points: (N, 3) from the first place to drive to up to the goal.
-        backwards: which of the drives lead backwards.
+        way_points: (N, 3) ends of the drives, the goal last, m.
+        backwards: (N,) which drives are backwards.
         nodes: ids of the nodes that the route passes.
-        length: m along the ground plan, from where the robot is.
+        length: horizontal length of the path from the robot's position, m.
     """
 
     way_points: Places
@@ -39,16 +39,16 @@ class PlaceOnGround(Protocol):
 
     @property
     def position(self) -> Place:
-        """Where it is on the ground, (3,)."""
+        """(3,) position on the ground, m."""
         ...
 
 
 class PlanningGraph(Protocol):
-    """What is planned on: a topological map.
+    """The graph used for planning: a topological map.
 
     Attributes:
-        kind: ``mst``, where the route goes over the nodes, or ``roadmap``, where it goes past them.
-        graph: of the nodes' ids, with the seconds of each drive as weight.
+        kind: ``mst``, with routes over the nodes, or ``roadmap``, with routes past them.
+        graph: graph of node ids; the weight is the cost of each drive, s.
     """
 
     kind: Literal["mst", "roadmap"]
@@ -56,27 +56,27 @@ class PlanningGraph(Protocol):
 
     @property
     def nodes(self) -> Mapping[int, PlaceOnGround]:
-        """The nodes by their ids."""
+        """The nodes by id."""
         ...
 
     def links_from(self, xy: Place, traversability: Traversability) -> dict[int, float]:
-        """Seconds of the straight drives from a place ``xy`` (2,) to nodes, by the nodes' ids."""
+        """Costs of the straight drives from a position ``xy`` (2,), m, to nodes, s, by node id."""
         ...
 
 
 class Planner(Protocol):
-    """Plans the way to a viewpoint or goal."""
+    """Plans the path to a viewpoint or goal."""
 
     def plan(
         self, topology: PlanningGraph, paths: PosePaths, goal: ArrayLike, heading: float | None = None
     ) -> PathPlan | None:
-        """The plan from the start of ``paths`` to a goal; None if no way leads there.
+        """The plan from the start of ``paths`` to a goal; None if no path leads there.
 
         Args:
             topology: the topological map.
-            paths: the cheapest ways from where the robot stands, and the ground.
-            goal: (2 or 3,) m in ``map``.
-            heading: rad, in which the robot must arrive; None for any.
+            paths: the cheapest paths from the robot's pose, and the ground.
+            goal: (2 or 3,) position in ``map``, m.
+            heading: heading with which the robot must arrive, rad; None for any.
         """
         ...
 
@@ -87,7 +87,7 @@ class TopologicalPlanner:
     def plan(
         self, topology: PlanningGraph, paths: PosePaths, goal: ArrayLike, heading: float | None = None
     ) -> PathPlan | None:
-        """As :class:`Planner` says."""
+        """See :class:`Planner`."""
         return plan_path(topology, paths, goal, heading)
 
 
@@ -99,9 +99,10 @@ def plan_path(
 ) -> PathPlan | None:
     """The plan from the start of ``paths`` to a goal (2 or 3,), m, with a given final heading, rad, or any.
 
-    Dijkstra's algorithm on the topological map gives the nodes to pass. On the tree the route goes over each of them,
-    unless one straight drive reaches the goal. On the roadmap it is the route found by the search over poses, which
-    is quicker and goes past the nodes. Returns None if no route leads to the goal; :func:`obstacle_to` says why.
+    Dijkstra's algorithm on the topological map gives the nodes to pass. On the tree, the route goes over each of
+    them, unless a single straight drive reaches the goal. On the roadmap, the route is the one that the search over
+    poses found, which is faster and goes past the nodes. Returns None if no route leads to the goal;
+    :func:`obstacle_to` gives the reason.
     """
     traversability, goal = paths.traversability, np.asarray(goal, np.float64)[:2]
     if obstacle_to(paths, goal) is not None:
@@ -119,7 +120,7 @@ def plan_path(
 
 
 def _ways_over(places: Sequence[Place], paths: PosePaths, goal: Place, heading: float | None) -> list[Way]:
-    """The ways from place (2,) to place and on to the goal; none if one of the places cannot be reached."""
+    """The paths from position (2,) to position and on to the goal; an empty list if one cannot be reached."""
     ways: list[Way] = []
     for place in [*places, goal]:
         if not np.isfinite(paths.cost_to(place)):
@@ -130,14 +131,14 @@ def _ways_over(places: Sequence[Place], paths: PosePaths, goal: Place, heading: 
 
 
 def obstacle_to(paths: PosePaths, goal: ArrayLike) -> str | None:
-    """Why the robot cannot drive to a goal (2 or 3,), m, in a line for the log; None if it can."""
+    """Why the robot cannot drive to a goal (2 or 3,), m, as a line for the log; None if it can."""
     traversability, goal = paths.traversability, np.asarray(goal, np.float64)[:2]
     grid, name = traversability.grid, goal_name(goal)
     if not np.isfinite(goal).all():
         return f"{name} must be finite"
     if paths.start is None:
         return f"{name} cannot be reached: the robot cannot drive away from where it is"
-    # Also finite where the robot stands or could escape to, although it may not stop there otherwise.
+    # The cost is also finite where the robot is, or could escape to, even if it may not stop there otherwise.
     if np.isfinite(paths.cost_to(goal)):
         return None
     if np.isnan(grid.at(traversability.elevation, goal, outside=np.nan)):
@@ -145,7 +146,7 @@ def obstacle_to(paths: PosePaths, goal: ArrayLike) -> str | None:
         if grid.at(traversability.to_hazard, goal, outside=np.inf) < traversability.robot.half_width:
             return f"{name} is in a wall or just behind one: the ground there was not seen"
         return f"{name} is off the map: the ground there was not seen"
-    # The top of a wall two cells thick is level.
+    # The top of a wall that is two cells thick is level, and thus no hazard itself.
     if grid.at(traversability.to_hazard, goal) <= grid.cell:
         return f"{name} is in a wall, on a step or on ground that is too steep"
     if not grid.at(traversability.traversable, goal):
@@ -159,15 +160,15 @@ def goal_name(goal: Place) -> str:
 
 
 def place_name(xy: Place) -> str:
-    """The name of a place (2,) in the log."""
-    x, y = np.round(xy, 2) + 0.0  # which makes 0 of -0
+    """The name of a position (2,) in the log."""
+    x, y = np.round(xy, 2) + 0.0  # Turns -0 into 0
     return f"({x:.2f}, {y:.2f}) m"
 
 
 def order_goals(paths: PosePaths, goals: Sequence[ArrayLike]) -> list[int]:
     """The order in which to visit several goals so that the drive from the start of ``paths`` is short.
 
-    Goals that the robot cannot drive to are left out: :func:`obstacle_to` says why.
+    Goals that the robot cannot drive to are left out; :func:`obstacle_to` gives the reason.
 
     Returns:
         Indices of ``goals``.
@@ -182,7 +183,7 @@ def order_goals(paths: PosePaths, goals: Sequence[ArrayLike]) -> list[int]:
 
 
 def _nodes_between(topology: PlanningGraph, traversability: Traversability, start: Place, goal: Place) -> list[int]:
-    """Ids of the nodes on the quickest way, by Dijkstra's algorithm; none if no way leads over nodes."""
+    """Ids of the nodes on the fastest route, by Dijkstra's algorithm; an empty list if no route leads over nodes."""
     graph = topology.graph.copy()
     for name, xy in (("start", start), ("goal", goal)):
         graph.add_node(name)

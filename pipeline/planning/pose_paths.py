@@ -16,12 +16,12 @@ from pipeline.planning import pose_paths_kernels as kernels
 
 @dataclass(frozen=True, eq=False)
 class Way:
-    """Straight drives and turns in place.
+    """A path that consists of straight drives and turns in place.
 
     Attributes:
-        places: (N, 2) ends of the drives; a way that is only a turn has one place.
-        backwards: which of the drives lead backwards.
-        heading: rad, to turn to at the end.
+        places: (N, 2) ends of the drives, m; a path that is only a turn has one.
+        backwards: (N,) which drives are backwards.
+        heading: heading to turn to at the end, rad.
     """
 
     places: Places
@@ -30,25 +30,26 @@ class Way:
 
 
 class PosePaths:
-    """Cheapest ways over poses from one, or from the nearest of several places.
+    """Cheapest paths over poses from one start, or from the nearest of several.
 
-    The search goes only as far as needed: its time depends on the distance of the places asked for, not on the map.
+    The search goes only as far as needed: its time depends on how far away the queried positions are, not on the map.
 
     Attributes:
-        traversability: of the ground.
-        start: (2,) m, the (first) start; None if the robot can stand nowhere near.
-        heading: rad, of the robot at the start; None for any.
-        caution: factor of the measured deviations that the costs allow for; with 0 they are times.
+        traversability: where the robot may drive.
+        start: (2,) the (first) start, m; None if no path can begin there or nearby.
+        heading: heading of the robot at the start, rad; None for any.
+        caution: factor on the measured deviations that the costs allow for; with 0, they do not include risk.
     """
 
     def __init__(
         self, traversability: Traversability, start: ArrayLike, heading: float | None = None, caution: float = 1.0
     ):
-        """Start at (2,) or (K, 2) places, m, more columns are ignored, with any heading or with one in rad.
+        """Start at positions (2,) or (K, 2), m (further columns are ignored), with a given heading, rad, or any.
 
-        Without a heading, a start where the robot cannot stand is moved to the nearest place within its length where
-        it can. With one, it may drive as far as across the circle in which it turns despite too little clearance.
-        The costs allow for ``caution`` times the measured deviations of the robot from its way.
+        Without a heading, a start where the robot cannot stand is moved to the nearest position within the robot's
+        length where it can. With a heading, the robot may start with too little clearance, and escape by driving up
+        to the diameter of its turning circle. The costs allow for ``caution`` times the measured deviations of the
+        robot from its path.
         """
         self._costs, self.caution = traversability.costs(caution), caution
         self.traversability, self._grid = traversability, traversability.grid
@@ -68,7 +69,7 @@ class PosePaths:
             self.start = None
 
     def _states(self, places: list[Place]) -> NDArray[np.int64]:
-        """(K, 3) the cells and headings to start with."""
+        """(K, 3) cells and headings at which the search starts."""
         cells = self._grid.cell_of(np.array(places).reshape(-1, 2))
         if self.heading is not None:
             return np.column_stack([cells, np.full(len(cells), nearest_heading(self.heading))])
@@ -78,10 +79,10 @@ class PosePaths:
     def _begin(self, starts: NDArray[np.int64]) -> kernels.Search:
         t, size = self.traversability, self.traversability.clearance.size
         i, j, h = starts.T
-        # Not with the smaller clearance that suffices where the robot has been.
+        # This ignores the smaller minimum clearance that applies where the robot has been.
         can_escape = (t.clearance[i, j, h % STANDING] < least_clearance(t.grid.cell)).any()
         count, first = len(starts), np.full(BUCKETS, -1, np.int32)
-        # Zeros or uninitialised, so that memory pages that the search does not reach are never touched.
+        # All zeros or uninitialised: the system provides memory pages only where the search touches them.
         state, after = np.empty((2, 4 * size + count), np.int32)
         search = kernels.Search(
             starts,
@@ -113,41 +114,41 @@ class PosePaths:
 
     @cached_property
     def without_risk(self) -> "PosePaths":
-        """The fastest paths from the (first) start, however close to obstacles; their costs are times."""
+        """The cheapest paths from the (first) start if risk costs nothing, however close to obstacles they lead."""
         assert self.start is not None
         return PosePaths(self.traversability, self.start, self.heading, caution=0.0)
 
     def _known(self, where: tuple[NDArray, ...] | EllipsisType) -> NDArray[np.float32]:
-        """(..., 16) s to be at cells with each heading; inf where the search has not got yet."""
+        """(..., 16) costs of reaching cells with each heading, s; inf where the search has not got to yet."""
         cost = self._search.cost.reshape(*self._grid.shape, HEADINGS)[where]
         is_known = (cost > 0) & ((cost <= self._search.now[0]) | self.is_complete)
         return np.where(is_known, (cost - 1) * np.float32(self._costs.tick), np.float32(np.inf))
 
     def seconds_to(self, cells: Cells, until: float = np.inf) -> NDArray[np.float32]:
-        """(N, 16) s to be at cells with each heading; inf if no way of up to ``until`` s leads there."""
+        """(N, 16) costs of reaching cells (N, 2) with each heading, s; those above ``until`` may be inf."""
         self._extend(until)
         return self._known(tuple(cells.T))
 
     def least_seconds_to(self, cells: Cells) -> Values:
-        """Lower bound, s, of the cost of a way from the only start to cells."""
-        # Nothing is faster than driving forwards with plenty of room.
+        """(N,) lower bounds on the costs of paths from the start, which must be the only one, to cells (N, 2), s."""
+        # Nothing is cheaper than driving forwards with plenty of room.
         ticks = (self._search.level[kernels.Move.FORWARD, :, -1] / np.linalg.norm(VECTORS, axis=1)).min()
         return ticks * self._costs.tick * np.linalg.norm(cells - self._search.starts[0, :2], axis=1)
 
     @cached_property
     def seconds(self) -> NDArray[np.float32]:
-        """(nx, ny, 16) s to be at each cell with each heading; inf where no way leads."""
+        """(nx, ny, 16) cost of reaching each cell with each heading, s; inf where no path leads."""
         self._extend(np.inf)
         return self._known(...)
 
     @cached_property
     def cost(self) -> NDArray[np.float32]:
-        """(nx, ny) s to be at each cell; inf where no way leads."""
+        """(nx, ny) cost of reaching each cell, s; inf where no path leads."""
         return self.seconds.min(axis=2)
 
     @cached_property
     def headings(self) -> NDArray[np.uint16]:
-        """(nx, ny) bits of the 16 headings with which the robot can stand and to which a way leads."""
+        """(nx, ny) bits of the 16 headings with which the robot can reach each cell and stand there."""
         seeds = np.zeros(self._grid.shape, np.uint16)
         if self._search.escape > 0:
             self._extend(np.inf)
@@ -163,30 +164,30 @@ class PosePaths:
 
     @cached_property
     def reachable(self) -> MaskLayer:
-        """Cells to which a way leads, and where the robot may stand."""
+        """Cells that the robot can reach and where it may stand."""
         return self.headings != 0
 
     def cost_to(self, xy: ArrayLike) -> float:
-        """Cost to a point, s; inf where no way leads."""
+        """Cost of reaching a point (2,), m, in s; inf if no path leads there."""
         return float(self._settle(xy).min())
 
     def seconds_at(self, xy: ArrayLike, heading: int) -> float:
-        """Cost to be at a point with one of the 16 headings, by its index, s; inf where no way leads."""
+        """Cost of reaching a point with one of the 16 headings, given by its index, s; inf if no path leads there."""
         return float(self._settle(xy, heading)[heading])
 
     def can_reach(self, states: Cells) -> Mask:
-        """(N,) whether ways lead to cells with headings (N, 3), on the grid or not, where the robot can stand."""
+        """(N,) whether the robot can reach, and stand at, cells with headings (N, 3), which may be off the grid."""
         inside = self._grid.holds(states[:, :2])
         i, j, heading = np.where(inside[:, None], states, 0).T
         return np.asarray(inside & bits(self.headings[i, j])[np.arange(len(states)), heading])
 
     def nearest(self, places: Places) -> int | None:
-        """Index of the place on the grid that costs least to reach; None if no way leads to any."""
+        """Index of the cheapest position (N, 2) to reach; None if none can be reached or any is off the grid."""
         cost = self._settle(places).min(axis=1)
         return int(cost.argmin()) if np.isfinite(cost).any() else None
 
     def _settle(self, xy: ArrayLike, heading: int | None = None) -> NDArray[np.float32]:
-        """(..., 16) s to points (...), m, with each heading; the least of all, or that of ``heading``, is known."""
+        """(..., 16) costs of reaching points (..., 2), m, in s; the lowest, or one for ``heading``, is known."""
         cells, horizon = self._grid.cell_of(xy), self._costs.stop
         if not self._grid.holds(cells).all():
             return np.full((*cells.shape[:-1], HEADINGS), np.inf, np.float32)
@@ -200,7 +201,7 @@ class PosePaths:
             horizon *= 2
 
     def sources(self) -> NDArray[np.int64]:
-        """(nx, ny) flat index of the cell where the cheapest way to each cell starts; -1 if no way leads there."""
+        """(nx, ny) flat index of the cell where the cheapest path to each cell starts; -1 if no path leads there."""
         starts = self._search.starts
         flat, seconds = np.append(np.ravel_multi_index(tuple(starts[:, :2].T), self._grid.shape), -1), self.seconds
         source = self._search.source.reshape(seconds.shape)
@@ -208,13 +209,13 @@ class PosePaths:
         return flat[np.where(np.isfinite(self.cost), best, -1)]
 
     def path_to(self, xy: ArrayLike) -> Places:
-        """Centres of cells from the (nearest) start to a reachable point (2,)."""
+        """(N, 2) centres of the cells on the cheapest path from the (nearest) start to a reachable point (2,), m."""
         states = self._states_to(self._grid.cell_of(xy), int(self._settle(xy).argmin()))
         moved = np.append(True, (np.diff(states[:, :2], axis=0) != 0).any(axis=1))
         return self._grid.centre_of(states[moved, :2])
 
     def way_to(self, xy: ArrayLike, heading: float | None = None) -> Way:
-        """The way to a reachable point, found by the search and straightened by :func:`kernels.straighten`."""
+        """The path to a reachable point, found by the search and straightened by :func:`kernels.straighten`."""
         goal, cell = np.asarray(xy, np.float64)[:2], self._grid.cell_of(xy)
         wanted = None if heading is None else nearest_heading(heading)
         there = self._settle(xy, wanted)
@@ -235,7 +236,7 @@ class PosePaths:
         return Way(places[bends[ends]], backwards[ends], end)
 
     def states_to(self, xy: ArrayLike, heading: int) -> Cells:
-        """(N, 3) cells and headings from the start to a point with one of the 16 headings that can be reached."""
+        """(N, 3) cells and headings from the start to a point with one of the 16 headings; it must be reachable."""
         self._settle(xy, heading)
         return self._states_to(self._grid.cell_of(xy), heading)
 
@@ -247,17 +248,17 @@ class PosePaths:
 
 
 def bits(headings: NDArray[np.uint16]) -> NDArray[np.bool_]:
-    """(..., 16) which of the 16 bits of (...) are set."""
+    """(..., 16) which of the 16 bits of ``headings`` (...) are set."""
     return (headings[..., None] >> np.arange(HEADINGS, dtype=np.uint16)) & 1 == 1
 
 
 def nearest_heading(heading: float) -> int:
-    """Index of the nearest of the 16 headings to one in rad."""
+    """Index of the one of the 16 headings that is nearest to ``heading``, rad."""
     return int(np.cos(ANGLES - heading).argmax())
 
 
 def simplify(path: Places, traversability: Traversability) -> Places:
-    """Few points of a path (N, 2); a straight drive costs at most a stop more than what it replaces."""
+    """A path (N, 2) reduced to few points; a straight drive costs at most a stop more than what it replaces."""
     seconds = traversability.line_seconds(path[:-1], path[1:])
     reached = np.append(0.0, np.cumsum(np.where(np.isfinite(seconds), seconds, 1e3)))
     bends = [0]

@@ -1,4 +1,4 @@
-"""Compiled search over poses: cells of the grid times headings."""
+"""Compiled search over poses, which combine a cell of the grid with a heading."""
 
 from enum import IntEnum, auto
 from typing import NamedTuple
@@ -25,7 +25,7 @@ ALL = np.iinfo(np.uint16).max
 
 
 class Move(IntEnum):
-    """By a vector, or to the next heading; 0 stands for none."""
+    """Moves along the heading, or turns to the next heading; 0 stands for no move."""
 
     FORWARD = auto()
     BACKWARD = auto()
@@ -38,7 +38,7 @@ _UNDO = np.array([Move.BACKWARD, Move.FORWARD, Move.RIGHT, Move.LEFT])
 
 @njit(cache=True, inline="always")
 def move_from(i, j, h, move):
-    """The state that a move leads to from (i, j, h)."""
+    """The pose that a move from (i, j, h) leads to."""
     if move == Move.FORWARD:
         return i + VECTORS[h, 0], j + VECTORS[h, 1], h
     if move == Move.BACKWARD:
@@ -48,7 +48,7 @@ def move_from(i, j, h, move):
 
 @njit(cache=True)
 def move_ticks(h, move, room, uphill, cell, costs):
-    """Cost in ticks of a move from a heading, with ``room`` cm around the footprint on a slope ``uphill`` (2,)."""
+    """Cost in ticks of a move from heading ``h`` with ``room`` cm around the footprint on a slope ``uphill`` (2,)."""
     if move <= Move.BACKWARD:
         length = cell * np.hypot(VECTORS[h, 0], VECTORS[h, 1])
         cos, sin = np.cos(ANGLES[h]), np.sin(ANGLES[h])
@@ -60,7 +60,7 @@ def move_ticks(h, move, room, uphill, cell, costs):
 
 @njit(cache=True)
 def level_ticks(cell, costs):
-    """(5, 16, R) int32 cost in ticks of each move from each heading on level ground, by the cm of room."""
+    """(5, 16, R) int32 cost in ticks of each move from each heading on level ground, by the room in whole cm."""
     level = np.zeros(2, np.float32)
     result = np.zeros((Move.RIGHT + 1, HEADINGS, int(100 * costs.comfort) + 1), np.int32)
     for move in range(Move.FORWARD, Move.RIGHT + 1):
@@ -72,7 +72,7 @@ def level_ticks(cell, costs):
 
 @njit(cache=True)
 def was_near(i, j, least):
-    """Whether the robot's middle has been in a cell or next to it: there ``least`` (nx, ny), cm, is negative."""
+    """Whether the robot's centre has been in a cell or next to it, where ``least`` (nx, ny), cm, is negative."""
     for a in range(max(i - 1, 0), min(i + 2, least.shape[0])):
         for b in range(max(j - 1, 0), min(j + 2, least.shape[1])):
             if least[a, b] < 0:
@@ -82,13 +82,13 @@ def was_near(i, j, least):
 
 @njit(cache=True, inline="always")
 def entry_ticks(i, j, h, a, b, k, move, start, terrain, level, costs, escape):
-    """Cost in ticks of a move from (i, j, h) to (a, b, k) on a way from a start (2,); -1 if it is not allowed."""
+    """Cost in ticks of a move from (i, j, h) to (a, b, k) on a path from a start (2,); -1 if it is not allowed."""
     before, entered = terrain.clearance[i, j, h % STANDING], terrain.clearance[a, b, k % STANDING]
     if move <= Move.BACKWARD:
         room = min(before, entered)
     else:
         room = terrain.clearance[i, j, STANDING + (h if move == Move.LEFT else k) % STANDING]
-        # What the turn sweeps must have room as well.
+        # The area that the turn sweeps must have room as well.
         entered = min(entered, room + terrain.sweep)
     is_free = entered >= terrain.least[a, b]
     if not is_free and max(abs(a - start[0]), abs(b - start[1])) > escape:
@@ -101,21 +101,21 @@ def entry_ticks(i, j, h, a, b, k, move, start, terrain, level, costs, escape):
 
 
 class Search(NamedTuple):
-    """The state of a search; poses are numbered (i · ny + j) · 16 + h.
+    """The state of a search; the index of a pose is (i · ny + j) · 16 + h.
 
-    Its queue keeps, in buckets by cost, an entry for each time that a pose became cheaper: by each move once at most.
+    The queue has buckets by cost. It gets an entry each time that a pose becomes cheaper, at most one for each move.
 
     Attributes:
         starts: (K, 3) int64 cells and headings.
-        cost: (N,) int32 1 + ticks; 0 where no way has been found yet.
-        came_by: (N,) uint8 the move that led to each pose.
-        source: (N,) int16 index of the start from which the way comes.
-        level: (5, 16, R) ticks of moves on level ground, see :func:`level_ticks`.
-        escape: m from its start within which a robot may drive through poses without room, as long as the clearance
-            does not shrink, or where the robot has been.
-        first: (B,) int32 the first entry of each bucket; -1 where there is none.
-        state, after: (4 N + K,) int32 the pose of each entry, and the next entry of the same bucket.
-        now: (3,) int64 the cost up to which all poses are settled, numbers of waiting entries and of all so far.
+        cost: (N,) int32 1 + ticks; 0 where no path has been found yet.
+        came_by: (N,) uint8 move that led to each pose.
+        source: (N,) int16 index of the start from which the path comes.
+        level: (5, 16, R) costs of moves on level ground in ticks, see :func:`level_ticks`.
+        escape: distance from its start within which the robot may drive through poses without enough room, if its
+            clearance does not decrease or it has been there before, m; negative if it need not.
+        first: (B,) int32 first entry of each bucket; -1 if it is empty.
+        state, after: (4 N + K,) int32 pose of each entry, and next entry of the same bucket.
+        now: (3,) int64 cost up to which all poses are settled, and numbers of entries waiting and in total.
     """
 
     starts: NDArray[np.int64]
@@ -134,7 +134,7 @@ class Search(NamedTuple):
 def extend(search, terrain, costs, until):
     """Continue Dijkstra's algorithm over all poses up to the cost ``until``, with a bucket queue.
 
-    A pose may be entered if its clearance is large enough. A robot that starts with less may escape, see
+    A pose may be entered if its clearance is large enough. A robot that starts with too little may escape, see
     :class:`Search`.
     """
     nx, ny = terrain.least.shape
@@ -155,7 +155,7 @@ def extend(search, terrain, costs, until):
         for move in range(Move.FORWARD, Move.RIGHT + 1):
             a, b, k = move_from(i, j, h, move)
             then = (a * ny + b) * HEADINGS + k
-            # What is settled already, such as where this way comes from, becomes no cheaper.
+            # Poses that are already settled, such as the previous one, do not become cheaper.
             if not (0 <= a < nx and 0 <= b < ny) or 0 < cost[then] <= now:
                 continue
             step = entry_ticks(i, j, h, a, b, k, move, start, terrain, level, costs, escape)
@@ -174,15 +174,15 @@ def flood(seeds, free, is_open):
 
     Args:
         seeds: (nx, ny) uint16 bits of the 16 headings to start with.
-        free: (nx, ny, 2) uint8, see ``free_poses``.
-        is_open: (nx, ny) cells around which, up to two cells away, the robot can stand and turn with any heading.
+        free: (nx, ny, 2) uint8, see :func:`pipeline.elevation_map.pose_kernels.free_poses`.
+        is_open: (nx, ny) cells at which, and up to two cells away, the robot can stand and turn with any heading.
 
     Returns:
         (nx, ny) uint16 bits of the headings that are reached, seeds included.
     """
     nx, ny = seeds.shape
     reached, new = np.zeros((nx, ny), np.uint16), seeds.copy()
-    # A cell is at most once among the waiting ones.
+    # Each cell is at most once among those waiting.
     rows, columns = np.nonzero(seeds)
     waiting, count = np.empty((nx * ny, 2), np.int32), len(rows)
     waiting[:count, 0], waiting[:count, 1] = rows, columns
@@ -201,9 +201,9 @@ def flood(seeds, free, is_open):
             here |= ((here >> 1) | (here << 15)) & turns & stands
         fresh = here & ~known
         reached[i, j] = here
-        # On open ground the moves along the axes lead to all that the others lead to.
+        # On open ground, moves along the axes reach everything that the other moves reach.
         for h in range(0, STANDING, HEADINGS // 4 if is_open[i, j] else 1):
-            # A robot with the opposite heading drives backwards to the same cell.
+            # A robot with the opposite heading reaches the same cell backwards.
             both = fresh & (257 << h)
             if both == 0:
                 continue
@@ -222,7 +222,7 @@ def flood(seeds, free, is_open):
 
 @njit(cache=True)
 def trace(came_by, i, j, h):
-    """(N, 3) int64 poses (i, j, h) from the last one back to the start."""
+    """(N, 3) int64 poses (i, j, h) from the given one back to the start."""
     poses = [(i, j, h)]
     while came_by[i, j, h] > 0:
         i, j, h = move_from(i, j, h, _UNDO[came_by[i, j, h] - 1])
@@ -232,23 +232,23 @@ def trace(came_by, i, j, h):
 
 @njit(cache=True)
 def straighten(places, headings, moves, seconds, heading, terrain, costs):
-    """Indices of the bends of a way, first and last pose included, between which straight drives lead.
+    """Indices of the bends of a path, both ends included, which straight drives connect.
 
-    Also which of these drives lead backwards; the first value, for the start, says nothing. A straight drive replaces
-    a stretch of the way if it costs at most ``costs.stop`` s more, turns at both ends included.
+    Also which of these drives are backwards; the first value, for the start, has no meaning. A straight drive
+    replaces a part of the path if it costs at most ``costs.stop`` s more, including the turns at both ends.
 
     Args:
-        places: (N, 2) m.
-        headings: (N,) rad.
+        places: (N, 2) positions, m.
+        headings: (N,) headings, rad.
         moves: (N,) uint8, the move that led to each pose.
-        seconds: (N,) float64, cost of the way to each pose.
-        heading: rad at the first pose.
+        seconds: (N,) float64, cost of the path to each pose, s.
+        heading: heading at the first pose, rad.
     """
     bends, backwards, p = [0], [False], 0
     while (moves[p + 1 :] <= Move.BACKWARD.value).any():
         drives = p + 1 + np.flatnonzero(moves[p + 1 :] <= Move.BACKWARD.value)
         back = moves[drives[0]] == Move.BACKWARD
-        # Only drives in the same direction; up to the first turn after them the way is straight already.
+        # Only drives in the same direction are merged; those before the first turn are straight already.
         others = np.flatnonzero(moves[drives] != moves[drives[0]])
         drives = drives[: others[0]] if len(others) else drives
         turns = np.flatnonzero(np.diff(drives) > 1)

@@ -1,7 +1,7 @@
-"""Stretches: what the robot drives in one direction without stopping, lines joined by arcs.
+"""Stretches: lines joined by arcs, which the robot drives in one direction without stopping.
 
-A plan's bends are turns in place. Where there is room, an arc replaces the turn, and the robot turns while it
-drives.
+At each bend of a plan, the robot turns in place. Where there is room, an arc replaces this turn, and the robot turns
+while driving.
 """
 
 from collections.abc import Callable, Sequence
@@ -15,7 +15,7 @@ from pipeline.arrays import Mask, Place, Places, Pose, Values
 from pipeline.transforms import transform_points, wrap_angle, yaw_of
 
 Fits = Callable[[Places], bool]
-"""Whether the footprint has room at all poses (N, 3): x and y in m, and the direction of travel in rad."""
+"""Whether the footprint has room at all poses (N, 3): x and y, m, and the direction of travel, rad."""
 
 
 @dataclass(frozen=True)
@@ -23,10 +23,10 @@ class ArcConfig:
     """Which arcs replace turns in place.
 
     Attributes:
-        radii: m, tried one after the other.
-        widest: rad, the greatest turn by an arc; for larger ones the robot turns in place.
-        straight: rad; smaller turns are steered along a line.
-        spacing: m from one pose of a stretch to the next.
+        radii: radii of the arcs, in the order in which they are tried, m.
+        widest: maximum angle of an arc, rad; for larger turns, the robot turns in place.
+        straight: angle below which the robot needs no arc to turn from one line to the next, rad.
+        spacing: distance between successive poses of a stretch, m.
     """
 
     radii: tuple[float, ...] = (0.6, 0.45, 0.3, 0.2)
@@ -40,7 +40,7 @@ class Stretch:
     """A drive in one direction without stopping.
 
     Attributes:
-        poses: (N, 3) x and y in m and the direction of travel in rad; N is at least 2.
+        poses: (N, 3) x and y, m, and the direction of travel, rad; N is at least 2.
         backwards: whether the robot drives backwards.
     """
 
@@ -49,26 +49,26 @@ class Stretch:
 
     @property
     def heading(self) -> float:
-        """Rad, of a robot at the first pose."""
+        """Heading of the robot at the first pose, rad."""
         return float(self.poses[0, 2]) + np.pi * self.backwards
 
     @property
     def last_heading(self) -> float:
-        """Rad, of a robot at the last pose."""
+        """Heading of the robot at the last pose, rad."""
         return float(self.poses[-1, 2]) + np.pi * self.backwards
 
     @cached_property
     def along(self) -> Values:
-        """(N,) m from the first pose."""
+        """(N,) distances of the poses from the first along the stretch, m."""
         return np.append(0.0, np.cumsum(np.linalg.norm(np.diff(self.poses[:, :2], axis=0), axis=1)))
 
     @property
     def length(self) -> float:
-        """In m."""
+        """Length of the stretch, m."""
         return float(self.along[-1])
 
     def nearest(self, place: Place, after: int) -> int:
-        """Number of the pose nearest to a place (2,), of those that follow number ``after`` within half a metre."""
+        """Index of the pose nearest to a position (2,), m, among those from index ``after`` over half a metre."""
         ahead = self.poses[after : after + self._window, :2]
         return after + int(np.linalg.norm(ahead - place, axis=1).argmin())
 
@@ -77,38 +77,38 @@ class Stretch:
         return 1 + int(0.5 * len(self.poses) / max(self.length, 0.5))
 
     def offsets(self, place: Place, at: int) -> tuple[float, float]:
-        """Of a place (2,) beside a pose: m along the stretch to its end, and m to the left of it."""
+        """Distance to the end and offset to the left, m, of a position (2,), m, next to the pose of index ``at``."""
         x, y, direction = self.poses[at]
         (a, b), off = _unit(direction), place - (x, y)
         return self.length - float(self.along[at] + a * off[0] + b * off[1]), float(a * off[1] - b * off[0])
 
     def curvature_at(self, at: int, ahead: float) -> float:
-        """1/m, ``ahead`` m behind a pose."""
+        """Curvature ``ahead`` m past the pose of index ``at``, 1/m."""
         return float(
             self.curvature[np.searchsorted(self.along, self.along[at] + ahead).clip(max=len(self.poses) - 1)]
         )
 
     def after(self, at: int) -> "Stretch":
-        """What is left after a pose, two poses at least."""
+        """The rest of the stretch from the pose of index ``at``; at least two poses."""
         return Stretch(self.poses[min(at, len(self.poses) - 2) :], self.backwards)
 
     def moved(self, T: Pose) -> "Stretch":
-        """In another frame, whose axis z is nearly the same."""
+        """The stretch transformed by ``T`` to another frame with nearly the same z axis."""
         moved = transform_points(T, np.column_stack([self.poses[:, :2], np.zeros(len(self.poses))]))[:, :2]
         return Stretch(np.column_stack([moved, self.poses[:, 2] + yaw_of(T)]), self.backwards)
 
     def leads_to(self, other: "Stretch", widest: float) -> bool:
-        """Whether another stretch goes on in the same direction, off by at most ``widest`` rad."""
+        """Whether another stretch continues in the same direction, with a turn of less than ``widest`` rad."""
         angle = wrap_angle(other.poses[0, 2] - self.poses[-1, 2])
         return self.backwards == other.backwards and bool(abs(angle) < widest)
 
     def and_then(self, other: "Stretch") -> "Stretch":
-        """This stretch and the one that follows."""
+        """This stretch joined to the one that follows."""
         return Stretch(_joined([self.poses, other.poses]), self.backwards)
 
     @cached_property
     def curvature(self) -> Values:
-        """(N,) 1/m, positive to the left; that of the last pose is that of the one before it."""
+        """(N,) curvatures, 1/m, positive to the left; the last pose has the curvature of the one before it."""
         turned = wrap_angle(np.diff(self.poses[:, 2]))
         return np.append(turned, turned[-1]) / np.append(np.diff(self.along), self.along[-1] - self.along[-2])
 
@@ -121,15 +121,16 @@ def stretches_of(
     fits: Fits,
     config: ArcConfig = ArcConfig(),
 ) -> list[Stretch]:
-    """The stretches of a way; between two of them the robot turns in place, or changes its direction.
+    """The stretches of a path; between two stretches, the robot turns in place or reverses its direction.
 
     Args:
-        way_points: (N, 2) m.
-        backwards: (N,) which of them the robot backs up to.
-        start: (3,) x, y and heading of the robot.
-        heading: rad, of the robot at the end; None for any. If no arc leads to it, the last stretch ends otherwise.
-        fits: on the ground.
-        config: of the arcs.
+        way_points: (N, 2) way points, m.
+        backwards: (N,) which way points the robot drives to backwards.
+        start: (3,) x and y, m, and heading, rad, of the robot.
+        heading: heading of the robot at the end, rad; None for any. Without an arc to it, the last stretch ends with
+            another heading.
+        fits: whether the footprint has room.
+        config: settings of the arcs.
     """
     result: list[Stretch] = []
     number = 0
@@ -144,7 +145,7 @@ def stretches_of(
 
 
 class _Bends:
-    """Draws lines, and arcs where they fit."""
+    """Joins lines by arcs where they fit."""
 
     def __init__(self, fits: Fits, config: ArcConfig):
         self._fits, self._config = fits, config
@@ -152,7 +153,7 @@ class _Bends:
         self._now: list[Places] = []
 
     def round(self, start: Place, places: Places, end: float | None) -> list[Places]:
-        """(M, 3) poses of each stretch from a pose (3,) through places (N, 2) to a direction at the last of them."""
+        """(M, 3) poses of each stretch from a pose (3,) through positions (N, 2), ending in a direction or any."""
         places = np.array(
             [p for a, p in pairwise([start[:2], *places]) if np.linalg.norm(p - a) > self._config.spacing]
         )
@@ -174,7 +175,7 @@ class _Bends:
         return self._done
 
     def _corner(self, here: Place, corner: Place, after: Place, is_last: bool) -> Place:
-        """Drive from a place to a corner and around it towards the next; returns where the line from it begins."""
+        """Add the line to a corner, and an arc around it if one fits; return where the line after it begins."""
         before, beyond = _direction(here, corner), _direction(corner, after)
         angle = float(wrap_angle(beyond - before))
         reach = np.linalg.norm(corner - here), np.linalg.norm(after - corner) * (1.0 if is_last else 0.5)
@@ -193,7 +194,7 @@ class _Bends:
         return corner
 
     def _arc_out(self, start: Place, target: Place) -> Places | None:
-        """The arc from a pose after which a line leads to a place; None if there is none."""
+        """An arc from a pose such that a straight line leads from its end to a position; None if none fits."""
         for radius in self._radii(float(wrap_angle(_direction(start[:2], target) - start[2]))):
             angle = _angle_to(start, target, radius)
             if angle is None or abs(angle) > self._config.widest:
@@ -204,7 +205,7 @@ class _Bends:
         return None
 
     def _arc_in(self, before: Place, place: Place, end: float | None) -> Places | None:
-        """The arc that ends at a place with a direction, and to which a line leads from the place before it."""
+        """An arc that continues a line from ``before`` and ends at a position in a direction; None if none fits."""
         if end is None:
             return None
         back = self._arc_out(np.append(place, end + np.pi), before)
@@ -237,14 +238,14 @@ class _Bends:
 
 
 def _joined(parts: list[Places]) -> Places:
-    """(N, 3) the poses of successive parts, without those that repeat the place before them."""
+    """(N, 3) poses of successive parts, without poses at the same position as the one before."""
     poses = np.vstack(parts)
     moved = np.linalg.norm(np.diff(poses[:, :2], axis=0), axis=1) > np.finfo(np.float32).eps
     return poses[np.append(True, moved)]
 
 
 def _angle_to(pose: Place, target: Place, radius: float) -> float | None:
-    """Rad, of the arc from a pose (3,) after which a line leads to a place (2,); None if that lies inside the arc."""
+    """Angle, rad, of the arc from a pose (3,) whose end points at a position (2,); None if that is inside the arc."""
     side = float(np.sign(wrap_angle(_direction(pose[:2], target) - pose[2]))) or 1.0
     centre = pose[:2] + side * radius * np.array([-np.sin(pose[2]), np.cos(pose[2])])
     to_target = target - centre

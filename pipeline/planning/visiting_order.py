@@ -1,4 +1,4 @@
-"""The order in which to visit several places."""
+"""The order in which to visit several positions."""
 
 from itertools import combinations, permutations
 
@@ -7,11 +7,11 @@ from numpy.typing import NDArray
 
 
 def visiting_order(cost: NDArray[np.float64], exact: int = 7) -> list[int]:
-    """The order of the places 1 … N - 1 that makes the way from place 0 over all of them cheap; any may be the last.
+    """A cheap order in which to visit positions 1 … N - 1, starting at position 0 and ending at any of them.
 
     Args:
-        cost: (N, N) finite cost of the way from each place to each other, m or s.
-        exact: number of places up to which the order is optimal; beyond it, one that 2-opt cannot improve.
+        cost: (N, N) finite cost of the path from each position to each other one, m or s.
+        exact: maximum number of positions for which the order is optimal; for more, 2-opt cannot improve it.
     """
     if len(cost) - 1 <= exact:
         return _best_order(cost)
@@ -35,7 +35,7 @@ def _nearest_first(cost: NDArray[np.float64]) -> list[int]:
 
 
 def _two_opt(cost: NDArray[np.float64], order: list[int]) -> list[int]:
-    """Reverse parts of the order as long as that makes it cheaper."""
+    """Reverse parts of the order as long as this makes it cheaper."""
     improved = True
     while improved:
         improved = False

@@ -1,4 +1,4 @@
-"""The numbers of the topological map."""
+"""Parameters of the topological map."""
 
 from dataclasses import dataclass
 
@@ -8,19 +8,19 @@ class TopologicalMapConfig:
     """Where nodes lie, and which drives join them.
 
     Attributes:
-        sight: m, greatest distance at which a node sees ground.
-        block: cells along each side of a block that has one candidate for a node.
-        spare: greatest number of cells that are not worth a node; 4 of 5 cm are 1 dm².
-        linked: share of the greatest gain from which a place is preferred if a straight drive joins it to a node.
-        snap: m, greatest distance by which a node is moved to where the robot can stand and turn.
-        joint: m around a way between groups of nodes within which one place that joins both is looked for.
-        place_gain: m² of ground that a place of the thesis's rules must add to become a node.
-        same_level: m; ground that differs more in height from a segment does not belong to it.
-        large_ramp: m; a longer straight ramp has a node in each half.
-        before_ramp: m that the robot keeps from the bottom edge of an inclined ramp, so that it does not slide.
-        wall_gap: m; a line this close to a wall of the semantic map meets it. The traversability keeps the whole
-            footprint off hazards already.
-        max_detour: greatest ratio of the shortest way over the roadmap to that over all possible drives.
+        sight: maximum distance at which a node sees ground, m.
+        block: side of a block that contributes one candidate for a node, cells.
+        spare: maximum number of cells that are not worth a node; 4 cells of 5 cm are 1 dm².
+        linked: share of the greatest gain above which a position is preferred if a straight drive joins it to a node.
+        snap: maximum distance by which a node is moved to where the robot can stand and turn, m.
+        joint: distance from a path between groups of nodes within which a single position to join both is sought, m.
+        place_gain: area of ground that a position of the thesis's rules must add to become a node, m².
+        same_level: maximum difference in height between a segment and ground that belongs to it, m.
+        large_ramp: length above which a straight ramp has a node in each half, m.
+        before_ramp: distance of the robot from the bottom edge of an inclined ramp, m, so that it does not slide.
+        wall_gap: distance within which a line meets a wall of the semantic map, m. The traversability already keeps
+            the whole footprint away from hazards.
+        max_detour: maximum ratio of the shortest path in the roadmap to that over all possible drives.
     """
 
     sight: float = 2.0

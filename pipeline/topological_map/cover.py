@@ -1,4 +1,4 @@
-"""The ground that the nodes must see: which cells they see, what hides cells, and where nodes may lie."""
+"""The ground that the nodes must see: which cells they see, what hides cells, and where nodes may be placed."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
@@ -18,12 +18,12 @@ from pipeline.topological_map.config import TopologicalMapConfig
 
 @dataclass(frozen=True, eq=False)
 class VisibleCells:
-    """The cells that K places see.
+    """The cells that are seen from K positions.
 
     Attributes:
-        places: (K, 2).
-        seen: (K, S, S) cells of a square window around each place.
-        corners: absolute indices of the windows' first cells.
+        places: (K, 2) positions, m.
+        seen: (K, S, S) which cells of a square window around each position are seen.
+        corners: (K, 2) absolute indices of the windows' first cells.
     """
 
     places: Places
@@ -35,7 +35,7 @@ class NodeCover:
     """A grid map of the ground that nodes must see, and of how many nodes see each cell.
 
     Attributes:
-        traversability: as of the last update.
+        traversability: where the robot may drive, as of the last update.
     """
 
     traversability: Traversability
@@ -46,7 +46,7 @@ class NodeCover:
 
     @cached_property
     def _layers(self) -> GridMap:
-        """Made with the first ground, which has cells of the same size."""
+        """Created with the first ground, which determines the size of the cells."""
         mask = Layer(np.bool_)
         count, left = Layer(np.int32, in_place=True), Layer(np.bool_, in_place=True)
         kinds = {"target": mask, "standable": mask, "walls": mask, "count": count, "left": left}
@@ -54,16 +54,16 @@ class NodeCover:
 
     @property
     def _reach(self) -> int:
-        """Cells that a node sees far."""
+        """Maximum distance at which a node sees, cells."""
         return round(self._config.sight / self.grid.cell)
 
     def update(self, traversability: Traversability, reachable: MaskLayer, walls: Sequence[Segment]) -> MaskLayer:
         """Update the layers; what a node sees is computed again only if a cell in its window changed.
 
         Args:
-            traversability: of the ground.
+            traversability: where the robot may drive.
             reachable: cells that the robot can reach, which nodes must see.
-            walls: they hide what is behind them, as do tall hazards.
+            walls: segments that hide what is behind them, as tall hazards do.
 
         Returns:
             The cells that changed.
@@ -86,7 +86,7 @@ class NodeCover:
 
     @property
     def grid(self) -> Grid:
-        """Where the cells lie."""
+        """The grid of the layers."""
         return self._layers.grid
 
     @property
@@ -111,7 +111,7 @@ class NodeCover:
 
     @property
     def wanted(self) -> MaskLayer:
-        """Missing cells, except those left as not worth a node since the ground around them last changed."""
+        """Missing cells, except those marked as not worth a node since the ground around them last changed."""
         return self.missing & ~self._layers["left"]
 
     def leave_rest(self) -> None:
@@ -119,13 +119,13 @@ class NodeCover:
         self._layers["left"][:] = self.missing
 
     def visible_from(self, places: Places) -> VisibleCells:
-        """The cells that (K, 2) places see."""
+        """The cells that are seen from (K, 2) positions, m."""
         cells, reach = self.grid.cell_of(places), self._reach
         seen = kernels.visible_cells(cells, self.target, self._layers["walls"], ray_tree(reach), reach)
         return VisibleCells(places, seen, cells - reach + self.grid.low)
 
     def add(self, node: int, place: Place) -> None:
-        """Count the cells that a new node at ``place`` (2,) sees."""
+        """Count the cells that a new node at ``place``, (2,) m, sees."""
         self._seen_by[node] = self.visible_from(place[None])
         self._count(node, 1)
 
@@ -135,11 +135,11 @@ class NodeCover:
         del self._seen_by[node]
 
     def gains(self, visible: VisibleCells) -> Indices:
-        """Number of missing cells that each of the places sees."""
+        """(K,) number of missing cells that are seen from each of the positions."""
         return kernels.count_in(visible.seen, visible.corners - self.grid.low, self.missing)
 
     def lost_without(self, nodes: Collection[int]) -> Cells:
-        """The cells that only these nodes see, outermost first."""
+        """(N, 2) the cells that only these nodes see, outermost first."""
         seen = np.concatenate([self._seen_by[n].seen for n in nodes])
         corners = np.concatenate([self._seen_by[n].corners for n in nodes]) - self.grid.low
         cells = kernels.only_seen_by(seen, corners, self.count)
@@ -148,21 +148,21 @@ class NodeCover:
         return cells[np.argsort(-np.linalg.norm(cells - cells.mean(axis=0), axis=1), kind="stable")]
 
     def see_all(self, visible: VisibleCells, cells: Cells, spare: int) -> Mask:
-        """Which of the places see all but ``spare`` of the cells."""
+        """(K,) from which of the positions all but ``spare`` of the cells are seen."""
         return kernels.see_all(visible.seen, visible.corners - self.grid.low, cells, spare)
 
     def is_near(self, node: int, mask: MaskLayer) -> bool:
-        """Whether a mask has a cell in a node's window."""
+        """Whether any cell of a mask lies in a node's window."""
         return bool(mask[self._window(self._seen_by[node])].any())
 
     def candidates(self, mask: MaskLayer, within: float, fewest: int = 1) -> Places:
-        """Places (K, 2) near a mask: of every block of standable cells the one farthest from hazards.
+        """(K, 2) positions within ``within`` m of a mask, m: in each block, the standable cell farthest from hazards.
 
-        In the square around it that reaches ``within`` m to each side are ``fewest`` cells of the mask or more.
+        The square around a position, ``within`` m to each side, contains at least ``fewest`` cells of the mask.
         """
         if not mask.any():
             return np.zeros((0, 2))
-        # The window begins at the corner of a block.
+        # Start the window at the corner of a block.
         cell, block = self.grid.cell, self._config.block
         reach = round(within / cell)
         i, j = box_around(mask, reach)
@@ -183,7 +183,7 @@ class NodeCover:
         self.count[window] += by * visible.seen[0][i, j]
 
     def _window(self, visible: VisibleCells) -> Box:
-        """The part of a place's window that lies on the grid."""
+        """The part of the first position's window that lies on the grid."""
         corner = visible.corners[0] - self.grid.low
         low = np.maximum(corner, 0)
         high = np.maximum(np.minimum(corner + 2 * self._reach + 1, self.grid.shape), low)
@@ -192,10 +192,10 @@ class NodeCover:
 
 @cache
 def ray_tree(reach: int) -> NDArray[np.int16]:
-    """(N, 3) the cells on rays from a cell's middle to all cells on the rim of a square, ``reach`` cells away.
+    """(N, 3) the cells on rays from a cell's centre to all cells on the rim of a square, ``reach`` cells away.
 
-    An entry is the offset of a cell and the index of the next entry that does not lie behind this cell, at which to
-    go on if the cell is a wall. Rays with the same first cells share the entries of these.
+    An entry consists of the offset of a cell and of the index of the next entry that does not lie behind this cell,
+    from which to continue if the cell is a wall. Rays that begin with the same cells share the entries of these.
     """
     across = np.arange(-reach, reach + 1)
     sides = [np.stack([across, np.full_like(across, end)], axis=1) for end in (-reach, reach)]

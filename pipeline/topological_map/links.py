@@ -1,4 +1,4 @@
-"""Which nodes straight drives join, and how long these take (thesis 3.3, figures 8 to 10)."""
+"""Which nodes can be joined by straight drives, and how long these take (thesis 3.3, figures 8 to 10)."""
 
 from collections.abc import Sequence
 
@@ -11,22 +11,22 @@ from pipeline.segments.segment import Segment
 
 
 class StraightDrives:
-    """Tests which straight lines the robot can drive, by the maps of one step.
+    """Tests which straight lines the robot can drive, according to the maps of one step.
 
     Attributes:
-        traversability: of the ground.
-        walls: of the semantic map.
-        wall_gap: m; a line this close to a wall meets it.
+        traversability: where the robot may drive.
+        walls: the walls of the semantic map.
+        wall_gap: distance within which a line meets a wall, m.
     """
 
     def __init__(self, traversability: Traversability, walls: Sequence[Segment], wall_gap: float):
         self.traversability, self.walls, self.wall_gap = traversability, walls, wall_gap
 
     def are_free(self, starts: Places, ends: Places) -> Mask:
-        """Whether the footprint, swept along lines between points (N, 3) of the ground, meets no obstacle.
+        """(N,) whether the footprint, swept along lines between points (N, 3) on the ground, meets no obstacle.
 
-        The traversability contains drops, steps, ramps' sides, tilt, low ceilings and unknown ground, and the
-        segments contain walls, which stand in the way between half of the body's height and the headroom.
+        The traversability covers drops, steps, the sides of ramps, tilt, low ceilings and unknown ground. The
+        segments cover walls, which block a line between half the body's height and the headroom.
         """
         free = np.isfinite(self.traversability.line_seconds(starts, ends))
         robot = self.traversability.robot
@@ -37,5 +37,5 @@ class StraightDrives:
 
 
 def drive_seconds(traversability: Traversability, starts: Places, ends: Places) -> Values:
-    """Expected time, s, to drive the lines between points, one or N on each side, and to stop once."""
+    """(N,) costs of driving the lines between points, one or N on each side, and of stopping once, s."""
     return traversability.line_seconds(starts, ends) + traversability.config.costs.stop

@@ -1,4 +1,4 @@
-"""The nodes, the cells that they see and the straight drives between them, all three always consistent."""
+"""The nodes, the cells that they see, and the straight drives between them, kept consistent with each other."""
 
 from collections.abc import Collection, Sequence
 from dataclasses import dataclass
@@ -17,12 +17,12 @@ from pipeline.topological_map.links import StraightDrives, drive_seconds
 
 @dataclass(frozen=True, eq=False)
 class Node:
-    """A place where the robot may stop and plan.
+    """A position where the robot may stop and plan.
 
     Attributes:
-        id: unique in its map, never used again.
-        label: of the segment that it lies on, or before whose bottom it lies.
-        position: (3,) on the ground.
+        id: unique in its map and never reused.
+        label: label of the segment on which, or in front of whose bottom edge, the node lies.
+        position: (3,) position on the ground, m.
     """
 
     id: int
@@ -34,8 +34,8 @@ class NodeSet:
     """Nodes that are added, moved and removed.
 
     Attributes:
-        nodes: by id.
-        free: networkx graph of all straight drives between nodes: ``weight`` in s, ``length`` in m.
+        nodes: the nodes by id.
+        free: networkx graph of all straight drives between nodes, with ``weight``, s, and ``length``, m.
         cover: which cells the nodes see.
         links: which straight lines can be driven.
     """
@@ -51,7 +51,7 @@ class NodeSet:
         self._moved: list[Place] = []
 
     def renew(self, traversability: Traversability, reachable: MaskLayer, walls: Sequence[Segment]) -> MaskLayer:
-        """Update the nodes to the ground; if the robot cannot turn there, they move up to ``snap`` m or go.
+        """Adapt the nodes to the ground: one where the robot cannot turn moves by up to ``snap`` m or is removed.
 
         See :meth:`NodeCover.update` for the arguments and the result, the cells that changed.
         """
@@ -67,7 +67,7 @@ class NodeSet:
         return changed
 
     def _settle(self, node: Node) -> None:
-        """Move a node to where the robot can turn; one that joins others stays, in a passage too narrow for that."""
+        """Move a node to where the robot can turn, or remove it; keep it if this would disconnect other nodes."""
         cover = self.cover
         xy = cover.grid.nearest(cover.standable, node.position, self._config.snap)
         parts = len(self.parts())
@@ -80,7 +80,7 @@ class NodeSet:
             self._put(node.id, node.label, node.position[:2])
 
     def place(self, positions: Places, moving: Mask) -> None:
-        """Move those nodes (N,) to (N, 3) positions; the next :meth:`renew` tests which drives join them."""
+        """Move the nodes that are ``moving`` (N,) to (N, 3) positions; the next :meth:`renew` tests their drives."""
         nodes = list(self.nodes.values())
         for k in np.flatnonzero(moving):
             node, position = nodes[k], positions[k]
@@ -90,7 +90,7 @@ class NodeSet:
             self._moved += [node.position, position]
 
     def add(self, label: Label, xy: Place) -> int:
-        """Add a node at (2,) m; returns its id."""
+        """Add a node at (2,), m; return its id."""
         node, self._next_id = self._next_id, self._next_id + 1
         self._put(node, label, xy)
         return node
@@ -102,7 +102,7 @@ class NodeSet:
         self.cover.remove(node)
 
     def links_from(self, places: Places, without: Collection[int] = ()) -> list[list[int]]:
-        """For each place (K, 2) the ids of the nodes, except ``without``, that a straight drive joins to it."""
+        """For each position (K, 2), the ids of the nodes, except ``without``, that a straight drive joins to it."""
         ids = [n for n in self.nodes if n not in without]
         ends = np.array([self.nodes[n].position for n in ids]).reshape(-1, 3)
         starts = self.cover.traversability.on_ground(places)
@@ -111,7 +111,7 @@ class NodeSet:
 
     def parts(self, without: Collection[int] = ()) -> list[set[int]]:
         """The groups of nodes, except ``without``, that straight drives connect, the largest first."""
-        # By hand, since networkx is twenty times as slow if nodes are left out.
+        # Not by networkx, which takes twenty times as long if nodes are left out.
         near, parts = dict(self.free.adjacency()), []
         left = near.keys() - set(without)
         while left:
@@ -131,7 +131,7 @@ class NodeSet:
         self._add_edges(np.array([(node, n) for n in linked], np.int64).reshape(-1, 2))
 
     def _retest(self, changed: MaskLayer) -> None:
-        """Test the edges again whose bounding box meets that of the ``changed`` cells."""
+        """Test again the edges whose bounding boxes overlap that of the ``changed`` cells."""
         if not changed.any() or len(self.nodes) < 2:
             return
         cells = np.argwhere(changed)

@@ -1,4 +1,4 @@
-"""Where the thesis puts nodes on a segment (3.3 and 4.4)."""
+"""Where the thesis places nodes on a segment (3.3 and 4.4)."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -17,11 +17,11 @@ from pipeline.topological_map.cover import NodeCover
 
 @dataclass(frozen=True, eq=False)
 class NodePlace:
-    """Where the thesis wants a node.
+    """A position where the thesis places a node.
 
     Attributes:
-        xy: (2,).
-        label: of its segment.
+        xy: (2,) position, m.
+        label: label of its segment.
     """
 
     xy: Place
@@ -31,7 +31,7 @@ class NodePlace:
 def thesis_places(
     patches: Sequence[PlanePatch], segments: Segments, cover: NodeCover, config: TopologicalMapConfig
 ) -> list[NodePlace]:
-    """The places of all segments and of terrain patches, moved to where the robot can stand and turn."""
+    """The positions on all segments and terrain patches that lie near where the robot can turn, moved there."""
     wanted = [(p, s.label) for s in segments for p in segment_nodes(s, cover.traversability.robot, config)]
     wanted += [(np.median(p.points.astype(np.float64), axis=0), p.label) for p in patches if p.label is Label.TERRAIN]
     places = []
@@ -44,7 +44,7 @@ def thesis_places(
 
 
 def label_at(point: Place, segments: Segments, same_level: float) -> Label:
-    """The label of a node at a point of the ground: a straight ramp within ``same_level`` m, or else the terrain."""
+    """The label of a node at a point on the ground: straight ramp if one is within ``same_level`` m, else terrain."""
     for segment in segments.of(Label.STRAIGHT_RAMP):
         if segment.tree.query(point)[0] <= same_level:
             return Label.STRAIGHT_RAMP
@@ -52,9 +52,9 @@ def label_at(point: Place, segments: Segments, same_level: float) -> Label:
 
 
 def segment_nodes(segment: Segment, robot: RobotModel, config: TopologicalMapConfig) -> Places:
-    """Places (N, 3) for the nodes of a straight or an inclined ramp; none on other segments.
+    """Positions (N, 3) for the nodes of a straight or inclined ramp, m; none on other segments.
 
-    A segment smaller than the robot has none, nor has one too steep to be driven on, as the side of a ramp.
+    A segment that is smaller than the robot, or too steep to drive on, such as the side of a ramp, has none.
     """
     if segment.box.area >= robot.length * robot.width and segment.plane.normal[2] >= np.cos(robot.max_tilt):
         if segment.label is Label.STRAIGHT_RAMP:
@@ -65,7 +65,7 @@ def segment_nodes(segment: Segment, robot: RobotModel, config: TopologicalMapCon
 
 
 def _middles(segment: Segment, large: float) -> Places:
-    """The middle of a straight ramp, or the middles of the two halves of one longer than ``large``, m."""
+    """(N, 3) the centre of a straight ramp, or the centres of its two halves if it is longer than ``large``, m."""
     T, extent = segment.box.T_map_box, segment.box.extent
     long = int(np.argmax(extent[:2]))
     if extent[long] <= large:
@@ -75,7 +75,7 @@ def _middles(segment: Segment, large: float) -> Places:
 
 
 def _bottom(segment: Segment, distance: float) -> Place:
-    """The place ``distance`` m before the bottom edge of an inclined ramp, where the whole robot stands level."""
+    """The position ``distance`` m in front of the bottom edge of an inclined ramp, where the robot stands level."""
     box = segment.box
     downhill = np.array([*segment.plane.normal[:2], 0.0])
     downhill /= np.linalg.norm(downhill)

@@ -1,4 +1,4 @@
-"""Ways with bends between neighbouring nodes that no straight drive joins, updated where the ground changes."""
+"""Paths with bends between neighbouring nodes that no straight drive joins, updated where the ground changes."""
 
 from collections.abc import Mapping
 from itertools import pairwise
@@ -16,18 +16,18 @@ from pipeline.topological_map.node_set import Node
 
 
 class Passages:
-    """The shortest ways between nodes whose regions touch; a cell belongs to the region of the nearest node."""
+    """The cheapest paths between nodes whose regions touch; a cell belongs to the region of the nearest node."""
 
     def __init__(self, sight: float) -> None:
-        """``sight``: m, greatest distance at which a node sees ground."""
+        """``sight``: maximum distance at which a node sees ground, m."""
         self._sight = sight
         self._edges: dict[tuple[int, int], dict[str, Any]] = {}
         self._nodes: dict[int, Node] = {}
 
     def renew(self, nodes: Mapping[int, Node], links: StraightDrives, drives: nx.Graph, changed: MaskLayer) -> None:
-        """Find passages anew around ``changed`` ground and around nodes that came, went or moved.
+        """Search again for passages around ``changed`` ground and nodes that were added, removed or moved.
 
-        There are none between nodes that straight ``drives`` join.
+        Nodes that straight ``drives`` join have no passages between them.
         """
         grid = links.traversability.grid
         before, self._nodes = self._nodes, dict(nodes)
@@ -36,16 +36,16 @@ class Passages:
         mask = changed | grid.mask_of(np.array(moved).reshape(-1, 3))
         if not mask.any():
             return
-        # A node sees no ground farther away, so the nodes whose regions changed are in this box.
+        # A node sees no ground beyond its sight, so the nodes whose regions changed are in this box.
         part = links.traversability.part(box_around(mask, round(self._sight / grid.cell)))
         here = {n: node for n, node in nodes.items() if part.grid.holds(part.grid.cell_of(node.position))}
         kept = {pair: edge for pair, edge in self._edges.items() if all(nodes.get(n) is before[n] for n in pair)}
         self._edges = _free(kept, nodes, links) | _between(here, links, drives, part)
 
     def add_to(self, drives: nx.Graph) -> None:
-        """Join the nodes in a graph of straight drives that no such drive joins.
+        """Add the passages to a graph of straight drives, between nodes that no drive joins.
 
-        The edge keeps the ``bends`` of its way: (M, 3) m, from the node of the lower id to the other.
+        Each edge stores the ``bends`` of its path, (M, 3) m, from the node with the lower id to the other.
         """
         drives.add_edges_from((a, b, edge) for (a, b), edge in self._edges.items() if not drives.has_edge(a, b))
 
@@ -53,7 +53,7 @@ class Passages:
 def _free(
     edges: Mapping[tuple[int, int], dict[str, Any]], nodes: Mapping[int, Node], links: StraightDrives
 ) -> dict[tuple[int, int], dict[str, Any]]:
-    """The edges whose ways still meet no obstacle."""
+    """The edges whose paths still meet no obstacle."""
     ways = [np.vstack([nodes[a].position, edge["bends"], nodes[b].position]) for (a, b), edge in edges.items()]
     legs = np.array([leg for way in ways for leg in pairwise(way)]).reshape(-1, 2, 3)
     of_leg = np.repeat(np.arange(len(ways)), [len(way) - 1 for way in ways])
@@ -64,7 +64,7 @@ def _free(
 def _between(
     nodes: Mapping[int, Node], links: StraightDrives, drives: nx.Graph, part: Traversability
 ) -> dict[tuple[int, int], dict[str, Any]]:
-    """The edges of passages between nodes, by lower and higher id, on a part of the ground."""
+    """The edges of passages between nodes on a part of the ground, by lower and higher node id."""
     edges: dict[tuple[int, int], dict[str, Any]] = {}
     if len(nodes) < 2:
         return edges
@@ -91,7 +91,7 @@ def _nearest(nodes: Mapping[int, Node], xy: Place) -> int:
 
 
 def _meetings(paths: PosePaths) -> list[tuple[Cells, Cells]]:
-    """For every two touching regions the two neighbouring cells where the way between the nodes is shortest."""
+    """For each pair of touching regions, the two adjacent cells where the path between the nodes is cheapest."""
     source = paths.sources()
     cells, costs, keys = [], [], []
     for step in ((1, 0), (0, 1)):

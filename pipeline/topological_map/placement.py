@@ -1,7 +1,7 @@
-"""Few nodes that see all the ground and are connected: a set cover, updated step by step.
+"""Few connected nodes that together see all the ground: a set cover, updated step by step.
 
-A greedy cover alone depends on what was in view first. So nodes near new ground are thinned out afterwards: a node is
-removed if others see its cells and stay connected, and two are merged where a single place replaces both.
+A greedy cover alone depends on what was in view first. Therefore nodes near new ground are thinned out afterwards: a
+node is removed if others see its cells and stay connected, and two nodes are merged if a single one can replace both.
 """
 
 from collections import deque
@@ -20,22 +20,22 @@ from pipeline.topological_map.nodes import NodePlace, label_at
 
 
 class Placement:
-    """Places nodes on the ground as of one step."""
+    """Places the nodes of one step on the ground."""
 
     def __init__(self, nodes: NodeSet, places: Sequence[NodePlace], segments: Segments, config: TopologicalMapConfig):
-        """``places``: where the thesis's rules want nodes; they come before all others."""
+        """``places``: positions of nodes by the thesis's rules, which take precedence over all others."""
         self._nodes, self._cover, self._places, self._segments = nodes, nodes.cover, places, segments
         self._config = config
 
     def add_places(self) -> None:
-        """Add nodes at the places of the thesis's rules that gain at least ``place_gain``."""
+        """Add nodes at the positions of the thesis's rules that gain at least ``place_gain``."""
         least = self._config.place_gain / self._cover.grid.cell**2
         for place in self._places:
             if self._cover.gains(self._cover.visible_from(place.xy[None]))[0] >= least:
                 self._nodes.add(place.label, place.xy)
 
     def cover_rest(self) -> None:
-        """Add nodes for the cells that no node sees, the node with the greatest gain first."""
+        """Add nodes for the cells that no node sees, starting with the node of greatest gain."""
         cover, spare = self._cover, self._config.spare
         visible = cover.visible_from(cover.candidates(cover.wanted, self._config.sight, spare + 1))
         while len(visible.places):
@@ -47,7 +47,7 @@ class Placement:
         cover.leave_rest()
 
     def _best(self, places: Places, gains: Indices) -> int:
-        """The row of the place with the greatest gain, or of one with a little less that is linked to a node."""
+        """The index of the position with the greatest gain, or of one with slightly less that is linked to a node."""
         order = np.argsort(-gains, kind="stable")
         for k in order[gains[order] >= self._config.linked * gains.max()]:
             if self._nodes.links_from(places[[k]])[0]:
@@ -55,7 +55,7 @@ class Placement:
         return int(order[0])
 
     def join(self) -> None:
-        """Add nodes near the shortest way between groups of nodes that straight drives do not connect."""
+        """Add nodes near the cheapest path between groups of nodes that straight drives do not connect."""
         for _ in range(len(self._nodes.nodes)):
             parts = self._nodes.parts()
             if len(parts) < 2:
@@ -67,9 +67,9 @@ class Placement:
                 return
 
     def _joints(self, part: set[int], others: Sequence[set[int]]) -> Places:
-        """Places (N, 2) that join a group of nodes to another one: a single one, or else the bends of the way."""
+        """(N, 2) positions that join a group of nodes to another one: a single one, or else the path's bends."""
         traversability, nodes = self._cover.traversability, self._nodes.nodes
-        # From the smaller groups, since the search then has a smaller front.
+        # The search starts from the smaller groups, so that its front is smaller.
         paths = PosePaths(traversability, [nodes[n].position for other in others for n in sorted(other)])
         targets = np.array([nodes[n].position for n in sorted(part)])
         nearest = paths.nearest(targets)
@@ -85,7 +85,7 @@ class Placement:
         return simplify(way, traversability)[1:-1]
 
     def thin_out(self, active: set[int]) -> None:
-        """Remove and merge ``active`` nodes and their neighbours as long as no ground and no connection is lost."""
+        """Remove ``active`` nodes, and merge them with others, as long as no ground and no connection is lost."""
         cover, sight = self._cover, self._config.sight
         for n in sorted(active, key=lambda n: len(cover.lost_without([n]))):
             is_spare = len(cover.lost_without([n])) <= self._config.spare
@@ -105,13 +105,13 @@ class Placement:
                 pairs.extend((new, n) for n in self._nodes.nodes if n != new)
 
     def _candidates(self, active: Collection[int]) -> Places:
-        """The places (K, 2) of the thesis's rules and candidates around the active nodes."""
+        """(K, 2) positions of the thesis's rules, and candidates around the active nodes."""
         around = self._cover.grid.mask_of([self._nodes.nodes[n].position for n in active])
         lattice = self._cover.candidates(around, self._config.sight)
         return np.vstack([*(place.xy[None] for place in self._places), lattice])
 
     def _merge(self, pair: tuple[int, int], candidates: Places) -> int | None:
-        """Replace two nodes by one; returns its id, or None if none of the candidates replaces both."""
+        """Replace two nodes by one; return its id, or None if none of the candidates can replace both."""
         a, b = (self._nodes.nodes[n].position[:2] for n in pair)
         if np.linalg.norm(a - b) > 2 * self._config.sight:
             return None
@@ -128,14 +128,14 @@ class Placement:
         return None
 
     def _stand_ins(self, pair: tuple[int, int], places: Places) -> Places:
-        """The places (K, 2) that see the cells only these two nodes see; first the thesis's, then by cells seen."""
+        """(K, 2) positions that see the cells only these two nodes see; first the thesis's, then by cells seen."""
         sight, spare, cell = self._config.sight, self._config.spare, self._cover.grid.cell
         lost = self._cover.lost_without(pair)
         middle = np.mean([self._nodes.nodes[n].position[:2] for n in pair], axis=0)
         centre = self._cover.grid.centre_of(lost.mean(axis=0)) if len(lost) else middle
         near = np.linalg.norm(places - centre, axis=1) <= sight
         if len(lost) > 2 * spare:
-            # No place sees farther than its sight to any side.
+            # No position sees farther than ``sight`` to any side.
             low, high = self._cover.grid.centre_of(np.sort(lost, axis=0)[[spare, -1 - spare]])
             near &= ((places >= high - sight - cell) & (places <= low + sight + cell)).all(axis=1)
         rows = np.flatnonzero(near)
@@ -145,7 +145,7 @@ class Placement:
         return visible.places[good][np.lexsort([-seen, is_other])]
 
     def _label(self, xy: Place) -> Label:
-        """The label of a place (2,): of the thesis's place there, if there is one, or else of the ground."""
+        """The label of a position (2,): that of the thesis's position there, if any, else that of the ground."""
         for place in self._places:
             if (place.xy == xy).all():
                 return place.label

@@ -1,4 +1,4 @@
-"""Compiled loops over the cells that places see."""
+"""Compiled loops over the cells that are seen from positions."""
 
 import numpy as np
 from numba import njit
@@ -6,14 +6,14 @@ from numba import njit
 
 @njit(cache=True)
 def visible_cells(cells, target, walls, rays, reach):
-    """Which target cells are seen from each of (K, 2) cells, int64; walls end the ``rays``.
+    """Which target cells are seen from each of several cells; walls end the ``rays``.
 
     Args:
-        cells: grid indices.
+        cells: (K, 2) int64 grid indices of the cells from which to look.
         target: (nx, ny) bool, cells to be seen.
         walls: (nx, ny) bool, cells that hide those behind them.
-        rays: of a place that sees ``reach`` cells far, see ``ray_tree``.
-        reach: cells.
+        rays: tree of the rays for this ``reach``, see :func:`pipeline.topological_map.cover.ray_tree`.
+        reach: maximum distance of sight, cells.
 
     Returns:
         (K, 2 reach + 1, 2 reach + 1) bool, windows around the cells.
@@ -35,7 +35,7 @@ def visible_cells(cells, target, walls, rays, reach):
 
 @njit(cache=True)
 def count_in(seen, corners, mask):
-    """(K,) int64, number of cells of a mask (nx, ny) that places see, by their windows (K, S, S)."""
+    """(K,) int64, number of cells of a mask (nx, ny) seen from each of K positions, given their windows (K, S, S)."""
     counts = np.zeros(len(seen), np.int64)
     size = seen.shape[1]
     for k in range(len(seen)):
@@ -50,9 +50,9 @@ def count_in(seen, corners, mask):
 
 @njit(cache=True)
 def only_seen_by(seen, corners, counts):
-    """(K, 2) int64, the cells that some places see, by their windows (M, S, S), and no node besides them.
+    """(K, 2) int64, the cells that only the M given nodes see, according to their windows (M, S, S).
 
-    ``counts`` (nx, ny) is the number of nodes, these included, that see each cell.
+    ``counts`` (nx, ny): number of nodes, including these, that see each cell.
     """
     size, number = seen.shape[1], 0
     cells = np.empty((seen.sum(), 2), np.int64)
@@ -76,7 +76,7 @@ def only_seen_by(seen, corners, counts):
 
 @njit(cache=True)
 def see_all(seen, corners, cells, spare):
-    """(K,) bool, whether a place sees all but ``spare`` of the cells (M, 2), by its window (K, S, S)."""
+    """(K,) bool, whether all but ``spare`` of the cells (M, 2) are seen from a position, given windows (K, S, S)."""
     result = np.empty(len(seen), np.bool_)
     size = seen.shape[1]
     for k in range(len(seen)):

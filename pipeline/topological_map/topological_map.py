@@ -1,4 +1,4 @@
-"""The topological map (thesis 3.3): few nodes that see all the ground, and straight drives between them."""
+"""The topological map (thesis 3.3): few nodes that together see all the ground, and drives between them."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -26,16 +26,16 @@ from pipeline.topological_map.placement import Placement
 from pipeline.topological_map.roadmap import collision_free_tree, roadmap
 
 GraphKind = Literal["mst", "roadmap"]
-"""The graph for plans: the thesis's minimum spanning tree, or the tree and the loops that shorten detours."""
+"""The graph used for planning: the thesis's minimum spanning tree, or this tree and loops that shorten detours."""
 
 
 class TopologicalMap:
-    """Nodes and edges, updated in every step where the ground changed.
+    """Nodes and edges, updated in each step where the ground has changed.
 
     Attributes:
-        kind: of the graph for plans.
-        tree: networkx graph of node ids, the minimum spanning tree: ``weight`` in s, ``length`` in m.
-        graph: the graph for plans, the tree itself or the roadmap, whose loops may have ``bends`` as well.
+        kind: kind of the graph used for planning.
+        tree: the minimum spanning tree, a networkx graph of node ids with ``weight``, s, and ``length``, m.
+        graph: the graph used for planning: the tree itself, or the roadmap, whose loops may also have ``bends``.
     """
 
     def __init__(self, graph: GraphKind = "roadmap", *, config: TopologicalMapConfig = TopologicalMapConfig()):
@@ -51,12 +51,12 @@ class TopologicalMap:
         return self._set.nodes
 
     def update(self, patches: Sequence[PlanePatch], segments: Segments, paths: PosePaths) -> None:
-        """Take a keyframe into account.
+        """Update the map with a keyframe.
 
         Args:
-            patches: the planes of this keyframe; a terrain patch has a node in its middle.
+            patches: the planes of this keyframe; a terrain patch may get a node at its centre.
             segments: all segments so far.
-            paths: shortest paths over the ground from where the robot is.
+            paths: cheapest paths over the ground from the robot's pose.
         """
         nodes, walls = self._set, segments.of(Label.WALL)
         changed = nodes.renew(paths.traversability, self._reachable(paths), walls)
@@ -76,7 +76,7 @@ class TopologicalMap:
             self.graph = roadmap(self.tree, drives, self._config.max_detour)
 
     def anchor(self, poses: Poses) -> None:
-        """Anchor nodes and ways to the keyframes that stood nearest to them."""
+        """Anchor the nodes and the bends of edges to the keyframes nearest to them."""
         positions = np.array([node.position for node in self.nodes.values()]).reshape(-1, 3)
         self._places = Places.anchored(positions, poses)
         self._bends = {
@@ -86,18 +86,18 @@ class TopologicalMap:
         }
 
     def place(self, poses: Poses, moving: Mask) -> None:
-        """Move nodes and ways along with the (K,) keyframes that move; :meth:`update` fits them to the ground."""
+        """Move nodes and bends along with the keyframes that are ``moving`` (K,); :meth:`update` adapts them."""
         self._set.place(self._places.at(poses), moving[self._places.keyframe])
         for edge, bends in self._bends.items():
             self.graph.edges[edge]["bends"] = bends.at(poses)
 
     def way(self, a: int, b: int) -> Points:
-        """The points (N, 3) that an edge leads over, from node ``a`` to node ``b``."""
+        """(N, 3) points in ``map``, m, of the path along an edge from node ``a`` to node ``b``."""
         bends = self.graph.edges[a, b].get("bends", np.zeros((0, 3)))
         return np.vstack([self.nodes[a].position, bends if a < b else bends[::-1], self.nodes[b].position])
 
     def links_from(self, xy: Place, traversability: Traversability) -> dict[int, float]:
-        """Seconds to each of the nodes, by id, that a straight drive joins to a point (2,)."""
+        """Costs of the straight drives from a point (2,), m, to nodes, s, by node id."""
         ends = np.array([node.position[:2] for node in self.nodes.values()]).reshape(-1, 2)
         seconds = drive_seconds(traversability, xy[None], ends)
         return {n: float(s) for n, s in zip(self.nodes, seconds, strict=True) if np.isfinite(s)}
@@ -122,7 +122,7 @@ class TopologicalMap:
             partial.write_text(json.dumps({"nodes": nodes, "edges": edges}, indent=1) + "\n")
 
     def _reachable(self, paths: PosePaths) -> MaskLayer:
-        """Cells that the robot can reach; if it reaches no node, also cells reachable from the nodes."""
+        """Cells that the robot can reach; if it can reach no node, also those reachable from the nodes."""
         places = [node.position for node in self.nodes.values()]
         if not places or paths.traversability.grid.at(paths.reachable, np.array(places)).any():
             return paths.reachable

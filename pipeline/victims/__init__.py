@@ -1,1 +1,1 @@
-"""Victims (thesis 3.5): people in the image, placed on the map and confirmed from several places."""
+"""Victims (thesis 3.5): people detected in images, located on the map and confirmed from several positions."""

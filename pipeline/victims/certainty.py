@@ -1,4 +1,4 @@
-"""Where a victim lies with a stated probability, for drawings."""
+"""Confidence ellipsoids of victims' positions, for drawings."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -8,10 +8,10 @@ from scipy.special import chdtri
 def ellipsoids(
     covariances: NDArray[np.float64], probability: float = 0.95
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The ellipsoids around places that hold them with a probability, given their (..., n, n) covariances, m².
+    """The ellipsoids that contain positions with a given probability, from their (..., n, n) covariances, m².
 
     Returns:
-        (..., n) half axes, m, the shortest first, and (..., n, n) their directions as columns.
+        (..., n) semi-axes, m, the shortest first, and (..., n, n) their directions as columns.
     """
     variances, directions = np.linalg.eigh(covariances)
     return np.sqrt(chdtri(variances.shape[-1], 1 - probability) * variances), directions

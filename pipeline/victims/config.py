@@ -1,18 +1,18 @@
-"""The numbers by which people are detected in images, and set apart from what is behind them."""
+"""Parameters of the detection of people in images, and of their separation from the background."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
 class ExposureConfig:
-    """How uneven light is compensated.
+    """How uneven lighting is compensated.
 
     Attributes:
-        columns, rows: of the grid whose cells are the surroundings.
-        blur: cells, standard deviation of the Gaussian over the grid: dark objects stay dark, dark regions become
-            bright.
-        brightness: of 255, to which the brightest channel is raised where it is less.
-        darkest: brightness, of 255, below which the gain grows no further: there is only noise.
+        columns, rows: size of the coarse grid that holds the brightness of the surroundings.
+        blur: standard deviation of the Gaussian that smooths the grid, cells: dark objects stay dark, dark regions
+            are brightened.
+        brightness: value, of 255, to which the brightest channel of the surroundings is raised if it is lower.
+        darkest: brightness, of 255, below which the gain no longer increases, because there is only noise.
     """
 
     columns: int = 16
@@ -24,27 +24,28 @@ class ExposureConfig:
 
 @dataclass(frozen=True)
 class DetectorConfig:
-    """Which boxes of the network are detections.
+    """Which of the networks' boxes are detections.
 
     Attributes:
-        confidence: least confidence of a detection; one this low only helps to find a victim again.
+        confidence: minimum confidence of a detection; one this low counts only together with others.
         suppressing_iou: intersection over union above which the less confident of two boxes is dropped.
-        most_boxes: that are compared: a network that sees a person in every cell would otherwise take minutes an
-            image.
-        size: width and height of the image in the arena network, pixels, multiples of 32.
-        near_size: of the image in it once more, for people who are so near that they are too large for the network.
-        large_box: least length of the longer side of a box found in this one, relative to the image's longer side.
-        hint: least confidence of a box that hints at a person, however faintly.
-        most_hints: in an image of an arena; where there are more, the image is like none that the arena network has
-            learned from. Of 485 frames of three arenas 1 % have more, of 116 photos of rooms and people all.
-        witness: least confidence of a box of the COCO network that bears witness: so uncertain a network sees people
-            in hardly any image without people, and where two networks see them by chance is not the same.
-        witness_iou: overlap of the two boxes must be greater.
-        view: side of the square in which the COCO network sees a candidate, pixels, a multiple of 32.
-        context: side of this square in the image, relative to the candidate's longer side.
-        lying: least width of a candidate, relative to its height, for it to be seen turned to either side too: photos
-            teach few people who lie.
-        exposure: how uneven light is compensated.
+        most_boxes: maximum number of boxes that are compared: a network that sees a person in every cell would
+            otherwise take minutes per image.
+        size: width and height of a network's input for a whole image, pixels, multiples of 32.
+        near_size: the same for a second, smaller input, for people so near that they are too large in the first one.
+        large_box: minimum longer side of a box found in the second input, relative to the image's longer side.
+        hint: minimum confidence of a box that counts as a hint of a person.
+        most_hints: maximum number of hints in an image of an arena. An image with more is unlike those that the arena
+            network was trained on. Of 485 frames of three arenas, 1 % have more; of 116 photos of rooms and people,
+            all have more.
+        witness: minimum confidence of a box of the COCO network that corroborates a suspect. Even this low, it sees
+            people in hardly any image without people, and two networks rarely err at the same place.
+        witness_iou: intersection over union of the two boxes must be greater.
+        view: side of the COCO network's square input for a suspect, pixels, a multiple of 32.
+        context: side of the square that it shows, relative to the suspect's longer side.
+        lying: minimum width of a suspect, relative to its height, for the square to be rotated by 90° either way too:
+            photos show few people lying down.
+        exposure: how uneven lighting is compensated.
     """
 
     confidence: float = 0.25
@@ -65,20 +66,20 @@ class DetectorConfig:
 
 @dataclass(frozen=True)
 class BackgroundConfig:
-    """Which planes are in the background of a person.
+    """Which planes belong to the background of a person.
 
     Attributes:
         samples: approximate number of pixels sampled from the box and its margin.
-        trials: RANSAC's random draws for each plane.
-        candidates: random samples of which the nearest in the image to a first sample is taken: planes are small, and
-            far apart.
-        least_share: of the samples that lie on a plane.
-        beyond: least ratio of a plane's samples outside the box to those inside for it to be background.
-        tolerance: m from a plane, in addition to the sensor's noise, within which a point belongs to it.
-        sigmas: standard deviations of the sensor's noise.
-        flat: least share of a plane's samples that lie nearly on it for it to be flatter than any person.
-        flat_tolerance: m from the plane, in addition to one standard deviation, within which they lie nearly on it.
-        flat_area: m² across the line of sight that they cover at least.
+        trials: number of point triples that RANSAC draws for each plane.
+        candidates: number of random samples from which each further point of a triple is chosen, as the nearest to
+            its first point in the image: planes are small and far apart.
+        least_share: minimum share of all samples that must lie on a plane.
+        beyond: minimum ratio of a plane's samples outside the box to those inside for it to be background.
+        tolerance: maximum distance of a point from its plane, in addition to the sensor's noise, m.
+        sigmas: number of standard deviations of the sensor's noise that is added.
+        flat: minimum share of a plane's samples within ``flat_tolerance`` for it to be flatter than any person.
+        flat_tolerance: maximum distance of these samples, in addition to one standard deviation of the noise, m.
+        flat_area: minimum area of the plane's samples across the line of sight, m².
     """
 
     samples: int = 3000
@@ -95,7 +96,7 @@ class BackgroundConfig:
 
 @dataclass(frozen=True)
 class VictimsConfig:
-    """The numbers of the whole room; each part says its own."""
+    """All parameters of this package; the parts document their own."""
 
     detector: DetectorConfig = DetectorConfig()
     background: BackgroundConfig = BackgroundConfig()

@@ -10,7 +10,7 @@ def confirmed_ids(victims: Tracks) -> list[tuple[str, Track]]:
 
 
 def unconfirmed_ids(victims: Tracks) -> list[tuple[str, Track]]:
-    """The victims that are to be observed again, with their ids: "A", "B", …"""
+    """The unconfirmed victims that are worth another look, with their ids: "A", "B", …"""
     return [(letters(k), victim) for k, victim in enumerate(victims.unconfirmed)]
 
 

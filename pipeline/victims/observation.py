@@ -1,4 +1,4 @@
-"""Turns a detection and its depth into an observation of a person, or into the reason why it is no person."""
+"""Turn a detection and its depth into an observation of a person, or into the reason why it is not one."""
 
 from dataclasses import dataclass
 
@@ -19,7 +19,7 @@ from pipeline.victims.people import PeoplePolicy, middle
 
 @dataclass(frozen=True)
 class Refusal:
-    """A rejected detection, and the reason."""
+    """A rejected detection and the reason."""
 
     detection: Detection
     reason: str
@@ -33,15 +33,15 @@ def observe(
     policy: PeoplePolicy = PeoplePolicy(),
     background: BackgroundConfig = BackgroundConfig(),
 ) -> Observation | Refusal:
-    """Observe the person of a detection by the frame's depth, in ``map``, or refuse the detection.
+    """Locate a detected person in ``map`` with the frame's depth, or reject the detection.
 
     Args:
-        frame: with its depth.
-        detection: in its image.
+        frame: the keyframe's frame, with its depth.
+        detection: a detection in its image.
         T_map_camera: pose of ``camera_optical``.
-        keyframe: number of the frame's.
-        policy: how people are followed.
-        background: which planes are background.
+        keyframe: index of the keyframe.
+        policy: how people are tracked.
+        background: which planes belong to the background.
     """
     returns = frame.returns & _window(frame, detection)
     if not returns.any():
@@ -72,14 +72,14 @@ def observe(
 
 
 def _window(frame: Frame, detection: Detection) -> PixelMask:
-    """The pixels of the box."""
+    """The pixels in a detection's box."""
     x0, y0, x1, y1 = detection.box
     u, v = np.arange(frame.intrinsics.width) + 0.5, np.arange(frame.intrinsics.height) + 0.5
     return ((v >= y0) & (v <= y1))[:, None] & (u >= x0) & (u <= x1)
 
 
 def _stands_out(frame: Frame, detection: Detection, points: Points, config: BackgroundConfig) -> Mask:
-    """Which points in the box, in ``camera_optical``, lie on no plane of the background."""
+    """Which of the box's points, in ``camera_optical``, lie on none of the background's planes."""
     result = np.ones(len(points), np.bool_)
     for plane in background_planes(frame, detection.box, np.random.default_rng(0), config):
         result &= ~near_plane(points, plane, frame.sensor, config)

@@ -1,4 +1,4 @@
-"""How people are followed: where one is by all observations, which are of one person, and what is none."""
+"""How people are tracked: where they are, which observations show the same person, and which show none."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,58 +20,58 @@ from pipeline.victims.person_voxels import PersonVoxels
 
 @dataclass(frozen=True, kw_only=True)
 class PeoplePolicy(PeopleConfig, TrackPolicy):
-    """Several observations of one frame may be of one person, whose parts touch."""
+    """How people are tracked: several observations in a frame may show touching parts of one person."""
 
     kind: str = VICTIM
 
     def locate(self, placed: Sequence[Observation]) -> "PersonBody":
-        """By all voxels, and the information of all."""
+        """Where a person is, from the voxels and the information of all observations."""
         voxels = PersonVoxels.joined([PersonVoxels.of(seen.points, self.voxel) for seen in placed])
         information = reduce(self.informed, [seen.information for seen in placed])
         return self.body(voxels, information, frozenset(seen.keyframe for seen in placed))
 
     def joined(self, one: Track, other: Track) -> "PersonBody":
-        """By all voxels, and the information of both tracks."""
+        """Where a person is, from the voxels and the information of both tracks."""
         a, b = one.where, other.where
         assert isinstance(a, PersonBody) and isinstance(b, PersonBody)
         voxels, information = PersonVoxels.joined([a.voxels, b.voxels]), self.informed(a.information, b.information)
         return self.body(voxels, information, a.keyframes | b.keyframes)
 
     def body(self, voxels: PersonVoxels, information: Information, keyframes: frozenset[int]) -> "PersonBody":
-        """A person whom keyframes show in voxels, with this information; few keyframes show other objects."""
+        """A person whom the keyframes show in these voxels; what only a few of them show is something else."""
         points = voxels.agreed(self.agreed * len(keyframes))
         return PersonBody(middle(points), _inverse(information), points, voxels, information, keyframes)
 
     def informed(self, one: Information, other: Information) -> Information:
-        """The information of both; one place's errors are correlated, so the covariance has a floor."""
+        """The information of both; errors from one viewpoint are correlated, so the covariance has a lower bound."""
         return _inverse(_inverse(one + other) + np.eye(3) * (self.skin_to_middle / 2) ** 2)
 
     def shows(self, observation: Observation) -> float:
-        """Voxels of the person, times the confidence."""
+        """Number of the person's voxels, times the confidence."""
         return len(observation.points) * observation.reading.confidence
 
     def distance(self, track: Track, new: Track) -> float:
-        """Within the gate or in touch, and not two people in one frame."""
+        """Squared Mahalanobis distance; infinite if neither near nor touching, or if a frame shows both apart."""
         distance = mahalanobis(track, new)
         is_near = distance <= self.gate or self._touch(track.points, new.points)
         return distance if is_near and not self._are_seen_apart(track, new) else np.inf
 
     def separation(self, one: Track, other: Track) -> float:
-        """0 if they touch, and no frame shows them apart."""
+        """0 if the two touch and no frame shows them apart; otherwise infinite."""
         return 0.0 if self._touch(one.points, other.points) and not self._are_seen_apart(one, other) else np.inf
 
     def _touch(self, one: Points, other: Points) -> bool:
-        """Whether the nearest points of both touch."""
+        """Whether the nearest points of both are at most ``touch`` apart."""
         small, large = sorted((one, other), key=len)
         return bool(cKDTree(small).query(large, distance_upper_bound=self.touch)[0].min() <= self.touch)
 
     def _are_seen_apart(self, one: Track, other: Track) -> bool:
-        """Whether a frame shows both, and there they do not touch: two people, however near."""
+        """Whether a frame shows both without contact: they are then two people, however near."""
         both = one.keyframes & other.keyframes
         return any(not self._touch(_in_frame(one, keyframe), _in_frame(other, keyframe)) for keyframe in both)
 
     def should_show(self, track: Track, frame: Frame, T_camera_map: Pose) -> bool:
-        """The person is near enough, and most points lie in the image with nothing in front of them."""
+        """Whether the person is near enough, and most points are in the image with nothing in front of them."""
         points = transform_points(T_camera_map, track.points)
         depth = np.maximum(points[:, 2], 1e-6)
         _, farthest = self.distances(track, frame.sensor)
@@ -84,15 +84,15 @@ class PeoplePolicy(PeopleConfig, TrackPolicy):
         return bool(is_open.sum() > self.open_share * len(points))
 
     def is_worth_a_look(self, track: Track) -> bool:
-        """There is evidence, but not enough."""
+        """Whether there is evidence of the person, but not enough to confirm it."""
         return track.evidence >= self.evidence_to_look and not track.is_confirmed
 
     def distances(self, track: Track, sensor: SensorModel) -> tuple[float, float]:
-        """From there a person is whole in the image, and in the camera's range."""
+        """Minimum and maximum distance at which the whole person is in the image and in the camera's range, m."""
         return sensor.nearest + self.across / 2, sensor.farthest - self.across / 2
 
     def has_shape(self, track: Track) -> bool:
-        """All that was seen, together, is more like a person than like background."""
+        """Whether all points seen, taken together, are more like a person than like background."""
         return weigh(self.kind, track.points, track.ground, self.likelihood).log_ratio > 0
 
 
@@ -101,9 +101,9 @@ class PersonBody(Location):
     """Where a person is.
 
     Attributes:
-        voxels: that the observations show.
+        voxels: the voxels that the observations show.
         information: inverse of the position's covariance.
-        keyframes: numbers of those that show the person.
+        keyframes: indices of the keyframes that show the person.
     """
 
     voxels: PersonVoxels
@@ -112,12 +112,12 @@ class PersonBody(Location):
 
 
 def middle(points: Points) -> Place:
-    """Middle of a box around points without the outermost 2 % at each end of each axis."""
+    """Middle of the bounding box of points, without the outermost 2 % at either end of each axis."""
     return np.percentile(points, [2, 98], axis=0).mean(axis=0)
 
 
 def _in_frame(track: Track, keyframe: int) -> Points:
-    """The points that a keyframe shows, in its ``base_link``; it must show some."""
+    """A track's points as a keyframe shows them, in the keyframe's ``base_link``; it must show some."""
     return np.concatenate([seen.points for seen in track.seen if seen.keyframe == keyframe])
 
 

@@ -1,4 +1,4 @@
-"""Where a person is, by all observations of it: what few of them show is of something else."""
+"""The voxels of a person, from all observations: what only a few show belongs to something else."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,9 +15,9 @@ class PersonVoxels:
     """The voxels that observations of one person show.
 
     Attributes:
-        edge: of a voxel, m.
+        edge: edge length of a voxel, m.
         seen: a point in each voxel.
-        shown: in how many observations each is.
+        shown: number of observations that show each voxel.
     """
 
     edge: float
@@ -26,19 +26,19 @@ class PersonVoxels:
 
     @classmethod
     def of(cls, points: Points, edge: float) -> "PersonVoxels":
-        """Of one observation's points; ``edge`` in m."""
+        """The voxels of one observation's points; ``edge`` in m."""
         first = first_in_voxels(points / edge)
         return cls(edge, points[first], np.ones(len(first), np.int64))
 
     @classmethod
     def joined(cls, observations: Sequence["PersonVoxels"]) -> "PersonVoxels":
-        """Of all of these observations, at least one."""
+        """The voxels of all the given observations, at least one."""
         seen, edge = np.concatenate([voxels.seen for voxels in observations]), observations[0].edge
         voxel, keys = voxels_of(seen / edge)
         shown = np.bincount(voxel, np.concatenate([voxels.shown for voxels in observations])).astype(np.int64)
         return cls(edge, seen[first_of(voxel, len(keys))], shown)
 
     def agreed(self, frames: float) -> Points:
-        """The person's voxels that occur in at least this many observations; all of them if none does."""
+        """A point in each voxel that at least ``frames`` observations show; in every voxel if there is none."""
         is_agreed = self.shown >= frames
         return self.seen[is_agreed] if is_agreed.any() else self.seen

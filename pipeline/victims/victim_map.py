@@ -1,4 +1,4 @@
-"""Victims on the map: the observations of each person, and whether they suffice to confirm it."""
+"""Victims on the map: the observations of each person, and whether these suffice to confirm the person."""
 
 from collections.abc import Sequence
 from dataclasses import replace
@@ -21,8 +21,8 @@ class Victims(Tracks):
     """All people, confirmed or not.
 
     Attributes:
-        policy: how they are followed.
-        refusals: detections of the last frame that are no person.
+        policy: how they are tracked.
+        refusals: detections in the last frame that are not people.
     """
 
     def __init__(
@@ -37,13 +37,13 @@ class Victims(Tracks):
         self.refusals: list[Refusal] = []
 
     def update(self, frame: Frame, detections: Sequence[Detection], T_map_camera: Pose, keyframe: int = 0) -> None:
-        """Add the observations of a keyframe's detections, and count who was missed.
+        """Add the observations of a keyframe's detections, and count misses of people whom it should have shown.
 
         Args:
-            frame: with its depth.
-            detections: in its image; may be empty; those of other kinds are ignored.
+            frame: the keyframe's frame, with its depth.
+            detections: detections in its image, possibly none; those of other kinds are ignored.
             T_map_camera: pose of ``camera_optical`` in ``map``.
-            keyframe: its number.
+            keyframe: index of the keyframe.
         """
         people = [detection for detection in detections if detection.kind == VICTIM]
         seen = [
@@ -54,8 +54,8 @@ class Victims(Tracks):
         self.add([self._track(o, T_map_base) for o in seen if isinstance(o, Observation)], frame, T_map_camera)
 
     def _track(self, observation: Observation, T_map_base: Pose) -> Track:
-        """Of a single observation in ``map``."""
+        """A track of a single observation in ``map``."""
         thinned = replace(observation, points=PersonVoxels.of(observation.points, self.policy.voxel).seen)
         seen = thinned.moved(inverse(T_map_base))
-        # Placed by what is kept, so that a map made anew is the same.
+        # Placed from what is kept, so that a rebuilt map is identical.
         return Track(self.policy, [seen], [seen.moved(T_map_base)], float(T_map_base[2, 3]))

@@ -1,6 +1,6 @@
-"""``croissant.json``: a dataset or an export as Croissant 1.0 describes datasets, in JSON-LD.
+"""``croissant.json``: the description of a dataset or an export in Croissant 1.0, a JSON-LD format.
 
-https://docs.mlcommons.org/croissant/docs/croissant-spec.html; ``url`` and ``datePublished`` are for who publishes it.
+See https://docs.mlcommons.org/croissant/docs/croissant-spec.html; publishers add ``url`` and ``datePublished``.
 """
 
 import json
@@ -24,11 +24,11 @@ FORMATS = {
     ".jpg": "image/jpeg",
     ".png": "image/png",
 }
-"""Media types by the suffixes of files; others are bytes."""
+"""Media type of each file suffix; files with other suffixes are application/octet-stream."""
 OWN = "citeAs column conformsTo equivalentProperty extract field fileProperty fileObject fileSet format includes"
 OWN += " isLiveDataset jsonPath key md5 parentField path recordSet references regex repeated replace"
 OWN += " samplingRate separator source subField transform"
-"""Terms of Croissant itself."""
+"""Terms that Croissant itself defines."""
 CONTEXT: dict[str, Any] = {
     "@language": "en",
     "@vocab": "https://schema.org/",
@@ -54,7 +54,7 @@ def describe_dataset(folder: Path, manifest: Manifest) -> None:
     files = [_file(FILE, sha256_of(folder / FILE)), *(_file(scene.file, scene.sha256) for scene in scenes)]
     columns = {"index": int, "file": str, "split": str, "frames": int, "arena": str, "lighting": str, "sha256": str}
     scene_records = _records("scenes", columns, lambda column: _source(FILE, {"jsonPath": f"$.scenes[*].{column}"}))
-    # Inline, because readers take the paths in a JSON file for columns of one table.
+    # Inline, because readers treat all paths into one JSON file as columns of one table.
     label_records = _records("labels", {"id": int, "name": str}, lambda column: {}) | {
         "data": [{"labels/id": int(label), "labels/name": label.name.lower()} for label in Label]
     }
@@ -63,7 +63,7 @@ def describe_dataset(folder: Path, manifest: Manifest) -> None:
 
 
 def describe_export(folder: Path, name: str, layout: str, generator: str) -> None:
-    """Write ``croissant.json`` into the folder of an export that is whole but for it: its files and its labels.
+    """Write ``croissant.json`` into the folder of an otherwise complete export: its files and its labels.
 
     Raises:
         InputError: it cannot be written.
@@ -109,14 +109,14 @@ def _file(path: str, sha256: str) -> dict[str, Any]:
 
 
 def _file_set(suffix: str) -> dict[str, Any]:
-    """All files with a suffix in the folders below."""
+    """All files with a suffix in subfolders."""
     media = FORMATS.get(suffix, "application/octet-stream")
     name = f"files{suffix}".replace(".", "-")
     return {"@type": "cr:FileSet", "@id": name, "name": name, "encodingFormat": media, "includes": f"**/*{suffix}"}
 
 
 def _records(name: str, columns: Mapping[str, type], source: Callable[[str], Mapping[str, Any]]) -> dict[str, Any]:
-    """Records of these columns; ``source`` adds to a column's field where its values stand."""
+    """A record set with these columns; ``source`` gives the entries that say where a column's values are found."""
     kinds = {int: "sc:Integer", str: "sc:Text"}
     fields = [
         {"@type": "cr:Field", "@id": f"{name}/{column}", "name": column, "dataType": kinds[kind], **source(column)}

@@ -1,4 +1,4 @@
-"""Drives through an arena: the robot's poses at the keyframes, tilted by the ground under its wheels."""
+"""Drives through an arena: the robot's poses at the keyframes, tilted according to the ground under its wheels."""
 
 from dataclasses import replace
 from itertools import pairwise
@@ -21,21 +21,21 @@ from sarsim.sensors.inertial import GRAVITY
 from sarsim.sensors.odometry import WheelOdometry
 
 SPEED, TURN_RATE = 0.2, 0.6
-"""m/s and rad/s of the drive."""
+"""Speed (m/s) and turn rate (rad/s) of the drive."""
 PERIOD = 0.3
-"""s between two poses of the drive."""
+"""Time between two poses of the drive, s."""
 TILT_VIBRATION, HEIGHT_VIBRATION = 0.003, 0.001
-"""rad and m, standard deviations of roll, pitch and height at a keyframe."""
+"""Standard deviations of roll and pitch (rad), and of height (m), at a keyframe."""
 CANDIDATES = 12
-"""Number of random places, of which the robot drives to the one farthest from those it has visited."""
+"""Number of random goals drawn; the robot drives to the one farthest from the places that it has visited."""
 MAX_FAILURES = 50
-"""Largest number of legs in a row without a keyframe."""
+"""Maximum number of consecutive legs without a keyframe."""
 WHEEL_RADIUS = 0.1105
-"""m; any value would do, because the wheel angles are computed from it as well."""
+"""Wheel radius, m; any value would do, because the wheel angles are computed from it as well."""
 
 
 class EndlessDrive:
-    """An endless drive of a robot, leg by leg, to places that it has not visited."""
+    """An endless drive of a robot, leg by leg, to places far from those that it has visited."""
 
     def __init__(
         self,
@@ -46,9 +46,9 @@ class EndlessDrive:
         keyframes: tuple[float, float] = KEYFRAME_WAY,
         frames_per_second: float | None = None,
     ):
-        """``T_world_start``: 4×4 pose of ``base_link`` on drivable ground; ``keyframes``: m and rad between two.
+        """``T_world_start``: ``base_link`` on drivable ground; ``keyframes``: m and rad between two keyframes.
 
-        With ``frames_per_second``, keyframes are taken at this rate instead, wherever the robot is.
+        With ``frames_per_second``, keyframes are taken at this rate instead, whether or not the robot has moved.
         """
         self._distance, self._turn_angle = (0.0, 0.0) if frames_per_second else keyframes
         self._period = 1 / frames_per_second if frames_per_second else PERIOD
@@ -78,7 +78,7 @@ class EndlessDrive:
         return found[:count]
 
     def _follow(self, leg: NDArray[np.float64], found: list[Pose]) -> None:
-        """Drive along a leg, (K, 3) of x, y, yaw, as far as the robot can stand; add the poses of keyframes."""
+        """Drive along a leg, (K, 3) x, y, yaw, until the robot cannot stand; append the keyframes to ``found``."""
         for x, y, yaw in leg:
             height = self._surface.grid.at(self._surface.height, np.array([x, y]), outside=np.nan)
             T = self._contact.stand(x, y, yaw, float(height))
@@ -97,13 +97,13 @@ class EndlessDrive:
         return bool(moved >= self._distance or turned >= self._turn_angle)
 
     def _vibration(self) -> NDArray[np.float64]:
-        """4×4 random offset of a vibrating robot from its pose at rest."""
+        """A random 4×4 offset from the robot's pose at rest, caused by vibration."""
         roll, pitch = TILT_VIBRATION * self._rng.standard_normal(2)
         height = HEIGHT_VIBRATION * self._rng.standard_normal()
         return from_rotation(Rotation.from_euler("xyz", [roll, pitch, 0]).as_matrix(), (0, 0, height))
 
     def _leg(self, visited: list[NDArray[np.float64]]) -> NDArray[np.float64]:
-        """(K, 3) poses x, y, yaw, one per period: a path to another place, and a turn there."""
+        """(K, 3) poses x, y, yaw, one per period: a path to another place, then a turn on the spot."""
         path = self._path(visited)
         parts, yaw = [self._at[None]], float(self._at[2])
         for a, b in pairwise(path):
@@ -114,7 +114,7 @@ class EndlessDrive:
         return np.concatenate(parts)
 
     def _path(self, visited: list[NDArray[np.float64]]) -> NDArray[np.float64]:
-        """(K, 2) corners of the path to the candidate that is farthest from the visited places."""
+        """(K, 2) corners of the path to the candidate goal that is farthest from the visited places."""
         here = self._at[:2]
         paths = PosePaths(self._roads, here)
         # A robot does not turn on a ramp, so the drive does not end there.
@@ -129,24 +129,24 @@ class EndlessDrive:
         return np.concatenate([here[None], path[1:]])
 
     def _turn(self, at: NDArray[np.float64], yaw: float, heading: float) -> NDArray[np.float64]:
-        """(K, 3) poses x, y, yaw of a turn on the spot, the shorter way from one heading to another."""
+        """(K, 3) poses x, y, yaw of the shorter turn on the spot from ``yaw`` to ``heading``."""
         angle = wrap_angle(heading - yaw)
         steps = int(np.ceil(abs(angle) / (TURN_RATE * self._period)))
         share = np.arange(1, steps + 1) / max(steps, 1)
         return np.column_stack([np.tile(at, (steps, 1)), yaw + share * angle])
 
     def _straight(self, a: NDArray[np.float64], b: NDArray[np.float64], heading: float) -> NDArray[np.float64]:
-        """(K, 3) poses x, y, yaw on a straight line from one place to another."""
+        """(K, 3) poses x, y, yaw on the straight line from ``a`` to ``b``."""
         steps = int(np.ceil(np.linalg.norm(b - a) / (SPEED * self._period)))
         share = np.arange(1, steps + 1)[:, None] / max(steps, 1)
         return np.column_stack([a + share * (b - a), np.full(steps, heading)])
 
 
 class DeadReckoning:
-    """The wheel odometry of a robot that is moved from pose to pose."""
+    """The wheel odometry of a robot that is moved from pose to pose without physics."""
 
     def __init__(self, rng: np.random.Generator, period: float):
-        """``rng`` draws its errors; ``period`` s from pose to pose."""
+        """``rng``: for the odometry's errors; ``period``: time between poses, s."""
         self._odometry = WheelOdometry(rng, WHEEL_RADIUS)
         self._period = period
         self._angle = 0.0
@@ -154,7 +154,7 @@ class DeadReckoning:
         self._T_world_odom = np.eye(4)
 
     def update(self, T_world_base: NDArray[np.float64]) -> NDArray[np.float64]:
-        """4×4 pose in the world by dead reckoning after a move to ``T_world_base``; the first pose is exact."""
+        """The dead-reckoned 4×4 pose in the world after a move to ``T_world_base``; the first pose is exact."""
         R, gyro = T_world_base[:3, :3], np.zeros(3)
         if self._last is None:
             x, y, z = T_world_base[:3, 3]
@@ -169,7 +169,7 @@ class DeadReckoning:
 
 
 def _roads(surface: TrueSurface) -> Traversability:
-    """The true ground in the form of the robot's planner, which takes ramps head-on."""
+    """The true ground in the representation of the robot's planner, which takes ramps head-on."""
     nowhere = np.zeros(surface.grid.shape, np.bool_)
     elevation, driven = surface.height.astype(np.float32), nowhere.astype(np.uint16)
     roads = assess(surface.grid, elevation, nowhere, driven, robot_model(), TraversabilityConfig())

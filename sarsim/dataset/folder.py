@@ -12,13 +12,13 @@ class Dataset:
     """Reads a dataset, scene by scene.
 
     Attributes:
-        folder: of the dataset.
-        entries: of the scenes in ``dataset.json``, by index.
-        recipe, generator: recipe of the scenes, and the program that made them.
+        folder: folder of the dataset.
+        entries: the scenes listed in ``dataset.json``, in order of their index.
+        recipe, generator: the recipe of the scenes, and the program and version that made them.
     """
 
     def __init__(self, folder: Path):
-        """Raises InputError if there is no dataset."""
+        """Read the manifest; InputError if the folder holds no dataset."""
         self.folder = folder
         manifest = Manifest.read(folder)
         self.recipe, self.generator = manifest.recipe, manifest.generator
@@ -31,7 +31,7 @@ class Dataset:
         """Every scene, open until the next one; InputError if its file is missing, changed or broken."""
         for entry in self.entries:
             path = self.folder / entry.file
-            # Checked before HDF5 opens the file, because its library hangs on some damaged files.
+            # Check before HDF5 opens the file, because its library hangs on some damaged files.
             if entry.sha256 and path.is_file() and sha256_of(path) != entry.sha256:
                 raise InputError(f"{path}: changed or damaged: its checksum differs from the one in {FILE}")
             with Scene(path) as scene:

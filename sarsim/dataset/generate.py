@@ -1,4 +1,4 @@
-"""Makes a dataset, or those of its scenes that are still missing."""
+"""Makes a dataset, or those of its scenes that are missing."""
 
 import logging
 from collections.abc import Callable, Iterator
@@ -21,13 +21,13 @@ _log = logging.getLogger(__name__)
 def generate(
     recipe: Recipe, scenes: int, folder: Path, engine: Engine, on_frames: Callable[[int], object] = lambda count: None
 ) -> Manifest:
-    """Make the first ``scenes`` scenes of a recipe; those that are already complete are kept.
+    """Make the first ``scenes`` scenes of a recipe, except those that are already complete.
 
-    The folder gets dataset.json, which is returned, the scenes' files, index.html and croissant.json.
-    ``on_frames`` is called with the number of frames made so far, at first and after every scene.
+    Writes dataset.json, the scenes' files, index.html and croissant.json, and returns the content of dataset.json.
+    ``on_frames`` is called with the number of frames in complete scenes, at the start and after every scene.
 
     Raises:
-        InputError: the recipe cannot be followed, the folder cannot be written, or it holds other files.
+        InputError: a scene cannot be made, or the folder cannot be written or holds other files.
     """
     make_folder(folder, [FILE])
     with _cleaned(folder) as lock:
@@ -49,7 +49,7 @@ def generate(
 
 @contextmanager
 def _cleaned(folder: Path) -> Iterator[FolderLock]:
-    """Lock the folder, and in the end delete half-written files in it."""
+    """Lock the folder, and delete partially written scenes at the end."""
     with locked(folder) as lock:
         try:
             yield lock
@@ -60,7 +60,7 @@ def _cleaned(folder: Path) -> Iterator[FolderLock]:
 
 
 def _begun(recipe: Recipe, folder: Path) -> Manifest:
-    """The complete scenes of the dataset; InputError if the folder holds another dataset."""
+    """The manifest of the scenes that are complete; InputError if the folder holds another dataset."""
     new = Manifest.new(recipe)
     if not (folder / FILE).exists():
         return new

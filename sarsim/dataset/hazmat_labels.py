@@ -1,7 +1,7 @@
-"""Hazmat labels with the variety of many printers: what the classifier of signs learns from, besides the arenas'.
+"""Hazmat labels as varied as those of many printers; the sign classifier learns from them and the arenas' labels.
 
-A label is a square that stands on a corner. It is drawn in its own frame, x to the right and y down, with the corners
-at (0, ±1) and (±1, 0), by the classes of the UN's model regulations and the words that rescue teams use for them.
+A label is a square that stands on a corner. It is drawn in its own frame, x to the right and y down, with corners at
+(0, ±1) and (±1, 0). The classes are from the UN's Model Regulations, and the words are those that rescue teams use.
 """
 
 from collections.abc import Callable, Sequence
@@ -21,19 +21,19 @@ FLAME = (
     (0.12, 0.24), (0.02, 0.06), (-0.06, 0.3), (-0.2, 0.46), (-0.38, 0.26), (-0.42, 0), (-0.3, 0.1), (-0.26, -0.2),
     (-0.14, -0.06), (-0.06, -0.26),
 )  # fmt: skip
-SUPERSAMPLING = 2  # Pixels that are drawn over those that are asked for
+SUPERSAMPLING = 2  # Ratio of the drawn to the requested number of pixels along a side
 
 
 @dataclass(frozen=True)
 class LabelDesign:
-    """What distinguishes a class.
+    """The features that distinguish a class.
 
     Attributes:
-        upper, lower: colours of the halves.
+        upper, lower: background colours of the two halves.
         picture: name of the pictogram, "" for none.
-        words: texts of which one is printed, each with the lines separated by newlines.
-        number: of the UN's class, at the lower corner.
-        stripes: whether red stripes run over it.
+        words: alternative texts, of which one is printed; newlines separate lines.
+        number: number of the UN class, at the lower corner.
+        stripes: whether the label has red stripes.
     """
 
     upper: Colour
@@ -66,7 +66,7 @@ assert tuple(DESIGNS) == HAZMAT_CLASSES
 
 
 class Sheet:
-    """Draws in a label's own frame on a square image."""
+    """A square image on which to draw in a label's own frame."""
 
     def __init__(self, pixels: int):
         """A white sheet, ``pixels`` wide."""
@@ -81,11 +81,11 @@ class Sheet:
         self._draw.polygon(self._at(points), fill=colour)
 
     def line(self, points: ArrayLike, colour: Colour, width: float) -> None:
-        """A line through (N, 2) points, ``width`` wide."""
+        """Draw a line of width ``width`` through (N, 2) points."""
         self._draw.line(self._at(points), fill=colour, width=max(1, round(width * self._half)), joint="curve")
 
     def circle(self, middle: ArrayLike, radius: float, colour: Colour, width: float = 0.0) -> None:
-        """A disc, or a circle of a line ``width`` wide."""
+        """Draw a disc or, if ``width`` is given, a circle with a line of this width."""
         low, high = self._at(np.asarray(middle) + np.array([[-radius], [radius]]))
         if width:
             self._draw.ellipse([low, high], outline=colour, width=max(1, round(width * self._half)))
@@ -93,7 +93,7 @@ class Sheet:
             self._draw.ellipse([low, high], fill=colour)
 
     def text(self, middle: tuple[float, float], text: str, width: float, height: float, colour: Colour) -> None:
-        """A line of text that fills a box, condensed or widened as needed."""
+        """Draw a line of text, compressed or stretched to fill a box."""
         font = ImageFont.load_default(size=round(self._half / 2))
         left, top, right, bottom = font.getbbox(text)
         mask = Image.new("L", (max(1, round(right - left)), max(1, round(bottom - top))))
@@ -104,7 +104,7 @@ class Sheet:
 
 
 def diamond(radius: float, middle: ArrayLike = (0, 0)) -> NDArray[np.float64]:
-    """(4, 2) corners of a square that stands on a corner, top, right, bottom, left."""
+    """(4, 2) corners of a square that stands on a corner: top, right, bottom, left."""
     return np.array([[0, -1], [1, 0], [0, 1], [-1, 0]]) * radius + np.asarray(middle)
 
 
@@ -197,7 +197,7 @@ PICTURES: dict[str, Callable[[Sheet, NDArray[np.float64], float, Colour, Colour]
 
 
 def draw_varied(name: str, pixels: int, rng: np.random.Generator) -> NDArray[np.uint8]:
-    """(pixels, pixels, 3) uint8 a label of a class as some printer may print it, on white."""
+    """A label of a class as a random printer might print it, on white, (pixels, pixels, 3) uint8."""
     design, sheet = DESIGNS[name], Sheet(SUPERSAMPLING * pixels)
     upper, lower = (_varied(colour, rng) for colour in (design.upper, design.lower))
     lower = upper if design.upper == design.lower else lower
@@ -225,7 +225,7 @@ def draw_varied(name: str, pixels: int, rng: np.random.Generator) -> NDArray[np.
 
 
 def _print_words(sheet: Sheet, design: LabelDesign, ink: Colour, lower: Colour, rng: np.random.Generator) -> None:
-    """The name across the middle, and the class's number at the lower corner, most of the time."""
+    """Usually print the name across the middle, and the class number at the lower corner."""
     dark = sum(lower) < sum(WHITE) / 3
     below = WHITE if dark or ink == WHITE else BLACK
     if rng.random() < 0.92:
@@ -244,7 +244,7 @@ def _print_words(sheet: Sheet, design: LabelDesign, ink: Colour, lower: Colour, 
 
 
 def _stripes(sheet: Sheet, edge: float, rng: np.random.Generator) -> None:
-    """Upright red stripes, seven of them."""
+    """Draw seven vertical red stripes."""
     red, width = _varied(RED, rng), 2 * edge / 13
     for k in range(-3, 4):
         low, high = 2 * k * width - width / 2, 2 * k * width + width / 2
@@ -254,6 +254,6 @@ def _stripes(sheet: Sheet, edge: float, rng: np.random.Generator) -> None:
 
 
 def _varied(colour: Sequence[int], rng: np.random.Generator) -> Colour:
-    """A colour as another printer has it."""
+    """A colour as another printer might print it."""
     r, g, b = np.clip(np.array(colour) + rng.normal(0, 14, 3), 0, 255).astype(int).tolist()
     return r, g, b

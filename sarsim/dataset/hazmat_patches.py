@@ -1,4 +1,4 @@
-"""Patches from which the classifier of hazmat signs learns: rectified signs among clutter, and what only looks so."""
+"""Training patches for the hazmat sign classifier: rectified signs among clutter, and squares that resemble signs."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -17,19 +17,19 @@ from sarsim.arenas.things.hazmat import SignStyle, sign_face
 from sarsim.dataset.hazmat_labels import draw_varied
 
 SPAN = 3 * SIGN_SIDE // 2  # Pixels along a label in a scene of 3 × 3 cells; the label to learn is in the middle
-NO_SIGN, FOUND = 0.4, 0.4  # Share of patches without a sign, and of these, that are squares found in pictures
+NO_SIGN, FOUND = 0.4, 0.4  # Share of patches without a sign, and share of those that show squares found in pictures
 MOST_MARGIN = 0.08  # Widest white margin of a printed label, as a share of its side
-UNCERTAIN = 0.04  # Standard deviation of a corner's place, as a share of the side
+UNCERTAIN = 0.04  # Standard deviation of a corner's position, as a share of the side
 SQUARE = np.array([[0, 0], [1, 0], [1, 1], [0, 1]], np.float32)
 Picture = NDArray[np.uint8]
 Placed = tuple[Picture, NDArray[np.float32]]  # A picture, and the (4, 2) corners of a square in it
 
 
 def label_square(name: str, rng: np.random.Generator) -> Picture:
-    """(SPAN, SPAN, 3) uint8 a label as some printer made it, its top corner first; on some a white margin is left."""
+    """A random print of a label, (SPAN, SPAN, 3) uint8, its top corner at the top left; some have a white margin."""
     margin = int(SPAN * rng.choice([0, rng.uniform(0, MOST_MARGIN)]))
     side = SPAN - 2 * margin
-    # Drawn by two hands, so that it is the sign that is learned and not the hand.
+    # Drawn by two programs, so that the classifier learns the sign and not the drawing style.
     face = (
         sign_face(name, side, SignStyle.random(rng))
         if rng.random() < 0.5
@@ -39,7 +39,7 @@ def label_square(name: str, rng: np.random.Generator) -> Picture:
 
 
 def _turned(upright: Picture) -> Picture:
-    """The square of half the side in which a diamond's top corner is the top left one."""
+    """A diamond turned into a square of half the image's side; its top corner becomes the top left one."""
     side = len(upright) // 2
     diamond = np.array([[1, 0], [2, 1], [1, 2], [0, 1]], np.float32) * side
     T = cv2.getPerspectiveTransform(diamond, SQUARE * side)
@@ -48,12 +48,12 @@ def _turned(upright: Picture) -> Picture:
 
 @dataclass(frozen=True)
 class PatchSource:
-    """What patches are made of.
+    """The material from which patches are made.
 
     Attributes:
-        squares: by class, (N, SPAN, SPAN, 3) uint8 labels as :func:`label_square` gives them.
+        squares: for each class, (N, SPAN, SPAN, 3) uint8 labels from :func:`label_square`.
         backgrounds: pictures without signs.
-        others: squares in these pictures, which are no signs.
+        others: squares found in ``backgrounds``, none of which is a sign.
     """
 
     squares: Sequence[NDArray[np.uint8]]
@@ -62,14 +62,14 @@ class PatchSource:
 
     @classmethod
     def make(cls, each: int, backgrounds: Sequence[Picture], rng: np.random.Generator) -> "PatchSource":
-        """``each`` labels of every class, and what looks square in the pictures."""
+        """A source with ``each`` labels of every class, and with the squares found in the backgrounds."""
         config = SquaresConfig()
         squares = [np.stack([label_square(name, rng) for _ in range(each)]) for name in HAZMAT_CLASSES]
         others = [(image, quad) for image in backgrounds for quad in find_quads(image, config)]
         return cls(squares, backgrounds, others)
 
     def one(self, kind: int, rng: np.random.Generator) -> Picture:
-        """A label of a class."""
+        """A random label of class ``kind``."""
         return np.asarray(self.squares[kind][rng.integers(len(self.squares[kind]))])
 
 
@@ -77,7 +77,7 @@ def patches(source: PatchSource, count: int, rng: np.random.Generator) -> tuple[
     """``count`` random patches and their classes.
 
     Returns:
-        (count, SIGN_SIDE, SIGN_SIDE, 3) uint8 and (count,) int64 classes; len(HAZMAT_CLASSES) is no sign.
+        (count, SIGN_SIDE, SIGN_SIDE, 3) uint8, and (count,) int64 classes; ``len(HAZMAT_CLASSES)`` means no sign.
     """
     made = [_patch(source, rng) for _ in range(count)]
     return np.stack([image for image, _ in made]), np.array([kind for _, kind in made], np.int64)
@@ -99,11 +99,11 @@ def _patch(source: PatchSource, rng: np.random.Generator) -> tuple[Picture, int]
 
 
 def _no_sign(scene: Picture, source: PatchSource, rng: np.random.Generator) -> NDArray[np.float32]:
-    """Corners of a square in a scene that shows no sign, or only a part of one, or several."""
+    """Corners of a square in a scene that is not a sign: it shows no sign, a part of one, or several."""
     draw = rng.random()
     if draw < 0.2:
         return _block(scene, source, rng)
-    if draw < 0.35:  # a part of a sign, or a sign with much around it
+    if draw < 0.35:  # a part of a sign, or a sign with wide surroundings
         scene[SPAN : 2 * SPAN, SPAN : 2 * SPAN] = source.one(int(rng.integers(len(HAZMAT_CLASSES))), rng)
         size = SPAN * rng.choice([rng.uniform(0.35, 0.6), rng.uniform(1.7, 2.2), rng.uniform(0.8, 1.2)])
         middle = 1.5 * SPAN + rng.uniform(-0.5, 0.5, 2) * (2.9 * SPAN - size) * 0.5
@@ -121,7 +121,7 @@ def _no_sign(scene: Picture, source: PatchSource, rng: np.random.Generator) -> N
 
 
 def _block(scene: Picture, source: PatchSource, rng: np.random.Generator) -> NDArray[np.float32]:
-    """Corners of two or four signs side by side, which together are none."""
+    """Corners of a block of two or four signs side by side, which counts as no sign."""
     shape = ((2, 2), (1, 2), (2, 1))[int(rng.integers(3))]
     for i, j in np.ndindex(*shape):
         sign = np.rot90(source.one(int(rng.integers(len(HAZMAT_CLASSES))), rng), int(rng.integers(4)))
@@ -130,14 +130,14 @@ def _block(scene: Picture, source: PatchSource, rng: np.random.Generator) -> NDA
 
 
 def _overlap(middle: NDArray[np.float64], size: float) -> float:
-    """IoU of a square with the middle cell."""
+    """Intersection over union of a square and the middle cell."""
     sides = np.minimum(middle + size / 2, 2 * SPAN) - np.maximum(middle - size / 2, SPAN)
     common = float(np.prod(np.clip(sides, 0, None)))
     return common / (size**2 + SPAN**2 - common)
 
 
 def _scene(source: PatchSource, rng: np.random.Generator) -> Picture:
-    """(3 SPAN, 3 SPAN, 3) a background, with other objects or signs in some cells around the middle."""
+    """A background, (3 SPAN, 3 SPAN, 3); in half of the scenes, some cells show signs or other objects."""
     scene = _background(source.backgrounds, rng)
     if rng.random() < 0.5:
         for i, j in np.ndindex(3, 3):
@@ -148,7 +148,7 @@ def _scene(source: PatchSource, rng: np.random.Generator) -> Picture:
 
 
 def _background(backgrounds: Sequence[Picture], rng: np.random.Generator) -> Picture:
-    """(3 SPAN, 3 SPAN, 3) a part of a picture, or noise of one scale, or a plain colour."""
+    """A part of a picture, noise of one scale, or a plain colour, (3 SPAN, 3 SPAN, 3)."""
     draw, size = rng.random(), 3 * SPAN
     if backgrounds and draw < 0.6:
         image = backgrounds[int(rng.integers(len(backgrounds)))]
@@ -165,7 +165,7 @@ def _background(backgrounds: Sequence[Picture], rng: np.random.Generator) -> Pic
 
 
 def _thing(rng: np.random.Generator, size: int = SPAN) -> Picture:
-    """(size, size, 3) something square other than a hazmat sign: a tag, code, paper with words or shapes, a panel."""
+    """A square object other than a hazmat sign, (size, size, 3): a tag, a code, an eye chart, or words and shapes."""
     ground, ink = rng.integers(0, 256, (2, 3)).tolist()
     if rng.random() < 0.4:
         ground = [int(rng.integers(200, 256))] * 3
@@ -176,7 +176,7 @@ def _thing(rng: np.random.Generator, size: int = SPAN) -> Picture:
         return np.repeat(tag[..., None], 3, axis=2)
     if draw < 0.35:
         code = cv2.resize(qr_picture("0" * int(rng.integers(1, 99)), 4), (size, size), interpolation=cv2.INTER_AREA)
-        first = int(rng.integers(size // 3))  # the printer's own margin, or a part of the code
+        first = int(rng.integers(size // 3))  # the code with its printed margin, or only a part of it
         return np.repeat(cv2.resize(code[first:, first:], (size, size))[..., None], 3, axis=2)
     if draw < 0.5:
         return _landolt(image, ink, rng)
@@ -198,7 +198,7 @@ def _thing(rng: np.random.Generator, size: int = SPAN) -> Picture:
 
 
 def _landolt(image: Picture, ink: list[int], rng: np.random.Generator) -> Picture:
-    """An eye chart of concentric Landolt Cs, one within the other."""
+    """An eye chart of concentric Landolt Cs."""
     middle, radius = len(image) // 2, rng.uniform(0.3, 0.48) * len(image)
     while radius > 3:
         gap = float(rng.uniform(0, 360))
@@ -210,7 +210,7 @@ def _landolt(image: Picture, ink: list[int], rng: np.random.Generator) -> Pictur
 
 
 def _worn(label: Picture, rng: np.random.Generator) -> Picture:
-    """A label turned, faded, and partly hidden at times."""
+    """A label, at times faded or partly hidden at a corner."""
     label = np.ascontiguousarray(label)
     if rng.random() < 0.25:
         corner = SQUARE[rng.integers(4)] * SPAN
@@ -223,11 +223,11 @@ def _worn(label: Picture, rng: np.random.Generator) -> Picture:
 
 
 def _rectified(scene: Picture, quad: NDArray[np.float32], rng: np.random.Generator) -> Picture:
-    """(SIGN_SIDE, SIGN_SIDE, 3) the quadrilateral and its margin, any corner first, as sharp as it is far away."""
+    """(SIGN_SIDE, SIGN_SIDE, 3) the rectified quadrilateral and its margin, any corner first, of random sharpness."""
     quad = np.roll(quad, int(rng.integers(4)), axis=0)
     side = int(np.exp(rng.uniform(np.log(24), np.log(SPAN))))
     T = cv2.getPerspectiveTransform(quad.astype(np.float32), corners_in(side))
-    # Averages over the pixels of the scene that fall into one of the patch, as a camera does.
+    # Average over the scene's pixels that fall into one pixel of the patch, as a camera does.
     blur = float(np.linalg.norm(quad[1] - quad[0])) / side / 2
     soft = cv2.GaussianBlur(scene, (0, 0), max(0.3, blur)) if blur > 0.5 else scene
     patch = cv2.warpPerspective(soft, T, (side, side), flags=cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)
@@ -235,7 +235,7 @@ def _rectified(scene: Picture, quad: NDArray[np.float32], rng: np.random.Generat
 
 
 def photographed(patch: Picture, rng: np.random.Generator) -> Picture:
-    """A square patch (side, side, 3) as a camera takes it: blurred, with other light, glare and noise."""
+    """A square patch (side, side, 3) as a camera sees it: with random blur, light, glare, compression and noise."""
     image = patch.astype(np.float32)
     for change in _changes():
         if rng.random() < 0.5:
@@ -258,18 +258,18 @@ def _blurred(image: NDArray[np.float32], rng: np.random.Generator) -> NDArray[np
 
 
 def _coloured(image: NDArray[np.float32], rng: np.random.Generator) -> NDArray[np.float32]:
-    """By another white balance, and darker or paler."""
+    """With another white balance, and darker or paler."""
     factor = rng.uniform(0.75, 1.25, 3) * rng.uniform(0.3, 1.1)
     return np.asarray(image * factor + rng.uniform(-10, 25), np.float32)
 
 
 def _contrasted(image: NDArray[np.float32], rng: np.random.Generator) -> NDArray[np.float32]:
-    """By another gamma."""
+    """With another gamma."""
     return np.asarray(255 * (np.clip(image, 0, 255) / 255) ** np.exp(rng.normal(0, 0.4)), np.float32)
 
 
 def _moved(image: NDArray[np.float32], rng: np.random.Generator) -> NDArray[np.float32]:
-    """Blurred along a random way of up to a tenth of the patch."""
+    """With motion blur in a random direction, over at most four pixels."""
     kernel = np.zeros((7, 7), np.float32)
     end = 3 + 3 * np.array([np.cos(a := rng.uniform(0, np.pi)), np.sin(a)]) * rng.uniform(0.3, 1)
     cv2.line(kernel, (3, 3), np.round(end).astype(int).tolist(), 1)
@@ -277,13 +277,13 @@ def _moved(image: NDArray[np.float32], rng: np.random.Generator) -> NDArray[np.f
 
 
 def _lit(image: NDArray[np.float32], rng: np.random.Generator) -> NDArray[np.float32]:
-    """Brighter at one side."""
+    """With uneven lighting."""
     light = cv2.resize(rng.uniform(0.4, 1.2, (2, 2)), image.shape[:2])[..., None]
     return np.asarray(image * light, np.float32)
 
 
 def _glaring(image: NDArray[np.float32], rng: np.random.Generator) -> NDArray[np.float32]:
-    """With the mirror image of a lamp, as behind glass."""
+    """With the reflection of a lamp, as behind glass."""
     side = len(image)
     glare = np.zeros((side, side), np.float32)
     axes = rng.integers(side // 20, side // 3, 2).tolist()
@@ -293,7 +293,7 @@ def _glaring(image: NDArray[np.float32], rng: np.random.Generator) -> NDArray[np
 
 
 def _compressed(image: NDArray[np.float32], rng: np.random.Generator) -> NDArray[np.float32]:
-    """As a JPEG of low quality."""
+    """With the artefacts of JPEG at low quality."""
     quality = [cv2.IMWRITE_JPEG_QUALITY, int(rng.integers(25, 90))]
     _, data = cv2.imencode(".jpg", np.clip(image, 0, 255).astype(np.uint8), quality)
     return np.asarray(cv2.imdecode(data, cv2.IMREAD_COLOR), np.float32)

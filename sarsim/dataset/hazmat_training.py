@@ -23,14 +23,14 @@ from sarsim.dataset.patch_training import Patches, PatchLearner
 from sarsim.dataset.settings import HazmatTrainingConfig
 from sarsim.jobs.processes import connected
 
-PHOTO_SIDE = 900  # Pixels along the longer side of a photo: squares of which are as large as signs
+PHOTO_SIDE = 900  # Pixels along a photo's longer side at most, so that squares in it are as large as signs
 
 
 def pictures(data: Sequence[Path]) -> Iterator[Rgb]:
-    """(H, W, 3) uint8 images of all scenes of datasets, which are folders, and photos; none must show signs.
+    """(H, W, 3) uint8 images from datasets (folders) and photos (files), none of which may show signs.
 
     Raises:
-        InputError: one is missing or broken.
+        InputError: a dataset or photo is missing or broken.
     """
     for folder in (path for path in data if not path.is_file()):
         for _, scene in Dataset(folder):
@@ -42,7 +42,7 @@ def pictures(data: Sequence[Path]) -> Iterator[Rgb]:
 
 
 class HazmatLearner(PatchLearner):
-    """A classifier of signs, with processes that draw patches for it."""
+    """A classifier of signs, for which other processes draw patches."""
 
     config: HazmatTrainingConfig
 
@@ -57,9 +57,9 @@ class HazmatLearner(PatchLearner):
 
         Args:
             pictures: (H, W, 3) uint8 each, without signs.
-            config: how to train.
-            device: on which to learn.
-            network: to begin with; by default one of random weights.
+            config: settings of the training.
+            device: device on which to train.
+            network: initial network; by default one with random weights.
         """
         super().__init__(config, device, lambda: network or PatchNetwork(len(HAZMAT_CLASSES), side=SIGN_SIDE))
         self.data, self._pictures = f"{len(pictures)} pictures", pictures
@@ -69,7 +69,7 @@ class HazmatLearner(PatchLearner):
         self._taken = self._oldest = 0
 
     def draw(self) -> Patches:
-        """Some of the patches, turned by a random quarter."""
+        """A random choice of the patches, all turned by the same random multiple of 90°."""
         chunk, worth = self.config.chunk, self.config.uses * self.config.chunk
         self._taken += self.config.batch
         while self._taken >= worth:
@@ -81,7 +81,7 @@ class HazmatLearner(PatchLearner):
         return np.rot90(self._images[chosen], int(self.rng.integers(4)), (1, 2)), self._kinds[chosen]
 
     def validate(self, network: PatchNetwork) -> list[float]:
-        """The share of patches of labels drawn anew, the same each time, that are classified rightly."""
+        """The share of unseen patches, the same each time, that are classified correctly."""
         rng = np.random.default_rng((self.config.seed, self.config.processes))
         source = PatchSource.make(self.config.labels // 5 + 1, self._pictures, rng)
         unseen, right = patches(source, self.config.validated, rng)
@@ -89,7 +89,7 @@ class HazmatLearner(PatchLearner):
 
 
 def _drawn(pictures: Sequence[NDArray[np.uint8]], config: HazmatTrainingConfig) -> Iterator[Patches]:
-    """Chunks of patches without end, of one process after the other, so that their order is always the same."""
+    """An endless sequence of chunks of patches, from each process in turn, so that the order is always the same."""
     seeds = [(config.seed, k) for k in range(config.processes)]
     pipes = [connected(_draw, pictures, config.labels, config.chunk, seed)[1] for seed in seeds]
     for pipe in cycle(pipes):
@@ -99,7 +99,7 @@ def _drawn(pictures: Sequence[NDArray[np.uint8]], config: HazmatTrainingConfig) 
 def _draw(
     pipe: Connection, pictures: Sequence[NDArray[np.uint8]], labels: int, chunk: int, seed: Sequence[int]
 ) -> None:
-    """Draw labels, and send patches of them until the other end of the pipe is closed."""
+    """Draw labels, then send chunks of patches until the other end of the pipe is closed."""
     cv2.setNumThreads(1)
     rng = np.random.default_rng(seed)
     source = PatchSource.make(labels, pictures, rng)

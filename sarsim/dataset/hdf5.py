@@ -1,4 +1,4 @@
-"""HDF5 files that are written completely or raise an error, and that are checked before they are read."""
+"""HDF5 files: write errors are never lost, and files are checked before they are read."""
 
 import io
 import zlib
@@ -15,21 +15,21 @@ from pipeline.errors import InputError
 from pipeline.files import GOOD, answer_apart, check_regular
 
 FAST = {"compression": "gzip", "compression_opts": 1}
-"""HDF5's other fast filter, LZF, makes different bytes of the same data each time."""
+"""Options for fast compression. HDF5's other fast filter, LZF, does not give the same bytes for the same data."""
 SECONDS, MEMORY = 3, 1_000_000_000
-"""of processor time and bytes, to check a file; sarsim's own files need hundredths of a second and a few MB."""
-_RAW = -15  # zlib's code for a stream without header and checksum, with the largest window
+"""Limits of processor time, s, and memory, bytes, for checking a file; sarsim's files need 0.01 s and a few MB."""
+_RAW = -15  # zlib's ``wbits`` for a stream without header and checksum, with the largest window
 _ZLIB_HEAD = b"\x78\x01"  # RFC 1950: deflate, the largest window, fastest
 
 
 def write_noisy(dataset: h5py.Dataset, index: int, image: NDArray[np.uint16]) -> None:
-    """Write one image in the format of the filters shuffle and gzip, in a fifth of their time.
+    """Write one image in the format of the shuffle and gzip filters, in a fifth of the time that they take.
 
-    The low bytes of a noisy image hardly shrink, so they are stored uncompressed in gzip's stream (RFC 1951, 3.2.4).
+    The low bytes of a noisy image hardly compress, so they are stored as they are in the stream (RFC 1951, 3.2.4).
 
     Args:
-        dataset: (M, H, W) of uint16 with these filters, in chunks of one image.
-        index: of the image.
+        dataset: (M, H, W) uint16 with these filters, in chunks of one image.
+        index: index of the image.
         image: (H, W).
     """
     low, high = np.ascontiguousarray(image.astype("<u2").view(np.uint8).reshape(-1, 2).T)
@@ -40,10 +40,10 @@ def write_noisy(dataset: h5py.Dataset, index: int, image: NDArray[np.uint16]) ->
 
 
 class NewFile(ExitStack):
-    """A file to write; the same writes make the same bytes.
+    """A new HDF5 file; the same writes give the same bytes.
 
     Attributes:
-        file: h5py's; create datasets with ``track_times=False``.
+        file: h5py's file; create datasets with ``track_times=False``.
         check: raises the OSError of an earlier write; the end of the ``with`` block raises it as well.
     """
 
@@ -58,9 +58,9 @@ class NewFile(ExitStack):
 
 
 class FileSink(io.FileIO):
-    """A file for HDF5 to write to, which keeps the first error.
+    """A file for HDF5 to write to, which remembers the first error.
 
-    If a disk is full, HDF5 itself drops data without an error when it flushes its cache.
+    If the disk is full, HDF5 itself loses data without an error when it flushes its cache.
     """
 
     _error: OSError | None = None
@@ -71,7 +71,7 @@ class FileSink(io.FileIO):
             raise self._error
 
     def write(self, data: Any) -> int:
-        """Write all data; after an error write nothing more."""
+        """Write all data, or nothing after an error."""
         view = memoryview(data).cast("B")
         written = 0
         try:
@@ -91,11 +91,11 @@ class FileSink(io.FileIO):
 
 
 def open_file(path: Path) -> h5py.File:
-    """Open a file to read.
+    """Open a file for reading.
 
     Raises:
-        InputError: it is missing, no HDF5 file, damaged, or forged: on some such files HDF5's library hangs, and
-            others fill all memory when they are unpacked.
+        InputError: the file is missing, not HDF5, damaged or malicious; some such files make HDF5's library hang, or
+            fill all memory when they are decompressed.
     """
     check_regular(path)
     if (said := answer_apart(lambda: _looked_through(path), SECONDS, MEMORY)) != GOOD:
@@ -107,7 +107,7 @@ def open_file(path: Path) -> h5py.File:
 
 
 def _looked_through(path: Path) -> str:
-    """What is wrong with a file's attributes, datasets and chunk indices, without the data; else :data:`GOOD`."""
+    """What is wrong with a file's attributes, datasets or chunk indices, or :data:`GOOD`; the data are not read."""
     try:
         with h5py.File(path, "r") as file:
             dict(file.attrs)
@@ -118,7 +118,7 @@ def _looked_through(path: Path) -> str:
 
 
 def _check_chunks(name: str, part: h5py.Dataset | h5py.Group) -> None:
-    """Raises ValueError if a dataset's chunks are longer than incompressible data would be."""
+    """Raise ValueError if a dataset has a chunk longer than incompressible data would make it."""
     if isinstance(part, h5py.Dataset) and part.chunks:
         most, longest = 1.1 * prod(part.chunks) * part.id.get_type().get_size() + 1024, 0
 

@@ -10,9 +10,9 @@ def victim_boxes(instance, victim_of_geom, boxes, areas):
 
     Args:
         instance: (H, W) int32 geom ids, -1 = none.
-        victim_of_geom: (G,) int16 index of the victim that a geom belongs to, -1 = none.
-        boxes: (V, 4) int32, filled: first column and row, last column and row + 1; unchanged for victims out of view.
-        areas: (V,) int32, initially 0; filled: the number of pixels that show each victim.
+        victim_of_geom: (G,) int16 index of the victim to which each geom belongs, -1 = none.
+        boxes: (V, 4) int32, output: first column and row, last column and row + 1; unchanged for victims out of view.
+        areas: (V,) int32, initially 0; output: the number of pixels that show each victim.
     """
     for v in range(instance.shape[0]):
         for u in range(instance.shape[1]):
@@ -28,12 +28,12 @@ def victim_boxes(instance, victim_of_geom, boxes, areas):
 
 @njit(cache=True)
 def to_millimetres(depth, label, millimetres, label_points):
-    """Round depth and count the returns.
+    """Round depth to millimetres, and count the returns of each label.
 
     Args:
         depth: (H, W) float32 m, 0 = no return.
         label: (H, W) uint8.
-        millimetres: (H, W) uint16, filled.
+        millimetres: (H, W) uint16, output.
         label_points: (L,) int64; each return adds 1 to the count of its label.
     """
     for v in range(depth.shape[0]):

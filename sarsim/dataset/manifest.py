@@ -1,4 +1,4 @@
-"""``dataset.json``: the scenes of a dataset, with checksums that show whether their files are complete."""
+"""``dataset.json``: the scenes of a dataset, with checksums that show whether their files are intact."""
 
 import hashlib
 import json
@@ -19,7 +19,7 @@ DATASET_VERSION = 1
 SPLITS = ("train", "val", "test")
 MOST_SCENES = 10**9
 _HELD_OUT = {4: "val", 9: "test"}
-"""Split by the last digit of a scene's index, so that no scene changes its split when a dataset grows."""
+"""Split by the last digit of a scene's index, so that scenes keep their split when a dataset grows."""
 
 
 @dataclass(frozen=True)
@@ -27,14 +27,14 @@ class SceneEntry:
     """One scene of a dataset.
 
     Attributes:
-        index: of the scene.
-        file: its path in the dataset's folder.
+        index: number of the scene.
+        file: path of the scene's file, relative to the dataset's folder.
         split: train, val or test.
-        sha256: of the file.
-        frames: their number.
-        arena: name or path.
+        sha256: checksum of the file, in hexadecimal digits.
+        frames: number of frames.
+        arena: name or path of the arena.
         lighting: normal, dim or dark.
-        points: number of depth returns by the name of their label.
+        points: number of depth returns by name of their label.
     """
 
     index: int
@@ -52,7 +52,7 @@ class Manifest:
     """The content of ``dataset.json``.
 
     Attributes:
-        recipe: what decides every byte of the scenes, as JSON values.
+        recipe: the settings that determine every byte of the scenes, as JSON values.
         scenes: the complete scenes, by index.
         generator: program and version that made them.
     """
@@ -63,7 +63,7 @@ class Manifest:
 
     @classmethod
     def new(cls, recipe: Recipe) -> Self:
-        """The manifest of a dataset without scenes."""
+        """The manifest of a new dataset, without scenes."""
         return cls(json.loads(json.dumps(asdict(recipe))), {}, f"sarsim {version('sarsim')}")
 
     @classmethod
@@ -92,7 +92,7 @@ class Manifest:
             raise InputError(f"{path}: damaged: {error}") from error
 
     def write(self, folder: Path) -> None:
-        """Replace the file; InputError if it cannot be written."""
+        """Write or replace the manifest in a dataset's folder; InputError if it cannot be written."""
         content = {
             "format": DATASET_FORMAT,
             "version": DATASET_VERSION,
@@ -108,7 +108,7 @@ class Manifest:
             partial.write_text(json.dumps(content, indent=1) + "\n")
 
     def check_same(self, other: "Manifest", folder: Path) -> None:
-        """Raises InputError if the other manifest's scenes would differ."""
+        """Raise InputError if the scenes of the other manifest would differ."""
         if self.generator != other.generator:
             raise InputError(
                 f"{folder}: was made by {self.generator}, but you are running {other.generator};"
@@ -123,7 +123,7 @@ class Manifest:
 
 
 def _entry(row: dict[str, Any]) -> SceneEntry:
-    """A scene from the file; ValueError if a field is not valid, because exports make paths of the fields."""
+    """A scene in the file; ValueError if a field is invalid, because exports build paths from the fields."""
     entry = SceneEntry(**row)
     if not (type(entry.index) is int and 0 <= entry.index < MOST_SCENES and entry.file == scene_path(entry.index)):
         raise ValueError(f"the file {entry.file!r:.80} does not have the number of its scene, {entry.index!r:.40}")
@@ -140,12 +140,12 @@ def _entry(row: dict[str, Any]) -> SceneEntry:
 
 
 def scene_path(index: int) -> str:
-    """Path of a scene's file in the dataset's folder."""
+    """Path of a scene's file, relative to the dataset's folder."""
     return f"{SCENES}/{index:05d}.h5"
 
 
 def split_of(index: int) -> str:
-    """train, val or test, in the ratio 8 : 1 : 1."""
+    """Split of a scene: train, val or test, in the ratio 8 : 1 : 1."""
     return _HELD_OUT.get(index % 10, "train")
 
 

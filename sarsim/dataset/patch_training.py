@@ -1,4 +1,4 @@
-"""Trains a classifier of small square pictures."""
+"""Trains a classifier of small square images."""
 
 from abc import abstractmethod
 from collections.abc import Callable
@@ -22,17 +22,17 @@ Patches = tuple[NDArray[np.uint8], NDArray[np.int64]]
 
 
 class PatchLearner(Learner[Patches, PatchNetwork]):
-    """A classifier that learns from patches, which are drawn one batch after the other.
+    """A classifier that learns from patches, which are drawn batch by batch.
 
     Attributes:
         config: settings.
-        rng: of all that is drawn for batches.
+        rng: random generator for all batches.
     """
 
     SCORES = ("accuracy",)
 
     def __init__(self, config: PatchTrainingConfig, device: torch.device, begin: Callable[[], PatchNetwork]):
-        """``begin`` makes the network to begin with, once its random numbers have their seed."""
+        """``begin`` makes the initial network; it is called after seeding PyTorch's random numbers."""
         self.config, self.rng, self._drawn = config, np.random.default_rng(config.seed), 0
         torch.manual_seed(config.seed)
         self.network = begin().train().to(device, memory_format=torch.channels_last)  # type: ignore[call-overload]
@@ -43,7 +43,7 @@ class PatchLearner(Learner[Patches, PatchNetwork]):
         """The next batch."""
 
     def batch(self, number: int) -> Patches:
-        """The batch of that number; batches before it that were not asked for are drawn and left out."""
+        """The batch with this number; batches before it that were not requested are drawn and discarded."""
         for _ in range(self._drawn, number):
             self.draw()
         self._drawn = number + 1
@@ -56,7 +56,7 @@ class PatchLearner(Learner[Patches, PatchNetwork]):
         return nn.functional.cross_entropy(scores, right, label_smoothing=self.config.label_smoothing)
 
     def finished(self, network: PatchNetwork) -> PatchNetwork:
-        """A network as the robot gets it, on the processor; the given one stays as it is."""
+        """A copy of a network for use by the robot, on the CPU and in evaluation mode."""
         return deepcopy(network).cpu().eval()
 
     def write(self, network: PatchNetwork, out: Path, about: dict[str, Any]) -> None:

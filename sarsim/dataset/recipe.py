@@ -1,4 +1,4 @@
-"""The recipe of a dataset, and of each of its scenes."""
+"""The recipes from which a dataset and each of its scenes are made."""
 
 from collections.abc import Iterator
 from dataclasses import asdict, dataclass
@@ -13,11 +13,11 @@ from sarsim.sensors.conditions import Conditions
 from sarsim.sensors.lighting import Lighting
 from sarsim.sensors.xtion import Xtion
 
-PREFIX = "random:"  # of the names of random arenas; the seed follows
+PREFIX = "random:"  # Prefix of the names of random arenas; the seed follows
 LATERAL_SIGMA = (0.5, 1.0)
-"""pixels, range of the Xtion's ``lateral_sigma``, which is drawn uniformly for each scene."""
-DROPOUT = (0.0, 0.02)  # Range of the Xtion's ``dropout``, drawn likewise
-Purpose = Literal["conditions", "arena", "drive", "noise"]  # Purposes of random numbers
+"""Range of the Xtion's ``lateral_sigma``, pixels; a value is drawn uniformly for each scene."""
+DROPOUT = (0.0, 0.02)  # Range of the Xtion's ``dropout``, also drawn uniformly for each scene
+Purpose = Literal["conditions", "arena", "drive", "noise"]  # Uses of random numbers
 
 
 @dataclass(frozen=True)
@@ -25,10 +25,10 @@ class SceneRecipe:
     """The recipe of one scene.
 
     Attributes:
-        index: of the scene.
-        arena: name or path.
-        random: settings of a random arena.
-        conditions: of light, air and sensors.
+        index: number of the scene.
+        arena: name or path of the arena.
+        random: settings of a random arena; None for other arenas.
+        conditions: light, air and sensors.
     """
 
     index: int
@@ -51,7 +51,7 @@ class SceneRecipe:
 
 @dataclass(frozen=True)
 class Recipe(DatasetConfig):
-    """What decides every byte of a dataset's scenes."""
+    """The settings that determine every byte of a dataset's scenes."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -59,7 +59,7 @@ class Recipe(DatasetConfig):
             Air(dust)
 
     def rng(self, index: int, purpose: Purpose) -> np.random.Generator:
-        """The generator of the random numbers for one purpose in scene ``index``; each purpose has its own."""
+        """The random generator for one purpose in scene ``index``; each purpose has its own."""
         return np.random.default_rng([self.seed, index, get_args(Purpose).index(purpose)])
 
     def conditions(self, index: int) -> Conditions:
@@ -75,7 +75,7 @@ class Recipe(DatasetConfig):
         return Conditions(sensor, lighting, Air() if rng.random() < self.clear else dusty)
 
     def scenes(self, index: int, count: int) -> Iterator[SceneRecipe]:
-        """Candidates for scene ``index``: the first that can be built is used. Random arenas have up to ``count``."""
+        """Candidates for scene ``index``, in order: the one named arena, or ``count`` arenas drawn at random."""
         conditions, name = self.conditions(index), self.arenas[index % len(self.arenas)]
         if name != RANDOM:
             yield SceneRecipe(index, name, None, conditions)

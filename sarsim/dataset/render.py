@@ -34,7 +34,7 @@ from sarsim.sensors.rendering import Renderer, hidden
 from sarsim.victims.victims import victims_of
 
 ATTEMPTS = 10
-"""Largest number of random arenas that are drawn for a scene."""
+"""Maximum number of random arenas drawn for a scene."""
 
 
 def make_scene(recipe: Recipe, index: int, folder: Path) -> SceneEntry:
@@ -69,7 +69,8 @@ def render_scene(
 ) -> tuple[SceneRecipe, NDArray[np.int64]]:
     """Write scene ``index`` of a dataset to a file; the bytes depend on the recipe and the index alone.
 
-    Returns the recipe of the scene, and (8,) depth returns by label; ``on_frame`` is called after every frame.
+    Returns the recipe of the scene, and (8,) the number of depth returns of each label; ``on_frame`` is called after
+    every frame.
 
     Raises:
         InputError: the arena cannot be loaded or built, or the robot cannot drive in it.
@@ -87,14 +88,14 @@ def render_scene(
 
 @dataclass(frozen=True)
 class ArenaText:
-    """An arena as MJCF, and the contents of the files to which it refers."""
+    """An arena as MJCF, with the contents of the files to which it refers."""
 
     mjcf: str
     assets: dict[str, bytes]
 
 
 def find_scene(recipe: Recipe, index: int) -> tuple[SceneRecipe, ArenaText]:
-    """The recipe of scene ``index`` and its arena: the first one drawn whose parts fit into its tiles.
+    """The recipe of scene ``index`` and its arena: the first candidate that can be built.
 
     Raises:
         InputError: the arena cannot be loaded or built.
@@ -109,7 +110,7 @@ def find_scene(recipe: Recipe, index: int) -> tuple[SceneRecipe, ArenaText]:
 def arena_of(scene: SceneRecipe) -> ArenaText:
     """The arena of a scene; InputError if it cannot be loaded or built."""
     if scene.random is not None:
-        # The same as by load_arena, without the tenths of a second that PyMJCF takes to read and write it.
+        # The same arena as from load_arena, without the tenths of a second that PyMJCF takes to parse and write it.
         builder = build_random(int(scene.arena.removeprefix(PREFIX)), scene.random)
         return ArenaText(builder.to_xml(), builder.files)
     arena = load_arena(scene.arena)
@@ -117,16 +118,16 @@ def arena_of(scene: SceneRecipe) -> ArenaText:
 
 
 class World(ExitStack):
-    """An arena with a robot that is set to poses without physics, and the images of the robot's camera.
+    """An arena with a robot that is placed at poses without physics, and the images of the robot's camera.
 
     Attributes:
-        model: of arena and robot.
-        data: of the model.
-        camera: the robot's.
+        model: MuJoCo model of arena and robot.
+        data: the model's data.
+        camera: the robot's RGB-D camera.
     """
 
     def __init__(self, arena: ArenaText, scene: SceneRecipe, renderer: type[Renderer], width: int, height: int):
-        """Images are ``width`` × ``height`` pixels."""
+        """Build the scene's arena, to be rendered in images of ``width`` × ``height`` pixels."""
         super().__init__()
         self._scene = scene
         self._mjcf = arena.mjcf
@@ -147,7 +148,7 @@ class World(ExitStack):
             self._victim_of_geom[victim.geoms] = number
 
     def drive(self, recipe: Recipe, rng: np.random.Generator) -> EndlessDrive:
-        """A drive from the arena's start."""
+        """A drive that begins at the arena's start."""
         survey = Survey(self.model, self.data, self.camera.base_body)
         surface = survey.surface_from(self._T_world_start[:3, 3])
         wheel_contact = WheelContact(survey.bodies, survey.grid)
@@ -156,7 +157,7 @@ class World(ExitStack):
         )
 
     def capture(self, pose: Pose, rng: np.random.Generator) -> SceneFrame:
-        """The robot's frame at a pose; ``rng`` draws the errors of its sensors."""
+        """The frame that the robot sees at a pose; ``rng`` draws the errors of its sensors."""
         self._move(pose.T_world_base)
         true = self.camera.capture(self.data)
         seen = self._scene.conditions.sense(true, rng)
@@ -166,7 +167,7 @@ class World(ExitStack):
         return SceneFrame(seen.frame(pose.time, pose.T_odom_base), pose.T_world_base, boxes, areas)
 
     def areas_alone(self) -> NDArray[np.int32]:
-        """(V,) pixels that would show each victim in the last image if nothing occluded it."""
+        """(V,) number of pixels that would show each victim in the last image if nothing occluded it."""
         areas = np.zeros(len(self._victims), np.int32)
         for number, victim in enumerate(self._victims):
             with hidden(self.model, ~np.isin(np.arange(self.model.ngeom), victim.geoms)):
@@ -190,7 +191,7 @@ class World(ExitStack):
         )
 
     def _move(self, T_world_base: NDArray[np.float64]) -> None:
-        """Set the robot's pose, and compute those of its camera and lamp; nothing is simulated."""
+        """Set the robot's pose, and compute the poses of its camera and lamp; nothing is simulated."""
         seat = self.data.qpos[self._seat : self._seat + 7]
         seat[:3] = T_world_base[:3, 3]
         mujoco.mju_mat2Quat(seat[3:], np.ascontiguousarray(T_world_base[:3, :3]).ravel())
@@ -200,10 +201,10 @@ class World(ExitStack):
 
 
 def _with_robot(text: ArenaText) -> mujoco.MjModel:
-    """Compile arena and robot into one model; the robot's parts have the names that dm_control gives them."""
+    """Compile arena and robot into one model; the robot's parts get the names that dm_control would give them."""
     arena = mujoco.MjSpec.from_string(text.mjcf, assets=text.assets)
     robot = mujoco.MjSpec.from_file(str(robot_file(ROBOTS[0])))
-    # Contacts are not simulated here; if arena and robot differed in how to solve them, MuJoCo would warn.
+    # Contacts are not simulated here, but MuJoCo would warn if arena and robot differed in these solver options.
     robot.option.cone, robot.option.impratio = arena.option.cone, arena.option.impratio
     arena.attach(robot, prefix=f"{robot.modelname}/", frame=arena.worldbody.add_frame())
     arena.body(f"{robot.modelname}/base_link").add_freejoint()
@@ -212,7 +213,7 @@ def _with_robot(text: ArenaText) -> mujoco.MjModel:
 
 @cache
 def _robot_by_name() -> SkidSteered:
-    """The names of the robot's parts in an arena."""
+    """The robot in an empty arena, for the names of its parts."""
     robot = SkidSteered()
     composer.Arena().add_free_entity(robot)
     return robot

@@ -23,16 +23,16 @@ from sarsim.dataset.hdf5 import FAST, NewFile, open_file, write_noisy
 
 SCENE_FORMAT = "sarsim-scene"
 SCENE_VERSION = 1
-PER_METRE = np.float32(1000)  # units of depth; divided by, for so depth is as exact as from other formats
+PER_METRE = np.float32(1000)  # Depth units per metre; dividing by it, depth is as exact as from other formats
 NO_BOX = -1
 
 _IMAGES = {"rgb": ((3,), np.uint8), "depth": ((), np.uint16), "label": ((), np.uint8), "instance": ((), np.int16)}
-"""Shape and type of a pixel by image. Colour images are stored uncompressed, because noise hardly compresses."""
+"""Shape and type of a pixel of each image. Colour images are not compressed, because noise hardly compresses."""
 
 _CONTENT = {
     name: name.replace("s/", "_")
     for name in ("geoms/name", "geoms/label", "geoms/victim", "victims/id", "victims/pose", "victims/box")
-}  # by name in the file: the attribute of :class:`SceneContent`
+}  # The attribute of :class:`SceneContent` for each name in the file
 
 _LAYOUT: dict[str, tuple[str, *tuple[str | int, ...]]] = {
     "rgb": ("u1", "M", "H", "W", 3),
@@ -54,9 +54,9 @@ _LAYOUT: dict[str, tuple[str, *tuple[str | int, ...]]] = {
     "victims/pose": ("f8", "V", 4, 4),
     "victims/box": ("f8", "V", 2, 3),
 }
-"""Type and shape of all datasets of a file; a letter stands for the same size everywhere."""
+"""Type and shape of every dataset in a file; a letter stands for the same size everywhere."""
 MOST_BYTES = 2**28
-"""of a frame's image, and of any other dataset: a file of some bytes may claim to hold terabytes."""
+"""Maximum bytes of a frame's image, and of any other dataset, because a small file may claim to hold terabytes."""
 MOST_FRAMES = 100_000
 
 
@@ -65,15 +65,15 @@ class SceneContent:
     """The content of a scene without its frames.
 
     Attributes:
-        settings: recipe of the scene, as JSON values.
+        settings: the scene's recipe as JSON values.
         mjcf: the arena's MJCF, without the robot.
-        intrinsics: of all images.
-        geom_name: (G,) of the geoms, by instance.
+        intrinsics: camera intrinsics of all images.
+        geom_name: (G,) names of the geoms, by instance id.
         geom_label: (G,) uint8.
-        geom_victim: (G,) int16 index of the victim that a geom belongs to; -1 = none.
+        geom_victim: (G,) int16 index of the victim to which each geom belongs; -1 = none.
         victim_id: (V,) names.
-        victim_pose: T_world_victim.
-        victim_box: lowest and highest corner in the victim's own frame, m.
+        victim_pose: (V, 4, 4) T_world_victim.
+        victim_box: (V, 2, 3) lowest and highest corner in the victim's own frame, m.
     """
 
     settings: dict[str, Any]
@@ -89,14 +89,14 @@ class SceneContent:
 
 @dataclass(frozen=True, eq=False)
 class SceneFrame:
-    """One frame of a scene with its ground truth.
+    """One frame of a scene, with its ground truth.
 
     Attributes:
-        frame: with label and instance.
+        frame: the robot's frame, with label and instance images.
         pose_true: T_world_base.
         victim_pixels: (V, 4) int32 first column and row, last column and row + 1 (u0, v0, u1, v1) of the visible part
             of each victim; -1 if nothing is visible.
-        victim_area: (V,) int32 pixels that show each victim.
+        victim_area: (V,) int32 number of pixels that show each victim.
     """
 
     frame: Frame
@@ -105,7 +105,7 @@ class SceneFrame:
     victim_area: NDArray[np.int32]
 
     def row(self) -> dict[str, Any]:
-        """All values except the images, by name in the file."""
+        """All values except the images, by their names in the file."""
         return {
             "time": self.frame.time,
             "pose_true": self.pose_true,
@@ -117,10 +117,10 @@ class SceneFrame:
 
 
 class SceneWriter(ExitStack):
-    """Writes a scene's file, frame by frame; the same frames make the same bytes.
+    """Writes a scene's file, frame by frame; the same frames give the same bytes.
 
     Attributes:
-        label_points: (8,) returns so far by label.
+        label_points: (8,) number of depth returns of each label so far.
     """
 
     def __init__(self, path: Path, frames: int, content: SceneContent):
@@ -160,12 +160,12 @@ class SceneWriter(ExitStack):
             self._dataset(name, np.array([row[name] for row in self._rows]))
 
     def _dataset(self, name: str, data: NDArray, **filters: Any) -> None:
-        # With a time of writing, the same data would not make the same bytes.
+        # With timestamps, the same data would not give the same bytes.
         self._file.create_dataset(name, data=data, track_times=False, **filters)
 
 
 def _fixed(values: NDArray | list[str]) -> NDArray:
-    """Arrays unchanged, and names as bytes of one length."""
+    """Arrays unchanged; names as an array of fixed-length bytes."""
     if isinstance(values, np.ndarray):
         return values
     return np.array([name.encode() for name in values], dtype=np.bytes_ if values else "S1")
@@ -175,19 +175,19 @@ class Scene(ExitStack):
     """Reads a scene's file.
 
     Attributes:
-        path: of the file.
-        settings: recipe of the scene.
-        intrinsics: of all images.
+        path: the scene's file.
+        settings: the scene's recipe as JSON values.
+        intrinsics: camera intrinsics of all images.
         pose_true: (M, 4, 4) T_world_base.
         pose_odom: (M, 4, 4) T_odom_base.
         T_base_camera: (M, 4, 4).
         time: (M,) s.
         victim_pixels: (M, V, 4) int32 boxes u0, v0, u1, v1 around the visible part of each victim; -1 if none is.
-        victim_area: (M, V) int32 pixels that show each victim.
+        victim_area: (M, V) int32 number of pixels that show each victim.
     """
 
     def __init__(self, path: Path):
-        """Open a file; InputError if it is missing, broken, or no scene of this version."""
+        """Open a file; InputError if it is missing, broken, or not a scene of this format version."""
         super().__init__()
         self.path = path
         self._file = self.enter_context(open_file(path))
@@ -200,7 +200,7 @@ class Scene(ExitStack):
 
     @contextmanager
     def _telling(self) -> Iterator[None]:
-        """Turn the exceptions that a broken file causes into InputError."""
+        """Turn exceptions caused by a broken file into InputError."""
         try:
             yield
         except InputError:
@@ -227,7 +227,7 @@ class Scene(ExitStack):
         self._check_numbers()
 
     def _check_layout(self) -> dict[str, int]:
-        """Sizes by letters; ValueError if a dataset is in another file, huge, or of another type or shape."""
+        """The size for each letter; ValueError if a dataset is external or huge, or has the wrong type or shape."""
         sizes: dict[str, int] = {}
         for name, (kind, *shape) in _LAYOUT.items():
             part = self._file[name]
@@ -247,7 +247,7 @@ class Scene(ExitStack):
         return sizes
 
     def _check_numbers(self) -> None:
-        """Raises ValueError if a number is out of range."""
+        """Raise ValueError if a number is out of range."""
         k, content = self.intrinsics, self.content
         if not np.isfinite([k.fx, k.fy, k.cx, k.cy]).all() or min(k.fx, k.fy) <= 0:
             raise ValueError("the intrinsics must be finite, with positive focal lengths")
@@ -297,7 +297,7 @@ class Scene(ExitStack):
 
     @cached_property
     def content(self) -> SceneContent:
-        """The content without the frames; InputError if the file is broken."""
+        """The scene's content without the frames; InputError if the file is broken."""
         with self._telling():
             arrays = {attribute: self._file[name][:] for name, attribute in _CONTENT.items()}
             for names in ("geom_name", "victim_id"):
@@ -306,7 +306,7 @@ class Scene(ExitStack):
         return SceneContent(settings=self.settings, mjcf=mjcf, intrinsics=self.intrinsics, **arrays)
 
     def _numbers(self, name: str, index: int, least: int, end: int) -> NDArray:
-        """An image of whole numbers from ``least`` to below ``end``."""
+        """An image of integers; InputError unless they are from ``least`` to ``end`` - 1."""
         image = self._image(name, index)
         if image.size and not least <= image.min() <= image.max() < end:
             raise InputError(
@@ -322,7 +322,7 @@ class Scene(ExitStack):
 
 
 def read_scene(path: Path) -> Recording:
-    """The frames, dead reckoning and true poses of a scene's file; InputError if it is missing or broken."""
+    """The frames, dead-reckoned and true trajectories of a scene's file; InputError if it is missing or broken."""
 
     def frames() -> Iterator[Frame]:
         with Scene(path) as scene:

@@ -1,4 +1,4 @@
-"""Trains the classifier of extinguishers and levers on what stands out in rendered arenas."""
+"""Trains the classifier of extinguishers and levers on protrusions in rendered arenas."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -23,15 +23,15 @@ from sarsim.dataset.settings import ShapeTrainingConfig
 
 
 class ShapePatches:
-    """What stands out in datasets, as patches.
+    """Patches of the protrusions in datasets.
 
     Attributes:
         images: (N, PATCH, PATCH, 4) uint8.
-        kinds: (N,) int64 classes; len(SHAPED) is none of them.
+        kinds: (N,) int64 classes; ``len(SHAPED)`` means another protrusion.
     """
 
     def __init__(self, folders: Sequence[Path], rng: np.random.Generator, varied: ShapeTrainingConfig | None = None):
-        """One patch of each object; if ``varied``, that many copies of what is of a shape, and of all another square.
+        """One patch per protrusion; with ``varied``, at random offsets, and ``copies`` of each lever or extinguisher.
 
         Raises:
             InputError: a dataset is missing or broken.
@@ -51,7 +51,7 @@ class ShapePatches:
 
 
 class ShapeLearner(PatchLearner):
-    """A classifier of shapes, which sees equally many of each class."""
+    """A classifier of shapes, trained on equally many patches of each class, on average."""
 
     def __init__(
         self,
@@ -64,10 +64,10 @@ class ShapeLearner(PatchLearner):
         """Learn from the patches ``known``; validate and calibrate with the ``usual`` ones.
 
         Args:
-            known, usual: patches.
-            config: how to train.
-            device: on which to learn.
-            network: to begin with; by default one of random weights.
+            known, usual: patches; the classes of ``usual`` are as frequent as where the robot drives.
+            config: settings of the training.
+            device: device on which to train.
+            network: initial network; by default one with random weights.
         """
         super().__init__(config, device, lambda: network or PatchNetwork(len(SHAPED), has_relief=True))
         self._known, self._usual = known, usual
@@ -75,7 +75,7 @@ class ShapeLearner(PatchLearner):
         self._of_kind = [np.flatnonzero(known.kinds == kind) for kind in range(len(SHAPED) + 1)]
 
     def draw(self) -> Patches:
-        """Patches in another light, every other one mirrored."""
+        """Random patches with photographic variations, every other one mirrored."""
         kinds = self.rng.integers(len(self._of_kind), size=self.config.batch)
         images = np.stack([self._known.images[self.rng.choice(self._of_kind[kind])] for kind in kinds])
         images[..., :3] = [photographed(image, self.rng) for image in images[..., :3]]
@@ -83,18 +83,18 @@ class ShapeLearner(PatchLearner):
         return images, kinds
 
     def finished(self, network: PatchNetwork) -> PatchNetwork:
-        """A calibrated network."""
+        """A calibrated copy of the network for use by the robot."""
         result = super().finished(network)
         calibrate(result, self._usual)
         return result
 
     def validate(self, network: PatchNetwork) -> list[float]:
-        """The share of the usual patches that are classified rightly."""
+        """The share of the usual patches that are classified correctly."""
         counts = self.confusion(network)
         return [float(np.trace(counts) / counts.sum())]
 
     def confusion(self, network: PatchNetwork) -> NDArray[np.int64]:
-        """(classes, classes) numbers of the usual patches by their class, and by the likeliest one."""
+        """The (classes, classes) confusion matrix of the usual patches; rows are true, columns predicted classes."""
         likeliest = self.finished(network).probabilities(self._usual.images, turns=1).argmax(axis=1)
         counts = np.zeros((len(SHAPED) + 1,) * 2, np.int64)
         np.add.at(counts, (self._usual.kinds, likeliest), 1)
@@ -102,9 +102,9 @@ class ShapeLearner(PatchLearner):
 
 
 def calibrate(network: PatchNetwork, usual: ShapePatches) -> None:
-    """Scale and shift the scores to the greatest likelihood of usual patches (Guo et al., ICML 2017, and a shift).
+    """Scale the scores (Guo et al., ICML 2017), and shift them, to maximise the likelihood of the usual patches.
 
-    The classes were equally frequent in the training, and are not where the robot drives.
+    The classes are equally frequent in training, but not where the robot drives.
     """
     last, kinds = network.eval()[-1], torch.from_numpy(usual.kinds)
     assert isinstance(last, nn.Linear)
@@ -126,12 +126,12 @@ def calibrate(network: PatchNetwork, usual: ShapePatches) -> None:
 
 
 def _labelled(scene: Scene) -> list[tuple[Protrusions, NDArray[np.int64], int]]:
-    """What stands out in all frames of a scene, its region (N, 2), and its class: that of most of its pixels."""
+    """Each protrusion in a scene: its frame's protrusions, its region (N, 2), and the class of most of its pixels."""
     kinds = [
         next((k for k, kind in enumerate(SHAPED) if name.startswith(kind)), len(SHAPED))
         for name in scene.content.geom_name
     ]
-    of_geom, found = np.array([*kinds, len(SHAPED)]), []  # the last one is of no geom, -1
+    of_geom, found = np.array([*kinds, len(SHAPED)]), []  # the last element is for no geom, -1
     for frame in scene:
         assert frame.instance is not None
         seen = Protrusions.of(frame, ShapesConfig(), LikelihoodConfig())
@@ -142,7 +142,7 @@ def _labelled(scene: Scene) -> list[tuple[Protrusions, NDArray[np.int64], int]]:
 
 
 def _moved(square: NDArray[np.float32], rng: np.random.Generator, config: ShapeTrainingConfig) -> NDArray[np.float32]:
-    """A square (4, 2) as it may lie about an object that is seen in part."""
+    """A square (4, 2) scaled and shifted at random, as if its object were seen only in part."""
     middle, side = square.mean(axis=0), np.ptp(square[:, 0])
     scaled = (square - middle) * np.exp(config.larger * rng.normal())
     return (scaled + middle + config.off * side * rng.normal(size=2)).astype(np.float32)

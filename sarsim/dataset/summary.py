@@ -1,4 +1,4 @@
-"""``index.html``: an overview of a dataset in one self-contained file."""
+"""``index.html``: an overview of a dataset in a self-contained file."""
 
 from collections import Counter
 from collections.abc import Iterator
@@ -19,12 +19,12 @@ from sarsim.dataset.manifest import SPLITS
 from sarsim.dataset.scene_file import Scene
 
 FILE = "index.html"
-MAX_PICTURED = 12  # Largest number of scenes of which the page shows a frame
-SIZE = (320, 240)  # Width and height of the pictures in pixels
+MAX_PICTURED = 12  # Maximum number of scenes of which the page shows a frame
+SIZE = (320, 240)  # Width and height of the pictures, pixels
 
 
 def write_summary(folder: Path) -> None:
-    """Write the page of a dataset's folder.
+    """Write the overview page into a dataset's folder.
 
     Raises:
         InputError: the dataset cannot be read, or the page cannot be written.
@@ -47,7 +47,7 @@ def write_summary(folder: Path) -> None:
 
 
 def _splits(dataset: Dataset) -> Iterator[dict[str, Any]]:
-    """Numbers of scenes and frames of each split, and its lighting."""
+    """The number of scenes and frames of each split, and of scenes in each lighting."""
     for split in SPLITS:
         entries = [entry for entry in dataset.entries if entry.split == split]
         lights = Counter(entry.lighting for entry in entries)
@@ -57,7 +57,7 @@ def _splits(dataset: Dataset) -> Iterator[dict[str, Any]]:
 
 
 def _balance(dataset: Dataset) -> Iterator[dict[str, Any]]:
-    """The points of each label, their share, and the share of the labels before it."""
+    """The number of points with each label, their share, and the cumulative share of the preceding labels."""
     points = Counter[str]()
     for entry in dataset.entries:
         points.update(entry.points)
@@ -70,7 +70,7 @@ def _balance(dataset: Dataset) -> Iterator[dict[str, Any]]:
 
 
 def _figures(dataset: Dataset) -> Iterator[dict[str, Any]]:
-    """For some scenes, the images of the frame that shows the most labels."""
+    """For evenly spaced scenes, the images of the frame that shows most labels."""
     step = -(-len(dataset) // MAX_PICTURED)
     for entry in dataset.entries[:: max(step, 1)]:
         with Scene(dataset.folder / entry.file) as scene:
@@ -90,7 +90,7 @@ def _figures(dataset: Dataset) -> Iterator[dict[str, Any]]:
 
 
 def with_boxes(rgb: Rgb, boxes: NDArray[np.int32]) -> Rgb:
-    """The image with (N, 4) boxes u0, v0, u1, v1 in the colour of victims."""
+    """The image with (N, 4) boxes (u0, v0, u1, v1) drawn in the colour of victims."""
     picture, thickness = rgb.copy(), max(1, rgb.shape[1] // 200)
     for u0, v0, u1, v1 in boxes.tolist():
         cv2.rectangle(picture, (u0, v0), (u1 - 1, v1 - 1), COLOURS[Label.VICTIM].tolist(), thickness)
@@ -98,6 +98,6 @@ def with_boxes(rgb: Rgb, boxes: NDArray[np.int32]) -> Rgb:
 
 
 def depth_picture(depth: NDArray[np.float32]) -> Rgb:
-    """RGB of depths (H, W) in m; near is blue, far red, no return black."""
+    """An RGB image of depths (H, W), m: near is blue, far is red, no return is black."""
     bgr = cv2.applyColorMap((depth / XTION.farthest * 255).clip(0, 255).astype(np.uint8), cv2.COLORMAP_TURBO)
     return np.where((depth > 0)[..., None], bgr[..., ::-1], 0).astype(np.uint8)

@@ -1,4 +1,4 @@
-"""The frames of a dataset as images to train a detector of people."""
+"""The frames of a dataset as training images for a person detector."""
 
 from collections.abc import Sequence
 from contextlib import ExitStack
@@ -12,17 +12,17 @@ from pipeline.victims.detection.labelled_image import TrainingImage
 from sarsim.dataset.folder import Dataset
 from sarsim.dataset.scene_file import Scene
 
-MIN_AREA = 100  # visible pixels of a person who is to be found; people with fewer are ignored
+MIN_AREA = 100  # Minimum visible pixels of a person to be found; people with fewer are ignored
 
 
 class VictimImages(ExitStack):
-    """All frames of one split, which are read on access."""
+    """The frames of one split, read on access."""
 
     def __init__(self, folders: Sequence[Path], split: str, stride: int = 1) -> None:
-        """``folders``: of datasets; ``stride``: use every ``stride``-th frame of a scene.
+        """``folders``: folders of datasets; ``stride``: use every ``stride``-th frame of a scene.
 
         Raises:
-            InputError: no dataset, or a scene is missing or broken.
+            InputError: a folder holds no dataset, or a scene is missing or broken.
         """
         super().__init__()
         files = [
@@ -46,7 +46,7 @@ class VictimImages(ExitStack):
         return TrainingImage(scene.rgb(frame), boxes, area[seen] < MIN_AREA, shown)
 
     def people(self, index: int) -> NDArray[np.floating]:
-        """(N, 2) widths and heights of the people to be found in an image, as shares of the image's."""
+        """(N, 2) widths and heights of the people to be found in an image, as shares of the image's size."""
         scene, frame = self._frames[index]
         boxes = scene.victim_pixels[frame][scene.victim_area[frame] >= MIN_AREA]
         return (boxes[:, 2:] - boxes[:, :2]) / (scene.intrinsics.width, scene.intrinsics.height)

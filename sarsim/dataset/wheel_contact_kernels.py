@@ -11,11 +11,11 @@ from sarsim.ground_truth.columns_kernels import vertical_cut
 
 _ITERATIONS = 20
 _SETTLED = 1e-6
-"""m, largest remaining gap between wheels and ground."""
+"""Maximum remaining gap between wheels and ground, m."""
 _SAMPLES = 20
-"""Number of places in front of and behind the axle where contact of a tyre is tested."""
+"""Number of points in front of the axle, and behind it, where a tyre is tested for contact."""
 _REACH = 0.75
-"""Share of the radius over which these places extend: slopes of 48° and steps of 4 cm touch a tyre within it."""
+"""Share of the radius over which these points extend: slopes of 48° and steps of 4 cm touch a tyre within it."""
 
 
 class Ground(NamedTuple):
@@ -24,10 +24,10 @@ class Ground(NamedTuple):
     Attributes:
         planes: (M, 4) (n, d), n·p ≤ d inside.
         first: (N + 1,) index of each body's first plane.
-        start, number: (nx, ny) first index and length of the part of ``bodies`` that lies over each cell.
-        bodies: indices of bodies.
-        origin: corner of cell [0, 0].
-        cell: m.
+        start, number: (nx, ny) start and length of each cell's section of ``bodies``.
+        bodies: indices of the bodies over each cell, cell by cell.
+        origin: x, y of the corner of cell [0, 0], m.
+        cell: edge length of a cell, m.
     """
 
     planes: NDArray[np.float64]
@@ -41,7 +41,7 @@ class Ground(NamedTuple):
 
 @njit(cache=True)
 def ground_height(ground, x, y, below):
-    """Height in m of the highest surface at (x, y) that is not above ``below``; -inf if there is none."""
+    """Height, m, of the highest surface at (x, y) that is not above ``below``; -inf if there is none."""
     i = int(np.floor((x - ground.origin[0]) / ground.cell))
     j = int(np.floor((y - ground.origin[1]) / ground.cell))
     highest = -np.inf
@@ -57,7 +57,7 @@ def ground_height(ground, x, y, below):
 
 @njit(cache=True)
 def axle_height(ground, x, y, c, s, radius, below):
-    """Height in m of the centre of a wheel over (x, y) that rolls along (c, s); -inf without ground below."""
+    """Height, m, of the centre of a wheel at (x, y) that rolls along (c, s); -inf if there is no ground below it."""
     highest = -np.inf
     for k in range(-_SAMPLES, _SAMPLES + 1):
         along = radius * _REACH * k / _SAMPLES
@@ -68,7 +68,7 @@ def axle_height(ground, x, y, c, s, radius, below):
 
 @njit(cache=True)
 def attitude(yaw, climb, rise):
-    """(3, 3) rotation of a body that faces along ``yaw`` on slopes of ``climb`` forwards and ``rise`` leftwards."""
+    """(3, 3) rotation of a body with heading ``yaw`` on slopes ``climb`` (forwards) and ``rise`` (to the left)."""
     c, s = np.cos(yaw), np.sin(yaw)
     x = np.array([c, s, climb]) / np.sqrt(1 + climb * climb)
     z = np.array([-climb * c + rise * s, -climb * s - rise * c, 1.0])
@@ -81,18 +81,18 @@ def attitude(yaw, climb, rise):
 
 @njit(cache=True)
 def stand(ground, x, y, yaw, below, axles, radius, centre_of_mass):
-    """Find the rest pose of a rigid body with four wheels: it stands on the three around the centre of mass.
+    """Find the rest pose of a rigid body with four wheels: it rests on the three that support the centre of mass.
 
     Args:
         ground: see :class:`Ground`.
-        x, y, yaw: of the body, m and rad.
+        x, y, yaw: position and heading of the body, m and rad.
         below: m; higher surfaces do not count as ground.
-        axles: (4, 3) m in the body, front left, front right, rear left, rear right.
-        radius: of the wheels, m.
-        centre_of_mass: (3,) m in the body.
+        axles: (4, 3) wheel centres in the body frame, m: front left, front right, rear left, rear right.
+        radius: radius of the wheels, m.
+        centre_of_mass: (3,) in the body frame, m.
 
     Returns:
-        (z, climb, rise): height of the body's origin in m and its slopes forwards and to the left; NaN if a wheel has
+        (z, climb, rise): height of the body's origin, m, and its slopes forwards and to the left; NaN if a wheel has
         no ground below it.
     """
     z, climb, rise = below, 0.0, 0.0
@@ -119,9 +119,9 @@ def stand(ground, x, y, yaw, below, axles, radius, centre_of_mass):
 
 @njit(cache=True)
 def _lift(gap, axles, forward, left):
-    """Set the gap of the wheel that is off the ground if the centre of mass is at (forward, left) of the body."""
+    """Set the gap of the wheel off the ground, for a centre of mass at (forward, left) in the body frame."""
     twist = gap[0] + gap[3] - gap[1] - gap[2]
-    # The two wheels of the higher diagonal touch the ground; the centre of mass is on one side of it.
+    # The wheels of the diagonal with higher ground touch it, and so does the one on the centre of mass's side.
     high = axles[0] if twist > 0 else axles[1]
     weight_is_left = high[0] * left - high[1] * forward > 0
     if twist > 0:
@@ -134,7 +134,7 @@ def _lift(gap, axles, forward, left):
 
 @njit(cache=True)
 def is_clear(ground, x, y, z, R, below, underside):
-    """Whether all points (N, 3) m of the body's underside are above the ground."""
+    """Whether no point of ``underside``, (N, 3) in the body frame, m, is below the ground."""
     for n in range(len(underside)):
         p = R @ underside[n]
         if ground_height(ground, x + p[0], y + p[1], below) > z + p[2]:

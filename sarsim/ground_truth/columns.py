@@ -25,9 +25,9 @@ class ConvexBodies:
     """The convex hulls of geoms in world coordinates.
 
     Attributes:
-        planes: (M, 4) float64 (n, d), n·p ≤ d inside.
+        planes: (M, 4) float64 planes (n, d); n·p ≤ d inside the body.
         first: (N + 1,) index of each body's first plane.
-        corners: outlines seen from above, counter-clockwise.
+        corners: corners of the outlines seen from above, counter-clockwise.
         first_corner: (N + 1,) index of each outline's first corner.
         low, high: (N, 3) float64 m, the bounding box of each body.
         label: (N,) uint8.
@@ -42,7 +42,7 @@ class ConvexBodies:
     label: Labels
 
     def windows(self, grid: Grid, margin: float = 0.0) -> NDArray[np.int64]:
-        """(N, 4) cells i0, i1, j0, j1 (ends excluded) around each body and ``margin`` m more."""
+        """(N, 4) cell ranges i0, i1, j0, j1 (ends excluded) of each body, extended by ``margin`` m."""
         first = np.clip(grid.cell_of(self.low[:, :2] - margin), 0, grid.shape)
         end = np.clip(grid.cell_of(self.high[:, :2] + margin) + 1, 0, grid.shape)
         return np.stack([first[:, 0], end[:, 0], first[:, 1], end[:, 1]], axis=1)
@@ -51,7 +51,7 @@ class ConvexBodies:
 def convex_bodies(model: mujoco.MjModel, data: mujoco.MjData, robot_body: int | None) -> ConvexBodies:
     """The convex bodies of all geoms that can collide, except the robot's.
 
-    A height field is as many prisms as it has triangles, and a round shape a polyhedron within 0.5 % of it.
+    A height field becomes one prism per triangle, and a round shape a polyhedron accurate to 0.5 %.
     """
     labels = geom_labels(model)
     other = model.body_rootid[model.geom_bodyid] != (-1 if robot_body is None else robot_body)
@@ -80,13 +80,13 @@ def convex_bodies(model: mujoco.MjModel, data: mujoco.MjData, robot_body: int | 
 
 @dataclass(frozen=True, eq=False)
 class Columns:
-    """The bodies over each cell's centre, merged where they touch; cell [i, j] has ``count`` from index ``start``.
+    """The bodies over each cell's centre, merged where they touch: ``count`` of them from index ``start`` on.
 
     Attributes:
         start, count: (nx, ny) int64.
         bottom, top: (N,) float64 m.
         normal_z: z of the surface normal at the top.
-        owner: index of the convex body that has this top.
+        owner: index of the convex body with this top.
     """
 
     start: NDArray[np.int64]
@@ -116,7 +116,7 @@ _Shape = tuple[NDArray[np.float64], NDArray[np.float64]]
 
 @dataclass(frozen=True, eq=False)
 class _TurnedShape:
-    """A convex body along the world's axes, relative to the geom's position."""
+    """A convex body with world-aligned axes, relative to its geom's position."""
 
     planes: NDArray[np.float64]
     outline: NDArray[np.float64]
@@ -125,7 +125,7 @@ class _TurnedShape:
 
 
 def _turned_shapes(model: mujoco.MjModel, data: mujoco.MjData, geoms: Indices) -> list[_TurnedShape]:
-    """The shape of each geom; an arena repeats few shapes and rotations, so each pair is computed once."""
+    """The shape of each geom; an arena repeats few combinations of shape and rotation, so each is computed once."""
     kinds = [model.geom_type[geoms], model.geom_dataid[geoms], model.geom_size[geoms], data.geom_xmat[geoms]]
     _, first, which = np.unique(np.column_stack(kinds), axis=0, return_index=True, return_inverse=True)
     turned = [_turned(*_shape(model, int(g)), data.geom_xmat[g].reshape(3, 3)) for g in geoms[first]]
@@ -142,7 +142,7 @@ def _prisms(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> list[_Turn
     tops, R = field_triangles(model, geom), data.geom_xmat[geom].reshape(3, 3)
     feet = tops * (1, 1, 0) - (0, 0, model.hfield_size[model.geom_dataid[geom], 3])
     sides = [np.stack([feet[:, a], feet[:, b], tops[:, a]], axis=1) for a, b in ((0, 1), (1, 2), (2, 0))]
-    faces = np.stack([tops, *sides, feet[:, ::-1]], axis=1) @ R.T  # each by three of its corners
+    faces = np.stack([tops, *sides, feet[:, ::-1]], axis=1) @ R.T  # three corners of each face
     normals = np.cross(faces[:, :, 1] - faces[:, :, 0], faces[:, :, 2] - faces[:, :, 0])
     normals /= np.linalg.norm(normals, axis=2, keepdims=True)
     planes = np.concatenate([normals, (normals * faces[:, :, 0]).sum(axis=2, keepdims=True)], axis=2)
@@ -176,7 +176,7 @@ def _shape(model: mujoco.MjModel, geom: int) -> _Shape:
 
 
 def _plane(half: NDArray[np.float64]) -> _Shape:
-    """The prism below a rectangle, without a bottom."""
+    """The prism below a rectangle, unbounded downwards."""
     normals = np.array([(0, 0, 1), (1, 0, 0), (-1, 0, 0), (0, 1, 0), (0, -1, 0)], np.float64)
     distances = np.array([0, half[0], half[0], half[1], half[1]])
     return np.column_stack([normals, distances]), SQUARE * [*half, 0]
@@ -214,4 +214,4 @@ _ROUND: dict[mujoco.mjtGeom, Callable[[NDArray[np.float64]], NDArray[np.float64]
     _GEOM.mjGEOM_SPHERE: lambda size: _ball() * size[0],
     _GEOM.mjGEOM_ELLIPSOID: lambda size: _ball() * size,
 }
-"""For each round geom type, the function that gives (N, 3) points on its surface."""
+"""For each round geom type, the function that returns (N, 3) points on its surface."""

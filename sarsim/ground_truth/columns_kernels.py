@@ -4,14 +4,14 @@ import numpy as np
 from numba import njit
 
 _UPRIGHT = 1e-4
-"""z of a normal below which a face counts as upright; a mesh's vertices are float32."""
+"""A face counts as vertical if |z| of its unit normal is smaller; not 0, because mesh vertices are float32."""
 
 
 @njit(cache=True)
 def vertical_cut(planes, x, y):
-    """Lowest and highest point of a vertical line in a convex body n·p ≤ d, and z of the normal at the highest.
+    """Lowest and highest z of a vertical line inside a convex body n·p ≤ d, and z of the normal at the highest.
 
-    If the line misses the body, the lowest point is above the highest. ``planes``: (F, 4) n and d.
+    If the line misses the body, the lowest is above the highest. ``planes``: (F, 4) n and d.
     """
     low, high, normal_z = -np.inf, np.inf, 1.0
     for k in range(planes.shape[0]):
@@ -30,7 +30,7 @@ def vertical_cut(planes, x, y):
 
 @njit(cache=True)
 def count_bodies(planes, first, window, origin, cell, count):
-    """Add to ``count`` (nx, ny) how many convex bodies stand over each cell's centre.
+    """Add the number of convex bodies on the vertical through each cell's centre to ``count`` (nx, ny).
 
     Body n has the planes ``first[n]:first[n + 1]`` of (M, 4) and lies within the cells window[n] = (i0, i1, j0, j1).
     """
@@ -58,9 +58,9 @@ def fill_bodies(planes, first, window, origin, cell, start, bottom, top, normal_
 
 @njit(cache=True)
 def merge_bodies(start, count, bottom, top, normal_z, owner, gap):
-    """Sort the bodies (B,) of every cell from below to above and join those less than ``gap`` m apart, in place.
+    """Sort the bodies (B,) of every cell from bottom to top and merge those less than ``gap`` m apart, in place.
 
-    A joined body has the highest top, with its normal and owner. ``count`` becomes the number of joined bodies.
+    A merged body has the highest top, with its normal and owner. ``count`` becomes the number of merged bodies.
     """
     for i in range(count.shape[0]):
         for j in range(count.shape[1]):
@@ -88,7 +88,7 @@ def merge_bodies(start, count, bottom, top, normal_z, owner, gap):
 
 @njit(cache=True)
 def place_near(start, count, bottom, top, i, j, height, reach, headroom):
-    """Index in (B,) of the top nearest to ``height`` within ``reach`` that has headroom; -1 if there is none."""
+    """Index in (B,) of the top with headroom that is nearest to ``height``, within ``reach``; -1 if there is none."""
     best, best_distance = -1, reach
     a, n = start[i, j], count[i, j]
     for k in range(a, a + n):
@@ -114,8 +114,8 @@ def flood(
 ):  # fmt: skip
     """Flood-fill the ground from a first cell over steps of at most ``max_step``.
 
-    Fills ``height`` (nx, ny), NaN where the ground does not reach, and ``edge``: cells where the ground ends in a
-    step, a drop or too little headroom, and those too steep to go on. Ground that ends at an obstacle has no edge.
+    Fills ``height`` (nx, ny), NaN where the ground does not reach, and ``edge``: cells where the ground ends at a
+    step, a drop, too little headroom or the grid's border, and cells too steep to continue. Obstacles cause no edge.
     """
     nx, ny = height.shape
     queue = np.empty((nx * ny, 2), np.int32)
@@ -150,7 +150,7 @@ def flood(
 
 @njit(cache=True)
 def lowest_places(start, count, bottom, top, owner, chosen, headroom, height):
-    """Write the lowest top with headroom of a chosen body to ``height`` (nx, ny); other cells stay unchanged."""
+    """Write each cell's lowest top with headroom of a chosen body to ``height`` (nx, ny); else leave it unchanged."""
     for i in range(count.shape[0]):
         for j in range(count.shape[1]):
             end = start[i, j] + count[i, j]
@@ -172,10 +172,10 @@ def owners(start, count, top, owner, height, result):
 
 @njit(cache=True)
 def lower_distance(corners, first, window, low, high, origin, cell, height, max_step, headroom, distance):
-    """Lower ``distance`` (nx, ny), m, to that of the nearest convex outline that obstructs the cell's ground.
+    """Lower ``distance`` (nx, ny), m, to the distance of the nearest convex outline that obstructs a cell's ground.
 
-    Outline n has the corners ``first[n]:first[n + 1]`` of (M, 2), counter-clockwise, and reaches from low[n] to
-    high[n]. A body that ends below the height of a step or begins above the headroom does not obstruct.
+    Outline n has the corners ``first[n]:first[n + 1]`` of (M, 2), counter-clockwise, and extends in z from
+    low[n] to high[n]. A body that ends below the height of a step or begins above the headroom does not obstruct.
     """
     for n in range(len(window)):
         for i in range(window[n, 0], window[n, 1]):

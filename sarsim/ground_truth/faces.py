@@ -20,10 +20,10 @@ class Face:
     """A convex plane face of a geom.
 
     Attributes:
-        geom: its id.
-        label: of the geom.
-        normal: outward.
-        outline: in the world, in order around the face.
+        geom: id of the geom.
+        label: label of the geom.
+        normal: outward normal.
+        outline: corners in the world, in order around the face.
     """
 
     geom: int
@@ -35,7 +35,7 @@ class Face:
 def true_faces(model: mujoco.MjModel, data: mujoco.MjData) -> list[Face]:
     """The faces of all planes, boxes and meshes that are drawn and carry a planar label.
 
-    A mesh that collides has those of its convex hull, another those of its triangles.
+    A mesh that can collide has the faces of its convex hull; any other mesh has those of its triangles.
     """
     labels = geom_labels(model)
     faces = []
@@ -64,7 +64,7 @@ def _triangles(model: mujoco.MjModel, data: mujoco.MjData, geom: int) -> NDArray
 
 
 def _faces_of_triangles(geom: int, label: Label, triangles: NDArray[np.float64]) -> list[Face]:
-    """A face for each plane in which triangles (N, 3, 3) m lie; its outline is the convex hull of all of them."""
+    """A face for each plane that contains triangles (N, 3, 3) m; its outline is their convex hull."""
     normals = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0])
     normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), np.finfo(float).tiny)
     planes = np.column_stack([normals, (normals * triangles[:, 0]).sum(axis=1)]).round(3)
@@ -80,7 +80,7 @@ def _faces_of_triangles(geom: int, label: Label, triangles: NDArray[np.float64])
 
 
 def _vertices(model: mujoco.MjModel, geom: int) -> NDArray[np.float64] | None:
-    """(N, 3) corners of a geom in its own frame; None if it is round."""
+    """(N, 3) corners of a geom in its own frame; None unless it is a plane, box or mesh."""
     kind, size = model.geom_type[geom], model.geom_size[geom]
     if kind == mujoco.mjtGeom.mjGEOM_PLANE:
         return SQUARE * np.where(size > 0, size, ENDLESS)
@@ -90,7 +90,7 @@ def _vertices(model: mujoco.MjModel, geom: int) -> NDArray[np.float64] | None:
 
 
 def _faces(geom: int, label: Label, vertices: NDArray[np.float64]) -> list[Face]:
-    """The faces of the convex hull of vertices; four in one plane are a plane geom, whose face is its upper side."""
+    """The faces of the convex hull of vertices; four coplanar ones are a plane geom, which has only an upper face."""
     if len(vertices) == 4 and np.linalg.matrix_rank(vertices[1:] - vertices[0]) == 2:
         normal = np.cross(vertices[1] - vertices[0], vertices[2] - vertices[0])
         return [Face(geom, label, normal / np.linalg.norm(normal), vertices)]
@@ -113,6 +113,6 @@ def plane_axes(normal: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArra
 
 
 def _cross(a: NDArray[np.float64], b: ArrayLike) -> NDArray[np.float64]:
-    """The cross product of two vectors (3,); NumPy's takes ten times as long."""
+    """The cross product of two vectors (3,); ten times as fast as NumPy's."""
     (x, y, z), (u, v, w) = a, np.asarray(b)
     return np.array([y * w - z * v, z * u - x * w, x * v - y * u])

@@ -14,13 +14,13 @@ from sarsim.ground_truth.shapes import SQUARE, rotation, swept
 
 SEGMENTS = 24  # Sides of a drawn circle
 
-CREASE = np.cos(np.deg2rad(30))  # At larger angles between face normal and smoothed normal there is an edge
+CREASE = np.cos(np.deg2rad(30))  # At larger angles between face normal and smoothed normal, the edge is sharp
 
 DRAWN_GROUPS = (0, 1, 2)
 """Groups of the visible geoms, as in MuJoCo's own viewer; collision geoms are in other groups."""
 
 _PLAIN = np.array([0.5, 0.5, 0.5, 1.0], np.float32)
-"""MuJoCo's default colour of a geom; a geom that has it takes the colour of its material."""
+"""MuJoCo's default geom colour; a geom with this colour takes the colour of its material."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +29,7 @@ class Mesh:
 
     Attributes:
         vertices: (N, 3) float32 m.
-        normals: (N, 3) float32 of length 1, outwards.
+        normals: (N, 3) float32 unit normals, outwards.
         triangles: (M, 3) uint32 indices of vertices, counter-clockwise from outside.
         colours: (N, 4) uint8 RGBA.
     """
@@ -64,8 +64,8 @@ def geom_poses(model: mujoco.MjModel, geoms: Iterable[int]) -> list[Pose]:
 
 
 def true_scene(model: mujoco.MjModel, data: mujoco.MjData, robot_body: int | None = None) -> Any:
-    """Open3D's RaycastingScene of the visible surfaces of an arena, m in the world, without the robot's, if any."""
-    import open3d as o3d  # here, because it takes a second
+    """Open3D's RaycastingScene of the visible surfaces of an arena, m in the world; any robot is left out."""
+    import open3d as o3d  # not at the top, because it takes a second
 
     drawn = drawn_geoms(model)
     if robot_body is not None:
@@ -136,7 +136,7 @@ def _box(model: mujoco.MjModel, geom: int) -> _Shape:
 
 
 def _ball(model: mujoco.MjModel, geom: int) -> _Shape:
-    """A sphere, of which MuJoCo gives the radius alone, or an ellipsoid."""
+    """A sphere, for which MuJoCo stores only the radius, or an ellipsoid."""
     outline, size = _quarters(), model.geom_size[geom]
     return _revolved(outline, outline).scaled(np.where(size > 0, size, size[0]))
 
@@ -156,14 +156,14 @@ def _cylinder(model: mujoco.MjModel, geom: int) -> _Shape:
 
 
 def _quarters() -> NDArray[np.float64]:
-    """(N, 2) two quarters of a circle, (r, z) from its south pole to the equator and from there to the north pole."""
+    """(N, 2) points (r, z) on two quarter circles: from the south pole to the equator, and on to the north pole."""
     south = np.linspace(-np.pi / 2, 0, SEGMENTS // 4 + 1)
     angle = np.concatenate([south, south + np.pi / 2])
     return np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
 
 def _revolved(outline: NDArray[np.float64], normals: NDArray[np.float64]) -> _Shape:
-    """The surface that an outline of (r, z), from below to above, sweeps around the z axis."""
+    """The surface that an outline of points (r, z), from bottom to top, sweeps around the z axis."""
     here = np.arange(SEGMENTS)
     beside = np.roll(here, -1)
     above = here + SEGMENTS
@@ -181,7 +181,7 @@ def _mesh(model: mujoco.MjModel, geom: int) -> _Shape:
     smooth = model.mesh_normal[model.mesh_normaladr[mesh] + model.mesh_facenormal[faces]]
     flat = np.cross(vertices[:, 1] - vertices[:, 0], vertices[:, 2] - vertices[:, 0])[:, None]
     flat /= np.maximum(np.linalg.norm(flat, axis=2, keepdims=True), 1e-12)
-    # MuJoCo smooths over edges as sharp as a ramp's.
+    # MuJoCo smooths even edges as sharp as a ramp's.
     normals = np.where((smooth * flat).sum(axis=2, keepdims=True) > CREASE, smooth, flat)
     triangles = np.arange(corner.size).reshape(-1, 3)
     return _Shape(vertices.reshape(-1, 3), normals.reshape(-1, 3), triangles)

@@ -10,13 +10,13 @@ from scipy.spatial import ConvexHull
 from pipeline.arrays import Places, Rotation3
 
 SQUARE = np.array([(-1, -1, 0), (1, -1, 0), (1, 1, 0), (-1, 1, 0)], np.float64)
-"""(4, 3) corners of a plane of half sizes 1, counter-clockwise from above."""
+"""(4, 3) corners of a square with half sizes 1, counter-clockwise from above."""
 CUBE = np.array([(x, y, z) for x in (-1, 1) for y in (-1, 1) for z in (-1, 1)], np.float64)
-"""(8, 3) corners of a box of half sizes 1."""
+"""(8, 3) corners of a box with half sizes 1."""
 
 
 def rotation(quat: NDArray[np.float64]) -> Rotation3:
-    """Rotation of a (4,) quaternion w x y z."""
+    """Rotation matrix of a (4,) quaternion w x y z."""
     matrix = np.empty(9)
     mujoco.mju_quat2Mat(matrix, quat)
     return matrix.reshape(3, 3)
@@ -30,7 +30,7 @@ def mesh_vertices(model: mujoco.MjModel, geom: int) -> Places:
 
 
 def field_triangles(model: mujoco.MjModel, geom: int) -> NDArray[np.float64]:
-    """(N, 3, 3) m, the triangles of a height field geom, counter-clockwise from above, as MuJoCo halves its cells."""
+    """(N, 3, 3) m, the triangles of a height field geom, counter-clockwise from above; cells split as in MuJoCo."""
     field = model.geom_dataid[geom]
     rows, columns, start = model.hfield_nrow[field], model.hfield_ncol[field], model.hfield_adr[field]
     x_half, y_half, top, _ = model.hfield_size[field]
@@ -43,18 +43,18 @@ def field_triangles(model: mujoco.MjModel, geom: int) -> NDArray[np.float64]:
 
 
 def hull_planes(vertices: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(M, 4) planes (n, d) around the convex hull of (N, 3) vertices, n·p ≤ d inside, to 1 µm, each once."""
+    """(M, 4) distinct planes (n, d) of the convex hull of (N, 3) vertices, n·p ≤ d inside, rounded to 1 µm."""
     return _hull_planes(vertices.tobytes())
 
 
 @lru_cache(256)
 def _hull_planes(vertices: bytes) -> NDArray[np.float64]:
-    """Cached, because arenas repeat few shapes and are surveyed again and again."""
+    """Cached, because arenas consist of few distinct shapes and are surveyed repeatedly."""
     return np.unique(ConvexHull(np.frombuffer(vertices).reshape(-1, 3)).equations.round(6), axis=0) * [1, 1, 1, -1]
 
 
 def swept(outline: NDArray[np.float64], segments: int) -> NDArray[np.float64]:
-    """(K · segments, 3) points m: each of the (K, 2) points (r, z), m, in turn, rotated around the z axis."""
+    """(K · segments, 3) points, m: for each of the (K, 2) points (r, z), m, in order, a ring around the z axis."""
     angle = np.arange(segments) * 2 * np.pi / segments
     xy = outline[:, None, :1] * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     z = np.broadcast_to(outline[:, None, 1:], (*xy.shape[:2], 1))

@@ -1,4 +1,4 @@
-"""The true ground: where a robot can stand and drive, by the numbers of its own body."""
+"""The true ground: where a robot can stand and drive, given its dimensions and abilities."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -21,8 +21,8 @@ from sarsim.robots.skid_steered import robot_model
 
 CELL = 0.05
 MARGIN = 0.5  # m of grid around the arena
-MOST_AREA = 6000.0  # m² of an arena; a .raf file's may be 72 m long and wide
-START_REACH = 0.3  # m; a start at most this far above or below the ground counts as on the ground
+MOST_AREA = 6000.0  # m², maximum area of an arena; one from a .raf file may be 72 m long and wide
+START_REACH = 0.3  # m; a start at most this far above or below the ground counts as on it
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,11 +30,12 @@ class TrueSurface:
     """The true ground on a grid of 5 cm cells; layers are (nx, ny).
 
     Attributes:
-        grid: of the layers.
-        height: float64 m of the ground in each cell; NaN where it is not connected to the start by low steps.
-        drivable: bool, connected to the start, with the robot's headroom, and without steps, tilt above the robot's,
-            walls, clutter or victims within :func:`clearance_of` the robot; steps are higher than two of its own.
-        walls: bool, a wall stands in the cell at the height of the robot's body.
+        grid: grid of the layers.
+        height: float64 m, height of the ground; NaN where no ground is connected to the start by low steps.
+        drivable: bool, ground connected to the start with headroom for the robot, and with no step, tilt beyond the
+            robot's maximum, wall, clutter or victim within :func:`clearance_of` the robot. A step is higher than
+            twice the robot's ``max_step``.
+        walls: bool, whether a wall is in the cell at the height of the robot's body.
     """
 
     grid: Grid
@@ -45,15 +46,16 @@ class TrueSurface:
 
 @dataclass(frozen=True, eq=False)
 class FreeGround:
-    """Ground connected by steps of at most twice the robot's; layers are (nx, ny).
+    """Ground connected by steps of at most twice the robot's ``max_step``; layers are (nx, ny).
 
     Attributes:
-        grid: of the layers.
-        height: float64 m, NaN where this ground does not reach.
-        label: uint8 of the ground.
+        grid: grid of the layers.
+        height: float64 m, height of the ground; NaN where this ground does not reach.
+        label: uint8, label of the ground.
         pieces: int32, the number of the connected drivable piece; 0 where the robot cannot stand.
-        to_obstacle: float64 m to the nearest obstructing wall, clutter or victim; inf beyond the robot's clearance.
-        walls: bool, a wall stands in the cell at the height of the robot's body.
+        to_obstacle: float64 m, distance to the nearest obstructing wall, clutter or victim; inf if it is beyond the
+            robot's clearance.
+        walls: bool, whether a wall is in the cell at the height of the robot's body.
     """
 
     grid: Grid
@@ -65,11 +67,11 @@ class FreeGround:
 
 
 class Survey:
-    """The arena's columns on a grid, in which connected ground can be searched.
+    """The arena's columns on a grid, which can be searched for connected ground.
 
     Attributes:
         bodies: the convex bodies of the arena.
-        grid: of the columns.
+        grid: grid of the columns.
     """
 
     def __init__(
@@ -82,9 +84,9 @@ class Survey:
         """Survey the ground for a robot.
 
         Args:
-            model, data: of the arena.
+            model, data: the arena.
             robot_body: id of the robot's root body, which is left out; None if there is no robot.
-            robot: its size and abilities; by default those of the P3-AT, for which arenas are built.
+            robot: the robot's dimensions and abilities; by default the P3-AT's, for which arenas are built.
         """
         self._robot = robot or robot_model()
         self._clearance = clearance_of(self._robot)
@@ -95,12 +97,12 @@ class Survey:
         self._is_obstacle = np.isin(self.bodies.label, OBSTACLES)
 
     def place(self, start: NDArray[np.float64], reach: float = START_REACH) -> float | None:
-        """Height in m of the ground with headroom that is nearest to a point (3,); None if none is in reach."""
+        """Height in m of the ground with headroom nearest to a point (3,); None if none is within ``reach``, m."""
         body = self._place(start, reach)
         return None if body is None else float(self._columns.top[body])
 
     def grounds(self, label: Label, min_area: float) -> Iterator[FreeGround]:
-        """All ground connected to a patch of a label larger than ``min_area`` m², the largest patch first."""
+        """The ground connected to each patch of a label larger than ``min_area`` m², the largest patch first."""
         height = self._lowest(label)
         unseen = ~np.isnan(height)
         patches, _ = ndimage.label(unseen, np.ones((3, 3)))
@@ -117,7 +119,7 @@ class Survey:
                     cells &= unseen
 
     def _lowest(self, label: Label) -> Layer:
-        """Height in m of the lowest top with headroom and this label in each cell; NaN without one."""
+        """Height in m of the lowest top with headroom and this label in each cell; NaN if there is none."""
         c, height = self._columns, np.full(self.grid.shape, np.nan)
         chosen = self.bodies.label == label
         kernels.lowest_places(c.start, c.count, c.bottom, c.top, c.owner, chosen, self._robot.headroom, height)
@@ -138,7 +140,7 @@ class Survey:
         return FreeGround(self.grid, height, self._label(height), pieces, to_obstacle, walls)
 
     def surface_from(self, start: NDArray[np.float64]) -> TrueSurface:
-        """The surface around a robot at ``start`` (3,) m; InputError if it is not drivable there."""
+        """The surface around a robot at ``start`` (3,) m; InputError if the robot cannot stand there."""
         ground = self.ground_from(start)
         if ground is None:
             raise InputError(f"the arena has no free start: ({start[0]:g}, {start[1]:g}) m must be above free ground")
@@ -157,7 +159,7 @@ class Survey:
         return None if body < 0 else int(body)
 
     def _flood(self, first: NDArray[np.int64], body: int) -> tuple[NDArray[np.float64], NDArray[np.bool_]]:
-        """Heights of the connected ground, and the cells where it ends in a step."""
+        """Heights of the connected ground, m, and the cells at its edges, as :func:`kernels.flood` defines them."""
         c = self._columns
         height, edge = np.full(self.grid.shape, np.nan), np.zeros(self.grid.shape, np.bool_)
         kernels.flood(
@@ -174,7 +176,7 @@ class Survey:
         return np.append(self.bodies.label, np.uint8(Label.UNLABELLED))[owner]
 
     def _to_obstacle(self, height: NDArray[np.float64], chosen: NDArray[np.bool_]) -> Layer:
-        """Distance in m to the nearest of the chosen bodies that obstructs the ground; inf beyond the clearance."""
+        """Distance in m to the nearest chosen body that obstructs the ground; inf beyond the clearance."""
         b, distance = self.bodies, np.full(self.grid.shape, np.inf)
         windows = b.windows(self.grid, self._clearance + CELL)
         windows[~chosen, 1] = 0
@@ -186,12 +188,12 @@ class Survey:
 
 
 def clearance_of(robot: RobotModel) -> float:
-    """m that the robot's middle keeps from obstacles: half of its width and a cell, rounded up to whole cm."""
+    """Clearance of the robot's centre from obstacles, m: half its width plus a cell, rounded up to whole cm."""
     return ceil(100 * (robot.half_width + CELL)) / 100
 
 
 def _grid_around(bodies: ConvexBodies) -> Grid:
-    """A grid that covers all bodies and ``MARGIN`` around them."""
+    """A grid that covers all bodies, with ``MARGIN`` around them."""
     low, high = bodies.low[:, :2].min(axis=0), bodies.high[:, :2].max(axis=0)
     if not np.prod(high - low) <= MOST_AREA:
         raise InputError(
@@ -204,7 +206,7 @@ def _grid_around(bodies: ConvexBodies) -> Grid:
 
 
 def _tilt(height: NDArray[np.float64]) -> Layer:
-    """Tilt in rad; along each axis the gentler of both sides' slopes counts, so an edge adds no tilt."""
+    """Tilt in rad, from the gentler of the two one-sided slopes along each axis, so that an edge adds no tilt."""
     slopes = []
     for axis in (0, 1):
         forward = np.diff(height, axis=axis, append=np.nan) / CELL

@@ -1,6 +1,6 @@
-"""The rules of the BARN challenge: who has crossed a field of cylinders, and how well.
+"""The rules of the BARN challenge: whether a robot has crossed a field of cylinders, and how well.
 
-As its program has them (github.com/Daffan/the-barn-challenge, run.py): Perille et al., "Benchmarking Metric Ground
+As in its program (github.com/Daffan/the-barn-challenge, run.py): Perille et al., "Benchmarking Metric Ground
 Navigation" (SSRR 2020), and Xiao et al., "Autonomous Ground Navigation in Highly Constrained Spaces" (2022).
 """
 
@@ -15,29 +15,29 @@ from pipeline.arrays import Places, Pose
 from pipeline.errors import InputError
 
 START = (-2.25, 3.0, 90.0)
-"""Where the robot is set down: x and y in m, heading in degrees."""
+"""The start pose: x and y in m, heading in degrees."""
 GOAL = (-2.25, 13.0)
-"""m; 10 m ahead."""
-ARRIVED = 1.0  # m from the goal
-MOVED = 0.1  # m from the start after which the clock starts
+"""x and y in m, 10 m ahead of the start."""
+ARRIVED = 1.0  # m from the goal, within which it counts as reached
+MOVED = 0.1  # m from the start, at which the clock starts
 LIMIT = 100.0  # s
-SPEED = 2.0  # m/s with which the reference path is driven: the Jackal's, by its data sheet
-BEST, WORST = 2.0, 8.0  # Times the reference's time between which the score of a success falls
+SPEED = 2.0  # m/s on the reference path: the Jackal's top speed, by its data sheet
+BEST, WORST = 2.0, 8.0  # Multiples of the reference time, between which the score of a success falls
 CELL, FIRST_CELL = (
     0.15,
     np.array([-4.575, 5.075]),
-)  # m, side of a cell of the reference path, and the middle of (0, 0)
+)  # Side of a cell of the reference path, and the centre of cell (0, 0), m
 
 
 @dataclass
 class BarnJudge:
-    """Judges a run by the true pose of the robot.
+    """Judges a run by the robot's true pose.
 
     Attributes:
         begin: when the robot was set down, s.
-        started: when it had moved so far that the clock started, s; None before.
+        started: when it had moved far enough for the clock to start, s; None before.
         ended: ``reached``, ``contact`` or ``time``; None before.
-        seconds: of the clock at the end; 0 as long as it has not started.
+        seconds: time on the clock, s; 0 until it starts.
     """
 
     begin: float
@@ -46,9 +46,9 @@ class BarnJudge:
     seconds: float = 0.0
 
     def see(self, time: float, T_world_base: Pose, contacts: int) -> bool:
-        """Judge a true pose at a time, s, and the number of contacts so far: whether the run may go on.
+        """Judge a true pose at a time, s, and the number of contacts so far; returns whether the run may go on.
 
-        A robot that never sets out has as much time as one that does.
+        The limit also holds for a robot that has not moved, from when it was set down.
         """
         place = T_world_base[:2, 3]
         if self.started is None and np.linalg.norm(place - START[:2]) >= MOVED:
@@ -61,20 +61,20 @@ class BarnJudge:
 
 
 def score(seconds: float | None, optimal: float) -> float:
-    """Score of a run, from 1/8 to 1/2, or 0 without success, which is None ``seconds``; ``optimal``: s."""
+    """Score of a run: from 1/8 to 1/2, or 0 without success (``seconds`` is None). ``optimal``: reference time, s."""
     return 0.0 if seconds is None else optimal / float(np.clip(seconds, BEST * optimal, WORST * optimal))
 
 
 def optimal_seconds(cells: NDArray[np.float64]) -> float:
-    """Time in s of the reference path over (K, 2) cells, from the start to the goal."""
+    """Time in s to drive the reference path from the start over (K, 2) cells to the goal."""
     path = np.vstack([START[:2], FIRST_CELL + CELL * cells, GOAL])
     return float(np.linalg.norm(np.diff(path, axis=0), axis=1).sum()) / SPEED
 
 
 def read_path(file: Path) -> Places:
-    """(K, 2) cells of the reference path in a NumPy file; InputError if it has none."""
+    """(K, 2) cells of the reference path in a NumPy file; InputError if the file has none."""
     try:
-        # Mapped, so that a file that claims to be huge takes no memory.
+        # Memory-mapped, so that a file that claims to be huge takes no memory.
         cells = np.load(file, mmap_mode="r", allow_pickle=False)
     except FileNotFoundError as error:
         raise InputError(f"{file}: no such file; each world_N.world needs a path_N.npy next to it") from error

@@ -7,26 +7,26 @@ from sarsim.ground_truth.true_surface import Survey, TrueSurface
 from sarsim.scoring.coverage_kernels import see
 from sarsim.simulated_robot import SimulatedRobot
 
-SEEN_HEIGHT = 0.15  # m; a cell counts as seen if a return is nearer than this to its ground
+SEEN_HEIGHT = 0.15  # m; a cell counts as seen if a return in it is less than this above or below its ground
 
 
 class Coverage:
-    """Marks the cells of the true ground that returns show.
+    """Records which cells of the true ground returns have shown.
 
     Attributes:
         surface: the true ground.
-        seen: (nx, ny) bool on its grid.
+        seen: (nx, ny) bool, cells of the surface's grid.
     """
 
     def __init__(self, robot: SimulatedRobot):
-        """The ground is the one to which the robot can drive from its current pose."""
+        """Survey the ground that the robot can reach from its current pose."""
         with robot.arena.naming():
             survey = Survey(robot.physics.model.ptr, robot.physics.data.ptr, robot.base_body, robot.model)
             self.surface: TrueSurface = survey.surface_from(robot.trajectory[-1].T_world_base[:3, 3])
         self.seen = np.zeros(self.surface.grid.shape, np.bool_)
 
     def see(self, points: NDArray[np.float32]) -> None:
-        """Mark the cells that (N, 3) returns, m in the world, fell in."""
+        """Mark the cells whose ground returns (N, 3), m in the world, show."""
         grid = self.surface.grid
         see(points, grid.origin, grid.cell, self.surface.height, SEEN_HEIGHT, self.seen)
 

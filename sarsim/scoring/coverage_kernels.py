@@ -1,4 +1,4 @@
-"""The loop over the returns that show the ground."""
+"""The compiled loop over the returns that show the ground."""
 
 import numpy as np
 from numba import njit
@@ -6,15 +6,15 @@ from numba import njit
 
 @njit(cache=True, nogil=True)
 def see(points, origin, cell, height, near, seen):
-    """Mark in ``seen`` the cells in which points lie that are nearer than ``near`` m to the ground.
+    """Mark the cells in ``seen`` that contain a point less than ``near`` m above or below their ground.
 
     Args:
         points: (N, 3) m.
-        origin: (2,) m, corner of the element [0, 0].
+        origin: (2,) m, lower corner of cell [0, 0].
         cell: side of a cell, m.
-        height: (nx, ny) m of the ground; NaN where there is none.
-        near: m.
-        seen: (nx, ny) bool.
+        height: (nx, ny) height of the ground, m; NaN where there is none.
+        near: maximum vertical distance of a point from the ground, m.
+        seen: (nx, ny) bool, changed in place.
     """
     for n in range(len(points)):
         i, j = int(np.floor((points[n, 0] - origin[0]) / cell)), int(np.floor((points[n, 1] - origin[1]) / cell))

@@ -1,4 +1,4 @@
-"""The score of an episode: what goes into report.json."""
+"""The score of an episode, which goes into report.json."""
 
 from bisect import bisect_left
 from concurrent.futures import Future, ThreadPoolExecutor
@@ -34,11 +34,11 @@ from sarsim.simulated_robot import SimulatedRobot, TrueFrame
 
 
 class EpisodeScore(Sink):
-    """Scores an episode from outside, by ground truth; a thread of its own does so while the robot drives on.
+    """Scores an episode against ground truth, in a separate thread while the robot drives on.
 
     Attributes:
         surface: the true ground.
-        trajectory: the estimated trajectory against the true one.
+        trajectory: the estimated trajectory and its errors.
     """
 
     finishing = "scoring by ground truth"
@@ -47,10 +47,10 @@ class EpisodeScore(Sink):
         """Score a robot from its current pose on.
 
         Args:
-            robot: in the arena.
-            explorer: that drives it.
+            robot: the robot in the arena.
+            explorer: the explorer that drives it.
             T_world_tag: true poses of the tags on the arena's walls.
-            oracle: whether the report compares the robot with a tour of one who knows the ground.
+            oracle: whether the report compares the robot with the tour of a robot that knows the ground.
         """
         self._robot = robot
         self._explorer = explorer
@@ -71,7 +71,7 @@ class EpisodeScore(Sink):
             self._coverage.see(seen.points_at(T))
         self._cost_ratios: list[float] = []
         self._start_time, self._T_world_start = robot.time, robot.trajectory[-1].T_world_base
-        # Without a map of earlier episodes, which shows ground before the start.
+        # Not after earlier episodes, whose map shows ground before the start.
         self._wants_oracle = oracle and not explorer.mapper.keyframes.loaded
         self._first_frame: Frame | None = None
         self._kidnaps = 0
@@ -89,7 +89,7 @@ class EpisodeScore(Sink):
         self._pending.append(self._thread.submit(self._compare, keyframe, truth))
 
     def _compare(self, keyframe: Keyframe, truth: TrueFrame) -> None:
-        """Compare a keyframe with the noise-free frame of the same moment."""
+        """Score a keyframe against the noise-free frame of the same moment."""
         points = truth.points()
         self._voxels.add(points, truth.image.T_world_camera[:3, 3])
         self._surfaces.add(points)
@@ -104,7 +104,7 @@ class EpisodeScore(Sink):
             self._semantics.add(keyframe)
 
     def _wait(self) -> None:
-        """Wait until every keyframe is in the scores."""
+        """Wait until the scores include every keyframe."""
         for comparison in self._pending:
             comparison.result()
         self._pending.clear()
@@ -117,7 +117,7 @@ class EpisodeScore(Sink):
 
     @property
     def progress(self) -> ExploredCurve:
-        """Of the drivable area, at each keyframe."""
+        """The explored share of the drivable area at each keyframe."""
         self._wait()
         times, shares = np.array(self._progress).reshape(-1, 2).T
         poses = self._robot.trajectory
@@ -184,7 +184,7 @@ class EpisodeScore(Sink):
         return np.array([victim.position for victim in self._explorer.mapper.victims.confirmed]).reshape(-1, 3)
 
     def _optimum(self, start: NDArray[np.float64], goal: NDArray[np.float64]) -> float:
-        """Length in m of the shortest path on the grid of true ground; NaN if there is none."""
+        """Length in m of the shortest path on the grid of the true ground; NaN if there is none."""
         grid, drivable = self.surface.grid, self.surface.drivable
         first, last = grid.nearest(drivable, start, 0.3), grid.nearest(drivable, goal, 0.3)
         if first is None or last is None:
@@ -193,7 +193,7 @@ class EpisodeScore(Sink):
         return max(float(length) * grid.cell, grid.cell)
 
     def _exploration(self) -> dict[str, Any]:
-        """Times in ``MOST`` are missing if less was seen."""
+        """The figures of the exploration; a time in ``MOST`` is missing if its share was never seen."""
         end = self._robot.time - self._start_time, driven(self._robot.trajectory)
         seen = progress_figures(self.progress, end)
         oracle = (
@@ -202,7 +202,7 @@ class EpisodeScore(Sink):
         return {"explored_fraction": self.coverage.fraction, "frontiers_left": self._frontiers_left, **seen, **oracle}
 
     def _oracle(self, frame: Frame, t99: float | None) -> dict[str, float]:
-        """The figures of the oracle; none if no tour sees as much, and no ratios if the robot has not seen it."""
+        """The figures of the oracle, if a tour sees enough; with ratios if the robot saw enough, at ``t99``, s."""
         robot, T = self._robot, self._T_world_start
         scene = true_scene(robot.physics.model.ptr, robot.physics.data.ptr, robot.base_body)
         ground = self._navigation.ground
@@ -216,7 +216,7 @@ class EpisodeScore(Sink):
         return figures
 
     def _goals(self) -> dict[str, Any]:
-        """What each goal took, beside the length of the shortest way, if one leads there, on the true ground."""
+        """The figures of each goal, with the length of the shortest path on the true ground, if there is one."""
         tasks, visits = self._explorer.mission.report(), self._explorer.mission.visits
         for name, task in tasks.items():
             for figures, visit in zip(task["each"], visits[name], strict=True):
@@ -226,7 +226,7 @@ class EpisodeScore(Sink):
         return {name: {"each": task["each"]} for name, task in tasks.items()}
 
     def _place_at(self, time: float) -> NDArray[np.float64]:
-        """(2,) the true place of the robot at a time, s."""
+        """(2,) true position of the robot at a time, s."""
         poses = self._robot.trajectory
         at = min(bisect_left(poses, time, key=lambda pose: pose.time), len(poses) - 1)
         return poses[at].T_world_base[:2, 3]

@@ -1,7 +1,7 @@
-"""Tubes that stand in an arena as fiducials: which the map shows, and where, and how codes lie to them.
+"""Tubes that serve as fiducials: where the map shows them, and whether codes are at the right distances from them.
 
-The small league of RoboCup Rescue asks whether a tube, cut in two by a wall, shows as half circles in the map from
-above, and whether the straight distances of a code to the two nearest of them are right.
+The small league of RoboCup Rescue checks whether the map, seen from above, shows a tube cut in two by a wall as half
+circles, and whether a code's straight-line distances to the two nearest tubes are right.
 """
 
 from collections.abc import Sequence
@@ -15,20 +15,20 @@ from pipeline.arrays import Place, Places, Values
 from sarsim.arenas.maze import TUBE
 from sarsim.arenas.things.thing import of_kind, things_of
 
-SECTOR = 10  # degrees, in steps of which a circle's directions are counted
+SECTOR = 10  # Degrees; width of the sectors into which a circle is divided
 
 
 @dataclass(frozen=True)
 class TubeConfig:
-    """How a tube is found in a map; all are assumptions.
+    """How a tube is found in a map; all values are assumptions.
 
     Attributes:
-        astray: m that a tube may be displaced in the map.
-        off: m from a circle within which a point lies on it: a voxel of a coarse map.
-        step: m between the places that are tried.
-        low: m above its foot, below which points are the floor's.
-        arc: share of a circle on which there must be points: most of a half; a flat panel lies on 0.27.
-        nearest: number of fiducials to which the distances of a code count, by the rule book of 2026.
+        astray: maximum displacement of a tube in the map along x and along y, m.
+        off: maximum distance of a point on a circle from it, m: a voxel of a coarse map.
+        step: spacing of the centres that are tried, m.
+        low: height above a tube's foot, m, up to which points belong to the floor.
+        arc: minimum share of a circle with points on it: most of a half circle; a flat panel covers 0.27.
+        nearest: number of fiducials from which a code's distances are checked, by the rule book of 2026.
     """
 
     astray: float = 0.3
@@ -44,9 +44,9 @@ class Tubes:
     """The tubes of an arena, and its QR codes.
 
     Attributes:
-        feet: (N, 3) m in the world, the middle of each tube's foot.
+        feet: (N, 3) m in the world, the centre of each tube's foot.
         heights, radii: (N,) m.
-        codes: what each code says, and where it hangs.
+        codes: text and position of each code.
     """
 
     feet: Places
@@ -65,7 +65,7 @@ def tubes_of(model: mujoco.MjModel, data: mujoco.MjData) -> Tubes:
 
 
 def mapped_tubes(points: NDArray[np.floating], tubes: Tubes, config: TubeConfig = TubeConfig()) -> Places:
-    """(N, 2) m in the world: where each tube shows in a map of points (N, 3); NaN if it does not."""
+    """(N, 2) m in the world: position of each tube in a map of points (M, 3); NaN if the map does not show it."""
     flat = np.asarray(points, np.float64)
     found = [
         _circle(_around(flat, foot, height, radius, config), foot[:2], radius, config)
@@ -77,7 +77,7 @@ def mapped_tubes(points: NDArray[np.floating], tubes: Tubes, config: TubeConfig 
 def _around(
     points: NDArray[np.float64], foot: Place, height: float, radius: float, config: TubeConfig
 ) -> NDArray[np.float64]:
-    """(N, 2) the points that may be a tube's, from above."""
+    """(N, 2) x and y, m, of the points that may belong to a tube."""
     reach = config.astray + radius + config.off
     up = points[:, 2] - foot[2]
     near = np.linalg.norm(points[:, :2] - foot[:2], axis=1) <= reach
@@ -85,7 +85,7 @@ def _around(
 
 
 def _circle(points: NDArray[np.float64], near: Place, radius: float, config: TubeConfig) -> NDArray[np.float64]:
-    """(2,) the middle of the circle of a radius on which points lie in most directions; NaN if in too few."""
+    """(2,) centre of the circle of this radius with points in the most sectors; NaN if these are too few."""
     steps = np.arange(-config.astray, config.astray + config.step / 2, config.step)
     tried = near + np.stack(np.meshgrid(steps, steps, indexing="ij"), axis=-1).reshape(-1, 2)
     arcs = np.array([_arc(points, middle, radius, config.off) for middle in tried])
@@ -96,7 +96,7 @@ def _circle(points: NDArray[np.float64], near: Place, radius: float, config: Tub
 
 
 def _arc(points: NDArray[np.float64], middle: NDArray[np.float64], radius: float, off: float) -> float:
-    """Share of the directions from a middle in which points lie on the circle and none inside."""
+    """Share of the sectors around ``middle`` with points on the circle and none inside it."""
     away = points - middle
     distance = np.linalg.norm(away, axis=1)
     sector = np.floor(np.degrees(np.arctan2(away[:, 1], away[:, 0])) / SECTOR)
@@ -108,14 +108,14 @@ def _arc(points: NDArray[np.float64], middle: NDArray[np.float64], radius: float
 def is_well_placed(
     place: Place, true: Place, shown: Places, tubes: Tubes, within: float, config: TubeConfig = TubeConfig()
 ) -> bool:
-    """Whether a code's distances on the map to the nearest tubes are right ``within`` m.
+    """Whether a code's distances from the nearest tubes in the map are right to ``within`` m.
 
     Args:
-        place, true: of the code, in the map and in the arena, m.
-        shown: (N, 2) m, of the tubes in the map, as of :func:`mapped_tubes`.
-        tubes: of the arena.
-        within: m.
-        config: how many tubes count.
+        place, true: position of the code in the map and in the arena, m.
+        shown: (N, 2) m, positions of the tubes in the map, as returned by :func:`mapped_tubes`.
+        tubes: the tubes of the arena.
+        within: tolerance, m.
+        config: sets how many tubes are checked.
     """
     right = np.linalg.norm(tubes.feet[:, :2] - true[:2], axis=1)
     measured = np.linalg.norm(shown - place[:2], axis=1)
@@ -124,6 +124,6 @@ def is_well_placed(
 
 
 def nearest_code(text: str, place: Place, codes: Sequence[tuple[str, Place]]) -> Place | None:
-    """m where the code with a text hangs that is nearest to a place; None if none says so."""
+    """Position, m, of the code with a given text that is nearest to ``place``; None if no code has it."""
     of_text = [true for said, true in codes if said == text]
     return min(of_text, key=lambda true: float(np.linalg.norm(true - place)), default=None)

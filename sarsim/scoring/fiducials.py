@@ -1,7 +1,7 @@
-"""How well distances in the map agree with the truth, by tags on the walls, as RoboCup Rescue scores maps.
+"""Accuracy of distances in the map, measured between tags on the walls, as RoboCup Rescue scores maps.
 
-The robot does not use the tags. They are detected in the keyframes' colour images, and located in ``map`` by the
-keyframes' final poses.
+The robot does not use the tags. They are detected in the keyframes' colour images, and located in ``map`` using
+the keyframes' final poses.
 """
 
 from collections.abc import Sequence
@@ -20,14 +20,14 @@ from sarsim.arenas.things.codes import FAMILY
 TAG_CORNERS = TAG_SIDE / 2 * np.array([(-1, 1, 0), (1, 1, 0), (1, -1, 0), (-1, -1, 0)], np.float64)
 """(4, 3) m, corners of the black square in OpenCV's order: x right, y up, z towards the viewer."""
 MATCHED_TAG = 1.0
-"""m up to which the corners give the distance within some millimetres; the depth camera sees from 0.8 m."""
+"""m; up to here, the corners give the distance to a few millimetres. The depth camera's range begins at 0.8 m."""
 
 
 def read_fiducials(frame: Frame) -> list[tuple[int, NDArray[np.float64]]]:
-    """The tags in a colour image and the centre of each, (3,) m in ``camera_optical``.
+    """The tags in a colour image, and the centre of each, (3,) m in ``camera_optical``.
 
-    The direction is given by the tag's corners, the distance by its depth; for a tag too near for the depth camera,
-    the distance by its corners, too (Collins and Bartoli 2014). A tag farther away without depth is left out.
+    A tag's corners give its direction, and its depth gives the distance. If it is too near for the depth camera, the
+    corners give the distance, too (Collins and Bartoli 2014). A more distant tag without depth is left out.
     """
     parameters = cv2.aruco.DetectorParameters()
     parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_SUBPIX
@@ -40,7 +40,7 @@ def read_fiducials(frame: Frame) -> list[tuple[int, NDArray[np.float64]]]:
 
 
 def _middle(corners: NDArray[np.float32], frame: Frame) -> Place | None:
-    """The place in ``camera_optical`` where the diagonals of (4, 2) corners cross; pixel centres are at integers."""
+    """The point in ``camera_optical`` where the diagonals of (4, 2) corners cross; integers are pixel centres."""
     a, b, c, d = np.column_stack([corners.astype(np.float64), np.ones(4)])
     middle = np.cross(np.cross(a, c), np.cross(b, d))
     u, v = middle[:2] / middle[2] + 0.5
@@ -65,7 +65,7 @@ class FiducialScore:
         self._seen: list[tuple[int, int, NDArray[np.float64], float]] = []
 
     def add(self, frame: Frame, T_map_base: Pose) -> None:
-        """Read the tags in the next keyframe; ``T_map_base``: its 4×4 pose as estimated now."""
+        """Read the tags in the next keyframe; ``T_map_base``: its current 4×4 pose estimate."""
         for tag, middle in read_fiducials(frame) if len(self._true) else ():
             if tag < len(self._true):
                 in_base = transform_points(frame.T_base_camera, middle[None])[0]
@@ -73,9 +73,9 @@ class FiducialScore:
         self._poses.append(T_map_base)
 
     def positions(self, T_map_base: Sequence[Pose] | None = None) -> dict[int, NDArray[np.float64]]:
-        """(3,) m in ``map`` of each tag that was seen: the mean, weighted by the inverse square of the distance.
+        """(3,) m in ``map``, position of each tag that was seen: the mean, weighted by the inverse squared distance.
 
-        ``T_map_base``: 4×4 poses of all keyframes so far; by default those at which they were added.
+        ``T_map_base``: 4×4 poses of all keyframes so far; by default those with which they were added.
         """
         poses = self._poses if T_map_base is None else T_map_base
         views: dict[int, list[tuple[NDArray[np.float64], float]]] = {}

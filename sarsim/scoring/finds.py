@@ -1,7 +1,7 @@
-"""Whether the robot has found the things besides people, kind by kind, and read them rightly.
+"""Whether the robot has found the objects other than people, by kind, and read their texts correctly.
 
-Reported finds are matched with things of their kind within ``NEAR``, one to one, those with the right text first: a
-thing reported twice counts as found once, and as one false alarm.
+Reported finds are matched one to one with objects of the same kind within ``NEAR``, preferably with the same text. An
+object reported twice counts as found once, and as one false alarm.
 """
 
 from collections.abc import Sequence
@@ -19,19 +19,19 @@ from sarsim.sensors.camera import LabelledImage
 
 
 class FindScore:
-    """Records which things come into view, and compares the reported finds with the true things."""
+    """Records which objects come into view, and compares the reported finds with the true objects."""
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, others: Places):
-        """``others``: in the world, where something may be reported that counts neither way."""
+        """``others``: positions in the world near which an unmatched find is no false alarm."""
         self._things = things_of(model, data)
         self._visibility, self._others = Visibility(model, self._things), others
 
     def add(self, image: LabelledImage) -> None:
-        """Mark the things in a noise-free image, clipped to the sensor's range."""
+        """Mark the objects in a noise-free image, clipped to the sensor's range."""
         self._visibility.add(image)
 
     def report(self, finds: Sequence[Find], has_thermal: bool) -> dict[str, Any]:
-        """Figures by kind; of heat only with a thermal camera."""
+        """Figures by kind; heat is included only with a thermal camera."""
         kinds = [kind for kind in FIND_KINDS if kind != HEAT or has_thermal]
         return {kind: self._figures(kind, [find for find in finds if find.kind == kind]) for kind in kinds}
 
@@ -55,7 +55,7 @@ class FindScore:
         }
 
     def errors(self, finds: Sequence[Find]) -> dict[str, list[float]]:
-        """Distances, m, of the finds of each kind from the things that they are matched with."""
+        """Distances, m, between matched finds and objects, by kind."""
         result = {}
         for kind in FIND_KINDS:
             things, reported = of_kind(self._things, kind), [find for find in finds if find.kind == kind]
@@ -71,7 +71,7 @@ def _distances(things: Sequence[Thing], finds: Sequence[Find], pairs: Sequence[t
 
 
 def matched(things: Sequence[Thing], finds: Sequence[Find]) -> list[tuple[int, int]]:
-    """Pairs of numbers of a thing and of the find that is matched with it: as many as possible, texts right first."""
+    """Index pairs of matched objects and finds: as many as possible, preferably with the same text."""
     true = np.array([thing.centre for thing in things]).reshape(-1, 3)
     reported = np.array([find.position for find in finds]).reshape(-1, 3)
     distance = np.linalg.norm(true[:, None] - reported, axis=2)

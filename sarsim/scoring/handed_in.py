@@ -1,4 +1,4 @@
-"""What handed-in files, of this or of another program, are worth in an arena."""
+"""Scores of the files that sarsim or another program handed in for an arena."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -30,10 +30,10 @@ from sarsim.scoring.leagues import LeagueRun, SmallRun, VirtualRun, league, smal
 from sarsim.scoring.portals import portals
 from sarsim.scoring.victims import NEAR, pairs_of_least
 
-SHOWN = 0.1  # m from a cell within which a point of the 3D map covers it: a voxel of a coarse map
-ALIKE = 0.5  # m; points farther from every true surface do not take part in the registration
-MOST_POINTS = 20_000  # of a cloud that are compared; their mean distance is exact to 1 %
-ROUNDS = 30  # of the registration, which converges in fewer
+SHOWN = 0.1  # m; the 3D map also covers cells this near to those it shows: a voxel of a coarse map
+ALIKE = 0.5  # m; the registration ignores points farther than this from every true surface
+MOST_POINTS = 20_000  # Larger clouds are thinned to about this size; the mean distance is accurate to 1 %
+ROUNDS = 30  # Maximum iterations of the registration, which converges in fewer
 
 
 @dataclass(frozen=True, eq=False)
@@ -42,9 +42,9 @@ class TrueFind:
 
     Attributes:
         type: one of the league's types.
-        name: that a find must have.
-        position: in the world.
-        is_victim, is_living: whether it is one, and whether it is alive.
+        name: the name that a find must have.
+        position: its position in the world.
+        is_victim, is_living: whether it is a victim, and whether it is alive.
     """
 
     type: str
@@ -55,7 +55,7 @@ class TrueFind:
 
 
 def true_finds(model: mujoco.MjModel, data: mujoco.MjData) -> list[TrueFind]:
-    """What counts in an arena: objects of a kind that the league lists, and the living as sources of heat too."""
+    """The objects in an arena that score: all kinds that the league lists; living victims also as sources of heat."""
     things = things_of(model, data)
     return [
         TrueFind(TYPE_OF[kind], name_of(kind, thing.text), thing.centre, kind == "victim", thing.is_warm)
@@ -66,15 +66,15 @@ def true_finds(model: mujoco.MjModel, data: mujoco.MjData) -> list[TrueFind]:
 
 @dataclass(frozen=True, eq=False)
 class TrueArena:
-    """What a judge knows.
+    """What a judge knows about the arena.
 
     Attributes:
         surface: the true ground.
-        finds: what counts.
+        finds: the finds that score.
         scene: Open3D's RaycastingScene of all visible surfaces.
         T_world_league: pose of the league's frame.
         portals: doorways and junctions.
-        tubes: fiducials and codes of the small league.
+        tubes: the small league's fiducials and codes.
     """
 
     surface: TrueSurface
@@ -88,9 +88,9 @@ class TrueArena:
 def true_arena(
     model: mujoco.MjModel, data: mujoco.MjData, T_world_start: Pose, robot: RobotModel, robot_body: int | None = None
 ) -> TrueArena:
-    """Survey an arena for a robot that starts at the 4×4 pose; InputError if it cannot stand there.
+    """Survey an arena for a robot that starts at a 4×4 pose; InputError if it cannot stand there.
 
-    ``robot_body``: id of its root body, which is left out; None if the model has no robot.
+    ``robot_body``: id of the robot's root body, which is left out; None if the model has no robot.
     """
     surface = Survey(model, data, robot_body, robot).surface_from(T_world_start[:3, 3])
     return TrueArena(
@@ -106,8 +106,8 @@ def true_arena(
 def registered_error(points: NDArray[np.floating], scene: Any) -> float:
     """Mean distance, m, of points (N, 3) in the world to the true surfaces, after registration from the identity.
 
-    Assumed: the league's global error is this distance; the registration is that of Chen and Medioni (1992), point to
-    plane, with the nearest point of the true surface itself. Infinite without points.
+    Assumed: the league's global error is this distance. The registration is point-to-plane ICP (Chen and Medioni
+    1992) with exact nearest points on the true surfaces. Infinite without points.
     """
     if not len(points):
         return float("inf")
@@ -122,7 +122,7 @@ def registered_error(points: NDArray[np.floating], scene: Any) -> float:
 
 
 def _nearest(points: NDArray[np.float64], scene: Any) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """(N, 3) nearest points of the surfaces to points (N, 3) m in the world, and the normals (N, 3) there."""
+    """(N, 3) points of the surfaces nearest to points (N, 3), m in the world, and the normals (N, 3) there."""
     found = scene.compute_closest_points(np.ascontiguousarray(points, np.float32))
     return tuple(found[name].numpy().astype(np.float64) for name in ("points", "primitive_normals"))
 
@@ -130,8 +130,8 @@ def _nearest(points: NDArray[np.float64], scene: Any) -> tuple[NDArray[np.float6
 def _step(
     points: NDArray[np.float64], nearest: NDArray[np.float64], normals: NDArray[np.float64]
 ) -> NDArray[np.float64]:
-    """(6,) rotation, rad, and translation, m, that bring points (N, 3) in the world nearer to the planes there."""
-    # A triangle without area, as in the middle of a cylinder's end, has no normal.
+    """(6,) rotation vector, rad, and translation, m, that move points (N, 3) towards their tangent planes."""
+    # A degenerate triangle, as in the centre of a cylinder's cap, has no normal.
     near = (np.linalg.norm(points - nearest, axis=1) < ALIKE) & np.isfinite(normals).all(axis=1)
     points, nearest, normals = points[near], nearest[near], normals[near]
     rows = np.hstack([np.cross(points, normals), normals])
@@ -140,14 +140,14 @@ def _step(
 
 
 def covered(points: NDArray[np.floating], surface: TrueSurface) -> MaskLayer:
-    """The cells of the true ground that points (N, 3), m in the world, show."""
+    """The cells of the true ground that points (N, 3), m in the world, cover."""
     seen = np.zeros(surface.grid.shape, np.bool_)
     see(np.asarray(points, np.float64), surface.grid.origin, surface.grid.cell, surface.height, SEEN_HEIGHT, seen)
     return np.asarray(surface.grid.distance_to(seen) <= SHOWN)
 
 
 def matched(places: NDArray[np.float64], things: NDArray[np.float64], within: float) -> Values:
-    """Distances, m, of places (N, 3) and things (M, 3) of one name, matched one to one ``within`` m."""
+    """Distances, m, from places (N, 3) to things (M, 3) of the same name, matched one to one ``within`` m."""
     distance = np.linalg.norm(places[:, None] - things[None], axis=2)
     return np.array([distance[i, k] for i, k in pairs_of_least(np.where(distance <= within, distance, np.inf))])
 
@@ -164,15 +164,15 @@ def score_handed_in(
     resets: int = 0,
     contacts: int = 0,
 ) -> dict[str, dict[str, dict[str, float]]]:
-    """The scores of the first run in a folder that was handed in: ``league``, ``virtual``, with tubes ``small``.
+    """The scores of the first run in a folder: ``league``, ``virtual`` and, if the arena has tubes, ``small``.
 
     Args:
-        folder: of the files, or an episode's that contains ``handed_in/``.
-        arena: that the robot was in.
-        brief: of the mission, for its rewards and penalties.
-        parked: in the world, where the robot was at the end; None if nobody knows.
-        resets: how often the robot was touched.
-        contacts: with living victims.
+        folder: the folder of the files, or of an episode, which contains ``handed_in/``.
+        arena: the arena that the robot was in.
+        brief: the mission's brief, which defines rewards and penalties.
+        parked: the robot's final position in the world; None if unknown.
+        resets: number of times that the robot was touched.
+        contacts: number of contacts with living victims.
 
     Raises:
         InputError: the 3D map or the list of finds is missing, or cannot be read.
@@ -201,9 +201,9 @@ def score_handed_in(
 
 
 def small_run(codes: Sequence[ReadCode], points: NDArray[np.floating], arena: TrueArena, within: float) -> SmallRun:
-    """Measure what the small league counts: codes that were read, and points (N, 3) of the map, m in the world.
+    """Measure what the small league scores, from the codes read and the map's points (N, 3), m in the world.
 
-    A code is well placed if its distances on the map to the two nearest fiducials are right ``within`` m.
+    A code is well placed if its distances from the two nearest fiducials in the map are right to ``within`` m.
     """
     shown, right = mapped_tubes(points, arena.tubes), {}
     for code in codes:
@@ -230,10 +230,10 @@ def league_run(
     arena: TrueArena,
     resets: int,
 ) -> LeagueRun:
-    """Measure what the Rescue Robot League counts; points (N, 3) and places (M, 3) of finds, m in the world.
+    """Measure what the Rescue Robot League scores; points (N, 3) and places (M, 3) of finds, m in the world.
 
-    A find is right within ``NEAR`` of an object of its type and name that no other find has. A run is
-    autonomous unless a find says otherwise.
+    A find is right if it is matched, one to one, with an object of its type and name within ``NEAR``. A run is
+    autonomous unless a find's mode says otherwise.
     """
     names = {(find.type, find.name) for find in arena.finds}
     errors = [
@@ -268,12 +268,11 @@ def virtual_run(
     contacts: int,
     reach: float,
 ) -> VirtualRun:
-    """Measure what the Virtual Robot competition counts.
+    """Measure what the Virtual Robot competition scores.
 
-    Marks and the robot count within ``reach``, m, of a victim; places (M, 3) of finds, m in the world.
-
-    Assumed: an object named victim and a source of heat are marks of a victim, a source of heat that of a living one;
-    the robot beside a living one must have marked it too.
+    A mark, or the parked robot, counts if it is within ``reach``, m, of a victim; places (M, 3) of finds, m in the
+    world. Assumed: finds named victim and sources of heat mark victims, and sources of heat mark living ones. A
+    living victim counts if it is marked as living and the robot is parked near it.
     """
     victims = [find for find in arena.finds if find.is_victim]
     true, is_living = _places(victims)[:, :2], np.array([find.is_living for find in victims], np.bool_)

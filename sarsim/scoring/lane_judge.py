@@ -1,4 +1,4 @@
-"""The judge of a lane: what counts as a traverse, by the true pose of the robot and whatever its map says."""
+"""The judge of a lane: decides from the robot's true pose, not from its map, what counts as a traverse."""
 
 from dataclasses import dataclass
 
@@ -11,21 +11,21 @@ from sarsim.arenas.lanes import Lane
 from sarsim.scoring.trajectory import is_tipped
 
 POST = "post_"
-"""So begin the names of the bodies that may fall."""
+"""Prefix of the names of bodies that may fall over."""
 
 
 @dataclass
 class LaneJudge:
-    """Judges one try to drive from one end zone into the other.
+    """Judges one attempt to drive from one end zone into the other.
 
     Attributes:
-        lane: where it drives.
-        robot: its size.
+        lane: the lane.
+        robot: the robot's dimensions.
         towards: +1 or -1, the sign of x of the end zone to drive into.
-        begin: when the try began, s.
-        limit: time that it may take, s.
-        crossed: when the whole robot was first in that end zone, s; None before.
-        has_tipped: whether it fell over.
+        begin: when the attempt began, s.
+        limit: maximum duration of the attempt, s.
+        crossed: when the whole robot was first inside that end zone, s; None before.
+        has_tipped: whether the robot fell over.
     """
 
     lane: Lane
@@ -37,7 +37,7 @@ class LaneJudge:
     has_tipped: bool = False
 
     def see(self, time: float, T_world_base: Pose) -> bool:
-        """Judge a true 4×4 pose at a time, s: whether the try may go on; it may not after a fall or its time."""
+        """Judge a true 4×4 pose at a time, s; returns whether the attempt goes on: not after a fall or the limit."""
         self.has_tipped |= is_tipped(T_world_base)
         may_go_on = not self.has_tipped and time <= self.begin + self.limit
         if may_go_on and self.crossed is None and is_in_end_zone(T_world_base, self.towards, self.robot, self.lane):
@@ -46,12 +46,12 @@ class LaneJudge:
 
     @property
     def seconds(self) -> float | None:
-        """s that the traverse took; None if there is none."""
+        """Duration of the traverse, s; None if there was none."""
         return None if self.crossed is None else self.crossed - self.begin
 
 
 def is_in_end_zone(T_world_base: Pose, end: int, robot: RobotModel, lane: Lane) -> bool:
-    """Whether the whole footprint of a robot at a true 4×4 pose lies in a lane's end zone at the ``end`` ±1 of x."""
+    """Whether a robot's whole footprint at a true 4×4 pose is in the end zone at -x or +x (``end``: -1 or +1)."""
     along, across = np.abs(T_world_base[0, :2]) * (robot.half_length, robot.half_width)
     return bool(end * T_world_base[0, 3] - along - across >= lane.end)
 

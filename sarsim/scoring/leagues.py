@@ -1,8 +1,8 @@
-"""The scores of the rescue leagues, rule by rule, from what was measured of a mission; numbers and nothing else.
+"""The scores of the rescue leagues, rule by rule, computed only from a mission's measurements.
 
-Sources: Rescue Robot League, rules 2026D, as a team's summary has them; Virtual Robot competition, draft of the rules
-of 18 January 2022; small league (RMRC), rule book of 2026. What these leave open is an assumption, named in the
-docstring of the rule's function.
+Sources: Rescue Robot League, rules 2026D, as summarised by a team; Virtual Robot competition, draft rules of
+18 January 2022; small league (RMRC), rule book of 2026. Where these leave something open, the docstring of the rule's
+function states what is assumed.
 """
 
 from dataclasses import dataclass
@@ -14,17 +14,17 @@ Rule = dict[str, float]
 
 @dataclass(frozen=True)
 class LeagueRun:
-    """What is measured of a run in the labyrinth.
+    """Measurements of a run in the labyrinth.
 
     Attributes:
         coverage: share of the drivable ground that the 3D map shows.
-        global_error: of the 3D map, m.
-        extras: how many of rgb, normals and confidence the 3D map has.
-        present: number of objects in the arena that count as finds.
-        right, wrong: numbers of finds that are in the arena, each object counted once, and of all others.
-        localisation_error: mean of the right finds, m.
-        is_autonomous: whether nobody drove.
-        resets: how often the robot was touched.
+        global_error: global error of the 3D map, m.
+        extras: how many of RGB, normals and confidence the 3D map has.
+        present: number of objects in the arena that score as finds.
+        right, wrong: numbers of finds that match an object, each object counted once, and of all other finds.
+        localisation_error: mean position error of the right finds, m.
+        is_autonomous: whether nobody drove the robot.
+        resets: number of times that the robot was touched.
     """
 
     coverage: float
@@ -40,13 +40,14 @@ class LeagueRun:
 
 @dataclass(frozen=True)
 class VirtualRun:
-    """What is measured of a run of virtual robots.
+    """Measurements of a run of virtual robots.
 
     Attributes:
-        portals, discovered: numbers of the arena's, and of those that the map shows.
-        victims, right, wrong: numbers of the arena's, of those with a mark near, and of marks with none near.
-        living, right_living, wrong_living: of those alive, those with a robot beside them, and marks of others.
-        contacts: with living victims.
+        portals, discovered: numbers of portals in the arena, and of those that the map shows.
+        victims, right, wrong: numbers of victims in the arena, of those near a mark, and of marks near no victim.
+        living, right_living, wrong_living: numbers of living victims, of those marked as living and with a robot
+            parked beside them, and of marks of living victims near no such victim.
+        contacts: number of contacts with living victims.
     """
 
     portals: int
@@ -62,14 +63,14 @@ class VirtualRun:
 
 @dataclass(frozen=True)
 class SmallRun:
-    """What is measured of a run in the small league's labyrinth.
+    """Measurements of a run in the small league's labyrinth.
 
     Attributes:
-        codes: number of the arena's QR codes.
-        read: number of those that were read.
-        placed: of those, number whose distances on the map to the two nearest fiducials are right.
-        fiducials, shown: numbers of the arena's, and of those that the map shows.
-        is_autonomous: whether nobody drove.
+        codes: number of QR codes in the arena.
+        read: number of codes that were read.
+        placed: number of codes read whose distances from the two nearest fiducials in the map are right.
+        fiducials, shown: numbers of fiducials in the arena, and of those that the map shows.
+        is_autonomous: whether nobody drove the robot.
     """
 
     codes: int
@@ -85,9 +86,9 @@ def league(run: LeagueRun, rewards: Rewards, penalties: Penalties) -> dict[str, 
 
     map: ``coverage / (1 + global error) · bonus``. Assumed: errors in m, and a bonus of 1 + ``extra`` for each extra.
     detections: ``DS / (1 + localisation error)``. Assumed: DS is a fixed number of points for each object found; a
-    wrong find costs nothing, as the summary names no price.
-    autonomy: the sum of both × 5, or × 1 if teleoperated; what the factor adds are this rule's points.
-    resets: the summary names no price in the labyrinth.
+    wrong find costs nothing, because the summary names no penalty.
+    autonomy: the sum of both × 5, or × 1 if teleoperated; this rule's points are what the factor adds.
+    resets: the summary names no penalty in the labyrinth.
     """
     bonus = 1 + rewards.extra * run.extras
     of_map = run.coverage / (1 + run.global_error) * bonus
@@ -109,11 +110,12 @@ def league(run: LeagueRun, rewards: Rewards, penalties: Penalties) -> dict[str, 
 
 
 def virtual(run: VirtualRun, rewards: Rewards, penalties: Penalties) -> dict[str, Rule]:
-    """The score of the Virtual Robot competition 2022, of which the rules are the summands.
+    """The score of the Virtual Robot competition 2022, the sum of its rules.
 
-    ``[β S + (1 − β) ((v_r − ½ v_w) / V + max(0, (2 v_ar − v_aw) / (2 V_a)))] α``. Assumed: without victims, or
-    without living ones, that summand is 0; a contact costs a share of what a living victim adds to both summands, and
-    all contacts together at most what the living with a robot beside them have brought.
+    ``[β S + (1 − β) ((v_r − ½ v_w) / V + max(0, (2 v_ar − v_aw) / (2 V_a)))] α``. S is the share
+    of portals discovered; V, v_r and v_w are the numbers of victims, right and wrong; with a, those of living ones.
+    Assumed: without victims, or without living ones, their summand is 0. A contact costs a share of what a living
+    victim adds to both summands; all contacts cost at most what the right living victims have added.
     """
     share = run.discovered / run.portals if run.portals else 0.0
     found = rewards.alpha * (1 - rewards.beta)
@@ -140,9 +142,9 @@ def virtual(run: VirtualRun, rewards: Rewards, penalties: Penalties) -> dict[str
 
 
 def small(run: SmallRun, rewards: Rewards) -> dict[str, Rule]:
-    """The score of the small league's labyrinth 2026: points of codes read and well placed, × 4 if nobody drove.
+    """The score of the small league's labyrinth 2026: points for codes read and well placed, × 4 if nobody drove.
 
-    Laps count nothing for a map. Assumed: only texts that the arena's codes have are readings, each once.
+    Laps do not count in mapping. Assumed: a reading counts if a code in the arena has its text, each text once.
     """
     codes, placed = rewards.reading * run.read, rewards.placed * run.placed
     factor = rewards.reading_alone if run.is_autonomous else 1.0

@@ -1,4 +1,4 @@
-"""What a mission of the simulated robot is worth to the leagues."""
+"""The leagues' scores of a mission of the simulated robot."""
 
 from pathlib import Path
 
@@ -13,7 +13,7 @@ from sarsim.simulated_robot import SimulatedRobot
 
 
 class MissionScore(Sink):
-    """Adds what the files that an episode has handed in are worth to its report."""
+    """Adds the scores of the files that an episode handed in to its report."""
 
     finishing = "scoring the mission"
 
@@ -21,13 +21,13 @@ class MissionScore(Sink):
         self._robot, self._brief = robot, brief
 
     def finish(self, result: Result) -> None:
-        """Score the files as a judge would, who has nothing else."""
+        """Score the files as a judge would, who has only them."""
         if result.is_reported:
             result.add(mission_score(result.folder, self._robot, self._brief))
 
 
 def mission_score(folder: Path, robot: SimulatedRobot, brief: MissionBrief) -> dict[str, dict[str, Rule]]:
-    """The leagues' scores, as of :func:`score_handed_in`, of an episode; none if it handed in no files.
+    """The leagues' scores of an episode, as returned by :func:`score_handed_in`; empty if it handed in no files.
 
     Nobody touches the robot, so there are no resets.
     """
@@ -35,7 +35,7 @@ def mission_score(folder: Path, robot: SimulatedRobot, brief: MissionBrief) -> d
     if not (files[".ply"] and files[".csv"]):
         return {}
     model = robot.physics.model.ptr
-    before = mujoco.MjData(model)  # as the arena was, without what the robot moved
+    before = mujoco.MjData(model)  # the arena before the robot moved anything
     mujoco.mj_forward(model, before)
     truth = true_arena(model, before, robot.T_world_start, robot.model, robot.base_body)
     parked = robot.trajectory[-1].T_world_base[:2, 3]

@@ -1,4 +1,4 @@
-"""How the robot has driven."""
+"""Scores of the robot's driving."""
 
 from functools import cached_property
 from typing import Any
@@ -16,10 +16,10 @@ from sarsim.simulated_robot import SimulatedRobot
 
 
 class NavigationScore:
-    """Scores how a robot drives, whoever drives it."""
+    """Scores how a robot drives, no matter what controls it."""
 
     def __init__(self, robot: SimulatedRobot, surface: TrueSurface):
-        """Score a robot from its current pose on; ``surface``: the true ground."""
+        """Start scoring at the robot's current pose; ``surface``: the true ground."""
         self._robot, self._surface, self._first = robot, surface, len(robot.trajectory) - 1
 
     @cached_property
@@ -28,7 +28,7 @@ class NavigationScore:
         return true_traversability(self._surface, self._robot.model)
 
     def report(self) -> dict[str, Any]:
-        """The figures for report.json; without speed and times if the robot was not given a single command."""
+        """The figures for report.json; speed and times are missing if the robot received no command."""
         trajectory = self._robot.trajectory[self._first :]
         contacts, motion = self._robot.collisions.collisions, motion_figures(self._robot.trajectory)
         figures: dict[str, Any] = {"collisions": contacts, **motion}
@@ -52,6 +52,6 @@ def navigation_figures(navigator: Navigator, score: NavigationScore, kidnaps: in
 
 
 def _time_figures(navigator: Navigator) -> dict[str, float]:
-    """The median of planned over driven time; nothing without a planned drive on which the robot moved."""
+    """The median ratio of planned to driven time; empty if the robot moved on no planned drive."""
     ratios = [time.planned / time.driven for time in navigator.times if time.driven > 0 and time.planned > 0]
     return {"planned_over_driven": float(np.median(ratios))} if ratios else {}

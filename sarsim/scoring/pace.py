@@ -18,7 +18,7 @@ class Doing(IntEnum):
 
     DRIVING = 0
     TURNING = 1
-    """In place: the centre of the turn lies between its wheels, so that those of one side stand or go back."""
+    """In place: the centre of rotation lies between the wheels, so those of one side stop or run backwards."""
     BACKING = 2
     STILL = 3
 
@@ -27,12 +27,12 @@ def time_figures(trajectory: Sequence[Pose], ground: Traversability) -> dict[str
     """``navigation.time_s`` for report.json.
 
     Args:
-        trajectory: true poses, one each control period.
-        ground: the true one, for the robot that was driven.
+        trajectory: true poses, one per control period.
+        ground: the true ground, assessed for the robot that was driven.
 
     Returns:
-        s spent driving, backing, turning in place and still, which sum up to the whole time, and of the driving those
-        where the robot has less room at its sides, both together, than its width, and those on ramps.
+        Times, s, spent driving, backing, turning in place and still, which sum to the total; and the parts of the
+        driving time where the room on both sides together is less than the robot's width, and on ramps.
     """
     doing, lasted = what_it_does(trajectory, ground.robot), np.diff([pose.time for pose in trajectory])
     is_driving = doing == Doing.DRIVING
@@ -44,7 +44,7 @@ def time_figures(trajectory: Sequence[Pose], ground: Traversability) -> dict[str
 
 
 def what_it_does(trajectory: Sequence[Pose], robot: RobotModel) -> Values:
-    """(N - 1,) :class:`Doing` between N true poses; a robot that is carried stands still."""
+    """(N - 1,) :class:`Doing` between N true poses; a robot that is carried counts as still."""
     T = np.array([pose.T_world_base for pose in trajectory])
     steps = np.diff(T[:, :2, 3], axis=0)
     moved = np.linalg.norm(steps, axis=1)
@@ -58,7 +58,7 @@ def what_it_does(trajectory: Sequence[Pose], robot: RobotModel) -> Values:
 
 
 def is_narrow(ground: Traversability, places: Places) -> Mask:
-    """Whether a robot has less room at its sides, both together, than its width.
+    """Whether the room on both sides of a robot together is less than its width.
 
     ``places``: (N, 3) x and y in m, heading in rad.
     """
@@ -68,7 +68,7 @@ def is_narrow(ground: Traversability, places: Places) -> Mask:
 def room_on(ground: Traversability, places: Places, side: float) -> Values:
     """(N,) m between the footprint and the nearest obstacle on its left (1) or right (-1), at most its width.
 
-    To half a cell: the middle of each cell's length beside the footprint is looked at.
+    Accurate to half a cell, because obstacles are sampled at intervals of one cell.
     """
     robot, cell = ground.robot, ground.grid.cell
     cos, sin = np.cos(places[:, 2]), np.sin(places[:, 2])

@@ -1,4 +1,4 @@
-"""How soon a body could have driven a way, by its greatest speeds and accelerations alone."""
+"""Lower bounds on driving times, from a robot's maximum speeds and accelerations alone."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,9 +15,9 @@ class Drive:
     """A drive of straight lines and turns from one viewpoint to the next.
 
     Attributes:
-        stops: (N, 2) m, the ends of the lines, the first being where it begins.
-        backwards: (N - 1,) which of the lines lead backwards.
-        first, last: rad, the headings at the viewpoints.
+        stops: (N, 2) m, the ends of the lines, beginning with the start of the drive.
+        backwards: (N - 1,) which of the lines are driven backwards.
+        first, last: headings at the two viewpoints, rad.
     """
 
     stops: Places
@@ -27,7 +27,7 @@ class Drive:
 
     @property
     def lines(self) -> list[tuple[float, bool, float]]:
-        """Length in m of each line, whether it leads backwards, and the robot's heading on it, rad."""
+        """Length in m of each line, whether it is driven backwards, and the robot's heading on it, rad."""
         steps = [(b - a).tolist() for a, b in pairwise(self.stops)]
         return [
             (hypot(x, y), bool(back), atan2(y, x) + pi * bool(back))
@@ -37,16 +37,16 @@ class Drive:
 
     @property
     def turned(self) -> float:
-        """rad, all turns together."""
+        """Sum of all turns, rad."""
         headings = [self.first, *(heading for _, _, heading in self.lines), self.last]
         return float(sum(abs(wrap_angle(b - a)) for a, b in pairwise(headings)))
 
 
 def least_seconds(drives: Sequence[Drive], body: DriveModel) -> float:
-    """Lower bound of the time that a body needs for drives one after the other.
+    """Lower bound on the time that a body needs for consecutive drives, s.
 
-    The longer of the time for all lines at its greatest speed and acceleration, with a stop where it reverses and no
-    other, and of that for all turns at its greatest rate: who drives well turns while it drives.
+    The longer of two times: for all lines at maximum speed and acceleration, with stops only where the direction
+    reverses; and for all turns at the maximum rate, because an ideal driver turns while driving.
     """
     lines = [line for drive in drives for line in drive.lines]
     ways = [sum(way for way, *_ in run) for _, run in groupby(lines, key=lambda line: line[1])]
@@ -55,9 +55,9 @@ def least_seconds(drives: Sequence[Drive], body: DriveModel) -> float:
 
 
 def _seconds(way: float, body: DriveModel, stops: bool) -> float:
-    """s for a way, m, from a standstill, and to one if the body ``stops`` at the end."""
+    """Time, s, to drive ``way``, m, from a standstill, and to a standstill if the body ``stops`` at the end."""
     v, a, ends = body.top_speed, body.acceleration, 2 if stops else 1
-    # Each end takes v / a s, on half of the way that top speed would have brought.
+    # Accelerating or braking takes v / a s, and covers half the distance that top speed would.
     if way < ends * v**2 / (2 * a):
         return sqrt(2 * ends * way / a)
     return way / v + ends * v / (2 * a)

@@ -1,4 +1,4 @@
-"""Portals of an arena: doorways and junctions of the free space, which count once they are on the map."""
+"""Portals of an arena: doorways and junctions of the free space, which score once they are on the map."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -9,17 +9,17 @@ from sarsim.ground_truth.true_surface import CELL, TrueSurface
 from sarsim.scoring.portals_kernels import edge_cells
 
 DOORWAY = 0.9  # m, width of the leagues' doors
-CORRIDOR = 1.2  # m, least width of their corridors
+CORRIDOR = 1.2  # m, minimum width of their corridors
 EIGHT = np.ones((3, 3), np.bool_)
-RING = ((0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1))  # Steps to the neighbours, around
+RING = ((0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1))  # Steps to the neighbours, as a ring
 
 
 def portals(surface: TrueSurface, clearance: float) -> Places:
-    """The doorways and junctions of the ground between the walls; what lies in the way makes none.
+    """The doorways and junctions of the ground between the walls; other obstacles are ignored.
 
     Args:
         surface: the true ground.
-        clearance: m that the robot's middle keeps from walls.
+        clearance: minimum distance of the robot's centre from walls, m.
     """
     free = _between_walls(surface, clearance)
     cells = [*_doorways(free, (DOORWAY + CORRIDOR) / 4 - clearance), *_junctions(free)]
@@ -27,7 +27,7 @@ def portals(surface: TrueSurface, clearance: float) -> Places:
 
 
 def _between_walls(surface: TrueSurface, clearance: float) -> MaskLayer:
-    """The cells farther than ``clearance`` m from walls, joined with drivable ones, whatever lies there."""
+    """The cells farther than ``clearance`` m from walls and connected to drivable ones, even across obstacles."""
     near = surface.grid.distance_to(surface.walls) <= clearance
     free = ndimage.binary_fill_holes(near | np.isfinite(surface.height)) & ~near
     pieces, _ = ndimage.label(free, EIGHT)
@@ -35,10 +35,10 @@ def _between_walls(surface: TrueSurface, clearance: float) -> MaskLayer:
 
 
 def _doorways(free: NDArray[np.bool_], narrow: float) -> list[NDArray[np.int64]]:
-    """(2,) cells in the middle of passages at most ``narrow`` m to each side, with wider ground at both ends.
+    """(2,) cells in the middle of passages at most ``narrow`` m wide to each side, with wider ground at both ends.
 
-    What an opening by a disc removes and what touches the rest twice is a doorway (morphological room segmentation,
-    Bormann et al. 2016).
+    A doorway is a region that a morphological opening with a disc removes, and that touches at least two of the
+    remaining regions or ends of them (morphological room segmentation, Bormann et al. 2016).
     """
     inside = np.pad(free, 1)
     wide = ndimage.distance_transform_edt(inside)[1:-1, 1:-1] * CELL > narrow
@@ -54,9 +54,9 @@ def _doorways(free: NDArray[np.bool_], narrow: float) -> list[NDArray[np.int64]]
 
 
 def _junctions(free: NDArray[np.bool_]) -> list[NDArray[np.int64]]:
-    """(2,) cells of the skeleton from which three or more ways lead on, one of those near each other.
+    """(2,) cells of the skeleton where three or more branches meet; one cell of those near each other.
 
-    A way leads on if it leaves the square around the largest disc there: branches into its corners do not.
+    A branch counts if it leaves the square around the largest free disc at the cell: those into its corners do not.
     """
     thin = skeleton(free)
     reach = np.sqrt(2) * ndimage.distance_transform_edt(np.pad(free, 1))[1:-1, 1:-1] + 1
@@ -69,7 +69,7 @@ def _junctions(free: NDArray[np.bool_]) -> list[NDArray[np.int64]]:
 
 
 def _ways(thin: NDArray[np.bool_], cell: NDArray[np.int64], reach: float) -> int:
-    """How many lines of a skeleton lead from a cell (2,) to beyond ``reach`` cells."""
+    """Number of branches of a skeleton that lead from a cell (2,) farther than ``reach`` cells."""
     low = np.maximum(cell - int(reach) - 3, 0)
     thin, cell = thin[tuple(map(slice, low, cell + int(reach) + 4))], cell - low
     distance = np.linalg.norm(np.indices(thin.shape) - cell[:, None, None], axis=0)
@@ -78,7 +78,7 @@ def _ways(thin: NDArray[np.bool_], cell: NDArray[np.int64], reach: float) -> int
 
 
 def _middle(mask: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """(2,) the cell of a mask that is nearest to its centroid."""
+    """(2,) the cell of a mask nearest to the mask's centroid."""
     cells = np.argwhere(mask)
     nearest: NDArray[np.int64] = cells[np.linalg.norm(cells - cells.mean(axis=0), axis=1).argmin()]
     return nearest
@@ -92,12 +92,12 @@ def _neighbours(mask: NDArray[np.bool_]) -> NDArray[np.bool_]:
 
 
 def _crossings(around: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """(nx, ny) how often the neighbours (8, nx, ny) change from outside to inside on the way around each cell."""
+    """(nx, ny) number of changes from outside to inside along the ring of neighbours (8, nx, ny) of each cell."""
     return np.asarray((~around & np.roll(around, -1, axis=0)).sum(axis=0), np.int64)
 
 
 def skeleton(mask: MaskLayer) -> MaskLayer:
-    """The lines, a cell wide, to which a mask is thinned from its edges (Zhang and Suen 1984)."""
+    """The skeleton of a mask: lines one cell wide, obtained by thinning (Zhang and Suen 1984)."""
     thin, changes, ring = mask.copy(), True, np.array(RING)
     while changes:
         changes = False

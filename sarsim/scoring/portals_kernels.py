@@ -6,12 +6,12 @@ from numba import njit
 
 @njit(cache=True)
 def edge_cells(thin, ring, first, second):
-    """(nx, ny) bool, the cells that Zhang and Suen take from a mask (nx, ny) in one of the two passes of a round.
+    """(nx, ny) bool, the cells that one of the two passes of Zhang-Suen thinning removes from a mask (nx, ny).
 
     Args:
         thin: the mask.
-        ring: (8, 2) int64, steps to the neighbours, around.
-        first, second: (3,) int64 numbers of the neighbours of which one must be outside.
+        ring: (8, 2) int64, steps to the neighbours, in circular order.
+        first, second: (3,) int64 indices in ``ring`` of neighbours, at least one of which must be outside.
     """
     goes = np.zeros(thin.shape, np.bool_)
     around = np.empty(8, np.bool_)

@@ -1,4 +1,4 @@
-"""How well the robot's segments fit the true surfaces, as far as these came into view."""
+"""How well the robot's segments fit the parts of the true surfaces that came into view."""
 
 from collections import defaultdict
 from collections.abc import Iterator
@@ -16,23 +16,23 @@ from sarsim.ground_truth.faces import Face, plane_axes
 from sarsim.scoring.segments_kernels import ROW, cells_on_plane
 
 MAX_ANGLE = np.deg2rad(20)
-MAX_DISTANCE = 0.15  # m, largest distance from a segment's centre to the planes that it is compared with
+MAX_DISTANCE = 0.15  # m, maximum distance from a segment's centre to the planes that it is compared with
 ONE_PLANE = 0.01
-"""Bin size, for offsets in m and for unit normals, of faces that form one surface, such as a wall's panels."""
-SHIFT = 0.37  # of these bins, so that round numbers, as those of panels, are not on the border of two bins
-NEAR = 0.005  # m, largest distance from a true face of noise-free points on it
+"""Bin size for offsets, m, and unit normals; faces in one bin form one surface, such as a wall's panels."""
+SHIFT = 0.37  # Shift of the bins, in bins, so that round values, such as those of panels, are not on a border
+NEAR = 0.005  # m, maximum distance of noise-free points from the true face that they lie on
 STRIDE = 4  # Only every fourth return marks surfaces as seen
-SURFACE_CELL = 0.025  # m, of a surface
-CORNERS = np.array([(0, 0), (1, 0), (0, 1), (1, 1)])  # Of a cell
-GAP = 2  # Cells; seen parts of a surface that are at most this far from each other are one piece
-LEVEL = 0.99  # Vertical part of a normal beyond which a plane has no direction of ascent
+SURFACE_CELL = 0.025  # m, edge length of a cell of a surface
+CORNERS = np.array([(0, 0), (1, 0), (0, 1), (1, 1)])  # Corners of a cell
+GAP = 2  # Cells; seen parts of a surface at most this far apart form one piece
+LEVEL = 0.99  # Vertical component of a unit normal above which a plane counts as level
 
 
 class SegmentScore:
-    """Collects which parts of the true surfaces came into view, and compares the robot's segments with them."""
+    """Records which parts of the true surfaces came into view, and compares the robot's segments with them."""
 
     def __init__(self, faces: list[Face], are_whole: bool = False) -> None:
-        """``are_whole``: take all faces as seen, because what an earlier episode saw of them is not known."""
+        """``are_whole``: treat all faces as seen, because it is unknown what an earlier episode saw of them."""
         self._whole = faces if are_whole else []
         self._surfaces: dict[tuple[float, ...], _Surface] = {}
         self._of_geom: dict[int, set[_Surface]] = defaultdict(set)
@@ -42,7 +42,7 @@ class SegmentScore:
             self._of_geom[face.geom].add(surface)
 
     def add(self, points: NDArray[np.float32], geoms: NDArray[np.int32]) -> None:
-        """Mark what noise-free returns show: (N, 3) m in the world, and the geom (N,) that each comes from."""
+        """Mark what noise-free returns show: points (N, 3), m in the world, and the id (N,) of the geom of each."""
         points, geoms = points[::STRIDE], geoms[::STRIDE]
         order = np.argsort(geoms, kind="stable")
         points, geoms = points[order], geoms[order]
@@ -52,7 +52,7 @@ class SegmentScore:
                 surface.see(points[begin:end])
 
     def report(self, segments: Segments) -> dict[str, Any]:
-        """Compare every segment with the piece of surface of its label that it overlaps most."""
+        """Compare every segment with the piece of a surface of its label that it overlaps most."""
         faces = self._whole or [piece for surface in self._surfaces.values() for piece in surface.pieces()]
         matches = [match for segment in segments if (match := _match(segment, faces)) is not None]
         report: dict[str, Any] = {"planes": len(segments), "matched": len(matches)}
@@ -73,7 +73,7 @@ class _Surface:
         self._seen = np.zeros(0, np.int64)
 
     def see(self, points: NDArray[np.float32]) -> None:
-        """Mark the cells of those (N, 3) points that lie on the plane."""
+        """Mark the cells of the points (N, 3) that lie on the plane."""
         cells = cells_on_plane(points, self._face.normal, self._offset, self._axes, NEAR, SURFACE_CELL)
         cells = np.unique(cells)
         before = np.searchsorted(self._seen, cells)
@@ -81,7 +81,7 @@ class _Surface:
         self._seen = np.insert(self._seen, before[is_new], cells[is_new])
 
     def pieces(self) -> Iterator[Face]:
-        """Rectangles around the seen parts: upright rectangles, or on level planes those of least area."""
+        """Rectangles around the seen parts: with two horizontal sides or, on level planes, of minimum area."""
         keys = self._seen
         rows = (keys + ROW // 2) // ROW
         cells = np.column_stack([rows, keys - rows * ROW])
@@ -91,7 +91,7 @@ class _Surface:
         image[where] = True
         pieces, count = ndimage.label(ndimage.binary_dilation(image, np.ones((GAP + 1, GAP + 1))))
         for n in range(1, count + 1):
-            ends = row_ends(cells[pieces[where] == n])  # which have the same convex hull, and are far fewer
+            ends = row_ends(cells[pieces[where] == n])  # far fewer cells with the same convex hull
             inside = MultiPoint(SURFACE_CELL * (ends[:, None] + CORNERS).reshape(-1, 2))
             around = inside.minimum_rotated_rectangle if abs(self._face.normal[2]) > LEVEL else inside.envelope
             if isinstance(around, Polygon):
@@ -100,13 +100,13 @@ class _Surface:
 
 
 def row_ends(cells: NDArray[np.int64]) -> NDArray[np.int64]:
-    """(M, 2) the first and the last of each row of sorted cells (N, 2)."""
+    """(M, 2) the first and the last cell of each row of sorted cells (N, 2)."""
     is_first = np.diff(cells[:, 0], prepend=cells[0, 0] - 1) > 0
     return cells[is_first | np.roll(is_first, -1)]
 
 
 def _match(segment: Segment, faces: list[Face]) -> tuple[float, float] | None:
-    """Angle in rad and intersection over union with the face that fits best; None if none overlaps."""
+    """Angle in rad and intersection over union with the face of greatest overlap; None if none overlaps."""
     middle = segment.box.T_map_box[:3, 3]
     candidates = []
     for face in faces:

@@ -1,22 +1,22 @@
-"""The loop over the returns that show a surface."""
+"""The compiled loop over the returns that show a surface."""
 
 import numpy as np
 from numba import int64, njit
 
 ROW = 1 << 32
-"""Difference between the keys of two cells that are neighbours along the first axis."""
+"""Difference between the keys of two neighbouring cells along the first axis."""
 
 
 @njit(cache=True, nogil=True)
 def cells_on_plane(points, normal, offset, axes, near, cell):
-    """(K,) int64 keys of the cells in which points on a plane lie; successive ones differ.
+    """(K,) int64 keys of the cells that contain points on a plane; consecutive keys differ.
 
     Args:
         points: (N, 3) m.
-        normal, offset: (3,) and m, of the plane n·p = offset.
+        normal, offset: (3,) unit normal and offset in m of the plane n·p = offset.
         axes: (3, 2) unit vectors in the plane.
-        near: m, largest distance of a point on the plane.
-        cell: side of a cell, m.
+        near: maximum distance of a point from the plane, m.
+        cell: edge length of a cell, m.
     """
     keys, count = np.empty(len(points), np.int64), 0
     for n in range(len(points)):

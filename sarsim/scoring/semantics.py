@@ -18,7 +18,7 @@ class KeyframeTruth:
     """The true labels of keyframes, mapped at the keyframes' current poses."""
 
     def __init__(self, keyframes: Keyframes, voxel: float) -> None:
-        """``keyframes``: of the robot; the true labels of those that it has already are unknown. ``voxel``: m."""
+        """``keyframes``: the robot's; the true labels of those that exist already are unknown. ``voxel``: edge, m."""
         self._voxel = voxel
         self._keyframes = keyframes
         self._shares: dict[int, ClassShares | None] = {k: None for k, s in enumerate(keyframes.seen) if s.shares}
@@ -32,7 +32,7 @@ class KeyframeTruth:
             self._shares[keyframe.index] = ClassShares.of(shares[near])
 
     def map(self) -> SemanticMap:
-        """The semantic map with the true labels at the present poses."""
+        """The semantic map with the true labels at the keyframes' current poses."""
         truth, keyframes = SemanticMap(config=SemanticMapConfig(voxel=self._voxel)), self._keyframes
         for k, shares in self._shares.items():
             seen, T = keyframes.seen[k], keyframes.poses[k]
@@ -46,12 +46,12 @@ class KeyframeTruth:
 
 
 def compared(truth: SemanticMap, semantic_map: SemanticMap) -> dict[str, Any]:
-    """The figures of a map against one of the same voxels with the true labels; empty without points."""
+    """The figures of a map, compared with one that has the true labels of the same voxels; empty without points."""
     return label_figures(confusion_matrix(truth.labels(), semantic_map.labels()))
 
 
 def label_figures(confusion: NDArray[np.int64]) -> dict[str, Any]:
-    """Intersection over union by label, its means, and the accuracy, from a confusion matrix (8, 8)."""
+    """Intersection over union by label, its means, and the overall accuracy, from a confusion matrix (8, 8)."""
     if not confusion.any():
         return {}
     iou = iou_by_label(confusion)
@@ -74,6 +74,6 @@ def confusion_matrix(truth: NDArray[np.uint8], predicted: NDArray[np.uint8]) -> 
 
 
 def iou_by_label(confusion: NDArray[np.int64]) -> dict[Label, float]:
-    """Intersection over union, from a confusion matrix (L, L), of the labels that occur in the truth."""
+    """Intersection over union of each label that occurs in the truth, from a confusion matrix (L, L)."""
     values = iou(confusion)
     return {label: float(values[label]) for label in Label if confusion[label].any()}

@@ -1,4 +1,4 @@
-"""Set cover: few views that together show enough, and how few at least."""
+"""Set cover: a small set of views that together show enough, and a lower bound on its size."""
 
 import heapq
 
@@ -11,13 +11,13 @@ from pipeline.arrays import Mask
 
 
 def greedy_cover(views: sparse.csr_array, wanted: int, shown: Mask) -> list[int]:
-    """The views that together show ``wanted`` cells, each the one that shows most of what those before it do not.
+    """Views that together show ``wanted`` cells; each is the one that adds the most cells to those before it.
 
-    Lazily, for no gain ever grows (Minoux 1978). Fewer cells are shown if all views together show fewer.
+    Evaluated lazily, because gains never grow (Minoux 1978). If all views together show fewer, so does the result.
 
     Args:
-        views: (V, N), not 0 where a view shows a cell.
-        wanted: number of cells.
+        views: (V, N), nonzero where a view shows a cell.
+        wanted: number of cells to show, including those already shown.
         shown: which cells are shown already; not changed.
     """
     shown, chosen = shown.copy(), list[int]()
@@ -35,16 +35,16 @@ def greedy_cover(views: sparse.csr_array, wanted: int, shown: Mask) -> list[int]
 
 
 def cover_bound(views: sparse.csr_array, wanted: int, shown: NDArray[np.bool_]) -> float:
-    """No fewer views than this show ``wanted`` cells: the linear relaxation of the partial set cover.
+    """Lower bound on the number of views that show ``wanted`` cells, by linear relaxation of the partial set cover.
 
-    The least Σ x over x, y in [0, 1] with y_c ≤ Σ x of the views that show c, and Σ y = ``wanted``. Infinite if all
-    views together show fewer. Arguments as of :func:`greedy_cover`: (V, N) views and the (N,) cells that are shown.
+    The minimum of Σ x over x, y in [0, 1] with y_c ≤ Σ x of the views that show c, and Σ y = ``wanted``. Infinite
+    if all views together show fewer. Arguments as for :func:`greedy_cover`: (V, N) views and the (N,) cells shown.
     """
     rest = np.flatnonzero(~shown)
     missing = wanted - int(shown.sum())
     if missing <= 0:
         return 0.0
-    # Cells that the same views show are one, which counts as often.
+    # Cells that the same views show are merged into one, weighted by their number.
     columns, count = _distinct_columns(views[:, rest])
     v, n = columns.shape
     cost = np.concatenate([np.ones(v), np.zeros(n)])

@@ -1,4 +1,4 @@
-"""Accuracy of the mapped points against the surfaces that the camera truly had in view."""
+"""Accuracy of the mapped points, relative to the true surfaces that the camera had in view."""
 
 import numpy as np
 from numpy.typing import NDArray
@@ -7,14 +7,14 @@ from scipy.spatial import cKDTree
 from pipeline.geometry.thinning import VoxelCloud
 
 F1_WITHIN = {"f1_5cm": 0.05, "f1_10cm": 0.1}
-"""m, distances within which a point is right."""
+"""Distances within which a point counts as right, m."""
 
 
 class SurfaceScore:
     """Collects noise-free points, in the world, thinned to voxels as in the semantic map."""
 
     def __init__(self, voxel: float) -> None:
-        """Begin without any; ``voxel``: m, edge of the map's voxels."""
+        """Start without points; ``voxel``: edge of the map's voxels, m."""
         self._voxel = voxel
         self._surface, self._new = np.zeros((0, 3), np.float32), list[NDArray[np.float32]]()
 
@@ -29,16 +29,16 @@ class SurfaceScore:
         self._new.clear()
 
     def report(self, points: NDArray[np.float32]) -> dict[str, float]:
-        """The figures of a map's points (M, 3), m; empty if nothing was seen."""
+        """The figures of a map with points (M, 3), m; empty if nothing was seen."""
         self._merge()
         return f1_scores(points, self._surface) if len(self._surface) else {}
 
 
 def f1_scores(points: NDArray[np.float32], surface: NDArray[np.float32]) -> dict[str, float]:
-    """For each of :data:`F1_WITHIN` the harmonic mean of two shares of points.
+    """The F1 score for each distance in :data:`F1_WITHIN`, m: the harmonic mean of precision and recall.
 
-    Of the points (M, 3) those within that distance of the surface (N, 3), and of the surface's points those within it
-    of the others (Knapitsch et al., "Tanks and Temples", 2017).
+    Precision is the share of the points (M, 3) within that distance of the surface (N, 3); recall, the share of the
+    surface's points within that distance of the points (Knapitsch et al., "Tanks and Temples", 2017).
     """
     if not len(points):
         return dict.fromkeys(F1_WITHIN, 0.0)

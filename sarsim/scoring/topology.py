@@ -13,12 +13,12 @@ from pipeline.topological_map.topological_map import TopologicalMap
 from sarsim.ground_truth.true_surface import CELL, TrueSurface
 from sarsim.scoring.topology_kernels import cells_in_sight, line_is_free
 
-SIGHT = 2.0  # m, largest distance at which a node covers a cell that it sees
-MIN_GAIN = 0.01  # m², least gain of a node of the greedy cover
+SIGHT = 2.0  # m, maximum distance at which a node covers a cell that it sees
+MIN_GAIN = 0.01  # m², minimum gain of a node of the greedy cover
 
 
 def score_topology(topology: TopologicalMap, truth: TrueSurface) -> dict[str, Any]:
-    """Size, soundness and coverage of a topological map, and its size against a greedy cover."""
+    """Size, soundness and coverage of a topological map, and its size relative to a greedy cover."""
     positions = np.array([node.position[:2] for node in topology.nodes.values()]).reshape(-1, 2)
     ways = [topology.way(a, b)[:, :2] for a, b in topology.graph.edges]
     grid, free = truth.grid, ~truth.walls
@@ -48,7 +48,7 @@ def _seen_from(positions: NDArray[np.float64], truth: TrueSurface) -> MaskLayer:
 def _views(
     places: NDArray[np.float64], target: NDArray[np.bool_], truth: TrueSurface
 ) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
-    """The cells of a target (nx, ny) that places (K, 2), m, see, as returned by :func:`cells_in_sight`."""
+    """The cells of a target (nx, ny) seen from places (K, 2), m, as returned by :func:`cells_in_sight`."""
     grid = truth.grid
     return cells_in_sight(places, target, grid.origin, grid.cell, SIGHT, ~truth.walls)
 
@@ -58,14 +58,14 @@ def _greedy_cover(truth: TrueSurface, area: NDArray[np.bool_]) -> int:
     cells = np.argwhere(truth.drivable)
     fourth = cells[(cells % 4 == 0).all(axis=1)]
     cells = fourth if len(fourth) else cells
-    is_near = truth.grid.distance_to(area)[tuple(cells.T)] <= SIGHT + CELL  # no other sees any of it
+    is_near = truth.grid.distance_to(area)[tuple(cells.T)] <= SIGHT + CELL  # no others see any of the area
     seen, corners = _views(truth.grid.centre_of(cells[is_near]), area, truth)
     missing, nodes = area.copy(), 0
     gain = count_in(seen, corners, missing)
     while gain.max(initial=0) * CELL**2 >= MIN_GAIN:
         best = int(gain.argmax())
         missing[tuple((np.argwhere(seen[best]) + corners[best]).T)] = False
-        beside = (np.abs(corners - corners[best]) < seen.shape[1]).all(axis=1)  # what others see, is as before
+        beside = (np.abs(corners - corners[best]) < seen.shape[1]).all(axis=1)  # the gains of others stay the same
         gain[beside] = count_in(seen[beside], corners[beside], missing)
         nodes += 1
     return nodes

@@ -21,7 +21,7 @@ def line_is_free(ax, ay, bx, by, origin, cell, free):
 
 @njit(cache=True)
 def way_length(i, j, goal_i, goal_j, free):
-    """Cells along the shortest 8-connected path on a mask ``free`` (nx, ny) between two cells; inf without one."""
+    """Length in cells of the shortest 8-connected path between two cells of a mask ``free`` (nx, ny); inf if none."""
     length = np.full(free.shape, np.inf)
     length[i, j] = 0.0
     heap = [(0.0, i, j)]
@@ -47,8 +47,8 @@ def cells_in_sight(places, target, origin, cell, sight, free):
     Args:
         places: (K, 2) float64, m.
         target: (nx, ny) bool, the cells to see.
-        origin, cell: of the grid, m.
-        sight: m.
+        origin, cell: (2,) lower corner of the grid, and edge length of a cell, m.
+        sight: maximum distance, m.
         free: (nx, ny) bool, the cells that lines may cross.
 
     Returns:

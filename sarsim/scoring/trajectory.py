@@ -16,25 +16,25 @@ from pipeline.transforms import tilt_of, wrap_angle, yaw_of
 from sarsim.robots.pose import Pose
 
 TIPPED = np.deg2rad(45)
-LIFT = 0.15  # m from one control period to the next; in a larger step the robot was carried
-STILL = 5e-4  # m from one control period to the next; springs cause smaller steps, not wheels
+LIFT = 0.15  # m per control period; in a step of this length or more, the robot was carried
+STILL = 5e-4  # m per control period; steps up to this length come from springs, not from wheels
 
 
-FALSE_LOOP = 0.2, np.deg2rad(5)  # m and rad by which the relative pose of a false loop is off
+FALSE_LOOP = 0.2, np.deg2rad(5)  # A loop is false if its relative pose is off by more than this, m or rad
 
 
 class TrajectoryScore(EstimatedTrajectory[Pose]):
     """The estimated trajectory, and its errors against the true one.
 
     Attributes:
-        has_truth: whether the poses are true; if not, nothing is known of the errors.
-        is_recorded: whether the poses are those of a recording, few or many, and not one each control period.
+        has_truth: whether the poses are true; if not, the errors are unknown.
+        is_recorded: whether the poses come from a recording, at any rate, rather than one per control period.
     """
 
     has_truth, is_recorded = True, False
 
     def save(self, folder: Path) -> None:
-        """Write trajectory_estimated.tum, and trajectory_true.tum if it is known, into a folder."""
+        """Write trajectory_estimated.tum and, if the truth is known, trajectory_true.tum into a folder."""
         if not self.has_truth:
             super().save(folder)
             return
@@ -42,16 +42,16 @@ class TrajectoryScore(EstimatedTrajectory[Pose]):
         each(lambda: super(TrajectoryScore, self).save(folder), write_true)
 
     def report(self) -> dict[str, float]:
-        """Errors without alignment, as ``map`` is the world's frame at the start.
+        """Errors without alignment, because ``map`` and the world frame coincide at the start.
 
-        Drift is the error at the end over the way.
+        Drift is the final position error relative to the distance driven.
         """
         true = np.array([pose.T_world_base for pose in self._odometry])
         estimated = np.array(self.estimated())
         error = np.linalg.norm(true[:, :3, 3] - estimated[:, :3, 3], axis=1)
         heading = [wrap_angle(yaw_of(a) - yaw_of(b)) for a, b in zip(true, estimated, strict=True)]
         distance = way_length(self._odometry) if self.is_recorded else driven(self._odometry)
-        # The poses of an earlier episode are those of its map, because its true ones are unknown.
+        # The true poses of an earlier episode's keyframes are unknown; those of its map are used instead.
         loops, poses = self._localisation.loops, [*self._loaded, *(pose.T_world_base for pose in self._keyframes)]
         return {
             "ate_rmse_m": float(np.sqrt(np.mean(error**2))),
@@ -71,19 +71,19 @@ def is_false(loop: Loop, T_world_first: NDArray[np.float64], T_world_second: NDA
 
 
 def way_length(trajectory: Sequence[Pose]) -> float:
-    """Length in m of the true trajectory, up and down too: of all steps, however long or short."""
+    """Length in m of the true trajectory in 3D, over all steps, however long or short."""
     return float(np.linalg.norm(np.diff([p.T_world_base[:3, 3] for p in trajectory], axis=0), axis=1).sum())
 
 
 def driven(trajectory: Sequence[Pose]) -> float:
-    """Way in m along the true trajectory of a simulated robot."""
+    """Distance in m that a simulated robot drove along its true trajectory."""
     return float(ways_driven(trajectory)[-1])
 
 
 def ways_driven(trajectory: Sequence[Pose]) -> Values:
-    """Way in m along the true trajectory of a simulated robot up to each of its poses, one each control period.
+    """Distance in m that a simulated robot had driven at each of its true poses, one per control period.
 
-    Left out are steps up to ``STILL``, and steps from ``LIFT`` on.
+    Steps of at most ``STILL`` and of at least ``LIFT`` are left out.
     """
     steps = np.linalg.norm(np.diff([p.T_world_base[:2, 3] for p in trajectory], axis=0), axis=1)
     return np.concatenate([[0.0], np.cumsum(np.where((steps > STILL) & (steps < LIFT), steps, 0))])
@@ -101,13 +101,13 @@ def motion_figures(trajectory: Sequence[Pose]) -> dict[str, float]:
 
 
 def greatest_tilt(trajectory: Sequence[Pose]) -> tuple[float, float]:
-    """Greatest roll and pitch of the true trajectory, rad."""
+    """Maximum absolute roll and pitch of the true trajectory, rad."""
     tilts = np.abs([tilt_of(p.T_world_base) for p in trajectory])
     return float(tilts[:, 0].max()), float(tilts[:, 1].max())
 
 
 def is_tipped(T: NDArray[np.float64]) -> bool:
-    """Whether something at a 4×4 pose, or with a 3×3 rotation, leans so much that it has fallen over."""
+    """Whether a body with a 4×4 pose or a 3×3 rotation has fallen over: leans by more than ``TIPPED``."""
     return bool(T[2, 2] < np.cos(TIPPED))
 
 
@@ -118,5 +118,5 @@ def times_tipped(trajectory: Sequence[Pose]) -> int:
 
 
 def write_true_tum(path: Path, trajectory: Sequence[Pose]) -> None:
-    """Write the true poses of a trajectory in the TUM format; InputError if that is impossible."""
+    """Write the true poses of a trajectory in the TUM format; InputError if the file cannot be written."""
     write_tum(path, [pose.time for pose in trajectory], [pose.T_world_base for pose in trajectory])

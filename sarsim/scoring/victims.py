@@ -1,6 +1,6 @@
 """Whether the robot has found the victims.
 
-A victim's position is the centre of the box around the whole person in its own frame, hidden parts included
+A victim's position is the centre of the bounding box of the whole person in its own frame, including hidden parts
 (:attr:`sarsim.victims.victims.TrueVictim.centre`). Positions that the robot confirmed are matched with victims within
 ``NEAR``, one to one: a person reported twice counts as found once, and as one false alarm.
 """
@@ -17,13 +17,13 @@ from sarsim.scoring.visibility import Visibility
 from sarsim.sensors.camera import LabelledImage
 from sarsim.victims.victims import victims_of
 
-NEAR = 0.5  # m from the true position within which a victim counts as found
-UNMATCHED = 1e3  # In place of infinite costs: more than all pairs together
+NEAR = 0.5  # m; a victim counts as found if a confirmed position is at most this far away
+UNMATCHED = 1e3  # Replaces infinite costs; greater than the sum of all finite ones
 
 
 def pairs_of_least(cost: NDArray[np.float64]) -> list[tuple[int, int]]:
-    """As many pairs as possible of a row and a column, of the least sum of costs (N, M); infinite costs are none."""
-    # An assignment needs finite costs.
+    """As many (row, column) pairs of finite cost (N, M) as possible, with the minimum total cost."""
+    # linear_sum_assignment fails if infinite costs rule out a complete assignment.
     rows, columns = linear_sum_assignment(np.where(np.isfinite(cost), cost, UNMATCHED))
     return [(int(i), int(k)) for i, k in zip(rows, columns, strict=True) if np.isfinite(cost[i, k])]
 
@@ -42,7 +42,7 @@ class VictimScore:
 
     @property
     def visible(self) -> Mask:
-        """The victims that were visible in a frame so far."""
+        """Which victims have been visible in a frame so far."""
         return self._visibility.visible
 
     def add(self, image: LabelledImage) -> None:

@@ -10,11 +10,11 @@ from pipeline.arrays import Indices
 from sarsim.sensors.camera import LabelledImage
 
 VISIBLE = 400
-"""Number of pixels with a depth within the sensor's range of 3.5 m from which an object is visible in a frame."""
+"""Minimum number of pixels, with depths within the sensor's range of 3.5 m, of an object visible in a frame."""
 
 
 class HasGeoms(Protocol):
-    """What is made of geoms of its own."""
+    """An object with geoms of its own."""
 
     @property
     def geoms(self) -> Indices:
@@ -25,11 +25,11 @@ class Visibility:
     """Records which objects were visible in a frame.
 
     Attributes:
-        visible: (T,) bool, the objects that were visible so far.
+        visible: (T,) bool, whether each object has been visible so far.
     """
 
     def __init__(self, model: mujoco.MjModel, objects: Sequence[HasGeoms]):
-        """``objects``: of the model; no two share a geom."""
+        """``objects``: objects in the model, no two of which share a geom."""
         self.visible = np.zeros(len(objects), np.bool_)
         # Indexed by geom id; the last element belongs to id -1, no geom.
         self._object_of_geom = np.full(model.ngeom + 1, len(objects))
@@ -37,6 +37,6 @@ class Visibility:
             self._object_of_geom[one.geoms] = number
 
     def add(self, image: LabelledImage) -> None:
-        """Mark what is visible in a noise-free image, clipped to the sensor's range."""
+        """Mark the objects visible in a noise-free image, clipped to the sensor's range."""
         shown = self._object_of_geom[image.instance[image.depth > 0]]
         self.visible |= np.bincount(shown, minlength=len(self.visible) + 1)[:-1] >= VISIBLE

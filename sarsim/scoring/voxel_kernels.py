@@ -6,9 +6,9 @@ from numba import njit
 
 @njit(cache=True, nogil=True)
 def box_of(points, camera, corner, size):
-    """The (3,) int64 lowest voxel and the one after the highest around (N, 3) points and a camera (3,), one to spare.
+    """(3,) int64 lowest voxel, and the one after the highest, of a box around points (N, 3) and a camera (3,).
 
-    Lengths are in m; voxels have the edge ``size`` and are counted from ``corner`` (3,).
+    The box has a margin of one voxel. Voxels have the edge ``size``, m, and are counted from ``corner`` (3,), m.
     """
     low, high = camera.copy(), camera.copy()
     for n in range(len(points)):
@@ -26,10 +26,10 @@ def mark_rays(points, camera, corner, size, lower, crossed, ended):
     Args:
         points: (N, 3) m.
         camera: (3,) m.
-        corner: (3,) m, of the voxel with the index 0.
+        corner: (3,) m, lower corner of the voxel with index 0.
         size: edge of a voxel, m.
         lower: (3,) index of the first voxel of ``crossed``.
-        crossed: (nx, ny, nz) bool, voxels before the last one of a line; camera and points lie inside.
+        crossed: (nx, ny, nz) bool, voxels before the last one of a line; must contain the camera and the points.
         ended: (nx, ny, nz) bool, last voxels of lines.
     """
     x, y, z = (camera - corner) / size - lower
@@ -56,5 +56,5 @@ def mark_rays(points, camera, corner, size, lower, crossed, ended):
 
 @njit(cache=True, inline="always")
 def _meets(here, last, start, end):
-    """Share of the way from ``start`` to ``end`` at which a line leaves a voxel along one axis; inf from the last."""
+    """Fraction of the line from ``start`` to ``end`` at which it leaves a voxel along an axis; inf for the last."""
     return ((here + (end > start)) - start) / (end - start) if here != last else np.inf

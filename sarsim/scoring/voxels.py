@@ -9,7 +9,7 @@ from sarsim.scoring.voxel_kernels import box_of, mark_rays
 
 
 class VoxelScore:
-    """Collects the voxels that noise-free rays at true poses cross and end in, and compares the map with them."""
+    """Collects the voxels that noise-free rays from true poses cross and end in, and compares the map with them."""
 
     def __init__(self, metric_map: MetricMap):
         self._map = metric_map
@@ -21,7 +21,7 @@ class VoxelScore:
         self._surface = np.zeros((0, 0, 0), np.bool_)
 
     def add(self, points: NDArray[np.float32], camera: NDArray[np.float64]) -> None:
-        """Follow the noise-free rays of a frame: (N, 3) end points and (3,) camera, m in the world."""
+        """Trace the noise-free rays of a frame: (N, 3) end points and (3,) camera, m in the world."""
         if not len(points):
             return
         self._reserve(*box_of(points, camera, self._corner, self._size))
@@ -30,7 +30,7 @@ class VoxelScore:
     def report(self) -> dict[str, float]:
         """The figures of the map; empty if nothing was seen.
 
-        A voxel with a surface counts as surface even where other rays cross it.
+        A voxel with a surface counts as surface even if other rays cross it.
         """
         if not self._surface.any():
             return {}
@@ -39,7 +39,7 @@ class VoxelScore:
         occupied, free = log_odds > 0, log_odds < 0
         crossed = self._crossed & ~self._surface
         near_surface = ndimage.binary_dilation(self._surface, np.ones((3, 3, 3)))
-        # Occupied voxels beyond the window are wrong, too, except for those of an earlier episode.
+        # Occupied voxels outside the window are wrong, too, except those of an earlier episode that no ray reached.
         loaded = np.floor((self._loaded - self._corner) / self._size).astype(np.int64) - self._lower
         within = loaded[((loaded >= 0) & (loaded < occupied.shape)).all(axis=1)]
         reached = np.count_nonzero((near_surface | self._crossed)[tuple(within.T)])
@@ -52,7 +52,7 @@ class VoxelScore:
         }
 
     def _reserve(self, low: NDArray[np.int64], high: NDArray[np.int64]) -> None:
-        """Make room for the voxels from ``low`` (3,) to before ``high`` (3,)."""
+        """Make room for the voxels from ``low`` (3,) up to, but excluding, ``high`` (3,)."""
         if self._surface.size == 0:
             self._lower = low
         before = np.maximum(self._lower - low, 0)

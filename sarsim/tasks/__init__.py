@@ -1,6 +1,6 @@
 """Gymnasium tasks; importing this package registers them: ``gym.make("sarsim.tasks:sarsim/Explore2D-v0")``.
 
-Sweeps use the 2D maps and their explorers without Gymnasium, which only the extra ``rl`` brings.
+Sweeps use the 2D maps and their explorers without Gymnasium, which only the extra ``rl`` installs.
 """
 
 from contextlib import suppress

@@ -1,4 +1,4 @@
-"""What an exploration has brought so far, by ground truth."""
+"""What an exploration has achieved so far, according to ground truth."""
 
 from typing import Any
 
@@ -18,14 +18,14 @@ from sarsim.scoring.victims import VictimScore
 from sarsim.simulated_robot import SimulatedRobot
 
 IN_VIEW = ("present", "visible")
-"""Figures of people and things that need no detector."""
+"""Figures of people and objects that need no detector."""
 
 
 class Achievements(Sink):
-    """Counts what an explorer sees, finds and does."""
+    """Measures what an explorer sees, finds and does."""
 
     def __init__(self, robot: SimulatedRobot, explorer: Explorer):
-        """``explorer``: that drives ``robot``, which stands at its start."""
+        """``explorer``: the explorer that drives ``robot``, which must be at its start."""
         model, data = robot.physics.model.ptr, robot.physics.data.ptr
         self._robot, self._explorer, self._coverage = robot, explorer, Coverage(robot)
         self._navigation = NavigationScore(robot, self._coverage.surface)
@@ -33,7 +33,7 @@ class Achievements(Sink):
         self._start, self._kidnaps, self._frontiers, self._has_thermal = robot.time, 0, 0, False
 
     def on_keyframe(self, keyframe: Keyframe) -> None:
-        """Count what a keyframe shows."""
+        """Add what a keyframe shows."""
         truth = self._robot.true_frame
         assert truth is not None
         self._coverage.see(truth.points())
@@ -42,20 +42,20 @@ class Achievements(Sink):
         self._has_thermal |= keyframe.frame.thermal is not None
 
     def on_step(self, mapper: Mapper, step: Step) -> None:
-        """Count what a step has noticed."""
+        """Count kidnappings, and store the number of frontiers."""
         self._kidnaps += step.was_carried
         self._frontiers = len(step.frontiers)
 
     @property
     def seconds(self) -> float:
-        """Since the start."""
+        """Simulated time since the start."""
         return self._robot.time - self._start
 
     @property
     def totals(self) -> NDArray[np.float64]:
-        """(4,) m² of drivable ground seen, s, people and things found, contacts.
+        """(4,) drivable ground seen, m²; time, s; number of people and objects found; number of contacts.
 
-        Without a detector, people and things count that came into view.
+        Without a detector, people and objects that have come into view count as found.
         """
         surface = self._coverage.surface
         ground = (self._coverage.seen & surface.drivable).sum() * surface.grid.cell**2
@@ -69,7 +69,7 @@ class Achievements(Sink):
         return is_tipped(self._robot.trajectory[-1].T_world_base)
 
     def figures(self) -> dict[str, Any]:
-        """Figures by their keys in report.json; those without an object are left out."""
+        """Figures under their keys in report.json, except those without a value."""
         navigation = navigation_figures(self._explorer.pilot.navigator, self._navigation, self._kidnaps)
         seen = {"explored_fraction": self._coverage.fraction, "frontiers_left": self._frontiers}
         stages = {"navigation": navigation, "exploration": seen, **self._found()}

@@ -1,4 +1,4 @@
-"""Depth images of any size by ray casting (Open3D, Embree), without a renderer."""
+"""Depth images of any size from ray casting (Open3D, Embree), without a renderer."""
 
 import mujoco
 import numpy as np
@@ -11,7 +11,7 @@ from sarsim.sensors.camera import camera_intrinsics
 
 
 class DepthRays:
-    """A camera's rays, and what they meet: all visible geoms but the robot's, where they stand at the start."""
+    """A camera's rays, and what they can hit: all visible geoms except the robot's, at their initial poses."""
 
     def __init__(self, model: mujoco.MjModel, data: mujoco.MjData, camera_id: int, size: tuple[int, int]):
         """``size``: width and height of the images, pixels, over the camera's whole field of view."""
@@ -21,7 +21,7 @@ class DepthRays:
         self._optical = np.stack([(u - k.cx) / k.fx, (v - k.cy) / k.fy, np.ones_like(u)], axis=-1)
 
     def depth(self, T_world_camera: Pose) -> NDArray[np.float32]:
-        """(height, width) float32 m along the optical axis, 0 where no surface is met."""
+        """(height, width) float32 depths along the optical axis, m; 0 where a ray hits no surface."""
         along = self._optical @ T_world_camera[:3, :3].T
         rays = np.concatenate([np.broadcast_to(T_world_camera[:3, 3], along.shape), along], axis=-1)
         hit = self._scene.cast_rays(o3d.core.Tensor.from_numpy(np.ascontiguousarray(rays, np.float32)), nthreads=1)[

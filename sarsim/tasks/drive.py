@@ -1,4 +1,4 @@
-"""``sarsim/Drive-v0``: drive the robot in MuJoCo by velocities, 0.1 s a step."""
+"""``sarsim/Drive-v0``: drive the robot in MuJoCo with velocity commands, 0.1 s per step."""
 
 import math
 from collections.abc import Mapping
@@ -25,37 +25,38 @@ from sarsim.tasks.depth_rays import DepthRays
 from sarsim.tasks.settings import DriveWeights
 
 PERIODS = 5
-"""Of the drive's firmware, in a step."""
+"""Control periods of the drive's firmware per step."""
 SETTLING_PERIODS = 25
-"""Of the firmware, that the robot stands before an episode, as in an expedition."""
+"""Control periods for which the robot stands still before an episode, as it does before an expedition."""
 ARRIVED_WITHIN = 0.3
-"""m from the goal."""
+"""Distance from the goal at which the robot has arrived, m."""
 TIPPED = np.cos(np.deg2rad(60))
-"""Least height of the robot's vertical axis."""
+"""A robot has tipped over if the z component of its vertical axis is less than this."""
 MOST_SEEDS = 1_000_000
-"""Number of random arenas to draw from."""
+"""Number of random arenas from which episodes are drawn."""
 MEASURED_PARTS = {"gyro": slice(3), "accelerometer": slice(3, 6), "odometry": slice(6, 10), "goal": slice(10, 12)}
-"""Where the measurements are in an array of all."""
+"""The slice of each measurement in the array of all measurements."""
 MEASURED_BOUNDS = np.repeat(np.array([100, 1000, 10_000, 10_000], np.float32), [3, 3, 4, 2])
-"""rad/s, m/s² and m; measurements are cut off here."""
+"""Measurements are clipped to these bounds, in rad/s, m/s² and m."""
 DEFAULT_DRIVE = DriveWeights()
 
 
 class Drive(gymnasium.Env[Any, Any]):
     """Drive to a goal.
 
-    An action is forward speed and turn rate, each in [-1, 1], in shares of the drive's limits.
+    An action is a forward speed and a turn rate, each in [-1, 1], as shares of the drive's limits.
 
-    An observation has ``gyro`` rad/s, ``accelerometer`` m/s² (3,), means over the step; ``odometry``: x, y in m from
-    the start by the wheels, cosine and sine of the heading; ``goal``: x and y of the goal in m before and left of the
-    robot, by the true pose; with ``depth`` an image (height, width), m along the optical axis, 0 past 3.5 m.
+    An observation has ``gyro`` (3,), rad/s, and ``accelerometer`` (3,), m/s², both averaged over the step;
+    ``odometry``: x, y from the start, m, and cosine and sine of the heading, from wheel odometry; ``goal``: x
+    (forward) and y (left) of the goal in the robot's frame, m, from the true pose; and, with ``depth``, an image
+    (height, width) of depths along the optical axis, m, 0 beyond 3.5 m.
 
-    An episode terminates at the goal or when the robot tips over, and is truncated after ``seconds``.
+    An episode terminates when the robot reaches the goal or tips over, and is truncated after ``seconds``.
 
     Attributes:
         world: the physics; None before the first reset.
-        rays: of the camera; None without depth.
-        camera: its id in the physics.
+        rays: ray caster of the camera; None without depth.
+        camera: id of the robot's camera in the MuJoCo model.
     """
 
     metadata: dict[str, Any] = {  # noqa: RUF012 - as the base class declares it
@@ -74,15 +75,15 @@ class Drive(gymnasium.Env[Any, Any]):
         weights: DriveWeights | Mapping[str, float] = DEFAULT_DRIVE,
         render_mode: None = None,
     ):
-        """Choose arena and sensors.
+        """Choose the arena and the sensors.
 
         Args:
-            arena: as in run_episode.py; ``random``: another random arena each episode.
+            arena: as in run_episode.py; ``random``: a new random arena for each episode.
             robot: as in run_episode.py.
-            depth: width and height of the depth image, pixels; None: no camera.
-            seconds: after which an episode is cut off.
-            weights: of the reward.
-            render_mode: None.
+            depth: width and height of the depth image, pixels; None for no depth image.
+            seconds: time after which an episode is truncated, s.
+            weights: weights of the reward.
+            render_mode: None, because there is nothing to render.
         """
         if not 0 < seconds < np.inf:
             raise InputError(f"seconds {seconds:g}: must be positive")
@@ -105,7 +106,7 @@ class Drive(gymnasium.Env[Any, Any]):
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
     ) -> tuple[dict[str, NDArray[np.float32]], dict[str, Any]]:
-        """Set the robot down at the start, and draw a goal; InputError if the task is closed."""
+        """Place the robot at the start, and draw a goal; InputError if the task is closed."""
         super().reset(seed=seed)
         if self._is_closed:
             raise InputError("the task is closed")
@@ -124,7 +125,7 @@ class Drive(gymnasium.Env[Any, Any]):
         return observation, self._info()
 
     def step(self, action: NDArray[np.float32]) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
-        """Follow the command, which the firmware clips to the limits, for 0.1 s."""
+        """Apply the command, which the firmware clips to the drive's limits, for 0.1 s."""
         if self._is_closed or self.world is None:
             raise InputError("the task is closed, or was not reset")
         command = Velocity(*(np.asarray(action, np.float64) * self.world.robot.drive.limits).tolist())
@@ -188,7 +189,7 @@ class Drive(gymnasium.Env[Any, Any]):
         return found
 
     def _info(self) -> dict[str, Any]:
-        """Keys as in report.json."""
+        """Figures of the episode so far, under the keys of report.json."""
         assert self.world is not None
         return {
             "steps": self._steps,

@@ -1,4 +1,4 @@
-"""What the tasks of exploration share: their actions, observations, and end."""
+"""What the exploration tasks share: actions, observations and closing."""
 
 from collections.abc import Mapping
 from typing import Any, Literal
@@ -14,9 +14,9 @@ from pipeline.labels import Label
 from sarsim.tasks.settings import VIEWPOINTS
 
 LOCAL_SIDE = 64
-"""Rows and columns of the local maps."""
+"""Number of rows, and of columns, of the local maps."""
 FARTHEST_COORDINATE = 10_000.0
-"""m; poses are cut off here."""
+"""Coordinates in observations are clipped to this, m."""
 ROBOT_COLOUR = (220, 40, 40)
 
 Action = int | np.integer[Any] | NDArray[np.float32]
@@ -26,15 +26,15 @@ Maps = dict[str, NDArray[Any]]
 class ExplorationTask(gymnasium.Env[Any, Any]):
     """Explore from viewpoint to viewpoint.
 
-    An action is the number of a viewpoint in the observation (``action="viewpoint"``; a number past the last counts
-    from the first again), or x, y and heading (``action="pose"``), each in [-1, 1]: a place in the local map, with x
-    along its columns, and half turns. The robot goes to the nearest place that it can reach, and turns to the
-    heading.
+    An action is the number of a viewpoint in the observation (``action="viewpoint"``; numbers beyond the last wrap
+    around), or x, y and heading (``action="pose"``), each in [-1, 1]: x and y are in halves of the local map's side
+    from the robot, x along the map's columns, and the heading is in half turns. The robot goes to the nearest place
+    that it can reach, and turns to the heading.
 
-    An observation has the local maps ``elevation`` in m, ``label`` and ``seen`` (64, 64), the robot in the middle and
-    rows along y; ``pose``: x, y in m from the start, cosine and sine of the heading; ``viewpoints`` (32, 4): x, y and
-    length of the way in ranges of the sensor from the robot, and a share of what is left to see, nearest first, zeros
-    where there are no more; ``frontiers``: their number.
+    An observation has the local maps ``elevation`` (m), ``label`` and ``seen`` (64, 64), with the robot in the middle
+    and rows along y; ``pose``: x, y from the start, m, and cosine and sine of the heading; ``viewpoints`` (32, 4):
+    x, y and path length from the robot, in units of the sensor's range, and the share of what is left to see that
+    the viewpoint shows, nearest first, padded with zeros; ``frontiers``: their number.
     """
 
     metadata: dict[str, Any] = {  # noqa: RUF012 - as the base class declares it
@@ -44,7 +44,7 @@ class ExplorationTask(gymnasium.Env[Any, Any]):
     }
 
     def __init__(self, action: Literal["viewpoint", "pose"], render_mode: str | None):
-        """``action``: what an action is; InputError if it is neither. ``render_mode``: rgb_array, or None."""
+        """``action``: kind of actions; InputError if unknown. ``render_mode``: rgb_array, or None."""
         if action not in ("viewpoint", "pose"):
             raise InputError(f"action {action!r}: must be viewpoint or pose")
         self.by_pose, self.render_mode, self._is_closed = action == "pose", render_mode, False
@@ -57,17 +57,17 @@ class ExplorationTask(gymnasium.Env[Any, Any]):
         self.check_open()
 
     def close(self) -> None:
-        """End the task: it cannot be used any more."""
+        """Close the task, after which it cannot be used."""
         self._is_closed = True
 
     def check_open(self) -> None:
-        """Raises InputError if the task was closed."""
+        """Raise InputError if the task was closed."""
         if self._is_closed:
             raise InputError("the task is closed")
 
 
 def wanted_pose(action: Action) -> tuple[NDArray[np.float64], float]:
-    """(2,) x and y in halves of the local map's side from the robot, and the heading, rad, that an action names."""
+    """The pose of an action: (2,) x, y from the robot in halves of the local map's side, and the heading, rad."""
     x, y, turn = np.clip(np.asarray(action, np.float64), -1, 1).tolist()
     return np.array([x, y]), turn * np.pi
 
@@ -75,14 +75,14 @@ def wanted_pose(action: Action) -> tuple[NDArray[np.float64], float]:
 def observation(
     maps: Mapping[str, NDArray[Any]], place: ArrayLike, heading: float, viewpoints: ArrayLike, frontiers: int
 ) -> Maps:
-    """An observation within the bounds of its space.
+    """An observation, clipped to the bounds of its space.
 
     Args:
         maps: ``elevation``, ``label`` and ``seen``, (64, 64).
         place: (2,) x and y from the start, m.
-        heading: rad.
+        heading: heading of the robot, rad.
         viewpoints: (N, 4) rows, at most 32.
-        frontiers: their number.
+        frontiers: number of frontiers.
     """
     far, rows = FARTHEST_COORDINATE, np.zeros((VIEWPOINTS, 4), np.float32)
     found = np.asarray(viewpoints, np.float64).reshape(-1, 4)
@@ -93,12 +93,12 @@ def observation(
 
 
 def action_mask(count: int) -> NDArray[np.int8]:
-    """(32,) which numbers of viewpoints mean one of ``count``; one does in any case."""
+    """(32,) 1 for each action that selects one of ``count`` viewpoints, and always for action 0; otherwise 0."""
     return (np.arange(VIEWPOINTS) < max(count, 1)).astype(np.int8)
 
 
 def observation_space() -> spaces.Dict:
-    """The space of the observations; see :class:`ExplorationTask`."""
+    """The observation space; see :class:`ExplorationTask`."""
     far = FARTHEST_COORDINATE
     low, high = np.array([-far, -far, -1, -1], np.float32), np.array([far, far, 1, 1], np.float32)
     return spaces.Dict(

@@ -35,20 +35,20 @@ from sarsim.tasks.settings import VIEWPOINTS, ExploreWeights
 from sarsim.tasks.surroundings import LOCAL_CELL, local_maps, picture
 
 MOST_SEEDS = 1_000_000
-"""Number of seeds, and of random arenas, to draw from."""
+"""Number of seeds, and of random arenas, from which episodes are drawn."""
 DEFAULT_EXPLORE = ExploreWeights()
 
 
 class Explore(ExplorationTask):
     """Explore an arena; actions and observations are those of :class:`ExplorationTask`.
 
-    The viewpoints are those that the robot's own explorer finds worth the drive, each for what others do not show;
-    their share of what is left is that of the ground that they should show. Ways are as long as the robot drives at
-    its speed in the time that they should take. In a step the robot drives to the viewpoint with its own navigator
-    and maps.
+    The viewpoints are those that the robot's own explorer considers worth the drive, each for what those chosen
+    before it do not show; a viewpoint's share of what is left to see is its share of their total gain. Path length
+    is the expected driving time multiplied by the robot's speed. In a step, the robot drives to the viewpoint with
+    its own navigator and maps.
 
-    An episode terminates when no viewpoint is left that is worth the drive, as when an expedition ends, and when the
-    robot tips over or does not know where it is; it is truncated after ``steps``.
+    An episode terminates when no viewpoint is worth the drive any more, as an expedition does, and when the robot
+    tips over or is lost; it is truncated after ``steps``.
 
     Attributes:
         explorer: the robot's software; None before the first reset.
@@ -67,18 +67,18 @@ class Explore(ExplorationTask):
         weights: ExploreWeights | Mapping[str, float] = DEFAULT_EXPLORE,
         render_mode: str | None = None,
     ):
-        """Choose arena, robot and software.
+        """Choose the arena, the robot and its software.
 
         Args:
-            arena: as in run_episode.py; ``random``: another random arena each episode.
+            arena: as in run_episode.py; ``random``: a new random arena for each episode.
             robot: as in run_episode.py.
-            labels: as in run_episode.py; the simulator's, the default, need no network.
-            detects: whether the robot looks for people and things with its networks: then those count that it finds,
-                else those that come into view.
+            labels: as in run_episode.py; the default, the simulator's true labels, needs no network.
+            detects: whether the robot detects people and objects with its networks. If so, those that it finds count,
+                otherwise those that come into view.
             odometry: as in run_episode.py.
-            action: what an action is.
-            steps: after which an episode is cut off.
-            weights: of the reward.
+            action: kind of actions.
+            steps: number of steps after which an episode is truncated.
+            weights: weights of the reward.
             render_mode: rgb_array, or None.
 
         Raises:
@@ -96,10 +96,10 @@ class Explore(ExplorationTask):
         self._begun: dict[str, Any] = {}
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Maps, dict[str, Any]]:
-        """Set the robot down in a new episode, and take the first keyframe.
+        """Place the robot at the start of a new episode, and take the first keyframe.
 
-        ``options["arena"]`` and ``options["seed"]`` are as in run_episode.py; by default the task's arena, and a seed
-        drawn by chance. InputError if the task was closed.
+        ``options["arena"]`` and ``options["seed"]`` are as in run_episode.py; by default they are the task's arena
+        and a random seed. InputError if the task was closed.
         """
         super().reset(seed=seed)
         drawn: dict[str, Any] = {
@@ -144,7 +144,7 @@ class Explore(ExplorationTask):
         return self._observation(), float(reward), is_over, is_cut, info
 
     def render(self) -> NDArray[np.uint8] | None:
-        """(480, 1120, 3) the camera's newest image, and the classes around the robot, seen from above."""
+        """(480, 1120, 3) the camera's latest image, and the classes around the robot, seen from above."""
         if self.render_mode is None or self.explorer is None:
             return None
         return picture(self._seen.keyframe.frame.rgb, self._maps)
@@ -160,7 +160,7 @@ class Explore(ExplorationTask):
         self._robot = self.explorer = None
 
     def _drive(self, action: Action) -> bool:
-        """Drive to a viewpoint and look there; whether the robot tipped over, or its physics failed."""
+        """Drive to a viewpoint and look there; True if the robot has tipped over, or the simulation has diverged."""
         assert self.explorer is not None and self._robot is not None
         viewpoint = self._chosen(action)
         try:
@@ -176,7 +176,7 @@ class Explore(ExplorationTask):
         return self._achieved.is_tipped
 
     def _look(self) -> None:
-        """Make a step of the explorer, and another one if its map was corrected where it found nothing."""
+        """Make a step of the explorer, and another if it finds no viewpoint and its maps are then corrected."""
         assert self.explorer is not None
         step = self.explorer.step()
         if step.viewpoint is None and self.explorer.settle():
@@ -188,7 +188,7 @@ class Explore(ExplorationTask):
         self._maps = local_maps(self.explorer.mapper, step.keyframe.T_map_base)
 
     def _chosen(self, action: Action) -> Viewpoint | None:
-        """Where an action sends the robot; None if it cannot drive."""
+        """The viewpoint to which an action sends the robot; None if there is none."""
         if not self.by_pose:
             return self._offered[int(action) % len(self._offered)] if self._offered else None
         context = self._seen.context
@@ -215,7 +215,7 @@ class Explore(ExplorationTask):
         return observation(self._maps, place, yaw_of(T), rows, len(self._seen.frontiers))
 
     def _info(self) -> dict[str, Any]:
-        """Keys as in report.json, which numbers of viewpoints mean one, and which the robot itself would take."""
+        """Figures under the keys of report.json, ``action_mask``, and the number of the robot's own choice."""
         own = [n for n, viewpoint in enumerate(self._offered) if viewpoint is self._seen.viewpoint]
         return {
             **self._begun,

@@ -45,10 +45,10 @@ DEFAULT_WEIGHTS = RewardWeights()
 class Explore2D(ExplorationTask):
     """Explore a 2D map; actions and observations are those of :class:`ExplorationTask`.
 
-    The robot sees at every node on the way to a viewpoint; a viewpoint's share of what is left is that of the
-    frontiers that it sees.
+    The robot looks at every node on the path to a viewpoint. A viewpoint's share of what is left to see is the share
+    of the frontiers that it sees.
 
-    An episode terminates when the map is explored or nothing is left to see, and is truncated after the rules' moves.
+    An episode terminates when the map is explored or nothing is left to see; the rules' ``most_moves`` truncates it.
     """
 
     def __init__(
@@ -61,14 +61,14 @@ class Explore2D(ExplorationTask):
         weights: RewardWeights | Mapping[str, float] = DEFAULT_WEIGHTS,
         render_mode: str | None = None,
     ):
-        """Choose the maps; each episode takes another.
+        """Choose the maps, one of which is drawn for each episode.
 
         Args:
-            maps: folder of dungeon maps or a ROS map's yaml file; by default maps are drawn.
-            split: of the drawn maps: train, val or test.
-            rules: camera or papers; by default those of the papers for a folder, else the camera's.
-            action: what an action is.
-            weights: of the reward.
+            maps: folder of dungeon maps, a dungeon map, or a ROS map's .yaml file; by default maps are generated.
+            split: split of the generated maps: train, val or test.
+            rules: camera or papers; by default papers for a folder, otherwise camera.
+            action: kind of actions.
+            weights: weights of the reward.
             render_mode: rgb_array, or None.
 
         Raises:
@@ -85,9 +85,9 @@ class Explore2D(ExplorationTask):
         self._stride = -(-2 * self._rules.reach // LOCAL_SIDE)
 
     def reset(self, *, seed: int | None = None, options: dict[str, Any] | None = None) -> tuple[Maps, dict[str, Any]]:
-        """Set the robot down in the next map, and look all around.
+        """Place the robot in the next map, and look all around.
 
-        ``options["map"]`` is the number of the map in the split or the folder; by default it is drawn by chance.
+        ``options["map"]`` is the number of the map in the split or the folder; by default it is random.
         """
         super().reset(seed=seed)
         self.world = GridWorld(self._scene((options or {}).get("map")), self._rules)
@@ -115,7 +115,7 @@ class Explore2D(ExplorationTask):
         return self._observation(), float(reward), is_over, is_cut, self._info()
 
     def render(self) -> Rgb | None:
-        """What is known of the map, and the robot in red."""
+        """The known part of the map, and the robot in red."""
         if self.render_mode is None:
             return None
         image: NDArray[np.uint8] = BELIEF_COLOURS[self.world.belief]
@@ -134,12 +134,12 @@ class Explore2D(ExplorationTask):
         return draw_scene(DRAWINGS[self._split] + index, *SIZES[self._name])
 
     def _observe(self) -> None:
-        """Find out what is left to see, and from where."""
+        """Find out what is left to see, and from which viewpoints."""
         self._sights = Sights.of(self.world)
         self._rows, self._viewpoints = viewpoint_rows(self.world, self._sights)
 
     def _target(self, action: Action) -> tuple[int, float | None]:
-        """The node to go to and the heading there, rad."""
+        """The node to go to, and the heading there, rad, if any."""
         world, sights = self.world, self._sights
         if self.by_pose:
             away, heading = wanted_pose(action)
@@ -166,7 +166,7 @@ class Explore2D(ExplorationTask):
         return observation(maps, place, world.heading, self._viewpoints, len(self._sights.frontiers))
 
     def _info(self) -> dict[str, Any]:
-        """Keys as in report.json, and which numbers of viewpoints mean one."""
+        """Figures under the keys of report.json, and ``action_mask`` for the numbers of viewpoints."""
         world, info = self.world, dict[str, Any]()
         info["steps"] = self._steps
         info["sim_time_s"] = self.world.seconds
@@ -178,13 +178,13 @@ class Explore2D(ExplorationTask):
 
 
 def best_heading(bearings: NDArray[np.float64], field_of_view: float) -> float:
-    """The bearing of (N,), rad, around which a camera of this field of view, rad, sees most of the others."""
+    """The one of (N,) bearings, rad, around which a camera with this field of view, rad, sees most of the others."""
     apart = abs(wrap_angle(bearings[:, None] - bearings))
     return float(bearings[(apart <= field_of_view / 2).sum(axis=1).argmax()])
 
 
 def _files(maps: Path | None) -> list[Path]:
-    """The files of maps; empty if they are drawn."""
+    """The files of the maps; empty if maps are generated."""
     if maps is None:
         return []
     if not maps.exists():
@@ -194,5 +194,5 @@ def _files(maps: Path | None) -> list[Path]:
 
 @lru_cache(maxsize=128)
 def _read(file: Path) -> GridScene:
-    """The map in a file, kept for further episodes."""
+    """Read the map in a file, cached for further episodes."""
     return read_ros_scene(file) if file.suffix == ".yaml" else read_dungeon(file)

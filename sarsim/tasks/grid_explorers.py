@@ -1,4 +1,4 @@
-"""Ways to explore a 2D map: each decides, at every node, to which node the robot goes next."""
+"""Strategies to explore a 2D map: at every node, a strategy decides to which node the robot goes next."""
 
 from collections.abc import Callable
 from functools import cache
@@ -21,15 +21,15 @@ if TYPE_CHECKING:
 
 
 class Sights(NamedTuple):
-    """What is left to see, and from where.
+    """What is left to see, and from which nodes.
 
     Attributes:
-        frontiers: (M, 2) cells, those that a node sees.
-        nodes: (N,) nodes in reach from which something new may be seen: not where the robot has looked all around; a
-            camera that looks one way may still turn there.
-        visible: (N, M) whether a node sees a frontier.
-        ways: (N,) cells, from the robot to each of these nodes.
-        before: of every node of the lattice, the node before it on the shortest way.
+        frontiers: (M, 2) row and column of the frontier cells that at least one node sees.
+        nodes: (N,) reachable nodes from which something new may be seen. Visited nodes are left out if the sensor
+            sees all around; with a narrower field of view, the robot may still turn there.
+        visible: (N, M) whether each node sees each frontier.
+        ways: (N,) path lengths from the robot to each of these nodes, cells.
+        before: for every node of the lattice, its predecessor on the shortest path from the robot, or -1.
     """
 
     frontiers: Cells
@@ -40,7 +40,7 @@ class Sights(NamedTuple):
 
     @classmethod
     def of(cls, world: GridWorld) -> "Sights":
-        """What a world shows."""
+        """The sights of a world in its current state."""
         ways, before = world.ways(world.here)
         is_wanted = np.isfinite(ways) & (~world.visited | (world.rules.field_of_view < 360))
         nodes, frontiers = np.flatnonzero(is_wanted), world.frontiers()
@@ -50,21 +50,21 @@ class Sights(NamedTuple):
 
 
 TREE = 100
-"""Edges that a random tree tries to grow."""
+"""Number of attempts to add an edge to a random tree."""
 
 Explorer2D = Callable[[GridWorld, Sights, np.random.Generator], int]
-"""The node to go to; there is at least one frontier that a node sees."""
+"""Returns the node to go to; called only if at least one node sees a frontier."""
 
 
 def nearest_frontier(world: GridWorld, sights: Sights, rng: np.random.Generator) -> int:
-    """The node nearest to a frontier, for the frontier to which the way is the shortest (Yamauchi 1997)."""
+    """The node from which to see the frontier with the shortest path (Yamauchi 1997)."""
     rows = access(world, sights)
     last = np.linalg.norm(world.nodes[sights.nodes[rows]] - sights.frontiers, axis=1)
     return int(sights.nodes[rows[(sights.ways[rows] + last).argmin()]])
 
 
 def frontier_tour(world: GridWorld, sights: Sights, rng: np.random.Generator) -> int:
-    """The first of the places in a short tour over all connected frontiers."""
+    """The first stop of a short tour over all connected groups of frontiers."""
     thinning = world.rules.thinning
     mask = np.zeros(world.thinned.shape, np.bool_)
     mask[tuple(sights.frontiers.T // thinning)] = True
@@ -80,14 +80,14 @@ def frontier_tour(world: GridWorld, sights: Sights, rng: np.random.Generator) ->
 
 
 def next_best_view(world: GridWorld, sights: Sights, rng: np.random.Generator) -> int:
-    """The node that should show most unknown ground per length of way, as the robot's own exploration chooses."""
+    """The node that should show most unknown ground per path length, similar to the robot's own exploration."""
     is_one = sights.visible.any(axis=1) & (sights.nodes != world.here)
     nodes, ways = sights.nodes[is_one], sights.ways[is_one]
     return int(nodes[(gains(world, nodes) / ways).argmax()]) if len(nodes) else world.here
 
 
 def viewpoint_tour(world: GridWorld, sights: Sights, rng: np.random.Generator) -> int:
-    """The first of the places in a short tour over few viewpoints that together see all frontiers."""
+    """The first stop of a short tour over few viewpoints that together see all frontiers."""
     left, rows = np.ones(len(sights.frontiers), np.bool_), []
     while left.any():
         counts = (sights.visible & left).sum(axis=1)
@@ -97,10 +97,10 @@ def viewpoint_tour(world: GridWorld, sights: Sights, rng: np.random.Generator) -
 
 
 def random_tree(world: GridWorld, sights: Sights, rng: np.random.Generator) -> int:
-    """The node of a random tree that should show most for its way (Bircher et al., ICRA 2016).
+    """The node with the greatest value in a random tree (Bircher et al., ICRA 2016).
 
-    The tree grows by random known edges from the robot; unknown ground at way d counts by exp(−d / reach), and what
-    the nodes of a branch show is summed.
+    The tree grows from the robot along random known edges. Unknown ground that a node at path length d should show
+    has weight exp(−d / reach), and a node's value is the sum along its branch.
     """
     nodes, parents, ways = [world.here], [-1], [0.0]
     for _ in range(TREE):
@@ -111,7 +111,7 @@ def random_tree(world: GridWorld, sights: Sights, rng: np.random.Generator) -> i
             parents.append(parent)
             ways.append(ways[parent] + float(np.linalg.norm(world.nodes[node] - world.nodes[nodes[parent]])))
     shown = gains(world, np.array(nodes)) * np.exp(-np.array(ways) / world.rules.reach)
-    for index in range(1, len(nodes)):  # a node comes after its parent
+    for index in range(1, len(nodes)):  # parents precede their children
         shown[index] += shown[parents[index]]
     if (best := int(shown.argmax())) and shown[best] > shown[0]:
         return nodes[best]
@@ -119,18 +119,18 @@ def random_tree(world: GridWorld, sights: Sights, rng: np.random.Generator) -> i
 
 
 def random_walk(world: GridWorld, sights: Sights, rng: np.random.Generator) -> int:
-    """Any of the nodes at the ends of the edges from here."""
+    """A random neighbour of the robot's node."""
     return int(rng.choice(world.next_nodes()))
 
 
 class Learned:
-    """Goes to the viewpoint that a network chooses, and chooses again there, as it has learned by PPO.
+    """Goes to the viewpoint chosen by a network trained with PPO, and chooses again on arrival.
 
     See assets/weights/explorer.md.
     """
 
     def __init__(self) -> None:
-        """No world is explored yet."""
+        """Begin without goals."""
         self._goals = WeakKeyDictionary[GridWorld, int]()
 
     def __call__(self, world: GridWorld, sights: Sights, rng: np.random.Generator) -> int:
@@ -144,7 +144,7 @@ class Learned:
 
 @cache
 def _shipped_network() -> "ViewpointNetwork":
-    from sarsim.tasks.viewpoint_network import ViewpointNetwork  # imported here, because the others need no torch
+    from sarsim.tasks.viewpoint_network import ViewpointNetwork  # here, because the others do not need PyTorch
 
     return ViewpointNetwork.load(asset("weights", "explorer.safetensors"))
 
@@ -161,20 +161,20 @@ EXPLORERS: dict[str, Explorer2D] = {
 
 
 def access(world: GridWorld, sights: Sights) -> NDArray[np.int64]:
-    """(M,) the row in ``sights.nodes`` of the node nearest to each frontier among those that see it."""
+    """(M,) for each frontier, the row in ``sights.nodes`` of the nearest node that sees it."""
     apart = np.linalg.norm(world.nodes[sights.nodes][:, None] - sights.frontiers, axis=2)
     return np.where(sights.visible, apart, np.inf).argmin(axis=0)
 
 
 def gains(world: GridWorld, nodes: NDArray[np.int64]) -> NDArray[np.int64]:
-    """(N,) numbers of unknown squares of cells that should show at the nodes (N,)."""
+    """(N,) number of unknown squares (see ``world.thinned``) that each of (N,) nodes should show."""
     thinning, reach = world.rules.thinning, world.rules.reach // world.rules.thinning
     rows, cols = world.nodes[nodes].T // thinning
     return kernels.unknown_in_view(world.thinned, rows, cols, reach, reach)
 
 
 def first_of_tour(world: GridWorld, places: list[int]) -> int:
-    """The first of some nodes in a short tour over them from the robot."""
+    """The first stop of a short tour from the robot over some nodes."""
     if len(places) == 1:
         return places[0]
     stops = [world.here, *places]
@@ -183,11 +183,11 @@ def first_of_tour(world: GridWorld, places: list[int]) -> int:
 
 
 def viewpoint_rows(world: GridWorld, sights: Sights) -> tuple[NDArray[np.intp], NDArray[np.float64]]:
-    """The nearest nodes that see a frontier: their rows in ``sights``, and what describes them.
+    """The nearest nodes that see a frontier: their rows in ``sights``, and their features.
 
     Returns:
-        (N,) rows, and (N, 4) x, y and length of the way in ranges of the sensor, and the share of the frontiers that
-        the node sees.
+        (N,) rows, and (N, 4) x, y and path length from the robot in units of the sensor's range, and the share of the
+        frontiers that the node sees.
     """
     counts = sights.visible.sum(axis=1)
     rows = np.flatnonzero(counts)
@@ -203,7 +203,7 @@ def explore(
     rng: np.random.Generator,
     on_move: Callable[[GridWorld], object] = lambda world: None,
 ) -> str:
-    """Explore until the end, deciding at every node; ``nothing_left`` or ``steps``, as in report.json.
+    """Explore to the end, deciding at every node; returns ``nothing_left`` or ``steps``, as in report.json.
 
     ``on_move`` is called after every move.
     """

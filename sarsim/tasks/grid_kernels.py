@@ -1,4 +1,4 @@
-"""Compiled loops over the cells of 2D maps: rays, edges, frontiers and what is visible from where."""
+"""Compiled loops over the cells of 2D maps: rays, edges, frontiers and visibility."""
 
 import heapq
 
@@ -6,19 +6,19 @@ import numpy as np
 from numba import njit
 
 IS_UNKNOWN, IS_FREE, IS_WALL = 0, 1, 2
-"""What is known of a cell."""
+"""States of a cell in a robot's map."""
 
 
 @njit(cache=True)
 def line(r, c, r_end, c_end):
-    """The state of Bresenham's line at its first cell: its error, and twice its height and width with their signs."""
+    """The initial state of Bresenham's line: its error term, and twice its signed height and width."""
     dr, dc = r_end - r, c_end - c
     return abs(dc) - abs(dr), 2 * dr, 2 * dc
 
 
 @njit(cache=True)
 def after(r, c, error, dr, dc):
-    """The next cell of a :func:`line`, and the error there."""
+    """The next cell of a :func:`line`, and its error term."""
     if error > 0:
         return r, c + (1 if dc > 0 else -1), error - abs(dr)
     return r + (1 if dr > 0 else -1), c, error + abs(dc)
@@ -26,10 +26,10 @@ def after(r, c, error, dr, dc):
 
 @njit(cache=True)
 def sense(free, belief, row, col, bearings, reach, wall):
-    """Write into ``belief`` (H, W) what a sensor in a cell sees of ``free`` (H, W); the number of new free cells.
+    """Write into ``belief`` (H, W) what a sensor in a cell sees of ``free`` (H, W); return how many are newly free.
 
-    A ray goes by Bresenham's line to the cell at ``reach`` cells along one of the ``bearings`` (N,), rad, columns
-    being x; it enters a wall by less than ``wall`` cells and ends behind it. The cell at ``reach`` is not seen.
+    A ray follows Bresenham's line to the cell ``reach`` cells away along one of the ``bearings`` (N,), rad, 0 along
+    the columns. It sees fewer than ``wall`` cells of a wall and nothing behind it; its last cell is not seen.
     """
     new = 0
     for n in range(len(bearings)):
@@ -56,7 +56,7 @@ def sense(free, belief, row, col, bearings, reach, wall):
 
 @njit(cache=True)
 def is_clear(belief, r, c, r_end, c_end):
-    """Whether all cells of ``belief`` (H, W) on Bresenham's line between two cells, ends included, are known free."""
+    """Whether all cells of ``belief`` (H, W) on Bresenham's line between two cells, inclusive, are known free."""
     error, dr, dc = line(r, c, r_end, c_end)
     while belief[r, c] == IS_FREE:
         if r == r_end and c == c_end:
@@ -67,9 +67,9 @@ def is_clear(belief, r, c, r_end, c_end):
 
 @njit(cache=True)
 def open_edges(belief, nodes, neighbours, is_open, middle, radius):
-    """Set ``is_open`` (N, K) for edges to ``neighbours`` (N, K; -1: none) that are now known free.
+    """Set ``is_open`` (N, K) for edges to ``neighbours`` (N, K; -1: none) that are now known to be free.
 
-    Looks at ``nodes`` (N, 2) within ``radius`` cells, by row and column, of ``middle`` (2,).
+    Only ``nodes`` (N, 2) within ``radius`` rows and columns of ``middle`` (2,) are examined.
     """
     for n in range(len(nodes)):
         r, c = nodes[n]
@@ -84,9 +84,9 @@ def open_edges(belief, nodes, neighbours, is_open, middle, radius):
 
 @njit(cache=True)
 def thin(belief, thinned, factor, middle, radius):
-    """Write ``thinned`` (H // factor, W // factor) around ``middle`` (2,): a wall where any of the cells is one.
+    """Update ``thinned`` (H // factor, W // factor) within ``radius`` cells of cell ``middle`` of ``belief`` (H, W).
 
-    Otherwise unknown where any is unknown, and free where all are. ``radius`` is in cells of ``belief`` (H, W).
+    A square is a wall if any of its cells is a wall; otherwise it is unknown if any is unknown, and free if all are.
     """
     low_r, low_c = max(middle[0] - radius, 0) // factor, max(middle[1] - radius, 0) // factor
     for i in range(low_r, min((middle[0] + radius) // factor + 1, thinned.shape[0])):
@@ -103,7 +103,7 @@ def thin(belief, thinned, factor, middle, radius):
 
 @njit(cache=True)
 def frontier_mask(thinned):
-    """(H, W) the free cells of a map (H, W) that have two to seven unknown neighbours among eight."""
+    """(H, W) mask of a map's free cells that have two to seven unknown cells among their eight neighbours."""
     mask = np.zeros(thinned.shape, np.bool_)
     for i in range(1, thinned.shape[0] - 1):
         for j in range(1, thinned.shape[1] - 1):
@@ -118,7 +118,7 @@ def frontier_mask(thinned):
 
 @njit(cache=True)
 def visible(belief, places, points, reach):
-    """(N, M) whether a straight known free line of at most ``reach`` cells joins places (N, 2) and points (M, 2)."""
+    """(N, M) whether a line of at most ``reach`` cells, all known free, joins places (N, 2) and points (M, 2)."""
     result = np.zeros((len(places), len(points)), np.bool_)
     for n in range(len(places)):
         r, c = places[n]
@@ -131,13 +131,13 @@ def visible(belief, places, points, reach):
 
 @njit(cache=True)
 def unknown_in_view(thinned, rows, cols, reach, deepest):
-    """(N,) numbers of unknown cells that rays from cells (N,) of a map (H, W) should see within ``reach`` cells.
+    """(N,) number of unknown cells that rays from each of (N,) cells of a map should see within ``reach`` cells.
 
-    Unknown cells are taken for free, over at most ``deepest`` of them on a ray.
+    Unknown cells are assumed to be free, but a ray ends after ``deepest`` of them.
     """
     counts = np.zeros(len(rows), np.int64)
     stamp = np.full(thinned.shape, -1)
-    rays = int(np.ceil(2 * np.pi * reach))  # at the range, one ray a cell
+    rays = int(np.ceil(2 * np.pi * reach))  # one ray per cell at the maximum range
     for n in range(len(rows)):
         for k in range(rays):
             dr, dc = np.sin(2 * np.pi * k / rays), np.cos(2 * np.pi * k / rays)
@@ -158,10 +158,10 @@ def unknown_in_view(thinned, rows, cols, reach, deepest):
 
 @njit(cache=True)
 def shortest_ways(neighbours, lengths, is_open, start):
-    """Lengths (N,) of the shortest ways from a node along open edges, inf if none, and the nodes before (N,).
+    """Lengths (N,) of the shortest paths from a node, inf if there is none, and each node's predecessor (N,) or -1.
 
-    Dijkstra's algorithm; edges lead to ``neighbours`` (N, K), have ``lengths`` (K,), alike at every node, and exist
-    where ``is_open`` (N, K). Before the start and nodes without a way is -1.
+    Dijkstra's algorithm. Edges lead to ``neighbours`` (N, K), have the same ``lengths`` (K,) at every node, and exist
+    where ``is_open`` (N, K). The start and unreachable nodes have no predecessor.
     """
     ways, before = np.full(len(neighbours), np.inf), np.full(len(neighbours), -1)
     ways[start] = 0.0
@@ -181,7 +181,7 @@ def shortest_ways(neighbours, lengths, is_open, start):
 
 @njit(cache=True)
 def local_map(belief, row, col, side, stride):
-    """(side, side) every ``stride``-th cell of ``belief`` (H, W) around a cell; unknown beyond the map."""
+    """Every ``stride``-th cell of ``belief`` (H, W) around a cell, (side, side); unknown outside the map."""
     result = np.full((side, side), IS_UNKNOWN, np.uint8)
     for i in range(side):
         for j in range(side):

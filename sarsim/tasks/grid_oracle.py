@@ -1,4 +1,4 @@
-"""The oracle on 2D maps: how short a way of a robot that knows the map could have been."""
+"""The oracle on 2D maps: how short the path of a robot that knows the map could have been."""
 
 from collections.abc import Callable, Sequence
 from functools import cached_property
@@ -17,19 +17,19 @@ from sarsim.tasks.grid_world import SPEED, GridRules, GridWorld, route
 
 
 class GridOracle(ViewTours):
-    """Looks for a short tour by the rules' moves and sensor; viewpoints are the nodes that the robot can reach.
+    """Searches for a short tour with the rules' moves and sensor; viewpoints are the nodes that the robot can reach.
 
-    Turns do not count in the search: the sensor sees all around.
+    The search ignores turns, because the sensor sees all around.
 
     Attributes:
-        wanted: number of free cells that are to be seen.
-        nodes: (V,) the viewpoints as nodes of the lattice, the start first.
+        wanted: number of free cells that must be seen.
+        nodes: (V,) lattice node of each viewpoint, the start first.
     """
 
     wanted = 0
 
     def __init__(self, scene: GridScene, rules: GridRules, wanted: int | None = None):
-        """Look over the whole map; by default as many cells are wanted as end an exploration.
+        """Reveal the map; by default, ``wanted`` is the number of seen cells that ends an exploration.
 
         Raises:
             InputError: the sensor does not see all around.
@@ -48,7 +48,7 @@ class GridOracle(ViewTours):
 
     @cached_property
     def views(self) -> sparse.csr_array:
-        """(V, N) bool sparse, the free cells that the sensor shows at each node."""
+        """(V, N) bool, sparse: the free cells that the sensor shows from each viewpoint."""
         return self._views(any_heading=False)
 
     def _views(self, any_heading: bool) -> sparse.csr_array:
@@ -60,16 +60,16 @@ class GridOracle(ViewTours):
 
     @cached_property
     def at_start(self) -> Mask:
-        """The cells seen at once."""
+        """The cells seen from the start."""
         return self._seen([0])
 
     def seconds(self, here: int, there: Sequence[int] | slice = slice(None)) -> Values:
-        """Seconds from one viewpoint to others along the shortest ways, at least that for one cell."""
+        """Seconds from one viewpoint to others along the shortest paths, at least the time for one cell."""
         ways = self._tree(int(self.nodes[here]))[0][self.nodes[there]]
         return np.maximum(ways, 1) * self.world.scene.cell / SPEED
 
     def leg(self, here: int, there: int) -> Leg:
-        """The shortest way between two viewpoints; the robot looks at every node."""
+        """The shortest path between two viewpoints; the robot looks from every node."""
         if (here, there) not in self._legs:
             ways, before = self._tree(int(self.nodes[here]))
             stops = route(before, int(self.nodes[here]), int(self.nodes[there]))
@@ -78,11 +78,11 @@ class GridOracle(ViewTours):
         return self._legs[here, there]
 
     def least_way(self) -> float:
-        """m, no way by the rules that sees enough is shorter: the longer of two bounds.
+        """Lower bound on the length of any path that sees enough, m: the greater of two bounds.
 
-        Each viewpoint of the relaxed cover costs an edge; and of the cells whose nearest viewpoints are the
-        farthest, one more than may be left unseen has to be seen. A viewpoint shows here what it would by the rays
-        of any heading.
+        Each viewpoint of the relaxed set cover costs at least one edge. To see ``wanted`` cells, the robot must also
+        go at least as far as the nearest viewpoint of the cell that is ``wanted``-th nearest. A viewpoint here shows
+        what the rays of any heading would show.
         """
         views = self._views(any_heading=True)
         ways = self._tree(self.world.here)[0][self.nodes]
@@ -96,7 +96,7 @@ class GridOracle(ViewTours):
         return float(max(reach, cover)) * self.world.scene.cell
 
     def follow(self, world: GridWorld, on_move: Callable[[GridWorld], object] = lambda world: None) -> str:
-        """Drive the tour in a world of the same map until it is explored; how it ended, as an exploration does."""
+        """Drive the tour in a world with the same map until it is explored; return why it ended, as ``explore``."""
         for stop in self.stops():
             if world.is_explored or world.moves >= world.rules.most_moves:
                 break
@@ -105,7 +105,7 @@ class GridOracle(ViewTours):
         return "nothing_left" if world.is_explored else "steps"
 
     def stops(self) -> list[int]:
-        """The nodes of the quickest tour, each a neighbour of the one before."""
+        """The nodes along the fastest tour, each a neighbour of the previous one."""
         way = [int(self.nodes[view]) for view in (0, *self.quickest.order)]
         return [stop for a, b in pairwise(way) for stop in route(self._tree(a)[1], a, b)]
 

@@ -1,4 +1,4 @@
-"""2D maps to explore: drawn from a seed, of ROS, and the dungeon maps on which papers compare."""
+"""2D maps to explore: maps drawn from a seed, ROS maps, and the dungeon maps with which papers compare methods."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -14,27 +14,27 @@ from pipeline.errors import InputError
 from sarsim.arenas.map_2d import read_map
 
 START_COLOUR = (255, 216, 0)
-"""Of the square where a dungeon map's robot starts."""
+"""RGB colour of the square in which the robot starts on a dungeon map."""
 START_PIXEL = 127
-"""Index, by rows, of the robot's pixel among those of the square."""
+"""Index of the robot's pixel among the pixels of this square, in row-major order."""
 LIGHT = 150
 """Grey value above which a pixel of a dungeon map is free."""
 ROOMS = 14
-"""Number of rooms that are tried for a drawn map."""
+"""Number of rooms in a drawn map; they may overlap."""
 SIZES = {"camera": ((120, 160), 10, 0.1), "papers": ((480, 640), 20, 1.0)}
-"""Rows and columns, width of corridors in cells, and m of a cell, of the maps that are drawn."""
+"""Rows and columns, width of corridors (cells) and side of a cell (m) of drawn maps, for each set of rules."""
 DRAWINGS = {"train": 0, "val": 1_000_000, "test": 2_000_000}
 """The first seed of each split of the drawn maps."""
 
 
 @dataclass(frozen=True, eq=False)
 class GridScene:
-    """A 2D map and where the robot starts.
+    """A 2D map and the robot's start.
 
     Attributes:
-        free: all other cells are walls. Columns are x, rows y.
+        free: free cells; all others are walls. Columns are along x, rows along y.
         start: row and column of the robot's cell.
-        cell: m, side of a cell.
+        cell: side of a cell, m.
     """
 
     free: PixelMask
@@ -43,10 +43,10 @@ class GridScene:
 
 
 def read_dungeon(path: Path) -> GridScene:
-    """A dungeon map, a PNG; a pixel counts as 1 m.
+    """Read a dungeon map, a PNG image in which a pixel counts as 1 m.
 
     Raises:
-        InputError: it cannot be read or has no start.
+        InputError: the image cannot be read or has no start.
     """
     try:
         with Image.open(path) as image:
@@ -61,7 +61,7 @@ def read_dungeon(path: Path) -> GridScene:
 
 
 def dungeon_files(folder: Path) -> list[Path]:
-    """The dungeon maps in a folder and those below it, in order; InputError if there are none."""
+    """The dungeon maps in a folder and its subfolders, sorted; InputError if there are none."""
     files = sorted(folder.rglob("*.png"))
     if not files:
         raise InputError(f"{folder}: no .png maps")
@@ -69,10 +69,10 @@ def dungeon_files(folder: Path) -> list[Path]:
 
 
 def read_ros_scene(path: Path) -> GridScene:
-    """A ROS map (yaml and image); the robot starts in the free cell nearest to the origin of ``map``.
+    """Read a ROS map (YAML and image); the robot starts in the free cell nearest to the origin of ``map``.
 
     Raises:
-        InputError: as :func:`sarsim.arenas.map_2d.read_map`; or nothing is free.
+        InputError: as in :func:`sarsim.arenas.map_2d.read_map`, or no cell is free.
     """
     plan = read_map(path)
     cells = np.argwhere(plan.free)
@@ -86,13 +86,13 @@ def read_ros_scene(path: Path) -> GridScene:
 
 
 def draw_scene(seed: int, shape: tuple[int, int], lane: int, cell: float) -> GridScene:
-    """Rooms, joined by corridors ``lane`` cells wide into one tree and some loops; the robot starts in a room.
+    """Draw rooms, joined into a chain with some loops by corridors ``lane`` cells wide; the robot starts in a room.
 
     Args:
         seed: the same seed draws the same map.
         shape: rows and columns of the map.
-        lane: cells, width of corridors; rooms are 2 to 6 times as wide.
-        cell: m, side of a cell.
+        lane: width of corridors, cells; rooms are 2 to 6 times as wide.
+        cell: side of a cell, m.
     """
     rng = np.random.default_rng(seed)
     free = np.zeros(shape, np.bool_)
@@ -105,7 +105,7 @@ def draw_scene(seed: int, shape: tuple[int, int], lane: int, cell: float) -> Gri
 
 
 def _draw_room(rng: np.random.Generator, free: NDArray[np.bool_], lane: int) -> tuple[int, int]:
-    """Clear a rectangle or an ellipse; its middle."""
+    """Clear a rectangle or an ellipse; returns its centre."""
     half = rng.integers(lane, 3 * lane, 2, endpoint=True)
     middle = rng.integers(half + lane, np.array(free.shape) - half - lane)
     rows, cols = np.ogrid[: free.shape[0], : free.shape[1]]
@@ -115,7 +115,7 @@ def _draw_room(rng: np.random.Generator, free: NDArray[np.bool_], lane: int) -> 
 
 
 def _near_each_other(centres: Sequence[tuple[int, int]]) -> list[tuple[int, int]]:
-    """The rooms in an order in which each is the one nearest to the one before among those that are left."""
+    """The centres of rooms in greedy order: each is followed by the nearest of those that remain."""
     left, order = list(centres[1:]), [centres[0]]
     while left:
         order.append(min(left, key=lambda c: (np.hypot(c[0] - order[-1][0], c[1] - order[-1][1]), c)))
@@ -126,7 +126,7 @@ def _near_each_other(centres: Sequence[tuple[int, int]]) -> list[tuple[int, int]
 def _draw_corridor(
     rng: np.random.Generator, free: NDArray[np.bool_], a: tuple[int, int], b: tuple[int, int], lane: int
 ) -> None:
-    """Clear a corridor with one corner."""
+    """Clear a corridor with one bend."""
     corner = (a[0], b[1]) if rng.random() < 0.5 else (b[0], a[1])
     before = (lane - 1) // 2
     for p, q in ((a, corner), (corner, b)):

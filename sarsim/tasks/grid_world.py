@@ -11,24 +11,24 @@ from sarsim.tasks import grid_kernels as kernels
 from sarsim.tasks.grid_scenes import GridScene
 
 REACHES = 2
-"""Largest number of rows and columns of the lattice between two nodes that an edge joins."""
+"""Maximum difference in lattice rows, and in columns, between two nodes joined by an edge."""
 SPEED, TURN_RATE = 0.5, 1.0
-"""m/s and rad/s of the robot, as episodes drive by default."""
+"""Speed (m/s) and turn rate (rad/s) of the robot, the defaults of episodes."""
 
 
 @dataclass(frozen=True)
 class GridRules:
-    """Sensor, motion and end of an exploration.
+    """The rules of an exploration: sensor, motion and end.
 
     Attributes:
-        reach: cells, range of the sensor.
-        field_of_view: degrees, 360 for all around.
-        ray_step: degrees from one ray to the next.
-        wall: cells; rays enter walls by less than this.
-        spacing: cells from one node to the next.
-        thinning: side of the squares on which frontiers are found, cells.
-        most_unseen: free cells that may be left unseen at the end.
-        most_moves: along edges, after which an episode is cut off.
+        reach: range of the sensor, cells.
+        field_of_view: horizontal field of view, degrees; with 360 the sensor sees all around.
+        ray_step: angle between neighbouring rays, degrees.
+        wall: a ray sees fewer cells of a wall than this.
+        spacing: distance between neighbouring nodes, cells.
+        thinning: side of the squares among which frontiers are found, cells.
+        most_unseen: maximum number of free cells left unseen when the map counts as explored.
+        most_moves: maximum number of moves along edges, after which an episode is truncated.
     """
 
     reach: int
@@ -42,29 +42,29 @@ class GridRules:
 
 
 PAPERS = GridRules(80, 360.0, 0.5, 10, 20, 4, 250, 128)
-"""The tests of ARIADNE (Cao et al., ICRA 2023), by its public code."""
+"""The tests of ARiADNE (Cao et al., ICRA 2023), according to its public code."""
 CAMERA = GridRules(35, 58.0, 1.0, 2, 5, 2, 100, 2000)
-"""The robot's RGB-D camera (58°, 3.5 m) on cells of 0.1 m; the robot is done when less than 1 m² is unseen."""
+"""The robot's RGB-D camera (58°, 3.5 m) on cells of 0.1 m; the map is explored when at most 1 m² is unseen."""
 RULES = {"camera": CAMERA, "papers": PAPERS}
 
 
 class GridWorld:
-    """The state of an exploration. The robot stands on nodes of a lattice through its start; it is a point.
+    """The state of an exploration. The robot is a point on a lattice of nodes that includes its start.
 
     Attributes:
-        belief: (H, W) uint8, :data:`grid_kernels.IS_UNKNOWN`, ``IS_FREE`` or ``IS_WALL``.
-        thinned: the same in squares of ``rules.thinning`` cells.
-        nodes: (N, 2) row and column of each node of the lattice, cells.
-        here: node of the robot.
-        heading: rad, of the robot; 0 along the columns.
-        visited: (N,) nodes at which the robot has looked.
-        way: cells that it has come.
-        turned: rad that it has turned.
-        moves: number of edges that it has followed.
+        belief: (H, W) uint8 known state of each cell: :data:`grid_kernels.IS_UNKNOWN`, ``IS_FREE`` or ``IS_WALL``.
+        thinned: the same for squares with sides of ``rules.thinning`` cells.
+        nodes: (N, 2) row and column of the cell of each node of the lattice.
+        here: the robot's node.
+        heading: heading of the robot, rad; 0 is towards higher columns.
+        visited: (N,) whether the robot has looked from each node.
+        way: distance driven, cells.
+        turned: sum of the angles turned, rad.
+        moves: number of edges followed.
     """
 
     def __init__(self, scene: GridScene, rules: GridRules):
-        """Look all around at the start."""
+        """Begin at the scene's start, and look all around."""
         self.scene, self.rules = scene, rules
         self.belief = np.zeros(scene.free.shape, np.uint8)
         self.thinned = np.zeros(np.array(scene.free.shape) // rules.thinning, np.uint8)
@@ -90,7 +90,7 @@ class GridWorld:
 
     @property
     def seconds(self) -> float:
-        """Time that the robot has driven and turned."""
+        """Time that the robot has spent driving and turning."""
         return self.way * self.scene.cell / SPEED + self.turned / TURN_RATE
 
     @property
@@ -100,7 +100,7 @@ class GridWorld:
 
     @property
     def is_explored(self) -> bool:
-        """Whether as good as everything is seen."""
+        """Whether at most ``rules.most_unseen`` free cells are unseen."""
         return self.unseen <= self.rules.most_unseen
 
     @property
@@ -109,24 +109,24 @@ class GridWorld:
         return self.known_free / self._free
 
     def ways(self, start: int) -> tuple[NDArray[np.float64], NDArray[np.int64]]:
-        """(N,) lengths of the shortest known ways from a node, cells, and (N,) the node before each, or -1."""
+        """(N,) lengths of the shortest known paths from a node, cells, and (N,) predecessor of each node, or -1."""
         ways, before = kernels.shortest_ways(self._neighbours, self._lengths, self._open, start)
         return ways, before
 
     def next_nodes(self, node: int | None = None) -> NDArray[np.int64]:
-        """(K,) the nodes at the ends of the known edges from a node, by default the robot's."""
+        """(K,) the neighbours of a node, by default the robot's, along known free edges."""
         node = self.here if node is None else node
         nodes: NDArray[np.int64] = self._neighbours[node][self._open[node]]
         return nodes
 
     def frontiers(self) -> Cells:
-        """Cells, the middles of the free squares that border on unknown ones."""
+        """(M, 2) the centre cells of the free squares that border on unknown squares."""
         return np.argwhere(kernels.frontier_mask(self.thinned)) * self.rules.thinning + self.rules.thinning // 2
 
     def visible(self, nodes: NDArray[np.int64], frontiers: NDArray[np.int64]) -> NDArray[np.bool_]:
-        """(N, M) whether nodes (N,) see frontiers (M, 2), cells.
+        """(N, M) whether each of (N,) nodes sees each of (M, 2) frontier cells.
 
-        A frontier is within 7/8 of the sensor's range, so that something is seen behind it.
+        A visible frontier is within 7/8 of the sensor's range, so that some of the ground behind it is seen as well.
         """
         sees = kernels.visible(self.belief, self.nodes[nodes], frontiers, 7 * self.rules.reach / 8)
         return np.asarray(sees, np.bool_)
@@ -140,13 +140,13 @@ class GridWorld:
         self._look(self.rules.field_of_view)
 
     def reveal(self) -> None:
-        """Know the whole map, as the oracle does."""
+        """Reveal the whole map, for the oracle."""
         self.belief[:] = np.where(self.scene.free, kernels.IS_FREE, kernels.IS_WALL)
         self.known_free = self._free
         self._take_over(np.zeros(2, np.int64), self.belief.size)
 
     def view(self, node: int, any_heading: bool = False) -> PixelMask:
-        """The cells that a sensor of 360° shows at a node; by the rays of heading 0, or of all along edges."""
+        """Mask of what a 360° sensor sees from a node at heading 0 or, if ``any_heading``, at any edge's heading."""
         belief, (row, col), rules = np.zeros_like(self.belief), self.nodes[node].tolist(), self.rules
         span = np.arange(-REACHES, REACHES + 1)
         headings = np.unique(np.arctan2(span[:, None], span)) if any_heading else np.zeros(1)
@@ -164,7 +164,7 @@ class GridWorld:
         self.heading = heading
 
     def _look(self, field_of_view: float) -> None:
-        """See what the sensor sees; ``field_of_view`` in degrees."""
+        """Add what the sensor sees to the belief; ``field_of_view`` is in degrees."""
         rules, (row, col) = self.rules, self.nodes[self.here].tolist()
         half = field_of_view / 2
         bearings = self.heading + np.deg2rad(np.arange(-half, half, rules.ray_step))
@@ -173,14 +173,14 @@ class GridWorld:
         self._take_over(np.array([row, col]), rules.reach + 1)
 
     def _take_over(self, middle: NDArray[np.int64], radius: int) -> None:
-        """Thin the belief, and open edges by it, where it changed: within ``radius`` cells of a cell (2,)."""
+        """Update thinned map and edges where the belief has changed: within ``radius`` cells of a cell (2,)."""
         kernels.thin(self.belief, self.thinned, self.rules.thinning, middle, radius)
         far = radius + REACHES * self.rules.spacing
         kernels.open_edges(self.belief, self.nodes, self._neighbours, self._open, middle, far)
 
 
 def route(before: NDArray[np.int64], here: int, node: int) -> list[int]:
-    """The nodes after ``here`` up to ``node``, by (N,) the node before each; empty if there is no way."""
+    """The path after ``here`` up to ``node``, from the (N,) predecessors of all nodes; empty if there is none."""
     nodes = []
     while node != here and node >= 0:
         nodes.append(node)

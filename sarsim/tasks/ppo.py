@@ -1,4 +1,4 @@
-"""Train an explorer of 2D maps by PPO (Schulman et al., 2017), the one of Stable-Baselines3."""
+"""Train an explorer of 2D maps with Stable-Baselines3's PPO (Schulman et al., 2017)."""
 
 from collections.abc import Callable
 from typing import Any
@@ -20,7 +20,7 @@ from sarsim.tasks.viewpoint_network import WIDTH, ViewpointNetwork
 
 
 class OfViewpoints(gymnasium.ObservationWrapper[Any, Any, Any]):
-    """Shows an agent the viewpoints of an observation alone."""
+    """Reduces observations to their viewpoints."""
 
     def __init__(self, env: Explore2D):
         """Wrap a task."""
@@ -29,23 +29,23 @@ class OfViewpoints(gymnasium.ObservationWrapper[Any, Any, Any]):
         self.observation_space = env.observation_space["viewpoints"]
 
     def observation(self, observation: dict[str, NDArray[Any]]) -> NDArray[np.float32]:
-        """(VIEWPOINTS, 4) the rows."""
+        """(VIEWPOINTS, 4) the rows of an observation's viewpoints."""
         rows: NDArray[np.float32] = observation["viewpoints"]
         return rows
 
 
 class ActorAndCritic(nn.Module):
-    """The network that chooses, and another whose features show what is still to come."""
+    """A network that chooses viewpoints, and another whose features serve to estimate the value."""
 
     latent_dim_pi, latent_dim_vf = VIEWPOINTS, 2 * WIDTH
 
     def __init__(self) -> None:
-        """Begin with random weights."""
+        """Initialise both with random weights."""
         super().__init__()
         self.actor, self.critic = ViewpointNetwork(), ViewpointNetwork()
 
     def forward(self, features: Tensor) -> tuple[Tensor, Tensor]:
-        """(B, VIEWPOINTS) logits, and (B, 2 · WIDTH) features, of flattened rows."""
+        """(B, VIEWPOINTS) logits and (B, 2 · WIDTH) features for flattened rows."""
         return self.forward_actor(features), self.forward_critic(features)
 
     def forward_actor(self, features: Tensor) -> Tensor:
@@ -60,7 +60,7 @@ class ActorAndCritic(nn.Module):
 
 
 class ViewpointPolicy(ActorCriticPolicy):
-    """The policy whose logits are those of a :class:`ViewpointNetwork`."""
+    """A policy whose logits come from a :class:`ViewpointNetwork`."""
 
     def _build_mlp_extractor(self) -> None:
         self.mlp_extractor = ActorAndCritic()  # type: ignore[assignment]  # has what the policy uses of the other
@@ -71,7 +71,7 @@ class ViewpointPolicy(ActorCriticPolicy):
 
 
 def train_explorer(config: ExplorerTrainingConfig, on_step: Callable[[], object]) -> ViewpointNetwork:
-    """Train on the drawn maps of the split ``train`` by the papers' protocol, for the shortest way.
+    """Train on drawn maps of the split ``train`` with the rules ``papers``, to minimise driving time.
 
     ``on_step`` is called after each of the ``config.steps / config.worlds`` steps of all worlds.
     """
@@ -83,7 +83,7 @@ def train_explorer(config: ExplorerTrainingConfig, on_step: Callable[[], object]
     torch.set_num_threads(1)  # the network is small
     for_the_way = RewardWeights(ground=0.0)
     worlds = DummyVecEnv([lambda: OfViewpoints(Explore2D(rules="papers", weights=for_the_way))] * config.worlds)
-    # Without orthogonal weights, and with rewards of a variance of one: else the values' loss outweighs the policy's.
+    # Without orthogonal weights, and with normalised rewards; otherwise the value loss outweighs the policy loss.
     agent = PPO(
         ViewpointPolicy,
         VecNormalize(worlds, norm_obs=False),

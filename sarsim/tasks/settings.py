@@ -5,7 +5,7 @@ from dataclasses import dataclass
 from tyro.conf import Fixed
 
 VIEWPOINTS = 32
-"""Number of viewpoints that an agent chooses from."""
+"""Maximum number of viewpoints from which an agent chooses."""
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Local maps of what a robot knows around it."""
+"""Local maps of what a robot knows about its surroundings."""
 
 import cv2
 import numpy as np
@@ -11,18 +11,18 @@ from pipeline.semantic_map.semantic_map import SemanticMap
 from sarsim.tasks.exploration_task import LOCAL_SIDE, ROBOT_COLOUR, Maps
 
 LOCAL_CELL = 0.2
-"""m, side of a cell of the local maps, as of ``Explore2D-v0`` by the rules of the camera."""
+"""Side of a cell of the local maps, m, as in ``Explore2D-v0`` with the rules ``camera``."""
 
 
 def local_maps(mapper: Mapper, T_map_base: Pose) -> Maps:
     """``elevation``, ``label`` and ``seen`` (64, 64) around a robot, rows along y, columns along x.
 
-    ``elevation``: m from the ground under the robot to the highest ground known in the cell, 0 where it is unknown;
-    ``label``: the most frequent class of the labelled points in it, ceilings left out, 0 without any;
-    ``seen``: whether any of its ground was.
+    ``elevation``: height of the highest known ground in a cell above the ground at the robot, m, 0 where unknown;
+    ``label``: the most frequent class of its labelled points other than ceilings, 0 if there are none;
+    ``seen``: whether any ground in it has been seen.
 
     Args:
-        mapper: with the maps.
+        mapper: the robot's mapper, which holds its maps.
         T_map_base: pose of the robot.
     """
     grid, layers = mapper.elevation_map.grid, mapper.elevation_map
@@ -50,7 +50,7 @@ def _classes(known: SemanticMap, middle: NDArray[np.float64]) -> NDArray[np.uint
 
 
 def picture(rgb: Rgb, maps: Maps) -> NDArray[np.uint8]:
-    """(H, W + H, 3) the camera's image (H, W, 3), and the classes around the robot, y up, the robot in red."""
+    """(H, W + H, 3) the camera's image, and the classes around the robot, with y up and the robot in red."""
     colours = np.where(maps["seen"][..., None] > 0, COLOURS[maps["label"]], 0).astype(np.uint8)
     colours[LOCAL_SIDE // 2 - 1 : LOCAL_SIDE // 2 + 1, LOCAL_SIDE // 2 - 1 : LOCAL_SIDE // 2 + 1] = ROBOT_COLOUR
     side = len(rgb)

@@ -1,4 +1,4 @@
-"""A network that chooses among viewpoints by where they are and what they should show."""
+"""A network that chooses among viewpoints from their positions and what they should show."""
 
 from pathlib import Path
 
@@ -12,24 +12,24 @@ from torch import Tensor, nn
 from pipeline.errors import InputError
 
 WIDTH = 64
-"""Features of a viewpoint: as many as layers of Stable-Baselines3's perceptrons have."""
+"""Number of features of a viewpoint, as in the layers of Stable-Baselines3's default MLPs."""
 
 
 class ViewpointNetwork(nn.Module):
-    """Scores viewpoints one by one, each beside the mean and the maximum of all, so that their order says nothing."""
+    """Scores each viewpoint together with mean and maximum features of all, so that their order has no influence."""
 
     def __init__(self) -> None:
-        """Begin with random weights."""
+        """Initialise with random weights."""
         super().__init__()
         self.each = nn.Sequential(nn.Linear(4, WIDTH), nn.Tanh(), nn.Linear(WIDTH, WIDTH), nn.Tanh())
         self.beside = nn.Sequential(nn.Linear(3 * WIDTH, WIDTH), nn.Tanh(), nn.Linear(WIDTH, 1))
 
     @classmethod
     def load(cls, path: Path) -> "ViewpointNetwork":
-        """The network of a safetensors file.
+        """Load a network from a safetensors file.
 
         Raises:
-            InputError: the file is missing, damaged or of another network.
+            InputError: the file is missing or damaged, or holds the weights of another network.
         """
         network = cls()
         try:
@@ -39,18 +39,18 @@ class ViewpointNetwork(nn.Module):
         return network
 
     def forward(self, viewpoints: Tensor) -> tuple[Tensor, Tensor]:
-        """(B, N) logits of the choice and (B, 2 · WIDTH) features of all, of (B, N, 4) rows as in an observation."""
+        """(B, N) logits of viewpoints and (B, 2 · WIDTH) features of all, for (B, N, 4) rows as in an observation."""
         is_one = viewpoints[..., 3:] > 0
         of_each = self.each(viewpoints)
         mean = (of_each * is_one).sum(dim=1) / is_one.sum(dim=1).clamp(min=1)
-        most = of_each.masked_fill(~is_one, -1).amax(dim=1)  # the least that a tanh gives
+        most = of_each.masked_fill(~is_one, -1).amax(dim=1)  # -1 is the minimum of tanh
         of_all = torch.cat([mean, most], dim=1)
         both = torch.cat([of_each, of_all[:, None].expand(-1, viewpoints.shape[1], -1)], dim=2)
         logits = self.beside(both).masked_fill(~is_one, torch.finfo(torch.float32).min)
         return logits.squeeze(2), of_all
 
     def choice(self, viewpoints: NDArray[np.float64]) -> int:
-        """The row of (N, 4) viewpoints that it prefers."""
+        """The row of the viewpoint with the highest score among (N, 4)."""
         with torch.inference_mode():
             logits, _ = self(torch.from_numpy(viewpoints.astype(np.float32))[None])
         return int(logits.argmax())

@@ -1,4 +1,4 @@
-"""A person of the library as MJCF: skin, hair, face and clothes of random colours."""
+"""A person of the library as MJCF: skin, hair, face, and clothes in random colours."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,7 +20,7 @@ HAIR = (
     (0.55, 0.55, 0.56),
 )  # fmt: skip
 DARK_HAIR = (*HAIR[:2], HAIR[-1])
-MEDIUM_SKIN = 1.7  # Sum of a skin's colours below which hair is dark or grey
+MEDIUM_SKIN = 1.7  # Sum of a skin's RGB values below which the hair is dark or grey
 TOPS = (
     (0.75, 0.12, 0.12), (0.14, 0.28, 0.60), (0.10, 0.42, 0.22), (0.90, 0.74, 0.15), (0.90, 0.90, 0.88),
     (0.12, 0.12, 0.14), (0.50, 0.20, 0.50), (0.90, 0.45, 0.12), (0.35, 0.65, 0.80), (0.92, 0.60, 0.68),
@@ -31,13 +31,13 @@ BOTTOMS = (
     (0.22, 0.27, 0.18), (0.70, 0.64, 0.52), (0.35, 0.13, 0.15),
 )  # fmt: skip
 SHOES = ((0.08, 0.07, 0.07), (0.30, 0.19, 0.11), (0.85, 0.85, 0.85), (0.60, 0.12, 0.12), (0.18, 0.24, 0.42))
-SPACING = {"stripes": 0.11, "bands": 0.24}  # m from one stripe or band to the next of its colour
-CHECK, CLOTH = 0.11, 0.4  # m that a texture of checks, or of plain cloth, covers
+SPACING = {"stripes": 0.11, "bands": 0.24}  # Period of the stripes or bands, m
+CHECK, CLOTH = 0.11, 0.4  # Side of the square covered by a texture of checks, and of plain cloth, m
 PATTERNS, PATTERN_SHARES = ("plain", "stripes", "checks"), (0.6, 0.25, 0.15)
-"""Patterns of the tops that are no overalls, and their probabilities."""
+"""Patterns of tops other than overalls, and their probabilities."""
 REFLECTIVE = (0.92, 0.95, 0.35)
 EYE, IRIS = (0.93, 0.92, 0.90), (0.12, 0.09, 0.07)
-LIPS = np.array((0.85, 0.55, 0.52))  # Factors from the skin's colour to that of the lips
+LIPS = np.array((0.85, 0.55, 0.52))  # Factors from the colour of the skin to that of the lips
 SHORT_SLEEVE = ("left_sleeve", "right_sleeve", "chest", "belly")
 LONG_SLEEVE = (*SHORT_SLEEVE, "left_upper_arm", "right_upper_arm", "left_forearm", "right_forearm")
 SHORTS = ("hips", "left_thigh", "right_thigh")
@@ -48,13 +48,13 @@ UPPER_BODY = ("head", "chest", "left_sleeve", "right_sleeve")  # The parts of a 
 
 @dataclass(frozen=True)
 class Outfit:
-    """The look of a person.
+    """The appearance of a person.
 
     Attributes:
-        skin, hair, top, bottom, shoes: colours.
+        skin, hair, top, bottom, shoes: RGB colours, 0 to 1.
         hair_style: short, long or bald.
-        top_pattern: plain, stripes, checks or bands of reflective cloth.
-        long_sleeves, long_legs: of the clothes.
+        top_pattern: plain, stripes, checks, or bands (of reflective cloth).
+        long_sleeves, long_legs: whether the clothes cover the whole arms and legs.
     """
 
     skin: tuple[float, ...]
@@ -69,7 +69,7 @@ class Outfit:
 
     @classmethod
     def random(cls, build: str, rng: np.random.Generator) -> "Outfit":
-        """A random outfit for people of a build; one in five adults wears an overall."""
+        """A random outfit for a person of a given build; one adult in five wears overalls."""
 
         def one_of(colours: Sequence[tuple[float, ...]]) -> tuple[float, ...]:
             colour = np.array(colours[int(rng.integers(len(colours)))]) * rng.uniform(0.85, 1.1)
@@ -101,7 +101,7 @@ class Outfit:
 
 
 def person_mjcf(name: str, figure: Figure, outfit: Outfit) -> tuple[list[Element], list[Element]]:
-    """Assets and geoms of a person; every name begins with ``name`` and ``_``."""
+    """Assets and geoms of a person; all their names start with ``name`` and ``_``."""
     assets, geoms = _materials(name, outfit), []
     normals = vertex_normals(figure.body)
     for number, part in enumerate(figure.parts):
@@ -119,7 +119,7 @@ def person_mjcf(name: str, figure: Figure, outfit: Outfit) -> tuple[list[Element
 
 
 def _materials(name: str, outfit: Outfit) -> list[Element]:
-    """The materials of a person: clothes with a texture, the rest in plain colours."""
+    """The materials of a person: clothes have textures, the rest plain colours."""
     bottom = {"builtin": "flat", "rgb1": numbers(outfit.bottom), "mark": "random", "random": "0.2"}
     bottom["markrgb"] = numbers(np.array(outfit.bottom) * 0.85)
     materials = []
@@ -150,7 +150,7 @@ def _pattern(outfit: Outfit) -> dict[str, str]:
 
 
 def _texture_places(rest: NDArray[np.float64], part: str, pattern: str) -> NDArray[np.float64]:
-    """(N, 2) texture coordinates of a part: across, and along the limb or the trunk."""
+    """(N, 2) texture coordinates of a part: across and along the limb or the trunk."""
     is_arm = "sleeve" in part or "arm" in part
     along, across = (np.abs(rest[:, 0]), rest[:, 2]) if is_arm else (rest[:, 1], rest[:, 0])
     if pattern in SPACING:
@@ -161,7 +161,7 @@ def _texture_places(rest: NDArray[np.float64], part: str, pattern: str) -> NDArr
 def _mesh(
     name: str, shape: Shape, normals: NDArray[np.float64], texture_places: NDArray[np.float64] | None = None
 ) -> Element:
-    """An MJCF mesh of the vertices that the faces use."""
+    """An MJCF mesh of a shape, without the vertices that no face uses."""
     used, faces = np.unique(shape.faces, return_inverse=True)
     corners = {"vertex": numbers(shape.vertices[used]), "normal": numbers(normals[used], 3)}
     mesh = Element("mesh", {"name": name, "inertia": "shell"} | corners)
@@ -172,7 +172,7 @@ def _mesh(
 
 
 def _face(name: str, figure: Figure) -> list[Element]:
-    """Eyes, brows and mouth, by which a face is recognised; their places are on the surface of the head at rest."""
+    """Eyes, brows and mouth, by which a face is recognised; positions are on the surface of the head at rest."""
     features = [("lips", "lips", (0.0, 0.662, 0.1165), (0.024, 0.0075, 0.006))]
     for side, sign in (("left", 1), ("right", -1)):
         features += [
@@ -184,7 +184,7 @@ def _face(name: str, figure: Figure) -> list[Element]:
     geoms = []
     for what, material, place, radii in features:
         centre, size = figure.on_head(np.array([place]))[0], scale * np.array(radii)
-        if centre[2] > size.max():  # else the face is pressed to the floor
+        if centre[2] > size.max():  # otherwise the face is pressed to the floor
             geoms.append(
                 geom(f"{name}_{what}", Label.VICTIM, type="ellipsoid", pos=centre, quat=quat, size=size,
                      material=f"{name}_{material}", contype=0, conaffinity=0)

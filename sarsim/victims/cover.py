@@ -1,4 +1,4 @@
-"""Covers of a victim: rubble, a box, a wall panel with a hole, and the block under a seated one."""
+"""Covers of a victim: rubble, a box, a wall panel with a hole, and the block on which a seated victim sits."""
 
 from dataclasses import dataclass
 from xml.etree.ElementTree import Element
@@ -10,24 +10,24 @@ from pipeline.arrays import Places
 from pipeline.labels import Label
 from sarsim.victims.mjcf import about_z, geom, quaternion
 
-PANEL = 0.02  # m thickness of boards and panels
+PANEL = 0.02  # Thickness of boards and panels, m
 MAX_SLOPE = np.radians(28)  # Steepest slope of a board of the rubble
-WALL, HOLE = 1.2, (0.28, 0.24)  # m: the least size of a wall panel, and half sizes of its hole
-COVER_GAP, RIM = 0.03, 0.05  # m between a person and what surrounds it, and between a hole and the panel's edge
-MAX_DEPTH = 0.6  # m, largest depth of a box; a person who needs more sticks out of it
+WALL, HOLE = 1.2, (0.28, 0.24)  # m: height and minimum width of a wall panel, and half sizes of its hole
+COVER_GAP, RIM = 0.03, 0.05  # m: gap between a person and the cover, and between a hole and the panel's edge
+MAX_DEPTH = 0.6  # Maximum depth of a box, m; a person who needs more sticks out of it
 BOARDS = (("back", 0, -1), ("left", 1, 1), ("right", 1, -1), ("top", 2, 1), ("bottom", 2, -1))
-"""The boards of a box: name, axis, and side of its centre."""
+"""The boards of a box: name, axis normal to the board, and side of the box's centre on which it is."""
 WOOD = (0.62, 0.48, 0.33)
 CONCRETE = (0.55, 0.54, 0.52)
 
 
 @dataclass(frozen=True, eq=False)
 class PersonCover:
-    """Geoms around a person, and points in them that show their extent.
+    """Geoms around a person, and points in these geoms that show their extent.
 
     Attributes:
-        geoms: of the body ``cover_<id>``.
-        points: (N, 3) m.
+        geoms: geoms of the body ``cover_<id>``.
+        points: (N, 3) in the victim's own frame, m.
     """
 
     geoms: list[Element]
@@ -35,9 +35,9 @@ class PersonCover:
 
 
 def rubble(name: str, person: Places, rng: np.random.Generator) -> PersonCover:
-    """Boards that lean on the half of a person that is farther from the head, and blocks beside this half.
+    """Boards that lean on the half of a person farther from the head, and blocks next to this half.
 
-    ``person``: points on the person, whose head is towards +x; ``name``: prefix of the geoms' names.
+    ``person``: points on the person, whose head points to +x; ``name``: prefix of the geoms' names.
     """
     cover = joined([])
     low, high = person.min(axis=0), person.max(axis=0)
@@ -55,7 +55,7 @@ def rubble(name: str, person: Places, rng: np.random.Generator) -> PersonCover:
 
 
 def box(name: str, person: NDArray[np.float64]) -> PersonCover:
-    """A box around a person, (N, 3) points in m, that is open towards +x; legs may stick out of it."""
+    """A box, open towards +x, around a person, (N, 3) points, m; legs may stick out of it."""
     low, high = person.min(axis=0) - COVER_GAP, person.max(axis=0) + COVER_GAP
     high[0], low[2] = min(high[0], low[0] + MAX_DEPTH), PANEL / 2
     middle, half = (low + high) / 2, (high - low) / 2
@@ -69,7 +69,7 @@ def box(name: str, person: NDArray[np.float64]) -> PersonCover:
 
 
 def wall_with_hole(name: str, person: NDArray[np.float64], chin: NDArray[np.float64]) -> PersonCover:
-    """A wall panel before a person, (N, 3) points in m, 1.2 m high, at least as wide, with a hole before the chin."""
+    """A panel 1.2 m high, at least as wide, before a person, (N, 3) points, m, with a hole in front of the chin."""
     left = max(WALL / 2, person[:, 1].max() + RIM)
     right = min(-WALL / 2, person[:, 1].min() - RIM)
     x = person[:, 0].max() + COVER_GAP + PANEL
@@ -92,13 +92,13 @@ def wall_with_hole(name: str, person: NDArray[np.float64], chin: NDArray[np.floa
 
 
 def seat(name: str, half_sizes: NDArray[np.float64]) -> PersonCover:
-    """The block of ``half_sizes`` (3,), m, that a seated person sits on, with its back to the wall."""
+    """The block of ``half_sizes`` (3,), m, on which a seated person sits, with its back to the wall."""
     centre = np.array([half_sizes[0], 0, half_sizes[2]])
     return _block_of(f"{name}_seat", Label.CLUTTER, centre, half_sizes, np.eye(3), CONCRETE)
 
 
 def joined(covers: list[PersonCover]) -> PersonCover:
-    """All covers as one."""
+    """All covers joined into one."""
     return PersonCover(
         [g for c in covers for g in c.geoms], np.concatenate([np.empty((0, 3)), *(c.points for c in covers)])
     )
@@ -107,15 +107,15 @@ def joined(covers: list[PersonCover]) -> PersonCover:
 def _board(
     name: str, middle: NDArray[np.float64], yaw: float, rng: np.random.Generator, under: NDArray[np.float64]
 ) -> PersonCover | None:
-    """A board over ``middle`` with one end on the floor that rests on the highest of the points ``under`` it.
+    """A board over ``middle`` with one end on the floor, leaning on the points ``under`` it; None if too steep.
 
-    None if its slope would be too steep.
+    The lower end is moved away from ``middle`` until the board's slope is less than ``MAX_SLOPE``.
     """
     length, width = rng.uniform(0.8, 1.2), rng.uniform(0.12, 0.26)
     along, across = np.array([np.cos(yaw), np.sin(yaw)]), np.array([-np.sin(yaw), np.cos(yaw)])
     t = (under[:, :2] - middle) @ across
     strip = under[np.abs(t) < width / 2 + 0.02]
-    # ``reach``: m from the board's end on the floor to ``middle``.
+    # ``reach``: distance from the board's lower end to ``middle``, m.
     for reach in np.arange(0.45, 0.8, 0.05) * length:
         s = (strip[:, :2] - middle) @ along + reach
         rise = np.max(strip[:, 2] / np.maximum(s, 0.02), where=(s > 0) & (s < length), initial=0.0)
@@ -135,7 +135,7 @@ def _board(
 def _block(
     name: str, person: NDArray[np.float64], others: NDArray[np.float64], rng: np.random.Generator
 ) -> PersonCover:
-    """A block on the floor close to the half of a person away from the head; nothing if there is no free place."""
+    """A block on the floor near the half of a person away from the head; empty if no free place is found."""
     low, high = person.min(axis=0), person.max(axis=0)
     taken = np.concatenate([person, others])
     for _ in range(40):
@@ -158,7 +158,7 @@ def _block_of(
     colour: tuple[float, ...],
     rng: np.random.Generator | None = None,
 ) -> PersonCover:
-    """A box geom and a grid of points in it, 5 cm apart or closer."""
+    """A box geom, and a grid of points in it at most 5 cm apart."""
     rgba = (*np.array(colour) * (rng.uniform(0.75, 1.15) if rng else 1), 1)
     axes = [np.linspace(-half, half, 2 + int(2 * half / 0.05)) for half in size]
     grid = np.stack(np.meshgrid(*axes, indexing="ij"), axis=-1).reshape(-1, 3)

@@ -1,6 +1,6 @@
-"""The library of bodies and of the postures in which they came to rest: ``assets/victims/people.npz``.
+"""The library of bodies, and of the postures in which they came to rest: ``assets/victims/people.npz``.
 
-``scripts/assets/make_victims.py`` makes it: body surfaces around dm_control's CMU humanoid, which falls as a ragdoll.
+``scripts/assets/make_victims.py`` makes it: body surfaces around dm_control's CMU humanoid, dropped as a ragdoll.
 """
 
 from collections.abc import Iterator
@@ -17,16 +17,16 @@ from pipeline.arrays import Indices, Place, Places, Rotation3
 from sarsim.assets import asset
 from sarsim.victims.mjcf import about_z
 
-UNIT = 1e-4  # m; vertices are stored as whole multiples of it
-STATURE = 2.01  # m, stature of the library's people
-NECK = np.array([0, 0.63, 0.01])  # m at rest; the point about which a child's larger head is scaled
-CHIN = np.array([[0, 0.6, 0.03]])  # m at rest; between head and chest
+UNIT = 1e-4  # m; vertices are stored as integer multiples of this
+STATURE = 2.01  # Stature of the library's people, m
+NECK = np.array([0, 0.63, 0.01])  # At rest, m; the point about which a child's larger head is scaled
+CHIN = np.array([[0, 0.6, 0.03]])  # At rest, m; between head and chest
 AGAINST_WALL = ("sitting", "slumped", "seated")  # The postures in which a wall at x = 0 holds the person up
 
 
 @dataclass(frozen=True, eq=False)
 class Shape:
-    """A surface of triangles.
+    """A triangle mesh.
 
     Attributes:
         vertices: (N, 3) m.
@@ -37,7 +37,7 @@ class Shape:
     faces: NDArray[np.int64]
 
     def moved(self, R: Rotation3, shift: Place) -> "Shape":
-        """The shape turned by a rotation, then shifted."""
+        """The shape rotated, then shifted."""
         return Shape(self.vertices @ R.T + shift, self.faces)
 
 
@@ -68,17 +68,17 @@ class Figure:
     scale: float
 
     def on_head(self, points: Places) -> Places:
-        """Points on an adult's head at rest moved to this head in the posture."""
+        """Points on an adult's head at rest, mapped to this person's head in the posture."""
         grown = points + (self.head_scale - 1) * (points - NECK)
         return self.scale * grown @ self.turn.T + self.offset
 
     def places(self, hair_style: str) -> Places:
-        """Vertices of the body and of the hair, if there is any."""
+        """(N, 3) vertices of the body, and of the hair if there is any."""
         shown = self.body.vertices[np.unique(self.body.faces)]
         return np.concatenate([shown, self.hair[hair_style].vertices]) if hair_style in self.hair else shown
 
     def only(self, parts: tuple[str, ...]) -> "Figure":
-        """Only some parts of the person; the holes that the others leave are closed."""
+        """The person reduced to some parts; holes left by the removed parts are closed."""
         kept = np.isin(self.face_parts, [self.parts.index(part) for part in parts])
         index = np.array([parts.index(p) if p in parts else 0 for p in self.parts])
         body, face_parts = self.body.faces[kept], index[self.face_parts[kept]]
@@ -91,7 +91,7 @@ class Figure:
         return replace(self, body=Shape(vertices, body), rest=rest, face_parts=face_parts, parts=parts)
 
     def moved(self, yaw: float, shift: Place) -> "Figure":
-        """The person turned left about the origin, then shifted."""
+        """The person rotated about z by ``yaw``, rad, then shifted."""
         R = about_z(yaw)
         return replace(
             self,
@@ -102,30 +102,30 @@ class Figure:
         )
 
     def centred(self) -> "Figure":
-        """The person with its centre above the origin and its lowest point on the floor."""
+        """The person shifted so that its horizontal centre is at the origin and its lowest point on the floor."""
         shown = self.places("bald")
         low, high = shown.min(axis=0), shown.max(axis=0)
         return self.moved(0, -np.array([*(low + high)[:2] / 2, low[2]]))
 
 
 class People:
-    """The library.
+    """The library of people.
 
     Attributes:
         postures: (P,) posture of each pose.
         builds: (P,) build of each pose: man, woman, stout or child.
-        block: (3,) half sizes of the block that seated people sit on, m for people of stature ``STATURE``.
+        block: (3,) half sizes of the block on which seated people sit, m, for people of stature ``STATURE``.
     """
 
     def __init__(self, arrays: dict[str, NDArray]):
-        """``arrays``: those of the file."""
+        """``arrays``: the arrays in the file, by name."""
         self._arrays = arrays
         self.postures, self.builds = arrays["postures"], arrays["builds"]
         self.block = arrays["block"]
         self._build_names = list(arrays["build_names"])
 
     def figure(self, pose: int, stature: float) -> Figure:
-        """A person of ``stature`` metres in one of the poses."""
+        """A person of the given stature, m, in one of the poses."""
         arrays, build = self._arrays, self._build_names.index(self.builds[pose])
         scale, head_scale = stature / STATURE, float(arrays["head_scales"][build])
         rest = arrays["vertices"][build] * UNIT
@@ -144,7 +144,7 @@ class People:
         return figure
 
     def _pressed(self, places: NDArray[np.float64], pose: int) -> NDArray[np.float64]:
-        """Points, moved to the surface where they would be in the floor or in the wall at x = 0."""
+        """Points, moved to the surface if they are inside the floor or, for some postures, the wall at x = 0."""
         wall = 0 if self.postures[pose] in AGAINST_WALL else -np.inf
         return np.maximum(places, [wall, -np.inf, 0])
 
@@ -159,9 +159,9 @@ def people() -> People:
 def bone_motions(
     rest: NDArray[np.floating], pose: NDArray[np.floating]
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """(B, 3, 3) rotations and (B, 3) translations, m, that take bones from rest to a pose.
+    """(B, 3, 3) rotations and (B, 3) translations, m, that move bones from rest to a pose.
 
-    ``rest`` and ``pose`` are (B, 7): position in m and quaternion w x y z.
+    ``rest`` and ``pose`` are (B, 7): position, m, and quaternion w x y z.
     """
     before, after = (Rotation.from_quat(p[:, [4, 5, 6, 3]]).as_matrix() for p in (rest, pose))
     turns = after @ before.transpose(0, 2, 1)
@@ -181,7 +181,7 @@ def skinned(
 
 
 def vertex_normals(shape: Shape) -> NDArray[np.float64]:
-    """(N, 3) outward normals of length 1: means over the faces around each vertex, weighted by area."""
+    """(N, 3) outward unit normals: means over the faces around each vertex, weighted by area."""
     a, b, c = (shape.vertices[shape.faces[:, n]] for n in range(3))
     normals = np.zeros_like(shape.vertices)
     np.add.at(normals, shape.faces, np.cross(b - a, c - a)[:, None])
@@ -189,7 +189,7 @@ def vertex_normals(shape: Shape) -> NDArray[np.float64]:
 
 
 def _holes(faces: NDArray[np.int64]) -> Iterator[tuple[int, NDArray[np.int64]]]:
-    """The holes of a surface: a face beside each, and the (K, 2) edges around it, directed as in the faces."""
+    """The holes of a surface: an adjacent face, and the (K, 2) edges around the hole, directed as in the faces."""
     edges = faces[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2)
     _, first, count = np.unique(np.sort(edges, axis=1), axis=0, return_index=True, return_counts=True)
     rim = np.sort(first[count == 1])

@@ -1,15 +1,15 @@
 """Victims: people who lie, sit or lean in an arena, and their true poses.
 
-An arena builder asks for one, ``make_victim("3", rng, "sitting", "open")``, and sets it down,
-``victim.add_to(mujoco_element, position=(1.2, 0.6, 0.0), yaw=0.5)``; a score asks ``victims_of(model, data)`` where
-they are. A victim is one body ``victim_<id>`` of the world, without joints, all of whose geoms carry label 6; its
-cover (rubble, a box, a wall with a hole) is a second body ``cover_<id>`` with labels 7 and 1. Names of its geoms,
-meshes, materials and textures begin with ``victim_<id>_``. Nothing refers to a file or a default class, so that the
-MJCF opens anywhere.
+An arena builder makes a victim with ``make_victim("3", rng, "sitting", "open")``, and places it with
+``victim.add_to(mujoco_element, position=(1.2, 0.6, 0.0), yaw=0.5)``; scoring locates victims with
+``victims_of(model, data)``. A victim is a body ``victim_<id>`` of the world, without joints, all of whose geoms have
+label 6; its cover (rubble, a box, a wall with a hole) is a second body ``cover_<id>`` with labels 7 and 1. Names of
+its geoms, meshes, materials and textures start with ``victim_<id>_``. Nothing refers to a file or a default class, so
+the MJCF can be opened anywhere.
 
-A victim's own frame: x, y on the floor, z up. Its footprint is around the origin, unless ``needs_wall``: then the
-origin is at the foot of the wall against which it leans, the wall is the plane x = 0 and the person is on its +x
-side, facing +x. A person in a box or behind a hole faces +x too.
+A victim's own frame has x, y on the floor and z up. Its footprint surrounds the origin unless ``needs_wall``: then
+the origin is at the foot of the wall against which it leans, the wall is the plane x = 0, and the person is on its
++x side, facing +x. A person in a box or behind a hole also faces +x.
 """
 
 from collections.abc import Iterator, Sequence
@@ -33,10 +33,10 @@ from sarsim.victims.mjcf import numbers
 from sarsim.victims.people import AGAINST_WALL, CHIN, Figure, people
 
 Posture = Literal["lying", "prone", "side", "sitting", "slumped", "seated", "bust"]
-"""On the back, face down, on a side, against a wall upright or fallen to a side, on a block; head and shoulders."""
+"""On the back; face down; on one side; upright or slumped against a wall; on a block; head and shoulders only."""
 
 Placement = Literal["open", "rubble", "box", "hole"]
-"""In plain view, half under boards and blocks, in a box open towards +x, behind a wall panel with a hole."""
+"""In plain view; half under boards and blocks; in a box open towards +x; behind a wall panel with a hole."""
 
 POSTURES: tuple[Posture, ...] = get_args(Posture)
 PLACEMENTS: tuple[Placement, ...] = get_args(Placement)
@@ -47,26 +47,26 @@ SUITABLE: dict[Placement, tuple[Posture, ...]] = {
     "box": ("bust", "sitting"),
     "hole": ("side", "sitting", "seated"),
 }
-"""The postures that a placement may have; a random posture is one of those that need no wall."""
+"""The postures possible in each placement; a random posture is one of those that need no wall."""
 STATURE = {"man": (1.65, 1.88), "woman": (1.55, 1.75), "stout": (1.62, 1.82), "child": (1.0, 1.4)}
-"""m, by build."""
+"""Range of statures of each build, m."""
 
 
 @dataclass(frozen=True, eq=False)
 class VictimModel:
-    """A victim as MJCF, before it is set down.
+    """A victim, before it is placed in an arena's MJCF.
 
     Attributes:
-        id: in the arena.
-        posture: of the person.
-        placement: what it is in or under.
-        needs_wall: whether it leans against a wall at x = 0, which the arena must have there.
+        id: unique name in the arena.
+        posture: posture of the person.
+        placement: the kind of cover.
+        needs_wall: whether it leans against a wall at x = 0, which the arena must provide.
         figure: the person.
-        outfit: the look of the person.
-        cover: what it is in, under or on.
-        box: lowest and highest corner of the person in its own frame, m.
-        footprint: (2, 2) lowest and highest x, y of the person and what covers it, m.
-        height: of the person and what covers it, m.
+        outfit: the appearance of the person.
+        cover: what the person is in, under, behind or on.
+        box: lowest and highest corner of the person in the victim's own frame, m.
+        footprint: (2, 2) lowest and highest x, y of the person and the cover, m.
+        height: height of the person and the cover, m.
     """
 
     id: str
@@ -81,9 +81,9 @@ class VictimModel:
     height: float
 
     def add_to(self, root: Element, position: Sequence[float], yaw: float) -> None:
-        """Set it down in a ``<mujoco>`` element: its origin at ``position`` (m), turned left by ``yaw`` (rad)."""
+        """Add it to a ``<mujoco>`` element, with its origin at ``position``, m, and turned left by ``yaw``, rad."""
         pose = {"pos": numbers(position), "quat": numbers((np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)))}
-        # Made only here: most of the people that are drawn for an arena fit nowhere, and are never added.
+        # Made only here, because most people drawn for an arena fit in no free place, and are never added.
         assets, person = person_mjcf(PREFIX + self.id, self.figure, self.outfit)
         bodies = []
         for body, geoms in ((PREFIX + self.id, person), (COVER + self.id, self.cover.geoms)):
@@ -100,10 +100,10 @@ class TrueVictim:
     """The true pose and extent of a victim.
 
     Attributes:
-        id: in the arena.
-        T_world_victim: pose of its own frame.
-        box: lowest and highest corner in its own frame, m.
-        geoms: ids of its geoms, which are the instances in a camera's image.
+        id: unique name in the arena.
+        T_world_victim: pose of the victim's own frame.
+        box: lowest and highest corner in the victim's own frame, m.
+        geoms: ids of its geoms, as in a camera's instance image.
     """
 
     id: str
@@ -113,7 +113,7 @@ class TrueVictim:
 
     @property
     def centre(self) -> Place:
-        """Middle of the box in the world, m."""
+        """Centre of the box in the world, m."""
         return self.T_world_victim[:3, :3] @ self.box.mean(axis=0) + self.T_world_victim[:3, 3]
 
 
@@ -125,18 +125,18 @@ def make_victim(
     stature: float | None = None,
     room: tuple[float, float] = (np.inf, np.inf),
 ) -> VictimModel:
-    """A person of random build, size and clothes; the same generator state gives the same one.
+    """A person of random build, size and clothes; the same generator state gives the same person.
 
     Args:
         id: unique in the arena; letters, digits and underscores.
-        rng: drawn from.
-        posture: if not given, a random one that needs no wall.
-        placement: what it is in or under.
-        stature: m that the person would measure standing; suits the build if not given.
-        room: m along x and y that the person must not exceed.
+        rng: random generator.
+        posture: by default, a random one that needs no wall.
+        placement: the kind of cover.
+        stature: standing height of the person, m; by default, a random one that suits the build.
+        room: maximum size of the person along x and y, m.
 
     Raises:
-        InputError: the placement cannot have the posture, or no such person fits into the room.
+        InputError: the posture is impossible in the placement, or no person in it fits into the room.
     """
     choice = [p for p in SUITABLE[placement] if posture in (p, None) and (posture or p not in AGAINST_WALL)]
     if not choice:
@@ -158,7 +158,7 @@ def make_victim(
 
 
 def victims_of(model: mujoco.MjModel, data: mujoco.MjData) -> list[TrueVictim]:
-    """The victims of a model, in the order of its bodies: bodies ``victim_<id>`` whose geoms carry label 6."""
+    """The victims of a model in the order of its bodies: bodies ``victim_<id>`` that have geoms with label 6."""
     labels = geom_labels(model)
     victims = []
     for body in range(model.nbody):
@@ -171,16 +171,16 @@ def victims_of(model: mujoco.MjModel, data: mujoco.MjData) -> list[TrueVictim]:
 
 
 def box_of_geoms(model: mujoco.MjModel, geoms: Indices) -> Box:
-    """Lowest and highest corner of geoms of one body in the body's frame, m."""
+    """Lowest and highest corner of some geoms of a body, in the body's frame, m."""
     return _extremes(np.concatenate([_extent(model, int(geom)) for geom in geoms]))
 
 
 def _figures(
     posture: Posture, placement: Placement, stature: float | None, rng: np.random.Generator
 ) -> Iterator[tuple[Figure, str]]:
-    """The people of the library in a posture, in random order, of random stature, and their builds."""
+    """The library's people in a posture, in random order and of random stature by default, and their builds."""
     library = people()
-    kept = "sitting" if posture == "bust" else posture  # a bust is the upper half of a person who sits upright
+    kept = "sitting" if posture == "bust" else posture  # a bust is the upper part of a person who sits upright
     for pose in rng.permutation(np.flatnonzero(library.postures == kept)):
         build = str(library.builds[pose])
         figure = library.figure(int(pose), stature or rng.uniform(*STATURE[build]))
@@ -200,7 +200,7 @@ def _cover(
     person: NDArray[np.float64],
     rng: np.random.Generator,
 ) -> PersonCover:
-    """What the person is in, under or on."""
+    """What the person is in, under, behind or on."""
     covers = [seat(name, people().block * figure.scale)] if posture == "seated" else []
     if placement == "rubble":
         covers.append(rubble(name, person, rng))
@@ -212,12 +212,12 @@ def _cover(
 
 
 def _extremes(places: NDArray[np.float64]) -> Box:
-    """Lowest and highest corner of points (N, 3)."""
+    """Lowest and highest corner of (N, 3) points."""
     return np.stack([places.min(axis=0), places.max(axis=0)])
 
 
 def _extent(model: mujoco.MjModel, geom: int) -> Box:
-    """Lowest and highest corner of a geom in its body's frame, m."""
+    """Lowest and highest corner of a geom's bounding box in its body's frame, m."""
     R, position = rotation(model.geom_quat[geom]), model.geom_pos[geom]
     if model.geom_type[geom] == mujoco.mjtGeom.mjGEOM_MESH:
         return _extremes(mesh_vertices(model, geom) @ R.T + position)

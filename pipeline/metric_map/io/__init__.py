@@ -1,1 +1,1 @@
-"""The metric map as files: its own, OctoMap's, point clouds and 2D maps for ROS."""
+"""The metric map as files: its own format, OctoMap, point clouds, and 2D maps for ROS and drawing programs."""

@@ -12,19 +12,19 @@ from pipeline.labels import COLOURS
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.semantic_map.ply import write_ply
 
-PGM_OCCUPIED, PGM_UNKNOWN, PGM_FREE = 0, 205, 254  # The grey values that ROS map_saver writes
+PGM_OCCUPIED, PGM_UNKNOWN, PGM_FREE = 0, 205, 254  # Grey values that ROS map_saver writes
 
 
 def save_ply(path: Path, metric_map: MetricMap, labels: Labels | None = None) -> None:
     """Write the centres of the occupied voxels as binary PLY.
 
     Args:
-        path: of the file.
-        metric_map: whose voxels to write.
-        labels: of ``metric_map.occupied_centres()``, which give them their colours; unlabelled if absent.
+        path: the ``.ply`` file.
+        metric_map: the map.
+        labels: (N,) classes of ``metric_map.occupied_centres()``, which determine the colours; unlabelled if None.
 
     Raises:
-        InputError: if it cannot be written.
+        InputError: the file cannot be written.
     """
     centres = metric_map.occupied_centres()
     labels = np.zeros(len(centres), np.uint8) if labels is None else labels
@@ -32,21 +32,21 @@ def save_ply(path: Path, metric_map: MetricMap, labels: Labels | None = None) ->
 
 
 def save_map_server(path: Path, metric_map: MetricMap, lowest: float, highest: float) -> list[Path]:
-    """Write a 2D map for ROS map_server: a PGM image at ``path`` and its description beside it as YAML.
+    """Write a 2D map for ROS map_server: a PGM image at ``path`` and its YAML description next to it.
 
-    A cell is occupied if a voxel between the two heights is occupied, else free if one is free, else unknown. From
-    0.25 to 0.65 m lies what stands in the way of a Pioneer 3-AT, but no ramp.
+    A cell is occupied if a voxel between the two heights is occupied, else free if one is free, else unknown. Heights
+    from 0.25 to 0.65 m contain what obstructs a Pioneer 3-AT, but no ramps.
 
     Args:
-        path: of the image, ``.pgm``.
-        metric_map: whose voxels to write.
-        lowest, highest: m in ``map``.
+        path: the image, ``.pgm``.
+        metric_map: the map.
+        lowest, highest: heights in ``map``, m.
 
     Returns:
         The files that were written.
 
     Raises:
-        InputError: if a file cannot be written.
+        InputError: a file cannot be written.
     """
     lower, upper = metric_map.bounds()
     size = metric_map.voxel_size
@@ -66,21 +66,21 @@ def write_map_server(
     mode: str = "trinary",
     thresholds: tuple[float, float] = (0.196, 0.65),
 ) -> list[Path]:
-    """Write an image for ROS map_server at ``path``, and its description beside it as YAML.
+    """Write an image for ROS map_server at ``path`` and its YAML description next to it.
 
     Args:
-        path: of the image, ``.pgm`` or, with opacity, ``.png``.
-        cells: (nx, ny) grey, or (nx, ny, 2) grey and opacity: a cell that is not opaque is unknown.
+        path: the image, ``.pgm`` or, with opacity, ``.png``.
+        cells: (nx, ny) grey values, or (nx, ny, 2) grey values and opacities; a cell that is not opaque is unknown.
         cell: side of a cell, m.
-        origin: xy of the corner of the first cell.
-        mode: trinary or scale, how map_server reads the greys.
-        thresholds: darkness, 0 to 1: below the first a cell is free, above the second occupied.
+        origin: (2,) lower corner of the first cell, m.
+        mode: how map_server interprets grey values, ``trinary`` or ``scale``.
+        thresholds: darkness (0 to 1) below which a cell is free, and above which it is occupied.
 
     Returns:
         The files that were written.
 
     Raises:
-        InputError: if a file cannot be written.
+        InputError: a file cannot be written.
     """
     image = np.ascontiguousarray(np.swapaxes(cells, 0, 1)[::-1])
     if image.ndim == 3:

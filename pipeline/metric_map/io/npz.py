@@ -1,4 +1,4 @@
-"""The metric map's own file: a versioned ``.npz``."""
+"""The metric map's own file format: a versioned ``.npz``."""
 
 from pathlib import Path
 from typing import Any
@@ -13,19 +13,19 @@ from pipeline.metric_map.metric_map import MetricMap
 FORMAT = "sarsim metric map"
 VERSION = 1
 SETTINGS = ("voxel_size", "max_range", "offset", "hit", "miss", "least", "greatest", "margin", "max_bytes")
-"""Of the map's configuration."""
+"""Names of the settings that are stored."""
 
 
 def save_metric_map(metric_map: MetricMap, path: Path) -> None:
-    """Write a map as a compressed ``.npz``, whole or not at all.
+    """Write a map as a compressed ``.npz``, completely or not at all.
 
-    Its entries: ``format`` (str) and ``version`` (int); ``lower`` (3,) int64, the index of the first voxel;
+    Entries: ``format`` (str) and ``version`` (int); ``lower`` (3,) int64, the index of the first voxel;
     ``log_odds`` (nx, ny, nz) int8; ``voxel_size``, ``max_range``, ``margin`` (float, m), ``offset`` (3,) voxels,
     ``hit``, ``miss``, ``greatest`` and ``max_bytes`` (int) as in the map's configuration; and ``least`` (int), which
     follows from these.
 
     Raises:
-        InputError: it cannot be written.
+        InputError: the file cannot be written.
     """
     lower, upper = metric_map.bounds()
     entries: dict[str, Any] = {
@@ -43,7 +43,7 @@ def load_metric_map(path: Path) -> MetricMap:
     """Read what :func:`save_metric_map` wrote.
 
     Raises:
-        InputError: the file is missing, damaged, foreign or of another version.
+        InputError: the file is missing or damaged, is no metric map, or has another format version.
     """
     entries = load_arrays(path, "metric map")
     if str(entries.pop("format", "")) != FORMAT:

@@ -1,8 +1,8 @@
-"""The metric map as files of OctoMap: ``.bt`` with free and occupied only, ``.ot`` with log-odds and colours.
+"""The metric map as OctoMap files: ``.bt`` with only free and occupied, ``.ot`` with log-odds and colours.
 
 OctoMap (Hornung et al., "OctoMap: an efficient probabilistic 3D mapping framework based on octrees", 2013) has no
-grid offset: voxel (i, j, k) is written as OctoMap's voxel (i, j, k), and a comment in the header holds the corner of
-voxel (0, 0, 0), m in ``map``.
+grid offset: voxel (i, j, k) is written as OctoMap's voxel (i, j, k), and a comment in the header gives the corner of
+voxel (0, 0, 0) in ``map``, m.
 """
 
 from pathlib import Path
@@ -18,15 +18,15 @@ from pipeline.files import whole_file
 from pipeline.labels import COLOURS, Label
 from pipeline.metric_map.metric_map import LOG_ODDS, MetricMap
 
-REACH = -int(np.iinfo(np.int16).min)  # Voxels from the origin to the end of an octree of OctoMap's 16 levels
-CLAMP = np.finfo(np.float64).eps  # Probability below which OctoMap clamps; less than that of any log-odds of the map
+REACH = -int(np.iinfo(np.int16).min)  # Reach of an OctoMap octree, with 16 levels, from the origin, voxels
+CLAMP = np.finfo(np.float64).eps  # OctoMap's lower limit of probabilities, less than any in the map
 
 
 def write_bt(path: Path, metric_map: MetricMap) -> None:
     """Write which space is free and which is occupied.
 
     Raises:
-        InputError: the file cannot be written, or the map reaches farther than an octree does.
+        InputError: the file cannot be written, or the map extends beyond the reach of an octree.
     """
     tree = OcTree(metric_map.voxel_size)
     _add_voxels(tree, metric_map, metric_map.free_centres())
@@ -38,27 +38,27 @@ def write_ot(path: Path, metric_map: MetricMap, labels: Labels | None = None) ->
     """Write the log-odds of free and occupied space, coloured by semantic class.
 
     Args:
-        path: of the file.
-        metric_map: whose voxels to write.
-        labels: of ``metric_map.occupied_centres()``, see :func:`voxel_labels`; unlabelled if absent.
+        path: the ``.ot`` file.
+        metric_map: the map.
+        labels: (N,) classes of ``metric_map.occupied_centres()``, see :func:`voxel_labels`; unlabelled if None.
 
     Raises:
-        InputError: the file cannot be written, or the map reaches farther than an octree does.
+        InputError: the file cannot be written, or the map extends beyond the reach of an octree.
     """
     tree, occupied = ColorOcTree(metric_map.voxel_size), metric_map.occupied_centres()
     _add_voxels(tree, metric_map, metric_map.free_centres())
-    tree.prune()  # before any voxel has a colour: OctoMap would merge voxels of different colours
+    tree.prune()  # Before any voxel has a colour: OctoMap would merge voxels of different colours
     places = _add_voxels(tree, metric_map, occupied)
     labels = np.zeros(len(occupied), np.uint8) if labels is None else labels
     for place, colour in zip(places, COLOURS[labels].tolist(), strict=True):
         tree.setNodeColor(place, *colour)
-    if tree.size():  # on an empty tree, this call ends the process
+    if tree.size():  # On an empty tree, the call would crash the process
         tree.updateInnerOccupancy()
     _write(path, metric_map, tree.write())
 
 
 def _add_voxels(tree: OcTree | ColorOcTree, metric_map: MetricMap, centres: Points) -> NDArray[np.floating]:
-    """Add voxels with their log-odds; returns their (N, 3) centres in the octree, m."""
+    """Add voxels with their log-odds; return their centres (N, 3) in the octree, m."""
     index = metric_map.voxel_index(centres)
     if np.any((index < -REACH) | (index >= REACH)):
         raise InputError(f"the map extends beyond the {REACH} voxels from the origin that an OctoMap octree can hold")
@@ -78,16 +78,16 @@ def _write(path: Path, metric_map: MetricMap, content: bytes) -> None:
 
 
 def voxel_labels(metric_map: MetricMap, points: Points, labels: Labels) -> Labels:
-    """The class that most points in each occupied voxel have.
+    """The most frequent class of the points in each occupied voxel.
 
     Args:
-        metric_map: whose ``occupied_centres()`` get labels.
-        points: of the semantic map.
-        labels: of the points.
+        metric_map: the map whose ``occupied_centres()`` get labels.
+        points: (N, 3) points of the semantic map in ``map``, m.
+        labels: (N,) classes of the points.
 
     Returns:
-        One for each centre. A voxel without a point (a noisy return filled it) gets the class of the nearest point
-        within one voxel's side of its centre, and is unlabelled if there is none.
+        A label for each centre. A voxel that contains no point (because a noisy return filled it) gets the class of
+        the nearest point within one voxel size of its centre, or is unlabelled if there is none.
     """
     centres = metric_map.occupied_centres()
     if not len(centres):

@@ -15,11 +15,11 @@ from pipeline.metric_map.io.exports import PGM_FREE, PGM_OCCUPIED, PGM_UNKNOWN
 
 Greys = NDArray[np.uint8]
 GEO_KEYS = (1, 1, 0, 3, 1024, 0, 1, 32767, 1025, 0, 1, 1, 3076, 0, 1, 9001)
-"""Keys of GeoTIFF 1.1: version 1.1.0, three keys: a user-defined model (``map``), pixels that are areas, metres."""
+"""GeoTIFF 1.1 key directory: version 1.1.0 and three keys: user-defined model (``map``), pixels as areas, metres."""
 
 
 class GeoTag(IntEnum):
-    """Tags of a TIFF that say where it lies (OGC GeoTIFF 1.1), and GDAL's own."""
+    """TIFF tags that georeference an image (OGC GeoTIFF 1.1), and GDAL's tag for the value of unknown pixels."""
 
     PIXEL_SCALE = 33550
     TIEPOINT = 33922
@@ -32,7 +32,7 @@ LOOKS = {"unknown": (PGM_UNKNOWN, "#cdcdcd"), "free": (PGM_FREE, "#ffffff"), "oc
 
 
 def save_geotiff(path: Path, cells: Greys, cell: float, origin: Place) -> list[Path]:
-    """Write cells (nx, ny) of side ``cell`` m, the first one's corner at ``origin`` (2,) m, as GeoTIFF, without loss.
+    """Write cells (nx, ny) of side ``cell``, m, as lossless GeoTIFF; ``origin``: (2,) corner of the first cell, m.
 
     Returns:
         The files that were written.
@@ -46,14 +46,14 @@ def save_geotiff(path: Path, cells: Greys, cell: float, origin: Place) -> list[P
 
 
 def write_geotiff(path: Path, image: Greys, pixel: float, corner: Place, unknown: int | None = None) -> None:
-    """Write an image (H, W) or (H, W, 3), its upper left corner at ``corner`` (2,) m, y up, as GeoTIFF without loss.
+    """Write an image, with y pointing up, as lossless GeoTIFF.
 
     Args:
-        path: of the file.
-        image: grey or RGB.
+        path: the ``.tif`` file.
+        image: (H, W) grey or (H, W, 3) RGB.
         pixel: side of a pixel, m.
-        corner: of the first pixel, m.
-        unknown: value of unknown pixels.
+        corner: (2,) upper left corner of the image, m.
+        unknown: value of unknown pixels; None if there are none.
 
     Raises:
         InputError: the file cannot be written.
@@ -71,7 +71,7 @@ def write_geotiff(path: Path, image: Greys, pixel: float, corner: Place, unknown
 
 
 def save_world_png(path: Path, cells: Greys, cell: float, origin: Place) -> list[Path]:
-    """Write cells (nx, ny) as PNG, and their size and place, m, as a world file (.pgw); as :func:`save_geotiff`."""
+    """Write cells as PNG, and their size and position as world file (.pgw); arguments as in :func:`save_geotiff`."""
     x, y = origin[0] + cell / 2, origin[1] + (cells.shape[1] - 0.5) * cell
     with whole_file(path) as partial:
         partial.write_bytes(cv2.imencode(".png", _image(cells))[1].tobytes())
@@ -82,7 +82,7 @@ def save_world_png(path: Path, cells: Greys, cell: float, origin: Place) -> list
 
 
 def save_svg(path: Path, cells: Greys, cell: float, origin: Place) -> list[Path]:
-    """Write the outlines of cells (nx, ny) as SVG, in m, with y up; arguments as :func:`save_geotiff`."""
+    """Write the outlines of cells as SVG, in m, with y up; arguments as in :func:`save_geotiff`."""
     width, height = np.array(cells.shape) * cell
     x, y = origin
     parts = []
@@ -100,9 +100,9 @@ def save_svg(path: Path, cells: Greys, cell: float, origin: Place) -> list[Path]
 
 
 def save_dxf(path: Path, cells: Greys, cell: float, origin: Place) -> list[Path]:
-    """Write cells (nx, ny) as closed polylines, m, one layer per kind of ground; arguments as :func:`save_geotiff`.
+    """Write cells as closed polylines, m, one layer per kind of ground; arguments as in :func:`save_geotiff`.
 
-    The DXF is of release 12 (AC1009), which requires no section but ENTITIES: pairs of code and value.
+    The format is DXF release 12 (AC1009), which requires only the section ENTITIES: pairs of group code and value.
     """
     pairs: list[tuple[int, object]] = [(0, "SECTION"), (2, "ENTITIES")]
     for name, (grey, _) in LOOKS.items():
@@ -117,17 +117,17 @@ def save_dxf(path: Path, cells: Greys, cell: float, origin: Place) -> list[Path]
 
 
 def _image(cells: Greys) -> Greys:
-    """Greys (nx, ny) as an image (ny, nx) whose first row has the greatest y."""
+    """Grey values (nx, ny) as an image (ny, nx) whose first row has the greatest y."""
     return np.ascontiguousarray(cells.T[::-1])
 
 
 def _outlines(mask: MaskLayer, cell: float, origin: Place) -> list[Places]:
-    """The closed outlines of a mask's cells (nx, ny), (N, 2) m each; holes have outlines too."""
-    # OpenCV's contours run through pixel centres: with 3 × 3 pixels a cell, each centre is nearest to one edge only.
+    """The closed outlines of a mask (nx, ny), each (N, 2) m; holes have outlines too."""
+    # OpenCV's contours run through pixel centres; with 3 × 3 pixels per cell, each centre has one nearest cell edge.
     fine = np.ascontiguousarray(np.kron(mask.T, np.ones((3, 3), np.uint8)), np.uint8)
     contours, _ = cv2.findContours(fine, cv2.RETR_CCOMP, cv2.CHAIN_APPROX_SIMPLE)
     edges = [np.rint((contour[:, 0] + 0.5) / 3) for contour in contours]
-    # A contour cuts corners, so that two of its points lie nearest to one.
+    # Contours cut corners, so two consecutive points may round to the same corner.
     return [edge[(edge != np.roll(edge, 1, axis=0)).any(axis=1)] * cell + origin for edge in edges]
 
 
@@ -137,4 +137,4 @@ SAVED: dict[str, Callable[[Path, Greys, float, Place], list[Path]]] = {
     ".svg": save_svg,
     ".dxf": save_dxf,
 }
-"""The function that writes each file ending."""
+"""The function that writes files with each suffix."""

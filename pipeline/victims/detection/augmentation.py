@@ -1,6 +1,6 @@
-"""Training canvases: one frame or a mosaic of four, at random scales and places, mirrored, in random colours.
+"""Training canvases: one frame or a mosaic of four, randomly scaled, placed, mirrored and recoloured.
 
-Onto some canvases the people of one more frame are pasted (Ghiasi et al., arXiv:2012.07177).
+Onto some canvases, the people of another frame are pasted (Ghiasi et al., arXiv:2012.07177).
 """
 
 from collections.abc import Sequence
@@ -17,11 +17,11 @@ from pipeline.victims.detection.input_image import GREY, evenly_exposed, scaled
 from pipeline.victims.detection.labelled_image import TrainingImage, TrainingImages
 from pipeline.victims.detection.training_config import CanvasAugmentation, YoloTrainingConfig
 
-Region = tuple[int, int, int, int]  # x0, y0, x1, y1 of the canvas, pixels
+Region = tuple[int, int, int, int]  # x0, y0, x1, y1 in the canvas, pixels
 
 
 class CanvasSampler:
-    """Draws canvases; a canvas depends only on its number and the seed."""
+    """Draws random canvases; each depends only on its number and the seed."""
 
     def __init__(self, images: TrainingImages, config: YoloTrainingConfig) -> None:
         """Draw from ``images``.
@@ -49,7 +49,7 @@ class CanvasSampler:
         return augmented(images, donors, size, self._config.augmentation, rng)
 
     def _image(self, index: int) -> TrainingImage:
-        """An image with its light compensated, as the detector passes it to the network."""
+        """An image with uneven lighting compensated, as the detector passes it to the network."""
         image = self._images[index]
         return replace(image, rgb=evenly_exposed(image.rgb, ExposureConfig()))
 
@@ -65,7 +65,7 @@ def augmented(
     config: CanvasAugmentation,
     rng: np.random.Generator,
 ) -> TrainingImage:
-    """A canvas of ``size`` (width, height) with one image, or with four, and the donors' people pasted onto it."""
+    """A canvas of ``size`` (width, height) with one image or four, and the donors' people pasted onto it."""
     canvas = np.full((size[1], size[0], 3), GREY, np.uint8)
     boxes, ignored = [np.zeros((0, 4), np.float32)], [np.zeros(0, bool)]
     for image, region in zip(images, regions(len(images), size, rng), strict=True):
@@ -85,12 +85,12 @@ def _factor(config: CanvasAugmentation, rng: np.random.Generator) -> float:
 
 
 def _ratio(image: TrainingImage, room: ArrayLike, config: CanvasAugmentation, rng: np.random.Generator) -> float:
-    """A random factor of size, relative to the one that makes the image just fit into ``room``, (2,) pixels."""
+    """A random scale for an image, around the scale at which it just fits into ``room`` (2,), pixels."""
     return _factor(config, rng) * float(min(np.divide(room, image.rgb.shape[1::-1])))
 
 
 def regions(count: int, size: tuple[int, int], rng: np.random.Generator) -> list[Region]:
-    """The whole canvas for one image; for four images, the four parts that meet near the middle."""
+    """The whole canvas for one image; for four images, four parts that meet at a random point near the middle."""
     if count == 1:
         return [(0, 0, *size)]
     x, y = (int(rng.uniform(extent / 3, 2 * extent / 3)) for extent in size)
@@ -106,11 +106,11 @@ def place(
     config: CanvasAugmentation,
     rng: np.random.Generator,
 ) -> TrainingImage:
-    """Draw an image, ``ratio`` times as large, somewhere in a region of a canvas (H, W, 3); returns its boxes."""
+    """Draw an image, scaled by ``ratio``, somewhere in a region of a canvas (H, W, 3); returns its boxes there."""
     x0, y0, x1, y1 = region
     drawn = scaled(image.rgb, ratio)
     rows, columns = drawn.shape[:2]
-    # Of an image larger than its region a random part is drawn; a smaller image lies at a random place inside.
+    # An image larger than its region is cropped at random; a smaller one is placed at random.
     left, top = (
         start + int(rng.integers(min(0, room), max(0, room) + 1))
         for start, room in ((x0, x1 - x0 - columns), (y0, y1 - y0 - rows))
@@ -124,7 +124,7 @@ def place(
 
 
 def cut(image: TrainingImage, region: Region, visible: float) -> TrainingImage:
-    """The image with its boxes clipped to a region; a box is ignored if a share less than ``visible`` is left."""
+    """The image with its boxes clipped to a region; a box is ignored if less than a share of ``visible`` is left."""
     low, high = np.tile(region[:2], 2), np.tile(region[2:], 2)
     boxes = np.clip(image.boxes, low, high).astype(np.float32)
     left = areas(boxes)
@@ -141,11 +141,11 @@ def mirrored(image: TrainingImage) -> TrainingImage:
 
 
 def recoloured(image: TrainingImage, config: CanvasAugmentation, rng: np.random.Generator) -> TrainingImage:
-    """The image with its hue shifted, its saturation and brightness multiplied by random factors."""
+    """The image with its hue shifted at random, and its saturation and brightness multiplied by random factors."""
     hsv = cv2.cvtColor(image.rgb, cv2.COLOR_RGB2HSV_FULL)
     hsv[..., 0] += rng.integers(-config.hue, config.hue, endpoint=True).astype(
         np.uint8
-    )  # the circle wraps as uint8 does
+    )  # the circle of hues wraps around as uint8 does
     changed = cv2.multiply(hsv, np.array([1, _factor(config, rng), _factor(config, rng), 1]))
     return replace(image, rgb=np.asarray(cv2.cvtColor(changed, cv2.COLOR_HSV2RGB_FULL), np.uint8))
 
@@ -153,9 +153,9 @@ def recoloured(image: TrainingImage, config: CanvasAugmentation, rng: np.random.
 def pasted(
     canvas: TrainingImage, donor: TrainingImage, ratio: float, config: CanvasAugmentation, rng: np.random.Generator
 ) -> TrainingImage:
-    """The canvas with the donor's people, ``ratio`` times as large, at a random place; unchanged if they do not fit.
+    """The canvas with the donor's people, scaled by ``ratio``, at a random position; unchanged if they do not fit.
 
-    Edges are hard, as the renderer's are.
+    Their edges are hard, like those that the renderer draws.
     """
     if donor.shown is None or len(donor.boxes) == 0:
         return canvas

@@ -1,6 +1,6 @@
 """Average precision of one class as COCO computes it (Lin et al., arXiv:1405.0312, and its published evaluation).
 
-Unlike in COCO, precision is taken at every recall, not at 101 of them.
+Unlike in COCO, precision is evaluated at every recall, not at 101 values of it.
 """
 
 import numpy as np
@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from pipeline.victims.detection.boxes import overlaps
 
-MATCHING_IOU = 0.5  # Least intersection over union of a detection with its true box
+MATCHING_IOU = 0.5  # Minimum intersection over union of a detection with its true box
 
 
 class AveragePrecision:
@@ -26,7 +26,7 @@ class AveragePrecision:
         truths: NDArray[np.floating],
         ignored: NDArray[np.bool_],
     ) -> None:
-        """Add an image: (N, 4) detections with their (N,) scores and (M, 4) true boxes, some of them ignored."""
+        """Add an image: (N, 4) detections and their (N,) scores, (M, 4) true boxes and whether each is ignored."""
         order = np.argsort(-scores, kind="stable")
         found = match(overlaps(boxes[order], truths), ignored, MATCHING_IOU)
         counts = (found < 0) | ~np.append(ignored, False)[found]
@@ -36,7 +36,7 @@ class AveragePrecision:
 
     @property
     def value(self) -> float:
-        """Area under the monotonically falling hull of precision over recall; NaN if there was nothing to find."""
+        """Area under the decreasing envelope of precision over recall; NaN if there was nothing to find."""
         if self._present == 0:
             return float("nan")
         right = np.array(self._right, bool)[np.argsort(-np.array(self._scores), kind="stable")]
@@ -47,18 +47,18 @@ class AveragePrecision:
 
 
 def match(overlap: NDArray[np.floating], ignored: NDArray[np.bool_], least: float) -> NDArray[np.intp]:
-    """The true box that each detection has found.
+    """Match detections with true boxes.
 
-    Each detection is matched with the true box of greatest overlap that no better detection has; only if there is
-    none, with an ignored one, which may be matched several times.
+    Each detection is matched with the true box of greatest overlap that no better detection has taken. If there is
+    none, it may be matched with an ignored box; several detections may share one.
 
     Args:
-        overlap: (N, M) of the detections, the best first, with the true boxes.
-        ignored: (M,) bool, the true boxes to ignore.
-        least: least overlap of a match.
+        overlap: (N, M) intersection over union of the detections, the best first, with the true boxes.
+        ignored: (M,) bool, whether to ignore each true box.
+        least: minimum overlap of a match.
 
     Returns:
-        (N,) index of a true box, −1 = none.
+        (N,) index of each detection's true box, −1 = none.
     """
     free = np.ones(len(ignored), bool)
     found = np.full(len(overlap), -1, np.intp)

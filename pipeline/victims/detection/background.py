@@ -14,14 +14,14 @@ from pipeline.victims.config import BackgroundConfig
 
 @dataclass(frozen=True, eq=False)
 class _Samples:
-    """Some pixels with depth.
+    """Sampled pixels with depth.
 
     Attributes:
         points: in ``camera_optical``.
         pixels: (N, 2) row and column.
         inside: whether each lies in the box.
         solid_angle: solid angle that each sample represents, sr.
-        sensor: that measured them.
+        sensor: the camera that measured them.
     """
 
     points: Points
@@ -37,7 +37,7 @@ class _Samples:
 def background_planes(
     frame: Frame, box: tuple[float, float, float, float], rng: np.random.Generator, config: BackgroundConfig
 ) -> list[Planes]:
-    """Planes in a box, pixels, and around it, in ``camera_optical``.
+    """The background's planes in and around a box, pixels; the planes are in ``camera_optical``.
 
     A plane that RANSAC finds is background if enough of it lies outside the box, or if it is too flat for a person.
     """
@@ -57,7 +57,7 @@ def background_planes(
 
 
 def _is_flat(samples: _Samples, plane: Planes, config: BackgroundConfig) -> bool:
-    """Whether samples of a plane lie nearer to it than the samples of a round body would."""
+    """Whether the samples of a plane are too flat, over too large an area, to be of a round body."""
     points = samples.points
     near = np.abs(distances(points, plane)) < config.flat_tolerance + samples.sensor.sigma(points[:, 2])
     area = np.sum(np.square(points[:, 2])) * samples.solid_angle
@@ -70,7 +70,7 @@ def near_plane(points: Points, plane: Planes, sensor: SensorModel, config: Backg
 
 
 def _samples(frame: Frame, box: tuple[float, float, float, float], count: int) -> _Samples:
-    """About ``count`` pixels of a grid over the box and a margin as wide as its longer side; those with depth."""
+    """The pixels with depth on a grid of about ``count``, over the box and a margin as wide as its longer side."""
     low, high = np.array(box[:2]), np.array(box[2:])
     margin = (high - low).max()
     size = (frame.intrinsics.width, frame.intrinsics.height)
@@ -88,7 +88,7 @@ def _samples(frame: Frame, box: tuple[float, float, float, float], count: int) -
 
 
 def _plane(samples: _Samples, rng: np.random.Generator, config: BackgroundConfig) -> Planes:
-    """The plane with most samples by RANSAC, fitted to these samples."""
+    """The plane with the most samples according to RANSAC, refitted to these samples."""
     planes = facing_camera(planes_through(_triples(samples, rng, config)))
     points, sensor = samples.points, samples.sensor
     tolerance = config.tolerance + config.sigmas * sensor.sigma(points[:, 2])

@@ -11,17 +11,17 @@ from pipeline.victims.detection.yolo import OBJECTNESS, Grid
 Boxes = tuple[NDArray[np.float32], NDArray[np.float32]]
 """(N, 4) boxes and their (N, classes) confidences."""
 LARGEST_EXPONENT = 20.0
-"""Bound of the exponent that scales an anchor: no box in an image is so large, and its square still fits float32."""
+"""Limit of the exponent that scales an anchor: no box in an image is so large, and its square still fits float32."""
 
 
 def decode(head: NDArray[np.float32], grid: Grid, width: int, height: int, threshold: float) -> Boxes:
-    """Boxes of one grid, by the equations of section 2.1 of YOLOv3.
+    """Decode the boxes of one grid with the equations of section 2.1 of YOLOv3.
 
     Args:
-        head: (anchors · NUMBERS, H, W) of the network.
-        grid: the head's.
-        width, height: of the network's input, pixels.
-        threshold: least objectness, greater than 0.
+        head: (anchors · NUMBERS, H, W) output of the network for this grid.
+        grid: the head's grid.
+        width, height: size of the network's input, pixels.
+        threshold: minimum objectness, greater than 0.
 
     Returns:
         (N, 4) boxes in the network's input, pixels, and (N, 1) objectness times the probability of the class.
@@ -39,7 +39,7 @@ def decode(head: NDArray[np.float32], grid: Grid, width: int, height: int, thres
 
 
 def joined(parts: Iterable[Boxes]) -> Boxes:
-    """All boxes of several parts, one at least."""
+    """All boxes of one or more parts."""
     boxes, scores = zip(*parts, strict=True)
     return np.concatenate(boxes), np.concatenate(scores)
 
@@ -61,9 +61,9 @@ def overlaps(a: NDArray[np.floating], b: NDArray[np.floating]) -> NDArray[np.flo
 def suppress(
     boxes: NDArray[np.floating], scores: NDArray[np.floating], overlap: float, most: int
 ) -> NDArray[np.intp]:
-    """(M,) indices, the best first, of the (N, 4) boxes that overlap no kept box of a higher score (N,) by more.
+    """Greedy non-maximum suppression of (N, 4) boxes with scores (N,): (M,) indices of those kept, the best first.
 
-    Greedy non-maximum suppression; ``overlap`` is intersection over union. Only the ``most`` best are considered.
+    Boxes whose IoU with a better one exceeds ``overlap`` are dropped. Only the ``most`` best boxes are considered.
     """
     order = np.argsort(-scores, kind="stable")[:most]
     kept: list[int] = []
@@ -75,6 +75,6 @@ def suppress(
 
 
 def size_overlaps(sizes: NDArray[np.floating], anchors: NDArray[np.floating]) -> NDArray[np.float64]:
-    """(N, K) intersection over union of boxes with (N, 2) and (K, 2) widths and heights, px, at the same place."""
+    """(N, K) intersection over union of concentric boxes with (N, 2) and (K, 2) widths and heights, pixels."""
     common = np.minimum(sizes[:, None], anchors[None]).prod(axis=2, dtype=np.float64)
     return common / (sizes.prod(axis=1)[:, None] + anchors.prod(axis=1)[None] - common)

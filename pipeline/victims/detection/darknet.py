@@ -1,8 +1,8 @@
-"""Networks of Darknet, of whoever made them: OpenCV reads, runs and decodes them.
+"""Darknet networks from any source, which OpenCV reads, runs and decodes.
 
-OpenCV believes what the files say: it reads short weights as zeros, ignores settings that it does not know, and may
-crash on numbers out of range. So a network is first tried in a process of its own, and OpenCV gets Darknet's
-defaults where its own differ.
+OpenCV trusts the files: it reads missing weights as zeros, ignores settings that it does not know, and may crash on
+numbers out of range. Therefore a network is first tried in a separate process, and OpenCV is given Darknet's defaults
+where its own differ.
 """
 
 import re
@@ -26,22 +26,22 @@ from pipeline.victims.detection.input_image import Letterbox
 from pipeline.victims.detection.weights import check_hash, header_size
 
 PERSON = {1: (0, "people"), 20: (14, "Pascal VOC's"), 80: (0, "COCO's")}
-"""Number of the class ``person``, and whose classes they are taken for, by their number if they have no names."""
+"""For networks without class names, by number of classes: index of ``person``, and whose classes are assumed."""
 KIND_OF = {kind: kind for kind in KINDS} | dict.fromkeys(("person", "doll"), VICTIM)
-"""Kind of the classes of networks by their names, spaces as underscores; other classes are ignored."""
+"""Kind of each known class by name, with underscores for spaces; other classes are ignored."""
 WHOLE = re.compile(
     "width|height|channels|filters|size|stride|pad|padding|groups|group_id|batch_normalize|classes|num"
 )
 PLACES = re.compile("mask|layers|from")
 DECIMAL = re.compile("anchors|scale_x_y")
-"""Settings that are a whole number, and those that are whole numbers or decimals separated by commas."""
+"""Settings of one whole number (WHOLE); of whole numbers (PLACES) or decimals (DECIMAL), separated by commas."""
 DEFAULTS = {
     "convolutional": {"filters": "1", "size": "1", "activation": "logistic"},
     "maxpool": {"stride": "1"},
     "upsample": {"stride": "2"},
     "reorg": {"stride": "1"},
 }
-"""Settings for which OpenCV has other defaults than Darknet."""
+"""Darknet's defaults of settings for which OpenCV has others."""
 IGNORED = {
     "convolutional": dict.fromkeys(("antialiasing", "binary", "xnor", "deform", "assisted_excitation"), "0")
     | {"dilation": "1"},
@@ -51,23 +51,23 @@ IGNORED = {
     "scale_channels": {"scale_wh": "0"},
     "region": {"coords": "4"},
 }
-"""Settings that OpenCV ignores, and the only value with which the layer is still the same."""
+"""Settings that OpenCV ignores, each with the only value for which the layer is still correct."""
 HEADS = {"yolo": {"thresh": "0.0001", "nms_threshold": "0"}, "region": {"thresh": "0.0001"}}
-"""Sections that decode boxes, and settings by which OpenCV gives nearly all of them."""
+"""Sections that decode boxes, with settings that make OpenCV return nearly all of them."""
 SECONDS, MEMORY = 60, 3_000_000_000
-"""Of processor time, and bytes, that a network may take to be read, and bytes of what it computes."""
+"""Limits for reading a network: processor time, s, and memory, bytes; MEMORY also limits its layers' outputs."""
 CRASHED = f"OpenCV crashes, or needs more than {SECONDS} s or {MEMORY / 1e9:g} GB"
 
 
 class DarknetNetwork:
-    """A network of Darknet with [yolo] or [region] layers.
+    """A Darknet network with [yolo] or [region] layers.
 
     Attributes:
-        kinds: numbers of its classes by the kind of object.
+        kinds: indices of its classes, by kind of object.
     """
 
     def __init__(self, sections: "Sequence[Section]", weights: bytes, kinds: dict[str, list[int]]) -> None:
-        """Make it of the sections of a ``.cfg`` and the content of its weights; cv2.error if that is impossible."""
+        """Build it from the sections of a ``.cfg`` and the content of its weights; cv2.error if OpenCV cannot."""
         self.kinds, net = kinds, sections[0].settings
         self._size = int(net["width"]), int(net["height"])
         text = "".join(section.text for section in sections).encode()
@@ -77,11 +77,11 @@ class DarknetNetwork:
 
     @classmethod
     def load(cls, cfg: Path, weights: Path) -> Self:
-        """Read a ``.cfg``, its weights, and beside it ``.names`` if there is such a file.
+        """Read a ``.cfg``, its weights and, if it exists, the ``.names`` file next to the ``.cfg``.
 
         Raises:
-            InputError: a file is missing or broken, they do not belong together, OpenCV cannot run the network, or
-                none of its classes is known.
+            InputError: a file is missing or damaged, the files do not belong together, OpenCV cannot run the
+                network, or none of its classes is known.
         """
         sections, beside = read_sections(cfg), cfg.with_suffix(".names")
         kinds = _kinds(cfg, sections, read_text(beside).split("\n") if beside.exists() else ())
@@ -101,7 +101,7 @@ class DarknetNetwork:
 
     @classmethod
     def _tried(cls, sections: "Sequence[Section]", weights: bytes, size: int) -> str:
-        """What is wrong with a network whose weights have a ``size`` without their header, bytes; GOOD if nothing."""
+        """What is wrong with a network, or GOOD; ``size``: bytes of the weights without their header."""
         try:
             network = cls(sections, weights, {})
             _, _, shapes = network._net.getLayersShapes([1, 3, *network._size[::-1]])
@@ -113,7 +113,7 @@ class DarknetNetwork:
         return GOOD if outputs <= MEMORY else f"too large: {outputs / 1e9:.2g} GB; the limit is {MEMORY / 1e9:g} GB"
 
     def find(self, image: Rgb, least: float) -> Boxes:
-        """Boxes in an image, pixels, several of each object, and (N, classes) confidences of at least ``least``."""
+        """Boxes with a confidence of at least ``least``, pixels, several per object, and (N, classes) confidences."""
         letterbox, canvas = Letterbox.fit(image, *self._size)
         rows = self._rows(canvas)
         rows = rows[rows[:, 5:].max(axis=1, initial=0) >= least]
@@ -121,12 +121,12 @@ class DarknetNetwork:
         return letterbox.to_image(np.concatenate([middle - half, middle + half], axis=1)), rows[:, 5:]
 
     def _rows(self, canvas: Rgb) -> NDArray[np.float32]:
-        """(N, 5 + classes) middle and size of boxes as shares of the canvas, objectness, and confidences."""
+        """(N, 5 + classes) middle and size of boxes, as shares of the canvas, then objectness and confidences."""
         self._net.setInput(cv2.dnn.blobFromImage(canvas, 1 / 255))
         return np.concatenate([head.reshape(-1, head.shape[-1]) for head in self._net.forward(self._heads)])
 
     def _weights_size(self) -> int:
-        """Bytes of the weights of all layers that have some."""
+        """Size of the weights of all layers, bytes."""
         kinds = "Convolution", "BatchNorm", "InnerProduct"
         return sum(b.nbytes for layer in self._layers.values() if layer.type in kinds for b in layer.blobs)
 
@@ -137,8 +137,8 @@ class Section:
 
     Attributes:
         kind: the word in its brackets.
-        where: file and line of its head.
-        settings: by key.
+        where: file and line of its header.
+        settings: its settings, by key.
     """
 
     kind: str
@@ -147,7 +147,7 @@ class Section:
 
     @property
     def text(self) -> str:
-        """As OpenCV reads it."""
+        """The section as it is passed to OpenCV."""
         settings = DEFAULTS.get(self.kind, {}) | self.settings | HEADS.get(self.kind, {})
         if self.kind == "maxpool":
             settings = {"size": settings["stride"]} | settings
@@ -176,10 +176,10 @@ class Section:
 
 
 def read_sections(path: Path) -> list[Section]:
-    """The sections of a ``.cfg``, the first of which is [net].
+    """The sections of a ``.cfg``; the first is taken for [net].
 
     Raises:
-        InputError: it cannot be read or is none, or, with the line, a setting that OpenCV would misread or ignore.
+        InputError: it cannot be read, is not a ``.cfg``, or has a setting that OpenCV would misread or ignore.
     """
     sections: list[Section] = []
     for number, raw in enumerate(read_text(path).splitlines(), 1):
@@ -199,7 +199,7 @@ def read_sections(path: Path) -> list[Section]:
 
 
 def _kinds(cfg: Path, sections: Sequence[Section], names: Sequence[str]) -> dict[str, list[int]]:
-    """Numbers of the network's classes by their kind."""
+    """Indices of the network's classes, by kind of object."""
     counts = {section.settings.get("classes", "20") for section in sections if section.kind in HEADS}
     if len(counts) != 1:
         raise InputError(f"{cfg}: not a YOLO network: no [yolo] or [region] section, or different numbers of classes")

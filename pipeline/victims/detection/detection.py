@@ -26,5 +26,5 @@ class Detector(Protocol):
     """Finds objects in images."""
 
     def detect(self, rgb: Rgb) -> list[Detection]:
-        """Objects of its kinds in an image, the most confident first."""
+        """Objects in an image, of the detector's kinds, the most confident first."""
         ...

@@ -1,4 +1,4 @@
-"""The detector of people, and of other kinds of objects if its network has classes of them, in a camera's image."""
+"""The detector of people in camera images, and of other objects for which its network has classes."""
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
@@ -22,19 +22,19 @@ class BoxNetwork(Protocol):
 
     @property
     def kinds(self) -> Mapping[str, Sequence[int]]:
-        """Numbers of its classes by the kind of object; other classes are ignored."""
+        """Indices of its classes, by kind of object; other classes are ignored."""
         ...
 
     def find(self, image: Rgb, least: float) -> Boxes:
-        """Boxes in the image, pixels, several of each object, that have at least this confidence."""
+        """Boxes in the image, pixels, several per object, including all with a confidence of at least ``least``."""
         ...
 
 
 class VictimDetector:
-    """Finds people, and other objects that its network has classes of, by a network of the YOLO family."""
+    """Finds people, and other objects for which its network has classes, with a network of the YOLO family."""
 
     def __init__(self, network: BoxNetwork, config: DetectorConfig = DetectorConfig()) -> None:
-        """Detect by a network; InputError for a least confidence that is not between 0 and 1."""
+        """Detect with a network; InputError for a minimum confidence that is not between 0 and 1."""
         if not 0 < config.confidence < 1:
             raise InputError(f"detector: confidence {config.confidence}: must be between 0 and 1")
         self._network, self._config = network, config
@@ -43,10 +43,10 @@ class VictimDetector:
     def load(cls, *files: Path, config: DetectorConfig = DetectorConfig()) -> "VictimDetector":
         """A detector from the shipped ``.safetensors``, or from the ``.cfg`` and ``.weights`` of any Darknet network.
 
-        A file beside the ``.cfg`` with the ending ``.names`` has the names of the classes, one a line.
+        A ``.names`` file next to the ``.cfg`` holds the names of the classes, one per line.
 
         Raises:
-            InputError: as :meth:`TwoStages.load` and :meth:`DarknetNetwork.load`, or other files.
+            InputError: see :meth:`TwoStages.load` and :meth:`DarknetNetwork.load`; or the files are of other types.
         """
         match [file.suffix for file in files]:
             case [".safetensors"]:
@@ -60,7 +60,7 @@ class VictimDetector:
         """Objects in an image of any size, the most confident first.
 
         Raises:
-            InputError: the image is grey, empty, or of another type.
+            InputError: the image is greyscale, empty, or of another type.
         """
         check_image(rgb)
         config = self._config
@@ -77,7 +77,7 @@ class VictimDetector:
 
 
 def check_image(rgb: Rgb) -> None:
-    """Raise InputError unless it is an (H, W, 3) uint8 image that is not empty."""
+    """Raise InputError unless an image is (H, W, 3), uint8 and not empty."""
     if rgb.size == 0:
         raise InputError(f"image: empty, of shape {rgb.shape}")
     if rgb.ndim != 3 or rgb.shape[2] != 3:

@@ -1,8 +1,8 @@
-"""The networks for inference on the robot's processor.
+"""Inference with the networks on the robot's CPU.
 
 Batch normalization is folded into the convolution, which also applies the activation; kernels are stored in oneDNN's
-layout, and images have their channels last. These are the operators that torch.compile calls on a processor; called
-directly, they need no C++ compiler on the robot and no minute of compiling.
+layout, and images have their channels last. These are the operators that torch.compile calls on a CPU; calling them
+directly needs no C++ compiler on the robot, and saves a minute of compiling.
 """
 
 from copy import deepcopy
@@ -31,12 +31,12 @@ class FusedYolo:
                     parent.add_module(name, _FusedConvolution(module))
 
     def boxes(self, image: Rgb, size: tuple[int, int], least: float, heads: int | None = None) -> Boxes:
-        """Boxes of people in an image, pixels, several of each, and their (N, 1) confidences.
+        """Boxes of people in an image, pixels, several per person, and their (N, 1) confidences.
 
         Args:
-            image: to find people in.
-            size: width and height to fit it into, multiples of 32 pixels.
-            least: objectness of a box.
+            image: the image, of any size.
+            size: width and height of the input into which it is fitted, pixels, multiples of 32.
+            least: minimum objectness of a box.
             heads: number of heads to compute, the coarsest first; by default all.
         """
         letterbox, canvas = Letterbox.fit(image, *size)
@@ -56,12 +56,12 @@ class _FusedConvolution(nn.Module):
         kernel, self._bias = _folded(layer)
         self._kernel = kernel.cpu().contiguous(memory_format=torch.channels_last)
         self._window = (list(conv.padding), list(conv.stride), list(conv.dilation), conv.groups)
-        self._kernels: dict[torch.Size, Tensor] = {}  # By the size of the input
+        self._kernels: dict[torch.Size, Tensor] = {}  # By shape of the input
         self._activation = ("none", []) if layer.norm is None else ("leaky_relu", [LEAKY_SLOPE])
 
     def forward(self, x: Tensor) -> Tensor:
         """(N, C, H, W) in and out."""
-        if x.shape not in self._kernels:  # In a layout for another size, oneDNN converts the kernel at every call
+        if x.shape not in self._kernels:  # oneDNN would convert the layout for another shape at every call
             reorder = torch.ops.mkldnn._reorder_convolution_weight
             self._kernels[x.shape] = reorder(self._kernel, *self._window, list(x.shape))
         fused = torch.ops.mkldnn._convolution_pointwise
@@ -84,5 +84,5 @@ def _folded(layer: Convolution) -> tuple[Tensor, Tensor]:
 
 
 def to_tensor(images: NDArray[np.uint8]) -> Tensor:
-    """(N, 3, H, W) float32 in 0 to 1, channels last in memory, from (N, H, W, 3) uint8 images."""
+    """(N, 3, H, W) float32 from 0 to 1, with channels last in memory, from (N, H, W, 3) uint8 images."""
     return torch.from_numpy(np.ascontiguousarray(images)).permute(0, 3, 1, 2).float().div_(255)

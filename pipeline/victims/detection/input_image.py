@@ -1,8 +1,8 @@
-"""Prepares a camera's image for the network: compensates uneven light, and fits it into the network's input.
+"""Prepare a camera image for the network: compensate uneven lighting, and fit the image into the network's input.
 
-Every part of the image with dark surroundings is brought to one brightness, so that people look alike in daylight, in
-dim light and at the edge of a lamp's cone. This is a retinex (Land, "The retinex theory of color vision", Scientific
-American 237, 1977), with a coarse grid of cells as the surroundings.
+Parts of the image with dark surroundings are raised to a common brightness, so that people look alike in daylight, in
+dim light and at the edge of a lamp's cone. This is a retinex method (Land, "The retinex theory of color vision",
+Scientific American 237, 1977), with the cells of a coarse grid as the surroundings.
 """
 
 from dataclasses import dataclass
@@ -15,11 +15,11 @@ from numpy.typing import NDArray
 from pipeline.arrays import Rgb
 from pipeline.victims.config import ExposureConfig
 
-GREY = 128  # Brightness of the bars beside a fitted image, as in Darknet's letterbox_image
+GREY = 128  # Brightness of the bars next to a fitted image, as in Darknet's letterbox_image
 
 
 def evenly_exposed(rgb: Rgb, config: ExposureConfig) -> Rgb:
-    """An image with uneven light compensated; a well-lit image is not changed."""
+    """An image with uneven lighting compensated; a well-lit image is not changed."""
     cells = config.columns, config.rows
     light = cv2.resize(rgb, cells, interpolation=cv2.INTER_AREA).max(axis=2).astype(np.float32)
     light = cv2.GaussianBlur(light, (0, 0), config.blur, borderType=cv2.BORDER_REPLICATE)
@@ -30,7 +30,7 @@ def evenly_exposed(rgb: Rgb, config: ExposureConfig) -> Rgb:
 
 
 def scaled(rgb: Rgb, ratio: float) -> Rgb:
-    """An image ``ratio`` times as large, of at least one pixel."""
+    """An image scaled by ``ratio``, at least one pixel wide and high."""
     rows, columns = rgb.shape[:2]
     size = max(1, round(columns * ratio)), max(1, round(rows * ratio))
     how = cv2.INTER_AREA if ratio < 0.5 else cv2.INTER_LINEAR
@@ -39,12 +39,12 @@ def scaled(rgb: Rgb, ratio: float) -> Rgb:
 
 @dataclass(frozen=True)
 class Letterbox:
-    """Where an image lies in the input, its proportions kept.
+    """How an image is fitted into the network's input without changing its aspect ratio.
 
     Attributes:
         scale: pixels of the input per pixel of the image, in x and y; the two differ only by rounding.
-        corner: x, y of its upper left corner in the input, pixels.
-        size: width, height of the image.
+        corner: x and y of the image's upper left corner in the input, pixels.
+        size: width and height of the image, pixels.
     """
 
     scale: tuple[float, float]
@@ -53,7 +53,7 @@ class Letterbox:
 
     @classmethod
     def fit(cls, image: Rgb, width: int, height: int) -> tuple[Self, Rgb]:
-        """Fit an image into the middle of an input, width × height pixels, which it returns too."""
+        """Fit an image into the middle of an input, width × height pixels, which is returned too."""
         rows, columns = image.shape[:2]
         small = scaled(image, min(width / columns, height / rows))
         h, w = small.shape[:2]
@@ -63,6 +63,6 @@ class Letterbox:
         return cls((w / columns, h / rows), (left, top), (columns, rows)), canvas
 
     def to_image(self, boxes: NDArray[np.floating]) -> NDArray[np.float32]:
-        """(N, 4) float32 boxes in the image, clipped at its edges, of (N, 4) boxes in the input."""
+        """(N, 4) float32 boxes in the image, clipped at its edges, from (N, 4) boxes in the input."""
         points = (boxes.reshape(-1, 2, 2) - self.corner) / self.scale
         return np.clip(points, 0, self.size).reshape(-1, 4).astype(np.float32)

@@ -14,7 +14,7 @@ class TrainingImage:
     Attributes:
         rgb: (H, W, 3) uint8.
         boxes: (N, 4) float32 x0, y0, x1, y1 around the visible part of each person, pixels.
-        ignored: (N,) bool: so little is visible that a detection of the person is neither right nor wrong.
+        ignored: (N,) bool: whether so little of a person is visible that a detection is neither right nor wrong.
         shown: (H, W) bool: the pixels that show people; None if unknown.
     """
 

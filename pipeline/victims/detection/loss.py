@@ -18,29 +18,29 @@ from pipeline.victims.detection.boxes import LARGEST_EXPONENT, size_overlaps
 from pipeline.victims.detection.labelled_image import TrainingImage
 from pipeline.victims.detection.yolo import OBJECTNESS, Grid
 
-ASSIGNED_IOU = 0.3  # Least overlap of an anchor's size with a person's for the anchor to be assigned to that person
+ASSIGNED_IOU = 0.3  # Minimum overlap of an anchor's size with a person's for the anchor to be assigned to the person
 IGNORED_IOU = 0.7
-"""Least overlap of a predicted box with a person's for its objectness not to be penalized, as Darknet's
+"""Minimum overlap of a predicted box with a person's for its objectness not to be penalized, like Darknet's
 ``ignore_thresh``."""
-TINY = torch.finfo(torch.float32).eps  # Least divisor: an area or a length of a box that is all but 0
+TINY = torch.finfo(torch.float32).eps  # Lower limit of divisors, because areas and lengths of boxes may be 0
 
 Index = tuple[Tensor, ...]
-"""Four of (P,) int64: image in the batch, anchor in the scale's mask, row and column of the cell."""
+"""Four (P,) int64 tensors: image in the batch, anchor in the scale's mask, row and column of the cell."""
 
 
 class YoloLoss:
     """The loss of a network with one class: a detector of people.
 
     Attributes:
-        grids: of the network.
-        size: width and height of its input, pixels.
+        grids: the network's grids.
+        size: width and height of the network's input, pixels.
     """
 
     def __init__(self, grids: Sequence[Grid], size: tuple[int, int]) -> None:
         self.grids, self.size = grids, size
 
     def __call__(self, heads: Sequence[Tensor], batch: Sequence[TrainingImage]) -> Tensor:
-        """() sum of three losses of a network's heads, (N, anchors · NUMBERS, H, W) each, for N canvases."""
+        """() sum of box, objectness and class losses per assigned anchor, from heads (N, anchors · NUMBERS, H, W)."""
         boxes = objectness = classes = heads[0].new_zeros(())
         asked = 0
         for head, grid in zip(heads, self.grids, strict=True):
@@ -54,7 +54,7 @@ class YoloLoss:
         return (boxes + objectness + classes) / max(1, asked)
 
     def _objectness(self, cells: Tensor, predicted: Tensor, index: Index, batch: Sequence[TrainingImage]) -> Tensor:
-        """Cross entropy of objectness over all cells except those near a person but not assigned to it."""
+        """Cross-entropy of the objectness over all cells except those near a person but not assigned to one."""
         wanted = torch.zeros_like(cells[..., OBJECTNESS])
         wanted[index] = 1
         counted = torch.stack([self._far(boxes, image) for boxes, image in zip(predicted, batch, strict=True)])
@@ -62,7 +62,7 @@ class YoloLoss:
         return binary_cross_entropy_with_logits(cells[..., OBJECTNESS][counted], wanted[counted], reduction="sum")
 
     def _far(self, predicted: Tensor, image: TrainingImage) -> Tensor:
-        """(anchors, H, W) bool: boxes that overlap no person by IGNORED_IOU and have no middle in an ignored one."""
+        """(anchors, H, W) bool: boxes that overlap no person by IGNORED_IOU, with a middle in no ignored person."""
         far = torch.ones(predicted.shape[:-1], dtype=torch.bool, device=predicted.device)
         middle = (predicted[..., :2] + predicted[..., 2:]) / 2
         for box, ignored in zip(torch.from_numpy(image.boxes).to(far.device), image.ignored, strict=True):
@@ -72,7 +72,7 @@ class YoloLoss:
         return far
 
     def _targets(self, batch: Sequence[TrainingImage], grid: Grid, rows: int, columns: int) -> tuple[Index, Tensor]:
-        """Cells of one scale that are assigned to people, and these people's (P, 4) boxes in pixels of the input."""
+        """Cells of one scale that are assigned to people, and these people's (P, 4) boxes in the input, pixels."""
         anchors = np.array(grid.anchors)
         parts = [np.zeros((0, 2), int)]
         boxes = [np.zeros((0, 4), np.float32)]
@@ -92,7 +92,7 @@ class YoloLoss:
     def _asked(
         self, boxes: NDArray[np.float32], anchors: NDArray[np.float64], mask: tuple[int, ...]
     ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-        """Pairs of a person and an assigned anchor of the mask: the best one and all of about the person's size."""
+        """Pairs of a person and an assigned anchor of the mask: the best one, and all of about the person's size."""
         overlap = size_overlaps(boxes[:, 2:] - boxes[:, :2], anchors)
         asked = overlap >= ASSIGNED_IOU
         if len(boxes):
@@ -101,7 +101,7 @@ class YoloLoss:
         return person, anchor
 
     def _boxes(self, cells: Tensor, grid: Grid) -> Tensor:
-        """(N, anchors, H, W, 4) boxes in pixels of the input, as :func:`.boxes.decode` gives."""
+        """(N, anchors, H, W, 4) boxes in the input, pixels, decoded as by :func:`.boxes.decode`."""
         rows, columns = cells.shape[2:4]
         y, x = torch.meshgrid(torch.arange(rows), torch.arange(columns), indexing="ij")
         stride = torch.tensor([self.size[0] / columns, self.size[1] / rows], device=cells.device)
@@ -120,7 +120,7 @@ def iou(a: Tensor, b: Tensor) -> Tensor:
 
 
 def ciou(a: Tensor, b: Tensor) -> Tensor:
-    """(P,) complete IoU of pairs of (P, 4) boxes: IoU less penalties for distant middles and unlike proportions."""
+    """(P,) complete IoU of pairs of (P, 4) boxes: IoU minus penalties for distant middles and unlike shapes."""
     hull = torch.maximum(a[:, 2:], b[:, 2:]) - torch.minimum(a[:, :2], b[:, :2])
     apart = ((a[:, :2] + a[:, 2:] - b[:, :2] - b[:, 2:]) / 2).square().sum(dim=1)
     overlap = iou(a, b)

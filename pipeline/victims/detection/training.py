@@ -30,11 +30,11 @@ from pipeline.victims.detection.yolo import LEAKY_SLOPE, OBJECTNESS, STRIDE, Anc
 Size = tuple[int, int]
 """Width and height of a network's input, pixels."""
 USUAL = DetectorConfig().size
-"""The input to which the anchors belong."""
+"""The input size for which the anchors are given."""
 
 
 class YoloLearner(Learner[list[TrainingImage], YoloSmall]):
-    """A YOLOv3-small that learns from canvases; its .cfg and a card (.json) are written beside the weights."""
+    """A YOLOv3-small that learns from canvases; its .cfg and a card (.json) are written next to the weights."""
 
     SCORES = ("ap50",)
 
@@ -53,13 +53,13 @@ class YoloLearner(Learner[list[TrainingImage], YoloSmall]):
             training: images to learn from.
             validation: images for the score.
             config: settings; the samples of a batch are canvases.
-            cfg: Darknet's description of YOLOv3-small, whose input and anchors are replaced.
-            initial: weights to begin with, as an earlier training wrote them; by default they are random.
-            device: on which it learns.
+            cfg: Darknet's description of YOLOv3-small, in which the input size and the anchors are replaced.
+            initial: file of initial weights from an earlier training; by default they are random.
+            device: the device to train on.
 
         Raises:
-            InputError: images show no people, the initial weights cannot be read or are another network's, or the
-                input is no multiple of the coarsest cell.
+            InputError: the training or validation images show no people, the initial weights cannot be read or are
+                another network's, or a side of the input is not a multiple of the coarsest cell.
         """
         if not any(len(validation.people(index)) for index in range(len(validation))):
             raise InputError("the validation images show no people")
@@ -77,20 +77,20 @@ class YoloLearner(Learner[list[TrainingImage], YoloSmall]):
         self.data = f"{len(training)} {len(validation)} {self._text}"
 
     def batch(self, number: int) -> list[TrainingImage]:
-        """Canvases."""
+        """The canvases of a batch."""
         return self._sampler.batch(number)
 
     def loss(self, network: nn.Module, batch: list[TrainingImage]) -> Tensor:
-        """The loss of YOLO."""
+        """The YOLO loss of a batch."""
         images = to_tensor(np.stack([image.rgb for image in batch])).to(self._device)
         return self._yolo_loss(network(images), batch)
 
     def validate(self, network: YoloSmall) -> list[float]:
-        """The average precision."""
+        """The average precision on the validation images."""
         return [validate(network, self._size, self._validation, self._config.prior)]
 
     def write(self, network: YoloSmall, out: Path, about: dict[str, Any]) -> None:
-        """Write weights, network and card."""
+        """Write the weights, the ``.cfg`` and the card."""
         write_weights(out, network, about["step"] * self._config.batch)
         for ending, text in ((".cfg", self._text), (".json", json.dumps(about, indent=1) + "\n")):
             with whole_file(out.with_suffix(ending)) as file:
@@ -98,7 +98,7 @@ class YoloLearner(Learner[list[TrainingImage], YoloSmall]):
 
 
 def scaled_anchors(size: Size) -> Anchors:
-    """The anchors for an input of another size; InputError if the network does not halve it evenly."""
+    """The anchors for an input of another size; InputError unless its sides are multiples of STRIDE."""
     width, height = size
     if min(size) < 1 or width % STRIDE or height % STRIDE:
         raise InputError(f"--width {width} --height {height}: must be multiples of {STRIDE}")
@@ -107,7 +107,7 @@ def scaled_anchors(size: Size) -> Anchors:
 
 
 def with_input(text: str, size: Size, anchors: Anchors) -> str:
-    """A ``.cfg`` with another input and other anchors."""
+    """The text of a ``.cfg`` with another input size and other anchors."""
     listed = ", ".join(f"{w:g},{h:g}" for w, h in anchors)
     for key, value in (("width", size[0]), ("height", size[1]), ("anchors", listed)):
         text = re.sub(rf"^{key}=.*", f"{key}={value}", text, flags=re.MULTILINE)
@@ -115,12 +115,12 @@ def with_input(text: str, size: Size, anchors: Anchors) -> str:
 
 
 def new_network(anchors: Anchors, prior: float) -> YoloSmall:
-    """A network with random weights, its objectness biased to ``prior`` because people are rare."""
+    """A network with random weights and an initial objectness of ``prior``, because people are rare."""
     network = YoloSmall(anchors)
     for layer in network.convolutions:
         nn.init.kaiming_normal_(layer.conv.weight, LEAKY_SLOPE, mode="fan_out")
         layer.conv.weight.data = layer.conv.weight.data.contiguous(memory_format=torch.channels_last)
-        if layer.conv.bias is not None:  # the last before a grid
+        if layer.conv.bias is not None:  # the last layer before a grid
             bias = torch.zeros(len(layer.conv.bias)).view(len(network.grids[0].mask), -1)
             bias[:, OBJECTNESS] = log(prior / (1 - prior))
             nn.init.zeros_(layer.conv.weight)
@@ -129,7 +129,7 @@ def new_network(anchors: Anchors, prior: float) -> YoloSmall:
 
 
 class ArenaNetworkAlone:
-    """A network as a detector has it, without a witness."""
+    """An arena network as the detector uses it, but without the COCO network."""
 
     kinds: ClassVar[dict[str, list[int]]] = {VICTIM: [0]}
 
@@ -143,7 +143,7 @@ class ArenaNetworkAlone:
 
 
 def validate(network: YoloSmall, size: Size, images: TrainingImages, least: float) -> float:
-    """Average precision, at an overlap of 0.5, of the detections of ``least`` confidence or more."""
+    """Average precision, at an overlap of 0.5, of the detections with a confidence of at least ``least``."""
     detector = VictimDetector(ArenaNetworkAlone(network, size), DetectorConfig(confidence=least))
     result = AveragePrecision()
     for index in range(len(images)):

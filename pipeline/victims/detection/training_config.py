@@ -1,4 +1,4 @@
-"""Settings of a training of the victim detector; they can be read without loading PyTorch."""
+"""Settings of the victim detector's training; they can be read without loading PyTorch."""
 
 from dataclasses import dataclass
 
@@ -7,7 +7,7 @@ from pipeline.semantic_map.networks.training_config import Optimization, Trainin
 
 @dataclass(frozen=True, kw_only=True)
 class YoloOptimization(Optimization):
-    """How a training follows the gradients, which are steep at first and noisy."""
+    """How a training follows the gradients, which are noisy, and steep at first."""
 
     weight_decay_of_vectors: float = 0.0
     most_gradient: float | None = 10.0
@@ -19,12 +19,12 @@ class CanvasAugmentation:
     """How random canvases differ from the images.
 
     Attributes:
-        odds: probability of each change that may be made: drawing an image without people, a mosaic of four images
-            (Bochkovskiy et al., YOLOv4, arXiv:2004.10934), pasting the people of one more image, and mirroring.
-        variation: largest factor of an image's size relative to that which just fits its part of the canvas, of its
-            saturation and of its brightness (Darknet's ``saturation`` and ``exposure``); the smallest is its inverse.
-        hue: largest shift of the hue, in parts of a circle of 256.
-        visible: least share of a box that an edge or a person pasted over it must leave for its person to count.
+        odds: probability of each change: drawing an image without people, a mosaic of four images (Bochkovskiy et
+            al., YOLOv4, arXiv:2004.10934), pasting the people of another image, and mirroring.
+        variation: maximum factor of an image's size, relative to the size that just fits its part of the canvas, and
+            of its saturation and brightness (Darknet's ``saturation`` and ``exposure``); the minimum is the inverse.
+        hue: maximum shift of the hue, 256ths of the circle.
+        visible: minimum share of a box that must not be cut off or pasted over for its person to count.
     """
 
     odds: float = 0.5

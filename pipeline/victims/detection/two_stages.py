@@ -1,8 +1,8 @@
-"""The shipped detector of people: the arena network suspects, the COCO network bears witness.
+"""The shipped detector of people: the arena network finds suspects, which the COCO network must corroborate.
 
-The arena network (YOLOv3-small) has seen renderings of arenas alone: it misses few people there, but takes much in
-photos for people. The COCO network (YOLOv3-tiny) has seen photos: it is seldom wrong, but costs four times as much a
-pixel. So it looks only where the other one suspects a person, and everywhere if the image is like no arena.
+The arena network (YOLOv3-small) was trained on renderings of arenas only: it misses few people there, but mistakes
+much in photos for people. The COCO network (YOLOv3-tiny) was trained on photos: it is seldom wrong, but costs four
+times as much per pixel. It therefore looks only at suspects, or everywhere if the image does not look like an arena.
 """
 
 from collections.abc import Sequence
@@ -24,7 +24,7 @@ NOTHING: Boxes = np.zeros((0, 4), np.float32), np.zeros((0, 1), np.float32)
 
 
 class TwoStages:
-    """Finds people whom both networks see, and those of whom the COCO network is sure by itself."""
+    """Finds people that both networks see, and those that the COCO network is sure of by itself."""
 
     kinds: ClassVar[dict[str, list[int]]] = {VICTIM: [0]}
 
@@ -34,18 +34,18 @@ class TwoStages:
 
     @classmethod
     def load(cls, weights: Path, config: DetectorConfig) -> Self:
-        """With the weights of a file; InputError as :func:`load_shipped`."""
+        """A detector with the weights of a file; InputError as for :func:`load_shipped`."""
         return cls(*load_shipped(weights), config)
 
     def find(self, image: Rgb, least: float) -> Boxes:
-        """Boxes of people in an image, and their (N, 1) confidences; some are less than ``least``."""
+        """Boxes of people in an image, and their (N, 1) confidences, some of which are below ``least``."""
         (boxes, scores), hints = self._suspects(image, least)
         look = self._look_closer if hints <= self._config.most_hints else self._look_everywhere
         witnessed, seen = look(image, boxes)
         return joined([(boxes[witnessed], scores[witnessed]), seen])
 
     def _suspects(self, image: Rgb, least: float) -> tuple[Boxes, int]:
-        """Where the arena network sees people, the surest first, and how many hints of people there are."""
+        """Where the arena network sees people, the most confident first, and the number of hints of people."""
         config = self._config
         far = self._arena.boxes(image, config.size, min(config.hint, least))
         hints = len(self._best(far, config.hint)[0])
@@ -53,20 +53,20 @@ class TwoStages:
         return self._best(joined(parts), least), hints
 
     def _near(self, network: FusedYolo, image: Rgb, least: float) -> Boxes:
-        """Boxes of people who are so near that they are too large for a network at the image's usual size."""
+        """Boxes of people so near that they are too large for a network at the usual size of the input."""
         boxes, scores = network.boxes(image, self._config.near_size, least)
         extent = np.max(boxes[:, 2:] - boxes[:, :2], axis=1, initial=0)
         is_near = extent >= self._config.large_box * max(image.shape)
         return boxes[is_near], scores[is_near]
 
     def _look_closer(self, image: Rgb, suspects: NDArray[np.float32]) -> tuple[Mask, Boxes]:
-        """Which (N, 4) suspects have a witness in a square around them, and all that is seen in the squares."""
+        """Which (N, 4) suspects are corroborated in a square around them, and all that is seen in the squares."""
         size, seen, witnessed = (self._config.view, self._config.view), NOTHING, np.zeros(len(suspects), bool)
         for number, suspect in enumerate(suspects[:, None]):
             witnessed[number] = self._are_witnessed(suspect, seen)
             if not witnessed[number]:
                 corner, square = surroundings(image, suspect[0], self._config.context)
-                # A suspect nearly fills its square: people so large are the coarsest grid's.
+                # A suspect nearly fills its square; people this large are found on the coarsest grid.
                 view = moved(self._coco.boxes(square, size, self._config.witness, heads=1), corner)
                 seen = joined([seen, view])
                 witnessed[number] = self._are_witnessed(suspect, view) or (
@@ -76,13 +76,13 @@ class TwoStages:
         return witnessed, seen
 
     def _look_everywhere(self, image: Rgb, suspects: NDArray[np.float32]) -> tuple[Mask, Boxes]:
-        """Which (N, 4) suspects have a witness in the whole image, and all that is seen in it."""
+        """Which (N, 4) suspects are corroborated in the whole image, and all that is seen in it."""
         least = self._config.witness
         seen = joined([self._coco.boxes(image, self._config.size, least), self._near(self._coco, image, least)])
         return self._are_witnessed(suspects, seen), seen
 
     def _lying(self, image: Rgb, size: tuple[int, int], heads: int | None = None) -> Boxes:
-        """Boxes that the COCO network sees in an image turned to either side: photos show few people who lie."""
+        """Boxes that the COCO network sees in an image rotated by 90° either way: few photos show people lying."""
         sides = ((turns, np.rot90(image, turns)) for turns in (1, -1))
         return joined(
             (turned_back(boxes, turns, image.shape), scores)
@@ -91,12 +91,12 @@ class TwoStages:
         )
 
     def _are_witnessed(self, suspects: NDArray[np.float32], seen: Boxes) -> Mask:
-        """(N,) which (N, 4) suspects are where something is seen too."""
+        """(N,) whether each of (N, 4) suspects overlaps something that was seen."""
         boxes, _ = self._best(seen, self._config.witness)
         return np.asarray(overlaps(suspects, boxes).max(axis=1, initial=0) > self._config.witness_iou)
 
     def _best(self, found: Boxes, least: float) -> Boxes:
-        """One box of each object, the surest first."""
+        """One box per object, the most confident first."""
         boxes, scores = found
         good = (scores[:, 0] >= least) & (areas(boxes) > 0)
         boxes, scores = boxes[good], scores[good]
@@ -105,7 +105,7 @@ class TwoStages:
 
 
 def surroundings(image: Rgb, box: NDArray[np.float32], context: float) -> tuple[NDArray[np.float32], Rgb]:
-    """The corner, pixels, and the image in a square around a box, ``context`` times as large."""
+    """The upper left corner, pixels, and the image in a square around a box, ``context`` times its longer side."""
     middle, half = (box[:2] + box[2:]) / 2, context * np.max(box[2:] - box[:2]) / 2
     size = image.shape[1::-1]
     x0, y0 = np.clip(np.floor(middle - half), 0, size).astype(int)
@@ -114,12 +114,12 @@ def surroundings(image: Rgb, box: NDArray[np.float32], context: float) -> tuple[
 
 
 def moved(found: Boxes, corner: NDArray[np.float32]) -> Boxes:
-    """Boxes in the image, of those in a part of it with its upper left corner there."""
+    """Boxes in an image, from boxes in a part of it whose upper left corner is ``corner`` (2,), pixels."""
     return found[0] + np.tile(corner, 2), found[1]
 
 
 def turned_back(boxes: NDArray[np.float32], turns: int, shape: Sequence[int]) -> NDArray[np.float32]:
-    """(N, 4) boxes in an image of a ``shape`` (H, W, 3), of those in it turned by a quarter, 1 to the left or −1."""
+    """(N, 4) boxes in an image of ``shape`` (H, W, 3), from boxes in it rotated by 90° left (1) or right (−1)."""
     height, width, _ = shape
     x0, y0, x1, y1 = boxes.T
     return np.stack([width - y1, x0, width - y0, x1] if turns > 0 else [y0, height - x1, y1, height - x0], axis=1)

@@ -1,13 +1,13 @@
 """Weights of the networks: the shipped safetensors, and Darknet's ``.weights``.
 
-A tensor of the shipped file is named ``layers.N.conv.weight`` and so on by the number of its layer, in Darknet's way
-of counting, in a whole of both networks: layer 0 copied the image, 1 to 24 are the COCO network, 26 on the arena
-network. Their convolutions come in the order of :attr:`Yolo.convolutions`.
+The tensors of the shipped file are named ``layers.N.conv.weight`` and so on, where N counts the layers of both
+networks together, as Darknet does: layer 0 copied the image, layers 1 to 24 are the COCO network, and those from 26
+on are the arena network. Their convolutions come in the order of :attr:`Yolo.convolutions`.
 
-Darknet's file has a header, then float32 in the order of the layers. The header is three int32 (major, minor,
+Darknet's file has a header, then float32 numbers in the order of the layers. The header is three int32 (major, minor,
 revision) and the number of images seen, int64 (int32 before version 0.2). Each convolution has, in the order in which
 Darknet's ``parser.c`` reads them, its biases, then, if it has batch normalization, scales, means and variances, and
-then its kernel (filters, channels of a group, size, size).
+then its kernel (filters, channels per group, size, size).
 """
 
 import struct
@@ -24,10 +24,10 @@ from pipeline.files import read_bytes, read_text, whole_file
 from pipeline.semantic_map.networks.tensor_file import copy_tensors, read_tensors
 from pipeline.victims.detection.yolo import Convolution, Yolo, YoloSmall, YoloTiny
 
-WRITTEN_VERSION = (0, 2, 5)  # as the Darknet that published YOLOv3 writes
+WRITTEN_VERSION = (0, 2, 5)  # as written by the Darknet that YOLOv3 was published with
 NUMBER = np.dtype("<f4")
 TENSORS = ("conv.bias", "norm.bias", "norm.weight", "norm.running_mean", "norm.running_var", "conv.weight")
-"""Of a convolution, in Darknet's order."""
+"""The tensors of a convolution, in Darknet's order."""
 COCO_LAYERS = (1, 3, 5, 7, 9, 11, 13, 14, 15, 16, 19, 22, 23)
 ARENA_LAYERS = (*(26, 27, 28, 29, 30, 32, 33, 34, 36, 37, 38, 40, 41, 42), *(45, 48, 49, 50, 53, 56, 57, 58))
 """Numbers of the convolutions of each network in the shipped file."""
@@ -37,11 +37,11 @@ def load_shipped(path: Path) -> tuple[YoloSmall, YoloTiny]:
     """The arena network and the COCO network of the shipped safetensors, in evaluation mode.
 
     Raises:
-        InputError: no such file, weights of other networks, numbers that are not finite, or another hash than a file
-            beside it has, with the ending ``.sha256``, as ``sha256sum`` writes it.
+        InputError: the file does not exist, belongs to other networks, holds invalid numbers, or does not match the
+            hash in the ``.sha256`` file next to it, if any, which has the format of ``sha256sum``.
     """
     check_hash(path)
-    with torch.device("meta"):  # no random weights: they would take longer than the reading
+    with torch.device("meta"):  # no random weights, which would take longer than reading the file
         arena, coco = YoloSmall(), YoloTiny()
     arena.to_empty(device="cpu"), coco.to_empty(device="cpu")
     parts = ((ARENA_LAYERS, arena), (COCO_LAYERS, coco))
@@ -57,11 +57,11 @@ def load_shipped(path: Path) -> tuple[YoloSmall, YoloTiny]:
 
 
 def read_weights(path: Path, network: Yolo) -> None:
-    """Fill a network from Darknet's file.
+    """Fill a network from a Darknet file.
 
     Raises:
-        InputError: no such file, another length than the network has, numbers that are impossible, or as
-            :func:`check_hash`.
+        InputError: the file does not exist, does not have the network's length, holds invalid numbers, or
+            fails :func:`check_hash`.
     """
     check_hash(path)
     wanted = {f"{i}.{name}": t for i, layer in enumerate(network.convolutions) for name, t in _tensors(layer)}
@@ -76,7 +76,7 @@ def read_weights(path: Path, network: Yolo) -> None:
 
 
 def write_weights(path: Path, network: Yolo, seen: int = 0) -> None:
-    """Write a network's weights, trained on ``seen`` images, into Darknet's file.
+    """Write a network's weights, trained on ``seen`` images, to a Darknet file.
 
     Raises:
         InputError: the file cannot be written.
@@ -88,7 +88,7 @@ def write_weights(path: Path, network: Yolo, seen: int = 0) -> None:
 
 
 def check_hash(path: Path) -> None:
-    """Raise InputError if a file beside the weights says that they have another SHA-256."""
+    """Raise InputError if the ``.sha256`` file next to the weights, if any, holds another hash."""
     beside = path.with_name(f"{path.name}.sha256")
     if beside.exists():
         wanted, found = (read_text(beside).split() or [""])[0], sha256(read_bytes(path)).hexdigest()
@@ -99,17 +99,17 @@ def check_hash(path: Path) -> None:
 
 
 def _tensors(layer: Convolution) -> Iterator[tuple[str, Tensor]]:
-    """Tensors of a convolution by name, in the order of Darknet's file, shared with it."""
+    """The names and tensors (not copies) of a convolution, in the order of Darknet's file."""
     named = dict(layer.state_dict(keep_vars=True))
     return ((name, named[name]) for name in TENSORS if name in named)
 
 
 def header_size(content: bytes, path: Path) -> int:
-    """Number of bytes of the header of Darknet's file; InputError if it has none."""
+    """Size of the header of a Darknet file, bytes; InputError if it has none."""
     try:
         major, minor, revision = struct.unpack_from("<iii", content)
     except struct.error as error:
         raise InputError(f"{path}: {len(content)} bytes, too short for Darknet weights") from error
-    if not all(0 <= part < 1000 for part in (major, minor)):  # as Darknet's parser.c
+    if not all(0 <= part < 1000 for part in (major, minor)):  # as in Darknet's parser.c
         raise InputError(f"{path}: not Darknet weights: version {major}.{minor}.{revision}")
     return 20 if 10 * major + minor >= 2 else 16

@@ -1,7 +1,7 @@
 """The two networks of the shipped detector: YOLOv3-small, trained on arenas, and YOLOv3-tiny, trained on COCO.
 
-Both are of Redmon and Farhadi, arXiv:1804.02767: the first is YOLOv3 with a quarter of Darknet-53's channels and one
-residual block per stage, the second is as published, with the classes person and teddy bear alone.
+Both follow Redmon and Farhadi, arXiv:1804.02767: the first is YOLOv3 with a quarter of Darknet-53's channels and one
+residual block per stage; the second is as published, but with only the classes person and teddy bear.
 """
 
 import itertools
@@ -13,23 +13,23 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-BATCH_NORM_EPSILON = 1e-6  # as Darknet's batchnorm_layer.c on a processor, and OpenCV's reader
-LEAKY_SLOPE = 0.1  # as Darknet's activations.h
+BATCH_NORM_EPSILON = 1e-6  # as in Darknet's batchnorm_layer.c on a CPU, and in OpenCV's reader
+LEAKY_SLOPE = 0.1  # as in Darknet's activations.h
 OBJECTNESS = 4
-"""Place among the numbers of an anchor in a cell: after x, y, width, height, before the only class."""
-NUMBERS = OBJECTNESS + 2  # of an anchor in a cell
-STRIDE = 32  # Pixels of the input per cell of the coarsest grid: a multiple of them is the input's size
+"""Index among an anchor's numbers in a cell: after x, y, width and height, before the only class."""
+NUMBERS = OBJECTNESS + 2  # Count of an anchor's numbers in a cell
+STRIDE = 32  # Pixels of the input per cell of the coarsest grid; the input's sides are multiples of it
 Anchors = tuple[tuple[float, float], ...]
-"""Widths and heights, pixels of the input."""
+"""Widths and heights in the input, pixels."""
 
 
 @dataclass(frozen=True)
 class Grid:
-    """Where a head looks for people.
+    """The grid on which a head looks for people.
 
     Attributes:
-        anchors: all of the network, from small to large.
-        mask: numbers of those of this head.
+        anchors: all anchors of the network, from small to large.
+        mask: indices of this head's anchors.
     """
 
     anchors: Anchors
@@ -37,7 +37,7 @@ class Grid:
 
 
 class Convolution(nn.Module):
-    """Convolution, batch normalization and leaky ReLU; or, before a grid, with a bias alone."""
+    """Convolution, batch normalization and leaky ReLU; before a grid, only a convolution with a bias."""
 
     def __init__(self, channels: int, filters: int, size: int, stride: int = 1, is_last: bool = False) -> None:
         super().__init__()
@@ -54,33 +54,33 @@ class Yolo(nn.Module):
     """A network that looks for people on several grids.
 
     Attributes:
-        grids: the coarsest first.
+        grids: its grids, the coarsest first.
     """
 
     grids: tuple[Grid, ...]
 
     def heads(self, images: Tensor) -> Iterator[Tensor]:
-        """(N, anchors · NUMBERS, H, W) of each grid, the coarsest first, computed as they are asked for.
+        """(N, anchors · NUMBERS, H, W) outputs for each grid, the coarsest first, each computed on demand.
 
         ``images`` are (N, 3, H, W), 0 to 1.
         """
         raise NotImplementedError
 
     def forward(self, images: Tensor) -> list[Tensor]:
-        """All heads."""
+        """The outputs of all heads."""
         return list(self.heads(images))
 
     @property
     def convolutions(self) -> list[Convolution]:
-        """In the order of Darknet's layers."""
+        """The convolutions, in the order of Darknet's layers."""
         return [module for module in self.modules() if isinstance(module, Convolution)]
 
 
 class YoloSmall(Yolo):
-    """YOLOv3-small, with grids of 32, 16 and 8 pixels and three anchors on each.
+    """YOLOv3-small, with grids of 32, 16 and 8 pixels per cell and three anchors on each.
 
     Attributes:
-        ANCHORS: of the shipped network, fitted to the people in its training images.
+        ANCHORS: anchors of the shipped network, fitted to the people in its training images.
     """
 
     ANCHORS: Anchors = (
@@ -108,7 +108,7 @@ class YoloSmall(Yolo):
 
 
 class _Stage(nn.Module):
-    """Half as many pixels and twice as many channels, then a residual block."""
+    """Halves the resolution and doubles the channels, then applies a residual block."""
 
     def __init__(self, channels: int) -> None:
         super().__init__()
@@ -122,7 +122,7 @@ class _Stage(nn.Module):
 
 
 class _Scale(nn.Module):
-    """From features of one scale, and what the coarser scale made of its own, to a head."""
+    """Combines the features of one scale with the output of the coarser scale, for its head."""
 
     def __init__(self, channels: int, filters: int, coarser: int | None) -> None:
         super().__init__()
@@ -133,7 +133,7 @@ class _Scale(nn.Module):
         )
 
     def forward(self, feature: Tensor, coarser: Tensor | None) -> Tensor:
-        """(N, filters, H, W) before the head, of (N, C, H, W) and the coarser scale's (N, C, H / 2, W / 2)."""
+        """(N, filters, H, W) input of the head, from (N, C, H, W) and the coarser scale's (N, C, H / 2, W / 2)."""
         if self.lateral is not None:
             feature = torch.cat([_upsampled(self.lateral(coarser)), feature], dim=1)
         x: Tensor = self.narrow(feature)
@@ -141,7 +141,7 @@ class _Scale(nn.Module):
 
 
 class YoloTiny(Yolo):
-    """YOLOv3-tiny, with grids of 32 and 16 pixels; the anchors come twice, for people and for teddy bears."""
+    """YOLOv3-tiny, with grids of 32 and 16 pixels per cell; the anchors come twice, for people and teddy bears."""
 
     ANCHORS: Anchors = ((10, 14), (23, 27), (37, 58), (81, 82), (135, 169), (344, 319))
 
@@ -161,7 +161,7 @@ class YoloTiny(Yolo):
         for convolution in self.trunk[:5]:
             feature = convolution(x)
             x = functional.max_pool2d(feature, 2)
-        # The last pool keeps the size: of a window over the edge, only pixels inside count.
+        # The last pooling keeps the size; where its window crosses the edge, only the pixels inside count.
         x = functional.pad(self.trunk[5](x), (0, 1, 0, 1), value=float("-inf"))
         x = self.narrow(self.trunk[6](functional.max_pool2d(x, 2, stride=1)))
         yield self.coarse(x)

@@ -1,4 +1,4 @@
-"""Blocks of points as HDF5, as S3DIS is prepared for PointNet (Qi et al., CVPR 2017) and DGCNN."""
+"""Blocks of points in HDF5, the form in which PointNet (Qi et al., CVPR 2017) and DGCNN read S3DIS."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -18,8 +18,8 @@ from sarsim.dataset.settings import check
 
 LIST = "room_filelist.txt"
 FILES = "all_files.txt"
-SIZE = 1.0  # m, sides of a block in xy
-SEED = 0  # of the random choice of points
+SIZE = 1.0  # Side of a block in xy, m
+SEED = 0  # Seed of the random choice of points
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Blocks(Export):
         check("min-points", self.min_points, 1)
 
     def add(self, folder: Path, entry: SceneEntry, scene: Scene) -> None:
-        """Write one file per scene; each frame is a room of its own."""
+        """Write one file for the scene; each frame is a separate room."""
         rng = np.random.default_rng([SEED, entry.index])
         blocks, rooms = [], []
         for index in range(len(scene)):
@@ -51,23 +51,23 @@ class Blocks(Export):
             rooms += [f"{AREAS[entry.split]}_{room(entry)}_frame_{index}"] * len(new)
         name = f"ply_data_all_{entry.index}.h5"
         self._write(folder / name, blocks)
-        # Published loaders (dgcnn.pytorch, pointnet) join these names to the parent of this folder.
+        # Published loaders (dgcnn.pytorch, pointnet) append these paths to the parent of this folder.
         for list_name, lines in ((FILES, [f"{self.out.name}/{name}"]), (LIST, rooms)):
             with (folder / list_name).open("a") as file:
                 file.writelines(f"{line}\n" for line in lines)
 
     def finish(self, folder: Path, dataset: Dataset) -> None:
-        """Name the labels, by number."""
+        """Write the labels' names in the order of their numbers."""
         (folder / "meta").mkdir()
         (folder / "meta" / "class_names.txt").write_text(label_names())
 
     def of_cloud(
         self, cloud: Cloud, rng: np.random.Generator
     ) -> Iterator[tuple[NDArray[np.float32], NDArray[np.uint8]]]:
-        """Blocks of (points, 6 or 9), each with (points,) labels.
+        """The blocks of a cloud, (points, 6 or 9) each, with their (points,) labels.
 
-        Channels: x and y from the block's centre, z from the lowest point, colours if wanted, x y z over the extent
-        of the cloud.
+        Channels: x and y from the block's centre, z from the lowest point, colours if wanted, and x y z as shares
+        of the cloud's extent.
         """
         if not len(cloud.points):
             return

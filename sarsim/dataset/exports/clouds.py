@@ -13,13 +13,13 @@ from sarsim.dataset.scene_file import Scene
 
 @dataclass(frozen=True, eq=False)
 class Cloud:
-    """Points in the world.
+    """Labelled points in the world frame.
 
     Attributes:
         points: (N, 3) float32 m.
         rgb: (N, 3) uint8.
         label: (N,) uint8.
-        instance: (N,) int32 geom ids.
+        instance: (N,) int32 geom ids, -1 = none.
     """
 
     points: Points
@@ -29,7 +29,7 @@ class Cloud:
 
     @classmethod
     def of_frame(cls, scene: Scene, index: int) -> Self:
-        """All returns of a frame, at the true pose."""
+        """All returns of a frame, placed with the true pose."""
         frame = scene.frame(index)
         assert frame.label is not None and frame.instance is not None
         seen = frame.returns
@@ -38,7 +38,7 @@ class Cloud:
 
     @classmethod
     def of_scene(cls, scene: Scene, voxel: float) -> Self:
-        """The first return in every cube with sides of ``voxel`` m."""
+        """The returns of all frames, thinned to one in each cube with sides of ``voxel`` m."""
         parts = [cls.of_frame(scene, index).thinned(voxel) for index in range(len(scene))]
         columns = zip(*(vars(part).values() for part in parts), strict=True)
         return cls(*map(np.concatenate, columns)).thinned(voxel)
@@ -48,5 +48,5 @@ class Cloud:
         return self.of(first_in_voxels(self.points.astype(np.float64) / voxel))
 
     def of(self, chosen: NDArray) -> Self:
-        """Some of the points, by index or mask."""
+        """The points selected by indices or a mask."""
         return type(self)(*(column[chosen] for column in vars(self).values()))

@@ -47,10 +47,10 @@ class Coco(ImageExport):
 def objects(
     instance: NDArray[np.int32], content: SceneContent, min_area: int
 ) -> Iterator[tuple[int, NDArray[np.bool_]]]:
-    """Label and mask (H, W) of each object with enough pixels in an instance image (H, W): a geom or a victim."""
+    """Label and (H, W) mask of each object, a geom or a victim, with at least ``min_area`` pixels in an image."""
     victims = content.geom_victim.astype(np.int64)
     geoms = np.arange(len(victims))
-    # All geoms of a victim get the number of its first geom.
+    # All geoms of a victim share the number of its first geom.
     first = np.array([geoms[victims == v][0] if v >= 0 else g for g, v in zip(geoms, victims, strict=True)])
     merged = np.where(instance >= 0, first[instance], -1)
     for number, area in zip(*np.unique(merged[merged >= 0], return_counts=True), strict=True):
@@ -60,7 +60,7 @@ def objects(
 
 
 def annotation(mask: NDArray[np.bool_]) -> dict[str, Any]:
-    """Box (x, y, width, height in pixels), area and run lengths of a mask (H, W) that is not empty."""
+    """Box (x, y, width, height in pixels), area and run lengths of a non-empty (H, W) mask."""
     rows, columns = (np.flatnonzero(mask.any(axis=axis)) for axis in (1, 0))
     box = [int(columns[0]), int(rows[0]), int(np.ptp(columns)) + 1, int(np.ptp(rows)) + 1]
     return {
@@ -72,7 +72,7 @@ def annotation(mask: NDArray[np.bool_]) -> dict[str, Any]:
 
 
 def run_lengths(mask: NDArray[np.bool_]) -> str:
-    """A mask (H, W) in COCO's compression: runs down the columns, minus the run two before, 5 bits per letter."""
+    """An (H, W) mask in COCO's compressed RLE: runs down the columns, minus the run two before, 5 bits a letter."""
     flat = np.concatenate([[False], mask.ravel(order="F"), [not mask[-1, -1]]])
     counts = np.diff(np.flatnonzero(flat[1:] != flat[:-1]), prepend=0)
     letters = []

@@ -1,4 +1,4 @@
-"""The base classes of exports, and the files that all exports have."""
+"""The base classes of exports, and the files that every export has."""
 
 import json
 import shutil
@@ -24,12 +24,12 @@ from sarsim.dataset.scene_file import Scene
 from sarsim.dataset.settings import check
 
 TEMPLATES = files("sarsim.dataset") / "templates"
-JPEG_QUALITY = 95  # of the images, up to 100
+JPEG_QUALITY = 95  # 0 to 100
 
 
 @dataclass(frozen=True)
 class Export:
-    """The flags of an export are the fields of a subclass."""
+    """Base class of exports; the fields of a subclass become its command-line flags."""
 
     data: Path
     """Folder of a dataset."""
@@ -37,7 +37,7 @@ class Export:
     """New folder for the export; it appears once the export is complete."""
 
     def run(self) -> Iterator[SceneEntry]:
-        """Make the export; yields after each scene.
+        """Make the export; yield each scene's entry once the scene is exported.
 
         Raises:
             InputError: the dataset cannot be read, or the folder cannot be written.
@@ -73,7 +73,7 @@ class ImageExport(Export):
         check("min-area", self.min_area, 1)
 
     def images(self, folder: Path, entry: SceneEntry, scene: Scene) -> Iterator[tuple[str, Frame]]:
-        """Write every frame's image; yields its name without suffix, and the frame."""
+        """Write every frame's image, and yield its name without suffix, and the frame."""
         images = folder / "images" / entry.split
         images.mkdir(parents=True, exist_ok=True)
         for index, frame in enumerate(scene):
@@ -83,7 +83,7 @@ class ImageExport(Export):
 
 
 def room(entry: SceneEntry) -> str:
-    """Name of a scene as a room or a sequence."""
+    """Name of the room or sequence that a scene becomes."""
     return f"arena_{entry.index}"
 
 
@@ -114,7 +114,7 @@ def describe(
 
 
 def write_image(path: Path, image: NDArray, *options: int) -> None:
-    """Write (H, W) or (H, W, 3) RGB in the format of the suffix; raises OSError if it cannot be written."""
+    """Write an (H, W) or (H, W, 3) RGB image in the format of the suffix; OSError if it cannot be written."""
     bgr = image[..., ::-1] if image.ndim == 3 else image
     _, data = cv2.imencode(path.suffix, np.ascontiguousarray(bgr), options)
     path.write_bytes(data.tobytes())
@@ -122,10 +122,10 @@ def write_image(path: Path, image: NDArray, *options: int) -> None:
 
 @contextmanager
 def whole_folder(path: Path) -> Iterator[Path]:
-    """Give a new folder beside ``path``, which is renamed to ``path`` if the block ends without an error.
+    """Make a folder next to ``path`` for the block to fill, and rename it to ``path`` if there is no error.
 
     Raises:
-        InputError: ``path`` is not empty, or cannot be written.
+        InputError: ``path`` exists and is not an empty folder, or cannot be written.
     """
     check_folder(path, marks=())
     partial = path.with_name(path.name + ".part")

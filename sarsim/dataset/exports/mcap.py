@@ -1,4 +1,4 @@
-"""Scenes as ROS 2 bags, as if a robot had recorded them."""
+"""Scenes as ROS 2 bags, as if recorded by a robot."""
 
 from dataclasses import dataclass
 from pathlib import Path

@@ -14,12 +14,12 @@ from sarsim.dataset.manifest import SceneEntry
 from sarsim.dataset.scene_file import Scene
 from sarsim.dataset.settings import check
 
-AREAS = {"train": "Area_1", "val": "Area_2", "test": "Area_5"}  # Published loaders hold out area 5
+AREAS = {"train": "Area_1", "val": "Area_2", "test": "Area_5"}  # Published loaders hold out Area 5
 NAMES = (
     *("window", "wall", "floor", "beam", "table", "ceiling", "chair", "clutter"),
     *("column", "door", "sofa", "bookcase", "board"),
 )
-"""The classes of S3DIS, for published readers know no others; the first stand for the labels, by their numbers."""
+"""The classes of S3DIS, because published readers know no others; a label is named by its index in this list."""
 
 
 @dataclass(frozen=True)
@@ -43,7 +43,7 @@ class S3dis(Export):
         annotations.mkdir(parents=True)
         cloud = Cloud.of_scene(scene, self.voxel)
         instances, numbers = objects(scene, cloud), Counter[str]()
-        # A published reader (indoor3d_util.py) joins tables; NumPy reads a file of one line as a vector, not a table.
+        # Objects with one point are left out: indoor3d_util.py joins tables, and NumPy reads one line as a vector.
         known, counts = np.unique(instances, return_counts=True)
         several = np.isin(instances, known[counts > 1])
         cloud, instances = cloud.of(several), instances[several]
@@ -55,7 +55,7 @@ class S3dis(Export):
             write_lines(annotations / f"{name}_{numbers[name]}.txt", part)
 
     def finish(self, folder: Path, dataset: Dataset) -> None:
-        """List classes and rooms as pointnet's and dgcnn.pytorch's collect_indoor3d_data.py reads them."""
+        """List classes and rooms for collect_indoor3d_data.py of pointnet and dgcnn.pytorch."""
         rooms = [(AREAS[entry.split], room(entry)) for entry in dataset.entries]
         (folder / "meta").mkdir()
         for name, lines in (
@@ -67,14 +67,14 @@ class S3dis(Export):
 
 
 def objects(scene: Scene, cloud: Cloud) -> NDArray[np.int64]:
-    """(N,) a number for each geom, and one for all geoms of a victim; -1 for specks of dust."""
-    # The last element belongs to id -1, no geom.
+    """(N,) the number of each point's object: a geom, or all geoms of a victim; -1 for specks of dust."""
+    # Index -1, no geom, selects the element appended at the end.
     victim = np.append(scene.content.geom_victim, -1).astype(np.int64)[cloud.instance]
     return np.where(victim >= 0, len(scene.content.geom_name) + victim, cloud.instance)
 
 
 def write_lines(path: Path, cloud: Cloud) -> None:
-    """Write lines of x y z in m, r g b from 0 to 255."""
+    """Write lines of x y z in m and r g b from 0 to 255."""
     lines = [
         f"{x:.3f} {y:.3f} {z:.3f} {r} {g} {b}\n"
         for (x, y, z), (r, g, b) in zip(cloud.points.tolist(), cloud.rgb.tolist(), strict=True)

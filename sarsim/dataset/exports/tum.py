@@ -22,8 +22,8 @@ from sarsim.dataset.exports.export import Export, describe, room, whole_folder, 
 from sarsim.dataset.manifest import SceneEntry
 from sarsim.dataset.scene_file import Scene
 
-UNITS = 5000  # units of the depth images per metre
-DIGITS = 12  # that count, of numbers in m, in pixels, and of quaternions
+UNITS = 5000  # Depth units per metre
+DIGITS = 12  # Significant digits of readings, poses and intrinsics
 
 
 @dataclass(frozen=True)
@@ -61,16 +61,16 @@ IMAGES = ("rgb", "depth", "label")
 
 
 class TumSequence:
-    """Writes a sequence of the benchmark: image by image, and in the end the lists of images and readings."""
+    """Writes a sequence of the benchmark: image by image, and finally the lists of images and readings."""
 
     def __init__(self, folder: Path):
-        """Make the folder; raises OSError, here or later, if it cannot be written."""
+        """Make the folder; OSError, here or later, if it cannot be written."""
         self._folder, self._lists = folder, dict[str, list[str]]()
         for kind in IMAGES:
             (folder / kind).mkdir(parents=True)
 
     def frame(self, frame: Frame) -> None:
-        """Write the images of a frame, with its true labels if there are any."""
+        """Write the images of a frame, including its true labels if it has them."""
         depth = np.rint(np.where(frame.returns, frame.depth, 0) * UNITS).astype(np.uint16)
         for kind, image in zip(IMAGES, (frame.rgb, depth, frame.label), strict=True):
             if image is not None:
@@ -79,17 +79,17 @@ class TumSequence:
                 self._lists.setdefault(kind, []).append(f"{frame.time:.6f} {name}")
 
     def pose(self, kind: str, time: float, T: Pose) -> None:
-        """Add a 4×4 pose of the camera at a time in s to the list ``kind``."""
+        """Append the camera's 4×4 pose at a time, s, to the list ``kind``."""
         self.numbers(kind, time, [*T[:3, 3], *Rotation.from_matrix(T[:3, :3]).as_quat()])
 
     def numbers(self, kind: str, time: float, values: Iterable[float]) -> None:
-        """Add a reading at a time in s to the list ``kind``."""
-        # In full: what is read from here and from a scene's file should make the same maps.
+        """Append a reading at a time, s, to the list ``kind``."""
+        # Precise enough that these files and the scene's file give the same maps.
         line = " ".join([f"{time:.6f}", *(f"{number:.{DIGITS}g}" for number in values)])
         self._lists.setdefault(kind, []).append(line)
 
     def save(self, intrinsics: Intrinsics) -> None:
-        """Write the lists."""
+        """Write the lists and the calibration."""
         for kind, lines in self._lists.items():
             (self._folder / f"{kind}.txt").write_text("\n".join([*HEADERS[kind], *lines]) + "\n")
         (self._folder / "calibration.txt").write_text(calibration(intrinsics))
@@ -105,10 +105,10 @@ class TumDrive(ExitStack, Sink):
     """
 
     def __init__(self, path: Path, seed: int):
-        """Record what :class:`pipeline.ros.recorded_robot.RecordedRobot` reports, until this is closed.
+        """Record what :class:`pipeline.ros.recorded_robot.RecordedRobot` reports, until closed.
 
         Raises:
-            InputError: ``path``, which becomes a folder on closing, exists already or cannot be made.
+            InputError: ``path``, which appears on closing, is not an empty folder or cannot be made.
         """
         super().__init__()
         folder = self.enter_context(whole_folder(path))
@@ -138,11 +138,11 @@ class TumDrive(ExitStack, Sink):
             self._poses.append(("groundtruth", odometry.time, odometry.T_world_base))
 
     def on_keyframe(self, keyframe: Keyframe) -> None:
-        """Mark a keyframe's image, and record whether it is labelled."""
+        """Record a keyframe, and whether it is labelled."""
         self._keyframes[keyframe.frame.time] = len(keyframe.labels) > 0, False
 
     def on_step(self, mapper: Mapper, step: Step) -> None:
-        """Record that the robot stood at the step's keyframe."""
+        """Record that the robot stood still at the step's keyframe."""
         self._keyframes[step.keyframe.frame.time] = len(step.keyframe.labels) > 0, True
 
     def finish(self, result: Result) -> None:
@@ -163,6 +163,6 @@ class TumDrive(ExitStack, Sink):
 
 
 def calibration(k: Intrinsics) -> str:
-    """fx fy cx cy in the convention of the benchmark's tools: pixel centres at whole numbers."""
+    """fx fy cx cy in the convention of the benchmark's tools: pixel centres at integer coordinates."""
     values = (k.fx, k.fy, k.cx - 0.5, k.cy - 0.5)
     return "# fx fy cx cy\n" + " ".join(f"{value:.{DIGITS}g}" for value in values) + "\n"

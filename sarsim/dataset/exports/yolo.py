@@ -33,7 +33,7 @@ class Yolo(ImageExport):
             (labels / f"{name}.txt").write_text("".join(lines))
 
     def finish(self, folder: Path, dataset: Dataset) -> None:
-        """Write data.yaml with the splits and the one class; without a val scene, frames of train become val."""
+        """Write data.yaml with the splits and the only class; without val scenes, some frames of train become val."""
         present = {entry.split for entry in dataset.entries}
         if "val" not in present and self._hold_out(folder, dataset):
             _log.warning(
@@ -44,9 +44,9 @@ class Yolo(ImageExport):
         (folder / "data.yaml").write_text("\n".join([*lines, "names:", "  0: victim"]) + "\n")
 
     def _hold_out(self, folder: Path, dataset: Dataset) -> bool:
-        """Move the last fifth of the frames of each scene from train to val; returns whether any was moved.
+        """Move the last fifth of each scene's frames from train to val; True if any was moved.
 
-        The last ones are moved, because neighbouring frames look alike.
+        They are consecutive, because neighbouring frames look alike.
         """
         moved = False
         for entry in dataset.entries:

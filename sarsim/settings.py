@@ -150,7 +150,7 @@ class PerceptionConfig:
         weights: weights of the network. By default the shipped ones.
         detector: victim detector: Darknet's .cfg and .weights, or a .safetensors file; None for none.
         detector_class: your own victim detector, MODULE:CLASS.
-        reader: your own class that finds objects in images.
+        reader: class that finds objects in images.
         pipeline: all numbers of the robot's software; set them in a ``--config`` file.
     """
 
@@ -170,7 +170,7 @@ class MissionConfig:
         steps: maximum number of exploration steps. By default 160; with --goals, no limit.
         map: folder of an earlier episode in this arena; the robot continues with its map.
         goals: goals to drive to without exploring first: x y x y …, m in the map frame, in any order.
-        explore: explore before driving to the goals.
+        explore: explore before the goals.
         home: return to the start at the end.
         speed: top speed, m/s. By default the robot's own.
         view: live view: in a new window (spawn), in the browser (web), or none.
@@ -225,14 +225,14 @@ class EpisodeConfig(SinkConfig, PerceptionConfig, MissionConfig, SimulatorConfig
         tyre_error: relative error of the wheel radius that the odometry assumes.
         fiducials: number of AprilTags on the walls, used to score the map.
         oracle: compare with the best known tour of the arena; can take minutes.
-        voxel_size: side length of the metric map's voxels, m. By default 0.1.
+        voxel_size: voxel size of the metric map, m. By default 0.1.
         graph: graph for planning: a minimum spanning tree (mst), or one with loops (roadmap).
         bag: new folder for a ROS 2 bag with the robot's sensor data, commands and maps.
         bag_images: images in the bag: depth in whole mm (16UC1) or in m (32FC1); colour raw or as JPEG.
         tum: new folder for the drive in the TUM RGB-D layout.
         out: new folder for the results. By default runs/<arena>-<seed>, with -2, -3 … appended if it exists.
-        victims: file that lists the victims and starts of a third-party world.
-        victims_state: state of the victims whose names do not say whether they are alive.
+        victims: victims and starts of a published world.
+        victims_state: state if their names do not say.
         random: contents of a random arena.
     """
 

@@ -192,7 +192,7 @@ def test_the_explorer_of_the_page_of_sweeps_sees_more_than_a_random_walk() -> No
 def test_five_drives_in_vain_are_as_many_as_the_page_of_driving_says() -> None:
     page, numbers = " ".join((ROOT / "docs" / "driving.md").read_text().split()), PipelineConfig()
     words = dict(enumerate(["none", "one", "two", "three", "four", "five", "six", "seven", "eight", "nine", "ten"]))
-    assert f"After {words[numbers.explorer.patience]} such drives" in page
+    assert f"After {words[numbers.explorer.patience]} failed drives" in page
     assert f"- {words[numbers.exploration.patience]} drives in a row" in page
 
 

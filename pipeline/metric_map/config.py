@@ -67,8 +67,8 @@ class MetricMapConfig:
         if not 0 < self.max_range <= FARTHEST:
             raise InputError(f"metric map: max_range must be at most {FARTHEST:.0f} m, got {self.max_range}")
         if not 1e-3 <= self.voxel_size <= self.max_range:
-            span = f"from 1 mm to the range of {self.max_range:g} m"
-            raise InputError(f"metric map: voxel_size must be {span}, got {self.voxel_size:g}")
+            span = f"from 0.001 m to max_range, {self.max_range:g} m"
+            raise InputError(f"metric map: voxel_size must be {span}, got {self.voxel_size:g} m")
         if not 0 <= self.margin < np.inf:
             raise InputError(f"metric map: margin must not be negative, got {self.margin}")
         if np.shape(self.offset) != (3,) or not np.isfinite(self.offset).all():

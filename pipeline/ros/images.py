@@ -92,7 +92,7 @@ def _compressed_depth(message: Message) -> Depth:
         return np.nan_to_num(pixels, nan=0.0, posinf=0.0, neginf=0.0)
     if pixels.ndim != 2 or pixels.dtype != np.uint16:
         kind = f"{pixels.dtype} pixels of shape {pixels.shape}"
-        raise InputError(f"depth images in {message.format!r} of {kind}; use {LOSSLESS}")
+        raise InputError(f"depth images in {message.format!r}: {kind} are not supported; use {LOSSLESS}")
     if not is_inverse:
         return pixels * np.float32(1e-3)
     with np.errstate(divide="ignore"):

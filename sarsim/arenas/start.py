@@ -41,7 +41,7 @@ def start_at(model: mujoco.MjModel, data: mujoco.MjData, x: float, y: float, yaw
         InputError: the robot cannot stand there.
     """
     if not np.isfinite((x, y, yaw_deg)).all():
-        raise InputError(f"no free start: ({x:g}, {y:g}) m, {yaw_deg:g}° must be finite numbers")
+        raise InputError(f"start: x, y and heading must be finite numbers, got {x:g} m, {y:g} m, {yaw_deg:g}°")
     survey = Survey(model, data)
     low = np.array([x, y, survey.bodies.low[:, 2].min()])
     height = survey.place(low, reach=np.inf)

@@ -35,7 +35,7 @@ def score_mission(
         parked: x and y of the robot at the end, m. By default the end of trajectory_true.tum.
         resets: number of times that someone touched the robot.
         contacts: number of contacts with living victims.
-        victims: file that lists the victims and starts of a third-party world, as for sarsim-episode.
+        victims: list of the victims and starts of a published world, as for sarsim-episode.
         victims_state: state of the victims whose names do not say whether they are alive.
     """
     import json

@@ -164,5 +164,5 @@ def _rclpy() -> Any:
     try:
         return import_module("rclpy")
     except ImportError as error:
-        remedy = "source an installation of ROS 2, or pip install 'sarsim[ros]' (Python 3.11 to 3.13)"
-        raise InputError(f"rclpy is not installed: {remedy}; {error}") from error
+        remedy = "source ROS 2's setup script, or run pip install 'sarsim[ros]' (Python 3.11 to 3.13)"
+        raise InputError(f"rclpy cannot be imported ({error}); {remedy}") from error

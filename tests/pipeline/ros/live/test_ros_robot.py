@@ -317,7 +317,7 @@ def test_two_robots_or_none_that_listens_are_refused() -> None:
     wire = Wire()
     _, end = met_on(wire)
     wire.senders[ODOM] = ["another"]
-    with pytest.raises(InputError, match=r"/odom: .*another and robot"):
+    with pytest.raises(InputError, match=r"/odom: .*another, robot"):
         RosRobot(end, PIONEER, TopicNames(), T_BASE_CAMERA, patience=2.0)
     with pytest.raises(InputError, match="/drive"):
         RosRobot(end, PIONEER, TopicNames(cmd_vel="/drive"), T_BASE_CAMERA, patience=2.0)

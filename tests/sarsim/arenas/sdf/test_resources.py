@@ -246,7 +246,7 @@ def test_deep_nesting_is_refused(tmp_path):
     ("text", "said"),
     [
         ("<sdf><world>", "not readable XML"),
-        ("<sdf version='1.2'><model><link><origin pose='0 0 0 0 0 0'/></link></model></sdf>", "before 1.3"),
+        ("<sdf version='1.2'><model><link><origin pose='0 0 0 0 0 0'/></link></model></sdf>", "1.3"),
         ("<mujoco/>", "not an SDF file: its root is <mujoco>, not <sdf>"),
         ("<!DOCTYPE a [<!ENTITY b 'c'>]><sdf>&b;</sdf>", "declares a document type or entities"),
         (f"<sdf>{model('m', box('nan', 1, 1))}</sdf>", "<collision> c, <size>: 'nan 1 1' .* 3 numbers"),

@@ -1,4 +1,4 @@
-"""Paths of the models and weights."""
+"""Paths of the robot models, network weights and other assets."""
 
 from pathlib import Path
 

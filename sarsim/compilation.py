@@ -1,7 +1,8 @@
-"""Compilation of an episode's functions on two cores: numba's cache is filled from the far end by a second process.
+"""Compilation of an episode's functions on two cores: a second process fills numba's cache in reverse order.
 
-numba compiles a function when it is first called, one after the other, which takes a minute on a new machine. The
-second process goes through ``kernels.json`` backwards, from what an episode needs last, until it meets the first.
+numba compiles each function when it is first called, one after another, which takes a minute on a new machine. The
+second process works backwards through ``kernels.json``, from the function that an episode needs last, until it reaches
+those that the first process has compiled.
 """
 
 import functools
@@ -18,8 +19,8 @@ from typing import Any
 from pipeline.processes import end_with_parent
 
 Argument = str | list[Any]
-"""A type: the name of a number's; or ``["array", dtype, dimensions, layout, is read-only]``, ``["literal", value]``,
-``["omitted", default]`` or ``["tuple", module:class or null, types]``."""
+"""An argument's type: the name of a scalar type, ``["array", dtype, dimensions, layout, is read-only]``,
+``["literal", value]``, ``["omitted", default]`` or ``["tuple", module:class or null, types]``."""
 
 
 @functools.cache
@@ -45,26 +46,26 @@ def compile_on_two_cores() -> None:
 
 
 def listed() -> list[tuple[str, list[Argument]]]:
-    """Functions, as ``module:name``, and the types of their arguments, in the order in which they are needed."""
+    """The functions, as ``module:name``, with their argument types, in the order in which an episode needs them."""
     return [(name, arguments) for name, arguments in json.loads((files("sarsim") / "kernels.json").read_text())]
 
 
 def compile_listed(functions: Iterable[tuple[str, list[Argument]]]) -> None:
-    """Compile functions for types of arguments into numba's cache; one that is not there any more is left out."""
+    """Compile functions for their argument types into numba's cache, skipping those that can no longer be compiled."""
     for name, arguments in functions:
-        # A list that is older than the code costs no more than the time that it does not save.
+        # If the list is older than the code, nothing breaks: functions are compiled when first called.
         with suppress(Exception):
             named(name).compile(tuple(map(type_of, arguments)))
 
 
 def named(name: str) -> Any:
-    """What a module holds under a name, ``module:name``."""
+    """The object that ``module:name`` refers to."""
     module, _, attribute = name.partition(":")
     return getattr(import_module(module), attribute)
 
 
 def type_of(argument: Argument) -> Any:
-    """The type in numba of an argument."""
+    """The numba type of an argument."""
     from numba import types  # imported here, because it takes too long for --help
 
     if isinstance(argument, str):

@@ -1,4 +1,4 @@
-"""Where every run is put together from its settings, be the robot simulated, recorded, driven by hand or real."""
+"""Assembly of every run from its settings, whether the robot is simulated, recorded, driven by hand or real."""
 
 from collections.abc import Callable, Collection, Sequence
 from pathlib import Path
@@ -21,7 +21,7 @@ from sarsim.methods.perception import make_perception, make_readers
 from sarsim.settings import PerceptionConfig, SinkConfig
 
 TRUE_LABELS = PerceptionConfig(labels="truth", detector=None)
-"""The simulator's labels; nobody looks for people or finds."""
+"""Labels from the simulator, and no search for people or other finds."""
 
 
 def make_mapper(
@@ -32,15 +32,15 @@ def make_mapper(
     earlier: Path | None = None,
     graph: Literal["mst", "roadmap"] = "roadmap",
 ) -> Mapper:
-    """The maps of a robot.
+    """Make the mapper, which holds all maps of a robot.
 
     Args:
-        perception: what labels points and finds people, with the numbers of all rooms.
-        robot: decides what is traversable.
-        seed: of all random numbers.
-        localisation: by default SLAM.
-        earlier: folder of an earlier run, in whose map this one goes on; None to begin with empty maps.
-        graph: what plans are made on.
+        perception: how to label points and find people, and the parameters of all pipeline packages.
+        robot: model of the robot, which decides what is traversable.
+        seed: seed of all random numbers.
+        localisation: localisation method; by default SLAM.
+        earlier: folder of an earlier run whose map is continued; None to start with empty maps.
+        graph: graph used for planning.
 
     Raises:
         InputError: the labels, the detector or the earlier map are not available.
@@ -65,22 +65,22 @@ def compose(
     brief: MissionBrief | None = None,
     continues: Collection[str] = (),
 ) -> RunParts:
-    """The parts of a run that leaves results in a folder, which is made last, so that a refusal leaves none behind.
+    """Make the parts of a run. Its folder for results is made last, so that a refused run leaves no folder behind.
 
     Args:
-        settings: of the command, for report.json, with the user's own sinks, which take the result last.
-        mapper: with all maps.
-        folder: for files.
+        settings: settings of the command, for report.json; they name the user's sinks, which receive the result last.
+        mapper: holds all maps.
+        folder: folder for the results.
         place: name of the place that is mapped.
-        seed: of all random numbers.
+        seed: seed of all random numbers.
         view: ``spawn`` or ``web`` to show the recording while it grows.
-        recorder: makes the one that writes the Rerun recording, of a file's path, a viewer and ``config``.
+        recorder: makes the recorder of the Rerun recording from a file's path, a viewer and ``config``.
         others: further sinks, such as scores and bags.
-        brief: of a mission whose files are handed in.
-        continues: names of files, one of which the folder must have unless it is new or empty.
+        brief: brief of a mission whose files are to be handed in.
+        continues: names of files; the folder must contain one of them unless it is new or empty.
 
     Raises:
-        InputError: a sink of the user's own, the viewer or the folder is not available.
+        InputError: one of the user's sinks, the viewer or the folder is not available.
     """
     own = [own_sink(name) for name in settings.sink]
     viewer = Viewer(view) if view != "none" else None

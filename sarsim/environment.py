@@ -21,25 +21,25 @@ from sarsim.robots.skid_steered import SkidSteered, per_side
 CONTROL_TIMESTEP = 0.02
 """s, the period of the drive's firmware."""
 OF_ITS_OWN = {"compiler": ("autolimits", "fusestatic"), "size": ("memory", "nstack", "njmax", "nconmax")}
-"""Settings of an MJCF file for the file alone: a sound one means the same without them, and one model has one."""
+"""MJCF settings that concern a file alone: a valid file means the same without them, and a combined model has one."""
 MEDIUM = ("gravity", "wind", "magnetic", "density", "viscosity")
-"""Options that say where the robot is, not how its physics are solved."""
+"""Options that describe the robot's surroundings, not how its physics are solved."""
 
 
 class RescueEnvironment(dm_env.Environment):
-    """Drive through a rescue arena without a time limit; an action is (v m/s, ω rad/s), and there is no reward.
+    """Driving through a rescue arena without a time limit; an action is (v m/s, ω rad/s), and there is no reward.
 
     Attributes:
-        robot: in the arena.
-        physics: dm_control's, of the arena with the robot.
-        firmware: of the robot's drive.
+        robot: the robot in the arena.
+        physics: dm_control's physics of the arena with the robot.
+        firmware: firmware of the robot's drive.
     """
 
     def __init__(self, arena: RescueArena, robot: str = ROBOTS[0]):
-        """``robot``: see :class:`SkidSteered`; it stands at the arena's start.
+        """``robot``: see :class:`SkidSteered`; it is placed at the arena's start.
 
         Raises:
-            InputError: there is no such robot, its time step does not divide ``CONTROL_TIMESTEP``, or the two files
+            InputError: the robot does not exist, its time step does not divide ``CONTROL_TIMESTEP``, or the two files
                 cannot be compiled as one model.
         """
         self._T_world_start = arena.T_world_start
@@ -58,7 +58,7 @@ class RescueEnvironment(dm_env.Environment):
         self.reset()
 
     def reset(self) -> dm_env.TimeStep:
-        """Set the robot down at the arena's start."""
+        """Place the robot at the arena's start."""
         T, quat = self._T_world_start, np.empty(4)
         mujoco.mju_mat2Quat(quat, np.ascontiguousarray(T[:3, :3]).ravel())
         with self.physics.reset_context():
@@ -73,9 +73,9 @@ class RescueEnvironment(dm_env.Environment):
         return dm_env.transition(reward=0.0, observation=self._observation())
 
     def drive(self, command: Velocity) -> None:
-        """What :meth:`step` does, without an observation."""
+        """Do the same as :meth:`step`, but without an observation."""
         physics = self.physics
-        if physics.is_dirty:  # after a write by way of dm_control
+        if physics.is_dirty:  # after a write through dm_control
             physics.forward()
         model, data = physics.model.ptr, physics.data.ptr
         speed, gyro_z = per_side(data.qvel[self._wheels]), float(data.sensordata[self._inertial_data[2]])
@@ -89,8 +89,8 @@ class RescueEnvironment(dm_env.Environment):
     def _advance(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         for substep in range(self._substeps):
             mujoco.mj_step2(model, data)
-            mujoco.mj_step1(model, data)  # of the new state: its contacts, and what the gyro measures
-            if substep == 0:  # dm_control measures accelerations where it reads for the first time after a write
+            mujoco.mj_step1(model, data)  # contacts and gyro measurements of the new state
+            if substep == 0:  # as dm_control does at the first read after a write, to update accelerations
                 mujoco.mj_forwardSkip(model, data, mujoco.mjtStage.mjSTAGE_VEL, skipsensor=False)
             self._sensed += data.sensordata
         self._measured += self._substeps
@@ -105,12 +105,12 @@ class RescueEnvironment(dm_env.Environment):
         return mean
 
     def action_spec(self) -> specs.BoundedArray:
-        """(v m/s, ω rad/s)."""
+        """The bounds of an action (v m/s, ω rad/s)."""
         limits = np.array(self.robot.drive.limits)
         return specs.BoundedArray((2,), np.float64, -limits, limits, name="v\tomega")
 
     def observation_spec(self) -> dict[str, specs.Array]:
-        """What :meth:`SkidSteered.measurements` describes."""
+        """The shapes and types of :meth:`SkidSteered.measurements`."""
         return {name: specs.Array(value.shape, value.dtype, name) for name, value in self._observation().items()}
 
     def _observation(self) -> dict[str, NDArray[np.float64]]:
@@ -129,12 +129,12 @@ def _set_free(arena: RescueArena, robot: SkidSteered) -> None:
 
 
 def _reconcile(arena: mjcf.RootElement, robot: mjcf.RootElement) -> None:
-    """Let two models be compiled as one: each with what it is made of, in the arena's air and light.
+    """Make two models compile as one: each keeps its own elements, in the arena's air and light.
 
-    The physics are solved as the robot's file says, with MuJoCo's own value of what it leaves out.
+    The physics are solved with the robot's options, and MuJoCo's defaults for those that its file omits.
     """
     for root in (arena, robot):
-        root.keyframe.remove()  # of the state of one file alone
+        root.keyframe.remove()  # states of one file alone
         for tag, names in OF_ITS_OWN.items():
             for name in names:
                 setattr(getattr(root, tag), name, None)
@@ -152,7 +152,7 @@ def _reconcile(arena: mjcf.RootElement, robot: mjcf.RootElement) -> None:
 
 
 def _unlike(arena: mjcf.Element, robot: mjcf.Element) -> Iterator[str]:
-    """Clear options of an arena that are not its own matter; in words those that a robot has otherwise."""
+    """Clear an arena's options except ``MEDIUM``; yields a text for each whose value differs in the robot."""
     given, wanted = arena.get_attributes(), robot.get_attributes()
     for name in sorted(given.keys() - {*MEDIUM}):
         if name not in wanted or np.any(given[name] != wanted[name]):
@@ -161,7 +161,7 @@ def _unlike(arena: mjcf.Element, robot: mjcf.Element) -> Iterator[str]:
 
 
 def substeps(timestep: float) -> int:
-    """Number of time steps, of ``timestep`` s, in ``CONTROL_TIMESTEP``; InputError if it is not whole."""
+    """Number of time steps of ``timestep`` s in ``CONTROL_TIMESTEP``; InputError if it is not an integer."""
     number = round(CONTROL_TIMESTEP / timestep)
     if not np.isclose(number * timestep, CONTROL_TIMESTEP):
         raise InputError(f"the timestep of {timestep:g} s must divide {CONTROL_TIMESTEP:g} s into equal steps")

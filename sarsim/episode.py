@@ -36,14 +36,14 @@ class Episode(ExplorerRun):
     """A run in a simulated arena, and its score.
 
     Attributes:
-        config: its settings.
-        robot: in the arena.
-        score: by ground truth.
+        config: settings of the episode.
+        robot: the robot in the arena.
+        score: score by ground truth.
         recorder: writes the Rerun recording.
     """
 
     def __init__(self, config: EpisodeConfig, brief: MissionBrief | None = None):
-        """Explore, or play a mission; raises InputError if the arena, the folder or the viewer is not available."""
+        """Prepare exploration, or a mission if given; raises InputError if the arena, the folder or the viewer is not available."""
         if config.seed < 0:
             raise InputError(f"--seed {config.seed}: must not be negative")
         config = replace(config, out=config.folder)
@@ -83,9 +83,9 @@ class Episode(ExplorerRun):
         return make_mapper(config, model, config.seed, localisation, config.map, config.graph)
 
     def _recorded(self, mapper: Mapper, refused: ExitStack) -> tuple[Robot, list[Sink]]:
-        """The robot, wrapped so that what it senses and does is recorded, and the wanted bag and TUM sequence.
+        """The robot, wrapped to record what it senses and does, and the sinks of the requested bag and TUM sequence.
 
-        What they have begun to write is removed if the episode is ``refused``.
+        The files that they have started are removed if the episode is ``refused``.
         """
         config, robot = self.config, self.robot
         recorded: Robot = robot
@@ -118,7 +118,7 @@ class Episode(ExplorerRun):
 
     @property
     def explored(self) -> str:
-        """How much is explored, by the truth, as text."""
+        """The true explored share, as text."""
         return f"{self._explored_share():.0%} of all drivable ground seen"
 
     def _explored_share(self) -> float:
@@ -134,8 +134,8 @@ class Episode(ExplorerRun):
 
         Args:
             interrupted: called before each step; the run ends if it returns True.
-            on_progress: takes the progress; by default a terminal shows it.
-            show_progress: whether a terminal shows it.
+            on_progress: receives the progress; by default it is shown in a terminal.
+            show_progress: whether to show the progress in a terminal if ``on_progress`` is None.
         """
         if on_progress is None and show_progress and sys.stderr.isatty():
             with shown_run(self.config.arena) as show:

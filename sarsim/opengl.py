@@ -1,4 +1,4 @@
-"""OpenGL, by which MuJoCo renders: its platform, which MUJOCO_GL names, and what to do if it cannot start."""
+"""OpenGL for MuJoCo's rendering: the platform, which MUJOCO_GL names, and what to do if it cannot start."""
 
 import os
 import sys
@@ -17,21 +17,21 @@ _REMEDIES = {
     "osmesa": "run sudo apt-get install libosmesa6, or set MUJOCO_GL=egl",
     "glfw": "set MUJOCO_GL=egl, which needs no display, or set DISPLAY",
 }
-"""By the platforms that MuJoCo has on Linux: what to do if it cannot start."""
+"""For each platform that MuJoCo supports on Linux, what to do if it cannot start."""
 _MISSING = {
     "egl": "no EGL driver can render here",
     "osmesa": "the library libOSMesa is missing",
     "glfw": "it cannot open a display",
 }
 _VARIABLES = ("PYOPENGL_PLATFORM", "MUJOCO_EGL_DEVICE_ID")
-"""These choose a platform or device, too."""
+"""Other environment variables that choose a platform or device."""
 _DISPLAYS = ("DISPLAY", "WAYLAND_DISPLAY")
 _STARTERS = ("mujoco.rendering.classic.gl_context", "dm_control._render")
-"""Modules that start OpenGL while they are imported, and so by any import of MuJoCo or dm_control."""
+"""Modules that start OpenGL on import; importing MuJoCo or dm_control imports them."""
 
 
 def choose_platform() -> None:
-    """Choose EGL unless MUJOCO_GL names a platform, and let MuJoCo be imported where the platform cannot start.
+    """Choose EGL unless MUJOCO_GL names a platform, and make MuJoCo importable even if the platform cannot start.
 
     MuJoCo reads MUJOCO_GL once, when it is first imported.
     """
@@ -41,12 +41,12 @@ def choose_platform() -> None:
 
 
 def offscreen_context(width: int, height: int) -> Any:
-    """A current OpenGL context of the platform that MUJOCO_GL names.
+    """An OpenGL context of the platform that MUJOCO_GL names, made current.
 
     ``mujoco.GLContext`` would use another platform if mujoco was imported before sarsim, which sets MUJOCO_GL.
 
     Raises:
-        InputError: there is no such platform, or it cannot start on this machine.
+        InputError: the platform does not exist, or cannot start on this machine.
     """
     name = os.environ["MUJOCO_GL"]
     platform = name.strip().lower()
@@ -58,7 +58,7 @@ def offscreen_context(width: int, height: int) -> Any:
             context.make_current()
             if platform == "glfw" and not import_module("glfw").get_current_context():
                 raise OSError("no display")
-    except Exception as error:  # of MuJoCo, PyOpenGL or ctypes
+    except Exception as error:  # from MuJoCo, PyOpenGL or ctypes
         raise InputError(f"MUJOCO_GL={name}: {_reason(error, platform)}") from error
     return context
 
@@ -77,7 +77,7 @@ def check_display() -> None:
 
 
 def _reason(error: Exception, platform: str) -> str:
-    """What is wrong and what to do, in one line; the errors themselves name functions of OpenGL."""
+    """What is wrong and what to do, in one line; the errors themselves only name OpenGL functions."""
     for variable in _VARIABLES:
         if variable in str(error):
             return f"{variable}={os.environ.get(variable)} cannot be used here; unset it"
@@ -100,7 +100,7 @@ class _Finder(PathFinder):
 
 
 class _Loader(SourceFileLoader):
-    """Loads a module that starts OpenGL, or only the rest of it if OpenGL cannot start: not all commands render."""
+    """Loads a module that starts OpenGL, without OpenGL if that cannot start, because not all commands render."""
 
     def exec_module(self, module: ModuleType) -> None:
         platform = os.environ["MUJOCO_GL"]

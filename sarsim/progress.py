@@ -27,7 +27,7 @@ LINE_EVERY = 10.0  # s between lines of progress if there is no terminal
 
 
 class PlainBars(Bars):
-    """Progress as lines on stderr, one every :data:`LINE_EVERY` s and a last one, for a file or a service's log."""
+    """Progress as lines on stderr, one every :data:`LINE_EVERY` s and one at the end, for a file or service log."""
 
     def start(self) -> None:
         """Draw nothing."""
@@ -62,14 +62,14 @@ class PlainBars(Bars):
 
 
 class _Left(ProgressColumn):
-    """The time left of a run, where it can be known."""
+    """The remaining time of a run, if it can be estimated."""
 
     def render(self, task: Task) -> Text:
         return Text(left_of(task), style="progress.remaining")
 
 
 def left_of(task: Task) -> str:
-    """The time left, as text, of a task whose field ``is_timed`` is true; else, and at first, nothing."""
+    """The remaining time as text; empty at the start, and for a task whose field ``is_timed`` is not true."""
     if not task.fields.get("is_timed") or not task.elapsed or not task.completed or not task.total:
         return ""
     seconds = round(task.elapsed * (task.total - task.completed) / task.completed)
@@ -77,9 +77,9 @@ def left_of(task: Task) -> str:
 
 
 def progress_bars(disable: bool = False, transient: bool = False) -> Bars:
-    """Bars with counts and the time elapsed; lines if stderr is no terminal.
+    """Progress bars with counts and elapsed time; lines if stderr is not a terminal.
 
-    ``transient``: the bars vanish at their end.
+    ``transient``: whether the bars disappear at the end.
     """
     columns = *Bars.get_default_columns(), MofNCompleteColumn(), TimeElapsedColumn()
     return _bars(columns, disable, transient)
@@ -87,7 +87,7 @@ def progress_bars(disable: bool = False, transient: bool = False) -> Bars:
 
 @contextmanager
 def shown_run(description: str, disable: bool = False) -> Iterator[Callable[[Progress], None]]:
-    """Show a run while the block of the ``with`` statement goes on: a function that takes its progress."""
+    """Show a run during a ``with`` block; yields a function that receives its progress."""
     columns = SpinnerColumn(), TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn(), _Left()
     with _bars(columns, disable) as bars:
         bar = bars.add_task(description, total=None, is_timed=False)

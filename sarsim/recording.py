@@ -30,11 +30,11 @@ class EpisodeRecorder(Recorder):
     def __init__(
         self, robot: SimulatedRobot, path: Path, viewer: Viewer | None = None, *, config: RerunConfig = RerunConfig()
     ):
-        """Begin the recording with the arena and the robot's shape.
+        """Start the recording with the arena and the robot's shape.
 
         Args:
-            robot: in its arena.
-            path: of the file, which is written as the recording grows and can be read at any time.
+            robot: the robot in its arena.
+            path: the file, which is written as the recording grows and can be read at any time.
             viewer: shows the recording while it grows.
             config: how much is logged.
 
@@ -65,14 +65,14 @@ class EpisodeRecorder(Recorder):
         self._log_joints()
 
     def on_motion(self, motion: Motion) -> None:
-        """Log the robot's pose after a control period; thinned to 5 poses a second."""
+        """Log the robot's pose after a control period, thinned to 5 poses a second."""
         self._true_track.add(self._T_world_base[:3, 3])
         if self.log_pose(motion.time, motion.T_odom_base):
             self._log_joints()
             self._log_error()
 
     def log_trajectory(self, localisation: Localisation) -> None:
-        """Log the trajectory so far, as now estimated and as truly driven."""
+        """Log the trajectory so far: the current estimate and the true one."""
         super().log_trajectory(localisation)
         if self._can_err:
             way = [*self._true_track.positions, self._T_world_base[:3, 3]]

@@ -31,7 +31,7 @@ from sarsim.sensors.xtion import Xtion
 
 SENSORS = {"xtion": Xtion(), "ideal": Xtion.ideal()}
 SETTLING_TIME = 0.5
-"""s that the robot stands still before the episode begins."""
+"""s, the time that the robot stands still before the episode starts."""
 
 
 @dataclass(frozen=True)
@@ -39,13 +39,13 @@ class SimulationConfig:
     """Settings of the simulation.
 
     Attributes:
-        odometry: the true pose, or dead reckoning by wheels and gyro.
+        odometry: the true pose, or dead reckoning with wheel encoders and inertial sensors.
         sensor: the Xtion with its noise, or only with its limited range.
-        lighting: of the arena; in the dark the robot's lamp is on.
-        dust: in the air, from 0 to 1; it swallows depth returns, makes false ones and veils colours.
-        speed: at which the robot drives on level ground, m/s; by default its model's.
+        lighting: lighting of the arena; in the dark, the robot's lamp is on.
+        dust: dust in the air, from 0 to 1; it swallows depth returns, causes false ones and veils colours.
+        speed: the robot's speed on level ground, m/s; by default that of its model.
         robot: see :class:`sarsim.robots.skid_steered.SkidSteered`.
-        tyre_error: relative error of the wheels' radius that the odometry does not know.
+        tyre_error: relative error of the wheels' radius, unknown to the odometry.
     """
 
     odometry: Literal["truth", "wheel"] = "wheel"
@@ -59,38 +59,38 @@ class SimulationConfig:
 
 @dataclass(frozen=True, eq=False)
 class TrueFrame:
-    """The newest frame without noise and with the true pose.
+    """A frame without noise, with its true pose.
 
     Attributes:
         T_world_base: 4×4 true pose.
-        image: noise-free, clipped to the sensor's range.
+        image: noise-free image, clipped to the sensor's range.
     """
 
     T_world_base: NDArray[np.float64]
     image: LabelledImage
 
     def points(self) -> NDArray[np.float32]:
-        """(N, 3) float32 the noise-free returns, m in the world."""
+        """(N, 3) float32 points of the noise-free returns in the world frame, m."""
         return self.image.intrinsics.points(self.image.depth, self.image.T_world_camera)
 
 
 class SimulatedRobot:
-    """A robot in an arena that implements :class:`pipeline.robot.Robot`; ``odom`` is the world's frame.
+    """A robot in an arena that implements :class:`pipeline.robot.Robot`; its ``odom`` is the world frame.
 
     Attributes:
-        arena: in which it is.
-        model: its size and abilities.
-        T_world_start: 4×4 pose at which it was set down.
-        physics: dm_control's, for scores and drawings.
-        true_frame: of the newest frame.
-        trajectory: a pose every control period.
+        arena: the arena that contains the robot.
+        model: the robot's size and abilities.
+        T_world_start: 4×4 pose at which the robot was placed.
+        physics: dm_control's physics, for scores and drawings.
+        true_frame: the newest frame without noise; None before the first.
+        trajectory: one pose per control period.
         collisions: counts the robot's contacts with walls, clutter and victims.
     """
 
     control_period = 2 * CONTROL_TIMESTEP
 
     def __init__(self, arena: RescueArena, config: SimulationConfig, seed: int):
-        """Set the robot down at the arena's start; InputError if it cannot stand there."""
+        """Place the robot at the arena's start; InputError if it cannot stand there."""
         self.arena, self.config = arena, config
         lighting = Lighting[config.lighting]
         self._conditions = Conditions(SENSORS[config.sensor], lighting, Air(config.dust))
@@ -105,7 +105,7 @@ class SimulatedRobot:
         self._thermal = ThermalCamera(temperatures(self.physics.model.ptr, things))
         self._living = [thing.geoms for thing in things if thing.is_warm]
         self.T_world_start = arena.T_world_start
-        # Upright also where the robot stands on a slope, whose tilt the odometry measures.
+        # Level even if the robot starts on a slope, because the odometry measures the slope's tilt.
         x, y, z = self.T_world_start[:3, 3]
         self._T_world_odom = from_yaw(x, y, z, yaw_of(self.T_world_start))
         with ExitStack() as refused:
@@ -114,7 +114,7 @@ class SimulatedRobot:
             refused.pop_all()
 
     def reset(self, seed: int) -> None:
-        """Set the robot down at the start again, as a new one with this seed would be."""
+        """Return the robot to the start, in the state of a new robot with this seed."""
         self._environment.reset()
         self._begin(seed)
 
@@ -146,12 +146,12 @@ class SimulatedRobot:
 
     @property
     def time(self) -> float:
-        """Simulated seconds since the robot was set down."""
+        """Simulated time since the robot was placed, s."""
         return float(self.physics.time())
 
     @property
     def T_wheel_base(self) -> NDArray[np.float64]:
-        """4×4 pose in the world by wheels and gyro alone, even if the pipeline receives the true pose."""
+        """4×4 pose in the world by dead reckoning, even if the pipeline receives the true pose."""
         return self._T_world_odom @ self._odometry.T_odom_base
 
     @property

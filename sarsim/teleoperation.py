@@ -37,14 +37,14 @@ SPACE, RIGHT, LEFT, DOWN, UP = 32, 262, 263, 264, 265
 """GLFW's key codes."""
 
 ENDING = 10.0
-"""s that the viewer may take to close its window."""
+"""s, the maximum time to wait for the viewer to close its window."""
 V_STEP, OMEGA_STEP = 0.1, 0.25
-"""m/s and rad/s that a key press adds."""
+"""Change of the command per key press, m/s and rad/s."""
 
 JS_EVENT, AXIS, FULL = struct.Struct("=IhBB"), 0x02, 32767.0
-"""Linux's ``js_event`` (joystick-api.rst): ms, value, type, number; the type of an axis, and its largest value."""
+"""Linux's ``js_event`` (joystick-api.rst): ms, value, type, number; then the type of an axis and its maximum."""
 SIDEWAYS, LENGTHWAYS = 0, 1
-"""Axes of the left stick: positive to the right, and towards the person."""
+"""Axes of the left stick, positive to the right and towards the user."""
 SLACK = 0.1
 """Dead zone: a stick counts as released up to this share of its full deflection."""
 
@@ -57,10 +57,10 @@ Close the window to end."""
 
 @dataclass
 class Throttle:
-    """The velocity command that the keys set; the viewer reports key presses only, so each press is one step.
+    """The velocity command that the keys set; the viewer reports only key presses, so each press is one step.
 
     Attributes:
-        max_v, max_omega: largest magnitudes, m/s and rad/s.
+        max_v, max_omega: maximum magnitudes, m/s and rad/s.
         v, omega: the current command, m/s and rad/s.
     """
 
@@ -70,7 +70,7 @@ class Throttle:
     omega: float = 0.0
 
     def press(self, key: int) -> None:
-        """Change the command by the key with this GLFW code."""
+        """Change the command according to the key with this GLFW code."""
         forwards, leftwards = (key == UP) - (key == DOWN), (key == LEFT) - (key == RIGHT)
         held = 0.0 if key == SPACE else 1.0
         self.v = _limited(held * self.v + forwards * V_STEP, self.max_v)
@@ -78,13 +78,13 @@ class Throttle:
 
 
 class Gamepad:
-    """A Linux joystick whose left stick drives: the further, the faster; released, it stops the robot."""
+    """A Linux joystick whose left stick drives the robot: pushed further, it drives faster; released, it stops."""
 
     def __init__(self, path: Path):
         """Open a device such as /dev/input/js0.
 
         Raises:
-            InputError: it is missing, is no device, or cannot be read.
+            InputError: the path is missing, is not a device, or cannot be read.
         """
         try:
             self._file = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
@@ -120,10 +120,10 @@ class FreeDrive:
     """A robot that drives, but senses nothing.
 
     Attributes:
-        physics: of the arena.
+        physics: physics of the arena with the robot.
         base_body: id of the robot's body.
         limits: top speed and turn rate, m/s and rad/s.
-        control_period: s for which a command holds.
+        control_period: s, the duration of a command.
     """
 
     control_period = CONTROL_TIMESTEP
@@ -142,7 +142,7 @@ class FreeDrive:
 def drive_by_keyboard(
     driven: "FreeDrive | MappedDrive", interrupted: Callable[[], bool] = lambda: False, gamepad: Gamepad | None = None
 ) -> None:
-    """Open a window and follow keys and gamepad in real time until it is closed or ``interrupted`` returns True.
+    """Open a window, and obey keys and gamepad in real time until it is closed or ``interrupted`` returns True.
 
     An exception between two steps would leave the viewer's thread waiting for a lock that is never released.
     """
@@ -165,7 +165,7 @@ def drive_by_keyboard(
 
 
 class _Score(Sink):
-    """Adds what a drive by hand has shown and done to its report."""
+    """Adds the coverage, navigation and localisation of a manual drive to its report."""
 
     def __init__(self, robot: SimulatedRobot, trajectory: TrajectoryScore):
         self._robot, self._trajectory, self._coverage = robot, trajectory, Coverage(robot)
@@ -189,14 +189,14 @@ class _Score(Sink):
 
 
 class MappedDrive(MappingRun):
-    """Maps what the robot sees while a person drives it, and leaves the files of an episode.
+    """Maps what the robot sees while a person drives it, and writes the files of an episode.
 
     Attributes:
-        physics, base_body, control_period, limits: those of :class:`FreeDrive`.
+        physics, base_body, control_period, limits: as in :class:`FreeDrive`.
     """
 
     def __init__(self, config: TeleopConfig, arena: RescueArena, out: Path, is_shown: bool = False):
-        """Take the first keyframe where the robot was set down, and show it in a window of Rerun if wanted.
+        """Take the first keyframe at the start pose; if ``is_shown``, open a Rerun window that shows the maps.
 
         Raises:
             InputError: the labels, the detector, the robot, the window or the folder for results are not available.
@@ -227,19 +227,19 @@ class MappedDrive(MappingRun):
             self._take()
 
     def _take(self) -> None:
-        """Take a keyframe, unless it repeats one."""
+        """Take a keyframe, unless it would repeat an earlier one."""
         keyframe = self.mapper.take(self._robot.sense(), at_stop=True, labelled=True)
         if keyframe is not None:
             self.show(keyframe)
 
     def save(self) -> None:
-        """End the recording, and write the maps, the report and the page; InputError if one cannot be written."""
+        """End the recording, and write the maps, the report and the page; InputError if any of them cannot be written."""
         steps, sim_time = len(self.mapper.keyframes), self._robot.time - self._begin
         each(lambda: self.finish(self._trajectory, steps, sim_time, {}), self._robot.close)
 
 
 def _follow(camera: mujoco.MjvCamera, body: int) -> None:
-    """Let the viewer's camera track a body, from above and from behind the robot's start."""
+    """Make the viewer's camera track a body obliquely from above, looking along the world's x-axis."""
     camera.type = mujoco.mjtCamera.mjCAMERA_TRACKING
     camera.trackbodyid = body
     camera.distance, camera.azimuth, camera.elevation = 3.0, 0.0, -60.0

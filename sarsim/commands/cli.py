@@ -1,4 +1,4 @@
-"""What all commands share: flags from typed parameters, and one line on stderr for wrong input."""
+"""What all commands share: flags from typed parameters, and one-line messages on stderr for wrong input."""
 
 import argparse
 import functools
@@ -30,10 +30,10 @@ from sarsim.progress import progress_bars, shown_run
 
 BAD_INPUT = 2
 ENDINGS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-"""Ctrl-C, the signal of service managers and containers, and a closed terminal: all end a command alike."""
+"""Ctrl-C, the signal of service managers and containers, and a closed terminal: all end a command in the same way."""
 SIGNALLED = 128  # plus the number of the signal, as in shells
 UNREAD = 141  # 128 + SIGPIPE
-HELP_INDENT = 8 * " "  # before the help of a flag in tyro's messages about wrong ones
+HELP_INDENT = 8 * " "  # Indent of a flag's help in tyro's messages about wrong flags
 COMMON = (
     "Every command also accepts --version, --quiet (only errors), --verbose (all figures) and "
     "--log-level debug|info|warning|error."
@@ -96,7 +96,7 @@ def common(args: Sequence[str] | None = None) -> list[str]:
     if _quiet:
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
     level = "error" if given.quiet else given.log_level
-    logging.getLogger("absl").setLevel(logging.ERROR)  # MuJoCo's and dm_control's own words, beside their errors
+    logging.getLogger("absl").setLevel(logging.ERROR)  # hides messages of MuJoCo and dm_control below errors
     logging.basicConfig(format="%(levelname)s %(name)s: %(message)s", level=level.upper())
     return rest
 
@@ -130,16 +130,16 @@ def unboxed(text: str) -> str:
 
 
 def progress(disable: bool = False, transient: bool = False) -> Bars:
-    """A progress bar on stderr, with counts and the time elapsed; lines if stderr is no terminal.
+    """A progress bar on stderr, with counts and elapsed time; lines if stderr is not a terminal.
 
-    ``transient``: the bar vanishes at its end.
+    ``transient``: whether the bar disappears at the end.
     """
     announce_compilation()
     return progress_bars(disable or _quiet, transient)
 
 
 def tracked(items: Iterable[Item], description: str) -> Iterator[Item]:
-    """The items, under a progress bar that vanishes with the last one."""
+    """Yield the items while a progress bar is shown, which disappears after the last item."""
     with progress(transient=True) as bars:
         yield from bars.track(items, description=description)
 
@@ -168,10 +168,10 @@ def announce_compilation() -> None:
 
 
 def call_with(function: Callable[..., Any], given: Mapping[str, Any], name: str) -> Any:
-    """Call a function with those values that are not None; its own defaults hold for the others.
+    """Call a function with those values that are not None; the function's defaults apply to the others.
 
     Raises:
-        InputError: the function has no such parameter; the message says ``name`` for what the user chose.
+        InputError: the function lacks one of the parameters; the message refers to the function as ``name``.
     """
     values = {key: value for key, value in given.items() if value is not None}
     known = inspect.signature(function).parameters
@@ -181,7 +181,7 @@ def call_with(function: Callable[..., Any], given: Mapping[str, Any], name: str)
 
 
 def check_folder_of(flag: str, path: Path) -> None:
-    """Raises InputError if the folder that is to hold the file ``path`` does not exist."""
+    """Raises InputError if the parent folder of the file ``path`` does not exist."""
     if not path.absolute().parent.is_dir():
         raise InputError(f"--{flag} {path}: the folder {path.absolute().parent} does not exist")
 
@@ -204,13 +204,13 @@ def guarded(action: Callable[[], object]) -> None:
     except BrokenPipeError:
         if not _is_unread():
             raise
-        # Python flushes the remaining output when it ends, which would fail.
+        # Python flushes the remaining output at exit, which would fail.
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         sys.exit(UNREAD)
 
 
 def _is_unread() -> bool:
-    """Whether stdout has no reader any more; the broken pipe may be another one."""
+    """Whether stdout no longer has a reader; the broken pipe may be a different one."""
     poll = select.poll()
     poll.register(sys.stdout.fileno(), 0)  # poll always reports errors
     return bool(poll.poll(0))
@@ -218,9 +218,10 @@ def _is_unread() -> bool:
 
 @contextmanager
 def _raised_endings() -> Iterator[None]:
-    """Let all of :data:`ENDINGS` raise KeyboardInterrupt, SIGHUP unless it is ignored, as under ``nohup``.
+    """Make all of :data:`ENDINGS` raise KeyboardInterrupt, except those that are ignored, as SIGHUP is under ``nohup``.
 
-    A shell without job control starts background jobs with SIGINT ignored, but ``kill -INT`` is meant for them.
+    SIGINT raises it even if ignored: shells without job control start background jobs with SIGINT ignored, but
+    ``kill -INT`` should still end them.
     """
     before = {number: signal.getsignal(number) for number in ENDINGS}
     for number, handler in before.items():
@@ -244,7 +245,7 @@ def forget_terminal() -> None:
     """Redirect output from the terminal to /dev/null: the terminal is closed, and writing to it would fail."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
     for stream in (1, 2):
-        if stat.S_ISCHR(os.fstat(stream).st_mode):  # isatty is false for a closed one
+        if stat.S_ISCHR(os.fstat(stream).st_mode):  # isatty is false for a closed terminal
             os.dup2(nowhere, stream)
 
 
@@ -252,7 +253,7 @@ class Interruptible:
     """Records the first signal of :data:`ENDINGS`, so that a step can be completed; a second one interrupts at once.
 
     Attributes:
-        signal: number of the first signal; None if none came since ``with``.
+        signal: number of the first signal; None if none has arrived in the ``with`` block.
     """
 
     def __init__(self) -> None:

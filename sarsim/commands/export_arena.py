@@ -35,7 +35,7 @@ def export_arena(settings: ExportArena) -> None:
     """Write an arena as MJCF, without the robot. View it with ``python -m mujoco.viewer --mjcf=FILE.xml``."""
     from sarsim.methods.arena import make_arena
 
-    if settings.out.suffix != ".xml":  # by which MuJoCo knows its own files
+    if settings.out.suffix != ".xml":  # the extension by which MuJoCo recognises MJCF
         raise InputError(f"--out {settings.out}: the file name must end in .xml")
     check_folder_of("out", settings.out)
     arena = make_arena(settings.arena, settings.start, settings.random)

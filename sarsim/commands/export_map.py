@@ -10,7 +10,7 @@ from sarsim.commands.cli import run
 from sarsim.flags import Given
 from sarsim.settings import Robot
 
-PLAN_ENDINGS = (".pgm", ".tif", ".png", ".svg", ".dxf")  # Endings of 2D maps
+PLAN_ENDINGS = (".pgm", ".tif", ".png", ".svg", ".dxf")  # File extensions of 2D maps
 
 if TYPE_CHECKING:
     import numpy as np
@@ -74,7 +74,7 @@ def _export_voxels(path: Path, out: Path, heights: tuple[float, float] | None) -
 
 
 def _export_ground(path: Path, out: Path, robot: Robot) -> list[Path]:
-    """Write a 2D map of the ground by its traversability for the robot; returns the files."""
+    """Write a 2D map of the ground's traversability for the robot; returns the files."""
     from pipeline.elevation_map.traversability import assess_map
     from pipeline.map_file import load_elevation_map
     from pipeline.metric_map.io.plans import SAVED

@@ -1,4 +1,4 @@
-"""What a command's settings name, checked before the command imports what takes seconds."""
+"""Checks of the names in a command's settings, before the command's imports, which take seconds."""
 
 from collections.abc import Iterable, Mapping
 from pathlib import Path
@@ -18,7 +18,7 @@ def check_names(settings: Mapping[str, Any]) -> None:
     """Check the settings that name an arena, a robot, methods, or files to read; others are ignored.
 
     Raises:
-        InputError: there is nothing of such a name.
+        InputError: one of the names does not exist.
     """
     for name, value in settings.items():
         flag = name.replace("_", "-")
@@ -39,5 +39,5 @@ def check_names(settings: Mapping[str, Any]) -> None:
 
 
 def _each(value: Any, kind: type) -> Iterable[Any]:
-    """The values of a kind in a setting, be it one or several."""
+    """The values of one type in a setting, which holds one value or a tuple."""
     return [one for one in (value if isinstance(value, tuple) else (value,)) if isinstance(one, kind)]

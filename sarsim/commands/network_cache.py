@@ -1,4 +1,4 @@
-"""A cache of the networks' outputs in a folder, keyed by their inputs: a repeated episode runs no network twice."""
+"""A cache of the networks' outputs in a folder, keyed by their inputs, so that a repeated episode runs no network."""
 
 import zlib
 from collections.abc import Callable, Sequence
@@ -18,14 +18,14 @@ from pipeline.semantic_map.classifier import PointClassifier
 from pipeline.tracks.find import KINDS
 from pipeline.victims.detection.detection import Detection, Detector
 
-MOST_ROWS = 3000  # Most detections in an image: a damaged file must not fill the memory
+MOST_ROWS = 3000  # Maximum number of detections in an image: a damaged file must not fill the memory
 
 
 class OutputCache:
-    """A folder of outputs, one file each, named by the digest of the inputs.
+    """A folder with one file per output, named by the digest of the inputs.
 
     Attributes:
-        folder: made if it does not exist.
+        folder: the folder; it is made if it does not exist.
         hits: number of outputs that were read from the folder.
     """
 
@@ -40,7 +40,7 @@ class OutputCache:
     def get(
         self, inputs: Sequence[ArrayLike], kind: DTypeLike, shape: tuple[int, int], run: Callable[[], NDArray]
     ) -> NDArray:
-        """The cached output (rows, columns) of a type and ``shape``; if there is none, that of ``run``, then cached.
+        """The cached output, (rows, columns) of a type; if there is none, that of ``run``, which is then cached.
 
         Raises:
             InputError: the output cannot be written.
@@ -69,7 +69,7 @@ class CachedClassifier(PointClassifier):
         self._classifier, self._cache, self._weights = classifier, cache, _content(weights)
 
     def classify(self, frame: Frame, points: NDArray[np.float32], T_map_camera: Pose) -> NDArray[np.float32]:
-        """As :meth:`PointClassifier.classify`."""
+        """See :meth:`PointClassifier.classify`."""
         inputs = self._weights, frame.time, frame.depth, points, T_map_camera
         shape = len(points), len(Label)
         return self._cache.get(
@@ -81,11 +81,11 @@ class CachedDetector:
     """A detector that is called only once for the same image."""
 
     def __init__(self, detector: Detector, cache: OutputCache, *files: Path):
-        """``files`` are those from which the detector was made."""
+        """``files``: the files from which the detector was loaded."""
         self._detector, self._cache, self._files = detector, cache, _content(*files)
 
     def detect(self, rgb: Rgb) -> list[Detection]:
-        """As :meth:`Detector.detect`, of an (H, W, 3) image."""
+        """See :meth:`Detector.detect`; ``rgb`` is (H, W, 3)."""
         numbers = self._cache.get(
             (self._files, rgb),
             np.float64,

@@ -1,4 +1,4 @@
-"""What figures hold for: the state of the code and the machine."""
+"""What figures were measured with: the state of the code and the machine."""
 
 import importlib.metadata
 import os
@@ -12,14 +12,14 @@ from pipeline.errors import InputError
 ROOT = Path(__file__).resolve().parents[2]
 UNRELATED = ":!*.md", ":!*.sh", ":!*.yaml", ":!scripts/results.py"
 CODE = ("pipeline", "sarsim", "scripts", "assets", "requirements*.txt", *UNRELATED)
-"""What figures depend on, as git names it: a change elsewhere leaves them valid."""
+"""Git pathspecs of what figures depend on: a change elsewhere leaves them valid."""
 
 
 def state_of_code() -> str:
-    """The commit that changed the code last, with a + if changes are not committed.
+    """The last commit that changed the code, with a + if there are uncommitted changes.
 
     Raises:
-        InputError: this is no checkout of git.
+        InputError: the code is not in a git checkout.
     """
     found = _git("log", "-1", "--format=%h", "--", *CODE)
     changed = _git("status", "--porcelain", "--untracked-files=no", "--", *CODE)
@@ -34,7 +34,7 @@ def _git(*words: str) -> str:
 
 
 def machine() -> dict[str, Any]:
-    """The machine and the packages with which the figures were measured."""
+    """The machine and the packages used to measure the figures."""
     return {
         "system": platform.platform(),
         "processor": processor(),
@@ -46,7 +46,7 @@ def machine() -> dict[str, Any]:
 
 
 def processor() -> str:
-    """The processor's name, if the system gives it."""
+    """The processor's name, if the system reports it."""
     cpuinfo = Path("/proc/cpuinfo")
     lines = cpuinfo.read_text().splitlines() if cpuinfo.exists() else []
     names = [line.split(":", 1)[1].strip() for line in lines if line.startswith("model name")]

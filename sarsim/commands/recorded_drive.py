@@ -32,16 +32,16 @@ class _Score(Sink):
         self._score = score
 
     def finish(self, result: Result) -> None:
-        """Add them."""
+        """Add the errors."""
         if self._score.has_truth:
             result.add({"localisation": self._score.report()})
 
 
 class RecordedDrive(MappingRun):
-    """A recording, a mapper, and the results of a run through both.
+    """A run that maps a recording and writes the results.
 
     Attributes:
-        frames: number of frames so far.
+        frames: number of frames processed so far.
         error: why the recording could not be mapped to its end; empty otherwise.
     """
 
@@ -64,7 +64,7 @@ class RecordedDrive(MappingRun):
         interrupted: Callable[[], bool] = lambda: False,
         on_progress: Callable[[Progress], object] = lambda progress: None,
     ) -> None:
-        """Map until the recording ends, breaks, or is ``interrupted``, and write the results."""
+        """Map until the recording ends or breaks, or ``interrupted`` returns True; then write the results."""
         self._watch = on_progress
         self.start_clock()
         try:
@@ -89,7 +89,7 @@ class RecordedDrive(MappingRun):
         frame, keyframe, truth = replayed
         T = frame.T_odom_base
         if not self.frames and truth is not None:
-            # The pose of the true poses' frame in the map is unknown, so the first poses are made to coincide.
+            # The transform from the true poses' frame to the map is unknown, so the first poses are made to coincide.
             self._score.has_truth, self._T_map_world = True, T @ inverse(truth)
         self.frames += 1
         if truth is not None or not self._score.has_truth:
@@ -102,10 +102,10 @@ class RecordedDrive(MappingRun):
             self.show(keyframe)
 
     def _leave_nothing(self) -> None:
-        """Remove what was begun, since no frame could be used."""
+        """Remove the files that were started, since no frame could be used."""
         self.recorder.close()
         (self.parts.folder / "episode.rrd").unlink()
-        with suppress(OSError):  # it holds earlier results
+        with suppress(OSError):  # the folder holds earlier results
             self.parts.folder.rmdir()
         if not self.error:
             self.error = f"{self.recording.path}: no usable frame: {self._left_out() or 'it is empty'}"

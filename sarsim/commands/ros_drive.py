@@ -31,7 +31,7 @@ from sarsim.settings import RosExploration
 
 _log = logging.getLogger(__name__)
 STARTING_TIME = 120.0
-"""s that a robot which is not there yet may take to start: a simulated one compiles first."""
+"""s, how much longer to wait for a robot that has not started yet: a simulated one compiles first."""
 
 
 class InterruptedDriveError(Exception):
@@ -39,14 +39,14 @@ class InterruptedDriveError(Exception):
 
 
 class TimedPose(NamedTuple):
-    """A 4×4 pose by odometry at a time in s."""
+    """A 4×4 odometry pose at a time in s."""
 
     time: float
     T_odom_base: Pose
 
 
 class _Topics(Sink):
-    """Publishes the maps and the plan, and counts how the robot has driven."""
+    """Publishes the maps and the plan, and reports how the robot has driven."""
 
     def __init__(self, send: Send, explorer: Explorer, estimate: EstimatedTrajectory[TimedPose], config: RosConfig):
         self._maps, self._frontiers = MapTopics(send, config=config), 0
@@ -84,7 +84,7 @@ class RosDrive(ExplorerRun):
     """A run of a robot on a ROS 2 network that publishes its maps and its plan.
 
     Attributes:
-        robot: on the network.
+        robot: the robot on the network.
         stopped: why the robot was stopped before the end; None if it was not.
     """
 
@@ -124,7 +124,7 @@ class RosDrive(ExplorerRun):
         """Like every run, except that the robot stops at once when it is ``interrupted``.
 
         Raises:
-            InputError: the robot sends nothing more, or does not follow commands; the maps so far are kept.
+            InputError: the robot stops sending data, or does not follow commands; the maps so far are kept.
         """
         self._interrupted = interrupted
         try:
@@ -135,11 +135,11 @@ class RosDrive(ExplorerRun):
             self.robot.stop()
 
     def step(self) -> bool:
-        """One step of the robot; InputError if the robot had to be stopped."""
+        """Take one step; InputError if the robot had to be stopped."""
         try:
             return super().step()
         except BaseException as error:
-            self.robot.stop()  # at once: to write the results takes time
+            self.robot.stop()  # at once, because writing the results takes time
             if isinstance(error, InputError):
                 self.stopped = str(error)
             raise
@@ -153,7 +153,7 @@ class RosDrive(ExplorerRun):
             raise InterruptedDriveError
 
     def _send(self, topic: str, time: float, message: Message) -> None:
-        """Send what is in our ``map``, unless Nav2 has another one and would mix them up."""
+        """Send data in sarsim's frame ``map``, unless the robot has its own: Nav2 would mix up the two."""
         if not self._has_other_map:
             self._node.send(topic, time, message)
 

@@ -23,7 +23,7 @@ def run_episode(config: EpisodeConfig) -> None:
         raise InputError(f"--resume {config.resume}: cannot be combined with --out, or with --map of the same folder")
     brief = wanted_mission(config.mission, config.minutes, config.home)
     check_folder(config.folder, config.continues)
-    from sarsim.episode import Episode  # and, with it, what takes seconds to import
+    from sarsim.episode import Episode  # imported here, because it takes seconds
 
     announce_compilation()
     compile_on_two_cores()

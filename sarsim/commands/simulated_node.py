@@ -1,4 +1,4 @@
-"""The simulated robot as a ROS 2 node, in place of a real robot or of one in Gazebo."""
+"""The simulated robot as a ROS 2 node, in place of a real robot or one in Gazebo."""
 
 from collections import deque
 from collections.abc import Callable
@@ -27,7 +27,7 @@ from sarsim.simulated_robot import SimulatedRobot, SimulationConfig, TrueFrame
 
 COMMANDS, KEYFRAMES = "/cmd_vel", "/keyframe"
 WAIT = 0.1
-"""s of wall-clock time, at most, to wait for the next command after each control period."""
+"""s of wall-clock time, the maximum wait for the next command after each control period."""
 WATCHDOG = 0.5
 """s of simulated time without a command after which the robot stops."""
 KEPT = 30
@@ -35,11 +35,11 @@ KEPT = 30
 
 
 class SimulatedNode:
-    """A robot in an arena that publishes its sensors and receives commands by topics.
+    """A robot in an arena that publishes its sensor data and receives commands over topics.
 
     Attributes:
         robot: the simulated robot.
-        coverage: of the true ground, by the frames that an explorer uses as keyframes.
+        coverage: how much of the true ground the frames show that an explorer uses as keyframes.
         commands: number of commands received.
     """
 
@@ -78,7 +78,7 @@ class SimulatedNode:
         self.commands += 1
 
     def run(self, interrupted: Callable[[], bool], on_period: Callable[[float], object] = lambda time: None) -> None:
-        """Simulate until ``interrupted``, and write the true trajectory and the report.
+        """Simulate until ``interrupted`` returns True, then write the true trajectory and the report.
 
         ``on_period`` is called after each control period with the simulated time so far, s.
         """
@@ -128,7 +128,7 @@ class SimulatedNode:
         self._true_frames.append((frame.time, self.robot.true_frame))
 
     def report(self) -> dict[str, Any]:
-        """The true figures of the drive, with the names in an episode's report.json."""
+        """The true figures of the drive, named as in an episode's report.json."""
         sim_time, wall_time = self.robot.time - self._begin, self._node.now() - self._wall
         return {
             "arena": self.config.arena,

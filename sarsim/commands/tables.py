@@ -1,4 +1,4 @@
-"""What a command prints of the results that it leaves."""
+"""What a command prints about its results."""
 
 import os
 import shutil
@@ -26,7 +26,7 @@ ENDINGS = {
     "time": "the time is up",
     "steps": "the step limit is reached",
 }
-"""Why exploring ended, by ``exploration.ended``."""
+"""Texts for why exploration ended, by the value of ``exploration.ended``."""
 
 
 def report_table(report: dict[str, Any]) -> Table:
@@ -36,7 +36,7 @@ def report_table(report: dict[str, Any]) -> Table:
     for stage, content in report.items():
         if stage in SKIPPED:
             continue
-        if stage == "finds":  # kinds that are neither there nor reported have no figures
+        if stage == "finds":  # kinds that are neither present nor reported have no figures
             content = {kind: scores for kind, scores in content.items() if any(scores.values())}
         for name, value in figures(stage, content):
             table.add_row(name, f"{value:,.4g}" if isinstance(value, float) else str(value))
@@ -46,7 +46,7 @@ def report_table(report: dict[str, Any]) -> Table:
 
 
 def summary(report: Mapping[str, Any]) -> dict[str, str]:
-    """The outcome of a run in a few words, by what they are about; what did not run, or has no truth, is left out."""
+    """The outcome of a run, a few words per topic; topics that did not run, or lack ground truth, are left out."""
     lines = {
         "explored": _explored(report),
         "legs": _legs(report),
@@ -108,7 +108,7 @@ def _counted(count: int, what: str) -> str:
 
 
 def _percent(share: float) -> str:
-    """A share; never 100 % of what is not whole."""
+    """A share as text, rounded down, so that 100 % means all."""
     return f"{floor(1e3 * share) / 10:g} %"
 
 
@@ -117,7 +117,7 @@ def _clock(seconds: float) -> str:
 
 
 def show_results(report: dict[str, Any], folder: Path, every_figure: bool = False) -> None:
-    """Print the outcome of a run, if there is one, and how to look at its files."""
+    """Print the outcome of a run, if there is one, and how to view its files."""
     console = Console(highlight=False)
     if report and every_figure:
         console.print(report_table(report))
@@ -130,7 +130,7 @@ def show_results(report: dict[str, Any], folder: Path, every_figure: bool = Fals
 
 
 def _viewer() -> str:
-    """The command that opens a recording, as one types it here."""
+    """The command that opens a recording, as typed in the current folder."""
     installed = Path(sys.executable).with_name(VIEW)
     on_path = shutil.which(VIEW)
     return VIEW if on_path and Path(on_path).samefile(installed) else os.path.relpath(installed)

@@ -35,14 +35,14 @@ def view(path: Annotated[Path, tyro.conf.Positional], web: bool = False) -> None
 
 
 def leave(*_: object) -> None:
-    """End the process; further signals are ignored, for Python's own end must not be interrupted."""
+    """End the process; further signals are ignored, because Python's shutdown must not be interrupted."""
     for ending in ENDINGS:
         signal.signal(ending, signal.SIG_IGN)
     sys.exit()
 
 
 def find_recording(path: Path) -> Path:
-    """The recording that ``path`` names; InputError if there is none, or the file is no recording."""
+    """The recording that ``path`` names; InputError if there is none, or the file is not a recording."""
     recording = path / RECORDING if path.is_dir() else path
     check_regular(recording)
     with recording.open("rb") as file:

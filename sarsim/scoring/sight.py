@@ -55,10 +55,11 @@ class Sight:
     def _seen(self, T_world_camera: Pose) -> NDArray[np.int64]:
         """Sorted indices of the cells that one image shows."""
         lens, sensor = self._frame.intrinsics, self._frame.sensor
-        far = sensor.farthest * np.hypot(1, np.hypot(lens.width / lens.fx, lens.height / lens.fy))
-        # The cells are sorted, so that those within reach along x are a slice.
-        first, last = self._grid.cell_of(T_world_camera[:2, 3] + [[-far, 0], [far, 0]])[:, 0]
-        near = np.arange(*np.searchsorted(self.cells[:, 0], [first, last + 1]))
+        corners = sensor.farthest * lens.frustum @ T_world_camera[:3, :3].T + T_world_camera[:3, 3]
+        (i0, j0), (i1, j1) = self._grid.cell_of([corners.min(axis=0), corners.max(axis=0)])
+        # The cells are sorted, so that those within the view along x are a slice.
+        near = np.arange(*np.searchsorted(self.cells[:, 0], [i0, i1 + 1]))
+        near = near[(self.cells[near, 1] >= j0) & (self.cells[near, 1] <= j1)]
         along = self._middles[near] - T_world_camera[:3, 3]
         points = along @ T_world_camera[:3, :3]
         inside = lens.project(points)[1] & (points[:, 2] >= sensor.nearest) & (points[:, 2] <= sensor.farthest)

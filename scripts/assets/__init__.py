@@ -1,1 +1,1 @@
-"""Generates files of assets/: the laboratory floor and the people."""
+"""Scripts that generate files in ``assets/``: the laboratory floor, the victims and the splits of arenas."""

@@ -1,6 +1,6 @@
-"""Write the splits of arenas, with their checksums, to ``assets/splits``: ``freeze_splits.py``.
+"""Write the splits of arenas, with their checksums, to ``assets/splits``.
 
-Only for a new set of arenas: whatever was measured on the earlier ones cannot be compared any more.
+Run this only to introduce a new set of arenas: results measured on the old set are not comparable with new ones.
 """
 
 from collections.abc import Iterator
@@ -16,11 +16,11 @@ from sarsim.commands.sweeps.arenas import ARENAS, GRID, MAPS, checksum
 from sarsim.tasks.grid_scenes import DRAWINGS
 
 BUILT = {"train": (), "val": (), "test": ("nist_6x4", "esogu_52x15")}
-"""Arenas of a split that are not drawn."""
+"""Arenas of each split that are not drawn at random."""
 
 
 def drawn(first: int) -> Iterator[str]:
-    """Random arenas from a seed on in which the robot can start, of all difficulties but the hardest."""
+    """Random arenas in which the robot can start, with seeds from ``first`` on and all but the hardest difficulty."""
     for seed in count(first):
         try:
             if seed % 4 != 3 and checksum(f"random:{seed}"):

@@ -1,4 +1,4 @@
-"""Make ``assets/arenas/esogu_52x15.xml``, the laboratory floor, from its plan in ``scripts/assets/esogu``."""
+"""Build the laboratory floor, ``assets/arenas/esogu_52x15.xml``, from its plan in ``scripts/assets/esogu``."""
 
 import sys
 from collections.abc import Iterable
@@ -19,13 +19,13 @@ from scripts.assets.esogu import building, plan
 from scripts.assets.esogu.furniture import PIECES
 from scripts.assets.esogu.parts import Part, moved
 
-PEOPLE_SEED = 52  # of the victims' builds, clothes and poses
+PEOPLE_SEED = 52  # Seed of the victims' builds, clothes and poses
 HALF_TILE = 0.6
-FLOOR_GRID = 0.8  # m, size of the floor's rendered squares; the lamp's light is computed at their corners
-QUADS = "2"  # per row on each face of a box; rendering spends most of its time on their vertices
-CEILING_GROUP = "2"  # MuJoCo's viewer hides it with the key 2
+FLOOR_GRID = 0.8  # Spacing of the floor's rendering grid, m; the lamp's light is computed at its vertices
+QUADS = "2"  # Quads per row of a box's face; most of the rendering time is spent on their vertices
+CEILING_GROUP = "2"  # Geom group; the key 2 hides it in MuJoCo's viewer
 LIGHTS = (
-    # name, direction, diffuse: light from the lamps, from the windows, and reflected by the floor
+    # Name, direction, diffuse colour; for the light from the lamps, from the windows, and reflected by the floor
     ("lamps", (-0.25, 0.4, -0.88), (0.52, 0.52, 0.5)),
     ("windows", (0.45, -0.75, -0.5), (0.26, 0.27, 0.29)),
     ("floor_bounce", (0.2, 0.3, 0.93), (0.3, 0.3, 0.29)),
@@ -39,7 +39,7 @@ VICTIMS = "esogu_52x15_victims.xml"
 
 
 TEXTURES = (
-    # 2D textures lie in the plane of a geom's x and y, which suits floors.
+    # MuJoCo maps 2D textures onto the x-y plane of a geom, which suits floors.
     {"name": "floor_tiles", "rgb1": "0.62 0.63 0.64", "mark": "edge", "markrgb": "0.48 0.49 0.50"},
 )
 TILES_PER_METRE = "3.3333 3.3333"
@@ -54,7 +54,7 @@ SURFACE_COLOURS = {
     "terracotta": (0.66, 0.34, 0.22), "leaf": (0.20, 0.44, 0.18), "book_red": (0.56, 0.17, 0.15),
     "book_blue": (0.20, 0.29, 0.50),
 }  # fmt: skip
-"""Colours of materials, which replace those of the same name in the element library."""
+"""Colours of the materials; these replace materials of the same name from the element library."""
 
 
 def make_esogu(folder: Path = TARGET.parent) -> None:
@@ -65,7 +65,7 @@ def make_esogu(folder: Path = TARGET.parent) -> None:
 
 
 def laboratory_floor() -> ArenaBuilder:
-    """The building, its furniture, the robots' course and the start."""
+    """The building, its furniture, the robot's course and its start."""
     builder = ArenaBuilder("esogu_52x15")
     _add_materials(builder.root)
     SubElement(builder.root, "include", file=VICTIMS)
@@ -79,7 +79,7 @@ def laboratory_floor() -> ArenaBuilder:
 
 
 def people_on_the_floor() -> str:
-    """MJCF of the victims, to be included."""
+    """The victims as MJCF, which the arena includes."""
     root = Element("mujocoinclude")
     for number, victim in enumerate(plan.VICTIMS, 1):
         rng = np.random.default_rng([PEOPLE_SEED, number])
@@ -111,7 +111,7 @@ def _add_materials(root: Element) -> None:
 
 
 def _add_surroundings(root: Element) -> None:
-    """Add light and cameras. No light casts shadows: each costs a render pass, and the ceiling would block it."""
+    """Add lights and cameras. No light casts shadows: that costs a render pass, and the ceiling would block it."""
     SubElement(root, "statistic", center="0 0 0.5", extent="15")
     quality, world = root.find("visual/quality"), root.find("worldbody")
     assert quality is not None and world is not None

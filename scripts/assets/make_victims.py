@@ -1,4 +1,4 @@
-"""Make ``assets/victims/people.npz``: bodies, and the postures in which they came to rest."""
+"""Generate ``assets/victims/people.npz``: bodies, and the poses in which they came to rest."""
 
 import sys
 from itertools import islice
@@ -38,11 +38,11 @@ COUNTS = {
     "slumped": {"man": 2, "woman": 2, "stout": 1, "child": 1},
     "seated": {"man": 1, "woman": 1, "child": 1},
 }
-"""Number of poses of each recipe and build."""
-HAIR = {"short": 300, "long": 400}  # Number of triangles of each style
+"""Number of poses for each recipe and build."""
+HAIR = {"short": 300, "long": 400}  # Number of triangles of each hair style
 TRIANGLES = 3600
 TRIES = 150
-SUNK = 0.004  # m by which the lowest point lies below the floor, because flesh yields
+SUNK = 0.004  # Depth by which the body sinks into the floor or the wall, because flesh yields, m
 
 
 LIBRARY = asset("victims", "people.npz")
@@ -75,7 +75,7 @@ def make_victims(seed: int = 0, out: Path = LIBRARY) -> None:
 
 
 def bodies() -> dict[str, NDArray]:
-    """All arrays of the library except the poses."""
+    """All arrays of the library except ``poses``, ``postures`` and ``builds``."""
     body, face_parts, parts = cut_into_parts(body_surface(person("man"), TRIANGLES))
     head = body.weights[:, body.bones.index("head")]
     surfaces = [fitted(person(b), scaled_head(body.vertices, head, s)) for b, s in HEAD_SCALE.items()]
@@ -99,7 +99,7 @@ def bodies() -> dict[str, NDArray]:
 
 
 def set_down(people: dict[str, NDArray], build: str, pose: NDArray[np.float64], recipe: Setup) -> NDArray[np.float64]:
-    """The pose in the victim's own frame: head towards +x and the centre at the origin, or the back at x = 0."""
+    """The pose in the victim's frame: centred with the head towards +x, or with the back against a wall at x = 0."""
     if recipe.block:
         return pose  # wall and block are already in place
     if not recipe.wall:
@@ -128,7 +128,7 @@ def _whole(metres: Points) -> NDArray[np.int16]:
 
 
 def write_arena_victims(out: Path) -> None:
-    """Write the victims that ``nist_6x4`` includes: a child along the north wall, a woman in a corner."""
+    """Write the victims of ``nist_6x4``: a child lying along the north wall, a small woman sitting in a corner."""
     root = Element("mujocoinclude")
     lying = make_victim("lying", np.random.default_rng(1), "lying", stature=1.1, room=(1.3, 0.5))
     lying.add_to(root, (-0.4, 1.995 - lying.footprint[1, 1], 0), np.pi)

@@ -1,1 +1,1 @@
-"""Plan and parts of the ESOGU laboratory floor, which ``scripts/assets/make_esogu.py`` makes."""
+"""Plan and parts of the ESOGU laboratory floor, which ``scripts/assets/make_esogu.py`` builds."""

@@ -10,16 +10,16 @@ from scripts.assets.esogu.parts import Part, moved
 
 Pair = tuple[float, float]
 
-LENGTH, BUILDING_WIDTH, CEILING = 52.0, 15.0, 2.7  # m, outer length along x and y, and from floor to ceiling
-OUTER, INNER = 0.2, 0.12  # m, thickness of the outer walls and of those between rooms
-SOUTH_WALL, NORTH_WALL = -0.66, 2.06  # y in m, the centres of the corridor's walls
-DOOR, DOOR_HEIGHT = 1.0, 2.05  # m, clear opening
-FRAME = 0.03  # m, thickness of a door's frame
+LENGTH, BUILDING_WIDTH, CEILING = 52.0, 15.0, 2.7  # Outer length along x and y, height of the ceiling, m
+OUTER, INNER = 0.2, 0.12  # Thickness of the outer and of the inner walls, m
+SOUTH_WALL, NORTH_WALL = -0.66, 2.06  # y of the centre lines of the corridor's walls, m
+DOOR, DOOR_HEIGHT = 1.0, 2.05  # Clear width and height of a door opening, m
+FRAME = 0.03  # Thickness of a door frame, m
 PANEL = 2.4
-"""m, greatest length of a piece of wall, so that pieces outside an image can be culled, and so that walls have enough
-vertices for the robot's lamp, whose light is computed per vertex."""
-SILL, LINTEL = 0.95, 2.3  # m, lower and upper edge of the windows
-COLUMN = 0.4  # m, its sides
+"""Maximum length of a piece of wall, m. Short pieces can be culled outside the image, and give walls enough vertices
+for the robot's lamp, whose light is computed per vertex."""
+SILL, LINTEL = 0.95, 2.3  # Height of the lower and upper edge of the windows, m
+COLUMN = 0.4  # Side of a column, m
 
 
 @dataclass(frozen=True)
@@ -27,11 +27,11 @@ class Room:
     """A room on one side of the corridor.
 
     Attributes:
-        name: of its use.
-        west, east: x in m of the centres of its walls.
-        doors: x in m of the centres of its door openings.
-        hinges: of each door, 1 if its open leaf is east of it and -1 if it is west of it; 0 for no leaf.
-        windows: x in m of the centres of its windows.
+        name: what the room is used for.
+        west, east: x of the centre lines of its west and east walls, m.
+        doors: x of the centre of each door opening, m.
+        hinges: for each door, 1 if the open leaf is east of the opening, -1 if it is west, and 0 if there is no leaf.
+        windows: x of the centre of each window, m.
     """
 
     name: str
@@ -43,7 +43,7 @@ class Room:
 
 
 def outer_walls(south: tuple[Room, ...], north: tuple[Room, ...]) -> Iterator[Part]:
-    """The four outer walls; the long ones have windows."""
+    """The four outer walls, with windows in the two long ones."""
     x, y = (LENGTH - OUTER) / 2, (BUILDING_WIDTH - OUTER) / 2
     for end in (-x, x):
         for low, high in _cut(-y + OUTER / 2, y - OUTER / 2):
@@ -56,12 +56,12 @@ def outer_walls(south: tuple[Room, ...], north: tuple[Room, ...]) -> Iterator[Pa
 
 
 def corridor_wall(y: float, inward: int, rooms: tuple[Room, ...]) -> Iterator[Part]:
-    """The wall between the corridor and the rooms on one side of it.
+    """The wall, with doors, between the corridor and the rooms on one side.
 
     Args:
-        y: m of its centre.
-        inward: 1 if the rooms are north of it, -1 if south.
-        rooms: along it.
+        y: y of the wall's centre line, m.
+        inward: 1 if the rooms are north of the wall, -1 if they are south of it.
+        rooms: the rooms along the wall.
     """
     half = DOOR / 2 + FRAME
     doors = sorted(door for room in rooms for door in room.doors)
@@ -75,13 +75,13 @@ def corridor_wall(y: float, inward: int, rooms: tuple[Room, ...]) -> Iterator[Pa
     for room in rooms:
         for door, hinge in zip(room.doors, room.hinges, strict=True):
             if hinge:
-                # A leaf that is open by 180°, with its handle between leaf and wall.
+                # The leaf is open by 180°, with a gap to the wall for its handle.
                 middle = door + hinge * (DOOR + 2 * FRAME)
                 yield from moved(_door_leaf(), middle, y + inward * (INNER / 2 + 0.08), 0)
 
 
 def partitions(rooms: tuple[Room, ...], low: float, high: float) -> Iterator[Part]:
-    """The walls between the rooms on one side, from y = ``low`` to ``high`` m."""
+    """The walls between the rooms on one side of the corridor, from y = ``low`` to ``high``, m."""
     for room in rooms[:-1]:
         for a, b in _cut(low, high):
             yield _wall((room.east, (a + b) / 2), (INNER, b - a), 0, CEILING)
@@ -94,7 +94,7 @@ def columns(places: tuple[Pair, ...]) -> Iterator[Part]:
 
 
 def ceiling() -> Iterator[Part]:
-    """The ceiling in pieces, with lamps over rooms and corridor."""
+    """The ceiling in pieces, each with a lamp at its centre."""
     xs = np.linspace(-LENGTH / 2, LENGTH / 2, 14)
     ys = np.array([-BUILDING_WIDTH / 2, SOUTH_WALL, NORTH_WALL, BUILDING_WIDTH / 2])
     for west, east in pairwise(xs):
@@ -105,7 +105,7 @@ def ceiling() -> Iterator[Part]:
 
 
 def _cut(low: float, high: float) -> list[Pair]:
-    """Equal pieces from ``low`` to ``high`` that are at most ``PANEL`` long."""
+    """The interval from ``low`` to ``high``, cut into equal pieces at most ``PANEL`` long."""
     edges = np.linspace(low, high, 1 + int(np.ceil((high - low) / PANEL - 1e-9)))
     return list(pairwise(edges.tolist()))
 
@@ -115,7 +115,7 @@ def _wall(middle: Pair, extent: Pair, low: float, high: float, material: str = "
 
 
 def _window() -> list[Part]:
-    """Glass and sill, flat on the plane x = 0 and facing +x; the glass gives depth returns."""
+    """Glass and sill, mounted on the plane x = 0 and facing +x; depth sensors see the glass."""
     height = LINTEL - SILL
     return [
         Part("wall", "glass", (0.005, 0, (SILL + LINTEL) / 2), (0.01, 1.5, height), solid=False),

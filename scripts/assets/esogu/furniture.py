@@ -1,26 +1,26 @@
 """Furniture of laboratories and offices.
 
-Every piece has its back on the plane x = 0, the middle of its back on the origin, and faces +x. Tables and desks have
-a frame below the top, so that the free space below them is lower than the robot.
+Every piece faces +x; its back lies in the plane x = 0 and is centred on the origin. Tables and desks have a frame
+below the top, which leaves too little height for the robot to pass underneath.
 """
 
 from scripts.assets.esogu.parts import Part, moved
 
 
 def _box(material: str, x: tuple[float, float], y: tuple[float, float], z: tuple[float, float]) -> Part:
-    """A box of clutter between two corners."""
+    """A box labelled clutter that spans the intervals ``x``, ``y`` and ``z``, m."""
     middle = (sum(x) / 2, sum(y) / 2, sum(z) / 2)
     return Part("clutter", material, middle, (x[1] - x[0], y[1] - y[0], z[1] - z[0]))
 
 
 def _post(material: str, x: float, y: float, z: tuple[float, float], diameter: float) -> Part:
-    """An upright cylinder of clutter."""
+    """An upright cylinder labelled clutter."""
     middle, extent = (x, y, sum(z) / 2), (diameter, diameter, z[1] - z[0])
     return Part("clutter", material, middle, extent, shape="cylinder")
 
 
 def _lying(material: str, diameter: float, y: tuple[float, float]) -> Part:
-    """A cylinder of clutter whose axis is along y, on the shaft of a machine."""
+    """A cylinder labelled clutter, with its axis along y, centred on the shaft of a machine."""
     middle, extent = (0.45, sum(y) / 2, 0.52), (diameter, diameter, y[1] - y[0])
     return Part("clutter", material, middle, extent, shape="lying_cylinder")
 
@@ -82,7 +82,7 @@ PIECES: dict[str, list[Part]] = {
         _box("wood", (0.05, 0.62), (0.3, 0.7), (0.0, 0.6)),
         *_computer(0.16),
     ],
-    # A narrow desk of a computer room; the computer stands below.
+    # A narrow computer-room desk with the computer underneath.
     "computer_desk": [
         _box("worktop", (0.0, 0.7), (-0.7, 0.7), (0.71, 0.74)),
         _box("steel", (0.03, 0.64), (-0.66, 0.66), (0.6, 0.71)),
@@ -91,7 +91,7 @@ PIECES: dict[str, list[Part]] = {
         _box("black", (0.08, 0.52), (0.42, 0.61), (0.02, 0.42)),
         *_computer(0.16),
     ],
-    # An office chair on a column with a crossed foot.
+    # An office chair on a column with a cross-shaped base.
     "chair": [
         _box("fabric", (0.05, 0.47), (-0.22, 0.22), (0.43, 0.49)),
         _box("fabric", (0.02, 0.07), (-0.2, 0.2), (0.49, 0.95)),
@@ -126,12 +126,12 @@ PIECES: dict[str, list[Part]] = {
         _box("book_red", (0.04, 0.26), (-0.46, 0.25), (0.65, 0.93)),
         _box("book_blue", (0.04, 0.27), (-0.3, 0.44), (1.23, 1.53)),
     ],
-    # A cabinet of electronic equipment.
+    # A rack of electronic equipment.
     "rack": [
         _box("black", (0.0, 0.7), (-0.3, 0.3), (0.0, 2.0)),
         *(_box("instrument", (0.7, 0.71), (-0.25, 0.25), z) for z in ((0.3, 0.55), (0.7, 0.85), (1.0, 1.4))),
     ],
-    # A motor and a generator on one shaft.
+    # A motor and a generator on a common shaft.
     "machine": [
         _box("concrete", (0.1, 0.8), (-0.95, 0.95), (0.0, 0.3)),
         _lying("motor", 0.42, (-0.85, -0.15)),
@@ -150,7 +150,7 @@ PIECES: dict[str, list[Part]] = {
         Part("wall", "white", (0.015, 0, 1.5), (0.03, 2.2, 1.2), solid=False),
         Part("wall", "steel", (0.05, 0, 0.89), (0.1, 2.2, 0.02), solid=False),
     ],
-    # A notice board with papers on the wall.
+    # A notice board on the wall, with papers.
     "notice_board": [
         Part("wall", "cork", (0.01, 0, 1.5), (0.02, 1.5, 0.9), solid=False),
         *(
@@ -160,7 +160,7 @@ PIECES: dict[str, list[Part]] = {
     ],
     # A radiator below a window.
     "radiator": [_box("white", (0.03, 0.13), (-0.6, 0.6), (0.12, 0.72))],
-    # A bench to sit on in the corridor.
+    # A seating bench for the corridor.
     "seat_row": [
         _box("wood", (0.05, 0.45), (-0.75, 0.75), (0.4, 0.44)),
         _box("steel", (0.1, 0.4), (-0.65, -0.6), (0.0, 0.4)),
@@ -171,7 +171,7 @@ PIECES: dict[str, list[Part]] = {
         _box("dark_wood", (0.0, 0.6), (-1.0, 1.0), (0.0, 1.06)),
         _box("worktop", (-0.05, 0.65), (-1.05, 1.05), (1.06, 1.1)),
     ],
-    # A bin for waste paper.
+    # A waste-paper bin.
     "waste_bin": [_box("grey", (0.03, 0.27), (-0.15, 0.15), (0.0, 0.4))],
     # A plant in a pot.
     "plant": [_post("terracotta", 0.2, 0.0, (0.0, 0.36), 0.36), _post("leaf", 0.2, 0.0, (0.36, 1.2), 0.4)],
@@ -180,7 +180,7 @@ PIECES: dict[str, list[Part]] = {
         _post("red", 0.1, 0.0, (0.55, 1.0), 0.16),
         _box("black", (0.05, 0.15), (-0.02, 0.02), (1.0, 1.1)),
     ],
-    # Three boxes, one on another.
+    # Three boxes, one of them on top of another.
     "cartons": [
         _box("cardboard", (0.0, 0.5), (-0.45, 0.1), (0.0, 0.4)),
         *moved([_box("cardboard", (0.0, 0.4), (-0.2, 0.2), (0.0, 0.35))], 0.08, 0.36, 12),
@@ -196,4 +196,4 @@ PIECES: dict[str, list[Part]] = {
         ),
     ],
 }
-"""The parts of every kind of furniture, by name."""
+"""The parts of each kind of furniture, by its name."""

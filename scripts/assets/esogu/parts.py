@@ -10,7 +10,7 @@ import numpy as np
 from sarsim.victims.mjcf import numbers
 
 Point = tuple[float, float, float]
-ROUNDING = 1e-9  # deg; a yaw nearer to 0 counts as 0
+ROUNDING = 1e-9  # A yaw closer to 0 than this counts as 0, deg
 
 
 @dataclass(frozen=True)
@@ -18,13 +18,13 @@ class Part:
     """A box or a cylinder.
 
     Attributes:
-        label: name of its default class.
-        material: name of its colour or texture.
-        middle: x, y, z in m.
-        extent: full lengths along its own x, y, z in m; of a cylinder its diameter twice, and its length.
-        yaw: deg, to the left.
-        shape: box or cylinder; the axis of a cylinder is z, that of a lying one is y.
-        solid: whether the robot can collide with it.
+        label: name of the MJCF default class, which sets the label.
+        material: name of the MJCF material.
+        middle: x, y, z of the centre, m.
+        extent: full lengths along its own x, y, z, m; for either cylinder: diameter, diameter, length.
+        yaw: rotation about z, counter-clockwise from above, deg.
+        shape: box or cylinder. At yaw 0, the axis of a cylinder is along z, that of a lying cylinder along y.
+        solid: whether the robot can collide with the part.
     """
 
     label: str
@@ -43,7 +43,7 @@ class Part:
         return replace(self, middle=middle, yaw=(self.yaw + yaw) % 360)
 
     def element(self, name: str) -> Element:
-        """The part as a geom."""
+        """The part as an MJCF geom."""
         words = {"name": name, "class": self.label, "material": self.material, "pos": numbers(self.middle)}
         half = np.array(self.extent) / 2
         if self.shape == "box":
@@ -58,7 +58,7 @@ class Part:
 
     def _quat(self) -> str | None:
         half = np.radians(self.yaw) / 2
-        if self.shape == "lying_cylinder":  # its axis, z, is turned to y first
+        if self.shape == "lying_cylinder":  # A cylinder's own axis is z: first turn it to y
             return numbers(np.sqrt(0.5) * np.array([np.cos(half), -np.cos(half), -np.sin(half), np.sin(half)]))
         if abs(self.yaw) < ROUNDING or self.shape == "cylinder":
             return None

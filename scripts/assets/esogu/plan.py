@@ -1,7 +1,7 @@
 """The floor plan: rooms, furniture, the robot's course and the victims.
 
-x runs along the building, y across it, in m; the origin is the centre of the floor. The corridor reaches from
-y = -0.60 to 2.00; rooms south of it are from -7.30 to -0.72, rooms north of it from 2.12 to 7.30.
+All lengths are in m. x runs along the building and y across it; the origin is the centre of the floor. In y, the
+corridor extends from -0.60 to 2.00, the rooms south of it from -7.30 to -0.72, those north of it from 2.12 to 7.30.
 """
 
 from dataclasses import dataclass
@@ -9,9 +9,9 @@ from dataclasses import dataclass
 from sarsim.victims.victims import Placement, Posture
 from scripts.assets.esogu.building import Room
 
-Place = tuple[str, float, float, float]  # Kind, x, y (m) and yaw (deg) of furniture or an element
+Place = tuple[str, float, float, float]  # Kind, x, y (m) and yaw (deg) of a piece of furniture or an arena element
 
-EAST, NORTH, WEST, SOUTH = 0.0, 90.0, 180.0, -90.0  # deg, yaw by the direction that something faces
+EAST, NORTH, WEST, SOUTH = 0.0, 90.0, 180.0, -90.0  # Yaw of an object that faces this direction, deg
 
 SOUTH_ROOMS = (
     Room("electronics laboratory", -25.9, -16.04, (-24.2, -17.6), (1, -1), (-24.0, -21.5, -19.0)),
@@ -32,11 +32,11 @@ NORTH_ROOMS = (
     Room("signals laboratory", 17.0, 25.9, (18.3, 24.3), (0, -1), (18.5, 21.5, 24.5)),
 )  # fmt: skip
 COLUMNS = tuple((x, y) for x in (-19.5, -13.0, -6.5, 0.0, 6.5, 13.0, 19.5) for y in (-4.0, -0.66, 2.06))
-"""x, y of their centres, m."""
+"""x, y of the columns' centres, m."""
 
 
 def _row(kind: str, first: tuple[float, float], last: tuple[float, float], count: int, yaw: float) -> list[Place]:
-    """Equally spaced places of one kind between two positions, both included."""
+    """``count`` equally spaced pieces of one kind from ``first`` to ``last``, both included."""
     steps = [n / (count - 1) for n in range(count)]
     return [(kind, first[0] + t * (last[0] - first[0]), first[1] + t * (last[1] - first[1]), yaw) for t in steps]
 
@@ -134,12 +134,12 @@ FURNITURE: dict[str, list[Place]] = {
         ("cabinet", 25.8, 3.9, WEST), ("whiteboard", 17.06, 4.6, EAST),
     ],
 }  # fmt: skip
-"""Furniture by room. A free lane of 0.9 m leads to every room and around every island of furniture."""
+"""Furniture by room. A free lane at least 0.9 m wide leads into every room and around every island of furniture."""
 
 COURSE: list[Place] = [
-    # Machines laboratory: a field of three ridges, two tiles wide, along y.
+    # Machines laboratory: three ridges, each two tiles wide, one behind another along y.
     *(("ridge", x, y, NORTH) for x in (1.1, 2.3) for y in (-6.1, -4.9, -3.7)),
-    # Robotics laboratory: a way over a high deck; beside it, behind a wall, two ridges in a row.
+    # Robotics laboratory: a high deck between two ramps; next to it, behind a wall, two ridges in a row.
     ("ramp_34", 7.9, -3.2, 90.0),
     ("deck_34", 9.1, -3.2, 0.0),
     ("deck_34", 10.3, -3.2, 0.0),
@@ -149,19 +149,19 @@ COURSE: list[Place] = [
     ("ridge", 9.1, -4.4, EAST),
     ("ridge", 10.3, -4.4, EAST),
     ("barrel", 7.2, -6.4, 0.0),
-    # Corridor: a low deck on its south side, a ridge on its north side.
+    # Corridor: a low deck between two ramps on the south side, a ridge on the north side.
     ("ramp_17", 6.7, 0.0, 90.0),
     ("deck_17", 7.9, 0.0, 0.0),
     ("deck_17", 9.1, 0.0, 0.0),
     ("ramp_17", 10.3, 0.0, -90.0),
     ("ridge", 16.6, 1.4, EAST),
 ]
-"""Elements of the library; a ridge is two ramps, driven over along its yaw."""
+"""Elements of the arena library. A ridge is two ramps that meet at the top, to be driven over along its yaw."""
 
 
 @dataclass(frozen=True)
 class VictimPlan:
-    """A victim: its posture, placement and pose, x, y in m and yaw in deg."""
+    """A victim: its posture, its placement, and its pose with x, y in m and yaw in deg."""
 
     posture: Posture
     placement: Placement
@@ -182,6 +182,6 @@ VICTIMS = (
     VictimPlan("seated", "open", 25.8, -4.1, WEST),  # power, behind an island
     VictimPlan("bust", "box", 24.0, 5.6, -120.0),  # signals, in a box
 )
-"""The victims; the n-th, from 1, has the id ``n``."""
+"""The victims; their ids count from 1 in this order."""
 
 START = (-25.0, 0.7)  # x, y in m at the corridor's west end; the robot faces along the corridor

@@ -1,1 +1,1 @@
-"""The parts of the victims' library: bodies' surfaces, and the poses in which ragdolls come to rest."""
+"""The parts of the library of victims: body surfaces, and the poses in which ragdolls come to rest."""

@@ -1,4 +1,4 @@
-"""A body cut along the hems of clothes into parts that are about convex."""
+"""A body cut along the hems of its clothes into roughly convex parts."""
 
 from collections.abc import Callable
 
@@ -8,13 +8,13 @@ from numpy.typing import NDArray
 from scripts.assets.victims.surface import ANKLE, HIP, KNEE, Points, Surface
 
 SLEEVE, WRIST, COLLAR, WAIST = 0.40, 0.845, 0.515, 0.0
-"""m at rest: distance of a short sleeve's end and of the wrist from x = 0, height of the collar and of the waist."""
-BELLY = 0.13  # m at rest, height of the upper end of the belly
-HEM, CUFF = 0.62, 0.95  # Shares of the thigh that short trousers cover, and of the shin above the shoe
+"""At rest, m: distance from x = 0 of a short sleeve's end and of the wrist; height of the collar and of the waist."""
+BELLY = 0.13  # Height of the top of the belly at rest, m
+HEM, CUFF = 0.62, 0.95  # Fraction of the thigh that short trousers cover, and of the shin above the shoe
 
 
 def cut_into_parts(body: Surface) -> tuple[Surface, NDArray[np.int64], tuple[str, ...]]:
-    """The body with edges along all hems, the part of each of its faces, and the parts' names."""
+    """The body with edges along all hems, the index of each face's part, and the names of the parts."""
     for hem in (_sleeve, _wrist, _collar, _waist, _hem, _cuff):
         body = _cut(body, hem)
     centre = body.vertices[body.faces].mean(axis=1)
@@ -25,7 +25,7 @@ def cut_into_parts(body: Surface) -> tuple[Surface, NDArray[np.int64], tuple[str
 
 
 def _part(place: NDArray[np.float64], bone: str) -> str:
-    """The part that a face belongs to, by its position at rest and the bone with the largest weight."""
+    """The part to which a face belongs, given its position at rest and the bone with the largest weight."""
     side = "left" if place[0] > 0 else "right"
     if _is_arm(place):
         if abs(place[0]) > WRIST:
@@ -56,7 +56,7 @@ def _is_leg(points: Points) -> NDArray[np.bool_]:
 
 
 def _along(points: Points, start: Points, end: Points) -> NDArray[np.float64]:
-    """Position along a limb, 0 at its start and 1 at its end."""
+    """Position along a limb on either side of the body, 0 at its start and 1 at its end."""
     x = np.concatenate([np.abs(points[..., :1]), points[..., 1:]], axis=-1)
     return (x - start) @ (end - start) / np.sum((end - start) ** 2)
 
@@ -70,7 +70,7 @@ def _wrist(points: Points) -> NDArray[np.float64]:
 
 
 def _collar(points: Points) -> NDArray[np.float64]:
-    """Signed height above the collar, which is lower in front than behind; the shoulders are below it."""
+    """Signed height above the collar, which is lower at the front than at the back; the shoulders are below it."""
     x, y, z = np.abs(points[..., 0]), points[..., 1], points[..., 2]
     height = y - COLLAR - 0.02 - 0.35 * -z - 0.6 * np.maximum(x - 0.05, 0)
     return np.where(x < 0.19, height, np.where(y > 0.62, 1, -1))
@@ -90,7 +90,7 @@ def _cuff(points: Points) -> NDArray[np.float64]:
 
 
 def _cut(body: Surface, value: Callable[[Points], NDArray[np.float64]]) -> Surface:
-    """Split the faces that the line ``value`` = 0 crosses; vertices very near to the line count as on it."""
+    """Split the faces that the line ``value`` = 0 crosses; vertices very close to the line count as lying on it."""
     values = value(body.vertices)
     values[np.abs(values) < 0.004] = 0
     vertices, weights = list(body.vertices), list(body.weights)
@@ -118,7 +118,7 @@ def _cut(body: Surface, value: Callable[[Points], NDArray[np.float64]]) -> Surfa
 def _split(
     face: list[int], signs: NDArray[np.float64], crossing: Callable[[int, int], int]
 ) -> list[tuple[int, int, int]]:
-    """The triangles of the two sides of a face whose corners have both signs."""
+    """The triangles into which the line divides a face that has corners on both sides of it."""
     sides: dict[int, list[int]] = {-1: [], 1: []}
     for n in range(3):
         here, there = face[n], face[(n + 1) % 3]

@@ -11,13 +11,13 @@ from scipy.spatial.transform import Rotation
 
 from scripts.assets.victims.surface import Primitive
 
-# Root's x is the person's left, y up, z forward; the world's z is up and the person faces +x.
+# The root's x points to the person's left, y up and z forward; in the world, z is up and the person faces +x.
 UPRIGHT = Rotation.from_matrix([(0, 0, 1), (1, 0, 0), (0, 1, 0)])
 TIMESTEP = 0.003
 FALL, REST = 1.5, 2.0
-"""s with muscles that hold the posture, and s without, after which the ragdoll must be at rest."""
-DENSITY = 500.0  # kg/m³; the primitives overlap, so that half of a body's density makes 75 kg
-SEAT_BLOCK = (0.26, 0.3, 0.25)  # m; half sizes of the block to sit on
+"""Durations, s: of the fall, and of the settling that follows, after which the ragdoll must be at rest."""
+DENSITY = 500.0  # kg/m³; because the primitives overlap, half the density of a body gives 75 kg
+SEAT_BLOCK = (0.26, 0.3, 0.25)  # Half sizes of the block to sit on, m
 
 
 @dataclass(frozen=True)
@@ -25,19 +25,19 @@ class Setup:
     """How to produce a posture, and the conditions that must hold at rest.
 
     Attributes:
-        turn: about the person's own x, y, z before the fall: mean angles, degrees.
+        turn: mean rotation about the person's own x, y, z before the fall, degrees.
         spread: standard deviation of these angles, degrees.
-        height: of the root above the floor, m.
-        hips, knees, elbows: flexion as lowest and highest angle, degrees.
-        closed: how far the legs, 40° apart at rest, each turn inwards, degrees.
-        arms: angles of the arms downwards (90 hanging, −90 up) and forwards, each as lowest and highest, degrees.
-        drawn_up: share of the knees' flexion that the hips flex in addition, so that the feet stay on the floor.
-        strength: of the spine and the hips in holding the posture while falling.
-        rest_strength: of the spine and the hips afterwards.
-        wall: distance in m of the root from a wall at x < 0 when the fall begins; 0 if there is no wall.
-        block: whether the fall ends on a block in front of the wall.
-        width: largest extent of the joints along y at rest, m.
-        chest_up, chest_forward: lowest and highest z of the chest's own up and forward unit vectors at rest.
+        height: height of the root above the floor before the fall, m.
+        hips, knees, elbows: minimum and maximum flexion, degrees.
+        closed: minimum and maximum angle by which each leg turns inwards, degrees; unturned legs are 40° apart.
+        arms: minimum and maximum angle of the arms downwards (90 hanging, −90 up), then forwards, degrees.
+        drawn_up: fraction of the knee flexion that is added to the hips', so that the feet stay on the floor.
+        strength: relative stiffness with which the spine and the hips hold the posture during the fall.
+        rest_strength: the same while the ragdoll settles.
+        wall: x of the root before the fall, in front of a wall whose surface is at x = 0, m; 0 if there is no wall.
+        block: whether the person must come to rest on a block in front of the wall.
+        width: maximum extent of the bones' origins along y at rest, m.
+        chest_up, chest_forward: minimum and maximum z of the chest's up and forward unit vectors at rest.
     """
 
     turn: tuple[float, float, float]
@@ -77,7 +77,7 @@ RECIPES = {
 
 
 class Ragdoll:
-    """The humanoid without actuators, with the shapes of a person's primitives."""
+    """The humanoid without actuators, its geoms shaped like a person's primitives."""
 
     def __init__(self, primitives: list[Primitive], recipe: Setup):
         scene, self._root = _scene(recipe)
@@ -93,12 +93,12 @@ class Ragdoll:
 
     @property
     def bone_poses(self) -> NDArray[np.float64]:
-        """(B, 7) position and quaternion of the primitives' bones, in the order of their first appearance."""
+        """(B, 7) position and quaternion of the bones, in the order in which they first appear in the primitives."""
         bound = self.physics.bind(self._bones)
         return np.concatenate([bound.xpos, bound.xquat], axis=1)
 
     def fall(self, rng: np.random.Generator) -> bool:
-        """Set it up at random, let it fall, and return whether it came to rest as its recipe demands."""
+        """Pose the ragdoll at random, let it fall, and return whether it came to rest as its recipe requires."""
         physics, recipe = self.physics, self._recipe
         physics.reset()
         self._pose(rng)
@@ -136,7 +136,7 @@ class Ragdoll:
         self._push_clear()
 
     def _push_clear(self) -> None:
-        """Move the root until the body penetrates nothing, along the normal of the deepest contact."""
+        """Move the root along the normal of the deepest contact until the body is clear of floor, wall and block."""
         physics, bodies = self.physics, self.physics.model.geom_bodyid
         for _ in range(200):
             mujoco.mj_forward(physics.model.ptr, physics.data.ptr)
@@ -163,7 +163,7 @@ class Ragdoll:
         return angles
 
     def _relax(self) -> None:
-        """Reduce the joints' stiffness to a rest that keeps them from their limits."""
+        """Give the joints their stiffness at rest, which keeps them away from their limits."""
         for name, joint in self._joints.items():
             joint.stiffness = self._stiffness(name, self._recipe.rest_strength)
 
@@ -207,7 +207,7 @@ def _scene(recipe: Setup) -> tuple[mjcf.RootElement, mjcf.RootElement]:
 
 
 def _dress(root: mjcf.RootElement, primitives: list[Primitive]) -> dict[str, mjcf.Element]:
-    """Give bodies geoms of the primitives' shapes; returns the bodies by name."""
+    """Give the bones' bodies geoms shaped like their primitives; returns the bodies by name."""
     names = tuple(dict.fromkeys(p.bone for p in primitives))
     bodies = {name: root.find("body", name) for name in names}
     rest = dict(zip(names, rest_poses(names), strict=True))
@@ -225,7 +225,7 @@ def _dress(root: mjcf.RootElement, primitives: list[Primitive]) -> dict[str, mjc
 
 
 def _exclude_neighbours(scene: mjcf.RootElement, physics: mjcf.Physics) -> None:
-    """Exclude collisions of bodies that touch when all joints are at 0: their shapes overlap by design."""
+    """Exclude collisions between bodies that touch when all joints are at 0: their shapes overlap by design."""
     physics.data.qpos[2] = 30.0  # away from floor and wall
     mujoco.mj_forward(physics.model.ptr, physics.data.ptr)
     model = physics.model
@@ -235,7 +235,7 @@ def _exclude_neighbours(scene: mjcf.RootElement, physics: mjcf.Physics) -> None:
 
 
 def _arm_angles(side: str, rest: Rotation, down: float, forward: float) -> dict[str, float]:
-    """Angles of a shoulder's hinges that turn the outstretched arm down about z, then forward about x."""
+    """Angles of the shoulder hinges that turn the outstretched arm down about z, then forward about x."""
     turn = Rotation.from_euler("zx", (down, -forward))
     rz, ry, rx = (rest.inv() * turn * rest).as_euler("ZYX")
     return {f"{side}humerusrz": rz, f"{side}humerusry": ry, f"{side}humerusrx": rx}

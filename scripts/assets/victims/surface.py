@@ -1,7 +1,7 @@
 """The surface of a person around the CMU humanoid's skeleton, as a level set of soft primitives.
 
-Positions are in the frame of the humanoid's root at rest: x to its left, y up, z forward, m; the arms are stretched
-out to the sides, the legs are 40° apart. Primitives on the left are mirrored to the right.
+Positions are in the frame of the humanoid's root, m: x to its left, y up, z forward. At rest, the arms are stretched
+out to the sides and the legs are 40° apart. Primitives of the left side are mirrored to the right.
 """
 
 from collections.abc import Callable
@@ -15,8 +15,8 @@ from sarsim.victims.people import NECK
 
 Points = NDArray[np.float64]
 
-SOFTNESS = 0.011  # m over which primitives blend into each other, and bones' weights at a joint
-GRID = 0.009  # m between the samples of the level set
+SOFTNESS = 0.011  # Distance over which primitives, and bone weights at a joint, blend into each other, m
+GRID = 0.009  # Spacing of the samples of the level set, m
 HEAD_SCALE = {"man": 1.0, "woman": 0.98, "stout": 1.0, "child": 1.3}
 HIP, KNEE, ANKLE = np.array([(0.122, -0.11, 0.05), (0.289, -0.567, 0.059), (0.452, -1.015, 0.05)])
 
@@ -26,9 +26,9 @@ class Primitive:
     """A soft shape that belongs to a bone.
 
     Attributes:
-        bone: name of the humanoid's body that carries it.
-        centre: of an ellipsoid, or (2, 3) ends of a cone.
-        radii: of the ellipsoid along x, y, z, or (2,) of the cone's ends.
+        bone: name of the humanoid's body to which it is attached.
+        centre: (3,) centre of an ellipsoid, or (2, 3) ends of a cone, m.
+        radii: (3,) semi-axes of the ellipsoid along x, y, z, or (2,) radii of the cone at its ends, m.
     """
 
     bone: str
@@ -40,7 +40,7 @@ class Primitive:
         return (_cone if self.centre.ndim == 2 else _ellipsoid)(points, self.centre, self.radii)
 
     def mirrored(self) -> "Primitive":
-        """The same primitive on the right side of the body."""
+        """The mirror image of a left primitive on the right side of the body."""
         return replace(self, bone="r" + self.bone[1:], centre=self.centre * [-1, 1, 1])
 
 
@@ -62,7 +62,7 @@ class Surface:
 
 
 def person(build: str) -> list[Primitive]:
-    """The primitives of a man, a woman, a stout person or a child, all of the same height."""
+    """The primitives of a man, a woman, a stout person or a child, all around the same skeleton."""
     slim = {"man": 1.0, "woman": 0.88, "stout": 1.12, "child": 0.95}[build]
     middle = [
         _ball("root", (0, -0.065, 0.012), (0.175, 0.125, 0.122)),
@@ -87,7 +87,7 @@ def person(build: str) -> list[Primitive]:
 
 
 def scaled_head(points: Points, share: NDArray[np.float64] | float, scale: float) -> Points:
-    """Points of a head scaled by ``scale`` about the neck; ``share``: weight of the head for each point."""
+    """Points scaled by ``scale`` about the neck, in proportion to the head's skinning weight ``share`` for each."""
     return points + np.expand_dims(share, -1) * (scale - 1) * (points - NECK)
 
 
@@ -98,7 +98,7 @@ def hair(style: str) -> Callable[[Points], NDArray[np.float64]]:
 
     def distance(points: Points) -> NDArray[np.float64]:
         _, y, z = points.T
-        hairline = (z - 0.075) * 0.75 - (y - 0.815) * 0.66  # behind and above the forehead
+        hairline = (z - 0.075) * 0.75 - (y - 0.815) * 0.66  # negative behind and above the forehead
         crown = np.maximum(cap.distance(points), np.maximum(hairline, 0.735 - y - 0.9 * np.maximum(-z, 0)))
         if style == "short":
             return crown
@@ -108,14 +108,14 @@ def hair(style: str) -> Callable[[Points], NDArray[np.float64]]:
 
 
 def body_surface(primitives: list[Primitive], triangles: int) -> Surface:
-    """The level set of primitives, with about ``triangles`` triangles."""
+    """The surface of the primitives' soft union, with about ``triangles`` triangles."""
     bones = tuple(dict.fromkeys(p.bone for p in primitives))
     vertices, faces = level_set(lambda p: soft_union(primitives, p), triangles)
     return Surface(vertices, faces, _weights(primitives, bones, vertices), bones)
 
 
 def soft_union(primitives: list[Primitive], points: Points) -> NDArray[np.float64]:
-    """(N,) signed distance to the union of primitives, rounded where they meet, m."""
+    """(N,) approximate signed distance to the union of primitives, rounded where they meet, m."""
     total = np.zeros(len(points))
     for primitive in primitives:
         total += np.exp(-np.clip(primitive.distance(points), -0.5, 0.5) / SOFTNESS)
@@ -123,7 +123,7 @@ def soft_union(primitives: list[Primitive], points: Points) -> NDArray[np.float6
 
 
 def fitted(primitives: list[Primitive], vertices: Points) -> Points:
-    """Vertices moved along the gradient onto the level set of primitives."""
+    """Vertices moved along the gradient onto the surface of the primitives' soft union."""
     for _ in range(4):
         step = 1e-4
         value = soft_union(primitives, vertices)
@@ -137,7 +137,7 @@ def fitted(primitives: list[Primitive], vertices: Points) -> Points:
 def level_set(distance: Callable[[Points], NDArray[np.float64]], triangles: int) -> tuple[Points, NDArray[np.int64]]:
     """Vertices and faces of the surface where ``distance`` is 0, with about ``triangles`` triangles.
 
-    Naive surface nets: a vertex in each cell that the surface crosses, a quad for each edge that it crosses.
+    Naive surface nets: one vertex in each cell and one quad for each cell edge that the surface crosses.
     """
     low, high = np.array([-1.12, -1.14, -0.2]), np.array([1.12, 0.93, 0.36])
     axes = [np.arange(a, b, GRID) for a, b in zip(low, high, strict=True)]
@@ -152,7 +152,7 @@ def level_set(distance: Callable[[Points], NDArray[np.float64]], triangles: int)
 
 
 def _surface_net(values: NDArray[np.float64]) -> tuple[Points, NDArray[np.int64]]:
-    """Vertices in units of the grid, and triangles."""
+    """Vertices, in units of ``GRID``, and triangles."""
     inside = values < 0
     index = np.full(np.array(values.shape) - 1, -1)
     total, count = np.zeros((*index.shape, 3)), np.zeros(index.shape)
@@ -174,7 +174,7 @@ def _surface_net(values: NDArray[np.float64]) -> tuple[Points, NDArray[np.int64]
 
 
 def _quads(inside: NDArray[np.bool_], index: NDArray[np.int64], axis: int) -> NDArray[np.int64]:
-    """Two triangles for each grid edge along an axis that the surface crosses."""
+    """Two triangles for each grid edge along ``axis`` that the surface crosses."""
     before, after = np.moveaxis(inside, axis, 0)[:-1], np.moveaxis(inside, axis, 0)[1:]
     turned = np.moveaxis(index, axis, 0)
     edges = np.argwhere(before != after)
@@ -191,7 +191,7 @@ def _corner(values: NDArray[np.float64], start: NDArray[np.int64]) -> NDArray[np
 
 
 def _weights(primitives: list[Primitive], bones: tuple[str, ...], vertices: Points) -> NDArray[np.float64]:
-    """(N, B) skinning weights of the bones: the shares of their primitives in the soft union."""
+    """(N, B) skinning weights of the bones: the contribution of their primitives to the soft union."""
     weights = np.zeros((len(vertices), len(bones)))
     for primitive in primitives:
         weights[:, bones.index(primitive.bone)] += np.exp(-primitive.distance(vertices) / SOFTNESS)
@@ -269,13 +269,13 @@ def _stick(bone: str, ends: object, radii: tuple[float, float]) -> Primitive:
 
 
 def _unsided(primitive: Primitive) -> Primitive:
-    """The primitive on its unpaired bone: ears and breasts come in pairs, but head and thorax do not."""
+    """The primitive on its unpaired bone: ears and breasts come in pairs, but the head and thorax do not."""
     bone = primitive.bone
     return replace(primitive, bone=bone[1:]) if bone[1:] in ("head", "thorax") else primitive
 
 
 def _ellipsoid(points: Points, centre: Points, radii: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Signed distance to an ellipsoid, by Quilez's bound: https://iquilezles.org/articles/ellipsoids."""
+    """Approximate signed distance to an ellipsoid after Quilez: https://iquilezles.org/articles/ellipsoids."""
     offset = points - centre
     k0 = np.linalg.norm(offset / radii, axis=1)
     k1 = np.linalg.norm(offset / radii**2, axis=1)
@@ -283,7 +283,7 @@ def _ellipsoid(points: Points, centre: Points, radii: NDArray[np.float64]) -> ND
 
 
 def _cone(points: Points, ends: Points, radii: NDArray[np.float64]) -> NDArray[np.float64]:
-    """Signed distance to spheres along a line, whose radius changes linearly."""
+    """Approximate signed distance to a round cone: spheres along a segment with linearly changing radius."""
     axis = ends[1] - ends[0]
     t = np.clip((points - ends[0]) @ axis / (axis @ axis), 0, 1)
     return np.linalg.norm(points - ends[0] - t[:, None] * axis, axis=1) - radii[0] - t * (radii[1] - radii[0])

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 from rosbags.highlevel import AnyReader
 
 from pipeline.arrays import Direction, Pose
@@ -178,7 +179,7 @@ class _Beside:
         self.true_poses: list[tuple[float, Pose]] = []
         self._odometry: list[tuple[float, Pose]] = []
         self.links = FrameTree()
-        self._felt: list[tuple[float, Pose]] = []
+        self._felt: list[tuple[float, NDArray[np.float64]]] = []
         self._imu_frame = ""
         self._first = {name: _first(reader, name) for name in (topics.depth, topics.colour) if name}
         self._streams = [

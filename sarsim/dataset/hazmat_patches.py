@@ -211,7 +211,7 @@ def _landolt(image: Picture, ink: list[int], rng: np.random.Generator) -> Pictur
 
 def _worn(label: Picture, rng: np.random.Generator) -> Picture:
     """A label, at times faded or partly hidden at a corner."""
-    label = np.ascontiguousarray(label)
+    label = label.copy()  # It may be a view of the source, which must not wear
     if rng.random() < 0.25:
         corner = SQUARE[rng.integers(4)] * SPAN
         ends = corner + rng.normal(0, 0.35 * SPAN, (5, 2))

@@ -1,7 +1,7 @@
 """Compilation of an episode's functions on two cores: a second process fills numba's cache in reverse order.
 
 numba compiles each function when it is first called, one after another, which takes a minute on a new machine. The
-second process works backwards through ``kernels.json``, from the function that an episode needs last, until it reaches
+second process works through ``kernels.json`` backwards, starting from what an episode needs last, until it reaches
 those that the first process has compiled.
 """
 
@@ -51,7 +51,7 @@ def listed() -> list[tuple[str, list[Argument]]]:
 
 
 def compile_listed(functions: Iterable[tuple[str, list[Argument]]]) -> None:
-    """Compile functions for their argument types into numba's cache, skipping those that can no longer be compiled."""
+    """Compile functions for their argument types into numba's cache; any that no longer compile are skipped."""
     for name, arguments in functions:
         # If the list is older than the code, nothing breaks: functions are compiled when first called.
         with suppress(Exception):

@@ -21,7 +21,7 @@ from sarsim.robots.skid_steered import SkidSteered, per_side
 CONTROL_TIMESTEP = 0.02
 """s, the period of the drive's firmware."""
 OF_ITS_OWN = {"compiler": ("autolimits", "fusestatic"), "size": ("memory", "nstack", "njmax", "nconmax")}
-"""MJCF settings that concern a file alone: a valid file means the same without them, and a combined model has one."""
+"""MJCF settings local to a file: a valid file means the same without them, and a merged model has one of each."""
 MEDIUM = ("gravity", "wind", "magnetic", "density", "viscosity")
 """Options that describe the robot's surroundings, not how its physics are solved."""
 

@@ -43,7 +43,11 @@ class Episode(ExplorerRun):
     """
 
     def __init__(self, config: EpisodeConfig, brief: MissionBrief | None = None):
-        """Prepare exploration, or a mission if given; raises InputError if the arena, the folder or the viewer is not available."""
+        """``brief``: a mission to run; None to explore.
+
+        Raises:
+            InputError: the arena, the folder or the viewer is not available.
+        """
         if config.seed < 0:
             raise InputError(f"--seed {config.seed}: must not be negative")
         config = replace(config, out=config.folder)

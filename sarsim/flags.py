@@ -6,4 +6,4 @@ import tyro
 
 Value = TypeVar("Value")
 Given = Annotated[Value | None, tyro.conf.arg(help_behavior_hint="")]
-"""A value, or None if the flag is not given; its help text says what happens then, so ``(default: None)`` is omitted."""
+"""A value, or None if the flag is not given; its help describes that case, so ``(default: None)`` is omitted."""

@@ -233,7 +233,7 @@ class MappedDrive(MappingRun):
             self.show(keyframe)
 
     def save(self) -> None:
-        """End the recording, and write the maps, the report and the page; InputError if any of them cannot be written."""
+        """End the recording, and write the maps, the report and the page; InputError if any write fails."""
         steps, sim_time = len(self.mapper.keyframes), self._robot.time - self._begin
         each(lambda: self.finish(self._trajectory, steps, sim_time, {}), self._robot.close)
 

@@ -15,7 +15,7 @@ from sarsim.ground_truth.shapes import rotation
 
 @contextmanager
 def naming(name: str) -> Iterator[None]:
-    """Put a name, if there is one, before the message of an InputError."""
+    """Prefix the message of an InputError with a name, if there is one."""
     try:
         yield
     except InputError as error:
@@ -23,30 +23,30 @@ def naming(name: str) -> Iterator[None]:
 
 
 class RescueArena(composer.Arena):
-    """An arena whose site ``start`` marks where the robot is set down."""
+    """An arena whose site ``start`` marks where the robot starts."""
 
     def _build(self, root: mjcf.RootElement, called: str = "") -> None:
-        """``root``: its MJCF; ``called``: its name in error messages. InputError if the site is missing."""
+        """``root``: the MJCF; ``called``: the arena's name in error messages. InputError if it has no start."""
         self._mjcf_root, self._called = root, called
         if root.find("site", "start") is None:
             raise InputError("the arena has no start: add a site named 'start', or give --start X Y YAW")
 
     def naming(self) -> AbstractContextManager[None]:
-        """A context that puts the arena's name before the message of an InputError."""
+        """A context that prefixes the message of an InputError with the arena's name."""
         return naming(self._called)
 
     @property
     def T_world_start(self) -> Pose:
-        """Pose at which the robot's ``base_link`` is set down."""
+        """Start pose of the robot's ``base_link``."""
         start = self._mjcf_root.find("site", "start")
         quat = np.array([1.0, 0, 0, 0] if start.quat is None else start.quat)
-        quat = quat / np.linalg.norm(quat)  # as MuJoCo does: a file has few digits
+        quat = quat / np.linalg.norm(quat)  # as MuJoCo does: numbers in files are rounded
         return from_rotation(rotation(quat), np.zeros(3) if start.pos is None else start.pos)
 
     def to_xml(self) -> str:
-        """Its MJCF, which :func:`~sarsim.arenas.load.load_arena` reads again.
+        """The arena's MJCF, in a form that :func:`~sarsim.arenas.load.load_arena` can read.
 
-        PyMJCF calls the class of defaults that counts everywhere ``/`` and refuses a file in which it has a name.
+        PyMJCF writes the global default class with the name ``/``, but refuses to read a file in which it has a name.
         """
         root = self.mjcf_model.to_xml(precision=17)
         for top in root.iterfind("default/default[@class='/']"):

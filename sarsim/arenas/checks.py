@@ -1,4 +1,4 @@
-"""Checks of an arena's true geometry that every random arena passes."""
+"""Checks of an arena's true geometry that every random arena must pass."""
 
 from collections.abc import Iterator, Mapping
 from itertools import chain
@@ -14,20 +14,20 @@ from sarsim.ground_truth.true_surface import CELL, FreeGround, Survey
 from sarsim.victims.victims import TrueVictim, victims_of
 
 CAMERA_HEIGHT = 0.6  # m above the ground
-DOWN, UP = np.deg2rad(-34.5), np.deg2rad(10.5)  # Elevation of the lower and upper edge of its image
-VISIBLE_SHARE = 0.2  # of a victim's geoms that the camera must see from one place
+DOWN, UP = np.deg2rad(-34.5), np.deg2rad(10.5)  # Elevation of the lower and upper edge of the image
+VISIBLE_SHARE = 0.2  # Share of a victim's geoms that the camera must see from one position
 GROUND_LABELS = (Label.TERRAIN, Label.STRAIGHT_RAMP, Label.INCLINED_RAMP)
-SPECK = 0.1  # m²; a smaller piece of ground does not count
-VIEW_SPACING = 4  # cells between the tried positions of the camera
+SPECK = 0.1  # m²; smaller pieces of ground are ignored
+VIEW_SPACING = 4  # cells between the camera positions that are tried
 
 
 def failed_checks(mjcf: str, files: Mapping[str, bytes] | None = None) -> Iterator[str]:
-    """The checks that the MJCF of an arena with a site ``start`` fails, in words, each as soon as it is known.
+    """Describe the checks that an arena's MJCF with a site ``start`` fails, each as soon as it is known.
 
-    ``files``: contents of those to which it refers, by name.
+    ``files``: contents of the files to which the MJCF refers, by name.
 
     The checks: the start is free; all ground on which a P3-AT can stand is connected by drivable ground; a camera at
-    the height of the P3-AT's camera sees every victim from this ground.
+    the height of the P3-AT's camera can see every victim from that ground.
     """
     model = mujoco.MjModel.from_xml_string(mjcf, files)
     data = mujoco.MjData(model)
@@ -47,7 +47,7 @@ def failed_checks(mjcf: str, files: Mapping[str, bytes] | None = None) -> Iterat
 
 
 def _cut_off(survey: Survey, ground: FreeGround, piece: int) -> Iterator[float]:
-    """m² of each piece of ground larger than ``SPECK``, except the one in which the robot starts."""
+    """Area, m², of each piece of ground larger than ``SPECK``, except the one in which the robot starts."""
     beside = np.where(ground.pieces == piece, 0, ground.pieces)
     grounds = (apart for label in GROUND_LABELS for apart in survey.grounds(label, SPECK))
     elsewhere = (g.pieces for g in grounds if not np.array_equal(g.height, ground.height, equal_nan=True))
@@ -57,14 +57,14 @@ def _cut_off(survey: Survey, ground: FreeGround, piece: int) -> Iterator[float]:
 
 
 def _places(ground: FreeGround, drivable: NDArray[np.bool_]) -> Places:
-    """Positions of the camera above drivable ground."""
+    """Camera positions above drivable ground."""
     cells = np.argwhere(drivable)
     cells = cells[(cells % VIEW_SPACING == 0).all(axis=1)]
     return np.column_stack([ground.grid.centre_of(cells), ground.height[tuple(cells.T)] + CAMERA_HEIGHT])
 
 
 def is_visible(model: mujoco.MjModel, data: mujoco.MjData, victim: TrueVictim, places: NDArray[np.float64]) -> bool:
-    """Whether enough of a victim is visible from one of the camera's positions (N, 3), m."""
+    """Whether enough of a victim is visible from at least one of the camera positions ``places`` (N, 3), m."""
     parts = data.geom_xpos[victim.geoms]
     distance = np.linalg.norm(places - parts.mean(axis=0), axis=1)
     in_range = (distance >= XTION.nearest) & (distance <= XTION.farthest)

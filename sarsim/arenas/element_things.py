@@ -1,8 +1,8 @@
-"""The things to find that elements of the library stand for: ``.raf`` files and furnished arenas name them.
+"""The things to find that library elements represent; ``.raf`` files and furnished arenas contain such elements.
 
-What the format does not say is fixed here: of the letters of a victim's type, t (thermal) and the word heat mean that
-the doll is warm, q and qr that a code is in its box; a doll without any such sign is warm. The class of a plain
-``hazmat``, or of an unknown class, is the next of all classes.
+The following rules are ours, because the format leaves them open. In a victim's type, the letter t (thermal) or the
+word heat means that the doll is warm, and q or qr that its box contains a code; a doll without such a suffix is warm.
+A plain ``hazmat``, or one of an unknown class, takes the next class in the list of all classes.
 """
 
 from collections.abc import Iterator
@@ -23,19 +23,19 @@ OTHER_WORDS = {
     "blasting_agents": "explosive",
     "fuel-oil": "flammable-liquid",
 }
-"""Names of classes of the arena designer, and what teams report."""
+"""Class names that the arena designer uses, and the names under which teams report these classes."""
 TOWARDS_VIEWER = np.array([(1.0, 0, 0), (0, 0, -1.0), (0, 1.0, 0)])
-"""Axes of what hangs on an element's back wall, in its frame: x right, y up, z towards -y."""
-SIGN_SIDE, SIGN_AT = 0.28, (0.0, 0.588, 0.2)  # m, of the arena designer's signs
+"""Axes of a thing that hangs on an element's back wall, in the element's frame: x right, y up, z along -y."""
+SIGN_SIDE, SIGN_AT = 0.28, (0.0, 0.588, 0.2)  # m, of signs as in the arena designer
 WALL_CODE_SIDE, WALL_CODE_AT = 0.2, (0.0, 0.594, 0.6)  # m, of the codes of ``small_wall_qr``
-BOX_CODE_SIDE, BOX_CODE_AT = 0.08, (-0.17, 0.579, 0.12)  # m, of the codes in boxes of dolls: in a corner of the back
-BOTTLE = (0.07, 0.42)  # m, radius and height of an extinguisher
+BOX_CODE_SIDE, BOX_CODE_AT = 0.08, (-0.17, 0.579, 0.12)  # m, of codes in dolls' boxes, in a corner at the back
+BOTTLE = (0.07, 0.42)  # m, radius and height of a fire extinguisher
 _Placed = tuple[ThingModel, NDArray[np.float64], NDArray[np.float64]]
-"""A thing, and its position (3,) m and axes (3, 3) in the frame of its element."""
+"""A thing, with its position (3,) m and axes (3, 3) in the frame of its element."""
 
 
 def add_things(builder: ArenaBuilder, kind: str, position: NDArray[np.float64], yaw_deg: float) -> None:
-    """Add what an element of type ``kind``, its origin at ``position`` (3,) m, holds besides its plain geoms."""
+    """Add the things that belong to an element of type ``kind`` whose origin is at ``position`` (3,) m."""
     cos, sin = np.cos(np.radians(yaw_deg)), np.sin(np.radians(yaw_deg))
     R = np.array([(cos, -sin, 0), (sin, cos, 0), (0, 0, 1)])
     for thing, place, turn in _things(builder, kind):
@@ -60,7 +60,7 @@ def _things(
 
 
 def _boxed(builder: ArenaBuilder, kind: str, number: int) -> Iterator[_Placed]:
-    """The doll in a box, and the code beside it."""
+    """The doll in a box, and the code next to it, if any."""
     signs = kind.removeprefix("victim_with_box").removeprefix("victim_doll").removesuffix("with_box").strip("_1")
     is_warm = not signs or "t" in signs
     yield doll(builder.next_victim, ALIVE if is_warm else DEAD, np.random.default_rng(number)), np.zeros(3), np.eye(3)

@@ -1,8 +1,8 @@
-"""The element library, and the builder that sets its elements down in one plain MJCF document.
+"""The element library, and the builder that assembles its elements into one plain MJCF document.
 
-All static geoms belong to the world's body, so hundreds of elements cost the physics nothing; each victim is a body
-``victim_<id>`` of its own, and so is each thing to find. The document refers to no files but the pictures of signs
-and codes; without any, it opens in MuJoCo's viewer as it is.
+All static geoms belong to the world body, so hundreds of elements do not slow down the physics. Each victim is a body
+``victim_<id>`` of its own, and so is each thing to find. The document refers to no files except pictures of signs and
+codes; if there are none, MuJoCo's viewer opens it as it is.
 """
 
 from collections.abc import Mapping, Sequence
@@ -27,10 +27,10 @@ from sarsim.victims.victims import PREFIX
 
 TILE_SIZE = 1.2  # m
 Attributes = Mapping[str, str | ArrayLike]
-"""Attributes in MJCF by name, as text or as numbers."""
-FLAT = 1e-9  # m; heights that differ by less are one
+"""MJCF attributes by name, as text or as numbers."""
+FLAT = 1e-9  # m; heights that differ by less are considered equal
 DRAWN = ("hazmat_sign", "fire_extinguisher")
-"""Elements whose geoms only show how large the object is that stands for them."""
+"""Elements whose geoms only give the size of the thing that is shown in their place."""
 _LIGHTS = (
     # name, direction, diffuse, whether it casts shadows
     ("sun", (-0.35, 0.5, -0.8), (0.5, 0.5, 0.48), True),
@@ -53,7 +53,7 @@ class ElementLibrary:
         self.types = frozenset(self._bodies)
 
     def header(self) -> list[Element]:
-        """Fresh copies of the settings, assets and default classes: all children except the worldbody."""
+        """Copies of the settings, assets and default classes: all children except the worldbody and statistic."""
         return [deepcopy(child) for child in self._root if child.tag not in ("worldbody", "statistic")]
 
     def geoms(self, kind: str) -> list[Element]:
@@ -66,7 +66,7 @@ class ElementLibrary:
         return np.array(sites).reshape(-1, 3)[:, [0, 2]]
 
     def footprint(self, kind: str) -> NDArray[np.float64]:
-        """(4, 2) corners of the bounding rectangle of an element, seen from above, in its frame, m."""
+        """(4, 2) m, corners of an element's bounding rectangle seen from above, in the element's frame."""
         model = self._model
         geoms = np.flatnonzero(model.geom_bodyid == model.body(kind).id)
         R = np.array([rotation(model.geom_quat[geom]) for geom in geoms])
@@ -86,7 +86,7 @@ class ArenaBuilder:
     """Makes an arena's MJCF.
 
     Attributes:
-        root: the ``<mujoco>`` element so far; callers may add geoms of their own.
+        root: the ``<mujoco>`` element built so far; callers may add their own geoms.
         files: contents of the pictures to which the document refers, by name.
     """
 
@@ -100,12 +100,12 @@ class ArenaBuilder:
         self.files: dict[str, bytes] = {}
 
     def add_element(self, kind: str, position: ArrayLike, yaw_deg: float) -> None:
-        """Set an element of the library down: its origin at ``position`` (3,) m, turned left by ``yaw_deg``.
+        """Add a library element with its origin at ``position`` (3,) m, turned left by ``yaw_deg`` degrees.
 
-        Of the elements in ``DRAWN`` only the extent counts.
+        Elements in ``DRAWN`` only extend the arena's bounds.
 
-        A geom that lies exactly where another one does is left out: two neighbouring tiles may both have the wall
-        between them.
+        A geom that coincides with an earlier one is left out: two neighbouring tiles may both have the wall between
+        them.
         """
         pose = _Pose(np.asarray(position, np.float64), _turn(yaw_deg))
         geoms = element_library().geoms(kind)
@@ -118,29 +118,29 @@ class ArenaBuilder:
             self._add_victim(victim, pose)
 
     def add_thing(self, thing: ThingModel, position: ArrayLike, R: Rotation3) -> None:
-        """Set a thing to find down: its origin at ``position`` (3,) m, turned by ``R`` (3, 3)."""
+        """Add a thing to find with its origin at ``position`` (3,) m and orientation ``R`` (3, 3)."""
         thing.add_to(self.root, position, R)
         self.files |= thing.files
 
     @property
     def next_thing(self) -> int:
-        """A number for a further thing to find: one more than there are, victims included."""
+        """The number of the next thing to find: one more than there are so far, victims included."""
         return 1 + len(self.root.findall("custom/text"))
 
     @property
     def next_victim(self) -> str:
-        """A name for the body of a further victim."""
+        """The name of the next victim's body."""
         return f"{PREFIX}{1 + sum(body.get('name', '').startswith(PREFIX) for body in self._world.iterfind('body'))}"
 
     def add_victim(
         self, position: ArrayLike, geoms: Sequence[tuple[Attributes, Sequence[float] | None]], state: str
     ) -> None:
-        """Add a victim of geoms that are no element's.
+        """Add a victim made of geoms from outside the library.
 
         Args:
-            position: (3,) m of its body.
-            geoms: MJCF's attributes of each in its body, and its colour, red, green, blue, from 0 to 1.
-            state: alive or dead; empty if it is not known yet.
+            position: (3,) m, position of the victim's body.
+            geoms: the MJCF attributes of each geom in the body, and its colour (red, green, blue, 0 to 1).
+            state: alive or dead; empty if not known yet.
         """
         name = self.next_victim
         body = SubElement(self._world, "body", name=name, pos=_text(position))
@@ -151,7 +151,7 @@ class ArenaBuilder:
         declare(self.root, name, VICTIM, state=state)
 
     def settle_states(self, state: str) -> int:
-        """Give a state to the victims that have none; returns how many these are."""
+        """Give a state to the victims that have none; returns the number of these victims."""
         unsettled = [text for text in self.root.findall("custom/text") if text.get("data") == data_of(VICTIM)]
         for text in unsettled:
             text.set("data", data_of(VICTIM, state=state))
@@ -161,15 +161,15 @@ class ArenaBuilder:
         self, name: str, label: str, position: ArrayLike, yaw_deg: float, middle: ArrayLike, half: ArrayLike,
         colour: tuple[float, float, float],
     ) -> None:  # fmt: skip
-        """Add a box of an element that is not in the library.
+        """Add a box that is part of an element outside the library.
 
         Args:
             name: prefix of the geom's name.
-            label: its default class.
-            position: (3,) m of the element's origin.
-            yaw_deg: degrees that the element is turned to the left.
-            middle: (3,) m of the box in the element's frame.
-            half: (3,) m, half of its extent.
+            label: default class of the geom.
+            position: (3,) m, origin of the element.
+            yaw_deg: angle by which the element is turned to the left, degrees.
+            middle: (3,) m, centre of the box in the element's frame.
+            half: (3,) m, half sizes of the box.
             colour: red, green, blue, from 0 to 1.
         """
         box = {"class": label, "pos": _text(middle), "size": _text(half), "rgba": _text((*colour, 1.0))}
@@ -179,7 +179,7 @@ class ArenaBuilder:
     def _place(self, kind: str, geom: Element) -> None:
         if (key := _identity(geom)) not in self._placed:
             self._placed.add(key)
-            # PyMJCF takes time that grows with the square of the number of geoms without a name.
+            # PyMJCF's run time grows with the square of the number of unnamed geoms.
             geom.set("name", f"{kind}_{len(self._placed)}")
             self._world.append(geom)
 
@@ -187,35 +187,36 @@ class ArenaBuilder:
         name = self.next_victim
         body = SubElement(self._world, "body", name=name, pos=_text(pose.position), quat=_text(pose.turn))
         body.extend(Element("geom", geom.attrib | {"name": f"{name}_part_{n}"}) for n, geom in enumerate(geoms))
-        declare(self.root, name, VICTIM, state=DEAD)  # it is a picture, and as cold as the wall
+        declare(self.root, name, VICTIM, state=DEAD)  # a picture, as cold as the wall
 
     def add_geom(self, label: str, geom: Attributes, colour: Sequence[float] | None = None) -> None:
-        """Add a geom that is no element's.
+        """Add a geom that belongs to no element.
 
         Args:
-            label: its default class.
-            geom: MJCF's attributes of it.
-            colour: red, green, blue, from 0 to 1; by default the label's material shows.
+            label: default class of the geom.
+            geom: MJCF attributes of the geom.
+            colour: red, green, blue, from 0 to 1; by default, the label's material.
         """
-        # PyMJCF takes time that grows with the square of the number of geoms without a name.
+        # PyMJCF's run time grows with the square of the number of unnamed geoms.
         named = {"name": f"{label}_{len(self._world)}", "class": label}
         paint = {} if colour is None else {"material": self._material(colour)}
         self._world.append(Element("geom", named | _written(geom) | paint))
 
     def add_mesh(self, vertices: NDArray[np.float64], triangles: NDArray[np.int64] | None = None) -> str:
-        """The name of a mesh of vertices (N, 3) m and triangles (M, 3), by default their convex hull; added once."""
+        """Add a mesh of vertices (N, 3) m and triangles (M, 3), by default their convex hull; returns its name."""
         faces = {} if triangles is None else {"face": " ".join(map(str, np.ravel(triangles).tolist()))}
         return self._asset("mesh", {"vertex": vertices, "inertia": "shell", **faces})
 
     def add_height_field(self, heights: NDArray[np.float64], size: ArrayLike) -> str:
-        """The name of a height field of heights (rows, columns), y growing with the row; added once.
+        """Add a height field of heights (rows, columns), with y increasing with the row; returns its name.
 
-        ``size``: (4,) m, half along x and y, from the lowest to the highest of them, and below the lowest.
+        ``size``: (4,) m, half size along x and y, height from the lowest to the highest point, and thickness below
+        the lowest.
         """
         rows, columns = heights.shape
         shown = (heights - heights.min()) / max(float(np.ptp(heights)), FLAT)
         counts = {"nrow": str(rows), "ncol": str(columns)}
-        return self._asset("hfield", {**counts, "elevation": shown[::-1], "size": size})  # MuJoCo begins at the top
+        return self._asset("hfield", {**counts, "elevation": shown[::-1], "size": size})  # row 0 has the largest y in MJCF
 
     def _material(self, colour: Sequence[float]) -> str:
         return self._asset("material", {"rgba": (*colour, 1.0), "specular": (0.05,), "shininess": (0.1,)})
@@ -232,7 +233,7 @@ class ArenaBuilder:
         return self._assets[key]
 
     def change_asset(self, kind: str, name: str, attributes: Mapping[str, str | Sequence[float]]) -> None:
-        """Change a ``texture`` or a ``material`` of the library in this arena."""
+        """Change a library ``texture`` or ``material`` in this arena."""
         (element,) = self.root.findall(f"asset/{kind}[@name='{name}']")
         for key, value in attributes.items():
             element.set(key, value if isinstance(value, str) else _text(value))
@@ -244,16 +245,16 @@ class ArenaBuilder:
 
     @property
     def bounds(self) -> NDArray[np.float64]:
-        """(2, 2) lowest and highest x, y of all elements, m."""
+        """(2, 2) m, lowest and highest x, y of all elements."""
         corners = np.concatenate(self._corners)
         return np.stack([corners.min(axis=0), corners.max(axis=0)])
 
     def add_floor(self, low: ArrayLike, high: ArrayLike) -> None:
-        """Lay the floor, z = 0, between two corners (x, y)."""
+        """Add the floor at z = 0 between two corners (x, y), m."""
         self._add_slab("floor", "terrain", low, high, 0.0, 0.1)
 
     def add_ceiling(self, low: ArrayLike, high: ArrayLike, height: float) -> None:
-        """Hang a ceiling between two corners (x, y), its underside at ``height``."""
+        """Add a ceiling between two corners (x, y), m, with its underside at ``height``, m."""
         self._add_slab("ceiling", "ceiling", low, high, height + 0.01, 0.01)
 
     def _add_slab(self, name: str, label: str, low: ArrayLike, high: ArrayLike, z: float, half_z: float) -> None:
@@ -262,9 +263,9 @@ class ArenaBuilder:
         SubElement(self._world, "geom", {"name": name, "class": label} | pose)
 
     def add_surroundings(self, low: ArrayLike, high: ArrayLike, ceiling: bool = False) -> None:
-        """Add light, cameras and the model's extent for an arena between two corners (x, y).
+        """Add lights, cameras and the model's extent for an arena between two corners (x, y), m.
 
-        Under a ceiling no light casts shadows: the light stands for many lamps below the ceiling.
+        Under a ceiling no light casts shadows: the lights represent many lamps below the ceiling.
         """
         (x, y), extent = np.add(low, high) / 2, float(np.linalg.norm(np.subtract(high, low))) / 2
         SubElement(self.root, "statistic", center=_text((x, y, 0.3)), extent=_text([extent]))
@@ -272,7 +273,7 @@ class ArenaBuilder:
             attributes = {
                 "name": name,
                 "directional": "true",
-                # From farther away, the shadows of a directional light get stripes.
+                # A directional light that is farther away produces striped shadows.
                 "pos": _text(np.array([x, y, 0.3]) - extent * np.array(direction)),
                 "dir": _text(direction),
                 "diffuse": _text(diffuse),
@@ -292,7 +293,7 @@ class ArenaBuilder:
         return self._world.find("site[@name='start']") is not None
 
     def set_start(self, position: ArrayLike, yaw: float) -> None:
-        """Mark the robot's start in place of an earlier one: ``position`` (3,) m, heading ``yaw`` rad."""
+        """Mark the robot's start, replacing any earlier one: ``position`` (3,) m, heading ``yaw`` rad."""
         for site in self._world.findall("site[@name='start']"):
             self._world.remove(site)
         pose = {"pos": _text(position), "quat": _text((np.cos(yaw / 2), 0, 0, np.sin(yaw / 2)))}
@@ -314,21 +315,21 @@ class _Pose:
     """The pose of an element in the world.
 
     Attributes:
-        position: (3,) m of its origin.
-        turn: (4,) unit quaternion about z.
+        position: (3,) m, origin of the element.
+        turn: (4,) unit quaternion (w, x, y, z) of the rotation about z.
     """
 
     position: Place
     turn: NDArray[np.float64]
 
     def points(self, xy: NDArray[np.float64]) -> Places:
-        """The places in the world of points (N, 2) in the element's frame."""
+        """(N, 2) m, world coordinates of points (N, 2) m in the element's frame."""
         w, _, _, z = self.turn
         cos, sin = w * w - z * z, 2 * w * z
         return xy @ np.array([(cos, sin), (-sin, cos)]) + self.position[:2]
 
     def geom(self, geom: Element) -> Element:
-        """A copy of a geom of the element, with its pose in the world."""
+        """A copy of one of the element's geoms, with its pose in the world."""
         x, y, z = numbers_of(geom, "pos", (0, 0, 0))
         position = [*self.points(np.array([[x, y]]))[0], self.position[2] + z]
         quat = np.empty(4)
@@ -337,7 +338,7 @@ class _Pose:
 
 
 def _turn(yaw_deg: float) -> NDArray[np.float64]:
-    """Unit quaternion (w, x, y, z) about z; right angles are exact, so that tiles meet without a gap."""
+    """Unit quaternion (w, x, y, z) of a rotation about z; right angles are exact, so that tiles meet without gaps."""
     quarter, rest = divmod(yaw_deg, 90.0)
     if rest == 0:
         half = np.sqrt(0.5)
@@ -348,9 +349,9 @@ def _turn(yaw_deg: float) -> NDArray[np.float64]:
 
 
 def _identity(geom: Element) -> tuple[object, ...]:
-    """A key that is equal for two geoms that fill the same space and look alike."""
+    """A key that is equal for geoms that fill the same space and look alike."""
     w, x, y, z = numbers_of(geom, "quat", (1, 0, 0, 0))
-    # An upright box that is turned by 180° about z fills the same space; a mesh does not.
+    # An upright box turned by 180° about z fills the same space; a mesh does not.
     is_box = geom.get("mesh") is None and x == y == 0
     yaw = round(np.degrees(2 * np.arctan2(z, w)), 2) % (180 if is_box else 360)
     position = np.round(numbers_of(geom, "pos", (0, 0, 0)), 4) + 0.0
@@ -364,5 +365,5 @@ def _written(attributes: Attributes) -> dict[str, str]:
 
 
 def _text(values: ArrayLike) -> str:
-    """Numbers as MJCF text, to 1 µm, so that rounding errors that differ between machines do not show."""
+    """Numbers as MJCF text with six decimals, which hides rounding errors that differ between machines."""
     return " ".join(f"{round(float(v), 6) + 0.0:.6f}".rstrip("0").rstrip(".") for v in np.ravel(values))

@@ -1,4 +1,4 @@
-"""AprilTags on the walls of an arena, with which maps are scored as at RoboCup Rescue."""
+"""AprilTags on the walls of an arena, by which maps are scored, as at RoboCup Rescue."""
 
 from collections.abc import Iterator
 from itertools import islice
@@ -18,22 +18,22 @@ from sarsim.arenas.things.codes import MODULES, tag_picture
 from sarsim.arenas.things.thing import data_of
 from sarsim.arenas.walls import Walls, facing
 
-TAG_SIDE = 0.16  # m of the black square, 8 modules
+TAG_SIDE = 0.16  # m, side of the black square of 8 modules
 MOST_TAGS = 50  # Largest number of tags in an arena
-THICK = 0.001  # m; a camera does not see the step
-TAG_SPACING = 0.5  # m, least distance between tags
+THICK = 0.001  # m; a depth camera cannot resolve it
+TAG_SPACING = 0.5  # m, minimum distance between tags
 
 
 def hang_fiducials(arena: RescueArena, number: int, seed: int) -> Poses:
     """Hang tags 0 to ``number`` - 1 on walls in front of drivable ground, each as far from the others as possible.
 
-    A tag is labelled as wall, and collides with nothing. It is a thing to find, of kind april_tag.
+    A tag is labelled as wall and does not collide. It is a thing to find, of kind april_tag.
 
     Returns:
-        Poses T_world_tag: origin at its centre, x right and y up for a viewer, z towards the viewer.
+        Poses T_world_tag: origin at the tag's centre; x right, y up and z towards the viewer.
 
     Raises:
-        InputError: the number is below 0 or above ``MOST_TAGS``, or the walls have too little room.
+        InputError: the number is below 0 or above ``MOST_TAGS``, or there is not enough room on the walls.
     """
     if not 0 <= number <= MOST_TAGS:
         raise InputError(f"--fiducials {number}: must be from 0 to {MOST_TAGS}")
@@ -62,7 +62,7 @@ def _hang(root: mjcf.RootElement, tag: int, T: Pose) -> None:
 
 
 def _poses(arena: RescueArena, number: int, rng: np.random.Generator) -> Iterator[NDArray[np.float64]]:
-    """At most ``number`` poses of tags: the first at random, each next one the farthest from those before."""
+    """At most ``number`` tag poses: the first is random, each further one as far as possible from those before."""
     root = arena.mjcf_model
     model = mujoco.MjModel.from_xml_string(root.to_xml_string(), root.get_assets())
     walls, half = Walls(model, arena.T_world_start[:3, 3]), TAG_SIDE / MODULES * (MODULES / 2 + 2)

@@ -1,4 +1,4 @@
-"""Builds the lanes of RoboCup Rescue by the fabrication guide's dimensions; see docs/lanes.md for what is assumed."""
+"""Builds the lanes of RoboCup Rescue with the fabrication guide's dimensions; docs/lanes.md lists the assumptions."""
 
 from collections.abc import Callable
 from math import cos, pi, radians, sin, sqrt, tan
@@ -12,24 +12,24 @@ from sarsim.arenas.lanes import DIMENSIONS as D
 from sarsim.arenas.lanes import HOLES_END
 
 YELLOW, ORANGE, PIPE = (0.93, 0.78, 0.16), (0.93, 0.50, 0.12), (0.80, 0.80, 0.82)
-RAILS_START, STEPS_START = 0.2, 0.3  # m from the middle of an end zone to where a robot fits between rails or steps
+RAILS_START, STEPS_START = 0.2, 0.3  # m inwards from an end zone's centre: the robot fits between rails, steps
 
 
 def build_lane(lane: str, end: int = -1) -> ArenaBuilder:
-    """A lane, with the start in the end zone at the ``end`` ±1 of x, from where the robot looks into the lane."""
+    """Build a lane; the robot starts in the end zone at negative (``end`` = -1) or positive x, facing the lane."""
     builder = ArenaBuilder(lane)
     BUILDERS[lane](builder, end)
     return builder
 
 
 def _look_in(decks: list[Deck], end: int, inwards: float = 0.0, y: float = 0.0) -> None:
-    """Start on the outer floor at an end, ``inwards`` m from its middle, ``y`` m to the left of who looks in."""
+    """Start on the outer floor at an end, ``inwards`` m from its centre and ``y`` m to the left, facing the lane."""
     deck = decks[0] if end < 0 else decks[-1]
     deck.start(-end * inwards, -end * y, 0.0 if end < 0 else pi)
 
 
 def _crossing_ramps(builder: ArenaBuilder, end: int) -> None:
-    """Ridges of half ramps; those on the right are half a ridge ahead. The guide leaves their arrangement open."""
+    """Ridges of half ramps, offset by half a ridge between left and right; the guide does not give the arrangement."""
     decks = four_floors(builder)
     half = D.width / 4
     wedge = _wedge(D.half_ramp, D.width / 2, D.half_ramp * tan(radians(D.slope)))
@@ -42,13 +42,13 @@ def _crossing_ramps(builder: ArenaBuilder, end: int) -> None:
 
 
 def _wedge(length: float, width: float, height: float) -> NDArray[np.float64]:
-    """(6, 3) m: a ramp that rises along x, its middle the origin."""
+    """(6, 3) m, vertices of a ramp that rises along x; the origin is at the centre of its base."""
     x, y = length / 2, width / 2
     return np.array([(-x, -y, 0), (-x, y, 0), (x, -y, 0), (x, y, 0), (x, -y, height), (x, y, height)])
 
 
 def _krails(builder: ArenaBuilder, end: int, ridge: bool = False) -> None:
-    """A diagonal rail on each of eight squares; in the middle four meet."""
+    """A diagonal rail on each of eight squares; four of the rails meet at the centre of the lane."""
     decks = four_floors(builder, ridge)
     for column, deck in enumerate(decks):
         for row in (0, 1):
@@ -58,7 +58,7 @@ def _krails(builder: ArenaBuilder, end: int, ridge: bool = False) -> None:
 
 
 def _mitred() -> NDArray[np.float64]:
-    """(12, 3) m: a rail on the diagonal of a square of 1.2 m, its ends mitred to the square's corners."""
+    """(12, 3) m, vertices of a rail along the diagonal of a 1.2 m square, with ends mitred to fit the corners."""
     side, cut = D.floor / 2, D.rail / sqrt(2)
     half = [(-side, -side), (cut - side, -side), (side, side - cut)]
     outline = [*half, *((-x, -y) for x, y in half)]
@@ -70,7 +70,7 @@ def _krails_15(builder: ArenaBuilder, end: int) -> None:
 
 
 def _stepfield(builder: ArenaBuilder, end: int) -> None:
-    """Ridges of high plateaus with low ones beside them, that zigzag between the railings; which way is assumed."""
+    """Zigzag ridges of high plateaus with low ones on both sides; the direction of the zigzag is assumed."""
     decks = four_floors(builder)
     middle = (D.cell - D.plateau) / 2
     for column, deck in enumerate(decks):
@@ -79,7 +79,7 @@ def _stepfield(builder: ArenaBuilder, end: int) -> None:
                 falls = (column + j // 4) % 2 == 0
                 off = abs(i + j % 4 - 3) if falls else abs(i - j % 4)
                 height = (D.high, D.low, 0.0)[min(off, 2)]
-                # Two plateaus fill a base of 59.4 cm, of which there are two to a floor of 1.2 m.
+                # Along each axis, two plateaus fill a base of 59.4 cm, and two bases fit on a floor of 1.2 m.
                 x, y = ((n // 2 + 0.5) * D.floor / 2 + (n % 2 * 2 - 1) * middle for n in (i, j))
                 if height:
                     place = (x - D.floor / 2, y - D.width / 2, height / 2)
@@ -89,14 +89,14 @@ def _stepfield(builder: ArenaBuilder, end: int) -> None:
 
 
 def _pitch_roll(builder: ArenaBuilder, end: int) -> None:
-    """Eight elements of four ramps that rise clockwise about its middle, a peak, or fall, a valley, in turn."""
+    """Eight elements of four ramps, alternately a peak (ramps rise clockwise) and a valley (they fall clockwise)."""
     decks = four_floors(builder)
     wedge = _wedge(D.cell, D.cell, D.ramp_height)
     for column, deck in enumerate(decks):
         for row in (0, 1):
             peak = (column + row) % 2 == 0
             for quarter in range(4):
-                # The quarters from the north-west one on: each turned right by a quarter turn.
+                # Clockwise from the north-west quarter, each ramp is turned right by another 90°.
                 a = pi / 4 * (3 - 2 * quarter)
                 x, y = D.floor / 4 * np.sign([cos(a), sin(a)])
                 R = turned(-pi / 2 * quarter + (0.0 if peak else pi))
@@ -105,7 +105,7 @@ def _pitch_roll(builder: ArenaBuilder, end: int) -> None:
 
 
 def _hurdles(builder: ArenaBuilder, end: int) -> None:
-    """A pallet on each square, two on one on either side of the middle, and a pipe before each raised face."""
+    """A pallet on each square, two of them raised by a second one, and a pipe in front of each step up to these."""
     decks = four_floors(builder)
     for column, deck in enumerate(decks):
         for row in (0, 1):
@@ -122,9 +122,9 @@ def _hurdles(builder: ArenaBuilder, end: int) -> None:
 
 
 def _alleys(builder: ArenaBuilder, end: int, tilt: float = 0.0) -> None:
-    """Three dividers across the lane; the way leads through doorways south, north and south."""
+    """Three dividers across the lane, with doorways at the south, north and south side in turn."""
     flat = [Deck(builder, np.array([x * D.floor, 0.0, 0.0])) for x in (-1.5, -0.5)]
-    far = Deck(builder, np.zeros(3), turned(0.0, tilt))  # of both tilting floors, from their hinge
+    far = Deck(builder, np.zeros(3), turned(0.0, tilt))  # frame of both tilted floors, origin at their hinge
     for deck in flat:
         framed(deck)
         sides(deck)
@@ -138,11 +138,11 @@ def _alleys(builder: ArenaBuilder, end: int, tilt: float = 0.0) -> None:
         _divider(deck, x, side)
     hall(builder, (-4.4, -3.2), (4.4, 3.2), D.framing + D.board)
     deck = flat[0] if end < 0 else halves[1]
-    deck.start(0.0, D.floor / 2, -pi / 2)  # along the alley: the next divider is too near for the depth camera
+    deck.start(0.0, D.floor / 2, -pi / 2)  # along the alley: the divider ahead is below the depth camera's range
 
 
 def _divider(deck: Deck, x: float, side: int) -> None:
-    """A railing on one half of the lane and a panel that leaves a doorway at the ``side`` ±1 of y."""
+    """A railing on one half of the lane, and on the other a panel that leaves a doorway at the ``side`` ±1 of y."""
     length, height = D.panel
     deck.railing(x, -side * D.railing / 2, pi / 2)
     middle = side * (D.width / 2 - D.passage - length / 2)
@@ -154,7 +154,7 @@ def _centre(builder: ArenaBuilder, end: int) -> None:
 
 
 def _traverse(builder: ArenaBuilder, end: int) -> None:
-    """Along a slope, between panels. The guide has no such lane: that all four floors slope is ours."""
+    """Across a side slope, between panels. The guide has no such lane; sloping all four floors is our choice."""
     R = turned(0.0, 0.0, radians(D.slope))
     rise = D.width / 2 * sin(radians(D.slope))
     decks = [
@@ -176,7 +176,7 @@ def _traverse(builder: ArenaBuilder, end: int) -> None:
 
 
 def _door(builder: ArenaBuilder, end: int, shut: bool = False) -> None:
-    """A wall across the lane with a door in its left half; the leaf is held open."""
+    """A wall across the lane with a door in its left half; the leaf is open, or ``shut``."""
     decks = four_floors(builder)
     across = Deck(builder, np.zeros(3))
     thick, half = D.lumber[1], D.width / 4
@@ -189,8 +189,8 @@ def _door(builder: ArenaBuilder, end: int, shut: bool = False) -> None:
 
 
 def _leaf(builder: ArenaBuilder, jamb: float, thick: float, shut: bool) -> None:
-    """The leaf on the jamb nearest to the middle of the lane; it opens towards +x."""
-    gap, board = 0.005, 0.04  # m around the leaf, and its thickness
+    """The door's leaf, hinged on the jamb nearest to the lane's centre line; it opens towards +x."""
+    gap, board = 0.005, 0.04  # m, gap around the leaf and its thickness
     opens = radians(D.leaf_opens)
     joint = {"type": "hinge", "axis": (0, 0, 1), "damping": (2.0,), "frictionloss": (1.0,)}
     joint |= {"range": (-opens, 0), "stiffness": (D.leaf_spring,)} if shut else {"range": (0, opens)}
@@ -212,11 +212,11 @@ def _door_shut(builder: ArenaBuilder, end: int) -> None:
 
 
 HOLES_ROUTE = ((1, 0), (0, 1), (1, 0), (0, -1), (1, 0))
-"""Directions of the runs between the holes; the guide leaves the meander open."""
+"""Directions of the runs between the holes; the guide does not give the route."""
 
 
 def _avoid_holes(builder: ArenaBuilder, end: int) -> None:
-    """Ten pallets in five runs of a meander, a gate of two loose posts across the second pallet of each run."""
+    """Ten pallets in five runs of a winding path, with a gate of two loose posts on the second pallet of each run."""
     long, wide, high = D.hole_pallet
     turn = (long + wide) / 2
     ground = Deck(builder, np.zeros(3))
@@ -228,7 +228,7 @@ def _avoid_holes(builder: ArenaBuilder, end: int) -> None:
             at = at + step * heading
             ground.box("terrain", (*at, -high / 2), size, colour=TIMBER)
             if pallet == 1:
-                # In its middle a post would bar the next run, which begins there.
+                # In the middle of the pallet, a post would block the next run, which starts there.
                 _gate(builder, number + 1, at - (long - D.lumber[1]) / 2 * heading, heading)
     length, width = 2 * (HOLES_END + D.floor), turn + long + wide
     for side in (-1, 1):
@@ -244,7 +244,7 @@ def _avoid_holes(builder: ArenaBuilder, end: int) -> None:
 
 
 def _gate(builder: ArenaBuilder, number: int, at: NDArray[np.float64], heading: NDArray[np.float64]) -> None:
-    """Two posts on a pallet, across a way."""
+    """Two posts on a pallet, one on each side of the path."""
     thick, deep = D.lumber
     across = np.array([-heading[1], heading[0]])
     half = np.abs(thick * across + deep * heading) / 2

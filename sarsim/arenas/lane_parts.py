@@ -1,4 +1,4 @@
-"""What lanes are made of: framed floors, which may tilt, and what stands on them and tilts with them."""
+"""The parts of lanes: framed floors, which may be tilted, and the objects on them, which tilt with them."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -13,18 +13,18 @@ from pipeline.arrays import Place, Rotation3
 from sarsim.arenas.elements import ArenaBuilder, Attributes
 from sarsim.arenas.lanes import DIMENSIONS as D
 
-TIMBER = (0.76, 0.60, 0.38)  # colour of lumber
+TIMBER = (0.76, 0.60, 0.38)
 Triple = tuple[float, float, float]
 
 
 @dataclass(frozen=True, eq=False)
 class Deck:
-    """A floor's frame: x along the lane, y to its left, z = 0 its surface.
+    """The coordinate frame of a floor: x along the lane, y to the left, z = 0 at the surface.
 
     Attributes:
-        builder: of the arena in which it lies.
-        origin: m in the world.
-        R: its axes in the world.
+        builder: builder of the arena.
+        origin: origin in the world, m.
+        R: axes in the world.
     """
 
     builder: ArenaBuilder
@@ -32,11 +32,11 @@ class Deck:
     R: Rotation3 = field(default_factory=lambda: np.eye(3))
 
     def point(self, x: float, y: float, z: float = 0.0) -> Place:
-        """A place of the deck in the world, m."""
+        """World coordinates, m, of a point in the deck's frame, m."""
         return self.origin + self.R @ np.array([x, y, z])
 
     def pose(self, middle: Triple, R: Rotation3) -> dict[str, NDArray[np.float64]]:
-        """MJCF's attributes for a place of the deck, m, and axes (3, 3) in it."""
+        """MJCF attributes for a position, m, and axes (3, 3), both in the deck's frame."""
         quat = np.empty(4)
         mujoco.mju_mat2Quat(quat, (self.R @ R).ravel())
         return {"pos": self.point(*middle), "quat": quat}
@@ -44,7 +44,7 @@ class Deck:
     def box(
         self, label: str, middle: Triple, size: Triple, yaw: float = 0.0, colour: Sequence[float] | None = None
     ) -> None:
-        """Add a box of a size in m, its middle in m, turned left by ``yaw`` rad."""
+        """Add a box of full size ``size``, m, with its centre at ``middle``, m, turned left by ``yaw`` rad."""
         self.builder.add_geom(
             label, {**self.pose(middle, turned(yaw)), "type": "box", "size": np.array(size) / 2}, colour
         )
@@ -52,12 +52,12 @@ class Deck:
     def hull(
         self, label: str, at: Triple, vertices: NDArray[np.float64], colour: Sequence[float] | None = None
     ) -> None:
-        """Add the convex hull of vertices (N, 3), m from a place ``at``, m."""
+        """Add the convex hull of vertices (N, 3), m, given relative to the position ``at``, m."""
         mesh = self.builder.add_mesh(vertices)
         self.builder.add_geom(label, {**self.pose(at, np.eye(3)), "type": "mesh", "mesh": mesh}, colour)
 
     def railing(self, x: float, y: float, yaw: float) -> None:
-        """Add a railing whose middle stands at ``x``, ``y``, m, and which runs along ``yaw`` rad."""
+        """Add a railing with its centre at ``x``, ``y``, m, that runs in direction ``yaw``, rad."""
         thick, high = D.lumber
         for top in D.bars:
             self.box("wall", (x, y, top - high / 2), (D.railing, thick, high), yaw, TIMBER)
@@ -67,7 +67,7 @@ class Deck:
             self.box("wall", place, (high, thick, D.bars[-1]), yaw, TIMBER)
 
     def start(self, x: float, y: float, yaw: float) -> None:
-        """Let the robot begin at ``x``, ``y``, m, its heading ``yaw`` rad."""
+        """Let the robot start at ``x``, ``y``, m, with heading ``yaw``, rad."""
         self.builder.set_start(self.point(x, y), 0.0)
         site = self.builder.root.find("worldbody/site[@name='start']")
         assert site is not None
@@ -75,7 +75,7 @@ class Deck:
 
 
 def turned(yaw: float, pitch: float = 0.0, roll: float = 0.0) -> Rotation3:
-    """Axes (3, 3) turned left by ``yaw``, then raised in front by ``pitch``, then at the left by ``roll``, rad."""
+    """Axes (3, 3) after yaw to the left, then pitch that raises the front, then roll that raises the left side, rad."""
     (a, b), (c, d), (e, f) = ((cos(t), sin(t)) for t in (yaw, pitch, roll))
     Rz = np.array([(a, -b, 0), (b, a, 0), (0, 0, 1.0)])
     Ry = np.array([(c, 0, -d), (0, 1.0, 0), (d, 0, c)])
@@ -84,23 +84,23 @@ def turned(yaw: float, pitch: float = 0.0, roll: float = 0.0) -> Rotation3:
 
 
 def framed(deck: Deck, length: float = D.floor, width: float = D.width) -> None:
-    """Add a floor, ``length`` × ``width`` m, to a deck: its board and frame."""
+    """Add a floor of ``length`` × ``width`` m to a deck: board and frame."""
     deep = D.framing + D.board
     label = "terrain" if deck.R[2, 2] == 1 else "inclined_ramp"
     deck.box(label, (0.0, 0.0, -deep / 2), (length, width, deep))
 
 
 def hall(builder: ArenaBuilder, low: Sequence[float], high: Sequence[float], below: float) -> None:
-    """Lay the hall's floor ``below`` m under z = 0 between two corners (2,), m, and light it."""
+    """Add the floor around a lane, ``below`` m under z = 0 between two corners (2,), m, and lights and cameras."""
     middle, half = np.add(low, high) / 2, np.subtract(high, low) / 2
     builder.add_geom("terrain", {"pos": (*middle, -below), "size": (*half, 0.1)})
     builder.add_surroundings(low, high)
 
 
 def four_floors(builder: ArenaBuilder, ridge: bool = False) -> list[Deck]:
-    """Set down four floors with railings around them; the middle ones rise to a ridge, or are level.
+    """Add four floors with railings around them; the middle two are level or rise to a ridge.
 
-    Of the 14 railings of a lane two are its gates; ours are shut. Assumed: the slopes meet in a ridge.
+    Two of a lane's 14 railings are gates; here they are closed. It is assumed that the slopes meet in a ridge.
     """
     tilt = radians(D.slope) if ridge else 0.0
     run, rise = D.floor * cos(tilt), D.floor * sin(tilt)
@@ -132,7 +132,7 @@ def ends(decks: Sequence[Deck]) -> None:
 
 
 def body(builder: ArenaBuilder, name: str, pos: Sequence[float], joint: Attributes, geom: Attributes) -> Element:
-    """Add a body that moves: a wall of one box with a joint of MJCF's attributes; ``pos`` (3,) m."""
+    """Add a movable body at ``pos`` (3,) m with one joint and one geom of class wall, given as MJCF attributes."""
     world = builder.root.find("worldbody")
     assert world is not None
     added = SubElement(world, "body", name=name, pos=numbers(pos))

@@ -1,53 +1,53 @@
-"""The lanes of RoboCup Rescue: their dimensions, and what each asks of a robot's body."""
+"""The lanes of RoboCup Rescue: their dimensions, and the demands of each on a robot's body."""
 
 import math
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
-if TYPE_CHECKING:  # the lanes' names are wanted before anything that takes seconds to import
+if TYPE_CHECKING:  # the names of lanes must be available without slow imports
     from pipeline.robot import RobotModel
 
 LANES_FOLDER = "lanes/"
 MAZE = "maze"
-"""The search-and-map maze: an arena among the lanes, but none to drive through."""
+"""The search-and-map maze: listed with the lanes, but not one to drive through."""
 
 
 @dataclass(frozen=True)
 class LaneConfig:
     """Dimensions of the lanes, in m and degrees.
 
-    Source, if no other is named: RoboCup Rescue, Arena Fabrication Guide 2026C, as teams have transcribed it.
+    Unless stated otherwise, the source is RoboCup Rescue, Arena Fabrication Guide 2026C, as transcribed by teams.
 
     Attributes:
-        floor: length along the lane of a framed floor; four make a lane.
-        width: of a lane.
+        floor: length of a framed floor along the lane; a lane has four floors.
+        width: width of a lane.
         framing, board: heights of a floor's frame and of the board on it.
-        offset: by which the end zones, the outer floors, are moved sideways, each to another side.
+        offset: distance by which the end zones (the outer floors) are shifted sideways, in opposite directions.
         railing: width of a railing.
-        bars: heights of the tops of its bars.
-        lumber: thickness and height of a 2×4, of which railings, posts and diagonals are made (US lumber).
-        slope: of floors and half ramps, degrees.
-        half_ramp: length of the half ramps of the crossing ramps; assumed, half of a tile of 1.2 m.
+        bars: heights of the tops of a railing's bars.
+        lumber: thickness and height of a 2×4 (US lumber), used for railings, posts and diagonals.
+        slope: slope of floors and half ramps, degrees.
+        half_ramp: length of the half ramps of the crossing ramps; assumed: half of a 1.2 m tile.
         rail: width and height of the diagonal rails.
         cell: side of the base of a step field's cell, and of a pitch/roll ramp.
         plateau: side of a step field's plateau; a cell has four.
         low, high: heights of the plateaus.
-        ramp_height: of a pitch/roll ramp at its high edge.
-        passage: between the dividers: 0.497, the width of a Pioneer 3-AT (data sheet), and 0.1.
+        ramp_height: height of a pitch/roll ramp at its high edge.
+        passage: clear width next to the dividers: 0.1 more than the width of a Pioneer 3-AT (0.497, data sheet).
         panel: length and height of a sliding panel.
-        pallet: height of a grid pallet; two lie on one another where the lane is raised.
-        pipe: diameter and length of a pipe before a raised pallet.
+        pallet: height of a grid pallet; where the lane is raised, two are stacked.
+        pipe: diameter and length of a pipe in front of a raised pallet.
         gate: width of doors and of the gates between posts.
-        door: height of the door's leaf; assumed, as the height of the wall.
-        wall: height of the wall with the door, and of the walls around the avoid holes; assumed.
-        leaf_mass: of a door, kg.
-        leaf_opens: degrees.
-        leaf_spring: that shuts the door, Nm/rad; assumed.
-        lever: height of a door's lever; assumed, as in buildings.
+        door: height of the door's leaf; assumed, like the height of the wall.
+        wall: height of the wall with the door, and of the walls around the avoid-holes lane; assumed.
+        leaf_mass: mass of the door's leaf, kg.
+        leaf_opens: opening angle of the leaf, degrees.
+        leaf_spring: stiffness of the spring that shuts the door, Nm/rad; assumed.
+        lever: height of the door's lever; assumed, as in buildings.
         hole_pallet: length, width and height of the pallets between the holes.
-        post: height of the posts of the gates.
-        post_mass: kg; spruce of 450 kg/m³.
-        aside: from the pallets to the walls around them; assumed.
+        post: height of the gates' posts.
+        post_mass: mass of a post, kg; spruce of 450 kg/m³.
+        aside: distance from the pallets to the walls around them; assumed.
     """
 
     floor: float = 1.2
@@ -84,21 +84,21 @@ class LaneConfig:
 
 
 DIMENSIONS = LaneConfig()
-END_ZONE = DIMENSIONS.floor  # m, from the middle of a lane to where each end zone begins, which is as long
+END_ZONE = DIMENSIONS.floor  # m, from the centre of a lane to the start of each end zone, which has the same length
 
 
 @dataclass(frozen=True)
 class Lane:
-    """What a lane asks of whoever drives through it.
+    """The demands of a lane on a robot.
 
     Attributes:
-        step: height of the lowest step that no way avoids, m.
-        twist: height of a step that grows sideways from the only places where ramps meet, m per m.
-        slope: tilt of the ground that no way avoids, degrees.
+        step: height of the step that cannot be avoided, m.
+        twist: the only crossings between ramps are steps whose height grows sideways by this, m per m.
+        slope: slope of the ground that cannot be avoided, degrees.
         passage: width of the narrowest passage, m; infinite if there is none.
-        corner: width of the narrowest doorway at the end of a wall, where the way turns into it, m.
-        lever: height of a lever without which no door opens, m; 0 if there is none.
-        end: m from the middle of the lane to where each end zone begins.
+        corner: width of the narrowest doorway in a corner, into which the robot must turn, m; infinite if none.
+        lever: height of a lever that must be used to open a door, m; 0 if there is none.
+        end: distance from the centre of the lane to the start of each end zone, m.
     """
 
     step: float = 0.0
@@ -110,7 +110,7 @@ class Lane:
     end: float = END_ZONE
 
     def cannot(self, robot: "RobotModel") -> str | None:
-        """Why a robot's body is not made for it, with the numbers that say so; None if it is."""
+        """Why the robot's body is unsuited to the lane, with the deciding numbers; None if it is suited."""
         step = max(self.step, self.twist * robot.width / 2)
         if step > robot.max_step:
             return f"a step of {step:.2g} m; the robot can climb at most {robot.max_step:g} m"
@@ -126,11 +126,11 @@ class Lane:
 
     @property
     def goal(self) -> float:
-        """m from the middle of the lane to the middle of each end zone."""
+        """Distance from the centre of the lane to the centre of each end zone, m."""
         return self.end + DIMENSIONS.floor / 2
 
 
-HOLES_END = 3.5  # m: two pallets of 1.2 m and half of one of 1.0 m, from the middle of the lane with the holes
+HOLES_END = 3.5  # m, the ``end`` of the lane with holes: two pallets of 1.2 m, and half the width, 1.0 m, of another
 
 LANES = {
     "alleys": Lane(passage=DIMENSIONS.passage, corner=DIMENSIONS.passage),
@@ -146,4 +146,4 @@ LANES = {
     "stepfield": Lane(step=DIMENSIONS.low),
     "traverse": Lane(slope=DIMENSIONS.slope, passage=DIMENSIONS.passage),
 }
-"""By name."""
+"""The lanes, by name."""

@@ -1,4 +1,4 @@
-"""The plan of a random arena on tiles: walls, ground and elements, all in whole numbers."""
+"""The plan of a random arena as a grid of tiles: walls, ground and elements, all in integers."""
 
 from collections import deque
 from collections.abc import Callable, Iterable
@@ -6,22 +6,22 @@ from dataclasses import dataclass
 from typing import Literal
 
 Tile = tuple[int, int]  # Column and row
-Side = int  # 0 to 3: east, north, west, south, the directions +x, +y, -x, -y
+Side = int  # 0 to 3: east, north, west, south, that is +x, +y, -x, -y
 Edge = tuple[Tile, Side]
-"""The edge between a tile and its neighbour; of its two names the one with side east or north."""
+"""The edge between a tile and its neighbour, named as the east or north side of one of the two tiles."""
 
 NEIGHBOUR_TILES: tuple[Tile, ...] = ((1, 0), (0, 1), (-1, 0), (0, -1))
 SIDES: tuple[Side, ...] = (0, 1, 2, 3)
-YAW = (270, 0, 90, 180)  # Degrees by which an element's +y, where its wall stands, is turned to each side
+YAW = (270, 0, 90, 180)  # Yaw, degrees, that points an element's +y side, where its wall stands, to each side
 
 
 def opposite(side: Side) -> Side:
-    """The side across a tile."""
+    """The opposite side of a tile."""
     return (side + 2) % 4
 
 
 def shift(front: Side, ahead: int, aside: int) -> Tile:
-    """cm along x and y of ``ahead`` towards a side and ``aside`` to its left."""
+    """Offset along x and y, cm, of a point ``ahead`` cm towards the side ``front`` and ``aside`` cm to the left."""
     (fx, fy), (lx, ly) = NEIGHBOUR_TILES[front], NEIGHBOUR_TILES[(front + 1) % 4]
     return ahead * fx + aside * lx, ahead * fy + aside * ly
 
@@ -32,8 +32,8 @@ class TileGround:
 
     Attributes:
         kind: floor, a deck, a ramp, a ridge (up and down again), or blocked for the robot.
-        level: cm of a deck, of a ramp's upper end, or of a ridge.
-        uphill: of a ramp; of a ridge one of the two sides over which the robot drives.
+        level: height of a deck, of a ramp's upper end, or of a ridge, cm.
+        uphill: side of a ramp's upper end; for a ridge, one of the two sides over which the robot drives.
     """
 
     kind: Literal["floor", "deck", "ramp", "ridge", "blocked"] = "floor"
@@ -41,7 +41,7 @@ class TileGround:
     uphill: Side = 0
 
     def level_at(self, side: Side) -> int | None:
-        """cm of the ground where the robot leaves the tile over a side; None if it cannot."""
+        """Height of the ground where the robot leaves the tile over a side, cm; None if it cannot."""
         if self.kind in ("floor", "deck"):
             return self.level
         if self.kind == "blocked" or side % 2 != self.uphill % 2:
@@ -55,13 +55,13 @@ BLOCKED = TileGround("blocked")
 
 @dataclass(frozen=True)
 class Item:
-    """An element of the library on a tile.
+    """A library element on a tile.
 
     Attributes:
-        tile: on which it stands.
-        kind: in the library.
-        yaw: degrees that it is turned to the left.
-        shift: cm along x and y from the tile's middle.
+        tile: the tile on which the element stands.
+        kind: name of the element in the library.
+        yaw: angle by which the element is turned to the left, degrees.
+        shift: offset along x and y from the tile's centre, cm.
     """
 
     tile: Tile
@@ -74,10 +74,10 @@ class Layout:
     """A grid of tiles, with walls between some tiles and around the arena.
 
     Attributes:
-        columns, rows: number of tiles along x and y.
+        columns, rows: numbers of tiles along x and y.
         walls: edges inside the arena that have a wall.
-        reserved: tiles that must stay as they are.
-        start: where the robot is set down; None until it is chosen.
+        reserved: tiles that must not be changed any more.
+        start: tile where the robot starts; None until it is chosen.
     """
 
     def __init__(self, columns: int, rows: int):
@@ -96,17 +96,17 @@ class Layout:
         return [(t, s) for t in self.tiles() for s in (0, 1) if self.neighbour(t, s) is not None]
 
     def neighbour(self, tile: Tile, side: Side) -> Tile | None:
-        """The tile on a side; None outside the arena."""
+        """The tile next to a side; None if that is outside the arena."""
         i, j = self.next(tile, side)
         return (i, j) if 0 <= i < self.columns and 0 <= j < self.rows else None
 
     def edge(self, tile: Tile, side: Side) -> Edge:
-        """The one name of the edge on a side of a tile."""
+        """The unique name of the edge on a side of a tile."""
         other = self.neighbour(tile, side)
         return (other, opposite(side)) if side >= 2 and other is not None else (tile, side)
 
     def has_wall(self, tile: Tile, side: Side) -> bool:
-        """Whether a wall stands there; around the arena always."""
+        """Whether there is a wall on a side of a tile; always true at the arena's border."""
         return self.neighbour(tile, side) is None or self.edge(tile, side) in self.walls
 
     def ground(self, tile: Tile) -> TileGround:
@@ -126,24 +126,24 @@ class Layout:
         return level is not None and level == self.ground(other).level_at(opposite(side))
 
     def exits(self, tile: Tile) -> list[Side]:
-        """Sides over which the robot can leave."""
+        """Sides over which the robot can leave a tile."""
         return [side for side in SIDES if self.passable(tile, side)]
 
     def is_connected(self) -> bool:
-        """Whether the robot can drive from every tile that is not blocked to every other one."""
+        """Whether the robot can drive between any two tiles that are not blocked."""
         open_tiles = {t for t in self.tiles() if self.ground(t) != BLOCKED}
         return not open_tiles or self._reach(min(open_tiles), self.passable) == open_tiles
 
     def is_explorable(self) -> bool:
-        """Whether a robot that drives only over ground it has seen reaches all tiles but ridges and blocked ones."""
+        """Whether a robot that drives only over ground it has seen reaches all tiles except ridges and blocked ones."""
         seen = set() if self.start is None else self._reach(self.start, self._in_sight)
         return all(t in seen for t in self.tiles() if self.ground(t).kind not in ("ridge", "blocked"))
 
     def _in_sight(self, tile: Tile, side: Side) -> bool:
-        """Whether the robot can drive over this side and sees the ground behind it in advance.
+        """Whether the robot can drive over this side and sees the ground beyond it in advance.
 
-        Its camera sees nothing nearer than 0.8 m, so before a ramp it needs two tiles in a line, one to see from
-        and one to see; and the far slope of the last of several ridges is hidden.
+        Its camera sees nothing nearer than 0.8 m, so the tile before a ramp must itself be preceded by a floor tile,
+        from which the robot can see. The far slope of the last of several ridges is hidden.
         """
         if not self.passable(tile, side):
             return False
@@ -164,18 +164,18 @@ class Layout:
         return seen
 
     def next(self, tile: Tile, side: Side) -> Tile:
-        """The tile on a side, inside the arena or not."""
+        """The tile next to a side, whether inside the arena or not."""
         return tile[0] + NEIGHBOUR_TILES[side][0], tile[1] + NEIGHBOUR_TILES[side][1]
 
     def run(self, tile: Tile, side: Side, length: int) -> list[Tile]:
-        """``length`` tiles in a row from ``tile`` towards ``side``; fewer at the arena's border."""
+        """``length`` tiles in a row, starting with ``tile``, towards ``side``; fewer at the arena's border."""
         tiles = [tile]
         while len(tiles) < length and (after := self.neighbour(tiles[-1], side)) is not None:
             tiles.append(after)
         return tiles
 
     def lay(self, grounds: Iterable[tuple[Tile, TileGround]], opened: Iterable[Edge] = ()) -> bool:
-        """Change ground and remove walls, unless the robot then misses a tile; returns whether it was done."""
+        """Change ground and remove walls if the robot can still explore all tiles; returns whether it was done."""
         before = (dict(self._ground), set(self.walls))
         self._ground.update(grounds)
         self.walls.difference_update(opened)
@@ -195,7 +195,7 @@ class Layout:
         return self.lay([(t, BLOCKED) for t in tiles], between)
 
     def views(self, tiles: list[Tile]) -> list[Edge]:
-        """Sides of tiles, as (tile, side), through which the tiles can be seen from open floor."""
+        """Sides of the given tiles, as (tile, side), through which they can be seen from open floor."""
         return [
             (tile, side)
             for tile in tiles

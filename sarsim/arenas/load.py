@@ -45,12 +45,12 @@ def load_arena(
 
     Args:
         name: a built-in arena or lane, ``random:SEED``, or the path of a ``.raf``, MJCF, SDF or 2D map file.
-        start: where to set the robot down; if not given, the arena's own start, or else the best place in it.
+        start: start of the robot; by default the arena's own start, or else the best position in the arena.
         random: settings of a random arena.
-        victims: settings of the victims of a world of others.
+        victims: settings of the victims in an arena built from a file.
 
     Raises:
-        InputError: no such arena, the file is missing or broken, or the robot cannot stand at the start.
+        InputError: there is no such arena, its file is missing or broken, or the robot cannot stand at the start.
     """
     check_arena_name(name)
     victims = victims or WorldVictims()
@@ -74,10 +74,11 @@ def load_arena(
 
 
 def checked_arena(arena: object, name: str, start: StartPose | None = None) -> RescueArena:
-    """An arena that other code has made, as a new one with the wanted start or its own.
+    """A checked copy of an arena that other code has made, with the requested start or else its own.
 
     Raises:
-        InputError: it begins with ``name``; it is no arena, MuJoCo cannot build it, or the robot cannot stand there.
+        InputError: it is not an arena, MuJoCo cannot build it, or the robot cannot stand at the start. The message
+            begins with ``name``.
     """
     if not isinstance(arena, RescueArena):
         raise InputError(f"{name}: returned {type(arena).__name__}; it must return a {RescueArena.__name__}")
@@ -89,7 +90,7 @@ def checked_arena(arena: object, name: str, start: StartPose | None = None) -> R
 
 
 def _set_victims(name: str, builder: ArenaBuilder, victims: WorldVictims) -> StartPose | None:
-    """Add the people of the list, and settle who is alive; returns the start that the list names."""
+    """Add the people of the list of placements, and settle who is alive; returns the list's start, if any."""
     listed = read_placements(victims.placements) if victims.placements else None
     for pose in listed.victims if listed else ():
         add_person(builder, pose)
@@ -110,7 +111,7 @@ def _from_mjcf(path: Path, wish: StartPose | None) -> RescueArena:
 
 
 def _set_start(root: mjcf.RootElement, model: mujoco.MjModel, wish: StartPose | None) -> None:
-    """Give MJCF, also as a model, the wanted start, or its own in the world; none if there is neither."""
+    """Add the requested start, or else the arena's own, to the world body; ``model`` is the compiled ``root``."""
     world, site = _at_rest(model), root.find("site", "start")
     if site is not None or wish is not None:
         position, quat = _start_pose(*world, wish)
@@ -122,7 +123,7 @@ def _set_start(root: mjcf.RootElement, model: mujoco.MjModel, wish: StartPose | 
 def _start_pose(
     model: mujoco.MjModel, data: mujoco.MjData, wish: StartPose | None
 ) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """(3,) m and quaternion (4,) of the wanted start, or else of the site, which may lie in a body."""
+    """Position (3,) m and quaternion (4,) of the requested start, or else of the site, which may be in a body."""
     if wish is not None:
         start = start_at(model, data, *wish)
         return np.array(start.position), np.array([np.cos(start.yaw / 2), 0.0, 0.0, np.sin(start.yaw / 2)])
@@ -132,7 +133,7 @@ def _start_pose(
 
 
 def _from_builder(name: str, builder: ArenaBuilder, wish: StartPose | None) -> RescueArena:
-    """The arena of a builder, with the wanted start, its own start, or the best one."""
+    """The arena of a builder, with the requested start, or else its own, or else the best one."""
     if wish is not None or not builder.has_start:
         world = _at_rest(_compiled(name, builder.to_xml(), builder.files))
         with naming(name):
@@ -144,7 +145,7 @@ def _from_builder(name: str, builder: ArenaBuilder, wish: StartPose | None) -> R
 def _compiled(name: str, xml: str, files: dict[str, bytes]) -> mujoco.MjModel:
     try:
         return mujoco.MjModel.from_xml_string(xml, files)
-    except (ValueError, mujoco.FatalError) as error:  # of a mesh of no volume, for one
+    except (ValueError, mujoco.FatalError) as error:  # for example, a mesh has no volume
         raise InputError(f"{name}: MuJoCo cannot build it: {' '.join(str(error).split())[:200]}") from error
 
 

@@ -1,11 +1,11 @@
 """Arenas from 2D maps, ``map.yaml`` with its image, as ROS's map_server reads and writes them.
 
-Occupied pixels are walls, and the ground lies under the smallest rectangle of pixels around all that are occupied or
-free. ``origin`` is the pose of the lower left corner of the lower left pixel; the image's first row is the uppermost.
-In the modes ``trinary`` and ``scale`` a pixel's occupancy is its darkness (its brightness if ``negate`` is set), and
-it is occupied above ``occupied_thresh``; in the mode ``raw`` its value is a percentage, and unknown above 100. In the
-mode ``trinary`` alpha is averaged in with the colours, as ROS does (http://wiki.ros.org/map_server,
-image_loader.cpp).
+Occupied pixels become walls, and the ground fills the smallest rectangle around all occupied and free pixels.
+``origin`` is the pose of the lower left corner of the lower left pixel; the image's first row is the top one. In the
+modes ``trinary`` and ``scale``, a pixel's occupancy is its darkness (its brightness if ``negate`` is set); in the
+mode ``raw``, its value is a percentage, or unknown if above 100. A pixel is occupied if its occupancy is above
+``occupied_thresh``. In the mode ``trinary``, alpha is averaged with the colours, as in ROS
+(http://wiki.ros.org/map_server, image_loader.cpp).
 """
 
 from collections.abc import Mapping
@@ -26,12 +26,12 @@ from sarsim.arenas.elements import TILE_SIZE, ArenaBuilder
 from sarsim.arenas.raf import MAX_GEOMS
 from sarsim.vetting.model_files import MOST_MODEL_BYTES
 
-MOST_BYTES = 100_000  # of the YAML file, which has seven short lines
-MOST_PIXELS = 60_000_000  # 6,000 m², the most that are surveyed, in pixels of 1 cm
+MOST_BYTES = 100_000  # Maximum size of the YAML file, which has seven short lines
+MOST_PIXELS = 60_000_000  # 6,000 m², the maximum area of an arena, in pixels of 1 cm
 WALL_HEIGHT = TILE_SIZE  # m; a NIST wall is as high as it is wide
 MODES = ("trinary", "scale", "raw")
 DEFAULTS = {"negate": 0, "occupied_thresh": 0.65, "free_thresh": 0.196, "mode": MODES[0]}
-"""What map_saver writes, for files that leave it out."""
+"""Values for keys that a file leaves out; map_saver writes the same."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,10 +39,10 @@ class Map2D:
     """A 2D map.
 
     Attributes:
-        occupied: row 0 is the lowest, column 0 the leftmost.
-        free: pixels that are neither are unknown.
-        resolution: m, side of a pixel.
-        origin: x and y in m and yaw in rad of the corner of pixel (0, 0).
+        occupied: occupied pixels; row 0 is the bottom one, column 0 the leftmost.
+        free: free pixels; those that are neither are unknown.
+        resolution: side of a pixel, m.
+        origin: pose of the outer corner of pixel (0, 0): x and y in m, yaw in rad.
     """
 
     occupied: PixelMask
@@ -51,7 +51,7 @@ class Map2D:
     origin: tuple[float, float, float]
 
     def placed(self, cells: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """(2,) m the middle of a rectangle of cells, (2, 2) its first and end corner, and (2,) m half of its size."""
+        """(2,) m, centre, and (2,) m, half size, of a rectangle of cells with first and end corner ``cells`` (2, 2)."""
         x, y, yaw = self.origin
         low, high = cells[:, ::-1] * self.resolution
         turn = np.array([(np.cos(yaw), -np.sin(yaw)), (np.sin(yaw), np.cos(yaw))])
@@ -59,7 +59,7 @@ class Map2D:
 
     @property
     def known(self) -> NDArray[np.int64]:
-        """(2, 2) first and end corner (row, column) of the smallest rectangle around what is occupied or free."""
+        """(2, 2) first and end corner (row, column) of the smallest rectangle around all occupied and free cells."""
         seen = np.argwhere(self.occupied | self.free)
         return np.stack([seen.min(axis=0), seen.max(axis=0) + 1])
 
@@ -68,7 +68,7 @@ def read_map(path: Path) -> Map2D:
     """Read a map's YAML file and its image.
 
     Raises:
-        InputError: a file is missing, broken or too large, the image lies outside the folder, or a value is wrong.
+        InputError: a file is missing, broken or too large, the image is outside the YAML's folder, or a value is wrong.
     """
     values = _values(path)
     resolution = _number(path, values, "resolution", 1e-3, FARTHEST)
@@ -88,10 +88,10 @@ def read_map(path: Path) -> Map2D:
 
 
 def build_map(path: Path) -> ArenaBuilder:
-    """The arena of a map, still without a start.
+    """The arena of a map, not yet with a start.
 
     Raises:
-        InputError: as :func:`read_map`; or the map has no walls, or needs more boxes than are built.
+        InputError: as for :func:`read_map`; or the map has no walls, or needs more boxes than the limit.
     """
     plan = read_map(path)
     boxes = rectangles(plan.occupied)
@@ -112,19 +112,19 @@ def build_map(path: Path) -> ArenaBuilder:
 
 
 def rectangles(cells: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """(N, 2, 2) first and end corner (row, column) of rectangles that fill the set cells (H, W), each cell once.
+    """(N, 2, 2) first and end corner (row, column) of disjoint rectangles that fill the set cells (H, W).
 
-    Runs along rows that lie above one another with the same ends are one rectangle; or along columns, if these are
-    fewer.
+    Runs of cells with the same ends in consecutive rows form one rectangle. The same is done with columns, and the
+    result with fewer rectangles is returned.
     """
     rows, columns = _runs(cells), _runs(cells.T)[:, :, ::-1]
     return rows if len(rows) <= len(columns) else columns
 
 
 def _runs(cells: NDArray[np.bool_]) -> NDArray[np.int64]:
-    """(N, 2, 2) as :func:`rectangles`, of runs along rows."""
+    """(N, 2, 2) as in :func:`rectangles`, from runs along rows."""
     done: list[tuple[tuple[int, int], tuple[int, int]]] = []
-    growing: dict[tuple[int, int], int] = {}  # ends of a run, and its first row
+    growing: dict[tuple[int, int], int] = {}  # ends of a run: its first row
     for row, line in enumerate([*cells, np.zeros(cells.shape[1], np.bool_)]):
         edges = np.flatnonzero(np.diff(line, prepend=False, append=False)).reshape(-1, 2)
         runs = {(start, end) for start, end in edges.tolist()}
@@ -154,7 +154,7 @@ def _checked(path: Path, name: str, value: object, low: float, high: float) -> f
 
 
 def _pixels(path: Path, values: Mapping[str, Any]) -> NDArray[np.float64]:
-    """(H, W, C) the image's channels, from 0 to 255; the last of two or four is alpha."""
+    """(H, W, C) channels of the image, from 0 to 255; the last of two or four is alpha."""
     file = path.parent / str(values["image"])
     try:
         if not file.resolve().is_relative_to(path.parent.resolve()):
@@ -174,12 +174,12 @@ def _pixels(path: Path, values: Mapping[str, Any]) -> NDArray[np.float64]:
 
 
 def _mode(image: Image.Image) -> str:
-    """The mode of an image with a palette, of one bit, or of another kind, in channels."""
+    """The mode with plain channels to which an image with a palette, of one bit, or in another mode is converted."""
     return "L" if image.mode == "1" else "RGBA" if "transparency" in image.info else "RGB"
 
 
 def _occupancy(pixels: NDArray[np.float64], mode: str, negate: bool) -> NDArray[np.float64]:
-    """(H, W) occupancy, 0 to 1, of pixels (H, W, C); negative where it is unknown."""
+    """(H, W) occupancy, 0 to 1, of pixels (H, W, C); negative where unknown."""
     channels = pixels.shape[2]
     colour = pixels[:, :, : channels - (channels in (2, 4) and mode != "trinary")].mean(axis=2)
     value = 255 - colour if negate else colour

@@ -1,7 +1,7 @@
-"""The search-and-map maze of RoboCup Rescue's fabrication guide: an arena for missions that map and find.
+"""The search-and-map maze of RoboCup Rescue's fabrication guide: an arena for missions of mapping and search.
 
-The guide's drawing with the positions was not within reach: that of every panel, tube, diagonal and sign is assumed,
-so that a robot that climbs no diagonal still reaches every cell.
+The guide's drawing was not available, so the positions of all panels, tubes, diagonals and signs are assumed. They
+are chosen such that a robot that cannot climb over diagonals still reaches every cell.
 """
 
 from collections.abc import Iterator
@@ -20,7 +20,7 @@ from sarsim.arenas.walls import facing
 Pair = NDArray[np.float64]
 """Two numbers: x and y in m, or in cells."""
 TUBE = "tube_"
-"""So begin the names of the fiducials' geoms."""
+"""Prefix of the names of the fiducials' geoms."""
 TIMBER, TARP, PLASTIC = (0.76, 0.60, 0.38), (0.10, 0.10, 0.11), (0.55, 0.57, 0.60)
 PLAN = r"""
 +--+--+--+--+::+--+--+--+--+
@@ -35,26 +35,26 @@ PLAN = r"""
 :     |/           /  x  x |
 +--+--+--+--+--+--+--+--+--+
 """
-"""Cells from the north down: ``-`` and ``|`` panels, ``:`` entrances, ``/`` and ``\\`` diagonals, ``x`` rooms."""
+"""Cells, north at the top: ``-`` and ``|`` panels, ``:`` entrances, ``/`` and ``\\`` diagonals, ``x`` rooms."""
 ENTRANCES = ":"
 
 
 @dataclass(frozen=True)
 class MazeConfig:
-    """Dimensions in m, by the guide 2026C as teams have transcribed it; what it leaves open is assumed.
+    """Dimensions in m, from the guide 2026C as transcribed by teams; values that it leaves open are assumed.
 
     Attributes:
         cell: side of a cell; there are 9 × 5.
-        thick, high: of the 36 panels, each a cell long; length assumed, a board's width.
-        tube_count: number of mapping fiducials, each cut in two halves by a panel.
-        tube: their diameter.
-        tubes: heights up to which they stand, in turn; that they stand on the floor is assumed.
-        lumber: thickness and height of a 2×4 on edge; a diagonal is two side by side.
+        thick, high: thickness and height of the 36 panels, each one cell long; the length, a board's width, is assumed.
+        tube_count: number of mapping fiducials, tubes that a panel divides into two halves.
+        tube: diameter of the tubes.
+        tubes: heights of the tubes, used in turn; that tubes stand on the floor is assumed.
+        lumber: thickness and height of a 2×4 on edge; a diagonal consists of two side by side.
         cross: length of the 2×4s that cross in a room.
-        tarp: height at which a dark tarp covers the maze; it hangs down in the entrances too, which is assumed.
+        tarp: height of the dark tarp that covers the maze; that it also closes the entrances is assumed.
         codes, signs: numbers of QR codes and hazmat signs on the panels; assumed.
-        code_side, sign_side: of their square; assumed, as elsewhere in the league.
-        eye: height of their middles; assumed, what a low robot sees.
+        code_side, sign_side: sides of the squares of codes and signs; assumed, as elsewhere in the league.
+        eye: height of the centres of codes and signs, visible for a low robot; assumed.
     """
 
     cell: float = 1.22
@@ -75,12 +75,12 @@ class MazeConfig:
 
 @dataclass(frozen=True)
 class Panel:
-    """A panel or the tarp of an entrance, its middle and heading in a plan whose unit is a cell.
+    """A panel, or the tarp in an entrance, in units of cells.
 
     Attributes:
-        x, y: from the south-west corner.
+        x, y: position of the centre, from the south-west corner of the maze.
         is_upright: whether it runs along y.
-        is_entrance: whether it is tarp.
+        is_entrance: whether it is a tarp.
         is_inner: whether there are cells on both sides.
     """
 
@@ -92,7 +92,7 @@ class Panel:
 
 
 class MazePlan:
-    """What stands where, in a plan whose unit is a cell, read from text like :data:`PLAN`.
+    """The plan of a maze in units of cells, read from text like :data:`PLAN`.
 
     Attributes:
         columns, rows: numbers of cells.
@@ -103,7 +103,7 @@ class MazePlan:
         self.columns, self.rows = len(self._lines[0]) // 3, len(self._lines) // 2
 
     def panels(self) -> Iterator[Panel]:
-        """All panels and entrances, from the south-west on."""
+        """All panels and entrances, row by row from the south-west corner."""
         for j in range(self.rows + 1):
             for i in range(self.columns):
                 if (sign := self._lines[2 * j][3 * i + 1]) != " ":
@@ -114,18 +114,18 @@ class MazePlan:
                 yield Panel(self.columns, j + 0.5, True, self._lines[2 * j + 1][-1] in ENTRANCES, False)
 
     def signs(self, signs: str) -> list[tuple[int, int, str]]:
-        """Column, row and sign of the cells with one of these signs."""
+        """Column, row and sign of each cell that has one of these signs."""
         cells = [(i, j, self._lines[2 * j + 1][3 * i + 1]) for j in range(self.rows) for i in range(self.columns)]
         return [cell for cell in cells if cell[2] in signs]
 
     def rooms(self) -> list[tuple[int, int]]:
-        """Column and row of the corner in the middle of each room of 2 × 2 cells."""
+        """Column and row of the corner at the centre of each room of 2 × 2 cells."""
         cells = {(i, j) for i, j, _ in self.signs("x")}
         return sorted((i, j) for i, j in cells if {(i - 1, j), (i, j - 1), (i - 1, j - 1)} <= cells)
 
 
 def build_maze(config: MazeConfig = MazeConfig()) -> ArenaBuilder:
-    """The maze, the origin in its middle; the robot starts in the south-western cell and looks along x."""
+    """Build the maze with the origin at its centre; the robot starts in the south-western cell, facing along x."""
     builder, plan = ArenaBuilder("maze"), MazePlan()
     size = config.cell * np.array([plan.columns, plan.rows])
     panels = list(plan.panels())
@@ -164,7 +164,7 @@ def _add_tube(builder: ArenaBuilder, config: MazeConfig, number: int, panel: Pan
 
 
 def _add_diagonal(builder: ArenaBuilder, config: MazeConfig, middle: Pair, way: int, size: Pair) -> None:
-    """Two 2×4s side by side from corner to corner of a cell."""
+    """Two 2×4s side by side, from corner to corner of a cell."""
     (thick, high), side = config.lumber, config.cell
     _add_beam(builder, config.cell * middle - size / 2, way * pi / 4, hypot(side, side) - 2 * thick, 2 * thick, high)
 
@@ -188,7 +188,7 @@ def _add_beam(builder: ArenaBuilder, middle: Pair, yaw: float, long: float, thic
 
 
 def _hang(builder: ArenaBuilder, config: MazeConfig, panels: list[Panel], size: Pair) -> None:
-    """Hang QR codes and hazmat signs in turn on the inner faces of outer panels, as far apart as they are many."""
+    """Hang QR codes and hazmat signs alternately, evenly spread over the inner faces of the outer panels."""
     around = sorted(panels, key=lambda p: atan2(*(config.cell * np.array([p.y, p.x]) - size[::-1] / 2)))
     number = config.codes + config.signs
     for n in range(number):

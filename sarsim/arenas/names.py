@@ -1,4 +1,4 @@
-"""Names of arenas, known without a simulator, so that a wrong one is refused at once."""
+"""Names of arenas, checked without importing the simulator, so that a wrong name is refused at once."""
 
 from pathlib import Path
 
@@ -8,14 +8,14 @@ from sarsim.arenas.lanes import LANES, LANES_FOLDER, MAZE
 
 BUILT_IN = ("nist_6x4", "esogu_52x15", *(f"{LANES_FOLDER}{lane}" for lane in (*LANES, MAZE)))
 RANDOM = "random:"
-MAX_DIGITS = 18  # of a seed
+MAX_DIGITS = 18  # Maximum number of digits of a seed
 BUILT_FILES = (".raf", ".sdf", ".world", ".model", ".yaml")
-"""Endings of files from which an arena is built."""
+"""Extensions of the files from which an arena is built."""
 MJCF = ".xml"
 
 
 def check_arena_name(name: str) -> None:
-    """Raises InputError unless the name is that of a shipped arena, ``random:SEED``, or of a file of a known kind."""
+    """Raise InputError unless the name is a built-in arena, ``random:SEED``, or the path of a file of a known type."""
     if name in BUILT_IN:
         return
     if name.startswith(RANDOM):

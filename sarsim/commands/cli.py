@@ -218,7 +218,7 @@ def _is_unread() -> bool:
 
 @contextmanager
 def _raised_endings() -> Iterator[None]:
-    """Make all of :data:`ENDINGS` raise KeyboardInterrupt, except those that are ignored, as SIGHUP is under ``nohup``.
+    """Make all of :data:`ENDINGS` raise KeyboardInterrupt unless they are ignored, as SIGHUP is under ``nohup``.
 
     SIGINT raises it even if ignored: shells without job control start background jobs with SIGINT ignored, but
     ``kill -INT`` should still end them.

@@ -12,7 +12,7 @@ from sarsim.settings import MapRecording
 if TYPE_CHECKING:
     from pipeline.datasets.recording import Recording
 
-HDF5 = b"\x89HDF"  # First bytes of a scene's file
+HDF5 = b"\x89HDF"  # First bytes of a scene file
 
 
 def map_recording(config: MapRecording) -> None:

@@ -40,7 +40,7 @@ class OutputCache:
     def get(
         self, inputs: Sequence[ArrayLike], kind: DTypeLike, shape: tuple[int, int], run: Callable[[], NDArray]
     ) -> NDArray:
-        """The cached output, (rows, columns) of a type; if there is none, that of ``run``, which is then cached.
+        """The cached output of ``kind`` and ``shape`` (rows, columns); if missing, that of ``run``, then cached.
 
         Raises:
             InputError: the output cannot be written.

@@ -24,16 +24,16 @@ CONFIG = tyro.conf.arg(
     help="YAML file of settings, such as the config.yaml of an earlier run; flags override it.", help_behavior_hint=""
 )
 RESULTS = ("out", "resume", "bag", "tum", "json")
-"""Where results go: only flags may set these, because a file of settings may come from a stranger."""
+"""Where results go: only flags may set these, because a settings file may come from someone else."""
 OUTPUTS = (*RESULTS, "workers")
-"""Settings left out of a run's own file, so that repeating a run overwrites no results, and may use other workers."""
+"""Settings left out of a run's config.yaml, so that a repeat overwrites no results and may use other workers."""
 
 MISSIONS = ("league", "virtual")
 """Names of the missions that sarsim ships."""
 MOST_SETTINGS, DEEPEST = 100_000, 8
-"""Size and levels of a file of settings; one that a run writes has 1,500 bytes and 3 levels."""
+"""Maximum size and nesting depth of a settings file; one that a run writes has 1,500 bytes and 3 levels."""
 SCALARS: dict[Any, tuple[type, ...]] = {float: (int, float), int: (int,), bool: (bool,), str: (str,)}
-"""Types of settings that YAML knows, with those of their values."""
+"""Types of settings that YAML supports, each with the types of value that it accepts."""
 Settings = TypeVar("Settings")
 
 
@@ -43,7 +43,7 @@ def run_with_settings(
     args: Sequence[str] | None = None,
     prog: str | None = None,
 ) -> None:
-    """Like :func:`sarsim.commands.cli.run`, for one dataclass, whose fields and ``--config`` are flags."""
+    """Like :func:`sarsim.commands.cli.run`, for a dataclass whose fields become flags, together with ``--config``."""
 
     def run() -> None:
         words = common(args)
@@ -56,7 +56,7 @@ def run_with_settings(
 
 
 def run_one_of(commands: Mapping[str, tuple[Callable[[Any], object], type]], description: str) -> None:
-    """Like :func:`run_with_settings`, for the command and settings that the command line's first word names."""
+    """Like :func:`run_with_settings`, for the command that the first word of the command line names."""
     name, *words = sys.argv[1:] or [""]
     if name in commands:
         run_with_settings(*commands[name], words, f"{Path(sys.argv[0]).name} {name}")
@@ -77,7 +77,7 @@ def run_one_of(commands: Mapping[str, tuple[Callable[[Any], object], type]], des
 def settings_from(
     kind: type[Settings], args: Sequence[str], description: str | None = None, prog: str | None = None
 ) -> Settings:
-    """The settings that ``args`` give; their defaults are the values in the file that ``--config`` names.
+    """The settings that ``args`` give; the defaults are those in the file of ``--config`` or ``--resume``, if given.
 
     Raises:
         InputError: a flag or the file is wrong.
@@ -97,10 +97,10 @@ def settings_from(
 
 
 def config_file(args: Sequence[str]) -> tuple[str, Path] | None:
-    """The flag that brings settings, and their file: that of ``--config``, or the one in the folder of ``--resume``.
+    """The flag that names a settings file, and the file: that of ``--config``, or the one in the ``--resume`` folder.
 
     Raises:
-        InputError: there are both, or nothing is left to resume.
+        InputError: both flags are given, or there is nothing to resume.
     """
     finder = argparse.ArgumentParser(add_help=False, allow_abbrev=False)
     for flag in ("--config", "--resume"):
@@ -126,17 +126,17 @@ def load_mission(name: str) -> MissionBrief:
     """The mission that ``--mission`` names: league, virtual, or a YAML file.
 
     Raises:
-        InputError: the file cannot be read, or holds an unknown key or a value that cannot be.
+        InputError: the file cannot be read, or contains an unknown key or an invalid value.
     """
     is_own = name in MISSIONS
     return load_settings(MissionBrief, asset("missions", f"{name}.yaml") if is_own else Path(name), flag="mission")
 
 
 def wanted_mission(mission: str, minutes: float | None = None, home: bool = False) -> MissionBrief | None:
-    """The mission that ``--mission``, ``--minutes`` and ``--home`` describe; None to explore without a clock.
+    """The mission that ``--mission``, ``--minutes`` and ``--home`` describe; None to explore without a time limit.
 
     Raises:
-        InputError: as :func:`load_mission` does.
+        InputError: see :func:`load_mission`.
     """
     if mission == EXPLORE:
         return None
@@ -148,10 +148,11 @@ def wanted_mission(mission: str, minutes: float | None = None, home: bool = Fals
 def load_settings(kind: type[Settings], path: Path, args: Sequence[str] = (), flag: str = "config") -> Settings:
     """Settings from a YAML file; ``tyro.MISSING`` for fields without a value in the file and in ``kind``.
 
-    Code for one of ``METHODS`` is accepted only if ``args`` name it: a file must not choose code to run.
+    User code for one of ``METHODS`` is accepted only as a flag in ``args``: a file must not choose code to run.
 
     Raises:
-        InputError: the file cannot be read, or holds an unknown key or a value of a wrong type.
+        InputError: the file cannot be read, or contains an unknown key or a value of the wrong type, or
+            sets what only a flag may set.
     """
     where = f"--{flag} {path}"
     content = _yaml(path, where)
@@ -182,7 +183,7 @@ def _yaml(path: Path, where: str) -> Any:
 
 
 def save_settings(settings: Any, path: Path) -> None:
-    """Write settings as YAML for ``--config``, without :data:`OUTPUTS` and paths that were left at their default.
+    """Write settings as YAML for ``--config``, without :data:`OUTPUTS` and paths that have their default value.
 
     Raises:
         InputError: the file cannot be written.
@@ -220,7 +221,7 @@ def _value(hint: Any, value: Any, where: str) -> Any:
 
 
 def _plain(settings: Any) -> dict[str, Any]:
-    """A dataclass as values that YAML can hold."""
+    """A dataclass as values that YAML can represent."""
     plain = {}
     for f in fields(settings):
         value = getattr(settings, f.name)
@@ -235,5 +236,5 @@ def _plain_value(value: Any) -> Any:
     if isinstance(value, tuple):
         return [_plain_value(item) for item in value]
     if isinstance(value, float):
-        return float(value)  # NumPy's own are none to YAML
+        return float(value)  # YAML does not support NumPy's floats
     return str(value) if isinstance(value, Path) else value

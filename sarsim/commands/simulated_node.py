@@ -39,7 +39,7 @@ class SimulatedNode:
 
     Attributes:
         robot: the simulated robot.
-        coverage: how much of the true ground the frames show that an explorer uses as keyframes.
+        coverage: coverage of the true ground by the frames that an explorer uses as keyframes.
         commands: number of commands received.
     """
 

@@ -33,9 +33,9 @@ if TYPE_CHECKING:
     from sarsim.commands.sweeps.leaderboard import Entry
 
 MANIFEST = "sweep.json"
-"""Says what the episodes in a folder were run with."""
+"""File that records the version, code and steps with which a folder's episodes were run."""
 ENTRIES, PAGE = "entries", "sweep.html"
-FAILED = 1  # Status if every episode failed
+FAILED = 1  # Exit status if every episode failed
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -104,7 +104,7 @@ def sweep(settings: SweepSettings) -> None:
 
 
 def begin(settings: SweepSettings) -> str:
-    """Write the folder's manifest; the state of the code.
+    """Write the folder's manifest, or check it against this sweep; returns the state of the code.
 
     Raises:
         InputError: the folder holds results of another version or state of the code, or of other settings.
@@ -129,7 +129,7 @@ def begin(settings: SweepSettings) -> str:
 
 
 def code() -> str:
-    """The state of the code, if it is a checkout of git."""
+    """The state of the code; empty if it is not in a git checkout."""
     try:
         return state_of_code()
     except InputError:
@@ -137,7 +137,7 @@ def code() -> str:
 
 
 def run_missing(jobs: Sequence["SweepJob"], settings: SweepSettings, lock: FolderLock) -> dict["SweepJob", str]:
-    """Run the episodes that have no result in the locked folder; why some failed."""
+    """Run the episodes that have no result in the locked folder; returns the errors of those that failed."""
     from sarsim.commands.sweeps.episodes import result_of, run_episode
 
     todo = [job for job in jobs if result_of(job, lock.folder) is None]
@@ -166,7 +166,7 @@ def results_of(jobs: Sequence["SweepJob"], folder: Path, failed: dict["SweepJob"
 
 
 def entry(settings: SweepSettings, method: str, results: Sequence["EpisodeResult"], commit: str) -> "Entry":
-    """A method's entry of the leaderboard."""
+    """A method's leaderboard entry."""
     from sarsim.commands.sweeps.leaderboard import entry_of
 
     return entry_of(
@@ -182,7 +182,7 @@ def entry(settings: SweepSettings, method: str, results: Sequence["EpisodeResult
 
 
 def show(settings: SweepSettings, entries: Sequence["Entry"], failed: dict["SweepJob", str]) -> None:
-    """Print the tables, and a line on stderr for each way in which episodes failed."""
+    """Print the tables, and a line on stderr for each error with which a method's episodes failed."""
     from sarsim.commands.sweeps.leaderboard import boards
 
     for (method, error), count in Counter((job.method, text) for job, text in failed.items()).items():

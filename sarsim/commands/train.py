@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
 Config = TypeVar("Config", bound=TrainingConfig)
 VALIDATION_FRAMES = 40
-"""Largest number of clouds for validation, spread over its scenes; 200 took as long as 1,000 training steps."""
+"""Maximum number of validation clouds, spread over the scenes; 200 took as long as 1,000 training steps."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -229,7 +229,7 @@ def train_shapes(settings: TrainShapes) -> None:
 
 
 def _config(kind: type[Config], settings: Any) -> Config:
-    """The settings of a training alone, without its files."""
+    """The settings of the training itself, without its files."""
     return kind(**{f.name: getattr(settings, f.name) for f in fields(kind)})
 
 
@@ -246,7 +246,7 @@ def _check_out(out: Path, ending: str) -> None:
 
 
 def _scenes(data: Path) -> int:
-    """The number of scenes of a dataset; InputError if the file of one is missing."""
+    """The number of scenes of a dataset; InputError if a scene's file is missing."""
     from sarsim.dataset.folder import Dataset
 
     scenes = [data / entry.file for entry in Dataset(data).entries]
@@ -261,7 +261,7 @@ def _scenes(data: Path) -> int:
 def _clouds(
     settings: TrainPoints, worker: "TrainingWorker", voxel_size: float, colours: bool
 ) -> dict[str, list["LabelledCloud"]]:
-    """The clouds of the splits train and val; prints which classes train lacks."""
+    """The clouds of the splits train and val; prints which classes are absent from train."""
     from pipeline.semantic_map.classifier import CLASSES
     from pipeline.semantic_map.networks.clouds import LabelledCloud
     from sarsim.dataset.folder import Dataset
@@ -285,7 +285,7 @@ def _clouds(
 
 
 def _train(training: "TrainingLoop[Any, Any]", settings: Any, score: str, tensorboard: Path | None = None) -> None:
-    """Run a training with a progress bar; Ctrl-C ends it after the step under way."""
+    """Train with a progress bar; Ctrl-C ends the training after the current step."""
     leads = training.worker.leads
     if leads:
         save_settings(settings, training.out.with_suffix(".yaml"))
@@ -306,7 +306,7 @@ def _train(training: "TrainingLoop[Any, Any]", settings: Any, score: str, tensor
 
 
 def _events(folder: Path) -> "Callable[[TrainingLoop[Any, Any]], None]":
-    """A function that writes the validations of a training since its last call to TensorBoard."""
+    """A function that writes to TensorBoard all validations since it was last called."""
     try:
         from torch.utils.tensorboard import SummaryWriter
     except ImportError as error:

@@ -1,4 +1,4 @@
-"""The numbers of a robot, from its MJCF as mere XML: a program for a real robot needs them, and no simulator."""
+"""A robot's parameters, read from its MJCF as plain XML: programs for real robots need them without a simulator."""
 
 import sys
 from dataclasses import fields, replace
@@ -11,12 +11,12 @@ from sarsim.robots.skid_steer import DriveModel
 from sarsim.vetting.model_files import parse_mjcf
 
 PLAUSIBLE = 1e-3, 10.0
-"""m, rad and their rates: the least and the greatest number of a robot that drives through buildings."""
+"""Smallest and largest plausible parameter of a robot that drives through buildings; m, rad and their rates."""
 Model = TypeVar("Model", RobotModel, DriveModel)
 
 
 def robot_model(robot: str = ROBOTS[0]) -> RobotModel:
-    """Parameters of a robot for the pipeline; InputError if its file or a number is missing or broken."""
+    """Parameters of a robot for the pipeline; InputError if its file or a number is missing or invalid."""
     return _filled(RobotModel, robot)
 
 
@@ -26,7 +26,7 @@ def drive_model(robot: str = ROBOTS[0]) -> DriveModel:
 
 
 def paced_model(robot: str, speed: float | None) -> RobotModel:
-    """:func:`robot_model` with another speed, m/s, at most the robot's top speed; None leaves the robot's own."""
+    """:func:`robot_model` with another speed, m/s, limited to the robot's top speed; None keeps the robot's own."""
     model, top = robot_model(robot), drive_model(robot).top_speed
     if speed is not None and speed > top:
         print(f"--speed {speed:g}: limited to the robot's top speed of {top:g} m/s", file=sys.stderr)
@@ -34,7 +34,7 @@ def paced_model(robot: str, speed: float | None) -> RobotModel:
 
 
 def _filled(kind: type[Model], robot: str) -> Model:
-    """A ``kind`` whose fields are the positive numbers of the same names."""
+    """A ``kind`` whose fields are the ``<numeric>`` elements of the same names."""
     try:
         elements = [e for root in parse_mjcf(robot_file(robot)).values() for e in root.iter("numeric")]
         numbers = {e.get("name", ""): [float(number) for number in e.get("data", "").split()] for e in elements}

@@ -1,4 +1,4 @@
-"""Names of robots, known without anything that computes, so that a wrong one is refused at once."""
+"""Names of robots, in a module without slow imports, so that a wrong name is refused at once."""
 
 from pathlib import Path
 
@@ -10,7 +10,7 @@ ROBOTS = ("pioneer3at", "jackal")
 
 
 def robot_file(robot: str) -> Path:
-    """Path of the MJCF of one of ``ROBOTS``; any other ``robot`` is itself a path. InputError if nothing is there."""
+    """Path of the MJCF of one of ``ROBOTS``; any other ``robot`` is itself a path. InputError if it is missing."""
     path = asset("robots", robot, f"{robot}.xml") if robot in ROBOTS else Path(robot)
     if not path.exists():
         raise InputError(f"--robot {robot}: no such file; the shipped robots are {', '.join(ROBOTS)}")

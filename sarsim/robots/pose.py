@@ -13,7 +13,7 @@ class Pose:
     Attributes:
         time: s.
         T_world_base: 4×4 true pose.
-        T_odom_base: 4×4 pose by odometry.
+        T_odom_base: 4×4 odometry pose.
     """
 
     time: float

@@ -9,17 +9,17 @@ from numpy.typing import NDArray
 from pipeline.robot import Velocity
 
 SURPLUS = 1.2
-"""Highest wheel speed over that at ``top_speed``; the surplus is for feedback."""
+"""Maximum wheel speed relative to that at ``top_speed``; the surplus is for feedback."""
 HEADING_GAIN = 4.0
 """1/s, turn rate per radian of heading error."""
 MAX_HEADING_ERROR = 0.2
 """rad, the largest heading error that accumulates while the robot cannot turn as commanded."""
 WHEEL_GAIN = 10.0
-"""1/s, wheel speed per radian by which a wheel lags."""
+"""1/s, additional wheel speed per radian of a wheel's lag."""
 MAX_WHEEL_LAG = 0.03
 """rad, the largest lag that accumulates while a wheel cannot turn as commanded."""
 SETTLED = math.radians(0.2)
-"""rad of heading error below which a stopped robot stops correcting."""
+"""rad, heading error below which a stationary robot no longer corrects it."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class DriveModel:
         effective_track: m. A skid-steered vehicle turns like a two-wheeled one with a wider track, because its tyres
             slip sideways: with equal loads and Coulomb friction ``track + wheelbase² / track``.
         top_speed, top_turn_rate: faster commands are clipped to these, m/s and rad/s.
-        acceleration, turn_acceleration: m/s² and rad/s².
+        acceleration, turn_acceleration: maximum accelerations, m/s² and rad/s².
     """
 
     wheel_radius: float
@@ -48,10 +48,10 @@ class DriveModel:
 
 
 class SkidSteer:
-    """Follows a commanded velocity with limited acceleration; the gyro holds the heading, the encoders the wheels.
+    """Follows a velocity command with limited acceleration; gyro feedback holds the heading, encoders the speeds.
 
     Call ``command`` once per control period. The heading error is the integral of the commanded minus the measured
-    turn rate, so a turn ends at the commanded heading although the tyres slip.
+    turn rate, so that a turn ends at the commanded heading even though the tyres slip.
 
     Attributes:
         heading_error: rad that the robot still has to turn to reach the heading commanded so far.
@@ -96,7 +96,7 @@ class SkidSteer:
             self.heading_error = 0.0
 
     def _wheels(self) -> list[float]:
-        """[left, right] rad/s; if one is too fast, both are scaled down alike, which keeps the curvature."""
+        """[left, right] rad/s; if one is too fast, both are scaled down equally, which keeps the curvature."""
         turn = self._omega + HEADING_GAIN * self.heading_error
         side = turn * self._drive.effective_track / 2
         sides = self._v - side, self._v + side

@@ -25,7 +25,7 @@ PARTS = [
 
 
 FREEDOM = ("damping", "armature", "frictionloss")
-"""Numbers of a free joint; MuJoCo's ``<freejoint>`` has none of them."""
+"""Attributes of a free ``<joint>`` that MuJoCo's ``<freejoint>`` lacks."""
 
 
 class SkidSteered(composer.Robot):
@@ -34,14 +34,14 @@ class SkidSteered(composer.Robot):
     Attributes:
         model: parameters for the pipeline.
         drive: parameters for its firmware.
-        freedom: what its file sets of the free joint by which it moves, if anything.
+        freedom: values of ``FREEDOM`` that its file sets for the robot's free joint, if any.
     """
 
     def _build(self, robot: str = ROBOTS[0]) -> None:
-        """``robot``: one of ``ROBOTS``, or the path of an MJCF file with the same names of parts and numbers.
+        """``robot``: one of ``ROBOTS``, or the path of an MJCF file in which parts and numbers have the same names.
 
         Raises:
-            InputError: there is no such robot, its file is not sound, or a required part or number is missing.
+            InputError: the robot does not exist, its file is invalid, or a required part or number is missing.
         """
         path = robot_file(robot)
         try:
@@ -109,7 +109,7 @@ class SkidSteered(composer.Robot):
         return np.concatenate([np.arange(3) + physics.model.sensor_adr[sensor.element_id] for sensor in sensors])
 
     def measurements(self, physics: mjcf.Physics) -> dict[str, NDArray[np.float64]]:
-        """What the robot's own sensors measure, by the names of the methods that describe it."""
+        """The measurements of the robot's own sensors, under the names of the methods that describe them."""
         sensors = (self.encoders, self.wheel_speed, self.gyro, self.accelerometer)
         return {sensor.__name__: sensor(physics) for sensor in sensors}
 
@@ -124,9 +124,9 @@ class SkidSteered(composer.Robot):
 
 
 def _alone(root: mjcf.RootElement, base: mjcf.Element) -> dict[str, float]:
-    """Leave the robot alone at the origin, without its stage, and return what its own free joint sets.
+    """Keep only the robot, at the origin, and return the values of ``FREEDOM`` that its own free joint sets.
 
-    A file that shows a robot by itself has a floor and lights beside it, and lets it move and begin somewhere.
+    A file made for viewing a robot on its own also has a floor, lights, a free joint and a start pose.
     """
     body = base
     while body.parent is not root.worldbody:

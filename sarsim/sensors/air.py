@@ -34,11 +34,11 @@ class Air:
 
     @property
     def extinction(self) -> float:
-        """Share of light lost per metre in thin layers, 1/m: β in Beer and Lambert's e^(−β r)."""
+        """Share of light lost per metre in thin layers, 1/m: β in the Beer-Lambert law, e^(−β r)."""
         return MAX_EXTINCTION * self.dust
 
     def veil(self, radiance: NDArray[np.float32], truth: LabelledImage, lighting: Lighting) -> NDArray[np.float32]:
-        """(H, W, 3) float32 radiance seen through the dust: blended, by distance in m, with the scattered light.
+        """(H, W, 3) float32 radiance seen through the dust: blended with the scattered light according to distance.
 
         The lamp's light is attenuated on its way to the surface as well, and dust in its beam scatters light back.
         """

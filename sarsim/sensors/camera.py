@@ -26,7 +26,7 @@ class LabelledImage:
         depth: metres along the optical axis; 0 = no return.
         label: (H, W) uint8 true label of the surface that each depth comes from; 0 = nothing or unlabelled.
         instance: (H, W) int32 geom id of that surface; -1 = nothing.
-        intrinsics: of all four images.
+        intrinsics: intrinsics of all four images.
         T_world_camera: pose of ``camera_optical`` in the world.
         T_base_camera: pose of ``camera_optical`` in the body that carries the camera.
     """
@@ -54,16 +54,16 @@ class LabelledImage:
 
 
 class RgbdCamera:
-    """A camera of a model, whose images a renderer draws.
+    """A camera of a model; a renderer draws its images.
 
-    The robot that carries the camera, all bodies under the same root, gives no return and has no label.
+    The robot that carries the camera (all bodies under the same root) gives no return and has no label.
     """
 
     def __init__(self, renderer: Renderer, camera: int | str) -> None:
         """``camera``: id or name in the renderer's model.
 
         Raises:
-            InputError: no such camera, or a geom whose label is not one of :class:`pipeline.labels.Label`.
+            InputError: the camera does not exist, or a geom's label is not in :class:`pipeline.labels.Label`.
         """
         model = renderer.model
         self.camera_id = fixed_camera(model, camera).fixedcamid
@@ -77,7 +77,7 @@ class RgbdCamera:
         self._instance = np.append(np.where(other, np.arange(model.ngeom), -1), -1).astype(np.int32)
 
     def capture(self, data: mujoco.MjData) -> LabelledImage:
-        """The image without noise and without a limit of range."""
+        """The image without noise and without a range limit."""
         geom, depth = self._renderer.segmentation_and_depth(data, self.camera_id)
         instance = self._instance.take(geom)
         return LabelledImage(

@@ -8,7 +8,7 @@ from sarsim.sensors.xtion_kernels import NORMAL
 
 @njit(cache=True)
 def expose(radiance, bits, gain, full_well, read_noise):
-    """(H, W, 3) uint8 values of (H, W, 3) float32 radiance, by a sensor that counts ``full_well`` electrons at 1.
+    """(H, W, 3) uint8 values of (H, W, 3) float32 radiance, from a sensor that counts ``full_well`` electrons at 1.
 
     Photon noise has a Poisson distribution, approximated by a normal one of the same variance; ``read_noise`` is in
     electrons. ``bits``: (H, W) uint64 random numbers.

@@ -16,9 +16,9 @@ class Conditions:
     """The conditions of an episode.
 
     Attributes:
-        depth_sensor: its range and errors.
-        lighting: to which the model must be set by :func:`sarsim.sensors.lighting.set_lighting`.
-        air: its dust.
+        depth_sensor: the depth sensor, with its range and errors.
+        lighting: the lighting; the model must be set to it by :func:`sarsim.sensors.lighting.set_lighting`.
+        air: the air, with its dust.
     """
 
     depth_sensor: Xtion = field(default_factory=Xtion)
@@ -28,8 +28,8 @@ class Conditions:
     def sense(self, truth: LabelledImage, rng: np.random.Generator) -> LabelledImage:
         """The image as the sensors see it.
 
-        The depth sensor draws from ``rng`` itself, dust and colours from its children, so that neither light nor dust
-        changes the depth sensor's own errors.
+        The depth sensor draws from ``rng`` itself, dust and colours from generators spawned from it, so that neither
+        light nor dust changes the depth sensor's own errors.
         """
         dust_rng, colour_rng = rng.spawn(2)
         measured = self.depth_sensor.apply(truth, rng)

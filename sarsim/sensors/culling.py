@@ -13,7 +13,7 @@ def in_picture(model: mujoco.MjModel, data: mujoco.MjData, planes: NDArray[np.fl
 
 
 def in_lit_picture(model: mujoco.MjModel, data: mujoco.MjData, planes: NDArray[np.float64]) -> Mask:
-    """The geoms of which the geom itself or its shadow may be visible between ``planes`` (5, 4)."""
+    """The geoms that may be visible, or cast a visible shadow, between the ``planes`` (5, 4) of :func:`frustum`."""
     centre, radius = data.geom_xpos, _radius(model)
     outside = _outside(centre, radius, planes)
     needed = np.logical_not(outside.any(axis=1))
@@ -26,7 +26,7 @@ def in_lit_picture(model: mujoco.MjModel, data: mujoco.MjData, planes: NDArray[n
 
 
 def floors(model: mujoco.MjModel, data: mujoco.MjData) -> Mask:
-    """The planes that face up and have no geom's centre below: their shadow falls on nothing."""
+    """The planes that face up and have no geom's centre below them: their shadow falls on nothing."""
     upright = data.geom_xmat[:, 8] > 1 - 1e-9
     height = data.geom_xpos[:, 2]
     return (model.geom_type == mujoco.mjtGeom.mjGEOM_PLANE) & upright & (height <= height.min(initial=np.inf))

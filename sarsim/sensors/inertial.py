@@ -31,7 +31,7 @@ class DataSheet:
 
 # Xsens MTi-300, data sheet of Movella, May 2023: 0.01 °/s/√Hz, 10 °/h, 60 µg/√Hz, 15 µg, roll and pitch 0.2° RMS.
 # At power-on, its gyros have a bias of up to 0.5 °/s (Xsens, "Bias repeatability of gyroscopes"); a robot that stands
-# still measures it, up to the noise meanwhile. The accelerometers' bias cannot be distinguished from a tilt: it
+# still measures it, except for the noise. The accelerometers' bias cannot be distinguished from a tilt: it
 # causes the error of roll and pitch at rest. The data sheet does not give the error of the scale; 0.2 % is chosen.
 MTI_300_GYRO = DataSheet(
     noise=np.radians(0.01),
@@ -48,7 +48,7 @@ class InertialTriad:
     """Three axes that measure with noise, a constant and a drifting bias, and a scale error.
 
     The drifting bias is a Gauss-Markov process of first order, whose Allan deviation has its maximum, 0.62 times the
-    standard deviation, after 1.9 ``DRIFT_TIME`` (IEEE Std 952-1997, annex B and C).
+    standard deviation, after 1.9 ``DRIFT_TIME`` (IEEE Std 952-1997, annexes B and C).
     """
 
     def __init__(self, sheet: DataSheet, rng: np.random.Generator) -> None:

@@ -41,7 +41,7 @@ class Lighting(Enum):
 
 
 BEAM_EXPONENT = 4
-"""The lamp's intensity falls with this power of the cosine off its axis: to a half at 33°, so it fills the view.
+"""The lamp's intensity falls with this power of the cosine of the off-axis angle: to half at 33°, filling the view.
 
 With this exponent, 1,000 lm (an LED of 10 W) are 1000 (4 + 1) / 2π = 796 cd along the axis: at 1 m, 1.6 times the
 500 lux that EN 12464-1 requires at a lit workplace, which is the normal light here.

@@ -20,7 +20,7 @@ TYRE_ERROR = 0.01
 SIDE_ERROR = 0.003
 """Standard deviation of the additional relative error of the radius of each side's tyres."""
 MOST_TYRE_ERROR = 0.2
-"""Relative error from which on a tyre is another one."""
+"""Limit of the relative error; beyond it, the tyre would be of another size."""
 SLIP = 0.01
 """m/√m, random walk of the distance of each side, for dust and bumps, which the smooth floor of the physics lacks.
 The physics itself simulates how the tyres scrub in a turn."""
@@ -33,15 +33,15 @@ class WheelOdometry:
     """
 
     def __init__(self, rng: np.random.Generator, wheel_radius: float, tyre_error: float = 0.0) -> None:
-        """Begin at the origin of ``odom``.
+        """Start at the origin of ``odom``.
 
         Args:
             rng: draws the constant errors now and the noise of every update.
-            wheel_radius: rolling, m.
-            tyre_error: relative error of it that the robot does not know, beside those drawn.
+            wheel_radius: rolling radius, m.
+            tyre_error: relative error of the radius, unknown to the robot, in addition to those drawn from ``rng``.
 
         Raises:
-            InputError: that error is not below 0.2, either way.
+            InputError: the magnitude of ``tyre_error`` is not below ``MOST_TYRE_ERROR``.
         """
         if not abs(tyre_error) < MOST_TYRE_ERROR:
             raise InputError(
@@ -74,7 +74,7 @@ class WheelOdometry:
         Args:
             wheel_angle: (2,) rad, unwrapped, of the left and right wheels.
             gyro: (3,) rad/s in ``base_link``, mean since the last update.
-            accelerometer: (3,) m/s² in ``base_link``, gravity included, likewise.
+            accelerometer: (3,) m/s² in ``base_link``, gravity included, mean since the last update.
             dt: s since the last update.
         """
         gyro = self._gyros.measure(gyro, dt)
@@ -113,7 +113,7 @@ class WheelOdometry:
 
 
 def _rotation(rotvec: NDArray[np.float64]) -> Rotation3:
-    """Matrix of a rotation vector (3,), rad: scipy's formulas without its checks, nine tenths of the time."""
+    """Matrix of a rotation vector (3,), rad: SciPy's formulas without the checks that take 90 % of its time."""
     x, y, z = rotvec.tolist()
     angle = math.sqrt(x * x + y * y + z * z)
     scale = math.sin(angle / 2) / angle if angle > 1e-3 else 0.5 - angle**2 / 48 + angle**4 / 3840

@@ -19,7 +19,7 @@ ID_QUALITY = {"offsamples": 0, "shadowsize": 0, "numslices": 48, "numstacks": 24
 0.3 m radius deviates by at most 1 mm from the round one; with the default number it is off by 2 mm."""
 
 _RENDER = mujoco.mjtRndFlag
-_NOT_DRAWN = 5  # a group of geoms
+_NOT_DRAWN = 5  # the group of geoms that are not drawn
 _SCENE = mujoco.mjtCatBit.mjCAT_STATIC | mujoco.mjtCatBit.mjCAT_DYNAMIC
 
 
@@ -34,7 +34,7 @@ class Renderer(ExitStack):
         """Images have ``width`` × ``height`` pixels, whatever the model's own offscreen size.
 
         Raises:
-            InputError: this machine cannot render by the platform that MUJOCO_GL names.
+            InputError: this machine cannot render on the platform that MUJOCO_GL names.
         """
         super().__init__()
         self.model = model
@@ -152,9 +152,9 @@ def hidden(model: mujoco.MjModel, geoms: NDArray[np.bool_]) -> Iterator[None]:
 
 
 def _leave_out_shadows(scene: mujoco.MjvScene, floors: NDArray[np.bool_]) -> None:
-    """Leave out the shadows that no image shows: of lights that are off, and of floors, (ngeom,) bool.
+    """Leave out shadows that no image shows: those from lights that are off, and those of ``floors``, (ngeom,) bool.
 
-    Shadows take most of the time of an image, even if none is visible in it.
+    Shadows take most of the time of rendering an image, even if none is visible in it.
     """
     for light in scene.lights[: scene.nlight]:
         if not (light.ambient.any() or light.diffuse.any() or light.specular.any()):
@@ -165,7 +165,7 @@ def _leave_out_shadows(scene: mujoco.MjvScene, floors: NDArray[np.bool_]) -> Non
 
 
 def _resources(model: mujoco.MjModel, width: int, height: int, quality: dict[str, int]) -> mujoco.MjrContext:
-    """The OpenGL resources of one kind of image: buffers, textures and meshes of a ``quality``.
+    """The OpenGL resources of one kind of image: buffers, textures and meshes at a ``quality``.
 
     MuJoCo reads size and quality from the model; afterwards the model's own values are restored.
     """

@@ -1,4 +1,4 @@
-"""A thermal camera: an uncooled microbolometer that looks along with the colour camera.
+"""A thermal camera: an uncooled microbolometer with the field of view of the colour camera.
 
 Numbers are those of the FLIR Lepton (engineering data sheet): 80 × 60 pixels, a noise of 50 mK, and a range of
 temperatures from -10 to 140 °C.
@@ -19,7 +19,7 @@ COLDEST, HOTTEST = -10.0, 140.0  # °C
 
 @dataclass(frozen=True, eq=False)
 class ThermalCamera:
-    """A thermal camera with the view of the colour camera.
+    """A thermal camera with the field of view of the colour camera.
 
     Attributes:
         temperature: (ngeom + 1,) float32 °C of every geom's surface; the last element is for pixels without a geom.
@@ -28,7 +28,7 @@ class ThermalCamera:
     temperature: NDArray[np.float32]
 
     def image(self, truth: LabelledImage, rng: np.random.Generator) -> NDArray[np.float32]:
-        """(60, 80) float32 °C of a noise-free image; a pixel has the mean of what the colour camera's pixels show."""
+        """(60, 80) float32 °C of a noise-free image; a pixel is the mean over the colour camera's pixels in it."""
         shown = cv2.resize(self.temperature[truth.instance], THERMAL_SIZE, interpolation=cv2.INTER_AREA)
         noise = rng.normal(0.0, NETD, shown.shape)
         return np.clip(shown + noise, COLDEST, HOTTEST).astype(np.float32)

@@ -12,9 +12,9 @@ from pipeline.sensor import XTION
 from sarsim.sensors import xtion_kernels as kernels
 from sarsim.sensors.camera import LabelledImage
 
-EDGE = 0.25  # pixels of disparity, two of the sensor's steps: a smaller break counts as no edge
+EDGE = 0.25  # pixels of disparity, two of the sensor's steps: a smaller jump is not an edge
 DISPARITY_STEP = np.float32(1 / 8)  # pixels
-BASELINE = 0.075  # m from the camera to the projector, which stands to its right
+BASELINE = 0.075  # m from the camera to the projector, which is to its right
 MAX_INCIDENCE = 82.0
 """degrees between the line of sight and the surface's normal; at larger angles there is no return."""
 
@@ -68,12 +68,12 @@ class Xtion:
 
         Args:
             depth: true depth in metres; 0 = no surface.
-            intrinsics: of ``depth``.
+            intrinsics: intrinsics of ``depth``.
             rng: drawn from once per call, whichever errors are switched on.
 
         Returns:
             (H, W) float32 depth in metres, 0 = no return, and (H, W) int64 flat index of the pixel whose true
-            depth was measured: a pixel other than itself only beside a depth edge.
+            depth was measured; this is another pixel only next to a depth edge.
         """
         key = rng.integers(1 << 64, dtype=np.uint64)
         source = np.arange(depth.size).reshape(depth.shape)

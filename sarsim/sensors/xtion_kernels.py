@@ -28,7 +28,7 @@ def random_bits(key, height, width):
 def slopes(values):
     """(H, W) float32 change of an image per column and per row, each on the smoother side of the pixel.
 
-    Beside an edge, the smoother side belongs to the pixel's own surface. The disparity of a plane is linear over the
+    Next to an edge, the smoother side belongs to the pixel's own surface. The disparity of a plane is linear over the
     image, so its slopes are exact.
     """
     height, width = values.shape
@@ -58,8 +58,8 @@ def lateral_source(disparity, per_column, per_row, bits, sigma, edge):
     """(H, W) int64 flat index of the pixel whose depth each pixel measures.
 
     Disparity and its slopes are (H, W) float32, ``bits`` (H, W) uint64. The source is a random neighbour (standard
-    deviation ``sigma`` pixels) if it is off the pixel's own plane by ``edge`` pixels of disparity or more, which is
-    across a depth edge; else it is the pixel itself.
+    deviation ``sigma`` pixels) if that is off the pixel's own plane by ``edge`` pixels of disparity or more, i.e.
+    across a depth edge; otherwise it is the pixel itself.
     """
     height, width = disparity.shape
     source = np.empty((height, width), np.int64)

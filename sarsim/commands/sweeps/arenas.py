@@ -1,4 +1,4 @@
-"""The arenas of a sweep: names, splits that are frozen by checksums, and 2D maps."""
+"""The arenas of a sweep: names, splits frozen by checksums, and 2D maps."""
 
 import hashlib
 from collections.abc import Iterator, Mapping, Sequence
@@ -16,14 +16,14 @@ from sarsim.tasks.grid_scenes import DRAWINGS, SIZES, GridScene, draw_scene, dun
 MAPS, ARENAS = 100, 12
 """Numbers of 2D maps and of arenas in a split."""
 SIGNIFICANT = 6
-"""Significant digits of an arena's numbers that count."""
+"""Significant digits of an arena's numbers that enter its checksum."""
 
 
 def arenas_of(names: Sequence[str]) -> list[str]:
-    """The arenas that ``--arenas`` names, each once: those of a split for the split's name.
+    """The arenas that ``--arenas`` names, without duplicates; a split or a folder of maps stands for all its arenas.
 
     Raises:
-        InputError: a folder has no maps, or 2D maps are mixed with arenas of MuJoCo.
+        InputError: there are no arenas, a folder has no maps, or 2D maps are mixed with MuJoCo arenas.
     """
     found = list(dict.fromkeys(arena for name in names for arena in _expanded(name)))
     if len({name.startswith(GRID) for name in found}) != 1:
@@ -47,13 +47,13 @@ def _expanded(name: str) -> Iterator[str]:
 
 @cache
 def frozen(split: str) -> Mapping[str, Mapping[str, str]]:
-    """The arenas of a split, ``mujoco`` and ``grid``, each with its checksum."""
+    """The arenas of a split with their checksums, under ``mujoco`` and ``grid``."""
     content: Mapping[str, Mapping[str, str]] = yaml.safe_load(asset("splits", f"{split}.yaml").read_text())
     return content
 
 
 def grid_scene(name: str) -> GridScene:
-    """The 2D map of that name; InputError if there is none."""
+    """The 2D map with this name; InputError if there is none."""
     rest = name.removeprefix(GRID)
     split, _, number = rest.partition(":")
     if split in DRAWINGS and number.isdecimal() and int(number) < DRAWINGS["val"]:
@@ -62,7 +62,7 @@ def grid_scene(name: str) -> GridScene:
 
 
 def checksum(name: str) -> str:
-    """SHA-256 of what an arena is made of, in hexadecimal digits; InputError if there is no such arena."""
+    """SHA-256 of an arena's content, in hexadecimal digits; InputError if there is no such arena."""
     if name.startswith(GRID):
         scene = grid_scene(name)
         return hashlib.sha256(f"{scene.free.shape} {scene.start}".encode() + scene.free.tobytes()).hexdigest()
@@ -74,7 +74,7 @@ def checked(name: str) -> str:
     """The checksum of an arena.
 
     Raises:
-        InputError: there is no such arena, or it is one of a split and not what it was.
+        InputError: the arena does not exist, or it belongs to a split and has changed since the split was frozen.
     """
     found = checksum(name)
     for split in DRAWINGS:

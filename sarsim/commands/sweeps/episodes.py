@@ -1,4 +1,4 @@
-"""The episodes of a sweep: one method in one arena with one seed, as a job of an engine."""
+"""The episodes of a sweep: one method in one arena with one seed, each a job for an engine."""
 
 import faulthandler
 import gc
@@ -34,23 +34,23 @@ from sarsim.tasks.grid_world import PAPERS, GridWorld
 
 FOLDER = "episodes"
 OF_THE_RUN = re.compile(r"config\.|timing_ms\.|(wall_time_s|real_time_factor|version|arena|seed)$")
-"""Keys of a report that are settings or change from run to run."""
-LONGEST_NAME = 80  # Characters of a method or an arena in a file's name
+"""Keys of a report that are settings, or whose values vary from run to run."""
+LONGEST_NAME = 80  # Maximum number of characters of a method or arena in a file name
 GRACE = 1.1
 """An episode that does not end at its limit is killed with its worker after this multiple of the limit."""
 
 ORACLE = "oracle"
-"""Method on 2D maps that knows the map."""
+"""Name of the method for 2D maps that knows the map in advance."""
 
 CURVE_DIGITS = {"time_s": 2, "way_m": 3, "explored": 4}
-"""Digits after the point that are kept of a curve."""
+"""Decimal places to which a curve is stored."""
 
 Row = dict[str, Any]
-"""An episode: method, arena, seed, checksum, and its figures by their keys in report.json; or ``failed``."""
+"""An episode: method, arena, seed, checksum, and its figures under their keys in report.json; or ``failed``."""
 
 
 class EpisodeResult(NamedTuple):
-    """What is kept of an episode: its row, how much was seen when, and the s of processor time that it took."""
+    """What is kept of an episode: its row, its explored share over time, and its processor time, s."""
 
     row: Row
     curve: ExploredCurve
@@ -67,9 +67,9 @@ class SweepJob:
     """An episode.
 
     Attributes:
-        method: name, or MODULE:CLASS.
-        arena: as ``--arena`` or a 2D map's name.
-        seed: of all random numbers.
+        method: name of the method, or MODULE:CLASS.
+        arena: arena as in ``--arena``, or the name of a 2D map.
+        seed: seed of all random numbers.
     """
 
     method: str
@@ -78,24 +78,24 @@ class SweepJob:
 
     @property
     def file(self) -> str:
-        """Path of its result in the sweep's folder."""
+        """Path of the episode's result in the sweep's folder."""
         parts = [re.sub(r"[^\w.-]+", "_", part)[-LONGEST_NAME:] for part in (self.method, self.arena)]
         digest = hashlib.sha256(repr(self).encode()).hexdigest()
         return f"{FOLDER}/{'-'.join(parts)}-{self.seed}-{digest[:8]}.json"
 
     @property
     def row(self) -> Row:
-        """What the row of the episode begins with."""
+        """The first items of the episode's row."""
         return {"method": self.method, "arena": self.arena, "seed": self.seed}
 
 
 def run_episode(steps: int, limit: float, job: SweepJob, folder: Path) -> None:
     """Run an episode, and write its row to a sweep's folder.
 
-    ``steps`` are the most in an arena of MuJoCo, ``limit`` the s by the clock that an episode may take.
+    ``steps`` is the maximum number of steps in a MuJoCo arena, ``limit`` the episode's wall-clock limit, s.
 
     Raises:
-        InputError: the method or the arena fails; it says so in one line.
+        InputError: the method or the arena fails; the message is one line.
     """
     start = time.process_time()
     try:
@@ -104,7 +104,7 @@ def run_episode(steps: int, limit: float, job: SweepJob, folder: Path) -> None:
         failure = ""
     except Exception as error:
         failure = str(error) if isinstance(error, InputError) else one_line(error)
-    # After the block, because a traceback keeps the episode alive: its maps are in reference cycles.
+    # Only here, because the traceback kept the episode alive; its maps are in reference cycles.
     gc.collect()
     if failure:
         raise InputError(failure)
@@ -117,7 +117,7 @@ def run_episode(steps: int, limit: float, job: SweepJob, folder: Path) -> None:
 
 @contextmanager
 def limited(seconds: float) -> Iterator[None]:
-    """Raise TimeoutError if the block takes longer; should it go on nevertheless, the process ends soon after."""
+    """Raise TimeoutError if the block takes longer; if it continues even so, the process is ended soon after."""
 
     def stop(number: int, frame: FrameType | None) -> None:
         raise TimeoutError(f"exceeded the time limit of {seconds:g} s")
@@ -135,14 +135,14 @@ def limited(seconds: float) -> Iterator[None]:
 
 
 def written(curve: ExploredCurve) -> dict[str, list[float]]:
-    """A curve as a file has it: rounded, without places where nothing new was seen."""
+    """A curve as stored in a file: rounded, without points at which nothing new was seen."""
     rounded = {name: np.round(getattr(curve, name), digits) for name, digits in CURVE_DIGITS.items()}
     is_new = np.diff(rounded["explored"], prepend=-1.0) > 0
     return {name: values[is_new].tolist() for name, values in rounded.items()}
 
 
 def explored(job: SweepJob) -> tuple[Row, ExploredCurve]:
-    """Explore a 2D map by the papers' protocol; its figures, and how much was seen when."""
+    """Explore a 2D map by the papers' protocol; returns the row's figures and the explored share over time."""
     found, world = checked(job.arena), GridWorld(grid_scene(job.arena), PAPERS)
     track = [_state(world)]
 
@@ -160,12 +160,12 @@ def explored(job: SweepJob) -> tuple[Row, ExploredCurve]:
 
 
 def _state(world: GridWorld) -> tuple[float, float, float]:
-    """Time in s, way in m and explored share."""
+    """Time in s, distance driven in m, and explored share."""
     return world.seconds, world.way * world.scene.cell, world.explored_fraction
 
 
 def check_methods(names: Iterable[str], arena: str) -> None:
-    """Raises InputError unless every method for 2D maps, or for the arenas of MuJoCo, can be loaded."""
+    """Raises InputError unless every method can be loaded for the kind of ``arena``: a 2D map or a MuJoCo arena."""
     for name in names:
         if arena.startswith(GRID) and name != ORACLE:
             grid_explorer(name)
@@ -174,10 +174,10 @@ def check_methods(names: Iterable[str], arena: str) -> None:
 
 
 def grid_explorer(name: str) -> Explorer2D:
-    """The explorer of 2D maps of that name, or MODULE:CLASS, whose nodes are checked.
+    """The explorer of 2D maps with this name, or MODULE:CLASS; the nodes that it returns are checked.
 
     Raises:
-        InputError: there is none; later, it fails or does not return a reachable node.
+        InputError: there is no such explorer; when called, it fails or does not return a reachable node.
     """
     if ":" not in name and name not in EXPLORERS:
         raise InputError(f"--methods {name}: must be one of {', '.join(EXPLORERS)} or MODULE:CLASS")
@@ -200,7 +200,7 @@ def _is_reachable(node: int, world: GridWorld, before: NDArray[np.int64]) -> boo
 
 
 def driven(job: SweepJob, steps: int) -> tuple[Row, ExploredCurve]:
-    """Run an episode in MuJoCo, the method is its ``--exploration``; its figures, and how much was seen when."""
+    """Run an episode in MuJoCo with ``--exploration`` set to the method; returns what :func:`explored` does."""
     from sarsim.episode import Episode  # imported here, because 2D maps do not need it
 
     found = checked(job.arena)
@@ -217,7 +217,7 @@ def driven(job: SweepJob, steps: int) -> tuple[Row, ExploredCurve]:
 
 
 def result_of(job: SweepJob, folder: Path) -> EpisodeResult | None:
-    """What an episode left, if it was run; InputError for a broken file."""
+    """The stored result of an episode, None if it has not been run; InputError if its file is broken."""
     file = folder / job.file
     if not file.exists():
         return None

@@ -1,4 +1,4 @@
-"""Entries of the leaderboard, a JSON file for each method, and the tables that are made of them."""
+"""Leaderboard entries, one JSON file per method, and the tables made from them."""
 
 import hashlib
 import json
@@ -18,7 +18,7 @@ from sarsim.commands.sweeps.statistics import Estimate, estimate
 from sarsim.scoring.progress import mean_up_to
 
 REFERENCE = "nearest_frontier"
-"""The method with whose times the others' are compared."""
+"""The method with which the other methods' times are compared."""
 KEPT = (
     "checksum", "sim_time_s", "navigation.distance_m", "navigation.mean_speed", "navigation.time_s.driving",
     "navigation.time_s.turning", "navigation.time_s.backing", "navigation.time_s.still", "navigation.time_s.narrow",
@@ -39,17 +39,17 @@ Values = NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Entry:
-    """One method on one set of arenas.
+    """The results of one method on one set of arenas.
 
     Attributes:
-        method: its name.
-        arenas: as they were named.
-        seeds: of each arena.
-        commit: state of the code; empty if it is not known.
-        version: of sarsim.
-        processor: that ran it.
-        processor_s: s of processor time that all episodes took.
-        rows: of the episodes, without the method.
+        method: name of the method.
+        arenas: the arenas, as the user named them.
+        seeds: seeds of the episodes in each arena.
+        commit: state of the code; empty if unknown.
+        version: version of sarsim.
+        processor: name of the processor used.
+        processor_s: processor time of all episodes, s.
+        rows: rows of the episodes, without the method.
     """
 
     method: str
@@ -63,12 +63,12 @@ class Entry:
 
     @property
     def board(self) -> tuple[tuple[str, ...], tuple[int, ...], str]:
-        """What entries must have in common to be compared: arenas, seeds, and all checksums together."""
+        """What entries must have in common to be comparable: arenas, seeds, and all checksums together."""
         sums = sorted({f"{row['arena']} {row['checksum']}" for row in self.rows if row.get("checksum")})
         return self.arenas, self.seeds, hashlib.sha256("\n".join(sums).encode()).hexdigest()
 
     def values(self, key: str, missing: float) -> Values:
-        """(arenas, seeds) a figure, of its unit; ``missing`` where an episode has none."""
+        """(arenas, seeds) values of a figure, in its own unit; ``missing`` where an episode lacks it."""
         names = list(dict.fromkeys(row["arena"] for row in self.rows))
         found = np.full((len(names), len(self.seeds)), missing)
         for row in self.rows:
@@ -78,7 +78,7 @@ class Entry:
 
 
 def entry_of(rows: Iterable[Row], **about: Any) -> Entry:
-    """An entry of the rows of a method's episodes; ``about`` has its other fields."""
+    """An entry from the rows of a method's episodes; ``about`` holds its other fields."""
     kept = [
         {"arena": row["arena"], "seed": row["seed"]} | {key: _rounded(row[key]) for key in KEPT if key in row}
         for row in rows
@@ -91,7 +91,7 @@ def _rounded(value: Any) -> Any:
 
 
 def write_entry(entry: Entry, folder: Path) -> Path:
-    """Write an entry's file into a folder, in the place of an earlier one of the same method and arenas."""
+    """Write an entry's file to a folder, replacing an earlier one for the same method and arenas."""
     name = "-".join("".join(c if c.isalnum() or c in "._" else "_" for c in w) for w in (entry.method, *entry.arenas))
     folder.mkdir(parents=True, exist_ok=True)
     content = asdict(entry)
@@ -120,7 +120,7 @@ def read_entry(file: Path) -> Entry:
 
 
 class Board(NamedTuple):
-    """A table of comparable entries: its title, the heads of its columns, and a row of texts for each entry."""
+    """A table of comparable entries: its title, its column headings, and a row of texts for each entry."""
 
     title: str
     heads: tuple[str, ...]
@@ -128,7 +128,7 @@ class Board(NamedTuple):
 
 
 def boards(entries: Iterable[Entry]) -> Iterator[Board]:
-    """A table for each set of arenas and seeds, the method that needs least time until 99 % first."""
+    """A table for each set of arenas and seeds; the method that explores 99 % soonest comes first."""
     groups: dict[Any, list[Entry]] = defaultdict(list)
     for entry in entries:
         groups[entry.board].append(entry)
@@ -147,7 +147,7 @@ def boards(entries: Iterable[Entry]) -> Iterator[Board]:
 
 
 def text(found: Estimate) -> str:
-    """An estimate with its interval; – for what was not reached."""
+    """An estimate with its interval, as text; – for values that are not finite."""
     texts = [f"{value:.4g}" if np.isfinite(value) else "–" for value in found]
     return "–" if texts[0] == "–" else f"{texts[0]} ({texts[1]}–{texts[2]})"
 
@@ -161,7 +161,7 @@ def _reached(key: str) -> Callable[[Sequence[Entry]], list[Values]]:
 
 
 def _shown(key: str, missing: float = np.inf) -> Callable[[Sequence[Entry]], list[Values]]:
-    """A figure, ``missing`` where an episode has none, if any episode has it."""
+    """A column of a figure, ``missing`` where an episode lacks it; empty if every episode lacks it."""
 
     def shown(group: Sequence[Entry]) -> list[Values]:
         found = [entry.values(key, missing) for entry in group]
@@ -171,7 +171,7 @@ def _shown(key: str, missing: float = np.inf) -> Callable[[Sequence[Entry]], lis
 
 
 def _ratio(group: Sequence[Entry]) -> list[Values]:
-    """Times until 99 % over the reference's in the same arena with the same seed; 1 where neither got there."""
+    """Ratios of the times to explore 99 % to the reference's, arena by arena and seed by seed; 1 if neither did."""
     times = {entry.method: entry.values("exploration.t99_s", np.inf) for entry in group}
     if REFERENCE not in times:
         return []
@@ -180,7 +180,10 @@ def _ratio(group: Sequence[Entry]) -> list[Values]:
 
 
 def _over_oracle(axis: str, key: str) -> Callable[[Sequence[Entry]], list[Values]]:
-    """Times or ways over the oracle's: of whole episodes that saw 99 % where it is an entry, else as reported."""
+    """Ratios of times or distances to the oracle's.
+
+    If the oracle is an entry, they compare complete episodes, and are inf below 99 %; otherwise they are as reported.
+    """
 
     def ratios(group: Sequence[Entry]) -> list[Values]:
         found = {entry.method: entry for entry in group}
@@ -197,7 +200,7 @@ def _over_oracle(axis: str, key: str) -> Callable[[Sequence[Entry]], list[Values
 
 
 def _mean(axis: str) -> Callable[[Sequence[Entry]], list[Values]]:
-    """Mean explored shares up to the end of the longest of all episodes in an arena."""
+    """Mean explored shares up to the end of the longest episode in each arena."""
 
     def means(group: Sequence[Entry]) -> list[Values]:
         ends = [entry.values(ENDS[axis], 0.0) for entry in group]
@@ -209,7 +212,7 @@ def _mean(axis: str) -> Callable[[Sequence[Entry]], list[Values]]:
 
 
 def _mean_speed(group: Sequence[Entry]) -> list[Values]:
-    """m/s, 0 in episodes that failed, if any entry has it; inf for entries of before it was measured."""
+    """Mean speeds, m/s: 0 for failed episodes, inf for entries without this figure; empty if no entry has it."""
     found = [entry.values("navigation.mean_speed", np.nan) for entry in group]
     if not np.isfinite(found).any():
         return []
@@ -217,13 +220,13 @@ def _mean_speed(group: Sequence[Entry]) -> list[Values]:
 
 
 def _turning(group: Sequence[Entry]) -> list[Values]:
-    """Shares of the time that went into turns in place, if any episode has it; inf in those that have not."""
+    """Shares of the time spent turning in place, inf for episodes without this figure; empty if none has it."""
     found = [e.values("navigation.time_s.turning", np.inf) / e.values("sim_time_s", 1.0) for e in group]
     return found if np.isfinite(found).any() else []
 
 
 def _people_found(group: Sequence[Entry]) -> list[Values]:
-    """Shares of the people that were found, in the arenas that have any."""
+    """Shares of people found, in the arenas that contain any."""
     present = np.max([entry.values("victims.present", 0.0) for entry in group], axis=0)
     has_any = present.any(axis=1)
     return [e.values("victims.found", 0.0)[has_any] / present[has_any] for e in group] if has_any.any() else []
@@ -245,4 +248,4 @@ TABLE_COLUMNS: dict[str, Callable[[Sequence[Entry]], list[Values]]] = {
     "map F1, 10 cm": _shown("semantic_map.f1_10cm", 0.0),
     "people found": _people_found,
 }
-"""Columns of a table: what to estimate of every entry; nothing for a column that is left out."""
+"""Columns of a table: a function of its entries gives the values to estimate, none if the column is left out."""

@@ -1,4 +1,4 @@
-"""Names of a sweep's methods and arenas, checked before anything that takes seconds is imported."""
+"""Checks of the names of a sweep's methods and arenas, before imports that take seconds."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -9,12 +9,12 @@ from sarsim.assets import asset
 from sarsim.methods.names import check_method
 
 GRID = "grid:"
-"""Begins the names of 2D maps: ``grid:test:7`` is a drawn one, ``grid:FOLDER/7.png`` a file."""
+"""Prefix of the names of 2D maps: ``grid:test:7`` is a randomly generated one, ``grid:FOLDER/7.png`` a file."""
 SPLITS = tuple(sorted(file.stem for file in asset("splits").glob("*.yaml")))
 
 
 def check_sweep(methods: Sequence[str], arenas: Sequence[str]) -> None:
-    """Raises InputError unless all methods and arenas of a sweep are there; 2D maps have methods of their own."""
+    """Raises InputError unless all methods and arenas of a sweep exist; 2D maps have their own methods."""
     for arena in arenas:
         if arena.startswith(GRID):
             _check_map(arena)

@@ -1,4 +1,4 @@
-"""The page of a sweep: the share that each method had explored by a time and a way, and the leaderboard's tables."""
+"""The page of a sweep: plots of each method's explored share over time and distance, and the leaderboard's tables."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from io import StringIO
@@ -20,24 +20,24 @@ from sarsim.commands.sweeps.statistics import estimate
 from sarsim.scoring.progress import ExploredCurve, shares_at
 
 AXES = {"time_s": ("time, s", ENDS["time"]), "way_m": ("path length, m", ENDS["way"])}
-"""Of the plots: by the field of a curve, the label and the key of an episode's end."""
+"""Axes of the plots: for each field of a curve, the label and the key of the value at an episode's end."""
 SAMPLES = 101
-"""Number of places along an axis at which shares are drawn: a step is a hundredth of the axis."""
+"""Number of points along an axis at which shares are drawn, a hundredth of the axis apart."""
 OKABE_ITO = ("#0072B2", "#D55E00", "#009E73", "#CC79A7", "#56B4E9", "#E69F00", "#000000", "#F0E442")
-"""Colours that the colour-blind can distinguish (Okabe and Ito, 2008); the faintest comes last."""
+"""Colours that colour-blind people can distinguish (Okabe and Ito, 2008); the faintest comes last."""
 DASHES = ("", "6 2", "2 2")
-"""Lengths in points of dashes and gaps, by which lines of the same colour differ."""
+"""Lengths in points of dashes and gaps, which distinguish lines of the same colour."""
 
 
 class Stroke(NamedTuple):
-    """How a method's line is drawn: its colour, and lengths in points of its dashes and gaps."""
+    """How a method's line is drawn: its colour, and the lengths in points of its dashes and gaps."""
 
     colour: str
     dashes: str
 
 
 Curves = Mapping[str, Sequence[ExploredCurve]]
-"""By method: of its episodes, arena by arena and, in each, seed by seed."""
+"""For each method, the curves of its episodes, arena by arena and, in each arena, seed by seed."""
 
 
 def write_page(entries: Sequence[Entry], curves: Curves, path: Path) -> None:
@@ -50,12 +50,12 @@ def write_page(entries: Sequence[Entry], curves: Curves, path: Path) -> None:
 
 
 def _strokes() -> Iterator[Stroke]:
-    """Strokes without end, at first of different colours."""
+    """An endless sequence of strokes; the first ones differ in colour."""
     return cycle(Stroke(colour, dashes) for dashes, colour in product(DASHES, OKABE_ITO))
 
 
 def drawing(entries: Sequence[Entry], curves: Curves, strokes: Mapping[str, Stroke]) -> str:
-    """The plots over time and over way, an SVG element; the same bytes again."""
+    """The plots over time and distance as an SVG element; equal arguments give equal bytes."""
     svg, figure = StringIO(), Figure(figsize=(11, 5), layout="constrained")
     with rc_context({"svg.hashsalt": "sweep", "svg.fonttype": "none"}):
         for plot, axis in zip(figure.subplots(1, len(AXES), sharey=True), AXES, strict=True):
@@ -65,7 +65,7 @@ def drawing(entries: Sequence[Entry], curves: Curves, strokes: Mapping[str, Stro
 
 
 def _draw(plot: Axes, axis: str, entries: Sequence[Entry], curves: Curves, strokes: Mapping[str, Stroke]) -> None:
-    """Draw the methods' bands, up to the end of the longest of all episodes."""
+    """Draw the methods' bands up to the end of the longest episode."""
     label, end = AXES[axis]
     longest = max(entry.values(end, 0.0).max() for entry in entries)
     places = np.linspace(0, longest, SAMPLES)
@@ -81,16 +81,16 @@ def _draw(plot: Axes, axis: str, entries: Sequence[Entry], curves: Curves, strok
 
 
 def band(curves: Sequence[ExploredCurve], axis: str, places: Values, seeds: int) -> NDArray[np.float64]:
-    """The interquartile mean of the explored shares, and the ends of its interval, as the tables have it.
+    """The interquartile mean of the explored shares, and the ends of its interval, as in the tables.
 
     Args:
-        curves: of the episodes, arena by arena and, in each, seed by seed.
-        axis: field of the curves along which to go.
-        places: s or m; after its end, an episode holds its last share.
-        seeds: number of them.
+        curves: curves of the episodes, arena by arena and, in each arena, seed by seed.
+        axis: field of the curves that the plot is over.
+        places: (P,) points on the axis, s or m; after its end, an episode holds its last share.
+        seeds: number of seeds per arena.
 
     Returns:
-        (3, P) means, lower and upper ends.
+        (3, P) means, and lower and upper ends of the intervals.
     """
     shares = np.array([shares_at(places, getattr(curve, axis), curve.explored) for curve in curves]).T
     return np.array([estimate(found) for found in shares.reshape(len(places), -1, seeds)]).T

@@ -1,4 +1,4 @@
-"""Tables of episodes as Parquet."""
+"""Tables of episodes as Parquet files."""
 
 from collections.abc import Sequence
 from pathlib import Path
@@ -13,7 +13,7 @@ KEYS = ("method", "arena", "seed", "checksum", "failed")
 
 
 def write_parquet(rows: Sequence[Row], path: Path) -> None:
-    """Write a row for each episode; a column for each key that any of them has, empty where an episode lacks it.
+    """Write a row for each episode, and a column for each key in any of them, empty where an episode lacks it.
 
     Raises:
         InputError: the file cannot be written.
@@ -26,7 +26,7 @@ def write_parquet(rows: Sequence[Row], path: Path) -> None:
 
 
 def _column(values: Sequence[object]) -> pa.Array:
-    """Whole numbers among others become floats, so that a key has one type whatever the episodes."""
+    """A column; integers among floats become floats, so that a key's type does not depend on the episodes."""
     if any(isinstance(value, float) for value in values):
         values = [float(value) if isinstance(value, int) else value for value in values]
     return pa.array(values)

@@ -1,4 +1,4 @@
-"""Interquartile means, and their intervals by a bootstrap that is resampled by arena and then by seed.
+"""Interquartile means, with intervals from a bootstrap that resamples arenas and, within each, seeds.
 
 After Agarwal et al., "Deep reinforcement learning at the edge of the statistical precipice" (NeurIPS 2021).
 """
@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 SHARE = 0.95
 """Share of the resampled means in an interval."""
 RESAMPLED = 2000
-"""Number of times: an end of the interval is then the 50th value from below or above."""
+"""Number of resamples; the ends of an interval are then the 51st values from below and from above."""
 
 
 Mean = Callable[[NDArray[np.float64]], NDArray[np.float64]]
@@ -21,7 +21,7 @@ Mean = Callable[[NDArray[np.float64]], NDArray[np.float64]]
 
 
 class Estimate(NamedTuple):
-    """A mean and its interval; an interquartile one is infinite where too many episodes did not get there."""
+    """A mean and its interval; an interquartile mean is infinite if too many of its values are infinite."""
 
     value: float
     low: float
@@ -29,7 +29,7 @@ class Estimate(NamedTuple):
 
 
 def interquartile_mean(values: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(...) means of the middle half of (..., N) values of any unit; a quarter at either end is left out."""
+    """(...) means of the middle half of (..., N) values of any unit; a quarter at each end is left out."""
     cut = values.shape[-1] // 4
     middle: NDArray[np.float64] = np.sort(values, axis=-1)[..., cut : values.shape[-1] - cut].mean(axis=-1)
     return middle
@@ -44,8 +44,8 @@ def plain_mean(values: NDArray[np.float64]) -> NDArray[np.float64]:
 def estimate(values: NDArray[np.float64], mean: Mean = interquartile_mean) -> Estimate:
     """The mean of (arenas, seeds) values of any unit, with its interval.
 
-    The seeds of an arena differ only where the method or the robot draws random numbers; else resampling them
-    changes nothing.
+    The values for an arena's seeds differ only if the method or the robot draws random numbers; otherwise, resampling
+    the seeds changes nothing.
     """
     means = np.sort(mean(values.ravel()[_drawn(*values.shape)]))
     out = round(RESAMPLED * (1 - SHARE) / 2)
@@ -54,7 +54,7 @@ def estimate(values: NDArray[np.float64], mean: Mean = interquartile_mean) -> Es
 
 @cache
 def _drawn(arenas: int, seeds: int) -> NDArray[np.int64]:
-    """(RESAMPLED, arenas × seeds) places in flat values: arenas drawn with replacement and, in each, seeds."""
+    """(RESAMPLED, arenas × seeds) flat indices: arenas drawn with replacement and, in each, seeds likewise."""
     rng = np.random.default_rng(0)
     arena = rng.integers(arenas, size=(RESAMPLED, arenas, 1))
     seed = rng.integers(seeds, size=(RESAMPLED, arenas, seeds))

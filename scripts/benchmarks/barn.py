@@ -1,4 +1,4 @@
-"""BARN's worlds of cylinders, crossed by the whole pipeline with the robot's own camera and localisation."""
+"""BARN's cylinder worlds, crossed using the whole pipeline, with the robot's own camera and localisation."""
 
 import re
 import tempfile
@@ -27,17 +27,17 @@ from scripts.benchmarks.episodes import Job, leave, run_jobs
 from scripts.benchmarks.settings import BarnSettings
 
 PUBLISHED = {"the challenge's baseline: DWA with a 270° lidar": 0.169, "best possible": 0.5}
-"""Scores to compare with."""
+"""Published scores, for comparison."""
 
 Run = Mapping[str, Any]
-"""How a run ended, and its s by the clock, m of way and contacts; None in its place if its process failed."""
+"""How a run ended, its time in s, path length in m, and number of contacts."""
 
 
 def measure(settings: BarnSettings) -> Result:
     """Success, contacts, time and score in each world, and the mean score with its interval.
 
     Raises:
-        InputError: the folder has no worlds, or one without its path; or another setting is wrong.
+        InputError: the folder has no world, a world has no reference path, a run failed, or a setting is wrong.
     """
     at_least(1, settings, "seeds", "workers")
     worlds = worlds_in(settings.worlds)
@@ -53,7 +53,7 @@ def measure(settings: BarnSettings) -> Result:
 
 
 def worlds_in(folder: Path) -> dict[str, float]:
-    """Names of the worlds in a folder, by number, and the s of their reference paths.
+    """Names of the worlds in a folder, in numerical order, each with the optimal time of its reference path, s.
 
     Raises:
         InputError: there is no world, or a path is missing or broken.
@@ -67,7 +67,7 @@ def worlds_in(folder: Path) -> dict[str, float]:
 
 
 def jobs_of(settings: BarnSettings, world: str) -> list[Job]:
-    """The runs in a world: one for each seed."""
+    """The runs in a world, one per seed."""
     configs = [
         EpisodeConfig(
             arena=str(settings.worlds / f"{world}.world"),
@@ -86,7 +86,7 @@ def jobs_of(settings: BarnSettings, world: str) -> list[Job]:
 
 
 def run_job(job: Job, folder: Path) -> None:
-    """Cross a world and write how it went to a folder."""
+    """Cross a world and write the result to a folder."""
     leave(job, folder, lambda: {"run": _run(job.config)})
 
 
@@ -98,24 +98,24 @@ def _run(config: EpisodeConfig) -> Run:
 
 
 class Crossing(Sink):
-    """An episode with BARN's goal, which ends when the judge says so."""
+    """An episode with BARN's goal, which the judge ends."""
 
     def __init__(self, config: EpisodeConfig, out: Path):
-        """``out``: folder for the files of the episode."""
+        """``out``: folder for the episode's files."""
         self.episode = Episode(replace(config, out=out))
         self._robot: SimulatedRobot = self.episode.robot
         self.judge = BarnJudge(self._robot.time)
         self.episode.explorer.watch(self)
 
     def on_motion(self, motion: Motion) -> None:
-        """Raises TimeIsUpError, which ends the episode, if the run is over."""
+        """Raise TimeIsUpError, which ends the episode, if the run is over."""
         pose = self._robot.trajectory[-1]
         if not self.judge.see(pose.time, pose.T_world_base, self._robot.collisions.collisions):
             raise TimeIsUpError
 
     @property
     def result(self) -> Run:
-        """How the run went; a robot that ended by itself has not arrived."""
+        """The result of the run; if the robot rather than the judge ended it, it is ``lost`` or ``given_up``."""
         judge, episode = self.judge, self.episode
         ended = judge.ended or ("lost" if episode.lost else "given_up")
         navigation = episode.report["navigation"]
@@ -125,7 +125,7 @@ class Crossing(Sink):
 
 
 def figures(runs: Mapping[str, Sequence[Run]], optimal: Mapping[str, float]) -> dict[str, float]:
-    """The figures of all worlds by name; a world that nobody has crossed has no time."""
+    """The figures of all worlds, by name; a world without a successful run has no time."""
     scores, found = [], dict[str, float]()
     for world, made in runs.items():
         times = [run["seconds"] if run["ended"] == "reached" else None for run in made]
@@ -148,7 +148,7 @@ def figures(runs: Mapping[str, Sequence[Run]], optimal: Mapping[str, float]) -> 
 
 
 def table(runs: Mapping[str, Sequence[Run]], found: Mapping[str, float]) -> Table:
-    """A row for each world, and one for all; the note is how runs without success ended."""
+    """A row for each world and one for all; the note says how failed runs ended."""
     result = Table("world", title="BARN")
     for column in ("success", "s, median", "score"):
         result.add_column(column, justify="right")

@@ -1,7 +1,7 @@
-"""A labelled RGB-D frame against the three passes of ``mujoco.Renderer``.
+"""Time of a labelled RGB-D frame, against three passes of ``mujoco.Renderer``.
 
-Every contender draws in a process of its own, because two OpenGL contexts in one process interfere with each other.
-The processes take turns frame by frame, so other load on the machine slows all alike.
+Every contender renders in its own process, because two OpenGL contexts in one process interfere with each other.
+The processes take turns frame by frame, so that other load on the machine slows all alike.
 """
 
 from collections.abc import Callable
@@ -25,21 +25,21 @@ POSES = [
 ]  # fmt: skip
 """x, y in m and yaw in rad in ``nist_6x4``: at the start, before a ramp, at a victim, on both decks, in a lane."""
 CAMERA_HEIGHT = 0.75  # m; the height of the robot's mast above the decks
-UNCOUNTED_ROUNDS = 2  # rounds that are not counted
+UNCOUNTED_ROUNDS = 2  # Warm-up rounds, not timed
 
 
 class WithoutMultisampling(ThreePasses):
-    """``mujoco.Renderer`` that draws each pixel once."""
+    """``mujoco.Renderer`` with one sample per pixel."""
 
     QUALITY: ClassVar[dict[str, int]] = {"offsamples": 0}
 
 
 CONTENDERS: dict[str, type[Renderer]] = {**RENDERERS, "renderer_without_multisampling": WithoutMultisampling}
-Times = dict[str, float]  # ms of one "frame", and of each of its parts alone
+Times = dict[str, float]  # ms of a complete "frame", and of each of its parts alone
 
 
 def measure(settings: CameraSettings) -> Result:
-    """Medians over the frames, and how many times faster than mujoco.Renderer a frame is.
+    """Median times of a frame and its parts, and how many times faster than each other contender ours is.
 
     Raises:
         InputError: a number is below 1.
@@ -59,7 +59,7 @@ def measure(settings: CameraSettings) -> Result:
 
 
 def summary(times: dict[str, list[Times]]) -> dict[str, float]:
-    """Medians of the ratios between the frames of a round, and of the times of frames and parts in milliseconds."""
+    """Median ratios of frame times within a round, and median times of frames and parts, ms."""
     frame = {name: np.array([row["frame"] for row in rows]) for name, rows in times.items()}
     figures = {
         f"frame_vs_{name}": float(np.median(frame[name] / frame["ours"])) for name in CONTENDERS if name != "ours"
@@ -70,7 +70,7 @@ def summary(times: dict[str, list[Times]]) -> dict[str, float]:
 
 
 def _serve(connection: Connection, name: str, width: int, height: int) -> None:
-    """The loop of a contender's process: it receives a pose and sends the times of its frame; None ends it."""
+    """The loop of a contender's process: receive a pose and send the times of its frame; None ends the loop."""
     model = _model(width, height)
     data = mujoco.MjData(model)
     with CONTENDERS[name](model, width, height) as renderer:
@@ -84,7 +84,7 @@ def _serve(connection: Connection, name: str, width: int, height: int) -> None:
 
 
 def _model(width: int, height: int) -> mujoco.MjModel:
-    """The arena, with a camera of the Xtion's field of view on a mocap body, pitched down by 15°."""
+    """The arena, with a camera on a mocap body: the Xtion's field of view, pitched down by 15°."""
     spec = mujoco.MjSpec.from_file(str(asset("arenas", "nist_6x4.xml")))
     spec.visual.global_.offwidth, spec.visual.global_.offheight = width, height
     rig = spec.worldbody.add_body(name="rig", mocap=True)
@@ -95,7 +95,7 @@ def _model(width: int, height: int) -> mujoco.MjModel:
 
 
 def _ours(renderer: Renderer, data: mujoco.MjData) -> Callable[[], Times]:
-    """A function that times colour, depth, label and instance of every pixel, by the ideal sensor."""
+    """A function that times our frame, with colour, depth, label and instance per pixel, and its parts."""
     camera = RgbdCamera(renderer, "camera")
     rng = np.random.default_rng(0)
     image = camera.capture(data)

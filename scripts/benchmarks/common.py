@@ -1,4 +1,4 @@
-"""Code that the subjects of the benchmark share."""
+"""Code shared by the subjects of the benchmark."""
 
 import time
 from collections.abc import Callable, Mapping
@@ -25,10 +25,10 @@ class Result:
     """The results of a subject.
 
     Attributes:
-        figures: by name; a ratio says how many times faster than the other in this run.
-        details: further content of the file, under its own keys.
-        table: to print instead of all figures, if these are too many.
-        pictures: files to be copied beside the file of the figures.
+        figures: figures by name; ratios compare contenders within this run.
+        details: further content of the JSON file, under its own keys.
+        table: the table to print instead of all figures, if they are too many.
+        pictures: files to copy next to the JSON file.
     """
 
     figures: dict[str, float]
@@ -38,7 +38,7 @@ class Result:
 
 
 def at_least(least: int, settings: SubjectSettings, *names: str) -> None:
-    """Raises InputError if one of these settings is below ``least``; None is no value."""
+    """Raise InputError if one of the named settings is below ``least``; None passes."""
     for name in names:
         value = getattr(settings, name)
         if value is not None and value < least:
@@ -53,20 +53,20 @@ def seconds(action: Callable[..., object], *args: object) -> float:
 
 
 class ThreePasses(Renderer):
-    """``mujoco.Renderer``: colour, depth and segmentation one after the other.
+    """``mujoco.Renderer``: draws colour, depth and segmentation in separate passes.
 
-    Its images have MuJoCo's default quality except for ``QUALITY``, and stay valid until the next one.
+    Its images have MuJoCo's default quality except for ``QUALITY``, and stay valid until the next image.
     """
 
     QUALITY: ClassVar[Mapping[str, int]] = {}
 
     def __init__(self, model: mujoco.MjModel, width: int, height: int):
-        ExitStack.__init__(self)  # without Renderer.__init__, which would make a second OpenGL context
+        ExitStack.__init__(self)  # not Renderer.__init__, which would make a second OpenGL context
         self.model, self.width, self.height = model, width, height
         default = mujoco.MjSpec().visual.quality
         for name in ("offsamples", "shadowsize", "numslices", "numstacks", "numquads"):
             setattr(model.vis.quality, name, self.QUALITY.get(name, getattr(default, name)))
-        # A larger framebuffer, which arenas have for the viewer, would only cost time.
+        # Arenas set a larger framebuffer for the viewer; here it would only cost time.
         model.vis.global_.offwidth, model.vis.global_.offheight = width, height
         self._renderer = mujoco.Renderer(model, height, width)
         self.callback(self._renderer.close)
@@ -82,14 +82,14 @@ class ThreePasses(Renderer):
         return self._picture(data, camera)
 
     def segmentation(self, data: mujoco.MjData, camera: CameraName) -> NDArray[np.int32]:
-        """(H, W, 2) int32 ids and types of objects."""
+        """(H, W, 2) int32 object ids and object types."""
         self._renderer.enable_segmentation_rendering()
         return self._picture(data, camera)
 
     def segmentation_and_depth(
         self, data: mujoco.MjData, camera: CameraName
     ) -> tuple[NDArray[np.int32], NDArray[np.float32]]:
-        """(H, W) int32 geom ids, -1 where there is none, and (H, W) float32 m."""
+        """(H, W) int32 geom ids, -1 where there is no geom, and (H, W) float32 depth, m."""
         depth = self.depth(data, camera).copy()
         ids = self.segmentation(data, camera)
         return np.where(ids[..., 1] == int(mujoco.mjtObj.mjOBJ_GEOM), ids[..., 0], -1), depth
@@ -110,4 +110,4 @@ RENDERERS: dict[str, type[Renderer]] = {
     "renderer": ThreePasses,
     "renderer_at_our_quality": ThreePassesAtOurQuality,
 }
-"""Contenders of the subjects ``camera`` and ``dataset``."""
+"""The contenders in the subjects ``camera`` and ``dataset``, by name."""

@@ -1,7 +1,7 @@
-"""Time of corrections of the map after loop closures, beside inserting all frames again, as octree mappers must.
+"""Time to correct the maps after loop closures, against inserting all frames again, as octree mappers must.
 
-The robot drives to random places until it has as many keyframes as wanted, one at every 0.3 m or 15°. Then
-corrections are made as loop closures make them: the newest keyframes move, the more the newer they are.
+The robot drives to random places until it has enough keyframes, one every 0.3 m or 15°. Then corrections like those
+of loop closures are made: the newest keyframes move, and newer ones move farther.
 """
 
 import resource
@@ -27,13 +27,13 @@ from scripts.benchmarks.common import Result, at_least, seconds
 from scripts.benchmarks.settings import CorrectionSettings
 
 DRIVES = {"nist_6x4": 300, "random:3": 1000}
-"""Number of keyframes at which corrections are measured, by arena."""
+"""Number of keyframes of each arena's drive, after which corrections are measured."""
 DRIFT, TURN = 0.1, np.deg2rad(1.5)
-"""m and rad, greatest correction of the newest keyframe."""
+"""Maximum correction of the newest keyframe along each axis, m, and in yaw, rad."""
 
 
 def measure(settings: CorrectionSettings) -> Result:
-    """Seconds of the corrections in each of the arenas, and whether the maps equal those made from scratch."""
+    """Seconds per correction in each arena, and whether the maps equal maps rebuilt from scratch."""
     at_least(1, settings, "rounds")
     at_least(0, settings, "seed")
     rounds, seed = settings.rounds, settings.seed
@@ -59,7 +59,7 @@ def measure(settings: CorrectionSettings) -> Result:
 
 
 def driven(arena: str, size: int, seed: int) -> tuple[Mapper, "Octree"]:
-    """The maps of a drive with ``size`` keyframes, and an octree beside them."""
+    """The maps of a drive with ``size`` keyframes, and an octree of the same keyframes."""
     robot = SimulatedRobot(load_arena(arena), SimulationConfig("wheel"), seed)
     mapper = make_mapper(TRUE_LABELS, robot.model, seed)
     octree, explorer = Octree(mapper.metric_map), Explorer(robot, mapper)
@@ -75,11 +75,11 @@ class Octree(Sink):
     """Inserts every keyframe into an octree.
 
     Attributes:
-        seconds: that this has taken so far: a correction of the octree takes as long.
+        seconds: total insertion time so far, s; correcting the octree takes as long.
     """
 
     def __init__(self, metric_map: MetricMap):
-        """With the voxels and the range of a metric map."""
+        """Use the voxel size and maximum range of a metric map."""
         self._octree, self._range = pyoctomap.OcTree(metric_map.voxel_size), metric_map.max_range
         self.seconds = 0.0
 
@@ -92,7 +92,7 @@ class Octree(Sink):
 
 
 def _corrected(poses: NDArray[np.float64], rounds: int, rng: np.random.Generator) -> Iterator[Poses]:
-    """(K, 4, 4) poses after each of the corrections of (K, 4, 4) poses."""
+    """(K, 4, 4) poses after each of ``rounds`` random corrections of the same (K, 4, 4) poses."""
     for _ in range(rounds):
         first = rng.integers(len(poses))
         share = np.clip(np.arange(len(poses)) - first, 0, None) / max(len(poses) - 1 - first, 1)
@@ -102,7 +102,7 @@ def _corrected(poses: NDArray[np.float64], rounds: int, rng: np.random.Generator
 
 
 def from_scratch(mapper: Mapper) -> Mapper:
-    """Another mapper that makes every map anew of what the keyframes of the first have shown."""
+    """Another mapper, with every map rebuilt from the first mapper's keyframes."""
     other, keyframes = make_mapper(TRUE_LABELS, mapper.elevation_map.robot), mapper.keyframes
     for seen, T in zip(keyframes.seen, keyframes.poses, strict=True):
         other.keyframes.add(seen, T)
@@ -129,7 +129,7 @@ def _contents(mapper: Mapper) -> Iterator[NDArray]:
 
 
 def _bytes(mapper: Mapper) -> int:
-    """Bytes of all that is kept of the keyframes: for the maps, the segments, the victims and the localisation."""
+    """Bytes stored for the keyframes by the maps, the segments, the victims and the localisation."""
     saved = mapper.localisation.keyframes()
     sightings = (sighting for victim in mapper.victims.all for sighting in victim.seen)
     parts = (*mapper.segments.members, *sightings, saved, saved.odometry)
@@ -138,6 +138,6 @@ def _bytes(mapper: Mapper) -> int:
 
 
 def kept_bytes(keyframes: Keyframes) -> int:
-    """Bytes of what keyframes have shown."""
+    """Bytes of the keyframes' observations."""
     drives = [evidence for _, evidence in keyframes.ground if not isinstance(evidence, Seen)]
     return sum(seen.nbytes for seen in keyframes.seen) + sum(a.nbytes for d in drives for a in vars(d).values())

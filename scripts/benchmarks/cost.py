@@ -1,7 +1,7 @@
-"""What whole episodes cost: processor time by stage, over all threads, and beside that of the world alone.
+"""Processor time of complete episodes: by stage, over all threads, and relative to the world alone.
 
-The world alone is the same drive again: every command and every image as the robot got them, and nothing else.
-Imports and the compilation of kernels are left out: a short episode comes first.
+The world alone replays the same drive: every command and every image that the robot asked for, and nothing else.
+A short episode runs first, so that imports and the compilation of kernels do not count.
 """
 
 import resource
@@ -59,11 +59,11 @@ STAGES = {
     "sarsim/robots": "physics",
     "sarsim/simulated_robot.py": "physics",
 }
-"""Stage of the innermost line of code that runs; what is not listed counts to its caller's."""
+"""Stage by path of the innermost running code; code that is not listed counts towards its caller's stage."""
 
 
 def measure(settings: CostSettings) -> Result:
-    """Processor time of an episode in each arena, what it was spent on, and that of its world."""
+    """Processor time of an episode in each arena, in total and by stage, and that of its world alone."""
     at_least(0, settings, "seed")
     figures = dict[str, float]()
     with tempfile.TemporaryDirectory() as name:
@@ -95,7 +95,7 @@ def _cost(config: EpisodeConfig) -> dict[str, float]:
 
 
 class Drive:
-    """Records what a robot is asked for: commands and images."""
+    """Records the commands given to a robot and the images requested from it, in order."""
 
     def __init__(self, robot: SimulatedRobot):
         self._asked: list[Velocity | None] = []
@@ -113,7 +113,7 @@ class Drive:
         robot.drive, robot.sense = noted_drive, noted_sense  # type: ignore[method-assign]
 
     def again(self, config: EpisodeConfig) -> float:
-        """Processor time, s, of the same commands and images alone."""
+        """Replay the commands and images alone; returns their processor time, s."""
         arena = make_arena(config.arena, config.start, config.random, config.seed)
         robot = SimulatedRobot(arena, self._config, config.seed)
         begin = time.process_time()
@@ -128,7 +128,7 @@ class Drive:
 
 
 class StepTimes:
-    """Wall time of each step, from the image to the plan, and the number of keyframes then."""
+    """Wall-clock time of each step, from image to plan, with the number of keyframes after it."""
 
     def __init__(self, episode: Episode):
         self._times = list[tuple[int, float]]()
@@ -143,7 +143,7 @@ class StepTimes:
         explorer.step = timed_step  # type: ignore[method-assign]
 
     def figures(self) -> dict[str, float]:
-        """Median ms at around 100 and 1,000 keyframes, if the run had that many."""
+        """Median step time, ms, at around 100 and 1,000 keyframes, if the run had that many."""
         found = {}
         for count in (100, 1000):
             near = [1e3 * seconds for keyframes, seconds in self._times if 0.8 * count < keyframes < 1.2 * count]
@@ -153,10 +153,10 @@ class StepTimes:
 
 
 class Sampler:
-    """Samples what every Python thread of this process does, weighted by the processor time that it took.
+    """Samples the stage of every Python thread of this process, weighted by the processor time it has used.
 
     Attributes:
-        seconds: of processor time by stage; threads of libraries, which run no Python, count as ``native``.
+        seconds: processor time by stage, s; library threads that run no Python count as ``native``.
     """
 
     def __init__(self) -> None:
@@ -186,17 +186,17 @@ class Sampler:
 
 
 def _processor_time(thread: threading.Thread) -> float:
-    """Processor time, s, that a thread has taken so far; 0 if it has just ended."""
+    """Processor time, s, that a thread has used so far; 0 if it has just ended."""
     assert thread.native_id is not None
     try:
-        # Linux's clock of a thread by its number; pthread_getcpuclockid may crash for one that has ended.
+        # Linux's CPU clock of a thread id; pthread_getcpuclockid may crash if the thread has ended.
         return time.clock_gettime((~thread.native_id << 3) | 6)
     except OSError:
         return 0.0
 
 
 def stage_of(frame: FrameType | None) -> str:
-    """The stage that a thread is in, by its innermost frame."""
+    """The stage that a thread is in, from its innermost stack frame with a listed path."""
     while frame is not None:
         path = Path(frame.f_code.co_filename)
         if path.is_relative_to(CODE):

@@ -1,8 +1,8 @@
-"""The dataset generator against one that draws with ``mujoco.Renderer``'s three passes, and two workers against one.
+"""The dataset generator against one that uses ``mujoco.Renderer``'s three passes, and two workers against one.
 
-Both generators make the same complete scenes: arena, drive, sensor's errors and file. They take turns frame by frame.
-Each generator and each worker is one thread; the time in which it waits for a processor that other programs use does
-not count, the time in which it waits for a disk or a graphics card does.
+The generators make the same complete scenes: arena, drive, sensor errors and file. They take turns frame by frame.
+Each generator and each worker has one thread; time spent waiting for a processor used by other programs does not
+count, but time spent waiting for a disk or a graphics card does.
 """
 
 import os
@@ -31,7 +31,7 @@ from scripts.benchmarks.settings import DatasetSettings
 def measure(settings: DatasetSettings) -> Result:
     """Times of each contender, and how many times faster ours and two workers are.
 
-    Each contender makes its scenes after one that is not counted.
+    Each contender first makes one scene that is not counted.
 
     Raises:
         InputError: a number is below 1.
@@ -53,7 +53,7 @@ def measure(settings: DatasetSettings) -> Result:
 
 
 def _contest(recipe: Recipe, scenes: int) -> dict[str, list[float]]:
-    """Seconds of every frame; the first one of a scene includes its arena and drive."""
+    """Seconds of every frame; the first frame of a scene includes making its arena and drive."""
     contenders = {name: connected(_serve, name, recipe) for name in RENDERERS}
     times: dict[str, list[float]] = {name: [] for name in RENDERERS}
     for frame in tracked(range((1 + scenes) * recipe.frames), "frames"):
@@ -69,7 +69,7 @@ def _contest(recipe: Recipe, scenes: int) -> dict[str, list[float]]:
 
 
 def _scaling(recipe: Recipe, rounds: int) -> NDArray[np.float64]:
-    """(rounds, 2) throughput of two workers over that of one: by undisturbed time, and by wall-clock time."""
+    """(rounds, 2) throughput of two workers over that of one, in undisturbed time and in wall-clock time."""
     with tempfile.TemporaryDirectory() as name:
         folders = [Path(name, part) for part in "ab"]
         for folder in folders:
@@ -86,25 +86,25 @@ def _scaling(recipe: Recipe, rounds: int) -> NDArray[np.float64]:
 
 
 def _make(recipe: Recipe, workers: Sequence[Worker], index: int) -> NDArray[np.float64]:
-    """(2,) seconds in which workers make the same scene, each in its folder: undisturbed, and by the wall clock."""
+    """(2,) seconds until every worker has made the same scene in its own folder: undisturbed and wall-clock time."""
     start = time.perf_counter()
     for worker in workers:
         worker.begin(partial(_timed, recipe), index)
     took = max(worker.outcome().result() for worker in workers)
     clock = time.perf_counter() - start
-    # With fewer than two processors the workers wait for each other, and this time counts.
+    # With fewer than two processors the workers wait for each other, and that time must count.
     return np.array([took if len(os.sched_getaffinity(0)) >= 2 else clock, clock])
 
 
 def _timed(recipe: Recipe, index: int, folder: Path) -> float:
-    """Undisturbed seconds in which this process makes a scene."""
+    """Undisturbed seconds that this process takes to make a scene."""
     start = undisturbed_seconds()
     make_scene(recipe, index, folder)
     return undisturbed_seconds() - start
 
 
 def undisturbed_seconds() -> float:
-    """A clock in s that stops while this single-threaded process waits for a processor, if Linux gives this time."""
+    """A clock, s, that stops while this single-threaded process waits for a processor, if Linux reports the wait."""
     try:
         waited = int(Path("/proc/self/schedstat").read_text().split()[1])
     except OSError:
@@ -113,7 +113,7 @@ def undisturbed_seconds() -> float:
 
 
 def _serve(connection: Connection, name: str, recipe: Recipe) -> None:
-    """The loop of a contender's process: on each message it makes a frame, and sends its undisturbed seconds."""
+    """The loop of a contender's process: on each message, make a frame and send its undisturbed seconds."""
     connection.recv()
     start = undisturbed_seconds()
 

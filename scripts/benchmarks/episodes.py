@@ -1,6 +1,6 @@
-"""Whole episodes for the benchmark: each runs in a worker of one thread, and writes one JSON file and one picture.
+"""Complete episodes for the benchmark: each runs in a single-threaded worker and writes a JSON file and a picture.
 
-Results stay in a folder, so that a long run can be interrupted and continued.
+The results stay in a folder, so that a long run can be interrupted and resumed.
 """
 
 import gc
@@ -38,10 +38,10 @@ from scripts.benchmarks.settings import DrivesSettings
 from scripts.benchmarks.top_view import top_view
 
 GROUPS = ("nist_6x4", "esogu_52x15", "raf", "random")  # Groups of arenas whose episodes are summarised together
-STEPS = 1000  # At most; an episode ends earlier when no viewpoint is left
+STEPS = 1000  # Maximum number; an episode ends earlier if no viewpoint is left
 
 Strategy = Literal["ours", "nearest_frontier", "random_walk"]
-Results = Sequence[dict[str, Any] | None]  # of jobs, None where a process failed
+Results = Sequence[dict[str, Any] | None]  # One per job; None where the process failed
 
 
 @dataclass(frozen=True)
@@ -49,9 +49,9 @@ class Job:
     """An episode to run.
 
     Attributes:
-        group: of arenas, one of ``GROUPS``.
-        strategy: that chooses the viewpoints.
-        config: of the episode; its folder is not used.
+        group: the group of arenas, usually one of ``GROUPS``.
+        strategy: the exploration strategy.
+        config: settings of the episode; ``out`` is ignored.
     """
 
     group: str
@@ -60,18 +60,18 @@ class Job:
 
     @property
     def name(self) -> str:
-        """Name of its files, without suffix."""
+        """Name of the job's files, without suffix."""
         arena = world_name(self.config.arena).replace(":", "_")
         return f"{self.strategy}-{arena}-{self.config.seed}"
 
     @property
     def settings(self) -> dict[str, Any]:
-        """Everything on which its result depends, as JSON values."""
+        """Everything that the job's result depends on, as JSON values."""
         settings = {"group": self.group, "strategy": self.strategy, "config": asdict(self.config)}
         return json.loads(json.dumps(settings | {"version": version("sarsim")}, default=str))
 
     def result(self, folder: Path) -> dict[str, Any] | None:
-        """The result of an earlier run, None if there is none; InputError if it has other settings or is broken."""
+        """The result of an earlier run, or None; InputError if its settings differ or the file is broken."""
         file = folder / f"{self.name}.json"
         if not file.exists():
             return None
@@ -85,7 +85,7 @@ class Job:
 
 
 def world_name(arena: str) -> str:
-    """What an arena is called: by its file, or a model of Gazebo by its folder, for its file is ``model.sdf``."""
+    """The stem of an arena's file name; for a Gazebo model, whose file is always ``model.sdf``, its folder's name."""
     path = Path(arena)
     return path.parent.name if path.name == "model.sdf" else path.stem
 
@@ -93,12 +93,12 @@ def world_name(arena: str) -> str:
 def configs(
     base: EpisodeConfig, drives: DrivesSettings, raf: Path | None = None
 ) -> Iterator[tuple[str, EpisodeConfig]]:
-    """Group and settings of each episode, the longest first.
+    """Group and settings of each episode, the longest episodes first.
 
-    ``base`` has the common settings, ``drives`` the numbers of episodes, ``raf`` is a folder of files.
+    ``base`` has the common settings, ``drives`` the numbers of episodes; ``raf`` is a folder of .raf arenas.
 
     Raises:
-        InputError: the weights cannot be used, or the folder holds no file.
+        InputError: the weights cannot be used, or the folder contains no .raf file.
     """
     make_classifier(base.labels, base.weights)
     rafs = sorted(raf.glob("*.raf")) if raf else []
@@ -117,14 +117,14 @@ def configs(
 def run_jobs(
     jobs: Sequence[Job], folder: Path, workers: int | None, run: Callable[..., None] | None = None, *args: Any
 ) -> list[dict[str, Any] | None]:
-    """The result of every job, in their order; None for one whose process failed.
+    """The result of every job, in the order of ``jobs``; None for a job whose process failed.
 
     ``run``, by default :func:`run_job`, is called with the job, the folder and ``args``, in up to ``workers``
-    processes at a time, None for one per core. Ctrl-C ends it and the running jobs; results of finished jobs stay in
-    the folder, and these jobs are not run again.
+    processes at a time (None: one per core). Ctrl-C stops the running jobs. Results of finished jobs stay in the
+    folder, and these jobs are not run again.
 
     Raises:
-        InputError: the folder cannot be made, is in use, or holds results of other settings.
+        InputError: the folder cannot be created, is in use, or holds results with other settings.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -141,16 +141,16 @@ def run_jobs(
 
 
 def _run_with(run: Callable[..., None], args: tuple[Any, ...], job: Job, folder: Path) -> None:
-    """Run a job; afterwards free its maps, which are in circles of references, for a worker runs many jobs."""
+    """Run a job, then free its maps, which are in reference cycles: a worker runs many jobs."""
     run(job, folder, *args)
     gc.collect()
 
 
 class Contacts(Sink):
-    """Records where a robot was when it collided.
+    """Records the robot's positions at collisions.
 
     Attributes:
-        places: (2,) m, the robot's position at each collision.
+        places: the robot's position at each collision, each (2,), m.
     """
 
     def __init__(self, robot: SimulatedRobot):
@@ -158,14 +158,14 @@ class Contacts(Sink):
         self.places: list[NDArray[np.float64]] = []
 
     def on_motion(self, motion: Motion) -> None:
-        """Record the place if the robot has just collided."""
+        """Record the robot's position if it has just collided."""
         if self._robot.collisions.collisions > self._collisions:
             self._collisions = self._robot.collisions.collisions
             self.places.append(self._robot.trajectory[-1].T_world_base[:2, 3])
 
 
 class BenchmarkEpisode(Episode):
-    """An episode with one of the strategies, which records where the robot was when it collided."""
+    """An episode that explores with a job's strategy and records where the robot collided."""
 
     def __init__(self, job: Job, out: Path):
         exploration = "next_best_view" if job.strategy == "ours" else job.strategy
@@ -175,11 +175,11 @@ class BenchmarkEpisode(Episode):
         self.explorer.watch(self._contacts)
 
     def step(self) -> bool:
-        """Like the step of every episode, except that a random walk ends when 90 % of the arena was seen."""
+        """Do one step, as in any episode; a random walk also ends once 90 % of the arena has been seen."""
         return super().step() and not (self._is_random and self.score.coverage.fraction >= MOST["t90_s"])
 
     def picture(self) -> Rgb:
-        """The run from above."""
+        """Top view of the run."""
         track = np.array([pose.T_world_base[:2, 3] for pose in self.robot.trajectory])
         failed = [leg.target for leg in self.explorer.pilot.navigator.legs if leg.outcome is not Outcome.REACHED]
         end = self.score.progress.time_s[-1]
@@ -192,7 +192,7 @@ class BenchmarkEpisode(Episode):
 
 
 def leave(job: Job, folder: Path, make: Callable[[], dict[str, Any] | None]) -> None:
-    """Write the result of ``make`` to a folder, unless it is None or fails; stderr goes to a log beside it."""
+    """Write what ``make`` returns to a job's JSON file, unless it is None or ``make`` fails; stderr goes to a log."""
     with (folder / f"{job.name}.log").open("w") as log, redirect_stderr(log):
         try:
             if (made := make()) is not None:
@@ -204,7 +204,7 @@ def leave(job: Job, folder: Path, make: Callable[[], dict[str, Any] | None]) -> 
 
 
 def run_job(job: Job, folder: Path) -> None:
-    """Run an episode and write its JSON file and its picture to a folder."""
+    """Run an episode and write its JSON file and picture to a folder."""
     leave(job, folder, lambda: _run(job, folder))
 
 

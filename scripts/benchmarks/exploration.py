@@ -1,4 +1,4 @@
-"""Exploration over many arenas, beside two baselines: the nearest frontier with straight lines, and a random walk."""
+"""Exploration of many arenas, against two baselines: the nearest frontier on straight lines, and a random walk."""
 
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
@@ -24,13 +24,13 @@ from scripts.benchmarks.settings import ExplorationSettings
 
 BASELINE_STAGES = ("sim_time_s", "steps", "navigation", "exploration")
 """The parts of a baseline's report that are summarised."""
-PICTURES = 2  # Number of worst runs of each group whose pictures are copied beside the file of the figures
+PICTURES = 2  # Number of worst runs per group whose pictures are copied next to the JSON file
 
 Runs = Mapping[tuple[str, Strategy], Results]  # Results by group and strategy, None where a process failed
 
 
 def measure(settings: ExplorationSettings) -> Result:
-    """Run the episodes that have not been run yet, and summarise all; the baselines have no victim detector.
+    """Run the missing episodes and summarise all; the baselines run without the victim detector.
 
     Raises:
         InputError: there is nothing to run, or a folder cannot be used.
@@ -62,7 +62,7 @@ def jobs_of(settings: ExplorationSettings) -> list[Job]:
 
 
 def figures_of(runs: Runs) -> dict[str, float]:
-    """Every figure of every group; those of baselines begin with the baseline's name."""
+    """All figures of every group; those of a baseline begin with the baseline's name."""
     figures: dict[str, float] = {}
     for (group, strategy), results in runs.items():
         scored = reports(results)
@@ -87,14 +87,14 @@ def figures_of(runs: Runs) -> dict[str, float]:
 
 
 def _ratios(runs: Runs, group: str) -> list[float]:
-    """Our time to see 90 % over the nearest frontier's, of each pair in which the nearest frontier got there."""
+    """Our time to see 90 % over the nearest frontier's, for each pair in which the nearest frontier saw 90 %."""
     both = pairs(runs.get((group, "ours"), ()), runs.get((group, "nearest_frontier"), ()))
     ratios = [seen90_ratio(ours, theirs) for ours, theirs in both]
     return [ratio for ratio in ratios if ratio is not None]
 
 
 def _details(jobs: Sequence[Job], results: Results) -> dict[str, Any]:
-    """The results that are no numbers: arenas left out, failed runs, and the worst runs of each group."""
+    """The results that are not numbers: arenas left out, failed runs, and the worst runs of each group."""
     pairs = list(zip(jobs, results, strict=True))
     return {
         "left_out": {job.config.arena: r["left_out"] for job, r in pairs if r and "left_out" in r},
@@ -108,7 +108,7 @@ def _details(jobs: Sequence[Job], results: Results) -> dict[str, Any]:
 
 
 def _worst(pairs: Sequence[tuple[Job, dict[str, Any] | None]]) -> list[str]:
-    """The names of the worst runs: first by how often the robot tipped, then by explored fraction and collisions."""
+    """Names of the worst runs, by how often the robot tipped, then by explored fraction, then by collisions."""
 
     def goodness(report: Mapping[str, Any]) -> tuple[float, ...]:
         navigation = report["navigation"]
@@ -119,7 +119,7 @@ def _worst(pairs: Sequence[tuple[Job, dict[str, Any] | None]]) -> list[str]:
 
 
 def _caption(figures: Mapping[str, float], details: Mapping[str, Any]) -> str:
-    """The text below the table: left out arenas, failed runs, and the median ratio of times."""
+    """The text below the table: arenas left out, failed runs, and the median ratio of times."""
     lines = [f"{arena} skipped: {reason}" for arena, reason in details["left_out"].items()]
     lines += [f"{name} failed; see its log" for name in details["failed"]]
     if RATIO in figures:

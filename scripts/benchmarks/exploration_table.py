@@ -1,4 +1,4 @@
-"""Figures of each group from the reports of many episodes, and their table: ours first, then the baselines."""
+"""Figures of each group, computed from the reports of many episodes, and tables of them."""
 
 from collections.abc import Mapping, Sequence
 from typing import Any
@@ -17,26 +17,26 @@ MORE_IS_BETTER = {
     "iou", "accuracy", "matched", "boxes_iou", "coverage", "reached", "recovered", "explored_fraction",
     "found", "mean_speed",
 }  # fmt: skip
-"""Parts of names of figures whose worst value is the lowest; the worst of all others is the highest."""
+"""Name parts of figures whose worst value is the lowest; for all others, it is the highest."""
 
-PENALTY = 10.0  # A run that never saw enough counts as if it had taken this multiple of its duration (PAR10)
+PENALTY = 10.0  # A run that never saw 90 % counts with this multiple of its duration (PAR10)
 
 
 def reports(results: Sequence[Mapping[str, Any] | None]) -> list[Report]:
-    """The reports of the episodes that were run."""
+    """The reports of the completed episodes."""
     return [result["report"] for result in results if result and "report" in result]
 
 
 def pairs(
     ours: Sequence[Mapping[str, Any] | None], theirs: Sequence[Mapping[str, Any] | None]
 ) -> list[tuple[Report, Report]]:
-    """Pairs of reports of the same arena and seed, if both episodes were run."""
+    """Pairs of reports with the same arena and seed for which both episodes were completed."""
     both = [reports(pair) for pair in zip(ours, theirs, strict=False)]
     return [(pair[0], pair[1]) for pair in both if len(pair) == 2]
 
 
 def flat(report: Report) -> dict[str, float]:
-    """All numbers of a report by their dotted names."""
+    """All numbers in a report, by dotted name."""
     named = [pair for stage in report if stage not in NOT_FIGURES for pair in figures(stage, report[stage])]
     return {name: float(value) for name, value in named if isinstance(value, int | float)}
 
@@ -60,7 +60,7 @@ def group_figures(reports: Sequence[Report]) -> dict[str, float]:
 def seen90_ratio(ours: Report, theirs: Report) -> float | None:
     """Our time to see 90 % of the drivable area over theirs, in the same arena with the same seed.
 
-    If we did not see it, ten times our duration counts. None if they did not, as there is nothing to compare with.
+    If we never saw 90 %, ten times our duration counts; if they never did, the ratio is None.
     """
     t_ours, t_theirs = (report["exploration"].get("t90_s") for report in (ours, theirs))
     if t_theirs is None:
@@ -114,13 +114,13 @@ RATIO_ROWS = {
     f"time to 90 % over nearest frontier, {what}": f"{RATIO}.{what}" for what in ("median", "worst", "pairs")
 }
 
-Rows = list[tuple[str, list[str]]]  # Each has a name, and a cell for each group
+Rows = list[tuple[str, list[str]]]  # Each row has a name, and a cell for each group
 
 
 def rows_of(figures: Mapping[str, float], keys: Mapping[str, str], baseline: str = "") -> Rows:
-    """Rows of the figures that at least one group has, in four digits; a dash stands for a missing one.
+    """Rows of the figures that at least one group has, to four significant digits; a dash marks a missing figure.
 
-    ``keys``: of figures, without the group, by the names of the rows; ``baseline``: of the figures, empty for ours.
+    ``keys``: names of figures, without the group, by row name; ``baseline``: whose figures, empty for ours.
     """
     groups = groups_in(figures)
     label, prefix = (f"{baseline.replace('_', ' ')}: ", f"{baseline}.") if baseline else ("", "")
@@ -138,14 +138,14 @@ def groups_in(figures: Mapping[str, float]) -> list[str]:
 
 
 def sections(figures: Mapping[str, float], baselines: Sequence[str]) -> list[Rows]:
-    """Rows of our strategy, of each baseline, and of the ratio."""
+    """The table's sections: our strategy, each baseline, and the ratio."""
     few = {row: ROWS[row] for row in BASELINE_ROWS}
     theirs = [rows_of(figures, few, baseline) for baseline in baselines]
     return [rows_of(figures, ROWS), *theirs, rows_of(figures, RATIO_ROWS)]
 
 
 def rich_table(title: str, figures: Mapping[str, float], sections: Sequence[Rows]) -> Table:
-    """A table of the sections for the terminal."""
+    """The sections as a table for the terminal, with a column for each group."""
     table = Table("", *groups_in(figures), title=title)
     for section in sections:
         for name, cells in section:

@@ -1,4 +1,4 @@
-"""Finds: how many of each kind the robot finds and reads in whole episodes, or what is found in real photos."""
+"""Finds: how many of each kind the robot finds and reads in complete episodes, or what is found in real photos."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -15,7 +15,7 @@ from scripts.benchmarks.settings import FindsSettings
 
 
 def measure(settings: FindsSettings) -> Result:
-    """Shares found and read by kind, false alarms an episode and position errors; of photos only ``real.*``.
+    """Shares found and read, false alarms per episode and position errors by kind; for photos, only ``real.*``.
 
     Raises:
         InputError: a number is too low, a network is broken, or a folder cannot be used.
@@ -33,7 +33,7 @@ def measure(settings: FindsSettings) -> Result:
 
 
 def figures_of(results: Sequence[dict[str, Any]]) -> dict[str, float]:
-    """Figures by kind over episodes: ``found`` of the visible, ``read`` of the found, false alarms an episode."""
+    """Figures by kind: share ``found`` of the visible, share ``read`` of the found, and false alarms per episode."""
     figures = {"runs": float(len(results))}
     for kind in (VICTIM, *FIND_KINDS):
         reports = [r["report"]["victims"] if kind == VICTIM else r["report"]["finds"].get(kind) for r in results]

@@ -1,4 +1,4 @@
-"""Finds in a folder of real photos: alarms where nobody is, people, hazmat signs and QR codes.
+"""Finds in a folder of real photos: false alarms in photos without people, people, hazmat signs and QR codes.
 
 The folder has ``arena/`` (boards named ``board<number>_<distance>cm``, nobody in them), ``people/``, ``rooms/``
 (nobody in them) and ``truth.json``.
@@ -24,16 +24,16 @@ from pipeline.victims.detection.boxes import overlaps
 from pipeline.victims.detection.detection import Detection, Detector
 from sarsim.commands.cli import tracked
 
-SURE, LIKELY = 0.5, 0.25  # Confidences from which a box counts
+SURE, LIKELY = 0.5, 0.25  # Minimum confidences of a detected box
 CLEAR, LONG = 0.6, 0.15
-"""Least confidence of a reference box that counts, and least longer side of it, as a share of the photo's."""
+"""A reference box counts from this confidence on, and from this ratio of its longer side to the photo's."""
 OVERLAP = 0.5  # IoU above which a person is found
 BOARD = re.compile(r"board(\w+)_(\d+)cm")
 ENDINGS = (".jpg", ".jpeg", ".png")
 
 
 def photo_figures(folder: Path, detector: Detector, readers: FindReaders) -> dict[str, float]:
-    """All figures ``real.*``; one without anything to count is missing.
+    """All figures ``real.*``; figures with nothing to count are left out.
 
     Raises:
         InputError: the folder, a photo or truth.json is missing or broken.
@@ -59,13 +59,13 @@ def photo_figures(folder: Path, detector: Detector, readers: FindReaders) -> dic
 
 
 class PhotoScore:
-    """Counts what is found in photos: by the name of a figure, how often, and of how many."""
+    """Counts, by figure, what is found in photos, and out of how many."""
 
     def __init__(self) -> None:
         self._hits, self._of = defaultdict[str, int](int), defaultdict[str, int](int)
 
     def figures(self) -> dict[str, float]:
-        """Every share of which there is at least one to count."""
+        """The share found, for every figure with something to count."""
         return {f"real.{name}": self._hits[name] / number for name, number in self._of.items() if number}
 
     def _add(self, name: str, hits: int, number: int) -> None:
@@ -73,7 +73,7 @@ class PhotoScore:
         self._of[name] += number
 
     def add_empty(self, people: Sequence[Detection]) -> None:
-        """Add a photo in which nobody is, with the people and dolls that a detector has found there."""
+        """Add a photo without people, with the people and dolls detected in it."""
         for name, least in (("empty_alarms_50", SURE), ("empty_alarms_25", LIKELY)):
             self._add(name, any(person.confidence >= least for person in people), 1)
 
@@ -81,8 +81,8 @@ class PhotoScore:
         """Add a photo with people.
 
         Args:
-            people: that a detector has found.
-            reference: x, y, width and height of each person, pixels, and a confidence.
+            people: the people detected.
+            reference: x, y, width and height of each true person, pixels, and a confidence.
             side: the photo's longer side, pixels.
         """
         clear = [(x, y, x + w, y + h) for x, y, w, h, sure in reference if sure >= CLEAR and max(w, h) >= LONG * side]
@@ -91,7 +91,7 @@ class PhotoScore:
             self._add(name, sum(_is_found(np.array(box), found) for box in clear), len(clear))
 
     def add_board(self, readings: Sequence[Reading], board: dict[str, Any], distance: str) -> None:
-        """Add a photo of a board, of which it is known what is on it, from a distance in cm."""
+        """Add a photo of a board with known content, taken from a distance in cm."""
         signs = Counter(r.text for r in readings if r.kind == "hazmat_sign" and r.confidence >= SURE)
         found = min(signs.total(), len(board["hazmat"]))
         self._add(f"hazmat_found.{distance}cm", found, len(board["hazmat"]))
@@ -113,7 +113,7 @@ def _photos(folder: Path) -> list[Path]:
 
 
 def _truth(folder: Path) -> dict[str, Any]:
-    """What is on the boards and who is on the photos; InputError if that is missing."""
+    """The content of the boards and the people in the photos; InputError if either is missing."""
     file = folder / "truth.json"
     try:
         truth = json.loads(read_text(file))

@@ -1,4 +1,4 @@
-"""Goals in unseen ground of random arenas: each in a run of its own, from the start, with empty maps."""
+"""Goals in unseen ground of random arenas: one run for each goal, from the start pose with empty maps."""
 
 import tempfile
 from collections.abc import Iterator, Mapping, Sequence
@@ -23,17 +23,17 @@ from scripts.benchmarks.common import Result, at_least
 from scripts.benchmarks.episodes import Job, leave, run_jobs
 from scripts.benchmarks.settings import GoalsSettings
 
-NEAREST, FARTHEST = 5.0, 15.0  # m from the start to goals, as the crow flies
+NEAREST, FARTHEST = 5.0, 15.0  # m, straight-line distance from the start to a goal
 
 Run = Mapping[str, Any]
-"""What a run took, as in report.json; why the goal was refused, if it was; and the contacts."""
+"""The goal's entry in report.json, the reasons for refusing it, if any, and the number of collisions."""
 
 
 def measure(settings: GoalsSettings) -> Result:
-    """Which goals are reached, and the way driven over the shortest possible one.
+    """The share of goals reached, and path length over the shortest possible.
 
     Raises:
-        InputError: a setting is wrong, or no random arena has such goals.
+        InputError: a setting is wrong, or a run failed.
     """
     at_least(1, settings, "arenas", "goals")
     robot_model(settings.robot)
@@ -51,7 +51,7 @@ def measure(settings: GoalsSettings) -> Result:
 
 
 def _arenas_with_goals(settings: GoalsSettings) -> Iterator[tuple[str, Places]]:
-    """Names of random arenas in which there are goals, with these goals, (N, 2) m."""
+    """Names of random arenas in which goals can be sampled, each with its goals, (N, 2) m."""
     for seed in islice(count(), 10 * settings.arenas):
         places = sample(f"random:{seed}", settings.goals, seed, settings.robot)
         if len(places):
@@ -59,7 +59,7 @@ def _arenas_with_goals(settings: GoalsSettings) -> Iterator[tuple[str, Places]]:
 
 
 def sample(arena: str, number: int, seed: int, robot: str) -> Places:
-    """(N, 2) m, places to which a robot can drive, 5 to 15 m from the start; none if there is no such ground."""
+    """(N, 2) random places, m, that the robot can drive to, 5 to 15 m from the start; empty if there are none."""
     world = load_arena(arena)
     physics = mjcf.Physics.from_mjcf_model(world.mjcf_model)
     start = world.T_world_start[:3, 3]
@@ -71,13 +71,13 @@ def sample(arena: str, number: int, seed: int, robot: str) -> Places:
 
 
 def _jobs(settings: GoalsSettings, arena: str, goals: Places) -> list[Job]:
-    """A run for each goal, distinguished by its seed."""
+    """A run for each goal; the number of the goal is its seed."""
     base = EpisodeConfig(arena=arena, robot=settings.robot, labels="rules", detector=None)
     return [Job("random", "ours", replace(base, seed=n, goals=((x, y),))) for n, (x, y) in enumerate(goals.tolist())]
 
 
 def run_job(job: Job, folder: Path) -> None:
-    """Drive to a goal and write how it went to a folder."""
+    """Drive to a goal and write the result to a folder."""
     leave(job, folder, lambda: {"run": _run(job.config)})
 
 
@@ -91,7 +91,7 @@ def _run(config: EpisodeConfig) -> Run:
 
 
 def figures(runs: Mapping[str, Sequence[Run]]) -> dict[str, float]:
-    """The figures of all runs by name."""
+    """The figures over all runs, by name."""
     made = [run for some in runs.values() for run in some]
     reached = [run for run in made if not run["refused"]]
     ratios = [run["way_m"] / run["shortest_m"] for run in reached]
@@ -107,7 +107,7 @@ def figures(runs: Mapping[str, Sequence[Run]]) -> dict[str, float]:
 
 
 def table(runs: Mapping[str, Sequence[Run]], found: Mapping[str, float]) -> Table:
-    """A row for each arena, and one for all; the note is why goals were refused."""
+    """A row for each arena and one for all; the note says why goals were refused."""
     result = Table("arena", title="Goals in unseen ground")
     for column in ("reached", "path over shortest, median", "s, median"):
         result.add_column(column, justify="right")

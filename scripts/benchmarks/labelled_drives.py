@@ -21,7 +21,7 @@ class PosedFrame:
     """A frame with its true pose.
 
     Attributes:
-        frame: with the Xtion's noise and the true labels.
+        frame: the frame, with the Xtion's noise and true labels.
         T_map_camera: true pose of ``camera_optical``.
     """
 
@@ -30,7 +30,7 @@ class PosedFrame:
 
     @property
     def points(self) -> NDArray[np.float32]:
-        """(N, 3) float32 the returns in ``map``."""
+        """(N, 3) float32 returns in ``map``, m."""
         return self.frame.points(self.T_map_camera)
 
     @property
@@ -49,7 +49,7 @@ def drive_through(
 ) -> Iterator[PosedFrame]:
     """``frames`` frames of a drive from the arena's start; the seed determines the path and the sensor's errors.
 
-    ``keyframes``: m driven and rad turned from one frame to the next.
+    ``keyframes``: distance driven, m, and angle turned, rad, between frames.
 
     Raises:
         InputError: the arena cannot be loaded, or the robot cannot drive in it.

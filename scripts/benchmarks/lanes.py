@@ -1,7 +1,7 @@
-"""Traverses of the lanes of RoboCup Rescue, driven by the robot itself and judged by its true pose.
+"""Autonomous traverses of RoboCup Rescue lanes, judged by the robot's true pose.
 
-The robot gets the middle of the other end zone as its goal, again and again, in one map. A try without a traverse is
-a reset: the lane is set up anew, the robot put into the end zone where its next try begins, and its maps are empty.
+In each try the goal is the middle of the other end zone; the maps persist from try to try. A try without a traverse
+causes a reset: the lane is set up anew, and the robot starts in the next end zone with empty maps.
 """
 
 from collections import Counter
@@ -31,8 +31,8 @@ from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 from scripts.benchmarks.common import Result, at_least
 from scripts.benchmarks.settings import LanesSettings
 
-LIMIT = 300.0  # s that a try may take; assumed, the rules that are public leave it open
-ARRIVED_AT = "reached"  # The ending of a try after which the robot drives on from where it stands
+LIMIT = 300.0  # s, time limit of a try; an assumption, because the published rules do not state one
+ARRIVED_AT = "reached"  # How a try ends if the robot can continue from its current position
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class LaneTry:
     Attributes:
         towards: +1 or -1, the sign of x of the end zone to drive into.
         ended: ``reached`` the goal, ``given_up``, ``held``, ``lost``, ``tipped`` or ``time``.
-        seconds: of the robot's time until it was across; None without a traverse.
+        seconds: the robot's time until it was across, s; None without a traverse.
         posts: number of posts that fell.
     """
 
@@ -53,12 +53,12 @@ class LaneTry:
 
     @property
     def needs_reset(self) -> bool:
-        """Whether the robot cannot go on from where it is."""
+        """Whether the robot cannot continue from its current position."""
         return self.seconds is None or self.ended in ("lost", "tipped", "time")
 
 
 def measure(settings: LanesSettings) -> Result:
-    """Traverses of each lane, their times, fallen posts and resets; or what of the robot's body forbids the lane."""
+    """Traverses, times, fallen posts and resets of each lane, or why the robot's body cannot pass through it."""
     at_least(1, settings, "repetitions")
     at_least(0, settings, "seed")
     lanes = settings.lanes or tuple(LANES)
@@ -83,14 +83,14 @@ def measure(settings: LanesSettings) -> Result:
 
 
 class LaneRepetitions:
-    """Tries in one lane, one after the other, in directions that alternate."""
+    """Successive tries in one lane, in alternating directions."""
 
     def __init__(self, lane: str, settings: LanesSettings):
         self._lane, self._settings, self._number = lane, settings, 0
         self._drive: LaneDrive | None = None
 
     def next_try(self) -> LaneTry:
-        """Drive through the lane, or try to, from where the robot is or, after a reset, is set down."""
+        """Try to drive through the lane, starting where the robot is, or where a reset has placed it."""
         towards = 1 if self._number % 2 == 0 else -1
         if self._drive is None:
             self._drive = LaneDrive(self._lane, -towards, self._settings, self._settings.seed + self._number)
@@ -101,21 +101,21 @@ class LaneRepetitions:
         return made
 
     def close(self) -> None:
-        """Take the robot out of the lane."""
+        """Remove the robot from the lane."""
         if self._drive is not None:
             self._drive.close()
         self._drive = None
 
 
 class _TryEndsError(Exception):
-    """A try that the judge has ended."""
+    """The judge has ended the try."""
 
 
 class LaneDrive(Sink):
-    """A robot with empty maps in a lane that is set up anew."""
+    """A robot with initially empty maps in a newly set up lane."""
 
     def __init__(self, lane: str, end: int, settings: LanesSettings, seed: int):
-        """Set the robot down in the end zone at the ``end`` ±1 of x, looking into the lane."""
+        """Place the robot in the end zone on the side ``end``, ±1, of x, facing the lane."""
         simulation = SimulationConfig(speed=EpisodeConfig().speed, robot=settings.robot)
         self._lane = LANES[lane]
         self._robot = SimulatedRobot(lane_from(lane, end), simulation, seed)
@@ -124,12 +124,12 @@ class LaneDrive(Sink):
         self._judge: LaneJudge | None = None
 
     def on_motion(self, motion: Motion) -> None:
-        """Raises an error, which ends the drive, if the judge ends the try."""
+        """Raise an error that ends the drive if the judge ends the try."""
         if self._judge and not self._judge.see(self._robot.time, self._robot.trajectory[-1].T_world_base):
             raise _TryEndsError
 
     def go(self, towards: int) -> LaneTry:
-        """Try to drive into the end zone at the end ±1 of x."""
+        """Try to drive into the end zone on the side ``towards``, ±1, of x."""
         physics = self._robot.physics
         before = fallen_posts(physics.model.ptr, physics.data.ptr)
         self._judge = judge = LaneJudge(self._lane, self._robot.model, towards, self._robot.time, LIMIT)
@@ -143,7 +143,7 @@ class LaneDrive(Sink):
         return LaneTry(towards, ended, judge.seconds, len(fell))
 
     def _drive_to(self, towards: int) -> str:
-        """Drive to the middle of an end zone as to a goal in the map, and explore where the map shows no way yet."""
+        """Drive to the middle of an end zone as a goal in the map, exploring while the map shows no path to it."""
         explorer, waits = self._explorer, False
         explorer.mission.goals = goals = Goals([np.array([towards * self._lane.goal, 0.0])])
         while True:
@@ -162,12 +162,12 @@ class LaneDrive(Sink):
 
 
 def lane_from(lane: str, end: int) -> RescueArena:
-    """A lane whose start is in the end zone at the ``end`` ±1 of x; the robot looks into the lane."""
+    """A lane whose start is in the end zone on the side ``end``, ±1, of x, facing the lane."""
     return RescueArena(mjcf.from_xml_string(build_lane(lane, end).to_xml()), lane)
 
 
 def figures(tries: dict[str, list[LaneTry]], repetitions: int) -> dict[str, float]:
-    """The figures of each lane by name."""
+    """The figures of all lanes, by name."""
     found: dict[str, float] = {}
     for lane, made in tries.items():
         seconds = [t.seconds for t in made if t.seconds is not None]
@@ -186,7 +186,7 @@ def figures(tries: dict[str, list[LaneTry]], repetitions: int) -> dict[str, floa
 
 
 def table(tries: dict[str, list[LaneTry]], forbidden: dict[str, str], settings: LanesSettings) -> Table:
-    """A row for each lane; the note is why it cannot be driven, or how tries without a traverse ended."""
+    """A row for each lane; the note says why the robot cannot drive it, or how tries without a traverse ended."""
     result = Table(title=f"lanes, {settings.robot}")
     result.add_column("lane", no_wrap=True)
     for column in ("traverses", "s, median", "posts", "resets", "tipped"):

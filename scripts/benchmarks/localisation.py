@@ -1,6 +1,6 @@
-"""Localisation on recorded drives, beside odometry, KISS-ICP and Open3D's RGB-D odometry.
+"""Localisation on recorded drives, against odometry, KISS-ICP and Open3D's RGB-D odometry.
 
-Every method gets the same frames, one after the other, in a process of one thread; its processor time counts.
+All methods get the same frames, in turn, in a single-threaded process; processor time is measured.
 """
 
 from collections.abc import Mapping, Sequence
@@ -26,7 +26,7 @@ OURS, PEERS = ("ours", "ours_without_loops"), ("odometry", "kiss_icp", "open3d")
 REGISTERING = PEERS[1:]
 NEEDED = ("evo", "kiss_icp")  # Packages that come with ``pip install -e '.[dev]'``
 KIDNAPPED_IN = {"nist_6x4": "nist_6x4", "random": "random:1"}
-"""For each group, the arena in which the robot is kidnapped."""
+"""The arena in which the robot is kidnapped, by group."""
 METHOD_ROWS: Mapping[str, str] = {
     "ATE, m, median": "ate_m.median",
     "ATE, m, worst": "ate_m.worst",
@@ -36,14 +36,14 @@ METHOD_ROWS: Mapping[str, str] = {
     "error over 1 m, °, median": "rpe_deg.median",
     "time of a frame, ms": "frame_ms.median",
 }
-"""Names of the table's rows for each method, and the figures in them."""
+"""Names of each method's table rows, and the figures in them."""
 
 
 def measure(settings: LocalisationSettings) -> Result:
     """Record the missing drives, and replay all of them.
 
     Raises:
-        InputError: there is no drive, a package is missing, or a folder cannot be used.
+        InputError: there is nothing to drive, a package is missing, or a folder cannot be used.
     """
     at_least(0, settings, "nist", "esogu", "random", "kidnappings")
     at_least(1, settings, "frames", "workers")
@@ -55,7 +55,7 @@ def measure(settings: LocalisationSettings) -> Result:
         for group, config in configs(base, settings, settings.raf)
         for seed in settings.seeds or (config.seed,)
     ]
-    jobs = list(dict.fromkeys(jobs))  # Of one arena with several seeds, each is driven once
+    jobs = list(dict.fromkeys(jobs))  # Several episodes in one arena yield the same jobs if seeds are given
     kidnappings, runs, workers = settings.kidnappings, settings.runs, settings.workers
     if not jobs and not kidnappings:
         raise InputError("no arena to drive in; give --nist, --esogu, --random or --raf")
@@ -74,7 +74,7 @@ def measure(settings: LocalisationSettings) -> Result:
 
 
 def _replay(jobs: Sequence[Job], runs: Path, workers: int | None, peers: bool) -> dict[Job, dict[str, Any] | None]:
-    """The result of every drive. Earlier results are deleted, because other code may have made them."""
+    """The result of every drive. Earlier results are deleted, because older code may have produced them."""
     folder = runs / "replays"
     for job in jobs:
         (folder / f"{job.name}.json").unlink(missing_ok=True)
@@ -83,7 +83,7 @@ def _replay(jobs: Sequence[Job], runs: Path, workers: int | None, peers: bool) -
 
 
 def figures_of(replayed: Mapping[Job, Mapping[str, Any] | None]) -> dict[str, float]:
-    """Every figure of every group, the ratios to the peers, and the figures over all drives."""
+    """All figures of every group, the ratios to the peers, and the figures over all drives."""
     figures: dict[str, float] = {}
     for group in GROUPS:
         scored = reports([result for job, result in replayed.items() if job.group == group])
@@ -115,7 +115,7 @@ def _overall(scored: Sequence[Mapping[str, Any]]) -> dict[str, float]:
 
 
 def _kidnapped(base: EpisodeConfig, times: int, runs: Path) -> dict[str, float]:
-    """Numbers of outcomes after a robot was kidnapped ``times`` times in the map of each of some arenas."""
+    """Number of kidnappings with each outcome, out of ``times``, in each arena of ``KIDNAPPED_IN``."""
     figures: dict[str, float] = {}
     for group, arena in KIDNAPPED_IN.items() if times else ():
         config = replace(base, arena=arena, odometry="wheel")
@@ -125,7 +125,7 @@ def _kidnapped(base: EpisodeConfig, times: int, runs: Path) -> dict[str, float]:
 
 
 def _worst(replayed: Mapping[Job, Mapping[str, Any] | None]) -> dict[str, str]:
-    """For each group, the name of the drive on which our ATE was worst."""
+    """The name of the drive with our largest ATE, by group."""
     worst: dict[str, tuple[float, str]] = {}
     for job, result in replayed.items():
         if result:
@@ -134,7 +134,7 @@ def _worst(replayed: Mapping[Job, Mapping[str, Any] | None]) -> dict[str, str]:
 
 
 def sections_of(figures: Mapping[str, float]) -> list[Rows]:
-    """Rows of the drives, of each method, of the kidnappings and of the ratios."""
+    """The table's sections: the drives, each method, the kidnappings, and the ratios."""
     sections = [rows_of(figures, {"drives": "runs", "path length of a drive, m, median": "way_m.median"})]
     for method in (*OURS, *PEERS):
         rows = {f"{method.replace('_', ' ')}: {row}": f"{method}.{key}" for row, key in METHOD_ROWS.items()}
@@ -147,7 +147,7 @@ def sections_of(figures: Mapping[str, float]) -> list[Rows]:
 
 
 def drive_line(name: str, ours: Mapping[str, float]) -> str:
-    """The figures of our localisation on one drive."""
+    """A line of text with the figures of our localisation on one drive."""
     line = f"{name}: ATE {ours['ate_m']:.3f} m, worst {ours['max_m']:.3f} m"
     if "nees" in ours:
         line += f", NEES {ours['nees']:.2f}, within 3 σ {ours['within_3_sigma']:.1%}"
@@ -155,7 +155,7 @@ def drive_line(name: str, ours: Mapping[str, float]) -> str:
 
 
 def _table(figures: Mapping[str, float], details: Mapping[str, Any]) -> Table:
-    """A table with a section for each method; below it the figures over all drives."""
+    """A table with a section for each method; its caption has the figures over all drives."""
     table = rich_table("localisation", figures, sections_of(figures))
     lines = [f"{name} {value:.4g}" for name, value in figures.items() if name.split(".")[0] not in groups_in(figures)]
     lines += [drive_line(name, report["ours"]) for name, report in details["drives"].items()]

@@ -1,6 +1,6 @@
-"""Drives for the localisation's benchmark: the robot's frames, its wheel odometry and its true poses.
+"""Drives for the localisation benchmark: the robot's frames, wheel odometry and true poses.
 
-The robot decides by its true pose, so that a drive does not depend on the method that is measured with it.
+The robot explores using its true pose, so that a drive does not depend on the method measured with it.
 """
 
 import json
@@ -33,9 +33,9 @@ from sarsim.ground_truth.true_surface import Survey, TrueSurface
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 from scripts.benchmarks.episodes import Job, leave
 
-SPACING, TURN = 0.1, np.deg2rad(5)  # m and rad from one frame to the next
-JPEG_QUALITY = 95  # of colour images, whose noise hardly compresses without loss
-_GROUND = ("height", "drivable", "walls")  # Layers of the true ground that a file keeps
+SPACING, TURN = 0.1, np.deg2rad(5)  # m and rad between frames
+JPEG_QUALITY = 95  # Of colour images; lossless compression hardly shrinks their noise
+_GROUND = ("height", "drivable", "walls")  # Layers of the true ground stored in a file
 
 
 @dataclass(frozen=True)
@@ -43,14 +43,14 @@ class DriveJob(Job):
     """A drive to record.
 
     Attributes:
-        frames: of the drive, at most.
+        frames: maximum number of frames of the drive.
     """
 
     frames: int
 
     @property
     def settings(self) -> dict[str, Any]:
-        """Everything on which the drive depends, which no network influences."""
+        """Everything that the drive depends on; networks are left out, as they do not influence it."""
         content = super().settings
         config = {
             name: value for name, value in content["config"].items() if name not in ("weights", "detector", "out")
@@ -59,10 +59,10 @@ class DriveJob(Job):
 
 
 class DriveWriter(ExitStack):
-    """Writes a drive's file, frame by frame."""
+    """Writes a drive to a file, frame by frame."""
 
     def __init__(self, path: Path, settings: dict[str, Any], surface: TrueSurface):
-        """Raises OSError, here or later, if the file cannot be written."""
+        """Create the file; OSError, here or later, if it cannot be written."""
         super().__init__()
         self._new = self.enter_context(NewFile(path))
         self._file = self._new.file
@@ -103,13 +103,13 @@ class DriveWriter(ExitStack):
 
 
 class DriveReader(ExitStack):
-    """Reads a drive's file; iterating gives its frames, whose ``T_odom_base`` is by wheels and gyro.
+    """Reads a drive from a file; iteration yields its frames, with ``T_odom_base`` from wheels and gyro.
 
     Attributes:
-        settings: of the job that recorded it.
-        time: (N,) s.
-        T_world_base: (N, 4, 4) true poses; ``odom`` and the world's frame coincide at the start.
-        T_odom_base: (N, 4, 4) by wheels and gyro.
+        settings: settings of the job that recorded the drive.
+        time: (N,) times of the frames, s.
+        T_world_base: (N, 4, 4) true poses; the ``odom`` and world frames coincide at the start.
+        T_odom_base: (N, 4, 4) odometry poses from wheels and gyro.
         surface: the true ground.
     """
 
@@ -149,12 +149,12 @@ class DriveReader(ExitStack):
 
 
 def drive_file(job: Job, folder: Path) -> Path:
-    """Path of the file of a job's drive."""
+    """Path of the file with a job's drive."""
     return folder / f"{job.name}.h5"
 
 
 def record_job(job: DriveJob, folder: Path) -> None:
-    """Explore by the true pose, and write a drive to a folder, with a JSON file that shows that it is complete."""
+    """Explore using the true pose; write the drive to a folder, and a JSON file that marks it as complete."""
 
     def made() -> dict[str, Any]:
         try:
@@ -166,7 +166,7 @@ def record_job(job: DriveJob, folder: Path) -> None:
 
 
 def _record(job: DriveJob, path: Path) -> int:
-    """Record a drive; returns the number of frames."""
+    """Record a drive and return its number of frames."""
     config = job.config
     simulation = SimulationConfig("truth", config.sensor, config.lighting, config.dust, config.speed)
     robot = SimulatedRobot(load_arena(config.arena), simulation, config.seed)
@@ -188,7 +188,7 @@ def _record(job: DriveJob, path: Path) -> int:
 
 
 class _Recorder(Sink):
-    """Takes a frame whenever the robot is ``SPACING`` or ``TURN`` away from its pose at the last frame."""
+    """Takes a frame whenever the robot has moved ``SPACING`` or turned ``TURN`` since the last one."""
 
     def __init__(self, robot: SimulatedRobot, writer: DriveWriter):
         self._robot, self._writer = robot, writer
@@ -202,9 +202,9 @@ class _Recorder(Sink):
             self.take(self._robot.sense())
 
     def take(self, frame: Frame) -> None:
-        """Write a frame with the pose by wheel odometry, unless it was written or the robot has moved on.
+        """Write a frame with its wheel odometry, unless it has been written already or the robot has moved since.
 
-        A robot that decides while it rolls may have come to rest since the frame was taken.
+        A robot that plans while rolling may have come to rest after the frame was taken.
         """
         pose = self._robot.trajectory[-1]
         if pose.time == frame.time and (pose.time > self._last.time or not len(self._writer)):

@@ -1,4 +1,4 @@
-"""A robot that is kidnapped again and again: whether it notices, and whether it relocalises."""
+"""Repeated kidnappings of a robot: whether it notices them, and whether it relocalises."""
 
 from collections import Counter
 from dataclasses import replace
@@ -19,19 +19,19 @@ from sarsim.composition import TRUE_LABELS, make_mapper
 from sarsim.episode import Episode
 from sarsim.settings import EpisodeConfig
 
-ROOM = 0.4  # m of free ground around the robot's centre where it is set down
-CARRIED = 0.5  # m, least distance from where it was
-STANDS = 10.0  # s that it stands after it was set down, while its roll and pitch settle
+ROOM = 0.4  # m, radius of free ground needed around the place where the robot is set down
+CARRIED = 0.5  # m, minimum distance by which the robot is carried
+STANDS = 10.0  # s that the robot stands still after being set down, while its roll and pitch settle
 GOOD, WRONG = 0.05, 0.3
-"""m of position error: below the first the place counts as found, from the second on as wrong."""
+"""Position errors, m: below the first, the place counts as found; from the second on, as wrong."""
 OUTCOMES = "found", "found_worse", "wrong", "in_doubt", "not_noticed"
 
 
 def kidnap(config: EpisodeConfig, times: int, folder: Path) -> Counter[str]:
     """The number of kidnappings with each of ``OUTCOMES``.
 
-    An episode explores first, unless its map exists; then a robot in this map is carried to a random mapped place,
-    ``times`` times. If its place is wrong or in doubt, or it does not notice, it begins anew at its true pose.
+    An episode explores first, unless its map exists. Then a robot in this map is carried to a random mapped place
+    ``times`` times. After a wrong or doubtful place, or an unnoticed kidnapping, it restarts at its true pose.
     """
     if not (folder / KEYFRAMES).exists():
         Episode(replace(config, out=folder)).run(show_progress=False)
@@ -52,19 +52,19 @@ def kidnap(config: EpisodeConfig, times: int, folder: Path) -> Counter[str]:
 
 
 def placed(episode: Episode, folder: Path) -> Explorer:
-    """An explorer that knows its true pose in the map."""
+    """A new explorer that starts at the robot's true pose in the map."""
     robot, config = episode.robot, episode.config
     mapper = make_mapper(replace(TRUE_LABELS, labels=config.labels), robot.model, config.seed, earlier=folder)
     explorer, frame = Explorer(robot, mapper), robot.sense()
     mapper.localisation.set_down(robot.trajectory[-1].T_world_base)
     mapper.add(mapper.localise(frame), labelled=True)
     explorer.pilot.navigator.moved(robot.drive(Velocity()))
-    explorer.pilot.look_around()  # the last that it sees before it is carried
+    explorer.pilot.look_around()  # the last view before it is carried
     return explorer
 
 
 def carry(episode: Episode, rng: np.random.Generator) -> None:
-    """Set the robot down elsewhere and let it stand; InputError if there is no free place."""
+    """Set the robot down elsewhere and let it settle; InputError if there is no free place."""
     robot, surface = episode.robot, episode.score.surface
     free = ndimage.binary_erosion(surface.drivable, iterations=round(ROOM / surface.grid.cell))
     cells = np.argwhere(free & episode.score.coverage.seen)
@@ -84,7 +84,7 @@ def carry(episode: Episode, rng: np.random.Generator) -> None:
 
 
 def look(explorer: Explorer, episode: Episode) -> str:
-    """One of ``OUTCOMES``, by the pose that the explorer finds in its next step."""
+    """One of ``OUTCOMES``, judged from the pose that the explorer estimates in its next step."""
     found = explorer.pilot.relocalised
     try:
         T_map_base = explorer.step().keyframe.T_map_base

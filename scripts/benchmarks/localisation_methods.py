@@ -1,4 +1,4 @@
-"""The methods in the localisation's benchmark: ours, and peers that start at the first true pose."""
+"""The methods in the localisation benchmark: ours, and peers that start at the first true pose."""
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
@@ -22,41 +22,41 @@ from sarsim.scoring.trajectory import is_false
 from scripts.benchmarks.localisation_scores import errors_of, nees, trajectory_scores, within
 
 STRIDE = 4
-"""Pixels between the points that KISS-ICP gets: they are closer than its voxels, of which each keeps one point."""
+"""Pixel stride of the points given to KISS-ICP; they are still denser than its voxels, each of which keeps one."""
 
 LEAST_RETURNS = 0.1
-"""Share of the pixels; with fewer, in front of a wall below the camera's least range, the peers get lost."""
+"""Minimum share of pixels with returns. With fewer, as at a wall nearer than the minimum range, peers get lost."""
 STRAYED = 0.1, np.deg2rad(5)
-"""m and rad; a peer that deviates more from the odometry in one frame is lost, and the odometry is used instead."""
+"""m and rad; a peer that deviates more from the odometry within a frame counts as lost, and odometry is used."""
 
-CORRECTED = 3  # Keyframes from one of our corrections to the next; an episode has as many between two steps
+CORRECTED = 3  # Keyframes between two of our corrections, as between two steps of an episode
 
 RgbdImage = o3d.t.geometry.RGBDImage
 
 
 def is_blind(frame: Frame) -> bool:
-    """Whether a frame has too few returns to register it."""
+    """Whether a frame has too few returns to be registered."""
     return bool(np.mean(frame.returns) < LEAST_RETURNS)
 
 
 class Method(ABC):
-    """Follows a drive frame by frame."""
+    """Estimates poses along a drive, frame by frame."""
 
     @abstractmethod
     def localise(self, frame: Frame) -> Pose:
         """Pose of ``base_link`` in ``map`` at the next frame."""
 
     def corrected(self, online: NDArray[np.float64]) -> Poses:
-        """Final estimates of the poses, of which ``online`` are the estimates on the way."""
+        """Final estimates of all poses, given the ``online`` estimates made during the drive."""
         return online
 
     def report(self, true: NDArray[np.float64], online: NDArray[np.float64]) -> dict[str, float]:
-        """Further figures of the method, from (N, 4, 4) true poses and the estimates on the way."""
+        """Further figures of the method, from (N, 4, 4) true poses and the online estimates."""
         return {}
 
 
 class Ours(Method):
-    """The robot's own localisation, with keyframes as the explorer takes them."""
+    """The robot's own localisation, with keyframes chosen as in exploration."""
 
     def __init__(self, T_map_start: Pose, loops: bool = True):
         self._slam = Slam(loops)
@@ -67,7 +67,7 @@ class Ours(Method):
         self._keyframe_s: list[float] = []
 
     def localise(self, frame: Frame) -> NDArray[np.float64]:
-        """Localise; make a keyframe if the frame is far enough from the last one, and regularly correct the poses."""
+        """Localise; make a keyframe if one is due; correct the poses every ``CORRECTED`` keyframes."""
         timed = self._mapper.stopwatch.seconds["localisation"]
         before, is_due = len(timed), self._mapper.is_due(frame.T_odom_base)
         localised = self._mapper.localise(frame)
@@ -82,16 +82,16 @@ class Ours(Method):
         return localised.T_map_base
 
     def corrected(self, online: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Each pose relative to its last keyframe, at the corrected pose of this keyframe."""
+        """The online poses, each moved along with the correction of the latest keyframe before it."""
         self._mapper.settle()
         keyframes = np.array(self._keyframes)
         last = np.searchsorted(keyframes, np.arange(len(online)), side="right") - 1
         return (self._slam.poses @ np.linalg.inv(online[keyframes]))[last] @ online
 
     def report(self, true: NDArray[np.float64], online: NDArray[np.float64]) -> dict[str, float]:
-        """Times of keyframes and corrections, loops, the ATE on the way, and how far stated deviations hold.
+        """Times of keyframes and corrections, loops, the online ATE, and the consistency of the covariances.
 
-        Whenever the poses were corrected, the error of the newest one is compared with what the pose graph states.
+        At every correction, the error of the newest pose is compared with the covariance from the pose graph.
         """
         poses, loops = true[self._keyframes], self._slam.loops
         report = {
@@ -110,7 +110,7 @@ class Ours(Method):
 
 
 class Odometry(Method):
-    """Wheels and gyro alone."""
+    """Odometry of wheels and gyro alone."""
 
     def __init__(self, T_map_start: Pose):
         pass
@@ -131,7 +131,7 @@ class Guided(Method):
         """Register the frame; use the odometry's motion if the frame has too few returns or the peer gets lost."""
         last, self._last = self._last, frame
         moved = inverse(last.T_odom_base) @ frame.T_odom_base if last else np.eye(4)
-        guess = orthonormal(self._T_map_base @ moved)  # KISS-ICP aborts at rotations that rounding has bent
+        guess = orthonormal(self._T_map_base @ moved)  # KISS-ICP aborts if a rotation is not orthonormal
         found = guess if is_blind(frame) else self._register(frame, last, guess)
         E = inverse(guess) @ found
         is_lost = not (np.linalg.norm(E[:3, 3]) < STRAYED[0] and np.trace(E[:3, :3]) > 1 + 2 * np.cos(STRAYED[1]))
@@ -140,7 +140,7 @@ class Guided(Method):
 
     @abstractmethod
     def _register(self, frame: Frame, last: Frame | None, guess: NDArray[np.float64]) -> Pose:
-        """Pose of a frame's ``base_link`` in ``map``; the pose of the last frame is ``_T_map_base``."""
+        """Pose of ``base_link`` in ``map`` at a frame; ``_T_map_base`` is the pose at the last frame."""
 
 
 class Kiss(Guided):
@@ -159,7 +159,7 @@ class Kiss(Guided):
         self._kiss = KissICP(config)
 
     def _register(self, frame: Frame, last: Frame | None, guess: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Register the frame with the local map."""
+        """Register the frame to the local map."""
         depth, rays = frame.depth[::STRIDE, ::STRIDE], frame.intrinsics.rays[::STRIDE, ::STRIDE]
         points = transform_points(frame.T_base_camera, rays[depth > 0] * depth[depth > 0, None])
         self._kiss.last_pose, self._kiss.last_delta = guess, np.eye(4)
@@ -168,14 +168,14 @@ class Kiss(Guided):
 
 
 class Open3d(Guided):
-    """Open3D's RGB-D odometry (Park, Zhou and Koltun, ICCV 2017), from frame to frame."""
+    """Open3D's frame-to-frame RGB-D odometry (Park, Zhou and Koltun, ICCV 2017)."""
 
     def __init__(self, T_map_start: Pose):
         super().__init__(T_map_start)
         self._image: tuple[Frame | None, RgbdImage | None] = None, None
 
     def _register(self, frame: Frame, last: Frame | None, guess: NDArray[np.float64]) -> NDArray[np.float64]:
-        """Register the frame with the last one, unless that had too few returns."""
+        """Register the frame to the last one, unless the last one had too few returns."""
         colour, depth = (o3d.t.geometry.Image(np.ascontiguousarray(image)) for image in (frame.rgb, frame.depth))
         image = RgbdImage(colour, depth)
         (seen, target), self._image = self._image, (frame, image)
@@ -186,8 +186,8 @@ class Open3d(Guided):
         return T_map_camera @ T @ inverse(frame.T_base_camera)
 
     def _motion(self, source: RgbdImage, target: RgbdImage | None, k: Intrinsics, guess: NDArray[np.float64]) -> Pose:
-        """Pose of the source's camera in the target's; the guess if Open3D finds none."""
-        # In Open3D, pixel centres are at integers.
+        """Pose of the source camera in the target camera's frame; the guess if Open3D fails."""
+        # Open3D has pixel centres at integer coordinates.
         try:
             result = o3d.t.pipelines.odometry.rgbd_odometry_multi_scale(
                 source,
@@ -210,4 +210,4 @@ METHODS: dict[str, Callable[[NDArray[np.float64]], Method]] = {
     "kiss_icp": Kiss,
     "open3d": Open3d,
 }
-"""The methods, each made from its first pose, a 4×4 ``T_map_base``."""
+"""Constructors of the methods, each called with the first pose, a 4×4 ``T_map_base``."""

@@ -18,7 +18,7 @@ from scripts.benchmarks.localisation_methods import METHODS, Method, is_blind
 from scripts.benchmarks.localisation_scores import evo_ate, trajectory_scores, way_driven
 from scripts.benchmarks.top_view import BAND, caption, ground_picture, pixels
 
-AGREEMENT = 1e-6  # m by which our ATE may differ from evo's, which reads rounded files
+AGREEMENT = 1e-6  # m, tolerated difference between our ATE and evo's, which is computed from rounded files
 COLOURS = {
     "odometry": (150, 150, 150),
     "open3d": (230, 140, 0),
@@ -27,7 +27,7 @@ COLOURS = {
     "ours": (0, 130, 60),
     "true": (0, 0, 0),
 }
-"""RGB of the methods; the last ones are drawn over the others."""
+"""RGB colours of the methods; later ones are drawn over earlier ones."""
 
 
 def replay_job(job: Job, folder: Path, drives: Path, names: Sequence[str]) -> None:
@@ -42,10 +42,10 @@ def replay_job(job: Job, folder: Path, drives: Path, names: Sequence[str]) -> No
 
 
 def replay(drive: DriveReader, methods: Mapping[str, Method], stem: Path) -> dict[str, Any]:
-    """Scores of every method by its name; writes ``<stem>-<name>.tum``, ``<stem>-true.tum`` and ``<stem>.png``.
+    """Scores of every method by name; writes ``<stem>-<name>.tum``, ``<stem>-true.tum`` and ``<stem>.png``.
 
     Raises:
-        ArithmeticError: our ATE is not evo's.
+        ArithmeticError: our ATE differs from evo's.
     """
     online, seconds = follow(drive, methods)
     believed = {name: method.corrected(online[name]) for name, method in methods.items()}
@@ -69,7 +69,7 @@ def replay(drive: DriveReader, methods: Mapping[str, Method], stem: Path) -> dic
 def follow(
     drive: DriveReader, methods: Mapping[str, Method]
 ) -> tuple[dict[str, NDArray[np.float64]], dict[str, NDArray[np.float64]]]:
-    """By method, (N, 4, 4) poses estimated on the way, and processor time in s of each frame with enough returns."""
+    """By method, (N, 4, 4) online estimates, and processor time of each frame with enough returns, s."""
     poses: dict[str, list[NDArray[np.float64]]] = {name: [] for name in methods}
     seconds: dict[str, list[float]] = {name: [] for name in methods}
     for frame in drive:
@@ -82,12 +82,12 @@ def follow(
 
 
 def picture_of(surface: TrueSurface, ways: Mapping[str, NDArray[np.float64]], text: str) -> Rgb:
-    """A picture, x to the right and y up.
+    """Top view of the trajectories, with x to the right and y up.
 
     Args:
         surface: the true ground.
-        ways: (N, 2 or 3) m in the world, by the names of ``COLOURS``.
-        text: for the last line, below the legend of the colours.
+        ways: trajectories by name, as in ``COLOURS``, each (N, 2 or 3) in the world, m.
+        text: the last line, below the colour legend.
     """
     picture, scale = ground_picture(surface, surface.drivable)
     for name, colour in COLOURS.items():
@@ -99,7 +99,7 @@ def picture_of(surface: TrueSurface, ways: Mapping[str, NDArray[np.float64]], te
 
 
 def _legend(names: list[str], width: int) -> NDArray[np.uint8]:
-    """(BAND, width, 3) uint8 RGB, the names in their colours."""
+    """(BAND, width, 3) uint8 RGB picture of the names in their colours."""
     band = np.full((BAND, width, 3), 255, np.uint8)
     font, size, x = cv2.FONT_HERSHEY_SIMPLEX, 0.45, 6
     for name in names:

@@ -1,4 +1,4 @@
-"""Errors of a trajectory, without alignment, because ``map`` is the world's frame at the start."""
+"""Errors of a trajectory, without alignment, because ``map`` coincides with the world frame at the start."""
 
 from pathlib import Path
 
@@ -13,11 +13,11 @@ SECTION = 1.0  # m driven between the two poses of a relative pose error
 
 
 def trajectory_scores(true: NDArray[np.float64], estimated: NDArray[np.float64]) -> dict[str, float]:
-    """Errors of (N, 4, 4) poses at the same times.
+    """Errors of estimated (N, 4, 4) poses against true ones at the same times.
 
-    Absolute: ``ate_m``, root mean square of the distance, ``max_m``, the greatest, and ``heading_deg``, root mean
-    square of the yaw's error. Relative: ``rpe_m`` and ``rpe_deg``, root mean squares over ``SECTION`` (Sturm et al.,
-    IROS 2012). ``drift_percent``: distance at the end over the length driven.
+    Absolute: ``ate_m``, root mean square of the position error, ``max_m``, its maximum, and ``heading_deg``, root
+    mean square of the yaw error. Relative: ``rpe_m`` and ``rpe_deg``, root mean squares over ``SECTION`` (Sturm et
+    al., IROS 2012). ``drift_percent``: final position error over the distance driven.
     """
     distance = np.linalg.norm(true[:, :3, 3] - estimated[:, :3, 3], axis=1)
     yaw, believed = (np.arctan2(T[:, 1, 0], T[:, 0, 0]) for T in (true, estimated))
@@ -38,17 +38,17 @@ def trajectory_scores(true: NDArray[np.float64], estimated: NDArray[np.float64])
 
 
 def way_driven(true: NDArray[np.float64]) -> Values:
-    """Way in m driven up to each of (N, 4, 4) poses."""
+    """(N,) distance driven up to each of (N, 4, 4) poses, m."""
     return np.append(0.0, np.cumsum(np.linalg.norm(np.diff(true[:, :3, 3], axis=0), axis=1)))
 
 
 def relative(poses: NDArray[np.float64], first: NDArray[np.int64], last: NDArray[np.int64]) -> Poses:
-    """The ``last`` ones of (N, 4, 4) poses in the frames of the ``first`` ones, (M,) indices each."""
+    """(M, 4, 4) poses ``last`` relative to poses ``first``, which are (M,) indices into (N, 4, 4) ``poses``."""
     return np.linalg.inv(poses[first]) @ poses[last]
 
 
 def errors_of(true: NDArray[np.float64], estimated: NDArray[np.float64]) -> NDArray[np.float64]:
-    """(N, 6) rotation vectors, rad, and translations, m, from (N, 4, 4) estimates to the truth, in the former."""
+    """(N, 6) rotation vectors, rad, and translations, m, of true (N, 4, 4) poses relative to estimated ones."""
     E = np.linalg.inv(estimated) @ true
     return np.hstack([Rotation.from_matrix(E[:, :3, :3]).as_rotvec(), E[:, :3, 3]])
 
@@ -61,19 +61,19 @@ def rms(values: NDArray[np.floating]) -> float:
 def nees(errors: NDArray[np.float64], covariances: NDArray[np.float64]) -> float:
     """Normalised estimation error squared of (N, 6) errors with (N, 6, 6) covariances, per dimension.
 
-    It is 1 if errors are as large as the covariances say; a larger value means that the covariances are too small
+    It is 1 if the errors match the covariances; a larger value means that the covariances are too small
     (Bar-Shalom, Li and Kirubarajan 2001, 5.4.2).
     """
     return float(np.einsum("ni,ni->n", errors, np.linalg.solve(covariances, errors[..., None])[..., 0]).mean() / 6)
 
 
 def within(sigmas: float, errors: NDArray[np.float64], covariances: NDArray[np.float64]) -> float:
-    """Share of the components of (N, 6) errors that are within some standard deviations of (N, 6, 6) covariances."""
+    """Share of the components of (N, 6) errors within ``sigmas`` standard deviations, from (N, 6, 6) covariances."""
     return float((np.abs(errors) <= sigmas * np.sqrt(np.einsum("nii->ni", covariances))).mean())
 
 
 def evo_ate(true: Path, estimated: Path) -> float:
-    """Root mean square of the distance in m between the trajectories of two TUM files, by evo, without alignment."""
+    """Evo's root mean square position error, m, between two TUM trajectory files, without alignment."""
     from evo.core.metrics import APE, PoseRelation, StatisticsType
     from evo.tools.file_interface import read_tum_trajectory_file
 

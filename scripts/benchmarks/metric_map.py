@@ -1,6 +1,6 @@
-"""The metric map against exact rays and against OctoMap, on the same recorded frames.
+"""The metric map against exact ray traversal and OctoMap, on the same recorded frames.
 
-All of them use one thread; its processor time is measured, so that other work on the machine does not count.
+Each uses one thread, whose processor time is measured, so that other load on the machine does not count.
 """
 
 import time
@@ -22,13 +22,13 @@ from scripts.benchmarks.settings import MetricMapSettings
 
 SMALL, LARGE = (6.0, 4.0), (520.0, 150.0)
 SIZES = (SMALL, (20.0, 15.0), (52.0, 15.0), (130.0, 60.0), LARGE)
-"""m; sizes of the environments whose frame times are compared."""
-TILE_FRAMES = 8  # Frames that fill each 6 m × 4 m of an environment before frames are timed
+"""Sizes of the environments in which frame times are compared, m."""
+TILE_FRAMES = 8  # Frames that map each 6 m × 4 m tile of an environment before timing starts
 WARM_UP = 5  # Frames that are not counted
 
 
 def measure(settings: MetricMapSettings) -> Result:
-    """Times, memory, accuracy, and times by the size of the environment.
+    """Times, memory and accuracy, and times by size of the environment.
 
     Raises:
         InputError: pyoctomap is missing, or there is nothing to measure.
@@ -47,7 +47,7 @@ def measure(settings: MetricMapSettings) -> Result:
 
 
 def _speed(recording: RecordedFrames, slow: bool) -> dict[str, float]:
-    """Milliseconds per frame and bytes of each contender, and the ratios."""
+    """Milliseconds per frame and bytes of each contender, and ratios of times."""
     contenders: dict[str, Callable[[], Contender]] = {
         "ours": lambda: Projective(0.1),
         "ours_5cm": lambda: Projective(0.05),
@@ -72,7 +72,7 @@ def _speed(recording: RecordedFrames, slow: bool) -> dict[str, float]:
 
 
 def _frame_times(contender: "Contender", recording: RecordedFrames, name: str) -> NDArray[np.float64]:
-    """Seconds of each frame; the first ones, shown twice, let numba compile or load its kernels."""
+    """Seconds of each frame; the first frames are added once untimed, so that numba compiles or loads its kernels."""
     depth = recording.xtion
     for n in range(WARM_UP):
         contender.prepare(recording, depth, n)()
@@ -86,7 +86,7 @@ def _timed(action: Callable[[], object]) -> float:
 
 
 def _sizes(recording: RecordedFrames) -> list[dict[str, Any]]:
-    """Frame times in the middle of environments of several sizes that have been mapped completely before."""
+    """Frame times in the middle of completely mapped environments of several sizes."""
     maps = [_mapped_environment(recording, size) for size in SIZES]
     times = np.array([_timed_in_all(maps, recording, n) for n in range(len(recording.xtion))])
     median = np.median(times, axis=0)
@@ -105,7 +105,7 @@ def _timed_in_all(maps: list[MetricMap], recording: RecordedFrames, n: int) -> l
 
 
 def _mapped_environment(recording: RecordedFrames, size: tuple[float, float]) -> MetricMap:
-    """A map that repeats the 6 m × 4 m arena side by side."""
+    """A map of an environment tiled with copies of the 6 m × 4 m arena."""
     metric_map = MetricMap()
     chosen = np.linspace(0, len(recording.xtion) - 1, TILE_FRAMES).astype(int)
     columns, rows = (int(np.ceil(length / tile)) for length, tile in zip(size, SMALL, strict=True))
@@ -119,7 +119,7 @@ def _mapped_environment(recording: RecordedFrames, size: tuple[float, float]) ->
 
 
 def _accuracy(recording: RecordedFrames) -> dict[str, float]:
-    """The report's four figures of each map and sensor, and the agreement of the map with exact rays."""
+    """The report's accuracy figures for each map and sensor, and our map's agreement with exact ray traversal."""
     scored = MetricMap()
     score = VoxelScore(scored)
     for n in tracked(range(len(recording.ideal)), "following noise-free rays"):
@@ -139,26 +139,26 @@ def _accuracy(recording: RecordedFrames) -> dict[str, float]:
 
 
 def agreement(first: MetricMap, second: MetricMap) -> float:
-    """Share of the voxels known to either map that have the same state in both."""
+    """Share of the voxels known in either map that have the same state in both."""
     a, b = (np.sign(metric_map.log_odds(*_bounds(first, second))) for metric_map in (first, second))
     known = (a != 0) | (b != 0)
     return float((a == b)[known].mean())
 
 
 def _bounds(first: MetricMap, second: MetricMap) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """(3,) lowest and (3,) one past the highest voxel of either map."""
+    """(3,) lowest voxel of the two maps, and (3,) one past their highest."""
     corners = np.array([*first.bounds(), *second.bounds()])
     return corners.min(axis=0), corners.max(axis=0)
 
 
 class Projective:
-    """The metric map from depth images."""
+    """The metric map, updated from depth images."""
 
     def __init__(self, voxel_size: float):
         self._map = MetricMap(MetricMapConfig(voxel_size=voxel_size))
 
     def prepare(self, recording: RecordedFrames, depth: NDArray[np.float32], n: int) -> Callable[[], object]:
-        """Hand over the depth image."""
+        """A function that integrates the depth image."""
         return lambda: self._map.integrate(depth[n], recording.intrinsics, recording.T_map_camera[n])
 
     def metric_map(self) -> MetricMap:
@@ -167,25 +167,25 @@ class Projective:
 
     @property
     def nbytes(self) -> int:
-        """Memory of its voxels."""
+        """Memory of the voxels, bytes."""
         return self._map.nbytes
 
 
 class Rays(Projective):
-    """The metric map from points, by following every ray."""
+    """The metric map, updated from points by traversing every ray."""
 
     def __init__(self, voxel_size: float):
-        # Images are clipped at a depth of the sensor's range; rays to this depth are longer.
+        # Depth images are clipped to the sensor's range along the optical axis; oblique rays are longer.
         self._map = MetricMap(MetricMapConfig(voxel_size=voxel_size, max_range=10))
 
     def prepare(self, recording: RecordedFrames, depth: NDArray[np.float32], n: int) -> Callable[[], object]:
-        """Hand over the points."""
+        """A function that integrates the points."""
         points = recording.points(depth, n)
         return lambda: self._map.integrate_points(points, recording.T_map_camera[n, :3, 3])
 
 
 class OctoMap:
-    """OctoMap with its default settings, on a grid aligned with the metric map's."""
+    """OctoMap with default settings, on a grid aligned with the metric map's."""
 
     def __init__(self, voxel_size: float, discretize: bool):
         self._tree = pyoctomap.OcTree(voxel_size)
@@ -193,13 +193,13 @@ class OctoMap:
         self._like = MetricMap(MetricMapConfig(voxel_size=voxel_size))
 
     def prepare(self, recording: RecordedFrames, depth: NDArray[np.float32], n: int) -> Callable[[], object]:
-        """Hand over the points, which it takes as a contiguous array."""
+        """A function that inserts the points, which OctoMap takes as a contiguous array."""
         points = np.ascontiguousarray(recording.points(depth, n) - self._like.corner)
         origin = recording.T_map_camera[n, :3, 3] - self._like.corner
         return lambda: self._tree.insertPointCloud(points, origin, -1.0, False, self._discretize)
 
     def metric_map(self) -> MetricMap:
-        """The occupied and free voxels of its leaves, as a metric map."""
+        """The octree's occupied and free leaves, as voxels of a metric map."""
         size = self._like.voxel_size
         for leaf in self._tree.begin_leafs():
             side = round(leaf.getSize() / size)
@@ -210,9 +210,9 @@ class OctoMap:
 
     @property
     def nbytes(self) -> int:
-        """Memory of the tree, as OctoMap reports it."""
+        """Memory of the octree as reported by OctoMap, bytes."""
         return self._tree.memoryUsage()
 
 
 Contender = Projective | OctoMap
-"""A mapping method: ``prepare`` gives a function that adds a frame; only this function is timed."""
+"""A mapping method: ``prepare`` returns a function that adds a frame; only this function is timed."""

@@ -1,4 +1,4 @@
-"""The thesis's comparison of networks: accuracy, size and time, on the same frames with the same vote and map."""
+"""The thesis's comparison of networks: accuracy, size and time, with the same frames, planar vote and map."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -30,13 +30,13 @@ from scripts.benchmarks.semantic_speed import THREADS, classifier_of, thesis_blo
 from scripts.benchmarks.settings import NetworksSettings
 
 FIRST_RANDOM = 90_000
-"""Seed of the first random arena: datasets draw the seeds of theirs from two thousand million."""
+"""Seed of the first random arena. Datasets draw their arenas' seeds from a range of two thousand million."""
 
 
 def measure(settings: NetworksSettings) -> Result:
-    """Every network's size, time, and accuracy in arenas that none was trained on.
+    """Every network's size and time, and its accuracy in arenas that none was trained on.
 
-    Without frames, .raf files or weights there are no figures of them.
+    Figures that need frames, .raf files or weights are left out where these are missing.
 
     Raises:
         InputError: there is nothing to measure, or an arena or weights are broken.
@@ -64,7 +64,7 @@ def measure(settings: NetworksSettings) -> Result:
 
 
 def _groups(settings: NetworksSettings) -> dict[str, list[str]]:
-    """The arenas to label, by the group whose figures they go into."""
+    """The arenas to label, by group of figures."""
     groups = {Path(arena).stem: [arena] * bool(settings.frames) for arena in settings.arenas}
     count = settings.random if settings.raf_frames else 0
     groups["raf_mean"] = [str(path) for path in sorted(settings.raf.glob("*.raf"))] * bool(settings.raf_frames)
@@ -73,18 +73,18 @@ def _groups(settings: NetworksSettings) -> dict[str, list[str]]:
 
 
 def voted(frame: PosedFrame, given: NDArray[np.float32]) -> Probabilities:
-    """Probabilities of a frame's points after the vote of each plane's points, from (N, 8) ``given`` ones."""
+    """(N, 8) probabilities of a frame's points after the planar vote, from the ``given`` (N, 8) probabilities."""
     result = given.copy()
     result[:, CLASSES] = planar_vote(frame.frame, frame.T_map_camera, given[:, CLASSES], PlanarVoteConfig())
     return result
 
 
 VOTES: Mapping[str, Change] = {"": voted, ".alone": lambda frame, given: given}
-"""With and without the vote of a plane's points, by the suffix of the figures' names."""
+"""With and without the planar vote, by suffix of the figures' names."""
 
 
 def group_figures(group: str, of_arenas: Sequence[Scores]) -> dict[str, float]:
-    """Means over the arenas of a group, whose name may end with ".dark"."""
+    """Means over the arenas of a group, whose name may end in ".dark"."""
     figures = {}
     place, dark, _ = group.partition(".dark")
     for contender in of_arenas[0]:
@@ -99,19 +99,19 @@ def group_figures(group: str, of_arenas: Sequence[Scores]) -> dict[str, float]:
 
 
 def _sizes(files: dict[str, Path]) -> dict[str, float]:
-    """Number of parameters, and processor time of the training in s if the file gives it."""
+    """Number of parameters, and processor time of the training, s, if the weights file states it."""
     figures: dict[str, float] = {}
     for name, kind in NETWORKS.items():
         figures[f"{name}.parameters"] = sum(p.numel() for p in kind(CHANNELS, len(CLASSES)).parameters())
         if name in files:
             _, metadata = load_weights(files[name], name)
-            with suppress(KeyError, TypeError, ValueError):  # Files of other programs say nothing of the training.
+            with suppress(KeyError, TypeError, ValueError):  # Files of other programs do not state it
                 figures[f"{name}.train_s"] = float(json.loads(metadata["training"])["processor_s"])
     return figures
 
 
 def _times(files: dict[str, Path], frames: list[PosedFrame], rounds: int) -> dict[str, float]:
-    """ms of a block and s of a frame, with planes, the networks in turn; random weights where there is no file."""
+    """Median ms per block and s per frame, including planes, networks in turn; random weights if there is no file."""
     torch.manual_seed(0)
     written = {name: kind(CHANNELS, len(CLASSES)).eval() for name, kind in NETWORKS.items()}
     ready = {name: for_inference(network, THREADS) for name, network in written.items()}
@@ -137,7 +137,7 @@ def _run(network: BlockClassifier, blocks: list[NDArray[np.float32]]) -> None:
 
 
 def table(figures: dict[str, float], groups: Sequence[str]) -> Table:
-    """A column for each network: size, times, and mean IoU over the four classes by kind."""
+    """A column for each network: size, times, and mean IoU over the four classes, by group and kind."""
     rows = {"parameters": "{:,.0f}", "train_s": "{:,.0f}", "block_ms": "{:.1f}", "frame_s": "{:.2f}"}
     rows |= {f"miou_four.{group}.{kind}": "{:.3f}" for group in groups for kind in KINDS}
     result = Table("", *NETWORKS)

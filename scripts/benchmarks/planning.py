@@ -1,7 +1,7 @@
-"""Time to plan a step on a completely mapped floor, stage by stage, on a small floor and on a large one.
+"""Planning time per step on completely mapped floors, stage by stage, for a small floor and a large one.
 
-The robot stands at one place after the other, where a keyframe shows a new box and changes the ground in view by the
-camera's noise. The processor time of one thread is measured, so that other work on the machine does not count.
+At one random place after another, a keyframe adds a new box and measures the ground in view with noise. The
+processor time of one thread is measured, so that other load on the machine does not count.
 """
 
 import time
@@ -31,16 +31,16 @@ from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 from scripts.benchmarks.common import Result, at_least
 from scripts.benchmarks.settings import PlanningSettings
 
-WARM_UP = 2  # Steps that are not counted: in the first one the whole floor is new
+WARM_UP = 2  # Steps that are not counted
 GROUND_NOISE = 0.003  # m, standard deviation of heights from keyframe to keyframe
 HALF_VIEW = np.deg2rad(29)  # Half the camera's horizontal field of view
-HITS = 9  # Returns of a cell in a keyframe
+HITS = 9  # Returns per cell in a keyframe
 WALL_TOPS = np.arange(0, 1.01, 0.1)  # m, heights of the points of walls and of the new box
 AWAY, FLOOR_SIDE = 1.3, 0.3  # m, distance and side of the new box
 
 
 def measure(settings: PlanningSettings) -> Result:
-    """Median milliseconds of a step and of its stages in each of the arenas."""
+    """Median milliseconds of a step and of its stages in each arena."""
     at_least(1, settings, "frames")
     at_least(0, settings, "seed")
     arenas = settings.arenas
@@ -54,7 +54,7 @@ def measure(settings: PlanningSettings) -> Result:
 
 
 class _Floor:
-    """The maps from which plans are made, on the true ground of an arena."""
+    """The maps used for planning, filled from the true ground of an arena."""
 
     def __init__(self, arena: str, seed: int):
         robot = SimulatedRobot(load_arena(arena), SimulationConfig(), seed)
@@ -73,7 +73,7 @@ class _Floor:
         self._exploration = NextBestView(model)
 
     def steps(self, count: int) -> dict[str, list[float]]:
-        """Seconds of each stage in each of ``count`` steps, at places all over the floor."""
+        """Seconds of each stage in each of ``count`` steps, at random places on the floor."""
         seconds: dict[str, list[float]] = defaultdict(list)
         self._step(self._start, defaultdict(list))
         for place in tracked(self._places(count + WARM_UP), "planning"):
@@ -84,7 +84,7 @@ class _Floor:
         return {stage: times[WARM_UP:] for stage, times in seconds.items()}
 
     def _places(self, count: int) -> Places:
-        """Random places that the robot can reach and where it can turn."""
+        """Random places that the robot can reach and turn at."""
         paths = PosePaths(self._layer.update(self._elevation_map), self._start[:2, 3], yaw_of(self._start))
         cells = np.argwhere(paths.reachable & paths.traversability.turnable)
         return paths.traversability.grid.centre_of(self._rng.choice(cells, count))
@@ -104,7 +104,7 @@ class _Floor:
         self._elevation_map.update(points.astype(np.float32), hits=np.full(len(points), HITS, np.uint32))
 
     def _step(self, T_map_base: Pose, seconds: dict[str, list[float]]) -> None:
-        """Do and time the explorer's work between two drives."""
+        """Do the explorer's work between two drives, and time its stages."""
         with _timed(seconds["traversability"]):
             traversability = self._layer.update(self._elevation_map)
         with _timed(seconds["reachable"]):

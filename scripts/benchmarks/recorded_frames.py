@@ -1,4 +1,4 @@
-"""Frames of an episode, recorded to give them to several mappers."""
+"""Frames of an episode, recorded so that several mappers get the same ones."""
 
 from dataclasses import dataclass
 
@@ -15,7 +15,7 @@ from sarsim.commands.cli import progress
 from sarsim.composition import TRUE_LABELS, make_mapper
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 
-STEPS = 160  # Largest number of steps of an episode
+STEPS = 160  # Maximum number of steps of an episode
 
 
 @dataclass(frozen=True, eq=False)
@@ -23,10 +23,10 @@ class RecordedFrames:
     """N frames of an episode.
 
     Attributes:
-        intrinsics: of all depth images.
-        ideal: (N, H, W) float32 noise-free depth in m, clipped to the sensor's range.
-        xtion: (N, H, W) float32 depth with the Xtion's noise.
-        T_map_camera: true poses of ``camera_optical``.
+        intrinsics: intrinsics of all depth images.
+        ideal: (N, H, W) float32 noise-free depth, m, clipped to the sensor's range.
+        xtion: (N, H, W) float32 depth with the Xtion's noise, m.
+        T_map_camera: (N, 4, 4) true poses of ``camera_optical``.
     """
 
     intrinsics: Intrinsics
@@ -35,7 +35,7 @@ class RecordedFrames:
     T_map_camera: Poses
 
     def points(self, depth: NDArray[np.float32], n: int) -> NDArray[np.float64]:
-        """(M, 3) the returns of frame ``n`` of a sensor's ``depth``, m in ``map``."""
+        """(M, 3) returns of image ``n`` of a sensor's ``depth`` (N, H, W), in ``map``, m."""
         T = self.T_map_camera[n]
         returns = depth[n] > 0
         rays = self.intrinsics.rays[returns].astype(np.float64)
@@ -43,7 +43,7 @@ class RecordedFrames:
 
 
 def record(arena: str, seed: int, frames: int) -> RecordedFrames:
-    """Let the robot explore for an episode, and keep frames that are evenly spaced in time.
+    """Let the robot explore for an episode, and keep frames evenly spaced in time.
 
     Raises:
         InputError: the arena cannot be loaded.
@@ -65,7 +65,7 @@ def record(arena: str, seed: int, frames: int) -> RecordedFrames:
 
 
 class _Album(Sink):
-    """Frames at a constant period, which doubles whenever there are twice as many as wanted."""
+    """Takes frames at a constant period, which doubles whenever there are twice as many as wanted."""
 
     def __init__(self, robot: SimulatedRobot, wanted: int):
         self._robot, self._wanted = robot, wanted
@@ -85,6 +85,6 @@ class _Album(Sink):
             self._period *= 2
 
     def chosen(self) -> list[tuple[NDArray[np.float32], NDArray[np.float32], NDArray[np.float64]]]:
-        """As many evenly spaced frames as wanted, or all if there are fewer."""
+        """The wanted number of evenly spaced frames, or all if there are fewer."""
         places = np.linspace(0, len(self._frames) - 1, min(self._wanted, len(self._frames)))
         return [self._frames[n] for n in np.rint(places).astype(int)]

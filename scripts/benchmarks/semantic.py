@@ -1,4 +1,4 @@
-"""The semantic map: speed and accuracy of the robot's network, beside plain DGCNN and a baseline."""
+"""The semantic map: speed and accuracy of the robot's network, against plain DGCNN and a baseline."""
 
 from pathlib import Path
 from statistics import mean
@@ -14,15 +14,15 @@ from scripts.benchmarks.semantic_confusion import confusion
 from scripts.benchmarks.semantic_speed import THREADS, agreement, speed
 from scripts.benchmarks.settings import SemanticSettings
 
-LIGHTINGS = {"": Lighting.normal, ".dark": Lighting.dark}  # By the suffix of the figures' names
+LIGHTINGS = {"": Lighting.normal, ".dark": Lighting.dark}  # By suffix of the figures' names
 SPARSE_KEYFRAMES = (2.0, 0.8)
-"""m and rad between the frames whose labels are compared: far apart, to show more of an arena than its start."""
+"""m and rad between the frames that are compared: far apart, so that they show more than an arena's start."""
 
 
 def measure(settings: SemanticSettings) -> Result:
-    """DGCNN's speed and agreement with a published checkpoint; the network's accuracy in arenas never trained on.
+    """DGCNN's speed and agreement with a published checkpoint, and the network's accuracy in unseen arenas.
 
-    Missing files give no figures. Instead of all this, the confusion of an episode's map if its folder is given.
+    Figures of missing files are left out. If an episode's folder is given, only the confusion of its map is measured.
 
     Raises:
         InputError: there is nothing to measure, or an arena, the weights or the episode are broken.
@@ -56,13 +56,13 @@ def _name(arena: str) -> str:
 
 
 def key(name: str, contender: str) -> str:
-    """The name of a figure, for an arena's name with or without ".dark"."""
+    """The name of a figure, given an arena's name with or without ".dark"."""
     arena, dark, _ = name.partition(".dark")
     return f"miou_four.{arena}.{contender}{dark}"
 
 
 def raf_means(details: dict[str, Any]) -> dict[str, float]:
-    """Means over all .raf files."""
+    """Means over all .raf arenas, by contender and lighting."""
     means = {}
     for suffix in LIGHTINGS:
         ours = [

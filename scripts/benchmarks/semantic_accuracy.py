@@ -1,4 +1,4 @@
-"""Accuracy of labels: those of network and baseline frame by frame, and those of the map fused from them."""
+"""Accuracy of classifiers' labels frame by frame, and of the labels of the maps fused from them."""
 
 from collections.abc import Callable, Iterable, Mapping
 from typing import Any
@@ -14,22 +14,22 @@ from sarsim.scoring.semantics import compared, confusion_matrix, label_figures
 from scripts.benchmarks.labelled_drives import PosedFrame
 
 Change = Callable[[PosedFrame, NDArray[np.float32]], NDArray[np.float32]]
-"""A function that changes the (N, 8) probabilities that a classifier gave the returns of a frame."""
+"""A function that modifies the (N, 8) probabilities given by a classifier to the returns of a frame."""
 AS_GIVEN: Mapping[str, Change] = {"": lambda frame, given: given}
 KINDS = ("frame", "voxels", "fused")
 Scores = dict[str, dict[str, dict[str, float]]]
-"""``miou_four`` and the IoU by label, by the classifier's name with the change's suffix, then by kind."""
+"""``miou_four`` and the IoU by label, keyed by classifier name plus suffix of the change, then by kind."""
 
 
 class Tally:
-    """The labels of some frames against the true ones, and those of the map fused from them."""
+    """Compares labels of frames, and of the map fused from them, with the true labels."""
 
     def __init__(self) -> None:
         self._returns, self._voxels = np.zeros((2, len(Label), len(Label)), np.int64)
         self._map, self._truth = SemanticMap(), SemanticMap()
 
     def add(self, frame: PosedFrame, given: NDArray[np.float32]) -> None:
-        """Add the (N, 8) probabilities that a classifier gave the returns of a frame."""
+        """Add the (N, 8) probabilities given by a classifier to the returns of a frame."""
         points, truth = frame.points, np.eye(len(Label), dtype=np.float32)[frame.labels]
         self._returns += confusion_matrix(frame.labels, given.argmax(axis=1).astype(np.uint8))
         alone, true = SemanticMap(), SemanticMap()
@@ -38,9 +38,9 @@ class Tally:
         self._voxels += confusion_matrix(true.labels(), alone.labels())
 
     def scores(self) -> dict[str, dict[str, float]]:
-        """IoU by label, and ``miou_four``: of all returns of each frame, of its voxels, of the fused map's voxels.
+        """IoU by label and ``miou_four``, by kind: over frames' returns, frames' voxels, and the fused map's voxels.
 
-        A near surface has many more returns than a far one, but no more voxels, so only the last two compare.
+        Near surfaces have many more returns than far ones, but no more voxels, so only the last two are comparable.
         """
         figures = label_figures(self._returns), label_figures(self._voxels), compared(self._truth, self._map)
         return {kind: _flat(of) for kind, of in zip(KINDS, figures, strict=True)}
@@ -49,7 +49,7 @@ class Tally:
 def scores(
     frames: Iterable[PosedFrame], classifiers: Mapping[str, PointClassifier], changes: Mapping[str, Change] = AS_GIVEN
 ) -> Scores:
-    """The scores of every classifier in one arena, with each of the ``changes`` to its probabilities."""
+    """The scores of every classifier in one arena, for each of the ``changes`` to its probabilities."""
     tallies = {name + change: Tally() for name in classifiers for change in changes}
     for frame in frames:
         for name, classifier in classifiers.items():
@@ -60,9 +60,9 @@ def scores(
 
 
 def accuracy(frames: Iterable[PosedFrame], network: PointClassifier | None) -> dict[str, dict[str, float]]:
-    """Intersection over union by label, and ``miou_four``, of network, fused map and baseline in one arena.
+    """IoU by label, and ``miou_four``, of the network, its fused map and the baseline in one arena.
 
-    Without a network only those of the baseline.
+    Without a network, only the baseline is scored.
     """
     contenders: dict[str, PointClassifier] = {"baseline": RuleClassifier()}
     reached = scores(frames, contenders | ({} if network is None else {"network": network}))

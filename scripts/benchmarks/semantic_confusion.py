@@ -1,4 +1,4 @@
-"""Which objects a saved semantic map takes for what: its keyframes look again, from their true poses, along rays."""
+"""Which objects a saved semantic map confuses with what, by casting its keyframes' rays from their true poses."""
 
 from collections import Counter
 from pathlib import Path
@@ -24,17 +24,17 @@ from sarsim.sensors.camera import geom_labels
 from sarsim.settings import EpisodeConfig
 from scripts.benchmarks.common import Result
 
-SAME_POINT = 0.02  # m, greatest distance of a return from the point of the map that it made
-SAME_POSE = 1e-5  # By which a keyframe's pose may differ from its row of the trajectory, which has six decimals
-NEAR_WALL = 0.1  # m; points this near to a wall's are counted apart
-LEAST_SHARE = 1e-3  # of all points, that are one object and taken for one other, to be in the table
+SAME_POINT = 0.02  # m, maximum distance between a return and the map point made from it
+SAME_POSE = 1e-5  # Tolerance between a keyframe's pose and its row in the trajectory, which has six decimals
+NEAR_WALL = 0.1  # m; points nearer to a wall's points are counted separately
+LEAST_SHARE = 1e-3  # Minimum share of all points for a row in the table
 
 
 def confusion(folder: Path) -> Result:
-    """What the points of an episode's semantic map are, and what it takes them for; the figures are IoU by label.
+    """True and given labels of the points of an episode's semantic map; the figures are IoU by label.
 
     Raises:
-        InputError: the folder does not hold a whole episode, or its arena cannot be loaded any more.
+        InputError: the folder does not hold a complete episode, or its arena can no longer be loaded.
     """
     config = load_settings(EpisodeConfig, folder / "config.yaml")
     arena = load_arena(config.arena, config.start, config.random).mjcf_model
@@ -60,7 +60,7 @@ def confusion(folder: Path) -> Result:
 
 
 def true_poses(folder: Path, poses: NDArray[np.float64]) -> Poses:
-    """True poses of keyframes with estimated ``poses`` (K, 4, 4); NaN for those of an earlier episode."""
+    """(K, 4, 4) true poses of keyframes with estimated ``poses`` (K, 4, 4); NaN for those of an earlier episode."""
     estimated, true = (read_trajectory(folder / f"trajectory_{kind}.tum", False) for kind in ("estimated", "true"))
     away, row = KDTree(estimated.poses.reshape(-1, 16)).query(poses.reshape(-1, 16))
     return np.where((away < SAME_POSE)[:, None, None], true.poses[row], np.nan)
@@ -69,16 +69,16 @@ def true_poses(folder: Path, poses: NDArray[np.float64]) -> Poses:
 def looked_again(
     model: mujoco.MjModel, keyframes: Keyframes, true: Poses
 ) -> tuple[NDArray[np.float32], NDArray[np.int32], NDArray[np.float64]]:
-    """What the labelled returns of all keyframes come from.
+    """Find the geoms that the labelled returns of all keyframes come from.
 
     Args:
         model: the arena.
-        keyframes: at their estimated poses.
-        true: their true poses; a keyframe without one is left out.
+        keyframes: the keyframes, at their estimated poses.
+        true: the keyframes' true poses; a keyframe with NaN is left out.
 
     Returns:
         (N, 3) returns in ``map``, m; (N,) ids of the first geoms on the rays to them from the true camera; and (N,)
-        vertical components of the outward normals there. A return whose ray meets nothing is left out.
+        vertical components of the outward normals there. A return whose ray hits nothing is left out.
     """
     data = mujoco.MjData(model)
     mujoco.mj_kinematics(model, data)
@@ -96,7 +96,7 @@ def looked_again(
 def first_hits(
     model: mujoco.MjModel, data: mujoco.MjData, eye: NDArray[np.float64], rays: NDArray[np.float64]
 ) -> tuple[NDArray[np.int32], NDArray[np.float64]]:
-    """(N,) ids of the first drawn geoms on rays (N, 3) from a point (3,), -1 for none, and vertical normals (N,)."""
+    """(N,) ids of the first drawn geoms on rays (N, 3) from ``eye`` (3,), m, or -1; (N,) vertical normals."""
     size = len(rays)
     geom, distance, normal = np.full(size, -1, np.int32), np.zeros(size), np.zeros((size, 3))
     groups = np.isin(np.arange(mujoco.mjNGROUP), DRAWN_GROUPS).astype(np.uint8)
@@ -107,7 +107,7 @@ def first_hits(
 
 
 def near_walls(points: NDArray[np.float32], truth: NDArray[np.uint8]) -> Mask:
-    """Which points (N, 3), m, of these true labels (N,) are no walls and within ``NEAR_WALL`` of a wall's."""
+    """Which points (N, 3), m, with true labels (N,), are not walls but within ``NEAR_WALL`` of a wall's point."""
     is_wall = truth == Label.WALL
     near = np.zeros(len(points), np.bool_)
     if is_wall.any():
@@ -117,19 +117,19 @@ def near_walls(points: NDArray[np.float32], truth: NDArray[np.uint8]) -> Mask:
 
 
 def thing_of(model: mujoco.MjModel, geom: int) -> str:
-    """The element that a geom is part of: its name without the numbers that distinguish equal elements."""
+    """The element that a geom belongs to: the geom's name without the numbers that distinguish equal elements."""
     return str(model.geom(geom).name).rstrip("_0123456789") or "unnamed"
 
 
 def side_of(up: float) -> str:
-    """What a face with an outward normal of this vertical component is: its top, bottom, slope or side."""
+    """Whether a face is a top, bottom, slope or side, given the vertical component of its outward unit normal."""
     if abs(up) > np.cos(RAMP_TILT):
         return "top" if up > 0 else "bottom"
     return "side" if abs(up) < np.sin(RAMP_TILT) else "slope"
 
 
 def table(pairs: Counter[tuple[int, str, int]]) -> Table:
-    """Points by true label, object and label in the map, with those that the map takes for something else."""
+    """Mislabelled points by true label, object and label in the map, most frequent first."""
     names, total = [label.name.lower() for label in Label], max(pairs.total(), 1)
     result = Table("is", "object", "taken for", title="semantic map")
     for name in ("points", "share"):

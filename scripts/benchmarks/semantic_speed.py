@@ -1,4 +1,4 @@
-"""Times of DGCNN, optimised and in plain PyTorch, and of the robot's network, in turn on the same data."""
+"""Times of DGCNN, optimised and in plain PyTorch, and of the robot's network, on the same data."""
 
 import tempfile
 from pathlib import Path
@@ -25,9 +25,9 @@ THREADS = 2
 
 
 def speed(frames: list[PosedFrame], rounds: int, classifier: NetworkClassifier | None) -> dict[str, float]:
-    """Seconds and ratios for a block and a frame; random weights of DGCNN take the same time.
+    """Seconds per block and frame, and their ratios; DGCNN has random weights, which do not affect its time.
 
-    Blocks of the frames are timed for ``rounds`` rounds; whole frames also by the robot's ``classifier``.
+    DGCNN is timed on ``rounds`` blocks. Complete frames are timed only if the robot's ``classifier`` is given.
     """
     torch.manual_seed(0)
     network = Dgcnn(CHANNELS, len(CLASSES)).eval()
@@ -37,7 +37,7 @@ def speed(frames: list[PosedFrame], rounds: int, classifier: NetworkClassifier |
 
 
 def agreement(folder: Path) -> dict[str, float]:
-    """Share of the points whose class is the published one, and the median absolute difference of the logits."""
+    """Share of points with the same class as the published network, and median absolute difference of the logits."""
     network, _ = load_weights(folder / "s3dis_area6.safetensors")
     fast = for_inference(network, THREADS)
     with np.load(folder / "reference.npz") as file:
@@ -53,7 +53,7 @@ def agreement(folder: Path) -> dict[str, float]:
 
 
 def thesis_blocks(frame: PosedFrame) -> list[Block]:
-    """The columns of a frame as in the thesis: each resampled to 4,096 points, whether it has more or fewer."""
+    """The columns of a frame as in the thesis, each subsampled or oversampled to 4,096 points."""
     points = frame.points
     config, rng = BlockConfig(points=len(points)), np.random.default_rng(0)
     columns = cut(points, frame.T_map_camera[:3, 3], config, 0.0, 1, rng)
@@ -81,7 +81,7 @@ def _block_contest(network: Dgcnn, blocks: list[NDArray[np.float32]]) -> dict[st
 
 
 def _frame_times(network: Dgcnn, classifier: NetworkClassifier, frames: list[PosedFrame]) -> dict[str, float]:
-    """Times from the cloud of a frame to its labelled points: by the robot's classifier, and by plain DGCNN.
+    """Seconds from a frame's point cloud to its labels, with the robot's classifier and with plain DGCNN.
 
     Plain DGCNN is timed with the robot's blocks and with those of the thesis.
     """
@@ -108,7 +108,7 @@ def _frame_times(network: Dgcnn, classifier: NetworkClassifier, frames: list[Pos
 
 
 def classifier_of(network: PointNetwork) -> NetworkClassifier:
-    """A network with random weights as the robot's classifier."""
+    """A network with random weights, as a classifier like the robot's."""
     with tempfile.TemporaryDirectory() as folder:
         weights = Path(folder) / "random.safetensors"
         save_classifier(weights, network, BlockConfig(), {})

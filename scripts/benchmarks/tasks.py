@@ -1,7 +1,7 @@
-"""Rates of the tasks, and lengths of way of the explorers of 2D maps by the papers' protocol.
+"""Step rates of the tasks, and path lengths of the 2D explorers under the papers' protocol.
 
-Rates are steps per second of processor time, so that other work on the machine does not count; two processes are
-timed by the clock.
+Rates are steps per second of processor time, so that other load on the machine does not count; two processes are
+timed by wall clock.
 """
 
 import time
@@ -26,12 +26,12 @@ from scripts.benchmarks.common import Result, at_least
 from scripts.benchmarks.settings import TasksSettings
 
 COMPARED = "viewpoint_tour"
-"""The explorer whose ways are compared with those of the others."""
+"""The explorer whose path lengths are compared with those of the others."""
 INTERVAL_SHARE = 0.95
 
 
 def measure(settings: TasksSettings) -> Result:
-    """Steps per second; and for each explorer the mean way and how it compares, with 95 % intervals."""
+    """Steps per second; and the mean path length of each explorer and ratios of them, with 95 % intervals."""
     at_least(1, settings, "steps")
     at_least(0, settings, "drawn")
     figures = {"explore2d.steps_per_s": steps_per_s(settings.steps)}
@@ -46,7 +46,7 @@ def measure(settings: TasksSettings) -> Result:
 
 
 def steps_per_s(steps: int) -> float:
-    """Steps per second of processor time of Explore2D, with viewpoints drawn by chance."""
+    """Steps per second of processor time of Explore2D, with random viewpoints."""
     env, rng = Explore2D(), np.random.default_rng(0)
     _, info = env.reset(seed=0)
     env.step(0)  # compiles
@@ -59,14 +59,14 @@ def steps_per_s(steps: int) -> float:
 
 
 def drive_rates(steps: int) -> dict[str, float]:
-    """Rates of Drive over those of MuJoCo's own steps alone, in turns; with depth, of these and a ray cast."""
+    """Rate of Drive over that of MuJoCo's steps alone; with depth, over that of MuJoCo's steps and a ray cast."""
     shares = dict[str, float]()
     for name, size in {"drive.over_mujoco": None, "drive.depth84_over_floor": (84, 84)}.items():
         env = Drive(depth=size, seconds=steps)
         env.reset(seed=0)
         env.step(np.zeros(2, np.float32))
         task, floor = 0.0, 0.0
-        for n in range(steps):  # in turns, so that both have the same machine and contacts
+        for n in range(steps):  # alternating, so that load and contacts affect both alike
             action = np.array([0.3 * (-1) ** (n // 10), 0.2], np.float32)
             start = time.process_time()
             env.step(action)
@@ -80,7 +80,7 @@ def drive_rates(steps: int) -> dict[str, float]:
 
 
 def steps_alone(env: Drive) -> None:
-    """What a step costs at least: MuJoCo's own steps, and a ray cast if there is a camera."""
+    """Do the minimum work of a step: MuJoCo's own steps, and a ray cast if there is a camera."""
     assert env.world is not None
     model, data = env.world.physics.model.ptr, env.world.physics.data.ptr
     mujoco.mj_step(model, data, nstep=PERIODS * round(CONTROL_TIMESTEP / model.opt.timestep))
@@ -89,7 +89,7 @@ def steps_alone(env: Drive) -> None:
 
 
 def vector_rate(processes: int, steps: int) -> float:
-    """Steps per second by the clock of several environments, each in its own process."""
+    """Steps per second of wall-clock time of several environments, each in its own process."""
     envs = gymnasium.make_vec("sarsim/Explore2D-v0", num_envs=processes, vectorization_mode="async")
     rng = np.random.default_rng(0)
     envs.reset(seed=0)
@@ -103,7 +103,7 @@ def vector_rate(processes: int, steps: int) -> float:
 
 
 def compare(scenes: Sequence[GridScene], group: str) -> dict[str, float]:
-    """Means of the explorers' ways, and the ratio of means of one explorer to each other, with their intervals."""
+    """Mean path lengths, and the ratio of ``COMPARED``'s mean to that of each other explorer, with intervals."""
     ways, explored = dict[str, NDArray[np.float64]](), dict[str, float]()
     for name in tracked(list(EXPLORERS), f"exploring {group}"):
         worlds = [GridWorld(scene, PAPERS) for scene in scenes]
@@ -121,7 +121,7 @@ def compare(scenes: Sequence[GridScene], group: str) -> dict[str, float]:
 
 
 def interval(name: str, above: NDArray[np.float64], below: NDArray[np.float64]) -> dict[str, float]:
-    """The ratio of the sums of (N,) and (N,), and its 95 % interval by percentiles, resampled by map."""
+    """Ratio of the sums of ``above`` and ``below``, (N,) each, and its 95 % percentile bootstrap interval."""
 
     def ratio(a: NDArray[np.float64], b: NDArray[np.float64], axis: int = -1) -> NDArray[np.float64]:
         return np.asarray(a.sum(axis=axis) / b.sum(axis=axis))
@@ -138,7 +138,7 @@ def interval(name: str, above: NDArray[np.float64], below: NDArray[np.float64]) 
 
 
 def _table(figures: Mapping[str, float]) -> Table:
-    """Each figure with its interval in one row."""
+    """A row for each figure, with its interval."""
     table = Table("figure", title="tasks")
     table.add_column("value", justify="right")
     table.add_column("95 % interval", justify="right")

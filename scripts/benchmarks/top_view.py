@@ -1,4 +1,4 @@
-"""A run from above: the true ground, its seen cells, the true trajectory, collisions and failed legs."""
+"""Top view of a run: the true ground, its seen cells, the true trajectory, collisions and failed legs."""
 
 from collections.abc import Sequence
 
@@ -10,9 +10,9 @@ from pipeline.arrays import MaskLayer, Place, Places, Rgb
 from pipeline.grid_map import Grid
 from sarsim.ground_truth.true_surface import TrueSurface
 
-PICTURE_LENGTH = 900  # Pixels, largest length of the arena's longer side
-MOST_PIXELS = 8  # per side of a cell
-BAND = 26  # Pixels, height of the line of text below
+PICTURE_LENGTH = 900  # Maximum pixels of the arena's longer side
+MOST_PIXELS = 8  # Maximum pixels per side of a cell
+BAND = 26  # Height of a line of text below the picture, pixels
 
 # Colours are RGB.
 NOWHERE, GROUND, WALL = (226, 226, 226), (250, 250, 250), (40, 40, 40)
@@ -24,15 +24,15 @@ CONTACT, FAILED = (220, 0, 0), (160, 0, 200)
 def top_view(
     surface: TrueSurface, seen: MaskLayer, way: Places, contacts: Sequence[Place], failed: Sequence[Place], text: str
 ) -> Rgb:
-    """A picture, x to the right and y up.
+    """Top view of a run, with x to the right and y up.
 
     Args:
         surface: the true ground; seen drivable cells are green, others red.
-        seen: on its grid.
+        seen: the seen cells, on the grid of ``surface``.
         way: the robot's true trajectory.
-        contacts: (2,) m, the robot's positions at collisions; red crosses.
-        failed: (2,) m, targets of legs that were not reached; violet diamonds.
-        text: for the line below.
+        contacts: the robot's positions at collisions, each (2,), m; red crosses.
+        failed: targets of legs that were not reached, each (2,), m; violet diamonds.
+        text: the line of text below the picture.
     """
     picture, scale = ground_picture(surface, seen)
     line = pixels(surface.grid, scale, way)
@@ -49,14 +49,14 @@ def top_view(
 
 
 def ground_picture(surface: TrueSurface, seen: NDArray[np.bool_]) -> tuple[NDArray[np.uint8], int]:
-    """(H, W, 3) uint8 RGB of the ground, of which (nx, ny) cells were seen, and the pixels per side of a cell."""
+    """(H, W, 3) uint8 RGB picture of the ground, given its (nx, ny) ``seen`` cells, and pixels per side of a cell."""
     scale = int(np.clip(PICTURE_LENGTH // max(surface.grid.shape), 1, MOST_PIXELS))
     cells = _cells(surface, seen).transpose(1, 0, 2)[::-1]
     return np.ascontiguousarray(cells.repeat(scale, axis=0).repeat(scale, axis=1)), scale
 
 
 def _cells(surface: TrueSurface, seen: NDArray[np.bool_]) -> NDArray[np.uint8]:
-    """(nx, ny, 3) the colour of every cell."""
+    """(nx, ny, 3) uint8 RGB colour of every cell."""
     cells = np.empty((*surface.grid.shape, 3), np.uint8)
     cells[:] = NOWHERE
     cells[~np.isnan(surface.height)] = GROUND
@@ -67,13 +67,13 @@ def _cells(surface: TrueSurface, seen: NDArray[np.bool_]) -> NDArray[np.uint8]:
 
 
 def pixels(grid: Grid, scale: int, xy: NDArray[np.float64]) -> NDArray[np.int32]:
-    """(..., 2) column and row of points (..., 2), m in the world."""
+    """(..., 2) column and row, pixels, of points (..., 2) in the world, m."""
     column, row = np.moveaxis((np.asarray(xy) - grid.origin) / grid.cell * scale, -1, 0)
     return np.stack([column, grid.shape[1] * scale - row], axis=-1).astype(np.int32)
 
 
 def caption(text: str, width: int) -> NDArray[np.uint8]:
-    """(BAND, width, 3) uint8 RGB, a line of text."""
+    """(BAND, width, 3) uint8 RGB picture of a line of text."""
     band = np.full((BAND, width, 3), 255, np.uint8)
     font, size = cv2.FONT_HERSHEY_SIMPLEX, 0.45
     fitting = min(1.0, (width - 12) / cv2.getTextSize(text, font, size, 1)[0][0])

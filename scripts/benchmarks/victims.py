@@ -1,4 +1,4 @@
-"""Victims: the detector's average precision in frames, its speed, and how many the robot finds in whole episodes."""
+"""Victims: the detector's average precision and speed, and how many the robot finds in complete episodes."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -23,7 +23,7 @@ from scripts.benchmarks.victims_frames import DISTANCES, HIDDEN, PeopleInFrame, 
 THREADS = 2
 LEAST_CONFIDENCE = 0.01  # Average precision needs detections at all thresholds
 BOUNDS = {"distance": DISTANCES, "hidden": HIDDEN}
-"""By attribute of people, bounds of the intervals for which average precision is given separately."""
+"""Bounds of the intervals with separate average precision, by attribute of people."""
 ROWS: Mapping[str, str] = {
     "episodes": "runs",
     "victims": "victims.present.sum",
@@ -39,7 +39,7 @@ ROWS: Mapping[str, str] = {
 
 
 def measure(settings: VictimsSettings) -> Result:
-    """Speed, average precision in frames of new arenas, and the victims found in whole episodes.
+    """The detector's speed and average precision in unseen arenas, and the victims found in complete episodes.
 
     Raises:
         InputError: a number is too low, a network is broken, or a folder cannot be used.
@@ -68,7 +68,7 @@ def _frames(detector: VictimDetector, settings: VictimsSettings) -> dict[str, li
 
 
 def _precision(frames: Mapping[str, Sequence[PeopleInFrame]]) -> tuple[dict[str, float], dict[str, Any]]:
-    """Average precision in each lighting, and by distance and by hidden share."""
+    """Average precision by lighting, and within each lighting by distance and by occluded share."""
     figures, by = {}, {}
     for light, seen in frames.items():
         if np.isfinite(value := ap50(seen)):
@@ -93,7 +93,7 @@ def _episodes(jobs: Sequence[Job], settings: VictimsSettings) -> tuple[dict[str,
 
 
 def figures_of(group: str, found: Results, without: Results) -> dict[str, float]:
-    """Figures of one group: those of ``victims``, share found, position error, and times over those ``without``."""
+    """Figures of one group: victims, share found, position error, and times relative to episodes ``without``."""
     scored = [result for result in found if result and "report" in result]
     figures = {f"{group}.runs": float(len(scored))}
     victims = group_figures([{"victims": result["report"]["victims"]} for result in scored])
@@ -106,7 +106,7 @@ def figures_of(group: str, found: Results, without: Results) -> dict[str, float]
 
 
 def _times(group: str, found: Results, without: Results) -> dict[str, float]:
-    """Times to see 90 % and to end, with the detector over without it: medians over the arenas."""
+    """Ratios, with over without the detector, of time to see 90 % and total time: medians over the arenas."""
     both = pairs(found, without)
     seen = [(a["exploration"], b["exploration"]) for a, b in both]
     ratios: Mapping[str, list[float]] = {
@@ -117,7 +117,7 @@ def _times(group: str, found: Results, without: Results) -> dict[str, float]:
 
 
 def _table(figures: Mapping[str, float]) -> Table | None:
-    """A table of the groups side by side, with speed and precision below; None without episodes."""
+    """A table with a column for each group, and speed and precision below; None without episodes."""
     if not groups_in(figures):
         return None
     table = rich_table("victims", figures, [rows_of(figures, ROWS)])
@@ -127,14 +127,14 @@ def _table(figures: Mapping[str, float]) -> Table | None:
 
 
 def speed(detector: Detector, rounds: int, seed: int) -> dict[str, float]:
-    """Mean ms of the detector over frames of one random arena: its time depends on what an image shows."""
+    """Mean ms of the detector over frames of a random arena, as its time depends on the image's content."""
     times: list[float] = []
 
     class Timed:
         """The detector, timed."""
 
         def detect(self, rgb: Rgb) -> list[Detection]:
-            """As the detector, warmed up."""
+            """Time the detector, after a warm-up, and return no detections."""
             if not times:
                 detector.detect(rgb)
             times.append(seconds(detector.detect, rgb))

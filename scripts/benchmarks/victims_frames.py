@@ -1,4 +1,4 @@
-"""Average precision of a detector of people, in frames of arenas that no network was trained on."""
+"""Average precision of a person detector, in frames of arenas that no network was trained on."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
@@ -17,10 +17,10 @@ from sarsim.scoring.visibility import VISIBLE
 from sarsim.sensors.lighting import Lighting
 from sarsim.sensors.rendering import Renderer
 
-MOST_HIDDEN = 0.6  # Largest occluded share of a person who is to be found
+MOST_HIDDEN = 0.6  # Maximum occluded share of a person who should be found
 DISTANCES = (0.0, 1.5, 2.5, 3.5, 5.0, np.inf)
-"""m from the camera to the centre of a person, bounds of the intervals with separate average precision."""
-HIDDEN = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)  # Occluded shares of a person, likewise
+"""Bounds, m, of the intervals of distance from camera to person's centre that have their own average precision."""
+HIDDEN = (0.0, 0.2, 0.4, 0.6, 0.8, 1.0)  # Likewise, of a person's occluded share
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,12 +28,12 @@ class PeopleInFrame:
     """The people in one frame, and a detector's boxes.
 
     Attributes:
-        boxes: (V, 4) true, pixels.
-        area: (V,) pixels that show each.
-        hidden: occluded share of each within the image.
-        distance: m from the camera to the centre of each.
-        found: (N, 4) boxes of the detector.
-        confidence: of the detector's boxes.
+        boxes: (V, 4) true boxes, pixels.
+        area: (V,) number of pixels that show each person.
+        hidden: occluded share of each person's area within the image.
+        distance: distance from the camera to each person's centre, m.
+        found: (N, 4) detected boxes, pixels.
+        confidence: confidence of each detected box.
     """
 
     boxes: NDArray[np.float64]
@@ -45,18 +45,18 @@ class PeopleInFrame:
 
     @property
     def counts(self) -> Mask:
-        """The people to be found."""
+        """The people who should be found."""
         return (self.area >= VISIBLE) & (self.hidden <= MOST_HIDDEN)
 
 
 def recipe(seed: int, frames: int) -> Recipe:
-    """Arenas with people, as in the training data except for the seed; the air is clear in three of four scenes."""
+    """Arenas with people, as in the training data but with another seed; three in four scenes have clear air."""
     arenas = HarderArenaRange(victims=(1, 6), furniture=(0.05, 0.35), bulky=(0.0, 0.4))
     return Recipe(seed=seed, frames=frames, random=arenas, keyframes=(0.5, 0.8))
 
 
 def scene_frames(recipe: Recipe, index: int, lighting: Lighting, detector: Detector) -> Iterator[PeopleInFrame]:
-    """The people and detections in each frame of a scene in one lighting; all else is the same in every lighting."""
+    """The people and detections in each frame of a scene; ``lighting`` changes nothing else in the scene."""
     scene, arena = find_scene(with_lighting(recipe, lighting), index)
     noise = recipe.rng(index, "noise")
     with World(arena, scene, Renderer, recipe.width, recipe.height) as world:
@@ -80,12 +80,12 @@ def scene_frames(recipe: Recipe, index: int, lighting: Lighting, detector: Detec
 
 
 def ap50(frames: Sequence[PeopleInFrame]) -> float:
-    """Average precision at an IoU of 0.5; NaN if no person is to be found."""
+    """Average precision at an IoU of 0.5; NaN if no person should be found."""
     return _average_precision(frames, [people.counts for people in frames])
 
 
 def ap50_by(frames: Sequence[PeopleInFrame], attribute: str, bounds: Sequence[float]) -> dict[str, dict[str, float]]:
-    """Average precision and number of people by intervals of an attribute, of people with enough pixels."""
+    """Average precision and number of people by interval of an attribute."""
     result = {}
     for low, high in pairwise(bounds):
         chosen = [_between(people, attribute, low, high) for people in frames]
@@ -96,14 +96,14 @@ def ap50_by(frames: Sequence[PeopleInFrame], attribute: str, bounds: Sequence[fl
 
 
 def _between(people: PeopleInFrame, attribute: str, low: float, high: float) -> Mask:
-    """People in an interval of an attribute who are to be found, for "hidden" at any occluded share."""
+    """People in an interval of an attribute who should be found; for "hidden", whatever their occluded share."""
     value = getattr(people, attribute)
     counts = people.area >= VISIBLE if attribute == "hidden" else people.counts
     return counts & (value >= low) & ((value < high) | (high == HIDDEN[-1]))
 
 
 def _average_precision(frames: Sequence[PeopleInFrame], counts: Sequence[NDArray[np.bool_]]) -> float:
-    """Average precision for the people who count; detections of others are neither right nor wrong."""
+    """Average precision for the people in ``counts``; detections of other people are ignored."""
     result = AveragePrecision()
     for people, chosen in zip(frames, counts, strict=True):
         result.add(people.found, people.confidence, people.boxes, ~chosen)
@@ -111,6 +111,6 @@ def _average_precision(frames: Sequence[PeopleInFrame], counts: Sequence[NDArray
 
 
 def with_lighting(recipe: Recipe, lighting: Lighting) -> Recipe:
-    """The recipe with all scenes in one lighting."""
+    """The recipe with the same lighting in all scenes."""
     normal, dim, dark = (float(kind is lighting) for kind in Lighting)
     return replace(recipe, lighting=(normal, dim, dark))

@@ -1,4 +1,4 @@
-"""Worlds of the rescue leagues' virtual robots as they were published: a mission in each, scored as there."""
+"""Published worlds of the rescue leagues' virtual-robot competitions: one mission in each, scored by their rules."""
 
 import tempfile
 from collections.abc import Mapping, Sequence
@@ -34,11 +34,11 @@ FIGURES: Mapping[str, Sequence[str]] = {
     "discovered": ("virtual", "portals", "discovered"),
     "score": ("virtual", "total", "points"),
 }
-"""Figures of a world, and where each stands in report.json."""
+"""Figures of a world, and the path of keys to each in report.json."""
 
 
 def measure(settings: WorldsSettings) -> Result:
-    """What a mission in each world explored, found and scored.
+    """What the mission in each world explored, found and scored.
 
     Raises:
         InputError: there is no world, a mission failed, or a setting is wrong.
@@ -55,7 +55,7 @@ def measure(settings: WorldsSettings) -> Result:
 
 
 def worlds_in(folder: Path) -> list[Path]:
-    """The worlds below a folder, and its models that no world there includes.
+    """The .world files below a folder, and the models there that none of these worlds includes.
 
     Raises:
         InputError: there are none.

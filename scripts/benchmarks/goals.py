@@ -33,12 +33,14 @@ def measure(settings: GoalsSettings) -> Result:
     """The share of goals reached, and path length over the shortest possible.
 
     Raises:
-        InputError: a setting is wrong, or a run failed.
+        InputError: a setting is wrong, the robot can reach no goal in the random arenas, or a run failed.
     """
     at_least(1, settings, "arenas", "goals")
     robot_model(settings.robot)
     sampled = islice(_arenas_with_goals(settings), settings.arenas)
     jobs = [job for arena, goals in sampled for job in _jobs(settings, arena, goals)]
+    if not jobs:
+        raise InputError(f"--robot {settings.robot}: no goal can be reached in the random arenas; use a smaller robot")
     results = run_jobs(jobs, settings.runs, settings.workers, run_job)
     if failed := [job.name for job, result in zip(jobs, results, strict=True) if result is None]:
         raise InputError(f"{', '.join(failed)} failed: see the log in {settings.runs}")

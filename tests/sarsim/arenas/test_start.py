@@ -73,7 +73,7 @@ def test_a_wished_start_stands_on_the_ground_that_is_there():
 
 @pytest.mark.parametrize("xy", [(np.nan, 0.0), (0.0, np.inf), (0.0, 0.6), (0.0, 0.45), (50.0, 0.0)])
 def test_a_wish_that_cannot_be_is_refused(xy):
-    with pytest.raises(InputError, match="no free start|finite"):
+    with pytest.raises(InputError, match=r"no free start|finite"):
         start_at(*compiled(corridor(3)), *xy, 0.0)
 
 

@@ -1,4 +1,4 @@
-"""What a mission asks for, as data: names for the files, a clock, tasks, rewards and penalties."""
+"""The brief of a mission: names for the files, a clock, tasks, rewards and penalties."""
 
 import re
 from dataclasses import dataclass, field, fields
@@ -7,28 +7,29 @@ from typing import Literal
 
 from pipeline.errors import InputError
 
-HANDED_IN = "handed_in"  # The folder of the files, in that of the run
+HANDED_IN = "handed_in"  # Folder of the files, in the folder of the run
 Task = Literal["explore", "find", "home", "park"]
-"""Map the arena, report what is in it, be back at the start in time, end beside victims that are alive."""
+"""Map the arena, report what is in it, return to the start in time, end next to living victims."""
 DEFAULT_START = datetime.fromisoformat("2026-01-26T14:30:00")
-"""Start of a mission that names none: a fixed one, so that files are equal by seed."""
+"""Start of a mission whose brief names none; it is fixed so that the same seed gives the same files."""
 
 
 @dataclass(frozen=True)
 class Rewards:
-    """What the leagues pay for; where a rulebook leaves a number to the judges, the default is an assumption.
+    """Points that the leagues award; where a rule book leaves a number to the judges, the default is an assumption.
 
     Attributes:
-        detection: points for each find (DS), Rescue Robot League; how many is not public.
-        extra: bonus of a 3D map for each of rgb, normals and confidence, as a share; how much is not public.
-        teleoperated, autonomous: factors of a run by who drives, Rescue Robot League 2026D.
-        beta: share of the portals in the score, Virtual Robot 2022: above 0.1 and below 1, by the map's designer.
+        detection: points for each correct find (DS), Rescue Robot League; the official number is not public.
+        extra: bonus for each of RGB, normals and confidence in the 3D map, as a share of the map's points; the
+            official number is not public.
+        teleoperated, autonomous: factors on the points of a run, by who drives, Rescue Robot League 2026D.
+        beta: weight of the portals in the score, Virtual Robot 2022; set by the map's designer between 0.1 and 1.
         reading: points for each code read, small league 2026.
-        placed: points more for a code whose distances on the map are right, small league 2026.
-        near_fiducials: m that these distances may be off, small league 2026.
-        reading_alone: factor of readings that nobody drove for, small league 2026.
-        alpha: difficulty of the map, Virtual Robot 2022: above 0.1 and below 2, by the map's designer.
-        beside: m from a victim within which marks and robots count, Virtual Robot 2022.
+        placed: additional points for a code whose distances on the map are correct, small league 2026.
+        near_fiducials: maximum error of these distances, m, small league 2026.
+        reading_alone: factor on the points of a run in which nobody drives the robot, small league 2026.
+        alpha: difficulty of the map, Virtual Robot 2022; set by the map's designer between 0.1 and 2.
+        beside: maximum distance from a victim at which marks and robots count, m, Virtual Robot 2022.
     """
 
     detection: float = 1.0
@@ -49,9 +50,9 @@ class Penalties:
     """What costs points.
 
     Attributes:
-        contact: share of a living victim's points lost at each contact with it, Virtual Robot 2022.
-        wrong: points lost, in those of a victim, for a mark where none is, Virtual Robot 2022.
-        reset: points lost at each reset in the labyrinth; 0, for the summary of the rules names none.
+        contact: share of a living victim's points that each contact with it costs, Virtual Robot 2022.
+        wrong: share of a victim's points that a mark without a victim costs, Virtual Robot 2022.
+        reset: points that each reset in the labyrinth costs; 0, because the summary of the rules names no penalty.
     """
 
     contact: float = 0.2
@@ -61,14 +62,14 @@ class Penalties:
 
 @dataclass(frozen=True)
 class MissionBrief:
-    """A mission before it begins.
+    """The brief of a mission, which is fixed before the mission starts.
 
     Attributes:
-        team, country, name: for names and headers of files; ``name`` is the mission's.
-        start: when the clock starts.
-        minutes: that the clock runs, simulated or real; 20 in both leagues.
-        tasks: what counts.
-        rewards, penalties: in points.
+        team, country, name: names of the team, its country and the mission, for file names and headers.
+        start: date and time at which the clock starts.
+        minutes: duration, min, simulated or real; 20 in the Rescue Robot League and in Virtual Robot.
+        tasks: what the robot is asked to do; at least one.
+        rewards, penalties: points awarded and lost.
     """
 
     team: str = "sarsim"
@@ -81,7 +82,7 @@ class MissionBrief:
     penalties: Penalties = field(default_factory=Penalties)
 
     def __post_init__(self) -> None:
-        """Raises InputError if a number or a name cannot be."""
+        """Raises InputError if a name, a number or the list of tasks is invalid."""
         for name in ("team", "country", "name"):
             if not getattr(self, name).strip() or re.search(r"[\x00-\x1f\x7f]", getattr(self, name)):
                 raise InputError(f"mission: {name} {getattr(self, name)!r}: must be one line, not empty")
@@ -98,26 +99,26 @@ class MissionBrief:
 
     @property
     def stem(self) -> str:
-        """``RoboCup[Year]-[Team]-[Mission]``, with _ for what would part the name or lead to another folder."""
+        """``RoboCup[Year]-[Team]-[Mission]``, with _ in place of all characters except letters and digits."""
         team, name = (re.sub(r"\W+", "_", text) for text in (self.team, self.name))
         return f"RoboCup{self.start.year}-{team}-{name}"
 
     @property
     def plan_name(self) -> str:
-        """Name of the 2D map, Rescue Robot League 2026D."""
+        """File name of the 2D map, Rescue Robot League 2026D."""
         return f"{self.stem}.tiff"
 
     @property
     def cloud_name(self) -> str:
-        """Name of the 3D map; an assumption, after that of the 2D map: the summary of the rules gives none."""
+        """File name of the 3D map; assumed to be like that of the 2D map, as the summary of the rules gives none."""
         return f"{self.stem}.ply"
 
     @property
     def codes_name(self) -> str:
-        """Name of the file of QR codes; an assumption: the small league asks for a file without naming it."""
+        """File name of the QR codes; an assumption, as the small league requires a file but specifies no name."""
         return f"{self.stem}-{self.start:%H-%M-%S}-codes.json"
 
     @property
     def pois_name(self) -> str:
-        """Name of the list of finds, Rescue Robot League 2026D; the form of the start time is an assumption."""
+        """File name of the list of finds, Rescue Robot League 2026D; the start time's format is an assumption."""
         return f"{self.stem}-{self.start:%H-%M-%S}-pois.csv"

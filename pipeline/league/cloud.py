@@ -1,4 +1,4 @@
-"""The 3D map as the league wants it: an ASCII PLY in metres, with colours, normals and confidence."""
+"""The 3D map in the league's format: an ASCII PLY in metres, with colours, normals and confidence."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, field
@@ -18,7 +18,7 @@ from pipeline.transforms import inverse, transform_points
 
 PLACE, NORMAL, RGB = ("x", "y", "z"), ("nx", "ny", "nz"), ("red", "green", "blue")
 PROPERTIES = dict.fromkeys((*PLACE, *NORMAL, "confidence", "temp"), "float") | dict.fromkeys(RGB, "uchar")
-"""Type of each property; ``confidence`` from 0 to 1, an assumption."""
+"""Type of each property; that ``confidence`` is between 0 and 1 is an assumption."""
 WRITTEN = (*PLACE, *RGB, *NORMAL, "confidence")
 ALIASES = {"float32": "float", "uint8": "uchar"}
 COMMENTS = ("team", "start time", "mission")
@@ -26,12 +26,12 @@ COMMENTS = ("team", "start time", "mission")
 
 @dataclass
 class CloudFile:
-    """What a PLY says, and what is wrong with it.
+    """The content of a PLY file, and what is wrong with it.
 
     Attributes:
-        comments: of the header.
-        columns: by property; x, y and z in m.
-        faults: a line each.
+        comments: comments in the header.
+        columns: values of the vertices by property; x, y and z in m.
+        faults: what is wrong, one line each.
     """
 
     comments: list[str] = field(default_factory=list)
@@ -39,7 +39,7 @@ class CloudFile:
     faults: list[str] = field(default_factory=list)
 
     def points(self, names: tuple[str, ...] = PLACE) -> NDArray[np.float64]:
-        """(N, 3) m, or other columns of such names; (0, 3) if one is missing."""
+        """(N, 3) positions, m, or the columns with other names; no rows if a column is missing."""
         if not all(name in self.columns for name in names):
             return np.zeros((0, len(names)))
         return np.stack([self.columns[name] for name in names], axis=1)
@@ -55,20 +55,20 @@ def write_cloud(
     T_map_league: Pose,
     neighbours: int,
 ) -> None:
-    """Write a cloud, whole or not at all.
+    """Write a point cloud, either completely or not at all.
 
     Args:
-        path: of the file.
-        brief: names for the comments.
-        points: of surfaces.
+        path: the PLY file.
+        brief: the mission's brief, which supplies the comments.
+        points: points on surfaces.
         colours: (N, 3) RGB.
-        cameras: where the robot was; a normal points to the nearest.
-        metric_map: whose probability that a point's voxel is occupied is its confidence.
+        cameras: positions of the camera; each normal points towards the nearest one.
+        metric_map: the confidence of a point is the probability that its voxel of this map is occupied.
         T_map_league: pose of the league's frame.
         neighbours: number of neighbours from which a point's normal is estimated.
 
     Raises:
-        InputError: it cannot be written.
+        InputError: the file cannot be written.
     """
     confidence = expit(LOG_ODDS * metric_map.log_odds_at(metric_map.voxel_index(points)))
     T = inverse(T_map_league)
@@ -88,14 +88,14 @@ def write_cloud(
 
 
 def _normals(points: Points, cameras: Places, neighbours: int) -> Directions:
-    """Normals, each towards the nearest place where the robot was."""
+    """Normals, each pointing towards the nearest camera position."""
     if not len(points):
         return np.zeros((0, 3))
     cloud = small_gicp.PointCloud(np.asarray(points, np.float64))
     small_gicp.estimate_normals(cloud, num_neighbors=neighbours)
     normals: Directions = cloud.normals()[:, :3]
     length = np.linalg.norm(normals, axis=1, keepdims=True)
-    # A point with too few neighbours has no normal: up is as good as any.
+    # A point with too few neighbours has no normal; any will do, such as one that points up.
     normals = np.where(length > 0, normals / np.maximum(length, np.finfo(float).tiny), [0.0, 0.0, 1.0])
     _, nearest = cKDTree(cameras).query(points)
     away = ((cameras[nearest] - points) * normals).sum(axis=1, keepdims=True) < 0
@@ -103,10 +103,10 @@ def _normals(points: Points, cameras: Places, neighbours: int) -> Directions:
 
 
 def read_cloud(path: Path) -> CloudFile:
-    """Read a cloud, of this or of another program, and note what a judge would reject in its form.
+    """Read a point cloud, whether from sarsim or another program, and note what a judge would reject in its format.
 
     Raises:
-        InputError: no regular file, or too large.
+        InputError: the file is not a regular file, is too large, or cannot be read.
     """
     read = CloudFile()
     head, end, body = read_bytes(path, MOST_MEMORY).partition(b"end_header")
@@ -124,7 +124,7 @@ def read_cloud(path: Path) -> CloudFile:
 
 
 def _vertices(read: CloudFile, lines: list[str]) -> tuple[int, list[str]]:
-    """Number and properties of the vertices, which must be the first element."""
+    """Number of vertices, which must be the first element, and names of their properties."""
     words = [line.split() for line in lines]
     elements = [(at, w) for at, w in enumerate(words) if w[:1] == ["element"]]
     if not elements or elements[0][1][1:2] != ["vertex"] or not elements[0][1][-1].isdecimal():
@@ -133,7 +133,7 @@ def _vertices(read: CloudFile, lines: list[str]) -> tuple[int, list[str]]:
     first, following = elements[0][0], elements[1][0] if len(elements) > 1 else len(words)
     properties = [(w[-1], " ".join(w[1:-1])) for w in words[first:following] if w[:1] == ["property"]]
     read.faults += list(_wrong_properties(dict(properties)))
-    return int(elements[0][1][2]), [name for name, _ in properties]
+    return int(elements[0][1][-1]), [name for name, _ in properties]
 
 
 def _wrong_properties(kinds: dict[str, str]) -> Iterator[str]:
@@ -150,7 +150,7 @@ def _wrong_properties(kinds: dict[str, str]) -> Iterator[str]:
 
 
 def _read_body(read: CloudFile, lines: list[bytes], count: int, names: list[str]) -> None:
-    """Take the vertices."""
+    """Read the vertices into the columns, or note what is wrong with them."""
     rows = lines[:count]
     try:
         table = np.loadtxt(rows, ndmin=2, comments=None) if any(map(bytes.strip, rows)) else np.zeros((0, len(names)))

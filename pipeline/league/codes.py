@@ -1,4 +1,4 @@
-"""The codes that a run has read, as the small league wants them: written to a file, with their places on the map."""
+"""The QR codes that a run has read, written with their positions to the file that the small league requires."""
 
 import json
 from collections.abc import Iterable
@@ -14,7 +14,7 @@ from pipeline.tracks.find import Find
 from pipeline.transforms import inverse, transform_points
 
 CODES_ENDING = "-codes.json"
-"""So ends the name of the file, which is ours: the rule book asks for a file and leaves its form open."""
+"""Ending of the file name; the format is sarsim's own, as the rule book requires a file but specifies none."""
 QR_CODE = "qr_code"
 EXAMPLE = '{"text": "A", "position": [1.0, 2.0, 0.5], "autonomous": true}'
 
@@ -24,9 +24,9 @@ class ReadCode:
     """A code that was read.
 
     Attributes:
-        text: what it says.
-        position: in the frame of the 3D map, m.
-        is_autonomous: whether nobody drove.
+        text: content of the code.
+        position: position in the frame of the 3D map, m.
+        is_autonomous: whether nobody was driving the robot.
     """
 
     text: str
@@ -35,7 +35,7 @@ class ReadCode:
 
 
 def codes_among(finds: Iterable[Find], T_map_league: Pose) -> list[ReadCode]:
-    """The QR codes among finds, each text once and the surest first kept; ``T_map_league``: pose of their frame."""
+    """The QR codes among finds, the most confident of each text; ``T_map_league``: pose of their frame."""
     kept: dict[str, ReadCode] = {}
     for find in sorted(finds, key=lambda find: -find.confidence):
         if find.kind == QR_CODE and find.text not in kept:
@@ -45,7 +45,7 @@ def codes_among(finds: Iterable[Find], T_map_league: Pose) -> list[ReadCode]:
 
 
 def write_codes(path: Path, codes: Iterable[ReadCode]) -> None:
-    """Write the file; InputError if it cannot be written."""
+    """Write codes to a file; InputError if it cannot be written."""
     rows = [
         {"text": code.text, "position": code.position.round(3).tolist(), "autonomous": code.is_autonomous}
         for code in codes
@@ -55,7 +55,7 @@ def write_codes(path: Path, codes: Iterable[ReadCode]) -> None:
 
 
 def read_codes(path: Path) -> list[ReadCode]:
-    """Read the file, of this or of another program; InputError if it is none."""
+    """Read codes written by sarsim or another program; InputError if the file cannot be read or is invalid."""
     try:
         return [_code(row) for row in _rows(json.loads(read_text(path)))]
     except (ValueError, TypeError, KeyError, RecursionError) as error:

@@ -1,19 +1,19 @@
-"""The numbers of handed-in files and of their validation."""
+"""Parameters of the files that are handed in and of their validation."""
 
 from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
 class ValidationConfig:
-    """How the rules' words are checked; all are assumptions.
+    """Tolerances with which the rules are checked; all are assumptions.
 
     Attributes:
-        smallest, largest: m, extent of a cloud; in millimetres an arena of 1 m has more.
-        around: m around the origin of a cloud, in which there is floor.
-        lowest_share: of the points around the origin that may lie below the floor, or be the floor.
-        floor: m, error of the floor's height: a voxel.
-        unit: error of the length of a normal.
-        rarest: share of the picture's frame that each grey of the checkerboard has.
+        smallest, largest: limits of a point cloud's extent, m; in millimetres, even an arena of 1 m exceeds them.
+        around: horizontal distance from the origin of a point cloud within which floor is expected, m.
+        lowest_share: quantile of the heights of the points around the origin that is taken as the floor.
+        floor: maximum error of the floor's height, m: a voxel.
+        unit: maximum error of the length of a normal.
+        rarest: minimum share of the pixels along the image's border that each grey of the checkerboard must have.
     """
 
     smallest: float = 1.0
@@ -27,11 +27,11 @@ class ValidationConfig:
 
 @dataclass(frozen=True)
 class LeagueConfig:
-    """Files for the leagues.
+    """Parameters of the files for the leagues.
 
     Attributes:
         normal_neighbours: number of neighbours from which a point's normal is estimated.
-        validation: what a judge would reject.
+        validation: tolerances of the validation.
     """
 
     normal_neighbours: int = 20

@@ -1,4 +1,4 @@
-"""Hand in a mission: the league's three files, from what a run knows at its end."""
+"""Hand in a mission: write the leagues' files from what is known at the end of a run."""
 
 from collections.abc import Sequence
 from functools import partial
@@ -35,20 +35,20 @@ def hand_in(
     *,
     config: LeagueConfig = LeagueConfig(),
 ) -> list[Path]:
-    """Write ``handed_in/`` into the folder of a run; every file is tried, whatever fails in others.
+    """Write ``handed_in/`` into the folder of a run; if a file fails, the others are written nevertheless.
 
     Args:
-        folder: of the run.
-        brief: of the mission.
-        driven: ``T_map_base`` on the robot's way, at least one; the first is where it started.
-        finds: what is reported, the confirmed people included.
-        metric_map: says how sure each place is.
-        semantic_map: its points are the 3D map; without any, the occupied voxels are.
-        ground: by the robot's elevation map.
-        config: of the files.
+        folder: the run's folder.
+        brief: the mission's brief.
+        driven: ``T_map_base`` along the robot's path, at least one; the first is the start.
+        finds: the finds to report, confirmed people included.
+        metric_map: determines the confidence of points and of the ground.
+        semantic_map: its points form the 3D map; if it is empty, the occupied voxels do.
+        ground: traversability of the robot's elevation map.
+        config: parameters of the files.
 
     Returns:
-        The files: 2D map, 3D map, list of finds, and the QR codes if any was read.
+        The files: 2D map, 3D map, list of finds, and QR codes if any were read.
 
     Raises:
         InputError: a file cannot be written.
@@ -75,7 +75,7 @@ def hand_in(
 
 
 def league_frame(T_map_start: Pose, front: float) -> Pose:
-    """Pose of the frame of the 3D map: level, on the floor ``front`` m before the robot's middle, y forward."""
+    """Pose of the league's frame: level, on the floor ``front`` m ahead of the robot's centre, with y forward."""
     x, y, z = T_map_start[:3, 3]
     forward = T_map_start[:2, 0] / np.linalg.norm(T_map_start[:2, 0])
     x, y = (x, y) + front * forward
@@ -83,7 +83,7 @@ def league_frame(T_map_start: Pose, front: float) -> Pose:
 
 
 def _surface(semantic_map: SemanticMap, metric_map: MetricMap) -> tuple[Points, NDArray[np.uint8]]:
-    """Points with their colours (N, 3): of the semantic map, or else of occupied voxels."""
+    """Points and their colours (N, 3): of the semantic map or, if it is empty, of the occupied voxels."""
     if len(semantic_map):
         return semantic_map.points(), COLOURS[semantic_map.labels()]
     centres = metric_map.occupied_centres()

@@ -1,4 +1,4 @@
-"""The 2D map as the league wants it, drawn with every element of its table."""
+"""The 2D map in the league's format, drawn with every element that the rules list."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -25,12 +25,12 @@ FONT = cv2.FONT_HERSHEY_SIMPLEX
 
 @dataclass(frozen=True, eq=False)
 class SearchedGround:
-    """What was searched.
+    """The ground that was searched.
 
     Attributes:
-        grid: of the layers, in ``map``.
+        grid: grid of the layers, in ``map``.
         walls: walls and obstacles.
-        confidence: from ½, the probability that the map is right about the ground; 0 where nothing is known.
+        confidence: probability, at least ½, that the map is right about the ground; 0 where nothing is known.
     """
 
     grid: Grid
@@ -39,7 +39,7 @@ class SearchedGround:
 
 
 def searched_ground(ground: Traversability, metric_map: MetricMap, places: Places) -> SearchedGround:
-    """The ground that is connected to places where the robot was, and what stands on it."""
+    """The ground that is connected to positions where the robot was, and the obstacles."""
     cost, grid = costs(ground, places), ground.grid
     i, j = np.nonzero(cost >= 0)
     points = np.column_stack([grid.centre_of(np.stack([i, j], axis=1)), np.nan_to_num(ground.elevation[i, j])])
@@ -53,15 +53,15 @@ class Plan:
     """A 2D map in the league's frame: x to the right, y up.
 
     Attributes:
-        image: a pixel is ``LENGTHS["pixel"]`` m wide.
-        corner: its upper left corner.
+        image: the drawing; a pixel is ``LENGTHS["pixel"]`` m wide.
+        corner: upper left corner of the image, x and y, m.
     """
 
     image: Rgb
     corner: Place
 
     def pixel_of(self, points: NDArray[np.floating]) -> Cells:
-        """(..., 2) column and row of points (..., 2 or 3), m in the league's frame."""
+        """(..., 2) columns and rows of points (..., 2 or 3), m, in the league's frame."""
         return np.floor((points[..., :2] - self.corner) * [1, -1] / LENGTHS["pixel"]).astype(np.int64)
 
 
@@ -72,13 +72,13 @@ def draw_plan(
 
     Args:
         title: the file's name.
-        ground: what was searched.
-        T_map_league: pose of the league's frame, level: the robot's front at the start, y forward.
-        way: of the robot; it began at the first.
-        pois: what was found.
+        ground: the ground that was searched.
+        T_map_league: pose of the league's frame: level, at the robot's front at the start, with y forward.
+        way: positions along the robot's path, beginning at its start.
+        pois: the finds.
 
     Raises:
-        InputError: the map is so large that the picture takes too much memory.
+        InputError: the map is so large that the image would take too much memory.
     """
     driven = transform_points(inverse(T_map_league), way)
     searched = ground.grid.centre_of(np.argwhere(ground.confidence > 0))
@@ -86,7 +86,7 @@ def draw_plan(
     plan = _empty_plan(np.concatenate([corners, driven, *(poi.position[None] for poi in pois)])[:, :2], len(title))
     _draw_ground(plan, ground, T_map_league)
     _draw_start(plan, driven[0])
-    # On top of the start, for of a robot that could not leave it the path is a dot there.
+    # Drawn over the start, because the path of a robot that could not leave it is a dot there.
     line = plan.pixel_of(driven)[:, None].astype(np.int32)
     cv2.polylines(plan.image, [line], False, MAP_COLOURS["path"], pixels("path"))
     for poi in pois:
@@ -99,17 +99,17 @@ def draw_plan(
 def write_plan(
     path: Path, ground: SearchedGround, T_map_league: Pose, way: Places, pois: Sequence[PointOfInterest]
 ) -> None:
-    """Draw the 2D map as :func:`draw_plan` does, and write it, georeferenced in the league's frame.
+    """Draw the 2D map with :func:`draw_plan`, and write it as a GeoTIFF in the league's frame.
 
     Raises:
-        InputError: it cannot be written, or takes too much memory.
+        InputError: the file cannot be written, or the image would take too much memory.
     """
     plan = draw_plan(path.name, ground, T_map_league, way, pois)
     write_geotiff(path, plan.image, LENGTHS["pixel"], plan.corner)
 
 
 def _empty_plan(points: Places, letters: int) -> Plan:
-    """A checkerboard around points, wide enough for a title of that many letters beside the scale."""
+    """A checkerboard around points, wide enough for a title of ``letters`` letters next to the scale."""
     pixel, margin = LENGTHS["pixel"], LENGTHS["margin"]
     low, high = points.min(axis=0) - margin, points.max(axis=0) + margin
     high += [max(0.0, letters * LENGTHS["title"] + 2 * LENGTHS["scale"] - (high - low)[0]), margin]
@@ -123,7 +123,7 @@ def _empty_plan(points: Places, letters: int) -> Plan:
 
 
 def _draw_ground(plan: Plan, ground: SearchedGround, T_map_league: Pose) -> None:
-    """Draw the searched area by confidence, the grid on it, and walls."""
+    """Draw the searched area in greys that show its confidence, the grid on it, and the walls."""
     confidence, is_wall = (_as_seen(plan, layer, ground.grid, T_map_league) for layer in _layers(ground))
     is_known = confidence > 0
     plan.image[is_known] = confidence[is_known, None]
@@ -134,26 +134,26 @@ def _draw_ground(plan: Plan, ground: SearchedGround, T_map_league: Pose) -> None
 
 
 def _layers(ground: SearchedGround) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
-    """(nx, ny) greys, from ``searched`` to ``text``, 0 where nothing is known; and walls."""
+    """(nx, ny) greys of the confidence, from ``searched`` to ``text``, 0 where nothing is known; and walls."""
     (least, *_), (most, *_) = MAP_COLOURS["searched"], MAP_COLOURS["text"]
     greys = np.rint(least + (2 * ground.confidence - 1) * (most - least))
     return np.where(ground.confidence > 0, greys, 0).astype(np.uint8), ground.walls.astype(np.uint8)
 
 
 def _as_seen(plan: Plan, layer: NDArray[np.uint8], grid: Grid, T_map_league: Pose) -> NDArray[np.uint8]:
-    """(H, W) a layer (nx, ny) of a grid in ``map`` at the pixels of a plan; 0 beyond it."""
+    """(H, W) values of a layer (nx, ny), whose grid is in ``map``, at a plan's pixels; 0 outside the grid."""
     pixel, flat = LENGTHS["pixel"], np.delete(np.delete(T_map_league, 2, 0), 2, 1)
     x, y = plan.corner + np.array([pixel, -pixel]) / 2
     of_pixels = np.array([[pixel, 0, x], [0, -pixel, y], [0, 0, 1]])
     to_cells = np.array([[1, 0, -grid.origin[0]], [0, 1, -grid.origin[1]], [0, 0, grid.cell]]) / grid.cell
     M = (to_cells @ flat @ of_pixels)[:2]
-    M[:, 2] -= 0.5  # OpenCV's pixel centres are whole numbers
+    M[:, 2] -= 0.5  # OpenCV's pixel centres are at integers
     flags: Any = cv2.INTER_NEAREST | cv2.WARP_INVERSE_MAP
     return cv2.warpAffine(np.ascontiguousarray(layer.T), M, plan.image.shape[1::-1], flags=flags).astype(np.uint8)
 
 
 def _draw_start(plan: Plan, start: Points) -> None:
-    """Draw an arrow up the map, in the middle of the robot at its start."""
+    """Draw an arrow that points up, at the robot's centre at the start."""
     x, y = plan.pixel_of(start).tolist()
     half = pixels("arrow", 0.5)
     side = half // 2
@@ -162,7 +162,7 @@ def _draw_start(plan: Plan, start: Points) -> None:
 
 
 def _draw_find(plan: Plan, poi: PointOfInterest) -> None:
-    """Draw a disc with a tag's number, or a diamond with the first two letters."""
+    """Draw a tag as a disc with its number, other finds as a diamond with the first two letters of the name."""
     x, y = plan.pixel_of(poi.position).tolist()
     if poi.type == "ar_code":
         radius, text = pixels("disc", 0.5), poi.name
@@ -191,5 +191,5 @@ def _draw_scale(plan: Plan, title: str) -> None:
 
 
 def _scale(height: int) -> float:
-    """Scale of the font for letters of a height in pixels."""
+    """Font scale for letters with a height in pixels."""
     return float(cv2.getFontScaleFromHeight(FONT, height))

@@ -1,4 +1,4 @@
-"""Points of interest: what was found, as the league wants it listed (``pois.csv``, version 1.3)."""
+"""Points of interest: the finds in the league's list format (``pois.csv``, version 1.3)."""
 
 import csv
 import re
@@ -23,11 +23,11 @@ TYPE_OF = {
     "heat": "heat_sig",
     **dict.fromkeys(("victim", "fire_extinguisher", "door_lever"), "real_object"),
 }
-"""The league's type of each kind of find; QR codes have none. That victims are objects is an assumption."""
+"""The league's type for each kind of find; QR codes have none. That victims are objects is an assumption."""
 POI_COLUMNS = "detection,time,type,name,x,y,z,robot,mode"
 MODES = {"A": "autonomous", "T": "teleoperated"}
 HEADER = ("pois", "1.3", "team", "country", "date", "time", "mission")
-"""The quoted lines before the columns: two fixed words and five of the mission's own."""
+"""The quoted lines above the columns: two fixed words, then five values of the mission."""
 
 FORMS = {"date": "%Y-%m-%d", "time": "%H:%M:%S"}
 
@@ -37,14 +37,14 @@ _ROW = re.compile(rf"(\d+),(\d\d:\d\d:\d\d),{_TEXT},{_TEXT},{_NUMBER},{_NUMBER},
 
 @dataclass(frozen=True, eq=False)
 class PointOfInterest:
-    """A find, as the league lists it.
+    """A find as the league lists it.
 
     Attributes:
-        time: of the detection, ``HH:MM:SS``.
+        time: time of the detection, ``HH:MM:SS``.
         type: one of ``POI_TYPES``.
-        name: of a tag, a class or an object.
-        position: in the frame of the 3D map.
-        robot: that found it.
+        name: number of a tag, class of a sign, or kind of an object.
+        position: position in the frame of the 3D map.
+        robot: name of the robot that found it.
         mode: a key of ``MODES``.
     """
 
@@ -58,12 +58,12 @@ class PointOfInterest:
 
 @dataclass
 class PoiFile:
-    """What a file of points of interest says, and what is wrong with it.
+    """The content of a list of points of interest, and what is wrong with it.
 
     Attributes:
-        header: the mission's own header lines, by the names in ``HEADER``.
-        pois: the rows that can be read.
-        faults: a line each.
+        header: values of the header lines, by the names in ``HEADER``.
+        pois: the rows without faults.
+        faults: what is wrong, one line each.
     """
 
     header: dict[str, str] = field(default_factory=dict)
@@ -72,12 +72,12 @@ class PoiFile:
 
 
 def points_of_interest(finds: Iterable[Find], T_map_league: Pose, start: datetime) -> list[PointOfInterest]:
-    """What the league counts of finds, each object once and the surest first kept, in order of time.
+    """The finds that the league counts, in order of time; of each object, only the most confident find is kept.
 
     Args:
-        finds: confirmed people are among them.
+        finds: all finds, confirmed people included.
         T_map_league: pose of the frame of the 3D map.
-        start: of the mission; a find from an earlier run counts as found then.
+        start: start of the mission; finds from an earlier run count as found at that time.
     """
     kept: list[PointOfInterest] = []
     for find in sorted(finds, key=lambda find: -find.confidence):
@@ -86,18 +86,18 @@ def points_of_interest(finds: Iterable[Find], T_map_league: Pose, start: datetim
             time = f"{start + timedelta(seconds=float(np.nan_to_num(find.time_s))):%H:%M:%S}"
             poi = PointOfInterest(
                 time, TYPE_OF[find.kind], name_of(find.kind, find.text), place.round(2)
-            )  # as it is written
+            )  # rounded as in the file
             kept += [] if any(is_same_object(poi, other) for other in kept) else [poi]
     return sorted(kept, key=lambda poi: (poi.time, poi.type, poi.name))
 
 
 def name_of(kind: str, text: str) -> str:
-    """The name of a find in the list: its class or number in one line, or else its kind."""
+    """The name of a find in the list: its class or number on one line or, if it has none, its kind."""
     return " ".join(text.split()) or kind
 
 
 def is_same_object(a: PointOfInterest, b: PointOfInterest) -> bool:
-    """Whether two finds are of one object: of one name, and nearer than two of them can hang side by side."""
+    """Whether two finds are one object: same type and name, and too close to be two that hang side by side."""
     return (a.type, a.name) == (b.type, b.name) and bool(np.linalg.norm(a.position - b.position) < LENGTHS["diamond"])
 
 
@@ -119,10 +119,10 @@ def _quoted(text: str) -> str:
 
 
 def read_pois(path: Path) -> PoiFile:
-    """Read a list, of this or of another program, and note what a judge would reject in it.
+    """Read a list, whether from sarsim or another program, and note what a judge would reject in it.
 
     Raises:
-        InputError: no regular file, or no text.
+        InputError: the file is not a regular text file, or cannot be read.
     """
     read, lines = PoiFile(), read_text(path).splitlines()
     for number, (name, line) in enumerate(zip(HEADER, lines, strict=False), 1):
@@ -138,7 +138,7 @@ def read_pois(path: Path) -> PoiFile:
 
 
 def _read_header(read: PoiFile, number: int, name: str, line: str) -> None:
-    """Take one line of the header."""
+    """Read one line of the header."""
     if not re.fullmatch(_TEXT, line):
         read.faults.append(f"line {number}: must be the {name} in double quotes")
         return
@@ -153,7 +153,7 @@ def _read_header(read: PoiFile, number: int, name: str, line: str) -> None:
 
 
 def _is_of(text: str, form: str) -> bool:
-    """Whether a text is a date or time of a form, with all its zeros."""
+    """Whether a text is a date or time in a given format, with all its zeros."""
     try:
         return f"{datetime.strptime(text, form):{form}}" == text
     except ValueError:
@@ -161,7 +161,7 @@ def _is_of(text: str, form: str) -> bool:
 
 
 def _read_row(read: PoiFile, number: int, at: int, line: str) -> None:
-    """Take one detection, the ``number``th, from line ``at``."""
+    """Read the ``number``-th detection, which is in line ``at``."""
     row = _ROW.fullmatch(line)
     if row is None:
         read.faults.append(f"line {at}: must be {POI_COLUMNS}; type, name and robot in double quotes, x y z in m")

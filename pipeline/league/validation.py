@@ -1,4 +1,4 @@
-"""What a judge would reject in handed-in files, of this or of another program."""
+"""What a judge would reject in files that are handed in, whether from sarsim or another program."""
 
 import re
 from collections.abc import Iterator
@@ -19,14 +19,14 @@ from pipeline.metric_map.io.plans import GeoTag
 HANDED_FILES = {".tiff": "2D map", ".ply": "3D map", ".csv": "list of finds"}
 NAME = re.compile(r"RoboCup\d{4}-[^-]+-.+")
 ALWAYS = ("file_name", "scale", "grid", "start", "walls", "path")
-"""Elements of every 2D map that have one colour."""
+"""Elements that every 2D map must contain, each with a single colour."""
 
 
 def handed_in_files(folder: Path) -> dict[str, list[Path]]:
-    """The files in a folder, or in the ``handed_in/`` that it contains, by their endings in ``HANDED_FILES``.
+    """The files in a folder, or in its subfolder ``handed_in/``, by the file endings in ``HANDED_FILES``.
 
     Raises:
-        InputError: no such folder, or nothing is handed in there.
+        InputError: the folder does not exist, or contains no such files.
     """
     place = folder / HANDED_IN if (folder / HANDED_IN).is_dir() else folder
     try:
@@ -40,10 +40,10 @@ def handed_in_files(folder: Path) -> dict[str, list[Path]]:
 
 
 def validate(folder: Path, *, config: ValidationConfig = ValidationConfig()) -> list[str]:
-    """Everything that a judge would reject, a line each that begins with the file's name.
+    """Everything that a judge would reject, one line each; faults of a file begin with its name.
 
     Raises:
-        InputError: no such folder, nothing is handed in, or a file cannot be read at all.
+        InputError: the folder does not exist or contains no files to check, or a file cannot be read at all.
     """
     files = handed_in_files(folder)
     faults = [f"no {what} (*{ending})" for ending, what in HANDED_FILES.items() if not files[ending]]
@@ -64,7 +64,7 @@ def _of(path: Path, faults: list[str]) -> list[str]:
 
 
 def _letters(*texts: str) -> str:
-    """Letters and digits alone: how a program replaces others in names of files is its own choice."""
+    """Only the letters and digits: every program is free to replace other characters in file names as it likes."""
     return re.sub(r"[\W_]", "", "".join(texts)).casefold()
 
 
@@ -75,7 +75,7 @@ def _stem(header: dict[str, str]) -> str:
 
 
 def _wrong_list_name(path: Path, read: PoiFile) -> Iterator[str]:
-    """Whether a list's name is of its header's team, mission and times."""
+    """Faults of a list's name, which must match the year, team, mission and start time in its header."""
     if not NAME.fullmatch(path.stem) or not path.stem.endswith("-pois"):
         yield "must be named RoboCup[Year]-[Team]-[Mission]-[StartTime]-pois.csv"
     elif _letters(path.stem) != _stem(read.header) + _letters(read.header.get("time", ""), "pois"):
@@ -83,7 +83,7 @@ def _wrong_list_name(path: Path, read: PoiFile) -> Iterator[str]:
 
 
 def _wrong_name(path: Path, headers: list[dict[str, str]]) -> Iterator[str]:
-    """Whether a map's name is of the team and mission of one of the lists."""
+    """Faults of a map's name, which must match the year, team and mission of one of the lists."""
     if not NAME.fullmatch(path.stem):
         yield f"must be named RoboCup[Year]-[Team]-[Mission]{path.suffix}"
     elif headers and _letters(path.stem) not in map(_stem, headers):
@@ -91,7 +91,7 @@ def _wrong_name(path: Path, headers: list[dict[str, str]]) -> Iterator[str]:
 
 
 def wrong_cloud(read: CloudFile, headers: list[dict[str, str]], config: ValidationConfig) -> list[str]:
-    """What is wrong with a 3D map; ``headers`` of the lists beside it hold what its comments must name."""
+    """What is wrong with a 3D map, whose comments must name the team, time and mission in the lists' ``headers``."""
     faults = list(read.faults)
     comments = " ".join(read.comments)
     for name, key in zip(COMMENTS, ("team", "time", "mission"), strict=True):
@@ -107,7 +107,7 @@ def wrong_cloud(read: CloudFile, headers: list[dict[str, str]], config: Validati
 
 
 def _wrong_place(points: Places, config: ValidationConfig) -> Iterator[str]:
-    """Whether points are in metres, and the origin is on the floor among them."""
+    """Faults of the points, which must be in metres, with the origin on the floor among them."""
     extent = float(np.ptp(points, axis=0).max())
     if not config.smallest <= extent <= config.largest:
         unit = ", as if in millimetres" if extent > config.largest else ""
@@ -121,7 +121,7 @@ def _wrong_place(points: Places, config: ValidationConfig) -> Iterator[str]:
 
 
 def _wrong_extras(read: CloudFile, error: float) -> Iterator[str]:
-    """Whether colours, normals and confidences are in their ranges."""
+    """Faults of colours, normals and confidences, which must be in their valid ranges."""
     rgb, normals = read.points(RGB), read.points(NORMAL)
     confidence = read.columns.get("confidence", np.zeros(0))
     if ((rgb < 0) | (rgb > np.iinfo(np.uint8).max) | (rgb % 1 > 0)).any():
@@ -133,11 +133,11 @@ def _wrong_extras(read: CloudFile, error: float) -> Iterator[str]:
 
 
 def wrong_plan(path: Path, types: set[str], config: ValidationConfig) -> list[str]:
-    """What is wrong with a 2D map; ``types`` of the finds that must be on it."""
+    """What is wrong with a 2D map, on which finds of all ``types`` must be drawn."""
     try:
         with Image.open(path, formats=["TIFF"]) as picture:
             tags, image = dict(picture.tag_v2), np.asarray(picture)  # type: ignore[attr-defined]
-    except Exception as error:  # of many kinds: of the file, of its compression, and of its size
+    except Exception as error:  # of many types: about the file, its compression or its size
         return [f"not a readable TIFF ({' '.join(str(error).split())})"]
     if image.ndim != 3 or image.shape[2] < 3 or image.dtype != np.uint8:
         return ["must be an RGB image with 8 bits per channel"]
@@ -147,7 +147,7 @@ def wrong_plan(path: Path, types: set[str], config: ValidationConfig) -> list[st
 
 
 def _wrong_scale(image: Rgb, scale: Values) -> Iterator[str]:
-    """Whether the size of a pixel is given, and agrees with the scale at the top right."""
+    """Faults of the pixel size, which must be given and agree with the scale at the top right."""
     if len(scale) < 2 or not (np.isfinite(scale[:2]) & (scale[:2] > 0)).all():
         yield "no pixel size: the GeoTIFF tag ModelPixelScale is missing or invalid"
         return
@@ -167,14 +167,14 @@ def _is_of(image: Rgb, element: str) -> PixelMask:
 
 
 def _longest_run(mask: PixelMask) -> int:
-    """Pixels of the longest row of neighbours in a mask."""
+    """Length of the longest horizontal run of pixels in a mask."""
     ends = np.diff(np.pad(mask, ((0, 0), (1, 1))).astype(np.int8), axis=1).ravel()
     runs = np.flatnonzero(ends < 0) - np.flatnonzero(ends > 0)
     return int(runs.max(initial=0))
 
 
 def _missing_elements(image: Rgb, types: set[str], rarest: float) -> Iterator[str]:
-    """The elements that an image lacks by their colours."""
+    """Faults of the elements, which are recognised by their colours."""
     for element in (*ALWAYS, *sorted(types & MAP_COLOURS.keys())):
         if not _is_of(image, element).any():
             yield f"no {element.replace('_', ' ')}: nothing has the colour {MAP_COLOURS[element]}"

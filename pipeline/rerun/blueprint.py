@@ -9,12 +9,12 @@ from pipeline.arrays import Place
 
 _SCENE = (
     "+ $origin/**",
-    # The images have views of their own; here they would hide the map.
+    # The images have their own views; here they would hide the map.
     "- $origin/robot/camera/depth",
     "- $origin/robot/camera/labels",
     "- $origin/victims/photos",
     "- $origin/finds/photos",
-    # The eye looks from above, where a ceiling would hide the map.
+    # The eye looks down from above, so a ceiling would hide the map.
     "- $origin/arena/ceiling/**",
 )
 
@@ -25,9 +25,9 @@ _CORRECTED = *_MAPS, "traversability", "topological_map", "victims"
 def blueprint(
     low: ArrayLike = (-3, -3, 0), high: ArrayLike = (3, 3, 1), tab: int = 0, *, is_live: bool = False
 ) -> rrb.Blueprint:
-    """The layout, with the eye at negative y of and above the box from ``low`` to ``high``, (3,) m in ``map``.
+    """The layout, with the eye above the box from ``low`` to ``high``, (3,) m in ``map``, on its negative y side.
 
-    ``is_live``: the viewer follows the run; otherwise it plays the recording from its start.
+    ``is_live``: whether the viewer follows the run; otherwise it plays the recording from the start.
     """
     maps = rrb.Tabs(
         _scene("Semantic map", low, high, hidden=["metric_map", "segments", "localisation"]),
@@ -45,7 +45,7 @@ def blueprint(
     return rrb.Blueprint(
         rrb.Vertical(
             rrb.Horizontal(maps, _camera(), column_shares=[3, 1]),
-            rrb.Horizontal(_plots(), log, legend, column_shares=[2, 3, 3]),  # lines of the log are cut, not broken
+            rrb.Horizontal(_plots(), log, legend, column_shares=[2, 3, 3]),  # log lines are cut off, not wrapped
             row_shares=[3, 1],
         ),
         rrb.TimePanel(state="collapsed", timeline="sim_time", play_state="following" if is_live else "playing"),
@@ -66,9 +66,9 @@ def _scene(name: str, low: ArrayLike, high: ArrayLike, hidden: list[str]) -> rrb
 
 
 def eye(low: Place, high: Place) -> rrb.EyeControls3D:
-    """The eye, at negative y of and above the box from ``low`` to ``high``, which fills the window.
+    """The eye, above the box from ``low`` to ``high`` on its negative y side; the box fills the window.
 
-    It is so high that a wall hides only a third of its height behind it.
+    It is so high that the strip of ground hidden by a wall is only a third as wide as the wall is high.
     """
     middle = (low + high) / 2
     away = np.array([0, -1, 3]) * np.linalg.norm((high - low)[:2]) / 4
@@ -98,7 +98,7 @@ def _camera() -> rrb.Vertical:
 def _plots() -> rrb.Tabs:
     hidden = ["navigation", *(f"correction_{part}" for part in _CORRECTED)]
     stages = (f"- $origin/time_ms/{stage}" for stage in hidden)
-    # The first step, which loads compiled code, would flatten the rest.
+    # The range is fixed because the first step, which loads compiled code, would flatten the rest.
     times = _plot("Time, ms", "$origin/time_ms/**", *stages, axis_y=rrb.ScalarAxis(range=(0, 1e3)))
     tilt = _plot("Tilt, °", "$origin/roll_deg", "$origin/pitch_deg")
     position = _plot("Position, m", "$origin/position_error_m", "$origin/localisation/correction_m")

@@ -1,4 +1,4 @@
-"""The numbers of the recording."""
+"""Parameters of the recording."""
 
 from dataclasses import dataclass
 
@@ -8,11 +8,11 @@ class RerunConfig:
     """How much is logged.
 
     Attributes:
-        grain: m between the drawn points of the semantic map and of tracks: all would make a large file.
-        growth: share by which a cloud has to grow to be logged again; all are logged at the end.
-        motion_period: s between two logged poses of the moving robot.
-        photo: pixels of the sides of a person's or find's photo, its caption included.
-        patience: s that the viewer may take at the end for the remaining data.
+        grain: spacing of the drawn points of the semantic map and of trajectories, m: all would make a large file.
+        growth: relative change in size above which a cloud is logged again; all are logged at the end.
+        motion_period: minimum time between two logged poses of the moving robot, s.
+        photo: side of a person's or find's photo, caption included, pixels.
+        patience: maximum time that the viewer may take at the end to receive the remaining data, s.
     """
 
     grain: float = 0.04

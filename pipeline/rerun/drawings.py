@@ -23,7 +23,7 @@ from pipeline.semantic_map.semantic_map import SemanticMap
 from pipeline.topological_map.topological_map import TopologicalMap
 
 Colour = tuple[int, ...]
-EDGE_COLOUR = ImageColor.getrgb("dodgerblue")  # shows on the viewer's dark ground and on terrain
+EDGE_COLOUR = ImageColor.getrgb("dodgerblue")  # visible on the viewer's dark background and on terrain
 PLAN_COLOUR = ImageColor.getrgb("cyan")
 FRONTIER_COLOUR = ImageColor.getrgb("magenta")
 TRAJECTORY_COLOUR = ImageColor.getrgb("white")
@@ -32,11 +32,11 @@ KEYFRAME_COLOUR = ImageColor.getrgb("orange")
 LOOP_COLOUR = ImageColor.getrgb("red")
 FREE_COLOUR = ImageColor.getrgb("lightskyblue")
 
-FONT = cv2.FONT_HERSHEY_SIMPLEX, 0.5  # Of pictures: its face, and its size relative to the face's own
-MARK = 0.08  # m, radius of marks
-LINE = 0.012  # m, half the width of lines that must show from afar
+FONT = cv2.FONT_HERSHEY_SIMPLEX, 0.5  # Font face of text in images, and its scale
+MARK = 0.08  # Radius of marks, m
+LINE = 0.012  # Half the width of lines that must be visible from afar, m
 ABOVE_GROUND = np.array([0, 0, 0.08])
-"""m; drawings on the ground are raised by this, so that points and voxels do not hide them."""
+"""Offset by which drawings on the ground are raised so that points and voxels do not hide them, m."""
 
 
 def annotations() -> rr.AnnotationContext:
@@ -52,7 +52,7 @@ def transform(T: Pose) -> rr.Transform3D:
 
 
 def pinhole(frame: Frame) -> rr.Pinhole:
-    """The camera of a frame, with x right, y down, z forward."""
+    """The camera of a frame, with x to the right, y down and z forward."""
     k = frame.intrinsics
     return rr.Pinhole(
         resolution=[k.width, k.height],
@@ -68,8 +68,8 @@ def colour_image(rgb: Rgb) -> rr.EncodedImage:
 
 
 def depth_image(frame: Frame) -> rr.EncodedDepthImage:
-    """Depth as a PNG of whole millimetres, 0 = no return; the colour scale ends at the end of the camera's range."""
-    # Higher levels take five times as long and save a tenth of the size.
+    """Depth as a PNG of whole millimetres, 0 = no return; the colour scale covers the camera's range."""
+    # Higher compression levels take five times as long for a tenth less size.
     _, data = cv2.imencode(".png", frame.millimetres, [cv2.IMWRITE_PNG_COMPRESSION, 1])
     unit = 1e-3
     return rr.EncodedDepthImage(
@@ -112,7 +112,7 @@ def _voxels(metric_map: MetricMap, centres: Points, **style: Any) -> rr.VoxelGri
 
 
 def labelled_points(semantic_map: SemanticMap, side: float) -> rr.Points3D:
-    """The semantic map, thinned to its oldest point in every cube of a ``side``, m; points cover their cubes."""
+    """The semantic map, thinned to the oldest point in every cube of ``side`` m; each point covers its cube."""
     points = semantic_map.points()
     oldest = first_in_voxels(points, 1 / side)
     return rr.Points3D(points[oldest], class_ids=semantic_map.labels()[oldest], radii=side * sqrt(3) / 2)
@@ -153,7 +153,7 @@ def edges(topology: TopologicalMap) -> rr.LineStrips3D:
 
 
 def path(step: Step) -> rr.LineStrips3D:
-    """The path from the robot to the next viewpoint, with a short line along its heading; none without a plan."""
+    """The path from the robot to the next viewpoint, and a short line along its heading; none without a plan."""
     strips = []
     if step.plan is not None:
         strips.append(np.vstack([step.keyframe.T_map_base[:3, 3], step.plan.way_points]))
@@ -165,12 +165,12 @@ def path(step: Step) -> rr.LineStrips3D:
 
 
 def frontier_points(frontiers: Places) -> rr.Points3D:
-    """The middles of the frontiers."""
+    """The centres of the frontiers."""
     return rr.Points3D(frontiers + ABOVE_GROUND, colors=FRONTIER_COLOUR, radii=MARK)
 
 
 def keyframes(poses: Poses) -> rr.Arrows3D:
-    """An arrow ahead at each keyframe's pose."""
+    """An arrow at each keyframe's pose that points ahead."""
     return rr.Arrows3D(
         origins=poses[:, :3, 3] + ABOVE_GROUND,
         vectors=0.12 * poses[:, :3, 0],
@@ -181,7 +181,7 @@ def keyframes(poses: Poses) -> rr.Arrows3D:
 
 
 def loops(found: Sequence[Loop], poses: Poses) -> rr.LineStrips3D:
-    """Lines between the keyframes that loops connect, at these poses."""
+    """Lines between the keyframes that loops connect, given the poses of all keyframes."""
     ends = [(loop.first, loop.second) for loop in found]
     return rr.LineStrips3D(
         [poses[list(pair), :3, 3] + ABOVE_GROUND for pair in ends],

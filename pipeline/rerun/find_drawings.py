@@ -15,7 +15,7 @@ FIND_COLOUR = ImageColor.getrgb("#ff641e")  # as in the rescue report
 
 
 def marks(finds: Sequence[Find]) -> rr.Points3D:
-    """A labelled point for each find but the heat of people, whose boxes and names are drawn in the same places."""
+    """A labelled point for each find except people's heat, which would cover the people's own boxes and names."""
     shown = [find for find in finds if not find.of_person]
     return rr.Points3D(
         np.array([find.position for find in shown]).reshape(-1, 3),
@@ -27,7 +27,7 @@ def marks(finds: Sequence[Find]) -> rr.Points3D:
 
 
 def photo_sheet(finds: Sequence[Find], side: int) -> rr.EncodedImage:
-    """The photos of all finds; ``side`` in pixels as :func:`sheet` has it."""
+    """The photos of all finds; ``side``: see :func:`sheet`."""
     return sheet([(f"{k} {_name(find)}", find.photo, FIND_COLOUR) for k, find in enumerate(finds, start=1)], side)
 
 

@@ -1,4 +1,4 @@
-"""The legend of a recording's colours, as an image with its own background, so that it suits any theme."""
+"""The legend of a recording's colours, as an image with its own background that suits any theme."""
 
 import cv2
 import numpy as np
@@ -26,11 +26,11 @@ MEANINGS = {
     "rejected detection": REFUSED,
     "sign, code or other find": FIND_COLOUR,
 }
-"""RGB colour of each meaning."""
+"""RGB colour for each meaning."""
 
 
 def legend() -> Rgb:
-    """The legend, in two columns of lines twice as high as their text."""
+    """The legend, in two columns with lines twice as high as their text."""
     sizes = [cv2.getTextSize(meaning, *FONT, thickness=1)[0] for meaning in MEANINGS]
     width, height = np.max(sizes, axis=0).tolist()
     line, rows = 2 * height, (len(MEANINGS) + 1) // 2

@@ -13,12 +13,12 @@ from pipeline.rerun.drawings import FONT, Colour, colour_image
 
 
 def sheet(photos: Sequence[tuple[str, Rgb, Colour]], side: int) -> rr.EncodedImage:
-    """Photos with their captions and these colours, row by row, as many in a row as there are rows.
+    """Photos with captions, row by row in a square.
 
     Args:
-        photos: caption, photo and the caption's colour of each.
-        side: pixels of a photo's sides, its caption included. All sheets are as large as nine photos, for the viewer
-            takes JPEGs of one entity for a video.
+        photos: each photo's caption, the photo, and the caption's colour.
+        side: side of a photo, caption included, pixels. Sheets are scaled to the size of 3 × 3 photos, because the
+            viewer takes the JPEGs of one entity for a video.
     """
     cells = [_photo(*photo, side) for photo in photos]
     row = ceil(sqrt(len(cells))) or 1
@@ -29,7 +29,7 @@ def sheet(photos: Sequence[tuple[str, Rgb, Colour]], side: int) -> rr.EncodedIma
 
 
 def _photo(text: str, photo: Rgb, colour: Colour, side: int) -> Rgb:
-    """A photo, scaled to fit its place, above its caption."""
+    """A photo, scaled to fit above its caption."""
     (_, caption), _ = cv2.getTextSize(text, *FONT, thickness=1)
     fitted = np.asarray(ImageOps.pad(Image.fromarray(photo), (side, side - 2 * caption)))
     cell = np.vstack([fitted, np.zeros((2 * caption, side, 3), np.uint8)])

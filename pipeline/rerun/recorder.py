@@ -32,8 +32,9 @@ class Recorder(Sink):
     """Logs what the robot's software knows to a file, and to a viewer if there is one.
 
     Attributes:
-        stream: of Rerun; others, such as a simulator, may log to it; its timelines are ``step`` and ``sim_time``.
-        viewer: shows the recording while it grows; None if there is none.
+        stream: Rerun's stream, to which others, such as a simulator, may log; its timelines are ``step`` and
+            ``sim_time``.
+        viewer: viewer that shows the recording as it grows; None without one.
     """
 
     finishing = "writing the recording"
@@ -46,12 +47,12 @@ class Recorder(Sink):
         *,
         config: RerunConfig = RerunConfig(),
     ):
-        """Begin a recording named after its folder.
+        """Start a recording named after its folder.
 
         Args:
-            path: of the file, which is written as the recording grows and can be read at any time.
-            viewer: shows the recording while it grows.
-            layout: with which a viewer opens the recording.
+            path: the file, which is written as the recording grows and can be read at any time.
+            viewer: viewer that shows the recording as it grows.
+            layout: layout with which a viewer opens the recording; :func:`blueprint` by default.
             config: how much is logged.
 
         Raises:
@@ -66,7 +67,7 @@ class Recorder(Sink):
         self._times_run: dict[str, int] = {}
         self._moved: tuple[float, float] | None = None
         self._logged_size: dict[str, int] = {}
-        self._shifts = np.zeros(0)  # m by which what each keyframe shows may lie off what is drawn
+        self._shifts = np.zeros(0)  # Maximum offset of each keyframe's view from what is drawn, m
         self._mapper: Mapper | None = None
         self.stream.send_blueprint(layout or blueprint(is_live=viewer is not None))
         self.stream.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, drawings.annotations(), static=True)
@@ -74,7 +75,7 @@ class Recorder(Sink):
         self.stream.log("metrics/localisation/correction_m", rr.SeriesPoints(marker_sizes=3), static=True)
 
     def on_motion(self, motion: Motion) -> None:
-        """Log the robot's pose, thinned to 5 per second."""
+        """Log the robot's pose, at most once per ``motion_period``."""
         self.log_pose(motion.time, motion.T_odom_base)
 
     def on_step(self, mapper: Mapper, step: Step) -> None:
@@ -100,14 +101,14 @@ class Recorder(Sink):
         self._log_progress(mapper)
 
     def log_pose(self, time: float, T_odom_base: Pose) -> bool:
-        """Log the robot's pose between steps, thinned to 5 per second; returns whether this one was logged.
+        """Log the robot's pose between steps, at most once per ``motion_period``; True if this one was logged.
 
         Args:
             time: s.
-            T_odom_base: by the odometry; the newest keyframe's correction takes it to ``map``.
+            T_odom_base: pose from the odometry; the newest keyframe's correction transforms it to ``map``.
         """
         self._move(T_odom_base)
-        # To the millisecond: times are sums of many control periods.
+        # Rounded to the millisecond, because times are sums of many control periods.
         if self._moved is not None and round(time - self._moved[0], 3) < self._config.motion_period:
             return False
         self._set_time(time, on_a_step=False)
@@ -121,7 +122,7 @@ class Recorder(Sink):
         return True
 
     def on_correction(self, moves: Moves) -> None:
-        """Log that keyframes were corrected; clouds that moved visibly are logged with the next step."""
+        """Log that keyframes were corrected; if anything moved visibly, all clouds are logged with the next step."""
         self._logged_size.pop("keyframes", None)
         ways, turns = moves.ways, moves.turns
         shifts = np.maximum(ways, turns * moves.reach)
@@ -169,7 +170,7 @@ class Recorder(Sink):
         _compact(self._path)
 
     def _set_time(self, time: float, *, on_a_step: bool = True) -> None:
-        """Set the time of the next data; on the timeline ``step`` the robot stays at its keyframe between steps."""
+        """Set the time of the next data; on the timeline ``step``, the robot stays at its keyframe between steps."""
         self._time = time
         self.stream.set_time("sim_time", duration=time)
         if on_a_step:
@@ -179,11 +180,11 @@ class Recorder(Sink):
 
     @property
     def T_map_base(self) -> Pose:
-        """The robot's present pose as estimated; before the first step ``map`` is the odometry's frame."""
+        """Current estimate of the robot's pose; before the first step, ``map`` is the odometry's frame."""
         return self._mapper.T_map_odom @ self._T_odom_base if self._mapper else self._T_odom_base
 
     def log_trajectory(self, localisation: Localisation) -> None:
-        """Log the present estimate of the track driven so far."""
+        """Log the current estimate of the trajectory driven so far."""
         way = [*self._track.positions(localisation.poses), self.T_map_base[:3, 3]]
         self.stream.log("world/trajectory/estimated", drawings.trajectory(way, drawings.TRAJECTORY_COLOUR))
 
@@ -206,7 +207,7 @@ class Recorder(Sink):
         log(f"{camera}/labels", drawings.label_image(frame, keyframe.labels))
 
     def _log_maps(self, mapper: Mapper) -> None:
-        """Log all data that moves when keyframes are corrected."""
+        """Log all data that move when keyframes are corrected."""
         log, localisation = self.stream.log, mapper.localisation
         self._log_clouds(mapper)
         log("world/segments", drawings.segment_boxes(mapper.segments))
@@ -252,7 +253,7 @@ class Recorder(Sink):
         self._log_metrics("map/", occupied_voxels=occupied, free_voxels=free, semantic_points=len(semantic_map))
 
     def _has_changed(self, cloud: str, size: int, growth: float) -> bool:
-        """Whether a size differs from that logged last by more than a share ``growth``; it then counts as logged."""
+        """Whether a size differs by more than the share ``growth`` from that logged last; if so, it is stored."""
         before = self._logged_size.get(cloud, -1)
         if abs(size - before) <= growth * before:
             return False
@@ -276,7 +277,7 @@ class Recorder(Sink):
 
 
 def _compact(path: Path) -> None:
-    """Join the many small chunks of a recording: a browser loads it ten times as fast."""
+    """Merge the many small chunks of a recording, so that a browser loads it ten times as fast."""
     compacted = path.with_name(path.name + ".partial")
     if start_rerun("rrd", "optimize", path, "-o", compacted).wait() == 0:
         compacted.replace(path)

@@ -8,22 +8,22 @@ from pipeline.transforms import inverse
 
 
 class DrawnTrajectory:
-    """The trajectory driven so far.
+    """The trajectory driven so far, thinned.
 
     Attributes:
         distance: its length, m.
-        positions: successive ones are at least a grain apart.
+        positions: thinned positions; successive ones are at least ``grain`` apart.
     """
 
     def __init__(self, grain: float) -> None:
-        """Begin without a position; ``grain`` in m."""
+        """Start without positions; ``grain``: minimum distance between successive ones, m."""
         self.distance = 0.0
         self.positions: list[Place] = []
         self._grain = grain
         self._last: Place | None = None
 
     def add(self, position: Place) -> bool:
-        """Extend the trajectory to a position; returns whether it became one of :attr:`positions`."""
+        """Extend the trajectory to a position; True if it was added to :attr:`positions`."""
         if self._last is not None:
             self.distance += float(np.linalg.norm(position - self._last))
         self._last = position.copy()
@@ -37,18 +37,18 @@ class CorrectedTrajectory:
     """The trajectory driven so far; when keyframes are corrected, each point moves with the keyframe before it."""
 
     def __init__(self, grain: float) -> None:
-        """Begin without a position; ``grain`` in m."""
+        """Start without positions; ``grain``: minimum distance between successive ones, m."""
         self._odometry = DrawnTrajectory(grain)
         self._keyframes: list[int] = []
         self._positions: list[Place] = []
 
     @property
     def distance(self) -> float:
-        """m by odometry, because a correction is not driven."""
+        """Distance driven by odometry, m; corrections do not add to it."""
         return self._odometry.distance
 
     def add(self, T_odom_base: Pose, localisation: Localisation | None) -> None:
-        """Extend the trajectory to a pose; before the first keyframe only the distance grows."""
+        """Extend the trajectory to a pose; before the first keyframe, only the distance grows."""
         if not self._odometry.add(T_odom_base[:3, 3]) or localisation is None:
             return
         keyframe = len(localisation.poses) - 1
@@ -57,6 +57,6 @@ class CorrectedTrajectory:
         self._positions.append((T_keyframe_odom @ T_odom_base)[:3, 3])
 
     def positions(self, T_map_base: Poses) -> Places:
-        """The trajectory, given the present estimates of the keyframes' poses."""
+        """The trajectory, given the current estimates of the keyframes' poses."""
         T = T_map_base[self._keyframes]
         return np.einsum("nij,nj->ni", T[:, :3, :3], np.reshape(self._positions, (-1, 3))) + T[:, :3, 3]

@@ -19,11 +19,11 @@ from pipeline.victims.display_ids import confirmed_ids, unconfirmed_ids
 from pipeline.victims.observation import Refusal
 
 CONFIRMED, UNCONFIRMED, REFUSED = map(ImageColor.getrgb, (PERSON_COLOUR, "palegreen", "darkgray"))
-ROOM = 0.15  # m between a person and the box drawn around it, so that it shows from afar
+ROOM = 0.15  # Margin of the box drawn around a person, m, so that it is visible from afar
 
 
 def detections(found: Sequence[Detection], refusals: Sequence[Refusal]) -> rr.Boxes2D:
-    """The detections' boxes of one keyframe, with the reasons why some were refused."""
+    """The boxes of a keyframe's detections, with the reasons why some were refused."""
     reasons = {id(refusal.detection): refusal.reason for refusal in refusals}
     refused = [reasons.get(id(detection)) for detection in found]
     labels = [f"{d.confidence:.0%}{f': {why}' if why else ''}" for d, why in zip(found, refused, strict=True)]
@@ -71,7 +71,7 @@ def ways(strips: Sequence[Places]) -> rr.LineStrips3D:
 
 
 def photo_sheet(victims: Tracks, side: int) -> rr.EncodedImage:
-    """The victims' photos with their display ids; ``side`` in pixels as :func:`sheet` has it."""
+    """The victims' photos with their display ids; ``side``: see :func:`sheet`."""
     photos = [(f"{_name(id)}  {v.confidence:.0%}", v.photo, _colour(id)) for id, v in _displayed(victims)]
     return sheet(photos, side)
 

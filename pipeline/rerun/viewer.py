@@ -1,4 +1,4 @@
-"""Rerun's viewer, in a process of its own that only this machine can reach."""
+"""Rerun's viewer, in a separate process that only this machine can reach."""
 
 import atexit
 import os
@@ -23,13 +23,13 @@ import rerun as rr
 from pipeline.errors import InputError
 from pipeline.processes import end_with_parent
 
-ViewerKind = Literal["spawn", "web"]  # A window of its own, or a page for the browser
+ViewerKind = Literal["spawn", "web"]  # A separate window, or a page for the browser
 
-HOST = "127.0.0.1"  # Rerun's own default is every interface of the machine
+HOST = "127.0.0.1"  # By default, Rerun listens on every interface of the machine
 LOCAL = "default-src 'self' data: blob: 'unsafe-inline' 'unsafe-eval' 'wasm-unsafe-eval'"
 """Content security policy: the page may load only from its own server."""
 HOP_BY_HOP = ("connection", "content-length", "date", "server", "transfer-encoding", "content-security-policy")
-"""Headers that are not passed on."""
+"""Headers that the proxy does not pass on."""
 
 
 class Viewer:
@@ -40,12 +40,12 @@ class Viewer:
     """
 
     def __init__(self, kind: ViewerKind, *recordings: Path, patience: float = 30.0):
-        """Start a viewer that shows recordings and data logged to its sink; a page's address is printed.
+        """Start a viewer that shows recordings and data logged to its sink; the address of a page is printed.
 
         Args:
-            kind: of the viewer.
-            recordings: that it shows.
-            patience: s that it may take until it listens.
+            kind: window or page.
+            recordings: recordings to show.
+            patience: maximum time until the viewer listens, s.
 
         Raises:
             InputError: there is no display for a window, or the viewer does not start.
@@ -115,12 +115,12 @@ class Viewer:
 
 
 class LocalPage(ThreadingHTTPServer):
-    """A proxy of Rerun's page, while this process lives, with a policy that allows requests only to this machine.
+    """A proxy for Rerun's page, with a policy that allows requests only to this machine; it ends with this process.
 
-    Without the policy, the page sends telemetry and requests fonts, examples and the newest version (Rerun 0.41).
+    Without the policy, the page sends telemetry, requests fonts and examples, and checks for updates (Rerun 0.41).
 
     Attributes:
-        was_opened: whether anything was asked for.
+        was_opened: whether there was any request.
     """
 
     daemon_threads = True
@@ -137,7 +137,7 @@ class _Passing(BaseHTTPRequestHandler):
     server: LocalPage
 
     def do_GET(self) -> None:
-        """Answer with Rerun's answer, but this server's content security policy."""
+        """Pass on Rerun's response, but with this server's content security policy."""
         self.server.was_opened = True
         passed = {name: self.headers[name] for name in ("Accept-Encoding",) if name in self.headers}
         try:
@@ -167,9 +167,9 @@ def has_display() -> bool:
 
 
 def start_rerun(*arguments: str | Path, preexec: Callable[[], None] | None = None) -> Popen[bytes]:
-    """Start the Python package's own Rerun program, after ``preexec``; Ctrl-C in the terminal does not reach it.
+    """Start the Rerun program of the Python package; ``preexec`` is called first. Ctrl-C does not reach the program.
 
-    Its telemetry is off, as in continuous integration; the user's settings for Rerun elsewhere stay unchanged.
+    Its telemetry is off, as in continuous integration; the user's own settings for Rerun stay unchanged.
     """
     command, quiet = [str(files("rerun_cli") / "rerun"), *arguments], os.environ | {"CI": "1"}
     return Popen(

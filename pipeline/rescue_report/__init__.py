@@ -1,1 +1,1 @@
-"""The rescue report: one page by which a rescue team can act before they go in."""
+"""The rescue report: one page that tells rescuers what they need to know before they go in."""

@@ -1,4 +1,4 @@
-"""The numbers of the rescue report."""
+"""Parameters of the rescue report."""
 
 from dataclasses import dataclass
 from math import radians
@@ -9,11 +9,12 @@ class HazardConfig:
     """What is dangerous for those who go in.
 
     Attributes:
-        steep: rad; steeper ground is a slope.
-        drop: m, least height of a drop: a robot that takes stairs climbs lower steps back up. The edge of a drop
-            differs by less in height from the ground in front of it; a kerb differs by more.
-        edge: cells along each side of a window: an edge is at most as wide as half of it.
-        upright: m of headroom below which a person must stoop.
+        steep: inclination above which ground is a slope, rad.
+        drop: minimum height of a drop, m: a robot that climbs stairs gets back up lower steps. The edge of a drop
+            differs in height by less than this from the ground in front of it, a kerb by more.
+        edge: side of the window in which the ground in front of an edge is sought, cells; an edge is at most half as
+            wide.
+        upright: headroom below which a person must stoop, m.
     """
 
     steep: float = radians(8)
@@ -24,12 +25,12 @@ class HazardConfig:
 
 @dataclass(frozen=True)
 class UnseenConfig:
-    """Where ground is expected that was not seen.
+    """Where unseen ground is expected.
 
     Attributes:
-        from_wall: m from a wall or a step; nearer to it no ground is expected.
-        ahead: m beyond the reachable ground within which more ground is expected if no wall or step is between.
-        person_area: m², least area that a person takes.
+        from_wall: distance from walls and steps below which no ground is expected, m.
+        ahead: distance beyond the reachable ground within which more is expected unless a wall or step is between, m.
+        person_area: minimum area that a person takes up, m².
     """
 
     from_wall: float = 0.15
@@ -39,15 +40,15 @@ class UnseenConfig:
 
 @dataclass(frozen=True)
 class RouteConfig:
-    """Ways to people.
+    """Paths to people.
 
     Attributes:
-        arrival: m, greatest distance from the robot's middle to a person's points at which the robot is beside the
-            person.
-        views: most cells whose line of sight to a person is checked: the nearest, and ever fewer of those farther
-            off.
-        bend: rad; at a bend of more than this, a new straight part begins.
-        steep: rad; directions mention the slope of a part over steeper ground.
+        arrival: maximum distance from the robot's centre to a person's points at which the robot is next to the
+            person, m.
+        views: maximum number of cells whose line of sight to a person is checked: the nearest, and fewer of those
+            farther away.
+        bend: change of direction above which a new straight part begins, rad.
+        steep: inclination of the ground above which the directions mention a part's slope, rad.
     """
 
     arrival: float = 1.0
@@ -61,11 +62,11 @@ class PostureConfig:
     """How a person's size determines the posture.
 
     Attributes:
-        lying_length: m; a person at least this long may be lying.
-        lying_ratio: least length of a lying person, as a multiple of the height.
-        sitting_height: m; a person at least this high may be sitting, kneeling or leaning.
-        sitting_ratio: least height of a sitting person, as a share of the length.
-        outliers: share of the points that are left out at either end of a side.
+        lying_length: minimum length of a lying person, m.
+        lying_ratio: minimum length of a lying person, as a multiple of the height.
+        sitting_height: minimum height of a person who is sitting, kneeling or leaning, m.
+        sitting_ratio: minimum height of such a person, as a share of the length.
+        outliers: share of the points that is left out at either end of each dimension.
     """
 
     lying_length: float = 1.0
@@ -77,14 +78,14 @@ class PostureConfig:
 
 @dataclass(frozen=True)
 class TrustConfig:
-    """When the map is to be trusted.
+    """When the map can be trusted.
 
     Attributes:
-        checked: most keyframes that are compared with the map, evenly spread over the run.
-        agreement: least share of the keyframes' depth that agrees with the map. What contradicts it is 0.002 with
-            poses right to 2 cm, 0.018 with a heading that drifts by 8° in 28 m, 0.10 with 16°.
-        deviation: m, standard deviation above which a place may be mistaken for the next one: a robot's way is 0.6 m
-            wide.
+        checked: maximum number of keyframes that are compared with the map, evenly spread over the run.
+        agreement: minimum share of the keyframes' depth that agrees with the map. The share that contradicts it is
+            0.002 if poses are correct to 2 cm, 0.018 if the heading drifts by 8° in 28 m, and 0.10 if by 16°.
+        deviation: standard deviation above which a position may be mistaken for an adjacent one, m: a robot's path is
+            0.6 m wide.
     """
 
     checked: int = 100
@@ -97,14 +98,15 @@ class DrawingConfig:
     """The drawing of the map.
 
     Attributes:
-        most_named: places of one kind that are numbered on the drawing and listed on the page, the worst first.
-        lines: least number of lines of round coordinates along the longer side.
-        extent: units, width and height into which the drawing fits, unless the arena is so large that a metre would
+        most_named: maximum number of places of one kind that are numbered on the drawing and listed on the page, the
+            worst first.
+        lines: minimum number of lines at round coordinates along the longer side.
+        extent: width and height into which the drawing fits, units, unless the arena is so large that a metre would
             be narrower than a symbol.
-        symbol: units, the width of symbols.
-        arrows: units between arrows up a slope.
-        border: m around the mapped cells.
-        bar: greatest length of the scale, as a share of the width.
+        symbol: width of symbols, units.
+        arrows: distance between arrows up a slope, units.
+        border: margin around the mapped cells, m.
+        bar: maximum length of the scale bar, as a share of the width.
     """
 
     most_named: int = 10
@@ -118,7 +120,7 @@ class DrawingConfig:
 
 @dataclass(frozen=True)
 class RescueReportConfig:
-    """The numbers of the report's parts."""
+    """Parameters of the report's parts."""
 
     hazards: HazardConfig = HazardConfig()
     unseen: UnseenConfig = UnseenConfig()

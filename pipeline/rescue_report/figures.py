@@ -1,11 +1,11 @@
-"""The figures of a report, whatever they are nested in."""
+"""The figures of a report, however deeply they are nested."""
 
 from collections.abc import Iterator, Mapping
 from typing import Any
 
 
 def figures(name: str, content: Any) -> Iterator[tuple[str, Any]]:
-    """The values in nested mappings, with their path of keys as name; lists of records are for programs alone."""
+    """The values in nested mappings, named by their path of keys, without lists of records (meant for programs)."""
     if isinstance(content, Mapping):
         for key, value in content.items():
             yield from figures(f"{name}.{key}", value)

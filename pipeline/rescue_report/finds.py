@@ -14,9 +14,9 @@ from pipeline.tracks.find import Find
 
 
 def finds_data(situation: Situation) -> list[Row]:
-    """The content of finds.json: lengths in m, times in s, positions in ``map``; confirmed people are among them.
+    """The content of finds.json, confirmed people included: lengths in m, times in s, positions in ``map``.
 
-    Text is as it was read; JSON escapes what is not printable ASCII.
+    Text is as it was read; JSON escapes all characters that are not printable ASCII.
     """
     return [_row(find, photo) for find, photo in _named(situation)]
 
@@ -27,20 +27,20 @@ def _row(find: Find, photo: str) -> Row:
         "text": find.text,
         "position": plain(find.position),
         "covariance": plain(find.covariance),
-        "time_s": plain(find.time_s) if np.isfinite(find.time_s) else 0.0,  # in an earlier run
+        "time_s": plain(find.time_s) if np.isfinite(find.time_s) else 0.0,  # NaN: found in an earlier run
         "confidence": round(find.confidence, 4),
         "photo": photo,
     }
 
 
 def _named(situation: Situation) -> Iterator[tuple[Find, str]]:
-    """Each find with the name of the file of its photo."""
+    """Each find with the file name of its photo."""
     yield from ((person.victim.find(), photo_name(person)) for person in situation.people)
     yield from ((find, f"find_{k}.jpg") for k, find in enumerate(situation.finds, start=1))
 
 
 def write_finds(folder: Path, situation: Situation) -> None:
-    """Write finds.json and the photos of all finds but people; InputError if one cannot be written."""
+    """Write finds.json and the photos of all finds except people; InputError if a file cannot be written."""
     with whole_file(folder / "finds.json") as path:
         path.write_text(json.dumps(finds_data(situation), indent=1, allow_nan=False) + "\n")
     for find, name in _named(situation):

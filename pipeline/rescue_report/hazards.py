@@ -1,4 +1,4 @@
-"""Hazards of the reachable ground: slopes, drops, and low ceilings."""
+"""Hazards on the reachable ground: slopes, drops and low ceilings."""
 
 from dataclasses import dataclass
 from math import ceil
@@ -16,15 +16,15 @@ from pipeline.robot import RobotModel
 
 @dataclass(frozen=True, eq=False)
 class Hazards:
-    """Hazards of the ground that the robot can reach; layers are on the grid of the traversability.
+    """Hazards on the ground that the robot can reach; layers are on the grid of the traversability.
 
     Attributes:
-        slope: rad, inclination of the ground.
-        is_steep: whether a cell is on a slope.
-        drop: m that the ground falls at a cell; 0 where it does not.
-        slopes: steepest first, in rad.
-        drops: deepest first, in m.
-        ceilings: lowest first, in m of headroom.
+        slope: inclination of the ground, rad.
+        is_steep: cells that are part of a slope.
+        drop: height by which the ground falls at a cell, m; 0 where it does not.
+        slopes: slopes, the steepest first, with their inclination, rad.
+        drops: drops, the deepest first, with their depth, m.
+        ceilings: low ceilings, the lowest first, with their headroom, m.
     """
 
     slope: Layer
@@ -38,14 +38,14 @@ class Hazards:
 def find_hazards(
     traversability: Traversability, reachable: MaskLayer, points: Points, robot: RobotModel, config: HazardConfig
 ) -> Hazards:
-    """The hazards of the ground that the robot can reach.
+    """The hazards on the ground that the robot can reach.
 
     Args:
-        traversability: of the robot's map.
+        traversability: traversability of the robot's map.
         reachable: cells that the robot can reach.
-        points: of the semantic map.
-        robot: drops within its length are beside it, its gaps are none, points lower than its headroom are obstacles,
-            not ceilings, and hazards nearer to each other than its width are one place.
+        points: points of the semantic map.
+        robot: the robot. Drops count within its length of reachable ground unless it can roll over them. Points below
+            its headroom are obstacles, not ceilings. Hazards closer together than its width are one place.
         config: what counts as a hazard.
     """
     grid = traversability.grid
@@ -67,7 +67,7 @@ def find_hazards(
 
 
 def _drops(traversability: Traversability, reachable: MaskLayer, robot: RobotModel, config: HazardConfig) -> Layer:
-    """By how many m the ground falls at edges of the reachable ground; 0 elsewhere."""
+    """Height by which the ground falls at the edges of the reachable ground, m; 0 elsewhere."""
     grid, elevation = traversability.grid, traversability.elevation.astype(np.float64)
     # Steps are not traversable, so ground above and below a step is in different pieces.
     pieces, _ = ndimage.label(~traversability.hazard & ~np.isnan(elevation))
@@ -78,20 +78,20 @@ def _drops(traversability: Traversability, reachable: MaskLayer, robot: RobotMod
     drop = np.zeros(grid.shape)
     lowest = _lowest_beyond(grid, elevation, np.argwhere(is_edge), robot, config.drop)
     drop[is_edge] = elevation[is_edge] - lowest
-    # Shorter edges than half of the robot are seams between the arena's parts.
+    # Edges shorter than half the robot's width are seams between the arena's parts.
     return np.where(_long(drop >= config.drop, round(robot.half_width / grid.cell)), drop, 0.0)
 
 
 def _lowest_beyond(grid: Grid, elevation: Layer, edges: Cells, robot: RobotModel, least_drop: float) -> Values:
-    """Height, m, of the lowest ground within the robot's length beyond each of the edges.
+    """Height of the lowest ground within the robot's length beyond each of the edges, m.
 
-    The camera often misses the nearest part of it, and of a gap that the robot rolls over no wheel finds the ground.
-    The search in a direction ends where the map is no lower than the edge: at more of the same ground, or at a wall,
-    behind which no robot falls.
+    The search goes this far because the camera often misses the nearest ground. It ignores gaps that the robot rolls
+    over, as no wheel reaches their bottom. In each direction, it ends where the map is less than ``least_drop`` below
+    the edge: at more of the same ground, or at a wall, behind which no robot falls.
     """
     height, middles = elevation[tuple(edges.T)][:, None], grid.centre_of(edges)[:, None]
     ground = _without_slits(elevation, 1 + 2 * int(robot.max_gap / 2 / grid.cell))
-    count = ceil(2 * np.pi * robot.length / grid.cell)  # one for each cell of the circle
+    count = ceil(2 * np.pi * robot.length / grid.cell)  # one for each cell on the circle
     bearings = np.linspace(0, 2 * np.pi, count, endpoint=False)
     ahead = np.stack([np.cos(bearings), np.sin(bearings)], axis=-1)
     is_open = np.ones((len(edges), count), np.bool_)
@@ -105,21 +105,21 @@ def _lowest_beyond(grid: Grid, elevation: Layer, edges: Cells, robot: RobotModel
 
 
 def _without_slits(elevation: Layer, cells: int) -> Layer:
-    """The heights, m, raised where low ground is narrower than ``cells``: a grey closing that ignores NaN."""
+    """The heights, m, raised where low ground is narrower than ``cells``: a greyscale closing that ignores NaN."""
     raised = ndimage.maximum_filter(np.nan_to_num(elevation, nan=-np.inf), cells)
     closed = ndimage.minimum_filter(np.where(np.isneginf(raised), np.inf, raised), cells)
     return np.where(np.isnan(elevation), np.nan, closed)
 
 
 def _long(edges: MaskLayer, cells: int) -> MaskLayer:
-    """The connected edges of at least ``cells`` cells."""
+    """The connected edges with at least ``cells`` cells."""
     pieces, _ = ndimage.label(edges, np.ones((3, 3)))
     sizes = np.bincount(pieces.ravel())
     return edges & (sizes[pieces] >= cells)
 
 
 def _headroom(traversability: Traversability, points: Points, at_least: float) -> Layer:
-    """m from the ground to the lowest point that is at least ``at_least`` m above it; inf without one."""
+    """Height above the ground, m, of the lowest point that is at least ``at_least`` m above it; inf without one."""
     headroom = np.full(traversability.grid.shape, np.inf)
     above = points[:, 2] - traversability.grid.at(traversability.elevation, points, outside=np.nan)
     hangs = above >= at_least

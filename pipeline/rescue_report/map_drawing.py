@@ -1,4 +1,4 @@
-"""The map from above as SVG: x to the right, y up."""
+"""The map seen from above as SVG: x to the right, y up."""
 
 from collections.abc import Iterator
 
@@ -19,18 +19,18 @@ UNNAMED = ImageColor.getrgb("linen")
 
 
 class Paper:
-    """Converts m in ``map`` to units of the drawing, which shows a window of a grid.
+    """Converts positions in ``map``, m, to units of the drawing, which shows a window of a grid.
 
     Attributes:
-        window: rows and columns of the grid.
-        low: the window's lower left corner.
+        window: the window's ranges of cells along x and y.
+        low: lower left corner of the window, m.
         scale: units per m.
-        width, height: of the drawing, units.
-        cell: units along a cell of the grid.
+        width, height: size of the drawing, units.
+        cell: side of a cell of the grid, units.
     """
 
     def __init__(self, grid: Grid, mapped: MaskLayer, config: DrawingConfig):
-        """A drawing with room for the cells that are mapped, or for all cells if none is."""
+        """A drawing that contains the mapped cells, or all cells if none is mapped."""
         cells = np.argwhere(mapped) if mapped.any() else np.array([[0, 0], np.subtract(grid.shape, 1)])
         margin = round(config.border / grid.cell)
         low = np.maximum(cells.min(axis=0) - margin, 0)
@@ -43,13 +43,13 @@ class Paper:
         self.cell = grid.cell * self.scale
 
     def __call__(self, xy: ArrayLike) -> NDArray[np.float64]:
-        """(..., 2) units of points (..., 2 or 3), m in ``map``."""
+        """(..., 2) positions on the drawing, units, of points (..., 2 or 3), m."""
         x, y = np.moveaxis((np.asarray(xy, np.float64)[..., :2] - self.low) * self.scale, -1, 0)
         return np.stack([x, self.height - y], axis=-1).round(1)
 
 
 def draw_map(situation: Situation) -> str:
-    """The semantic map with people, ways and hazards: an SVG element and a mark for narrow screens."""
+    """The semantic map with people, paths to them, and hazards, as an SVG element."""
     grid = situation.traversability.grid
     config = situation.config.drawing
     paper = Paper(grid, ~np.isnan(situation.traversability.elevation), config)
@@ -72,12 +72,12 @@ def draw_map(situation: Situation) -> str:
 
 
 def pale(label: Label) -> str:
-    """The colour of a class on the drawing, as #rrggbb."""
+    """The colour of a class in the drawing, as #rrggbb."""
     return "#" + bytes(_palette()[label].tolist()).hex()
 
 
 def _palette() -> NDArray[np.uint8]:
-    """(labels, 3) the classes' colours with a third of white: symbols drawn on them must stand out."""
+    """(labels, 3) the classes' colours, mixed with a third of white so that symbols drawn on them stand out."""
     palette = COLOURS - COLOURS // 3 + np.iinfo(np.uint8).max // 3
     palette[Label.UNLABELLED] = UNNAMED
     return palette
@@ -86,7 +86,7 @@ def _palette() -> NDArray[np.uint8]:
 def classes_from_above(situation: Situation) -> NDArray[np.int8]:
     """(nx, ny) the class of each cell's highest point below ceilings; −1 where nothing was seen.
 
-    Keyframes between steps show ground without a class.
+    Keyframes between steps may show ground without classifying it.
     """
     grid, points = situation.traversability.grid, situation.points
     classes = np.where(situation.is_seen, Label.UNLABELLED, -1).astype(np.int8)
@@ -108,7 +108,7 @@ def _ground(paper: Paper, situation: Situation) -> NDArray[np.uint8]:
 
 
 def _arrows(paper: Paper, situation: Situation) -> Iterator[tuple[Place, float]]:
-    """Positions in units and headings in rad of arrows up the slopes, from each slope's middle outwards."""
+    """Positions in units and headings in rad of arrows up the slopes, from each slope's centre outwards."""
     grid, hazards = situation.traversability.grid, situation.hazards
     inner = ndimage.distance_transform_edt(np.pad(hazards.is_steep, 1))[1:-1, 1:-1]
     cells = np.argwhere(hazards.is_steep)

@@ -28,12 +28,12 @@ PLAIN_NAMES = {
 
 
 def page(situation: Situation, report: Mapping[str, Any], written: datetime | None = None) -> str:
-    """The whole page.
+    """The page as HTML.
 
     Args:
         situation: what the robot knows.
-        report: report.json's figures; those that need the ground truth are only in the last section and
-            in a mission's scores, which say so.
+        report: figures of report.json; those that need the ground truth appear only in the last section and in a
+            mission's scores, which say so.
         written: time of writing, for the head of the page.
     """
     config, drawn = situation.config, np.unique(classes_from_above(situation))
@@ -55,7 +55,7 @@ def page(situation: Situation, report: Mapping[str, Any], written: datetime | No
 
 
 def _title(arena: str) -> str:
-    """The name of an arena; for a file without its folder and ending."""
+    """The name of an arena; for a file, without its folder and extension."""
     path = PurePath(arena)
     return path.stem if path.suffix.lower() in (".raf", ".xml") else arena
 
@@ -72,7 +72,7 @@ def _tables(content: Mapping[str, Any], rest: str) -> dict[str, list[tuple[str, 
 
 
 def _shown(value: Any) -> str:
-    """A value in words."""
+    """A value as text."""
     if isinstance(value, float):
         return f"{value:.4g}".replace("-", "−")
     return "not given" if value is None else "none" if value == [] else str(value)

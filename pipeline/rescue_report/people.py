@@ -50,17 +50,17 @@ def _person(person: Person, confirmed: bool) -> Row:
 
 
 def photo_name(person: Person) -> str:
-    """The name of the file with a person's photo, in the folder of the data."""
+    """The file name of a person's photo, in the folder of the data."""
     return f"victim_{person.display_id}.jpg"
 
 
 def plain(numbers: Any) -> Any:
-    """A number, or nested lists of numbers, (...), for JSON, rounded to 1e-6."""
+    """A number, or an array (...) as nested lists, rounded to 1e-6 for JSON."""
     return np.round(np.asarray(numbers, np.float64), 6).tolist()
 
 
 def write_people(folder: Path, situation: Situation) -> None:
-    """Write the data and the photos into a folder; InputError if one cannot be written."""
+    """Write the data and the photos into a folder; InputError if a file cannot be written."""
     data = people_data(situation)
     with whole_file(folder / JSON) as path:
         path.write_text(json.dumps(data, indent=1, allow_nan=False) + "\n")
@@ -78,7 +78,7 @@ COLUMNS = (
     *("length_m", "width_m", "height_m", "posture", "confidence", "keyframes", "first_s", "last_s", "photo"),
     *("arrives", "way_m", "steepest_rad", "gap_m", "drops", "deepest_m"),
 )
-"""Columns of victims.csv; it has a covariance's upper triangle, and the first and last of the times."""
+"""Columns of victims.csv, with the upper triangle of the covariance, and the first and last of the times."""
 
 
 def _row(person: Row) -> Row:

@@ -16,8 +16,8 @@ class ReportedPlace:
 
     Attributes:
         position: centre of the cell nearest to the mean of all the cells.
-        area: m².
-        value: greatest of the cells' values.
+        area: area of the cells, m².
+        value: maximum of the cells' values.
     """
 
     position: Place
@@ -31,8 +31,8 @@ def places(grid: Grid, mask: MaskLayer, values: NDArray, apart: float) -> list[R
     Args:
         grid: grid of the cells.
         mask: the cells.
-        values: (nx, ny) a number for every cell.
-        apart: m; cells nearer to each other belong to one place, neighbours always.
+        values: (nx, ny) value of every cell.
+        apart: distance below which cells belong to one place, m; adjacent cells always do.
     """
     reach = 1 + 2 * round(apart / grid.cell / 2)
     pieces, _ = ndimage.label(ndimage.maximum_filter(mask, reach), np.ones((3, 3)))

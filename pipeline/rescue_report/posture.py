@@ -1,4 +1,4 @@
-"""A person's size and, as far as it follows from the size, posture."""
+"""A person's size and, as far as the size determines it, posture."""
 
 from dataclasses import dataclass
 
@@ -14,8 +14,8 @@ class Posture:
     """A person's size.
 
     Attributes:
-        length, width: of the smallest upright box around the person's points, the longer side first, m.
-        height: of that box, m.
+        length, width: sides of the smallest upright box around the person's points, the longer side first, m.
+        height: height of this box, m.
         config: how the size determines the posture.
     """
 

@@ -14,7 +14,7 @@ from pipeline.rescue_report import words
 
 
 def environment(package: str) -> Environment:
-    """The templates in the folder ``templates`` of a package; a variable that is not given is an error."""
+    """The templates in the folder ``templates`` of a package; an undefined variable is an error."""
     loader = PackageLoader(package)
     return Environment(
         loader=loader, autoescape=True, undefined=StrictUndefined, trim_blocks=True, lstrip_blocks=True
@@ -22,7 +22,7 @@ def environment(package: str) -> Environment:
 
 
 def png(rgba: NDArray[np.uint8]) -> str:
-    """(H, W, 4) uint8 RGBA as a data URI of a PNG."""
+    """A (H, W, 4) uint8 RGBA image as a data URI of a PNG."""
     content = BytesIO()
     Image.fromarray(rgba).save(content, "PNG", optimize=True)
     return _data_uri("png", content.getvalue())

@@ -18,11 +18,11 @@ from pipeline.sink import Result, Sink, Step
 
 
 class RescueReport(Sink):
-    """Writes the people and all finds as data, and shows the ways to the people in the recording.
+    """Writes the people and all finds as data, and shows the paths to the people in the recording.
 
     Attributes:
-        ended: why exploring ended, see :attr:`Situation.ended`.
-        situation: the robot's knowledge at the end; None before.
+        ended: why exploration ended, see :attr:`Situation.ended`.
+        situation: the robot's knowledge at the end of the run; None before.
     """
 
     finishing = "planning routes to the people found"
@@ -37,16 +37,16 @@ class RescueReport(Sink):
         self._left: list[Viewpoint] = []
 
     def on_keyframe(self, keyframe: Keyframe) -> None:
-        """Take the camera's height over the ground."""
+        """Store the camera's height above the ground."""
         self._camera_height = float(keyframe.frame.T_base_camera[2, 3])
 
     def on_step(self, mapper: Mapper, step: Step) -> None:
-        """Take whether viewpoints are left, which only exploring shows."""
+        """Store why exploration ended and which viewpoints are left."""
         if step.explores:
             self.ended, self._left = step.ended or "interrupted", step.left
 
     def situation_in(self, mapper: Mapper) -> Situation:
-        """The present knowledge, by maps that hold at least one keyframe of this run."""
+        """The current situation according to maps with at least one keyframe of this run."""
         return situation_of(mapper, self._camera_height, self.ended, self._left, self._config)
 
     def finish(self, result: Result) -> None:
@@ -69,12 +69,12 @@ class RescuePage(Sink):
         self._rescue_report = rescue_report
 
     def finish(self, result: Result) -> None:
-        """Write it, with the figures of report.json; InputError if that is impossible."""
+        """Write the page from the situation and report.json's figures; InputError if it cannot be written."""
         if (situation := self._rescue_report.situation) is not None:
             write_page(result.folder / "report.html", situation, result.report)
 
 
 def write_page(path: Path, situation: Situation, report: Mapping[str, Any]) -> None:
-    """Write the page, with the figures of report.json; InputError if that is impossible."""
+    """Write the page from a situation and report.json's figures; InputError if it cannot be written."""
     with whole_file(path) as partial:
         partial.write_text(page(situation, report, datetime.now().astimezone()), encoding="utf-8")

@@ -1,4 +1,4 @@
-"""The robot's way from the entrance to a person, with the drops beside it and directions."""
+"""The robot's path from the entrance to a person, with the drops next to it and directions."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -23,12 +23,12 @@ from pipeline.transforms import wrap_angle
 
 @dataclass(frozen=True)
 class RouteLeg:
-    """A straight part of a way.
+    """A straight part of a path.
 
     Attributes:
-        turn: rad to the left at its beginning, from the heading so far.
-        length: m along the ground.
-        steepest: rad, greatest inclination of the ground under it.
+        turn: turn to the left at its start, from the heading so far, rad.
+        length: length along the ground, m.
+        steepest: maximum inclination of the ground under it, rad.
         is_steep: whether it leads over a slope.
     """
 
@@ -40,18 +40,18 @@ class RouteLeg:
 
 @dataclass(frozen=True, eq=False)
 class Route:
-    """A way to the reachable place nearest to a person, in sight of the person if possible.
+    """A path to the reachable position nearest to a person, in sight of the person if possible.
 
     Attributes:
-        way: its bends from the entrance to the nearest place.
-        trace: the same way with points of the ground between the bends.
-        length: m along the ground.
-        steepest: rad, greatest inclination of the ground under it.
-        drops: beside it, the deepest first, in m.
-        gap: horizontal m from its end to the person's points.
-        in_sight: whether the robot's map has nothing between its end and the person.
-        arrives: whether it ends beside the person.
-        legs: parts of it, for directions.
+        way: bends of the path, its start and end included.
+        trace: the same path with points on the ground between the bends.
+        length: length along the ground, m.
+        steepest: maximum inclination of the ground under the path, rad.
+        drops: drops next to the path, the deepest first, with their depth, m.
+        gap: horizontal distance from the end to the person's points, m.
+        in_sight: whether the robot's map shows nothing between the end and the person.
+        arrives: whether the path ends next to the person.
+        legs: straight parts of the path, for directions.
     """
 
     way: Places
@@ -66,12 +66,12 @@ class Route:
 
     @property
     def end(self) -> Place:
-        """The end of the way, x and y."""
+        """The end of the path, x and y."""
         return self.way[-1, :2]
 
 
 class Router:
-    """Finds ways from the entrance to people by the robot's own maps."""
+    """Finds paths from the entrance to people with the robot's own maps."""
 
     def __init__(
         self,
@@ -85,9 +85,9 @@ class Router:
         camera_height: float,
         config: RouteConfig,
     ):
-        """Ways begin at the start of ``paths``, at a ``heading`` in rad; people are seen from ``camera_height`` m.
+        """Routes begin at the start of ``paths`` with ``heading``, rad; people are seen from ``camera_height`` m.
 
-        Drops within the robot's length are beside a way; those nearer to each other than its width are one place.
+        Drops within the robot's length of a route are next to it; those closer together than its width are one place.
         """
         self._traversability, self._paths, self._topology = traversability, paths, topology
         self._metric_map, self._hazards = metric_map, hazards
@@ -96,14 +96,14 @@ class Router:
         self._cells = np.argwhere(paths.reachable)
 
     def to(self, points: Points) -> Route | None:
-        """The way to the person with these points; None if the robot cannot leave the entrance."""
+        """The route to the person with these points; None if the robot cannot leave the entrance."""
         if not len(self._cells):
             return None
         grid = self._traversability.grid
         centres = grid.centre_of(self._cells)
         gaps, _ = KDTree(points[:, :2]).query(centres)
         person = KDTree(points)
-        # Of cells in a ring of two cells around the person, the one with the cheapest way is preferred.
+        # Cells are ranked by ring around the person, two cells wide, and within a ring by the cost of their path.
         order = np.lexsort((self._paths.cost[tuple(self._cells.T)], np.ceil(gaps / (2 * grid.cell))))
         checked = order[np.unique(np.geomspace(1, len(order), self._config.views).astype(int)) - 1]
         seeing = next((k for k in checked if self._sees(centres[k], person)), None)
@@ -114,11 +114,11 @@ class Router:
         return self._route(np.vstack([start, plan.way_points]), float(gaps[end]), seeing is not None)
 
     def _sees(self, place: Place, person: KDTree) -> bool:
-        """Whether the metric map has nothing between the camera at a place and the middle of a person."""
+        """Whether the metric map shows nothing between the camera at a position and the centre of a person."""
         ground = float(self._traversability.grid.at(self._traversability.elevation, place))
         eye = np.append(place, ground + self._camera_height)
         middle = person.data.mean(axis=0)
-        of_person = self._metric_map.voxel_size * sqrt(3)  # the person's points lie in voxels so far off at most
+        of_person = self._metric_map.voxel_size * sqrt(3)  # diagonal: the person's voxels do not block the view
         return self._metric_map.is_free_along(eye, middle, person, of_person, may_be_unknown=True)
 
     def _route(self, way: Places, gap: float, in_sight: bool) -> Route:
@@ -146,7 +146,7 @@ class Router:
             heading = float(np.arctan2(last[1], last[0]))
 
     def _measure(self, points: Places) -> tuple[float, float]:
-        """Length, m along the ground, and greatest inclination, rad, of a way over these points."""
+        """Length along the ground, m, and maximum inclination, rad, of a path over points."""
         grid, gradient, length, steepest = self._traversability.grid, self._traversability.gradient, 0.0, 0.0
         for a, b in pairwise(points):
             level = float(np.linalg.norm(b - a))
@@ -159,7 +159,7 @@ class Router:
         return length, steepest
 
     def _trace(self, way: Places) -> Places:
-        """Points of the ground under a way, at most a cell apart."""
+        """Points on the ground under a path, at most a cell apart."""
         cell = self._traversability.grid.cell
         parts = [np.linspace(a, b, 1 + int(np.ceil(np.linalg.norm(b - a) / cell))) for a, b in pairwise(way)]
         return self._traversability.on_ground(np.vstack(parts))
@@ -176,7 +176,7 @@ class Router:
 
 
 def straight_parts(way: Places, bend: float) -> Iterator[Places]:
-    """The parts of a way between bends of more than ``bend`` rad."""
+    """The parts of a path between bends of more than ``bend`` rad."""
     steps = np.diff(way, axis=0)
     way = way[np.append(True, np.linalg.norm(steps, axis=1) > 0)]
     bearings = np.arctan2(*np.diff(way, axis=0).T[::-1])

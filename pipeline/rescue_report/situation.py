@@ -32,8 +32,8 @@ class Person:
         display_id: a number if the person is confirmed, letters otherwise.
         victim: the person's track.
         posture: the person's size.
-        route: the way to the person; None if the robot cannot leave the entrance.
-        is_warm: whether heat was seen of the person.
+        route: the path to the person; None if the robot cannot leave the entrance.
+        is_warm: whether the person's heat was seen.
     """
 
     display_id: str
@@ -49,13 +49,13 @@ class Person:
 
     @property
     def ellipse(self) -> tuple[float, float, float]:
-        """Half axes, m, of the ellipse with a probability of 95 %, the longer one first, and its yaw, rad."""
+        """Semi-axes of the 95 % confidence ellipse, m, the longer one first, and its yaw, rad."""
         (shorter, longer), directions = ellipsoids(self.victim.covariance[:2, :2])
         return float(longer), float(shorter), float(np.arctan2(directions[1, 1], directions[0, 1]))
 
     @property
     def beyond_way(self) -> float:
-        """Direction from the way's end to the person, rad to the left of the way's last part; 0 without a way."""
+        """Direction from the path's end to the person, rad to the left of the path's last part; 0 without a path."""
         if self.route is None or len(self.route.way) < 2:
             return 0.0
         (x, y), (u, v) = np.diff(self.route.way[-2:, :2], axis=0)[0], self.victim.position[:2] - self.route.end
@@ -63,7 +63,7 @@ class Person:
 
 
 FINISHED = ("nothing_left", "not_worth_it")
-"""Reasons of :attr:`Situation.ended` for which a robot ends exploring by itself."""
+"""Values of :attr:`Situation.ended` if the robot ended exploration by itself."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,26 +71,26 @@ class Situation:
     """The content of the page, except figures that need the ground truth.
 
     Attributes:
-        robot: size and abilities of the robot for which the ways are planned.
-        T_map_entrance: where the robot was set down.
-        positions: of the run's keyframes, x and y.
-        traversability: of the ground.
-        is_seen: whether the ground was measured, not merely assumed, at a cell.
-        points: of the semantic map.
-        labels: of these points.
-        hazards: of the ground that the robot can reach.
+        robot: size and abilities of the robot for which the paths are planned.
+        T_map_entrance: pose in which the robot was set down.
+        positions: x and y of the run's keyframes.
+        traversability: traversability of the ground.
+        is_seen: cells where the ground was measured, not merely assumed.
+        points: points of the semantic map.
+        labels: labels of these points.
+        hazards: hazards on the ground that the robot can reach.
         unseen: ground that was not seen.
-        people: confirmed.
+        people: confirmed people.
         sightings: people who are not confirmed.
-        finds: signs, codes, objects and heat; what people give off comes last.
+        finds: signs, codes, objects and heat; people's heat comes last.
         searched: whether a detector looked for people.
-        ended: why exploring ended, as in report.json, or ``interrupted``; None if nobody explored: the camera was
-            moved by others, or the robot had other goals.
+        ended: why exploration ended, as in report.json, or ``interrupted``; None without exploration: somebody else
+            moved the camera, or the robot had goals.
         left: viewpoints that would have shown more ground but were not worth the drive.
         trust: how far the map can be trusted.
-        can_leave: whether the robot's map has a way out of the entrance.
-        knows_camera: whether the camera's place on the robot was known, not merely measured from a floor in view.
-        config: of the report.
+        can_leave: whether the robot's map has a path out of the entrance.
+        knows_camera: whether the camera's pose on the robot was known, not merely measured from a floor in view.
+        config: parameters of the report.
     """
 
     robot: RobotModel
@@ -115,18 +115,18 @@ class Situation:
 
     @property
     def finished(self) -> bool:
-        """Whether the robot ended exploring by itself: no viewpoint was left that was worth a keyframe."""
+        """Whether the robot ended exploration by itself, as no viewpoint was left that was worth the drive."""
         return self.ended in FINISHED
 
     @property
     def is_explored(self) -> bool:
-        """Whether all ground to which the robot's map leads was seen, by a map that can be trusted."""
+        """Whether all ground to which the robot's map leads was seen, and the map can be trusted."""
         knows_all = self.can_leave and self.unseen.share is not None and not self.unseen.places
         return self.finished and knows_all and self.trust.is_good
 
     @property
     def others(self) -> list[Find]:
-        """The finds without the heat of people, which is reported with the people."""
+        """The finds except people's heat, which is reported with the people."""
         return [find for find in self.finds if not find.of_person]
 
     @property
@@ -136,16 +136,16 @@ class Situation:
 
     @property
     def entrance(self) -> Place:
-        """Where the robot was set down, x and y."""
+        """Position at which the robot was set down, x and y."""
         return self.T_map_entrance[:2, 3]
 
     @property
     def entrance_yaw(self) -> float:
-        """Heading, rad, in which the robot was set down."""
+        """Heading with which the robot was set down, rad."""
         return yaw_of(self.T_map_entrance)
 
     def from_entrance(self, position: Place) -> tuple[float, float]:
-        """Distance, m, and bearing, rad from the entrance's heading, of a position."""
+        """Distance of a position from the entrance, m, and its bearing relative to the entrance's heading, rad."""
         x, y = position[:2] - self.entrance
         return float(np.hypot(x, y)), float(np.arctan2(y, x)) - self.entrance_yaw
 
@@ -153,20 +153,20 @@ class Situation:
 def situation_of(
     mapper: Mapper, camera_height: float, ended: str | None, left: Sequence[Viewpoint], config: RescueReportConfig
 ) -> Situation:
-    """The situation by a mapper's maps, which hold at least one keyframe of this run; the first is at the entrance.
+    """The situation according to a mapper's maps, with at least one keyframe of this run, the first at the entrance.
 
     Args:
-        mapper: with the maps and the victims; without a detector no person was searched for.
-        camera_height: m above the ground under the robot.
-        ended: why exploring ended, see :attr:`Situation.ended`.
+        mapper: holds the maps and the victims; without a detector, people were not searched for.
+        camera_height: height of the camera above the ground under the robot, m.
+        ended: why exploration ended, see :attr:`Situation.ended`.
         left: viewpoints that would have shown more ground but were not worth the drive.
-        config: of the report.
+        config: parameters of the report.
     """
     traversability, measured = mapper.traversability, mapper.elevation_map.measured
     robot = traversability.robot
     poses = mapper.keyframes.poses[mapper.keyframes.loaded :]
     paths, points = PosePaths(traversability, poses[0][:2, 3]), mapper.semantic_map.points()
-    # Also where nobody saw the ground at the entrance, or between there and where the robot went.
+    # From all keyframes, because ground at the entrance, or from there to where the robot went, may be unseen.
     reachable = PosePaths(traversability, poses[:, :2, 3]).reachable
     hazards = find_hazards(traversability, reachable, points, robot, config.hazards)
     maps = traversability, paths, mapper.topological_map, mapper.metric_map

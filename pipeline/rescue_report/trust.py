@@ -1,4 +1,4 @@
-"""How far the robot's map can be trusted, by the robot's own data."""
+"""How far the robot's map can be trusted, according to the robot's own data."""
 
 from dataclasses import dataclass
 
@@ -15,11 +15,11 @@ class Trust:
     """Evidence against the map.
 
     Attributes:
-        contradicted: share of the keyframes' depth that contradicts the map, which is made of all keyframes: if a
-            wall stands twice, keyframes see through one copy, and see surfaces in front of the other.
-        deviation: m, standard deviation of the least certain keyframe's place relative to the newest keyframe; 0 for
-            a robot that relies on its odometry alone.
-        config: when this is good enough.
+        contradicted: share of the keyframes' depth that contradicts the map, which is built from all keyframes: if a
+            wall is mapped twice, keyframes see through one copy, and see surfaces in front of the other.
+        deviation: standard deviation of the least certain keyframe's position relative to the newest keyframe, m; 0
+            for a robot that relies on its odometry alone.
+        config: limits of these values.
     """
 
     contradicted: float
@@ -33,7 +33,7 @@ class Trust:
 
     @property
     def is_certain(self) -> bool:
-        """Whether every keyframe's place is certain enough."""
+        """Whether every keyframe's position is certain enough."""
         return self.deviation <= self.config.deviation
 
     @property
@@ -43,7 +43,7 @@ class Trust:
 
 
 def trust_in(mapper: Mapper, config: TrustConfig) -> Trust:
-    """Check a mapper's map by its keyframes and its localisation."""
+    """Check a mapper's map against its keyframes and its localisation."""
     kept = list(zip(mapper.keyframes.seen, mapper.keyframes.poses, strict=True))
     checked = kept[:: 1 + len(kept) // config.checked]
     slam, metric_map, belief = mapper.localisation, mapper.metric_map, mapper.belief.config

@@ -18,9 +18,9 @@ class Unseen:
 
     Attributes:
         places: places of unseen ground large enough for a person, the largest first.
-        rest: m² of smaller unseen patches.
-        seen: m² of ground that was seen, of ground that joins what the robot can reach if there is any.
-        is_reachable: whether the robot can reach any ground from where it was; if not, nobody knows what joins it.
+        rest: area of smaller unseen patches, m².
+        seen: area of the ground that was seen, m²; if the robot can reach any, only of ground connected to that.
+        is_reachable: whether the robot can reach any ground; if not, it is unknown which ground is connected to it.
     """
 
     places: list[ReportedPlace]
@@ -35,7 +35,7 @@ class Unseen:
 
     @property
     def share(self) -> float | None:
-        """Seen share of the seen and unseen ground; None if no ground is reachable."""
+        """Share of the ground that was seen; None if no ground is reachable."""
         whole = self.seen + self.area
         return self.seen / whole if self.is_reachable and whole else None
 
@@ -46,16 +46,16 @@ def find_unseen(
     """The ground that was not seen: inside the map's outline, and beyond the reachable ground.
 
     Args:
-        traversability: of the robot's map.
-        measured: height of the ground, m, measured by returns; NaN elsewhere.
+        traversability: traversability of the robot's map.
+        measured: height of the ground as measured by returns, m; NaN elsewhere.
         reachable: cells that the robot can reach.
-        robot: ground with returns counts as seen within its length.
+        robot: the robot; ground within its length of reachable ground counts as connected.
         config: where ground is expected.
     """
     grid, unknown = traversability.grid, np.isnan(measured)
     outline = ndimage.binary_fill_holes(~np.isnan(traversability.elevation))
     is_clear = traversability.to_hazard >= config.from_wall
-    # A wall that was seen in part has gaps; ground extends only through wide gaps.
+    # A partly seen wall has gaps; ground is expected to extend only through wide ones.
     ahead = ndimage.binary_dilation(reachable, iterations=round(config.ahead / grid.cell), mask=is_clear)
     cells = unknown & (outline | ahead) & is_clear
     found = sorted(places(grid, cells, cells, 0), key=lambda place: -place.area)

@@ -1,4 +1,4 @@
-"""Formats numbers for readers; each function is also a filter of the templates."""
+"""Formats numbers for readers; each function is also a template filter."""
 
 import re
 
@@ -9,13 +9,13 @@ from pipeline.finds.codes import plain_text
 from pipeline.transforms import wrap_angle
 
 LEVEL = np.deg2rad(4)
-"""rad; ground that is nowhere steeper is called level."""
+"""Inclination up to which ground is called level, rad."""
 STRAIGHT = np.deg2rad(20)
-"""rad; a direction at most this far to a side is straight ahead, one at most this far from the opposite is behind."""
+"""Maximum angle from straight ahead, or from straight behind, at which a direction is called so, rad."""
 
 
 def number(value: float, digits: int = 1) -> str:
-    """A number with ``digits`` after the point, a true minus sign and no negative zero."""
+    """A number with ``digits`` decimal places, a true minus sign and no negative zero."""
     text = f"{value:.{digits}f}"
     return text.lstrip("-") if float(text) == 0 else text.replace("-", "−")
 
@@ -58,7 +58,7 @@ def counted(count: int, one: str, many: str = "") -> str:
 
 
 def shown(text: str) -> str:
-    """What a code says, as far as it fits on a line."""
+    """The content of a code, as far as it fits on one line."""
     return plain_text(text)
 
 
@@ -94,5 +94,5 @@ def turn(angle: float) -> str:
 
 
 def rotate(angle: float) -> str:
-    """SVG's transform that turns a symbol pointing right by ``angle`` rad to the left."""
+    """The SVG transform that turns a symbol, which points right, by ``angle`` rad counter-clockwise."""
     return f"rotate({-np.degrees(angle):.0f})"

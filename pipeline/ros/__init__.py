@@ -1,1 +1,1 @@
-"""The pipeline's data as ROS 2 messages, bags of them, and robots on a network."""
+"""The pipeline's data as ROS 2 messages, in bags and on networks with robots."""

@@ -18,10 +18,10 @@ class Bag(ExitStack):
     """Writes messages until it is closed."""
 
     def __init__(self, path: Path):
-        """Begin a bag in a new folder.
+        """Start a bag in a new folder.
 
         Raises:
-            InputError: the folder exists already, or cannot be written; later calls raise it too.
+            InputError: the folder already exists or cannot be written. Later calls raise it too if writing fails.
         """
         super().__init__()
         self.path = path
@@ -33,7 +33,7 @@ class Bag(ExitStack):
         self.callback(self._finish)
 
     def write(self, topic: str, time: float, message: Message) -> None:
-        """Add a message that was sent at a time in s."""
+        """Add a message that was sent at ``time``, s."""
         name = type_of(message)
         with self._writing():
             if topic not in self._connections:
@@ -58,7 +58,7 @@ class Bag(ExitStack):
 
 
 def _latched() -> Qos:
-    """The quality of service of a topic whose last message is kept; other topics have ROS's default one."""
+    """The quality of service of a topic whose last message is kept; other topics have ROS's default."""
     unlimited = QosTime(0, 0)
     return Qos(
         QosHistory.KEEP_LAST,

@@ -1,4 +1,4 @@
-"""A depth and a colour camera by their topics: which camera_info is whose, and depth registered to colour."""
+"""A depth and a colour camera on ROS topics: which camera_info belongs to which, and depth registered to colour."""
 
 import re
 from collections.abc import Mapping
@@ -20,17 +20,17 @@ IMAGE_TYPES = "sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage"
 INFO_TYPE = "sensor_msgs/msg/CameraInfo"
 EXTRINSIC = re.compile(r"(?P<stream>(?P<device>/device_\d+)/sensor_\d+/\w+)/tf/(?P<reference>\d+)")
 EXTRINSIC_TYPE = "geometry_msgs/msg/Transform"
-TRANSPORTS = "compressed", "compressedDepth", "theora", "ffmpeg", "zstd"  # At the end of a topic's name
-SAME_PLACE = 1e-3  # m and rad between cameras; below, they are one
+TRANSPORTS = "compressed", "compressedDepth", "theora", "ffmpeg", "zstd"  # Last part of a topic's name
+SAME_PLACE = 1e-3  # Largest difference between the poses of two cameras that count as one, m and rad
 
 
 class ImageSource(NamedTuple):
     """The images of a camera.
 
     Attributes:
-        topic: its name.
-        info: its camera_info; None if there is none.
-        frame: name of the camera's frame; empty if it is not known.
+        topic: name of the topic.
+        info: camera_info of the images; None if there is none.
+        frame: name of the camera's frame; empty if unknown.
     """
 
     topic: str
@@ -44,7 +44,7 @@ def is_rectified(topic: str) -> bool:
 
 
 def _raw(topic: str) -> list[str]:
-    """The parts of a topic's name without image_transport's."""
+    """The parts of a topic's name without image_transport's suffix."""
     parts = topic.strip("/").split("/")
     return parts[:-1] if parts[-1] in TRANSPORTS and len(parts) > 1 else parts
 
@@ -53,11 +53,11 @@ def info_topic(topic: str, kinds: Mapping[str, str]) -> str | None:
     """The topic of an image topic's camera_info: the nearest by name that is not nearer to other images.
 
     Args:
-        topic: of the images.
+        topic: topic of the images.
         kinds: the types of all topics, by name.
 
     Returns:
-        None if there is no such topic, or several are as near.
+        The topic; None if there is none, or several are equally near.
     """
     images = [name for name, kind in kinds.items() if kind in IMAGE_TYPES]
     near = {
@@ -72,15 +72,15 @@ def info_topic(topic: str, kinds: Mapping[str, str]) -> str | None:
 
 
 def stream_of(topic: str) -> str:
-    """The stream of a RealSense camera to which the topic of an extrinsic belongs; empty for other topics."""
+    """The RealSense stream to which a topic of extrinsics belongs; empty for other topics."""
     found = EXTRINSIC.fullmatch(topic)
     return found["stream"] if found else ""
 
 
 def extrinsic(topic: str, message: Message) -> tuple[str, str, Pose]:
-    """Names of a RealSense stream's frame and of its device's reference, and the stream's pose in that.
+    """Names of a RealSense stream's frame and of its device's reference frame, and the stream's pose in the latter.
 
-    librealsense records, as a Transform on ``STREAM/tf/REFERENCE``, the pose of the reference in the stream.
+    On ``STREAM/tf/REFERENCE``, librealsense records the inverse, the reference's pose in the stream, as a Transform.
     """
     found = EXTRINSIC.fullmatch(topic)
     assert found
@@ -89,17 +89,17 @@ def extrinsic(topic: str, message: Message) -> tuple[str, str, Pose]:
 
 
 def _shared(info: str, image: str) -> int:
-    """How many parts of two topics' names are the same from the beginning."""
+    """The number of leading parts that two topics' names share."""
     pairs = zip(info.strip("/").split("/"), _raw(image), strict=False)
     return sum(1 for _ in takewhile(lambda pair: pair[0] == pair[1], pairs))
 
 
 class RgbdCamera:
-    """Makes pairs of images, registered to each other, of a pinhole camera.
+    """Makes pairs of images that are registered to each other, as from one pinhole camera.
 
     Attributes:
         frame: name of the frame of both images.
-        note: in one line, what is not as expected of the images; empty if nothing is.
+        note: what is unexpected about the images, in one line; empty if nothing is.
     """
 
     def __init__(
@@ -110,18 +110,18 @@ class RgbdCamera:
         links: FrameTree,
         calibration: Calibration | None = None,
     ):
-        """Find out how the depth images lie on the colour images.
+        """Find out how depth is to be registered to colour.
 
         Args:
-            path: of the recording, or a topic, for error messages.
-            depth: of the depth images.
-            colour: of the colour images; None without any.
+            path: the recording or a topic, for error messages.
+            depth: source of the depth images.
+            colour: source of the colour images; None without any.
             links: the transforms between the frames of the cameras.
-            calibration: of both cameras, without distortion, in place of their camera_info.
+            calibration: calibration of both cameras, without distortion, that replaces their camera_info.
 
         Raises:
-            InputError: intrinsics are missing or impossible, or images of two cameras are of two sizes and nothing
-                says how the one lies on the other.
+            InputError: intrinsics are missing or invalid, or the images of two cameras have different sizes and no
+                transform connects the cameras.
         """
         self._path, self._depth = path, Pinhole(path, depth.info, calibration, is_rectified(depth.topic))
         self.frame, self.note, self._colour = depth.frame, "", self._depth
@@ -136,7 +136,7 @@ class RgbdCamera:
             self.note = f"{frames}, which has no camera_info; assuming that depth is registered to colour"
 
     def _register(self, of_depth: str, of_colour: str, links: FrameTree) -> None:
-        """Find the transform by which depth must be registered to colour, if it is not."""
+        """Find the transform with which depth must be registered to colour, if it is not registered."""
         T = links.between(links.named(of_colour), links.named(of_depth)) if of_colour and of_depth else None
         is_one = self._depth.is_like(self._colour)
         if is_one and (T is None or _is_same(links, of_depth, of_colour)):
@@ -155,14 +155,14 @@ class RgbdCamera:
 
     @property
     def intrinsics(self) -> Intrinsics:
-        """Of both images; known after the first ones."""
+        """Intrinsics of both images; known after the first pair."""
         return (self._depth if self._T_colour_depth is None else self._colour).intrinsics
 
     def images(self, depth: Depth, colour: Rgb | None) -> tuple[Depth, Rgb]:
-        """Both images as a pinhole camera has them; black without a colour image.
+        """Both images as taken by one pinhole camera; without a colour image, colour is black.
 
         Raises:
-            InputError: their sizes are not those that are expected.
+            InputError: the images do not have the expected sizes.
         """
         metres = self._depth.rectified("depth", depth)
         rgb = np.zeros((*metres.shape, 3), np.uint8) if colour is None else self._colour.rectified("colour", colour)
@@ -175,7 +175,7 @@ class RgbdCamera:
 
 
 def _is_same(links: FrameTree, frame: str, other: str) -> bool:
-    """Whether two frames are known to be in one place."""
+    """Whether two frames are known to coincide."""
     T = links.between(links.named(frame), links.named(other))
     return T is not None and np.allclose(T, np.eye(4), rtol=0, atol=SAME_PLACE)
 
@@ -187,12 +187,12 @@ def _name(frame: str, camera: Pinhole) -> str:
 def registered(depth: Depth, k: Intrinsics, target: Intrinsics, T_target_camera: Pose) -> Depth:
     """A depth image as another camera would see its surfaces; 0 where it sees none of them.
 
-    Each pixel covers the target's pixels whose centres are in its projection; of several surfaces the nearest counts.
+    A pixel covers the target's pixels whose centres lie in its projection; of several surfaces, the nearest counts.
 
     Args:
-        depth: to register.
-        k, target: intrinsics of its camera, and of the other one.
-        T_target_camera: pose of its camera in the other one's frame.
+        depth: the depth image to register.
+        k, target: intrinsics of its camera, and of the other camera.
+        T_target_camera: pose of its camera in the frame of the other camera.
     """
     returns = np.isfinite(depth) & (depth > 0)
     row, column = np.nonzero(returns)
@@ -213,7 +213,7 @@ def _covered(
     """The target's pixels that pixels of depth ``z``, m, cover.
 
     Returns:
-        (2, N) first column and row, (2, N) those beyond the last, both within the image, and (N,) the depths there.
+        (2, N) first column and row, (2, N) one past the last, clipped to the image, and (N,) depth in the target, m.
     """
     corners = []
     for right, down in product((0.0, 1.0), repeat=2):

@@ -1,4 +1,4 @@
-"""The numbers of the ROS messages and of robots on a network."""
+"""Parameters of ROS messages and of robots on a network."""
 
 from dataclasses import dataclass
 from math import radians
@@ -8,13 +8,13 @@ from pipeline.localisation.config import TrajectoryConfig
 
 @dataclass(frozen=True)
 class Nav2Config:
-    """Drives by a robot's Nav2 stack.
+    """Parameters of drives performed by a robot's Nav2 stack.
 
     Attributes:
-        patience: s that a drive may take beyond the time for its way: Nav2 may wait, back up and try again.
-        least_speed: m/s, mean over the planned way, below which a drive is given up.
-        moved, turned: m and rad by which a goal moves in ``odom``, when the map is corrected, before it is sent anew.
-        braking: s that a robot takes to stand, at most.
+        patience: time that a drive may take beyond the time for its path, s: Nav2 may wait, back up and try again.
+        least_speed: mean speed along the planned path below which a drive is given up, m/s.
+        moved, turned: how far a correction of the map must move a goal in ``odom`` to send it again, m and rad.
+        braking: maximum time that a robot takes to stop, s.
     """
 
     patience: float = 30.0
@@ -26,21 +26,22 @@ class Nav2Config:
 
 @dataclass(frozen=True)
 class LiveConfig:
-    """Robots on a network.
+    """Parameters of robots on a network.
 
     Attributes:
-        discovery: s within which nodes of one machine discover one another, and acknowledge messages.
-        idle: s, the longest time between two calls of a node's ``idle``.
-        odometry_queue: messages of a topic that are queued while a program computes: odometry of some seconds.
+        discovery: time within which nodes on one machine discover each other and acknowledge messages, s.
+        idle: maximum time between two calls of a node's ``idle``, s.
+        odometry_queue: messages of a topic that are queued while a program computes, and odometry poses that are
+            kept: a few seconds of odometry.
         queue: messages of a topic that are queued for a listener, as is ROS's default, and images that are kept.
-        least_speed, least_turn_rate: m/s and rad/s; a robot may ignore slower commands.
-        least_way, least_turn: m and rad by which a robot that follows a command moves at least.
-        least_period: s, least control period.
-        hold: s of the robot's time without a new command after which it is stopped: the pipeline is computing. A
-            frame may be half as much older than the newest odometry.
-        starting: messages of odometry from which its period is estimated.
+        least_speed, least_turn_rate: speeds below which a robot may ignore commands, m/s and rad/s.
+        least_way, least_turn: minimum motion of a robot that follows a command, m and rad.
+        least_period: minimum control period, s.
+        hold: time on the robot's clock after which it is stopped if there is no new command, because the pipeline is
+            computing, s. A frame may be older than the newest odometry by half of this time.
+        starting: number of odometry messages from which their period is estimated.
         trajectory: how long odometry is valid.
-        nav2: drives by a robot's Nav2 stack.
+        nav2: parameters of drives performed by a robot's Nav2 stack.
     """
 
     discovery: float = 1.0
@@ -60,11 +61,11 @@ class LiveConfig:
 
 @dataclass(frozen=True)
 class RosConfig:
-    """What is sent, and robots on a network.
+    """Parameters of what is sent, and of robots on a network.
 
     Attributes:
-        cloud_voxel: m, to which clouds are thinned before they are sent.
-        live: robots on a network.
+        cloud_voxel: size of the voxels to which clouds are thinned before they are sent, m.
+        live: parameters of robots on a network.
     """
 
     cloud_voxel: float = 0.02

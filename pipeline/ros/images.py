@@ -23,7 +23,7 @@ TO_RGB = {
     "bayer_rggb8": (1, cv2.COLOR_BayerBG2RGB),
     "bayer_grbg8": (1, cv2.COLOR_BayerGB2RGB),
 }
-"""By encoding: channels, and OpenCV's code to convert them to RGB; its Bayer patterns begin at the second pixel."""
+"""By encoding: channels, and OpenCV's code to convert them to RGB, which names Bayer patterns from pixel (1, 1)."""
 CONFIG = struct.Struct("<iff")
 """Header of a depth image of compressed_depth_image_transport: a format and two parameters."""
 PNG, JPEG = b"\x89PNG", b"\xff\xd8"  # First bytes of image files
@@ -31,7 +31,7 @@ LOSSLESS = "16-bit PNG or TIFF, or compressedDepth"
 
 
 def depth_of(message: Message) -> Depth:
-    """The content of a depth image; InputError if its encoding is not of depth or it is broken."""
+    """The content of a depth image; InputError if its encoding is not one of depth, or it is broken."""
     if hasattr(message, "format"):
         return _compressed_depth(message)
     if message.encoding in MILLIMETRES:
@@ -42,7 +42,7 @@ def depth_of(message: Message) -> Depth:
 
 
 def colour_of(message: Message) -> Rgb:
-    """The content of a colour image; InputError if its encoding is unknown or it is broken."""
+    """The content of a colour image; InputError if its encoding is unknown, or it is broken."""
     if hasattr(message, "format"):
         return np.ascontiguousarray(decoded(message.data, cv2.IMREAD_COLOR)[..., ::-1])
     if message.encoding not in TO_RGB:
@@ -53,7 +53,7 @@ def colour_of(message: Message) -> Rgb:
 
 
 def label_of(message: Message) -> NDArray[np.uint8]:
-    """(H, W) labels of an ``8UC1`` or ``mono8`` image; InputError if its encoding is another or it is broken."""
+    """(H, W) labels of an ``8UC1`` or ``mono8`` image; InputError if its encoding is another one, or it is broken."""
     if message.encoding not in ("8UC1", "mono8"):
         raise InputError(f"label images in {message.encoding!r}; use 8UC1")
     return _pixels(message, np.dtype(np.uint8), 1).copy()
@@ -73,10 +73,10 @@ def _pixels(message: Message, kind: np.dtype, channels: int) -> NDArray:
 
 
 def _compressed_depth(message: Message) -> Depth:
-    """The content of a compressed depth image without losses.
+    """The content of a losslessly compressed depth image.
 
-    It is an image file of mm or m, or one behind a header of compressed_depth_image_transport: of mm, or of inverse
-    depth with two parameters.
+    It is an image file in mm or m, or a header of compressed_depth_image_transport followed by an image file in mm or
+    of inverse depth, scaled with the header's two parameters.
     """
     data, a, b, is_inverse = message.data, 0.0, 0.0, False
     if "compressedDepth" in message.format and len(data) > CONFIG.size and data[:4].tobytes() != PNG:

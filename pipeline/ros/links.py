@@ -9,20 +9,20 @@ from pipeline.arrays import Pose
 from pipeline.ros.messages import BASE, ODOM, Message, pose_matrix, seconds
 from pipeline.transforms import inverse
 
-TF_TYPES = "tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"  # The latter is ROS 1's older one
+TF_TYPES = "tf2_msgs/msg/TFMessage", "tf/msg/tfMessage"  # The latter is an older type of ROS 1
 FOOTPRINT = "base_footprint"  # On the ground, while a robot's ``base_link`` may be higher (REP 120)
 BASES = BASE, FOOTPRINT
 """Names of a robot's own frame (REP 105 and 120), the preferred one first."""
-STILL = 1e-3  # by which the numbers of a transform that does not move may differ: rounding, m and rad
+STILL = 1e-3  # Maximum change of a transform's elements that counts as rounding, not as motion
 
 
 class CameraMount(NamedTuple):
-    """Where a camera is on a robot.
+    """The pose of a camera on a robot.
 
     Attributes:
-        T_base_camera: None if no chain of transforms says so.
-        T_driven_base: pose of the pipeline's ``base_link``, on the ground, in the frame whose odometry it is.
-        note: what was assumed, expected and found, in one line; empty if all was as expected.
+        T_base_camera: pose of the camera in ``base_link``; None if no chain of transforms connects them.
+        T_driven_base: pose of the pipeline's ``base_link``, on the ground, in the frame whose odometry is received.
+        note: what was assumed, expected and found, in one line; empty if everything was as expected.
     """
 
     T_base_camera: Pose | None
@@ -31,11 +31,11 @@ class CameraMount(NamedTuple):
 
 
 def tf_topics(kinds: Mapping[str, str], beside: Sequence[str]) -> list[str]:
-    """The topics of a robot's transforms, which are known by their type, for robots have them in namespaces.
+    """The topics of a robot's transforms, recognised by their type, because robots may have them in namespaces.
 
     Args:
         kinds: the types of all topics, by name.
-        beside: other topics of the robot. If transforms come in several namespaces, those count in which these are.
+        beside: other topics of the robot; of several namespaces with transforms, those that contain these count.
     """
     spaces = {name: name.rpartition("/")[0] for name, kind in kinds.items() if kind in TF_TYPES}
     own = {space for space in spaces.values() if space and any(name.startswith(f"{space}/") for name in beside)}
@@ -45,10 +45,10 @@ def tf_topics(kinds: Mapping[str, str], beside: Sequence[str]) -> list[str]:
 
 
 class FrameTree:
-    """Transforms between frames, by their names.
+    """Transforms between frames, which are identified by name.
 
     Attributes:
-        base: name of the robot's frame, as its odometry gives it; empty if it has none.
+        base: name of the robot's frame according to its odometry messages; empty if they give none.
     """
 
     def __init__(self) -> None:
@@ -58,7 +58,7 @@ class FrameTree:
         self._odometry: dict[str, list[tuple[float, Pose]]] = {}
 
     def take(self, message: Message, time: float = 0.0) -> None:
-        """Store a TransformStamped; ``time``, s, counts if it has no stamp."""
+        """Store a TransformStamped; ``time``, s, is used if it has no stamp."""
         T = pose_matrix(message.transform.translation, message.transform.rotation)
         parent, child = message.header.frame_id.strip("/"), message.child_frame_id.strip("/")
         if child in self._links and not np.allclose(self._links[child][1], T, rtol=0, atol=STILL):
@@ -68,29 +68,29 @@ class FrameTree:
             self._odometry.setdefault(child, []).append((seconds(message.header.stamp) or time, T))
 
     def hang(self, child: str, parent: str, T_parent_child: Pose) -> None:
-        """Store where a frame is in the one that it hangs on."""
+        """Store the pose of a frame in its parent."""
         self._links[child] = parent, T_parent_child
 
     def odometry(self, camera: str) -> list[tuple[float, Pose]]:
-        """The poses in ``odom``, at times in s, of the frame that hangs on it and carries a camera."""
+        """The times, s, and poses in ``odom`` of its child that carries a camera."""
         return self._odometry.get(self._driven(camera), [])
 
     def _driven(self, camera: str) -> str:
-        """The frame that hangs on ``odom``: the one that carries the camera, or the only one; empty without one."""
+        """The child of ``odom`` that carries the camera, or else its only child; empty if there is none."""
         above = [name for name, _ in self._above(self.named(camera)) if name in self._odometry]
         return next(iter(above or (self._odometry if len(self._odometry) == 1 else ())), "")
 
     @property
     def moves(self) -> bool:
-        """Whether any frame moved."""
+        """Whether any frame has moved relative to its parent."""
         return bool(self._moving)
 
     def knows(self, frame: str) -> bool:
-        """Whether there is a frame of a name, or of one that differs by a namespace."""
+        """Whether there is a frame with a name, or with one that differs only by a namespace."""
         return self.named(frame) in self._known()
 
     def mount(self, camera: str) -> CameraMount:
-        """The pose of a camera on the robot, which is said where a frame has another name than expected."""
+        """The pose of a camera on the robot, with a note if a frame has an unexpected name."""
         named, base, expected = self.named(camera), self._base(camera), self._expected(camera)
         T = self.between(base, named)
         if T is None:
@@ -104,19 +104,19 @@ class FrameTree:
         return CameraMount(inverse(ground) @ T, ground, "; ".join(taken))
 
     def T_base(self, frame: str, camera: str) -> Pose | None:
-        """Pose of a frame on the robot that carries a camera; None if no transforms connect them."""
+        """Pose of a frame in ``base_link`` of the robot that carries a camera; None if no transforms connect them."""
         base = self._base(camera)
         T = self.between(base, self.named(frame))
         return None if T is None else inverse(self._ground(base)) @ T
 
     def _ground(self, base: str) -> Pose:
-        """Pose on a robot's frame of its ``base_footprint``, if that does not move on it; else the frame's own."""
+        """Pose of ``base_footprint`` in the robot's frame if it does not move there; otherwise the identity."""
         feet = [name for name in self._known() if _is_called(name, FOOTPRINT)]
         rigid = [T for name in feet if (T := self._rigid(base, name)) is not None]
         return rigid[0] if len(rigid) == 1 else np.eye(4)
 
     def _rigid(self, frame: str, other: str) -> Pose | None:
-        """Pose of another frame in a frame if it hangs on it, or this on that, and does not move."""
+        """Pose of another frame in a frame if one is a rigidly attached ancestor of the other; otherwise None."""
         ways = [[name for name, _ in self._above(end)] for end in (frame, other)]
         for way, top in zip(ways, (other, frame), strict=True):
             if top in way and not self._moving & set(way[: way.index(top)]):
@@ -124,11 +124,11 @@ class FrameTree:
         return None
 
     def _expected(self, camera: str) -> str:
-        """The name of the robot's frame: the odometry's, by its topic or by transforms, or else the usual one."""
+        """The expected name of the robot's frame: from the odometry messages, from transforms, or ``base_link``."""
         return self.base.strip("/") or self._driven(camera) or BASE
 
     def _base(self, camera: str) -> str:
-        """The robot's frame: the expected one if it carries the camera, else the topmost with a usual name."""
+        """The robot's frame that carries the camera: the expected one, or else the topmost with a usual name."""
         expected, named = self.named(self._expected(camera)), self.named(camera)
         if self.between(expected, named) is not None:
             return expected
@@ -139,18 +139,18 @@ class FrameTree:
         return self._links.keys() | {parent for parent, _ in self._links.values()}
 
     def named(self, frame: str) -> str:
-        """The frame of a name: this one, or the only one whose name is the same but for a namespace before it."""
+        """The frame with a name, or the only one whose name differs from it only by a leading namespace."""
         frame = frame.strip("/")
         known = self._known()
         alike = [name for name in known if name.endswith(f"/{frame}") or frame.endswith(f"/{name}")]
         return alike[0] if frame and frame not in known and len(alike) == 1 else frame
 
     def hangs(self, frame: str) -> bool:
-        """Whether a frame hangs on another one."""
+        """Whether a frame has a parent."""
         return self.named(frame) in self._links
 
     def between(self, frame: str, other: str) -> Pose | None:
-        """Pose of another frame in a frame; None if they hang on no common one, or the frame moves on that."""
+        """Pose of another frame in a frame; None without a common ancestor in which the frame does not move."""
         frame, other = frame.strip("/"), other.strip("/")
         above: dict[str, Pose] = {}
         for name, T in self._above(frame):
@@ -161,12 +161,12 @@ class FrameTree:
         return None if found is None else inverse(above[found[0]]) @ found[1]
 
     def _way(self, base: str, frame: str) -> list[str]:
-        """The names of the frames from one up to the robot's, without that."""
+        """The names of a frame and its ancestors below the robot's frame."""
         names = [name for name, _ in self._above(frame)]
         return names[: names.index(base)] if base in names else names
 
     def _above(self, frame: str) -> Iterator[tuple[str, Pose]]:
-        """The names of a frame and of those that it hangs on, and the frame's pose in each."""
+        """The names of a frame and of its ancestors, and the frame's pose in each."""
         name, T = frame.strip("/"), np.eye(4)
         yield name, T
         for _ in range(len(self._links)):
@@ -177,7 +177,7 @@ class FrameTree:
             yield name, T
 
     def __str__(self) -> str:
-        """The transforms, of each parent with its children."""
+        """Each parent with its children."""
         children: dict[str, list[str]] = {}
         for child, (parent, _) in self._links.items():
             children.setdefault(parent, []).append(child)
@@ -185,5 +185,5 @@ class FrameTree:
 
 
 def _is_called(name: str, usual: str) -> bool:
-    """Whether a name is a usual one, or that behind a prefix."""
+    """Whether a name is the usual one, possibly with a prefix."""
     return name == usual or name.endswith((f"/{usual}", f"_{usual}"))

@@ -1,4 +1,4 @@
-"""Converts the pipeline's data to ROS 2 messages (Jazzy's types; units and frames by REP 103, 105, 118), and back.
+"""Converts pipeline data to ROS 2 messages (Jazzy's types; units and frames as in REP 103, 105, 118), and back.
 
 Serialised messages are the same in a bag and on a network.
 """
@@ -36,7 +36,7 @@ def make(name: str, *values: Any, **named: Any) -> Message:
 
 
 def type_of(message: Message) -> str:
-    """``package/msg/Name`` of a message."""
+    """The type of a message, ``package/msg/Name``."""
     return message.__msgtype__
 
 
@@ -46,17 +46,17 @@ def encode(message: Message) -> bytes:
 
 
 def decode(data: bytes, name: str) -> Message:
-    """The message of the type ``package/msg/Name`` in CDR."""
+    """A message of the type ``package/msg/Name`` from CDR."""
     return STORE.deserialize_cdr(data, name)
 
 
 def time_of(data: bytes) -> float:
-    """The time, s, of CDR that begins with a header, without decoding the rest: images are large."""
+    """The time, s, in the header at the start of a CDR message, without decoding the rest: images are large."""
     return seconds(make("builtin_interfaces/Time", *struct.unpack_from("<iI" if data[1] else ">iI", data, 4)))
 
 
 def nanoseconds(time: float) -> int:
-    """A time in s in whole ns."""
+    """A time given in s, in whole ns."""
     return round(time * NANO)
 
 
@@ -71,7 +71,7 @@ def seconds(stamp: Message) -> float:
 
 
 def header(time: float, frame: str) -> Message:
-    """A std_msgs/Header of a time in s and the name of a frame."""
+    """A std_msgs/Header with a time, s, and the name of a frame."""
     return make("std_msgs/Header", stamp(time), frame)
 
 
@@ -82,7 +82,7 @@ def pose(T: Pose) -> Message:
 
 
 def pose_matrix(position: Message, quaternion: Message) -> Pose:
-    """The pose of a position and a quaternion; all NaN if the quaternion is no rotation."""
+    """The pose from a position and a quaternion; all NaN if the quaternion is zero or not finite."""
     q = np.array([quaternion.x, quaternion.y, quaternion.z, quaternion.w])
     if not np.isfinite(q).all() or not q.any():
         return np.full((4, 4), np.nan)
@@ -95,7 +95,7 @@ def _quaternion(T: Pose) -> Message:
 
 @lru_cache
 def _quaternion_of(rotation: bytes) -> list[float]:
-    """Quaternion of a rotation's float64 bytes, cached: one pose is in several messages, and this takes longest."""
+    """Quaternion from a rotation's float64 bytes, cached: this takes longest, and messages repeat the same pose."""
     return Rotation.from_matrix(np.frombuffer(rotation).reshape(3, 3)).as_quat().tolist()
 
 
@@ -109,7 +109,7 @@ def pose_stamped(time: float, frame: str, T: Pose) -> Message:
 
 
 def path(time: float, places: Places) -> Message:
-    """A path over places as nav_msgs/Path."""
+    """A path through positions as nav_msgs/Path."""
     poses = [pose_stamped(time, MAP, from_rotation(np.eye(3), place)) for place in places]
     return make("nav_msgs/Path", header(time, MAP), poses)
 
@@ -133,7 +133,7 @@ def image(time: float, encoding: str, pixels: NDArray) -> Message:
 
 
 def compressed_image(time: float, format: str, data: NDArray[np.uint8]) -> Message:
-    """The (N,) bytes of an image file of the camera, such as ``jpeg``, as sensor_msgs/CompressedImage."""
+    """The (N,) bytes of an image file of the camera, in a format such as ``jpeg``, as sensor_msgs/CompressedImage."""
     return make("sensor_msgs/CompressedImage", header(time, CAMERA), format, data)
 
 
@@ -230,7 +230,7 @@ def labelled_cloud(time: float, points: Points, labels: Labels) -> Message:
 
 
 def occupancy_grid(time: float, grid: Grid, values: NDArray[np.int8]) -> Message:
-    """Values (nx, ny) of a grid in ``map``, 0 free to 100 occupied and -1 unknown, as nav_msgs/OccupancyGrid."""
+    """Values (nx, ny) of a grid in ``map``, 0 (free) to 100 (occupied) or -1 (unknown), as nav_msgs/OccupancyGrid."""
     origin = pose(from_rotation(np.eye(3), [*grid.origin, 0.0]))
     nx, ny = values.shape
     info = make("nav_msgs/MapMetaData", stamp(time), grid.cell, nx, ny, origin)
@@ -238,7 +238,7 @@ def occupancy_grid(time: float, grid: Grid, values: NDArray[np.int8]) -> Message
 
 
 def marker(time: float, name: str, kind: str, points: Places, size: float, colour: str) -> Message:
-    """A ``SPHERE_LIST`` or ``LINE_LIST`` of places, of a size in m and one of CSS's colours."""
+    """A ``SPHERE_LIST`` or ``LINE_LIST`` of points, with a size in m and a CSS colour."""
     form: Any = TYPES["visualization_msgs/msg/Marker"]
     return form(
         header=header(time, MAP),

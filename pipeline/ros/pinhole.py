@@ -11,30 +11,30 @@ from pipeline.errors import InputError
 from pipeline.frame import Calibration, Intrinsics
 from pipeline.ros.messages import Message
 
-MODELS = ("plumb_bob", "Brown Conrady", "rational_polynomial", "")  # Of distortion; the second is RealSense's name
-SAME = 1e-3  # share by which the focal lengths of one camera differ at most from one topic to the other
+MODELS = ("plumb_bob", "Brown Conrady", "rational_polynomial", "")  # The second name is RealSense's
+SAME = 1e-3  # Maximum relative difference between the focal lengths of one camera on two topics
 
 
 class Pinhole:
-    """Rectifies images by a camera_info.
+    """Rectifies images according to a camera_info.
 
     Attributes:
-        intrinsics: of the rectified images.
+        intrinsics: intrinsics of the rectified images.
     """
 
     def __init__(
         self, path: Path, info: Message | None, calibration: Calibration | None = None, is_rectified: bool = False
     ):
-        """Take the intrinsics that hold for the images.
+        """Determine the intrinsics of the images.
 
         Args:
-            path: of the bag, for error messages.
+            path: the bag, for error messages.
             info: camera_info of the images.
-            calibration: overrides it, without distortion.
-            is_rectified: whether the images have no distortion any more, so that P of ``info`` is theirs, not K.
+            calibration: calibration without distortion that overrides it.
+            is_rectified: whether the images are already rectified, so that P of ``info`` applies to them, not K.
 
         Raises:
-            InputError: the camera's intrinsics are missing or impossible, or its distortion model is unknown.
+            InputError: the camera's intrinsics are missing or invalid, or its distortion model is unknown.
         """
         self._path = path
         if calibration is None and info is None:
@@ -52,7 +52,7 @@ class Pinhole:
             if info.distortion_model not in MODELS:
                 raise InputError(f"{path}: images with {info.distortion_model!r} distortion; rectify them first")
             self._distortion = K, d
-            self._find_maps((1, 1))  # for an error as early as possible
+            self._find_maps((1, 1))  # to raise an error as early as possible
 
     def is_like(self, other: "Pinhole") -> bool:
         """Whether another camera has the same intrinsics, and images of the same size."""
@@ -68,13 +68,13 @@ class Pinhole:
 
     @property
     def intrinsics(self) -> Intrinsics:
-        """Known from ``info`` or after the first image; cx and cy are shifted: ROS has pixel centres at integers."""
+        """Known from ``info`` or after the first image; cx, cy are shifted, as ROS has pixel centres at integers."""
         assert self._size is not None
         fx, fy, cx, cy = self._values
         return Intrinsics(self._size[1], self._size[0], fx, fy, cx + 0.5, cy + 0.5)
 
     def rectified(self, kind: Literal["depth", "colour"], image: NDArray) -> NDArray:
-        """A rectified image, (H, W) or (H, W, 3); InputError if its size differs from that of the images before."""
+        """A rectified image, (H, W) or (H, W, 3); InputError if its size differs from that expected."""
         self._size = self._size or image.shape[:2]
         if image.shape[:2] != self._size:
             (h, w), (height, width) = image.shape[:2], self._size
@@ -87,7 +87,7 @@ class Pinhole:
         return cv2.remap(image, *self._maps, cv2.INTER_NEAREST if kind == "depth" else cv2.INTER_LINEAR)
 
     def _find_maps(self, size: tuple[int, int]) -> tuple[NDArray, NDArray]:
-        """Two (H, W) pixel coordinates in the distorted image, one for each pixel; InputError if there are none."""
+        """(H, W) columns and rows of the pixels in the distorted image; InputError if the distortion is invalid."""
         assert self._distortion is not None
         K, d = self._distortion
         try:
@@ -97,7 +97,7 @@ class Pinhole:
 
 
 def _matrix_and_distortion(info: Message, is_rectified: bool) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """(3, 3) camera matrix and (N,) distortion of images; their names in ROS 1 are capital letters."""
+    """(3, 3) camera matrix and (N,) distortion coefficients; ROS 1 names these fields in capitals."""
     K, d, P = (info.k, info.d, info.p) if hasattr(info, "k") else (info.K, info.D, info.P)
     K, P = K.reshape(3, 3), P.reshape(3, 4)
     if is_rectified:
@@ -106,20 +106,20 @@ def _matrix_and_distortion(info: Message, is_rectified: bool) -> tuple[NDArray[n
 
 
 def _binning(info: Message) -> tuple[int, int]:
-    """Pixels of the sensor, across and down, that make one of the image; 0 means 1."""
+    """Number of sensor pixels, across and down, per image pixel; 0 in the message means 1."""
     return max(info.binning_x, 1), max(info.binning_y, 1)
 
 
 def _size(info: Message) -> tuple[int, int]:
-    """Height and width of the images: of the region of interest, after binning."""
+    """Height and width of the images: those of the region of interest, after binning."""
     (across, down), roi = _binning(info), info.roi
     return (roi.height or info.height) // down, (roi.width or info.width) // across
 
 
 def _window(info: Message) -> NDArray[np.float64]:
-    """(3, 3) from pixels of the whole sensor, which a camera_info describes, to those of the images.
+    """(3, 3) transform from pixels of the full sensor, which a camera_info describes, to those of the images.
 
-    Pixel centres are at integers, so that the first of the binned pixels has its centre half a pixel inside.
+    Pixel centres are at integers, so an image begins at -0.5.
     """
     (across, down), roi = _binning(info), info.roi
     x, y = (roi.x_offset, roi.y_offset) if roi.width and roi.height else (0, 0)

@@ -18,27 +18,27 @@ from pipeline.sink import Result, Sink, Step
 
 CurrentPose = Callable[[], Pose | None]
 """Returns a pose; None while it is not known."""
-TICK = 1e-6  # s added between frames that were taken at the same time: bags identify them by their times
+TICK = 1e-6  # Added between the times of frames taken at the same time, s: bags identify them by time
 
 
 class Listener(Protocol):
-    """Takes what a robot senses and does, as :class:`RobotTopics` does."""
+    """Receives what a robot senses and does, as :class:`RobotTopics` does."""
 
     def frame(self, frame: Frame) -> None:
-        """Take a frame of the camera."""
+        """Receive a frame of the camera."""
 
     def motion(self, motion: Motion, command: Velocity) -> None:
-        """Take a motion, and the command that the robot followed."""
+        """Receive a motion, and the command that the robot followed."""
 
     def joints(self, time: float, joints: Joints) -> None:
-        """Take the wheels' angles and speeds at a time in s."""
+        """Receive the wheels' angles and speeds at a time, s."""
 
     def odometry(self, odometry: OdometrySample) -> None:
-        """Take the robot's pose and velocity."""
+        """Receive the robot's pose and velocity."""
 
 
 class RecordedRobot:
-    """Implements :class:`pipeline.robot.Robot` by another robot, and reports what that robot senses and does."""
+    """A :class:`pipeline.robot.Robot` that wraps another robot, and reports what that robot senses and does."""
 
     def __init__(
         self,
@@ -51,11 +51,11 @@ class RecordedRobot:
         """Report to ``topics``.
 
         Args:
-            robot: senses and drives.
-            topics: takes what the robot senses and does.
-            T_map_odom: returns the present pose of ``odom`` in ``map``.
-            T_world_base: returns the robot's present true pose.
-            joints: returns the present state of the wheels; None if it is not known.
+            robot: the robot that senses and drives.
+            topics: receives what the robot senses and does.
+            T_map_odom: returns the current pose of ``odom`` in ``map``.
+            T_world_base: returns the robot's current true pose.
+            joints: returns the current state of the wheels; None if it is not known.
         """
         self.robot, self.model, self.control_period = robot, robot.model, robot.control_period
         self._topics, self._joints = topics, joints
@@ -63,7 +63,7 @@ class RecordedRobot:
         self._reported = self._seen = -np.inf
 
     def sense(self) -> Frame:
-        """Take a frame at the robot's present pose."""
+        """Take a frame at the robot's current pose."""
         frame = self.robot.sense()
         self._seen = max(frame.time, self._seen + TICK)
         frame = replace(frame, time=self._seen)
@@ -88,7 +88,7 @@ class RecordedRobot:
 
 
 class ExplorerBag(Bag, Sink):
-    """A bag of all that a robot senses and does and of the maps that an explorer makes from it.
+    """A bag of all that a robot senses and does, and of the maps that an explorer builds from it.
 
     Attributes:
         robot: the robot for the explorer to drive.
@@ -107,7 +107,7 @@ class ExplorerBag(Bag, Sink):
         *,
         config: RosConfig = RosConfig(),
     ):
-        """Begin a bag of a robot that drives by the maps of ``mapper``; InputError if it cannot be written.
+        """Start a bag of a robot that drives with the maps of ``mapper``; InputError if it cannot be written.
 
         The other arguments are those of :class:`RecordedRobot`.
         """
@@ -129,5 +129,5 @@ class ExplorerBag(Bag, Sink):
         self._maps.maps(mapper, step.keyframe, step.plan)
 
     def finish(self, result: Result) -> None:
-        """End the bag; InputError if that is impossible."""
+        """Close the bag; InputError if it cannot be completed."""
         self.close()

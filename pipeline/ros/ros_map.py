@@ -11,27 +11,27 @@ from pipeline.elevation_map.traversability import Traversability
 from pipeline.metric_map.io.exports import PGM_FREE, PGM_OCCUPIED, PGM_UNKNOWN, write_map_server
 
 LETHAL, STEEPEST = 100, 98
-"""Costs of map_server: of ground that cannot be driven on, and of the steepest slope that the robot drives on."""
+"""Costs for map_server: of ground that the robot cannot drive on, and of the steepest slope that it can."""
 SCALED = (0.005, 0.995)
-"""Thresholds of darkness, so that each shade between white and black is a different cost."""
+"""Thresholds of darkness with which each shade between white and black is a different cost."""
 
 
 def save_ros_map(path: Path, traversability: Traversability, places: ArrayLike) -> list[Path]:
-    """Write ``path`` (.pgm): free, lethal or unknown, and ..._cost.png: slopes as costs; a .yaml lies beside each.
+    """Write ``path`` (.pgm), free, lethal or unknown, and ..._cost.png, with slopes as costs, each with a .yaml file.
 
-    Lethal cells are those that the robot cannot drive on: walls, steps, slopes too steep. They are not inflated: Nav2
-    does that by the footprint in its settings.
+    Lethal cells are those that the robot cannot drive on: walls, steps and slopes that are too steep. They are not
+    inflated: Nav2 does so with the footprint in its settings.
 
     Args:
-        path: of the image.
-        traversability: the ground.
-        places: (N, 2 or 3) m where the robot has been; ground not connected to them by known ground is left unknown.
+        path: the .pgm image.
+        traversability: traversability of the ground.
+        places: (N, 2 or 3) positions of the robot, m; ground not connected to them by known ground is left unknown.
 
     Returns:
         The files that were written.
 
     Raises:
-        InputError: if a file cannot be written.
+        InputError: a file cannot be written.
     """
     cost, origin = known_costs(traversability, places)
     cell = traversability.grid.cell
@@ -43,7 +43,7 @@ def save_ros_map(path: Path, traversability: Traversability, places: ArrayLike) 
 
 
 def known_costs(traversability: Traversability, places: ArrayLike) -> tuple[NDArray[np.int64], Place]:
-    """The part of :func:`costs` (nx, ny) that is known, and the corner (2,) of its first cell, m."""
+    """(nx, ny) the part of :func:`costs` around all known cells, and (2,) the lower corner of its first cell, m."""
     cost, grid = costs(traversability, places), traversability.grid
     found = ndimage.find_objects((cost >= 0).astype(np.int8))
     i, j = found[0] if found else (slice(0, 1), slice(0, 1))
@@ -56,7 +56,7 @@ def trinary(cost: NDArray[np.int64]) -> NDArray[np.uint8]:
 
 
 def costs(traversability: Traversability, places: ArrayLike) -> NDArray[np.int64]:
-    """(nx, ny) 0 on level ground up to :data:`STEEPEST` on slopes, :data:`LETHAL`, -1 where unknown."""
+    """(nx, ny) costs: from 0 on level ground to :data:`STEEPEST` on slopes; :data:`LETHAL`; -1 where unknown."""
     t = traversability
     lethal, known = t.hazard, np.isfinite(t.elevation)
     parts, _ = ndimage.label(known & ~lethal)

@@ -18,9 +18,9 @@ from pipeline.ros.config import RosConfig
 from pipeline.ros.messages import BASE, CAMERA, MAP, ODOM, Message
 
 ImageFormat = Literal["16UC1", "32FC1", "16UC1-jpeg", "32FC1-jpeg"]
-"""Depth in whole mm or in m (REP 118), and whether colours are compressed."""
+"""Depth in whole mm or in m (REP 118), and whether colour images are compressed."""
 Send = Callable[[str, float, Message], None]  # Takes a topic, the time in s and a message
-STILL = 1e-6  # m by which a camera's pose may change without being sent again: a simulator's rounding moves it too
+STILL = 1e-6  # Change of a camera's pose up to which it is not sent again, m: a simulator's rounding also moves it
 
 
 class OdometrySample(NamedTuple):
@@ -28,10 +28,10 @@ class OdometrySample(NamedTuple):
 
     Attributes:
         time: s.
-        T_odom_base: by its odometry.
-        twist: its velocity.
-        T_map_odom: None if it is not known.
-        T_world_base: the true pose; None if it is not known.
+        T_odom_base: pose from the odometry.
+        twist: velocity.
+        T_map_odom: pose of ``odom`` in ``map``; None if it is not known.
+        T_world_base: true pose; None if it is not known.
     """
 
     time: float
@@ -78,7 +78,7 @@ class RobotTopics:
         self._send("/camera/depth/image_raw", time, messages.image(time, self._depth_encoding, pixels))
 
     def odometry(self, odometry: OdometrySample) -> None:
-        """Send the robot's pose by its odometry, that in ``map``, and the true one, as far as they are known."""
+        """Send the robot's pose from its odometry, the pose of ``odom`` in ``map``, and the true pose, if known."""
         time, T_odom_base, twist, T_map_odom, T_world_base = odometry
         self._send("/odom", time, messages.odometry(time, T_odom_base, twist))
         links = {(ODOM, BASE): T_odom_base} | ({} if T_map_odom is None else {(MAP, ODOM): T_map_odom})
@@ -94,7 +94,7 @@ class RobotTopics:
         self._send("/imu", motion.time, messages.imu(motion))
 
     def joints(self, time: float, joints: Joints) -> None:
-        """Send the wheels' angles and speeds at a time in s."""
+        """Send the wheels' angles and speeds at a time, s."""
         self._send("/joint_states", time, messages.joint_states(time, *joints))
 
 

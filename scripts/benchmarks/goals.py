@@ -40,7 +40,7 @@ def measure(settings: GoalsSettings) -> Result:
     sampled = islice(_arenas_with_goals(settings), settings.arenas)
     jobs = [job for arena, goals in sampled for job in _jobs(settings, arena, goals)]
     if not jobs:
-        raise InputError(f"--robot {settings.robot}: no goal can be reached in the random arenas; use a smaller robot")
+        raise InputError(f"--robot {settings.robot}: no goal can be reached in random arenas; use a smaller robot")
     results = run_jobs(jobs, settings.runs, settings.workers, run_job)
     if failed := [job.name for job, result in zip(jobs, results, strict=True) if result is None]:
         raise InputError(f"{', '.join(failed)} failed: see the log in {settings.runs}")

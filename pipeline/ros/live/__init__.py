@@ -1,1 +1,1 @@
-"""Robots on a network of ROS 2, real or simulated."""
+"""Robots on a ROS 2 network, real or simulated."""

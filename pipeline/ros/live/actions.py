@@ -1,4 +1,4 @@
-"""Actions of ROS: goals that another node pursues until it ends them."""
+"""ROS actions: goals that another node pursues until it ends them."""
 
 from enum import Enum
 from importlib import import_module
@@ -9,7 +9,7 @@ from pipeline.ros.messages import Message, encode, type_of
 
 
 class GoalEnd(Enum):
-    """How a goal ended; the numbers are those of action_msgs/GoalStatus, which has none for a goal refused."""
+    """How a goal ended; the numbers are those of action_msgs/GoalStatus, which has none for a rejected goal."""
 
     REJECTED = 0
     SUCCEEDED = 4
@@ -22,11 +22,11 @@ class ActionGoal:
 
     Attributes:
         end: how it ended; None while the other node pursues it.
-        why: what the other node says of the end; empty if it says nothing.
+        why: the other node's reason for the end; empty if it gives none.
     """
 
     def __init__(self, answer: Any):
-        """``answer``: rclpy's future handle of the goal."""
+        """``answer``: rclpy's future of the goal's handle."""
         self.end: GoalEnd | None = None
         self.why = ""
         self._handle: Any = None
@@ -34,7 +34,7 @@ class ActionGoal:
         answer.add_done_callback(self._take_answer)
 
     def cancel(self) -> None:
-        """Ask the other node to end it, now or as soon as it accepts it."""
+        """Ask the other node to cancel the goal, now or as soon as it has accepted it."""
         was_cancelled, self._is_cancelled = self._is_cancelled, True
         if self._handle is not None and self.end is None and not was_cancelled:
             self._handle.cancel_goal_async()
@@ -51,7 +51,7 @@ class ActionGoal:
 
     def _take_result(self, answer: Any) -> None:
         response = answer.result()
-        # Which of the two a result has depends on the release of Nav2.
+        # Which of these two fields a result has depends on the release of Nav2.
         code = getattr(response.result, "error_code", 0)
         self.why = getattr(response.result, "error_msg", "") or (f"error {code}" if code else "")
         ends = {end.value: end for end in GoalEnd}
@@ -62,11 +62,11 @@ class Action:
     """An action that another node serves."""
 
     def __init__(self, client: Any, kind: Any):
-        """rclpy's client, and the class of the action."""
+        """``client``: rclpy's action client; ``kind``: class of the action."""
         self._client, self._kind = client, kind
 
     def send(self, **fields: Message) -> ActionGoal:
-        """Send a goal with messages as its fields; it takes the place of one that is under way."""
+        """Send a goal with messages as its fields; it replaces a goal that is being pursued."""
         goal = self._kind.Goal()
         deserialize = import_module("rclpy.serialization").deserialize_message
         for name, message in fields.items():

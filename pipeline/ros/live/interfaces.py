@@ -1,4 +1,4 @@
-"""Types of ROS that are installed, by their names."""
+"""Installed ROS types, by name."""
 
 import re
 from importlib import import_module
@@ -6,7 +6,7 @@ from typing import Any
 
 
 def interface(name: str) -> Any:
-    """The class of a type, ``package/msg/Name`` or ``package/action/Name``; None if it is not installed."""
+    """The class of a ROS type, ``package/msg/Name`` or ``package/action/Name``; None if it is not installed."""
     if not re.fullmatch(r"\w+/(msg|action)/\w+", name):
         return None
     package, kind, name = name.split("/")

@@ -1,7 +1,7 @@
 """A robot that its own Nav2 stack drives: viewpoints are goals of NavigateToPose, and no velocities are sent.
 
-Goals are in the robot's ``odom``: the pose of our ``map`` in it is known, and whatever map Nav2 has, or none, its
-transforms contain ``odom``.
+Goals are given in the robot's ``odom``, because the pose of the pipeline's ``map`` in it is known, and because Nav2's
+transforms contain ``odom`` whether or not Nav2 has a map.
 """
 
 import logging
@@ -25,16 +25,16 @@ from pipeline.transforms import from_yaw, inverse, wrap_angle, yaw_of
 _log = logging.getLogger(__name__)
 NAVIGATE, KIND = "navigate_to_pose", "nav2_msgs/action/NavigateToPose"
 STATUS = "/_action/status"
-"""What the topic on which an action's server sends is called after the action."""
+"""Suffix that turns the name of an action into that of its server's status topic."""
 ENDS = {Verdict.DONE: Outcome.DONE, Verdict.UNSURE: Outcome.UNSURE, Verdict.SPINNING: Outcome.STUCK}
-"""How a drive ends when it must not, or need not, go on."""
+"""How a drive ends for each verdict after which it must not, or need not, continue."""
 LATEST = 0.0
-"""Stamp of a goal, s: Nav2 then takes the newest transform."""
+"""Time stamp of goals, s, with which Nav2 uses the latest transform."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class GoTo(Velocity):
-    """A command to drive to a pose, by whatever velocities.
+    """A command to drive to a pose, with any velocities.
 
     Attributes:
         place: (3,) x, y in m and heading in rad, in ``odom``.
@@ -44,18 +44,18 @@ class GoTo(Velocity):
 
 
 class Nav2Robot(RosRobot):
-    """A robot by topics that follows :class:`GoTo`, by its Nav2 stack; any other command ends the drive."""
+    """A robot on ROS topics whose Nav2 stack follows :class:`GoTo`; any other command ends the drive."""
 
     _goal: ActionGoal | None = None
 
     @property
     def has_arrived(self) -> bool | None:
-        """Whether Nav2 reached the newest goal; None while it drives there."""
+        """Whether Nav2 reached the newest goal; None while it drives there, or without a goal."""
         end = None if self._goal is None else self._goal.end
         return None if end is None else end is GoalEnd.SUCCEEDED
 
     def stop(self) -> None:
-        """End the drive, and wait for Nav2 to say so, but not for long."""
+        """End the drive, and wait briefly until Nav2 confirms this."""
         super().stop()
         if (goal := self._goal) is not None:
             self._node.wait(lambda: goal.end is not None, self._config.discovery)
@@ -74,7 +74,7 @@ class Nav2Robot(RosRobot):
         _log.warning("sending goals to %s in the frame of %s", name, self.topics.odom)
 
     def _served(self) -> str:
-        """The name of the action; empty if nobody serves it."""
+        """The name of the action; empty if no node serves it."""
         return next((name for name in self._names() if self._node.senders(name + STATUS)), "")
 
     def _names(self) -> list[str]:
@@ -93,10 +93,10 @@ class Nav2Robot(RosRobot):
             self._goal = self._action.send(pose=pose)
 
     def _rest(self) -> None:
-        """Nothing: Nav2 keeps the robot safe while the pipeline computes."""
+        """Do nothing: Nav2 keeps the robot safe while the pipeline computes."""
 
     def why_ended(self) -> str:
-        """How the newest goal ended, as Nav2 says."""
+        """How the newest goal ended, according to Nav2."""
         goal = self._goal
         if goal is None or goal.end is None:
             return "not ended"
@@ -104,7 +104,7 @@ class Nav2Robot(RosRobot):
 
 
 class Nav2Navigator(Navigator):
-    """Leads a robot whose Nav2 stack drives it: only where a way ends counts, and the robot stands there."""
+    """Leads a robot that its Nav2 stack drives: only the end of a path counts, and the robot stops there."""
 
     def __init__(
         self, robot: Nav2Robot, config: NavigationConfig = NavigationConfig(), nav2: Nav2Config = Nav2Config()
@@ -113,7 +113,7 @@ class Nav2Navigator(Navigator):
         self._body, self._nav2 = robot, nav2
 
     def halt(self) -> Commands:
-        """End the drive, and wait until the robot stands."""
+        """End the drive, and wait until the robot has stopped."""
         yield STOP
         end = self._time + self._nav2.braking
         while self._speed > self._config.follower.still and self._time < end:
@@ -121,7 +121,7 @@ class Nav2Navigator(Navigator):
         return Outcome.REACHED
 
     def turn(self, angle: float) -> Commands:
-        """Turn by an angle, rad, counter-clockwise, where the robot is."""
+        """Turn in place by an angle, rad, counter-clockwise."""
         yield from self.halt()
         T = self.T_map_base
         return (yield from self._go_to(np.append(T[:2, 3], yaw_of(T) + angle), 0.0))
@@ -142,7 +142,7 @@ class Nav2Navigator(Navigator):
         return outcome
 
     def _go_to(self, place: Place, length: float) -> Commands:
-        """Let Nav2 drive to x, y and heading in ``map``, which are ``length`` m away."""
+        """Let Nav2 drive to x, y and heading in ``map`` along a path of ``length`` m."""
         command = GoTo(place=self._in_odom(place))
         latest = self._time + self._nav2.patience + length / self._nav2.least_speed
         while True:
@@ -167,12 +167,12 @@ class Nav2Navigator(Navigator):
         return Outcome.STUCK if self._time > latest else None
 
     def _in_odom(self, place: Place) -> Place:
-        """X, y and heading, in ``map``, in ``odom``."""
+        """X, y and heading in ``map``, converted to ``odom``."""
         x, y, heading = place
         T = inverse(self._T_map_odom) @ from_yaw(x, y, float(self.T_map_base[2, 3]), heading)
         return np.append(T[:2, 3], yaw_of(T))
 
     def _is_off(self, sent: Place, place: Place) -> bool:
-        """Whether the map was corrected by so much that a goal must be sent anew."""
+        """Whether the map was corrected so much that a goal must be sent again."""
         way, turn = np.linalg.norm(place[:2] - sent[:2]), abs(wrap_angle(place[2] - sent[2]))
         return bool(way > self._nav2.moved or turn > self._nav2.turned)

@@ -1,4 +1,4 @@
-"""A node on a network of ROS 2 (rclpy) that exchanges messages as bytes, for CDR is the same there and in a bag."""
+"""A ROS 2 node (rclpy) that exchanges messages as bytes, because CDR is the same on a network and in a bag."""
 
 import os
 import re
@@ -19,11 +19,11 @@ from pipeline.ros.messages import Message, encode, type_of
 
 
 class RosNode:
-    """Sends and receives messages until it is closed; it listens in a thread of its own.
+    """Sends and receives messages until it is closed; it listens in a separate thread.
 
     Attributes:
-        idle: called in that thread again and again.
-        now: a function that returns the wall-clock time in s.
+        idle: called repeatedly in that thread.
+        now: function that returns the time on a monotonic clock, s.
         received: condition that is held while a message is handled and notified afterwards.
     """
 
@@ -31,12 +31,12 @@ class RosNode:
         """Join the network under a name.
 
         Args:
-            name: of the node.
-            network: whether other machines may discover it; else discovery is limited to this machine.
-            config: times and queues.
+            name: the node's name.
+            network: whether other machines may discover it; otherwise, discovery is limited to this machine.
+            config: times and queue lengths.
 
         Raises:
-            InputError: rclpy is not installed, or the network already has a node of this name.
+            InputError: the name is invalid, rclpy is not installed, or the network already has a node of this name.
         """
         if not re.fullmatch("[A-Za-z_][A-Za-z0-9_]*", name):
             raise InputError(f"--name {name}: a node name may contain only letters, digits and _")
@@ -53,7 +53,7 @@ class RosNode:
             stack.callback(context.try_shutdown)
             self._node = rclpy.create_node(name, context=context)
             stack.callback(self._node.destroy_node)
-            self._clients = stack.enter_context(ExitStack())  # of actions, which would keep the node
+            self._clients = stack.enter_context(ExitStack())  # of actions, which would keep the node alive
             self._executor = import_module("rclpy.executors").SingleThreadedExecutor(context=context)
             self._executor.add_node(self._node)
             thread = Thread(target=self._listen, daemon=True)
@@ -70,7 +70,7 @@ class RosNode:
             self.idle()
 
     def close(self) -> None:
-        """Leave the network, after waiting until sent messages are acknowledged, but not for long."""
+        """Leave the network, after waiting briefly until sent messages are acknowledged."""
         timeout = import_module("rclpy.duration").Duration(seconds=self._config.discovery)
         for publisher in self._publishers.values():
             if publisher is not None:
@@ -78,7 +78,7 @@ class RosNode:
         self._stack.close()
 
     def send(self, topic: str, time: float, message: Message) -> None:
-        """Send a message with a time in s, unless its type is not installed."""
+        """Send a message, unless its type is not installed; ``time`` is not used."""
         if topic not in self._publishers:
             self.offer(topic, type_of(message))
         if self._publishers[topic] is not None:
@@ -87,8 +87,8 @@ class RosNode:
     def offer(self, topic: str, name: str) -> None:
         """Announce a topic of messages of the type ``package/msg/Name``, so that listeners can connect.
 
-        Its messages are reliable, which suits every listener: with best effort, parts of images get lost even on one
-        machine.
+        Messages are sent reliably, which suits every listener: with best effort, parts of images get lost even on
+        one machine.
         """
         qos, kind = import_module("rclpy.qos"), interface(name)
         durability = qos.DurabilityPolicy.TRANSIENT_LOCAL if topic in LATCHED else qos.DurabilityPolicy.VOLATILE
@@ -99,9 +99,9 @@ class RosNode:
         """Subscribe to a topic.
 
         Args:
-            topic: its name; without the name of a type, a node must offer it already.
+            topic: name of the topic; if no type is given, a node must already offer it.
             take: called with the CDR of each message, in the listening thread, so it must not take long.
-            name: of the type, ``package/msg/Name``.
+            name: name of the type, ``package/msg/Name``.
 
         Raises:
             InputError: the type is not installed.

@@ -1,4 +1,4 @@
-"""A robot on a network of ROS 2, real or simulated, as the pipeline's robot."""
+"""A robot on a ROS 2 network, real or simulated, as the pipeline's robot."""
 
 import logging
 from collections.abc import Callable, Sequence
@@ -22,15 +22,15 @@ from pipeline.transforms import angle_of, inverse
 _log = logging.getLogger(__name__)
 ODOMETRY, IMU = "nav_msgs/msg/Odometry", "sensor_msgs/msg/Imu"
 STAMPED = "geometry_msgs/msg/TwistStamped"
-TRANSFORM = "/camera/transform"  # Where tf2_msgs is missing
+TRANSFORM = "/camera/transform"  # Used where tf2_msgs is not installed
 
 
 class RosRobot:
-    """Implements :class:`pipeline.robot.Robot` by topics. Time goes on while the pipeline computes.
+    """Implements :class:`pipeline.robot.Robot` over ROS topics. Time passes while the pipeline computes.
 
     Attributes:
-        model: its size and abilities.
-        control_period: s.
+        model: the robot's size and abilities.
+        control_period: control period, s.
     """
 
     def __init__(
@@ -48,14 +48,15 @@ class RosRobot:
         """Find the robot.
 
         Args:
-            node: on the robot's network.
-            model: its size and abilities.
-            topics: their names.
-            T_base_camera: by default taken from ``/tf_static`` or ``/camera/transform``.
-            patience: s by the wall clock that a topic may be silent; in twice as many it must heed commands.
-            wait: s by the wall clock, beyond these, that a robot which is not there yet may take to start.
+            node: node on the robot's network.
+            model: the robot's size and abilities.
+            topics: names of the robot's topics.
+            T_base_camera: pose of the camera; by default from the robot's transforms.
+            patience: time that a topic may be silent, s by the wall clock; the robot must heed commands within twice
+                this time.
+            wait: additional time in which a robot that is not there yet may start, s by the wall clock.
             on_motion: called with every motion; an exception that it raises ends the run.
-            config: times, and what a robot follows at least.
+            config: times, and the slowest commands that a robot follows.
 
         Raises:
             InputError: a necessary topic, listener or transform is missing.
@@ -103,7 +104,7 @@ class RosRobot:
         self._wait(lambda: senses.info is not None and senses.poses >= self._config.starting and self._sees(-np.inf))
 
     def _deaf(self) -> list[str]:
-        """What is missing of those who follow its commands."""
+        """The missing receivers of the robot's commands."""
         return [] if self._node.listeners(self.topics.cmd_vel) else [f"nothing subscribes to {self.topics.cmd_vel}"]
 
     def _prepare_commands(self) -> None:
@@ -112,7 +113,7 @@ class RosRobot:
         self._node.offer(self.topics.cmd_vel, self._kind)
 
     def _listen_to_others(self) -> None:
-        """Listen to what not every robot sends: inertial data, transforms, a camera_info of the colour images."""
+        """Listen to what not every robot sends: inertial data, transforms, the camera_info of the colour images."""
         node, topics, senses = self._node, self.topics, self._senses
 
         def places() -> list[str]:
@@ -135,12 +136,12 @@ class RosRobot:
         node.wait(lambda: of_colour not in takers or senses.knows_cameras, self._config.discovery)
 
     def _others(self, needed: Sequence[str]) -> str:
-        """What may have been meant by topics that nothing sends."""
+        """For an error message, the topics that may have been meant by those that nothing publishes."""
         there = [topic for topic in self._sent(*IMAGE_TYPES, INFO_TYPE, ODOMETRY) if topic not in needed]
         return f"; published instead: {', '.join(there)}; choose with --topics" if there else ""
 
     def _sent(self, *kinds: str) -> list[str]:
-        """The topics on which messages of some types are sent."""
+        """The topics on which messages of given types are sent."""
         return sorted(
             topic for topic, names in self._node.types().items() if names[0] in kinds and self._node.senders(topic)
         )
@@ -166,10 +167,10 @@ class RosRobot:
     def sense(self) -> Frame:
         """The newest frame, hardly older than the newest odometry.
 
-        A robot that drives repeats its last command meanwhile, but not for long.
+        Meanwhile, a driving robot repeats its last command, but not for long.
 
         Raises:
-            InputError: a topic fell silent, or its images cannot be used.
+            InputError: a topic fell silent, or the images cannot be used.
         """
         senses, start, hold = self._senses, self._senses.time, self._config.hold
         after = max(start - hold / 2, self._frame_time)
@@ -185,7 +186,7 @@ class RosRobot:
             return self._senses.newest(after) is not None
 
     def drive(self, command: Velocity) -> Motion:
-        """Send ``command``, and wait until the odometry is a control period further.
+        """Send ``command``, and wait until the odometry has advanced by a control period.
 
         Raises:
             InputError: a topic fell silent, or the robot ignores commands.
@@ -207,11 +208,11 @@ class RosRobot:
 
     @property
     def has_map(self) -> bool:
-        """Whether somebody publishes where the robot's ``odom`` is in a map."""
+        """Whether any node publishes the pose of the robot's ``odom`` in a map."""
         return self._senses.links.hangs(self._senses.odom_frame)
 
     def stop(self) -> None:
-        """Command the robot to stand."""
+        """Command the robot to stop."""
         self._is_driving = False
         self._send(Velocity())
 
@@ -222,7 +223,7 @@ class RosRobot:
         self._node.send(self.topics.cmd_vel, time, message)
 
     def _rest(self) -> None:
-        """Stop a robot that gets no commands because the pipeline computes; the node's ``idle``."""
+        """Stop a robot that gets no commands because the pipeline is computing; called as the node's ``idle``."""
         silence = self._senses.time - self._commanded
         if not self._is_driving and self._last != Velocity() and silence > self._config.hold:
             self._send(Velocity())

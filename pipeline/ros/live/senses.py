@@ -20,19 +20,19 @@ from pipeline.ros.messages import ODOM, Message, decode, pose_matrix, seconds, t
 
 
 class Senses:
-    """Takes messages, and gives the newest frame and motion.
+    """Receives messages, and returns the newest frame and motion.
 
     Attributes:
         links: transforms between the frames of the robot.
         info: the camera_info of the depth images.
-        colour_info: that of the colour images, if there is one.
-        odom_frame: name of the frame in which the odometry is.
-        T_driven_base: pose of ``base_link``, on the ground, in the frame whose odometry comes.
+        colour_info: the camera_info of the colour images; None if there is none.
+        odom_frame: name of the frame in which the odometry is given.
+        T_driven_base: pose of ``base_link``, on the ground, in the frame whose odometry is received.
         imu_frame: name of the frame in which the inertial sensors measure; empty before their first message.
     """
 
     def __init__(self, half_width: float, config: LiveConfig):
-        """``half_width``: m from the robot's middle to its wheels."""
+        """``half_width``: distance from the robot's centre to its wheels, m."""
         self.links = FrameTree()
         self.info: Message | None = None
         self.colour_info: Message | None = None
@@ -49,23 +49,23 @@ class Senses:
         self._inertial: NDArray[np.float64] | None = None
 
     def take_depth(self, name: str) -> Callable[[bytes], None]:
-        """A function that takes depth images, given as messages of the type ``name``."""
+        """A function that receives depth images as messages of the type ``name``."""
         return lambda data: self._depth.append((time_of(data), name, data))
 
     def take_colour(self, name: str) -> Callable[[bytes], None]:
-        """A function that takes colour images, given as messages of the type ``name``."""
+        """A function that receives colour images as messages of the type ``name``."""
         return lambda data: self._colour.append((time_of(data), name, data))
 
     def take_info(self, data: bytes) -> None:
-        """Take a CameraInfo; only the first counts."""
+        """Receive a CameraInfo; only the first counts."""
         self.info = self.info or decode(data, "sensor_msgs/msg/CameraInfo")
 
     def take_colour_info(self, data: bytes) -> None:
-        """Take a CameraInfo of the colour images; only the first counts."""
+        """Receive a CameraInfo of the colour images; only the first counts."""
         self.colour_info = self.colour_info or decode(data, "sensor_msgs/msg/CameraInfo")
 
     def take_odometry(self, data: bytes) -> None:
-        """Take an Odometry; it is left out if it is not newer than the last."""
+        """Receive an Odometry; it is ignored if it is not newer than the last."""
         message = decode(data, "nav_msgs/msg/Odometry")
         time, pose, twist = seconds(message.header.stamp), message.pose.pose, message.twist.twist
         T = pose_matrix(pose.position, pose.orientation)
@@ -75,7 +75,7 @@ class Senses:
             self._twist = np.array([twist.linear.x, twist.angular.z])
 
     def take_imu(self, data: bytes) -> None:
-        """Take an Imu."""
+        """Receive an Imu."""
         message = decode(data, "sensor_msgs/msg/Imu")
         self.imu_frame = message.header.frame_id
         felt = np.stack([vector_of(message.angular_velocity), vector_of(message.linear_acceleration)])
@@ -83,12 +83,12 @@ class Senses:
             self._felt.append(felt)
 
     def take_transforms(self, data: bytes) -> None:
-        """Take a TFMessage."""
+        """Receive a TFMessage."""
         for link in decode(data, "tf2_msgs/msg/TFMessage").transforms:
             self.links.take(link)
 
     def take_transform(self, data: bytes) -> None:
-        """Take a TransformStamped."""
+        """Receive a TransformStamped."""
         self.links.take(decode(data, "geometry_msgs/msg/TransformStamped"))
 
     @property
@@ -98,12 +98,12 @@ class Senses:
 
     @property
     def period(self) -> float:
-        """The median time between two messages of odometry, s."""
+        """The median time between two odometry messages, s."""
         return float(np.median(np.diff([time for time, _ in self._poses])))
 
     @property
     def poses(self) -> int:
-        """Number of kept poses of the odometry."""
+        """Number of odometry poses that are kept."""
         return len(self._poses)
 
     @property
@@ -113,7 +113,7 @@ class Senses:
 
     @property
     def knows_cameras(self) -> bool:
-        """Whether it is known of what cameras depth and colour are, and where the one is on the other."""
+        """Whether the cameras of depth and colour, and the transform between them, are known."""
         if self.info is None or self.colour_info is None:
             return False
         frames = [self.links.named(info.header.frame_id) for info in (self.colour_info, self.info)]
@@ -123,7 +123,7 @@ class Senses:
         """The camera of the depth and colour images of two topics.
 
         Raises:
-            InputError: its intrinsics are missing or invalid, or depth is not registered to colour.
+            InputError: its intrinsics are missing or invalid, or depth cannot be registered to colour.
         """
         of_depth, of_colour = (
             ImageSource(topic, info, info.header.frame_id if info else "")
@@ -144,10 +144,10 @@ class Senses:
         return None
 
     def frame(self, time: float, camera: RgbdCamera, T_base_camera: Pose) -> Frame:
-        """The frame at a time in s that :meth:`newest` returned, of a camera at a pose on the robot.
+        """The frame at ``time``, s, which :meth:`newest` has returned, of a camera with a given pose on the robot.
 
         Raises:
-            InputError: its images have an unknown encoding or a wrong size, or are broken.
+            InputError: the images have an unknown encoding or a wrong size, or are broken.
         """
         _, kind, depth = next(image for image in self._depth if image[0] == time)
         _, colour_kind, colour = min(self._colour, key=lambda image: abs(image[0] - time))
@@ -157,9 +157,9 @@ class Senses:
         return Frame(time, rgb, metres, camera.intrinsics, T_base_camera, T)
 
     def motion(self) -> Motion:
-        """The newest motion, with the inertial sensors' mean since the last call.
+        """The newest motion, with the mean of the inertial measurements since the last call.
 
-        Without inertial sensors, their values are computed from the odometry.
+        Without inertial sensors, these are computed from the odometry.
         """
         time, T = self._poses[-1][0], self._poses[-1][1] @ self.T_driven_base
         v, omega = self._twist

@@ -1,4 +1,4 @@
-"""Names of a robot's topics, in a module of their own, because ``--help`` needs nothing else."""
+"""Names of a robot's topics, in a separate module, because ``--help`` needs nothing else."""
 
 from dataclasses import dataclass
 

@@ -127,7 +127,7 @@ def _vertices(read: CloudFile, lines: list[str]) -> tuple[int, list[str]]:
     """Number of vertices, which must be the first element, and names of their properties."""
     words = [line.split() for line in lines]
     elements = [(at, w) for at, w in enumerate(words) if w[:1] == ["element"]]
-    if not elements or elements[0][1][1:2] != ["vertex"] or not elements[0][1][-1].isdecimal():
+    if not elements or elements[0][1][1:-1] != ["vertex"] or not elements[0][1][-1].isdecimal():
         read.faults.append("the first element must be declared as: element vertex NUMBER")
         return 0, []
     first, following = elements[0][0], elements[1][0] if len(elements) > 1 else len(words)

@@ -216,7 +216,7 @@ class ArenaBuilder:
         rows, columns = heights.shape
         shown = (heights - heights.min()) / max(float(np.ptp(heights)), FLAT)
         counts = {"nrow": str(rows), "ncol": str(columns)}
-        return self._asset("hfield", {**counts, "elevation": shown[::-1], "size": size})  # row 0 has the largest y in MJCF
+        return self._asset("hfield", {**counts, "elevation": shown[::-1], "size": size})  # MJCF: largest y first
 
     def _material(self, colour: Sequence[float]) -> str:
         return self._asset("material", {"rgba": (*colour, 1.0), "specular": (0.05,), "shininess": (0.1,)})

@@ -29,7 +29,7 @@ def _look_in(decks: list[Deck], end: int, inwards: float = 0.0, y: float = 0.0) 
 
 
 def _crossing_ramps(builder: ArenaBuilder, end: int) -> None:
-    """Ridges of half ramps, offset by half a ridge between left and right; the guide does not give the arrangement."""
+    """Ridges of half ramps, offset by half a ridge between left and right; this arrangement is assumed."""
     decks = four_floors(builder)
     half = D.width / 4
     wedge = _wedge(D.half_ramp, D.width / 2, D.half_ramp * tan(radians(D.slope)))
@@ -138,7 +138,7 @@ def _alleys(builder: ArenaBuilder, end: int, tilt: float = 0.0) -> None:
         _divider(deck, x, side)
     hall(builder, (-4.4, -3.2), (4.4, 3.2), D.framing + D.board)
     deck = flat[0] if end < 0 else halves[1]
-    deck.start(0.0, D.floor / 2, -pi / 2)  # along the alley: the divider ahead is below the depth camera's range
+    deck.start(0.0, D.floor / 2, -pi / 2)  # along the alley: the next divider is too near for the depth camera
 
 
 def _divider(deck: Deck, x: float, side: int) -> None:
@@ -212,7 +212,7 @@ def _door_shut(builder: ArenaBuilder, end: int) -> None:
 
 
 HOLES_ROUTE = ((1, 0), (0, 1), (1, 0), (0, -1), (1, 0))
-"""Directions of the runs between the holes; the guide does not give the route."""
+"""Directions of the runs between the holes; this route is assumed."""
 
 
 def _avoid_holes(builder: ArenaBuilder, end: int) -> None:

@@ -75,7 +75,7 @@ class Deck:
 
 
 def turned(yaw: float, pitch: float = 0.0, roll: float = 0.0) -> Rotation3:
-    """Axes (3, 3) after yaw to the left, then pitch that raises the front, then roll that raises the left side, rad."""
+    """Axes (3, 3) after a yaw to the left, a pitch that raises the front and a roll that raises the left, rad."""
     (a, b), (c, d), (e, f) = ((cos(t), sin(t)) for t in (yaw, pitch, roll))
     Rz = np.array([(a, -b, 0), (b, a, 0), (0, 0, 1.0)])
     Ry = np.array([(c, 0, -d), (0, 1.0, 0), (d, 0, c)])

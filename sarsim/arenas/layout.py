@@ -135,7 +135,7 @@ class Layout:
         return not open_tiles or self._reach(min(open_tiles), self.passable) == open_tiles
 
     def is_explorable(self) -> bool:
-        """Whether a robot that drives only over ground it has seen reaches all tiles except ridges and blocked ones."""
+        """Whether a robot that drives only over ground it has seen reaches all tiles but ridges and blocked ones."""
         seen = set() if self.start is None else self._reach(self.start, self._in_sight)
         return all(t in seen for t in self.tiles() if self.ground(t).kind not in ("ridge", "blocked"))
 

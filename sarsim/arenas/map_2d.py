@@ -51,7 +51,7 @@ class Map2D:
     origin: tuple[float, float, float]
 
     def placed(self, cells: NDArray[np.int64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """(2,) m, centre, and (2,) m, half size, of a rectangle of cells with first and end corner ``cells`` (2, 2)."""
+        """Centre (2,) m and half size (2,) m of the rectangle with first and end corner ``cells`` (2, 2)."""
         x, y, yaw = self.origin
         low, high = cells[:, ::-1] * self.resolution
         turn = np.array([(np.cos(yaw), -np.sin(yaw)), (np.sin(yaw), np.cos(yaw))])
@@ -68,7 +68,7 @@ def read_map(path: Path) -> Map2D:
     """Read a map's YAML file and its image.
 
     Raises:
-        InputError: a file is missing, broken or too large, the image is outside the YAML's folder, or a value is wrong.
+        InputError: a file is missing, broken or too large, the image is outside the folder, or a value is invalid.
     """
     values = _values(path)
     resolution = _number(path, values, "resolution", 1e-3, FARTHEST)

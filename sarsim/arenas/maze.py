@@ -45,7 +45,7 @@ class MazeConfig:
 
     Attributes:
         cell: side of a cell; there are 9 × 5.
-        thick, high: thickness and height of the 36 panels, each one cell long; the length, a board's width, is assumed.
+        thick, high: thickness and height of the 36 panels; their length, a cell, is assumed from a board's width.
         tube_count: number of mapping fiducials, tubes that a panel divides into two halves.
         tube: diameter of the tubes.
         tubes: heights of the tubes, used in turn; that tubes stand on the floor is assumed.

@@ -15,7 +15,7 @@ MJCF = ".xml"
 
 
 def check_arena_name(name: str) -> None:
-    """Raise InputError unless the name is a built-in arena, ``random:SEED``, or the path of a file of a known type."""
+    """Raise InputError unless the name is a built-in arena, ``random:SEED`` or the path of a known type of file."""
     if name in BUILT_IN:
         return
     if name.startswith(RANDOM):

@@ -1,4 +1,4 @@
-"""Wall panels that lie inside others: neighbouring tiles of a file may both have the wall between them."""
+"""Wall panels that lie inside other panels: two neighbouring tiles may both have the wall between them."""
 
 from collections import defaultdict
 from collections.abc import Sequence
@@ -9,13 +9,13 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import Values
 
-SLACK = 1e-4  # m by which a panel may protrude from another and still counts as inside it
+SLACK = 1e-4  # m by which a panel may protrude from another and still count as inside it
 
 
 def covered_panels(geoms: list[Element]) -> list[Element]:
-    """The wall panels that lie inside another one; without them no faces coincide, and nothing else changes.
+    """The wall panels that lie inside another one; removing them avoids coincident faces and changes nothing else.
 
-    ``geoms``: all static geoms, in the world's frame; boxes of class ``wall`` are the panels.
+    ``geoms``: all static geoms, in the world frame; boxes of class ``wall`` are the panels.
     """
     planes: dict[tuple[float, ...], list[tuple[Element, NDArray[np.float64]]]] = defaultdict(list)
     for geom in geoms:
@@ -26,10 +26,10 @@ def covered_panels(geoms: list[Element]) -> list[Element]:
 
 
 def _panel(geom: Element) -> tuple[tuple[float, ...], NDArray[np.float64]]:
-    """The plane of a panel, and its extent in the plane: (4,) m backwards, forwards, down and up."""
+    """The plane of a panel, and its extent in the plane: (4,) m, backwards, forwards, downwards and upwards."""
     (x, y, z), (along, thick, up) = numbers_of(geom, "pos"), numbers_of(geom, "size")
     w, *_, sin = numbers_of(geom, "quat")
-    # A panel that is turned by 180° fills the same space.
+    # A panel turned by 180° fills the same space.
     yaw = round(float(np.degrees(2 * np.arctan2(sin, w))), 2) % 180
     c, s = np.cos(np.radians(yaw)), np.sin(np.radians(yaw))
     middle = c * x + s * y

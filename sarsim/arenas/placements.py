@@ -1,9 +1,9 @@
-"""Victims and starts of a world by others: what names say, and lists of placements that leagues publish beside it.
+"""Victims and starts in arena files, from the names of models and from the lists of placements that leagues publish.
 
-A line of a list is ``NAME x y z roll pitch yaw``, in m and rad in the frame of the world, as Gazebo prints poses.
-The name may be missing, or be a number that counts, and the last three numbers may be missing. Commas, semicolons,
-colons and brackets separate as spaces do, and ``#`` begins a comment. Lines whose name has ``start`` or ``robot`` in
-it are starts, all others are victims. A line without numbers names the lines below it that have no name.
+A line of a list is ``NAME x y z roll pitch yaw``, in m and rad in the world frame, as Gazebo prints poses. The name
+may be missing or be a line number, and the last three numbers may be missing. Commas, semicolons, colons, equals
+signs and brackets count as spaces, and ``#`` begins a comment. Lines whose name contains ``start`` or ``robot`` are
+starts, all others are victims. A line without numbers gives its name to the lines below it that have none.
 """
 
 import re
@@ -22,15 +22,15 @@ from sarsim.arenas.things.thing import ALIVE, DEAD, declare
 from sarsim.victims.victims import PREFIX, Posture, make_victim
 
 VICTIM_WORDS = ("victim", "survivor", "casualty", "rescue_randy")
-"""Words in the names of models that are victims; the last is the manikin of DARPA's Subterranean Challenge."""
+"""Words that mark the name of a model as a victim; the last is the manikin of DARPA's Subterranean Challenge."""
 STATE_WORDS = {"hot": ALIVE, "warm": ALIVE, "moving": ALIVE, "alive": ALIVE, "cold": DEAD, "dead": DEAD}
-"""What words in the name of a victim say of its state; the Virtual Robot league has hot, cold and moving ones."""
+"""States of victims by words in their names; the Virtual Robot league has hot, cold and moving victims."""
 START_WORDS = ("start", "robot")
-"""Words in the names of lines that are starts of the robot."""
+"""Words that mark the name of a line as a start of the robot."""
 ON_THE_GROUND: tuple[Posture, ...] = ("lying", "prone", "side")
-"""Postures of people whom a world only gives a place."""
+"""Postures of people for whom an arena file gives only a position."""
 MOST_LINES = 1000
-"""Lines of a list that are read; the league's worlds have at most 20 victims."""
+"""Maximum number of lines in a list; the league's worlds have at most 20 victims."""
 _SEPARATORS = re.compile(r"[\s,;:()\[\]{}=]+")
 
 
@@ -39,9 +39,9 @@ class WorldPose:
     """A line of a list of placements.
 
     Attributes:
-        name: of what stands there; empty if the list has none.
-        x, y, z: m.
-        yaw: rad.
+        name: name of the victim or start; empty if the list gives none.
+        x, y, z: position, m.
+        yaw: heading, rad.
     """
 
     name: str
@@ -56,8 +56,8 @@ class Placements:
     """A list of placements.
 
     Attributes:
-        victims: where people are.
-        starts: where robots start.
+        victims: poses of people.
+        starts: poses where robots start.
     """
 
     victims: tuple[WorldPose, ...]
@@ -70,12 +70,12 @@ class Placements:
 
 
 def is_victim(name: str) -> bool:
-    """Whether the name of a model is that of a victim."""
+    """Whether the name of a model marks it as a victim."""
     return any(word in "_".join(_words(name)) for word in VICTIM_WORDS)
 
 
 def state_of(name: str) -> str:
-    """Alive or dead, if the name of a victim says so; else empty."""
+    """Alive or dead, if a victim's name says so; otherwise empty."""
     return next((STATE_WORDS[word] for word in reversed(_words(name)) if word in STATE_WORDS), "")
 
 
@@ -85,10 +85,11 @@ def _words(name: str) -> list[str]:
 
 
 def read_placements(path: Path) -> Placements:
-    """Read a list.
+    """Read a list of placements.
 
     Raises:
-        InputError: the file is missing or too long, names no place, or a line has too few numbers or absurd ones.
+        InputError: the file is missing or too long, has no pose, or a line has the wrong count of numbers or a number
+            out of range.
     """
     lines = read_text(path).splitlines()
     if len(lines) > MOST_LINES:
@@ -117,22 +118,22 @@ def _number(word: str) -> float | None:
 
 def _pose(where: str, name: str, numbers: list[float]) -> WorldPose:
     if len(numbers) == 7 and numbers[0] == round(numbers[0]):
-        numbers = numbers[1:]  # the first one counts the lines
+        numbers = numbers[1:]  # the first one is a line number
     if len(numbers) not in (3, 6):
         raise InputError(f"{where}: has {len(numbers)} numbers; give x y z, or x y z roll pitch yaw, in m and rad")
-    if not (np.abs(numbers) <= FARTHEST).all():  # not for NaN either
+    if not (np.abs(numbers) <= FARTHEST).all():  # also refuses NaN
         raise InputError(f"{where}: numbers must be from -{FARTHEST:g} to {FARTHEST:g}")
     x, y, z = numbers[:3]
     return WorldPose(name, x, y, z, numbers[5] if len(numbers) == 6 else 0.0)
 
 
 def add_person(builder: ArenaBuilder, pose: WorldPose) -> None:
-    """Add a person who lies with the head towards the pose's x axis; the same number of victim looks the same."""
+    """Add a person who lies with the head along the pose's x axis; their looks depend only on the victim's number."""
     name = builder.next_victim
     number = name.removeprefix(PREFIX)
     rng = np.random.default_rng(int(number))
     person = make_victim(number, rng, ON_THE_GROUND[int(rng.integers(len(ON_THE_GROUND)))])
-    ahead, aside = person.footprint.mean(axis=0)  # the middle of the person is where the pose is
+    ahead, aside = person.footprint.mean(axis=0)  # the pose is that of the person's centre
     cos, sin = np.cos(pose.yaw), np.sin(pose.yaw)
     middle = (pose.x - cos * ahead + sin * aside, pose.y - sin * ahead - cos * aside, pose.z)
     person.add_to(builder.root, middle, pose.yaw)

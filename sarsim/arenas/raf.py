@@ -1,8 +1,8 @@
 """Rescue arenas from ``.raf`` files, the XML format of the hector_nist_arena_designer.
 
-A file lists elements: a type, a tile, a rotation (clockwise, in degrees), and further attributes of some types. Tiles
-are 1.2 m; offsets are in tiles along the world's axes. An element that hangs on a wall (``victim_*``,
-``start_check*``, ``hazmat*``) is shifted by the mount point of the wall with the same tile and rotation.
+A file lists elements, each with a type, a tile, a rotation (clockwise, in degrees) and, for some types, further
+attributes. Tiles are 1.2 m wide; offsets are in tiles along the world's axes. An element that hangs on a wall
+(``victim_*``, ``start_check*``, ``hazmat*``) is shifted to a mount point of the wall with the same tile and rotation.
 """
 
 import logging
@@ -28,8 +28,8 @@ MAX_BYTES = 2_000_000
 MAX_ELEMENTS = 1500
 MAX_TILES = 60  # along x or y; 72 m
 MAX_GEOMS = 15_000
-MAX_NAMED = 20  # types that a message names
-FLOOR_MARGIN = 0.5  # m that the floor reaches past the outermost tiles
+MAX_NAMED = 20  # Maximum number of types that a message names
+FLOOR_MARGIN = 0.5  # m that the floor extends beyond the outermost tiles
 
 TYPES = frozenset(
     (
@@ -41,14 +41,14 @@ TYPES = frozenset(
         *("floor_tile_black", "floor_tile_white", "victim_1", "spectator_120"),
     )
 )
-"""Types of the format that the element library has by the same name; the library has more, for random arenas."""
+"""Types that have the same name in the element library; the library has further elements for random arenas."""
 FAMILIES = {
     "victim_with_box": "victim_with_box",
     "victim_doll_": "victim_with_box",
     "hazmat": "hazmat_sign",
     "start_check": "start_check",
 }
-"""Prefixes of types, and for each the element of the library that gives these types their shape."""
+"""Prefixes of further types, each with the library element that gives these types their shape."""
 _HANGING = ("victim_", "start_check", "hazmat")
 
 _log = logging.getLogger(__name__)
@@ -59,11 +59,11 @@ class RafElement:
     """One element of a file.
 
     Attributes:
-        type: as written.
-        x, y: tile, offset included.
-        rotation: degrees, clockwise.
-        mount_point: index into the mount points of its wall.
-        tile: the tile and rotation as written, which identify its wall.
+        type: type as written in the file.
+        x, y: position in tiles, including the offset.
+        rotation: clockwise rotation, degrees.
+        mount_point: index into the mount points of the element's wall.
+        tile: tile and rotation without the offset, which identify the element's wall.
     """
 
     type: str
@@ -75,7 +75,7 @@ class RafElement:
 
     @property
     def kind(self) -> str | None:
-        """Name in the element library; None if it is unknown."""
+        """Name in the element library; None if the type is unknown."""
         if self.type in TYPES:
             return self.type
         return next((kind for prefix, kind in FAMILIES.items() if self.type.startswith(prefix)), None)
@@ -85,7 +85,7 @@ def read_raf(path: Path) -> list[RafElement]:
     """The elements of a file.
 
     Raises:
-        InputError: the file is missing or too large, is not XML of this format, or has absurd numbers in it.
+        InputError: the file is missing or too large, is not XML of this format, or contains numbers out of range.
     """
     root = parse_xml(path, MAX_BYTES)
     if root.tag != "elements":
@@ -101,10 +101,10 @@ def read_raf(path: Path) -> list[RafElement]:
 
 
 def build_raf(path: Path) -> ArenaBuilder:
-    """The arena of a file, still without a start. Elements of unknown type are left out, with a warning.
+    """The arena of a file, not yet with a start. Elements of unknown types are left out, with a warning.
 
     Raises:
-        InputError: the file is invalid, or has no element of a known type.
+        InputError: the file is invalid or too large, or has no element of a known type.
     """
     elements = read_raf(path)
     unknown = sorted({e.type for e in elements if e.kind is None})
@@ -129,14 +129,14 @@ def build_raf(path: Path) -> ArenaBuilder:
 
 
 def _listed(types: list[str]) -> str:
-    """Names of at most ``MAX_NAMED`` types in one line."""
+    """The names of at most ``MAX_NAMED`` types, on one line."""
     names = [" ".join(t[:40].split()) for t in types[:MAX_NAMED]]
     more = len(types) - len(names)
     return ", ".join(names) + (f" and {more} more" if more else "")
 
 
 def _element(where: str, line: "Element") -> RafElement:
-    """Parse an ``<element>``; errors say ``where`` it is."""
+    """Parse an ``<element>``; ``where`` locates it in error messages."""
     x, y, rotation = (_number(where, line, name) for name in ("x", "y", "rotation"))
     mount_point = _number(where, line, "mount-point", "0")
     if mount_point != int(mount_point) or mount_point < 0:
@@ -187,7 +187,7 @@ def _check_geoms(path: Path, elements: list[RafElement]) -> None:
 
 
 def _positions(elements: list[RafElement]) -> Iterator[tuple[RafElement, NDArray[np.float64]]]:
-    """Every element and its origin in m; repeated elements only once."""
+    """Each element with its origin, m; repeated elements only once."""
     library = element_library()
     walls: dict[tuple[float, float, float], NDArray[np.float64]] = {}
     for element in elements:
@@ -200,7 +200,7 @@ def _positions(elements: list[RafElement]) -> Iterator[tuple[RafElement, NDArray
 
 
 def _shift(element: RafElement, mounts: NDArray[np.float64] | None) -> Place:
-    """(3,) m from an element's tile to the mount point of its wall; 0 for elements that do not hang."""
+    """(3,) m, offset from an element's tile to the mount point on its wall; 0 for elements that do not hang."""
     if mounts is None or not element.type.startswith(_HANGING) or element.mount_point >= len(mounts):
         return np.zeros(3)
     along, up = mounts[element.mount_point]

@@ -1,8 +1,8 @@
 """Random rescue arenas of NIST-like tiles: the same seed gives the same arena on any machine.
 
-The plan is made of whole numbers (:mod:`sarsim.arenas.layout`), so that by construction the start is free, the robot
-can drive to every open tile, and each victim lies next to one. The true geometry of the finished arena is checked as
-well; an arena that fails is drawn again from the next random numbers.
+The plan consists of integers (:mod:`sarsim.arenas.layout`). By construction, the start is free, the robot can drive
+to every open tile, and each victim lies next to one. The true geometry of the finished arena is checked as well; an
+arena that fails is drawn again with other random numbers.
 """
 
 import numpy as np
@@ -31,21 +31,21 @@ from sarsim.arenas.settings import SHARES, RandomArenaConfig
 from sarsim.arenas.things.thing import ALIVE, declare
 from sarsim.victims.victims import PREFIX
 
-CEILING = 2.4  # m, its height; all walls reach up to it
+CEILING = 2.4  # m, height of the ceiling; under it, all walls have this height
 FLOOR_MARGIN = 0.1  # m of floor beyond the outer walls
 ARENA_ATTEMPTS = 30
 _BOUNDS = {"columns": (3, 20), "rows": (3, 20), "victims": (0, 100), "things": (0, 100), "difficulty": (0, 3)}
-_BOUNDS |= dict.fromkeys(SHARES, (0, 1))  # lowest and highest value of each setting
+_BOUNDS |= dict.fromkeys(SHARES, (0, 1))  # minimum and maximum of each setting
 
 _Plan = tuple[list[Item], list[Piece], list[PlacedVictim], Tile, Side]
-"""Elements, furniture and victims, the tile where the robot starts, and the side that it faces."""
+"""Elements, furniture, victims, the tile where the robot starts, and the side that it faces."""
 
 
 def build_random(seed: int, config: RandomArenaConfig | None = None) -> ArenaBuilder:
-    """The arena of a seed, start included.
+    """The arena of a seed, including the start.
 
     Raises:
-        InputError: the configuration is out of bounds, or asks for more than fits into the tiles.
+        InputError: the seed or a setting is out of bounds, or the contents do not fit into the tiles.
     """
     config = config or RandomArenaConfig()
     _check(seed, config)
@@ -104,7 +104,7 @@ def _draw(draws: RandomDraws, config: RandomArenaConfig, difficulty: int) -> _Pl
 
 
 def _build(name: str, plan: _Plan, config: RandomArenaConfig) -> ArenaBuilder:
-    """Build the arena of a plan; its centre is the origin."""
+    """Build the arena of a plan, with the origin at its centre."""
     items, pieces, victims, tile, side = plan
     builder = ArenaBuilder(name)
     corner = -np.array([config.columns, config.rows]) * TILE_SIZE / 2

@@ -1,4 +1,4 @@
-"""Random choices that use whole numbers only, so that they are the same on any machine."""
+"""Random choices that use only integers, so that they are the same on any machine."""
 
 from collections.abc import Sequence
 from typing import TypeVar
@@ -15,7 +15,7 @@ class RandomDraws:
         self.rng = rng
 
     def number(self, low: int, high: int) -> int:
-        """A whole number from ``low`` to ``high``, both included."""
+        """An integer from ``low`` to ``high``, both included."""
         return int(self.rng.integers(low, high + 1))
 
     def chance(self, share: float) -> bool:

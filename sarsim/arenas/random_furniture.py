@@ -1,6 +1,6 @@
-"""Draws the obstacles and clutter of a random arena, its furniture, and rescue elements.
+"""Draws the obstacles, clutter, furniture and rescue elements of a random arena.
 
-The robot cannot drive over these, and they are easily confused with others.
+The robot cannot drive over these elements, and they are easily confused with others.
 """
 
 from sarsim.arenas.layout import SIDES, YAW, Item, Layout, Side, Tile, opposite, shift
@@ -13,36 +13,36 @@ OBSTACLES: dict[int, tuple[str, ...]] = {
     2: (*DIAGONALS, "barrel", "elevated_ramps", "elevated_ramps"),
     3: (*DIAGONALS, "barrel", "elevated_ramps", "stepfield_red_diagonal", "stepfield_red_diagonal"),
 }
-"""Elements that may take a whole tile, by difficulty; one that is listed twice is drawn more often."""
+"""Elements that take a whole tile, by difficulty; those listed twice are drawn more often."""
 BESIDE_WALLS = (("wooden_block", 53), ("pvc_pipe", 56))
-"""Elements that lie along walls, and their distance from the tile's centre, cm: a metre of the lane stays free."""
+"""Elements that lie along walls, with their distance from the tile's centre, cm; it leaves a lane of 1 m free."""
 AGAINST_WALL = (
     ("cabinet_low", 14), ("cabinet_tall", 14), ("cabinet_narrow", 34), ("bookshelf", 9), ("desk", 4), ("seat", 19),
     ("crate", 29), ("column", 39), ("motor", 8), ("gas_bottles", 34), ("pipes", 4), ("sacks", 2), ("sacks", 2),
     ("simple_elev_ramp", 0), ("simple_elev_ramp", 0), ("stairs_120", 0), ("manip_storage", 0),
 )  # fmt: skip
-"""Elements that stand with their back to a side of their tile, and their largest shift along this side, cm."""
+"""Elements that stand with their back to a side of their tile, with their maximum shift along this side, cm."""
 FREESTANDING = ("raised_floor", "raised_floor", "raised_floor", "elevated_ramps", "crate_stack", "work_table")
 """Elements for the centre of a tile."""
 RAMPS = (("half_ramp", 0), ("half_ramp", 0), ("half_ramp_shifted", 2), ("full_ramp", 2), ("full_ramp", 2))
-"""Ramps that lead nowhere, and the number of quarter turns after which they rise away from the robot."""
+"""Ramps that lead nowhere, with the number of quarter turns that make them rise away from the robot."""
 BULKY = (
     *("raised_floor_120",) * 4, *("simple_elev_ramp",) * 3, "wardrobe", "wardrobe", "cupboards", "machine",
     "cabinet_tall",
 )  # fmt: skip
-"""Elements that occlude much. The robot can drive under the first one, which may extend to neighbouring tiles."""
-SPREAD = 0.5  # Share of a raised floor's free neighbours that become raised floors as well
+"""Elements that block much of the view. The robot can drive under the first, which may span several tiles."""
+SPREAD = 0.5  # Share of a raised floor's free neighbouring tiles that get a raised floor as well
 CHAIRS = ("chair", "office_chair", "lab_chair")  # Chairs at desks
 SMALL = ("chair", "chair", "crate_small", "fire_extinguisher", "bag")
-"""Elements that may stand in front of another one, at any angle."""
-ACCOMPANIED = 0.4  # Share of the tiles with such a small element
+"""Small elements that may stand in front of another one, at any angle."""
+ACCOMPANIED = 0.4  # Share of the tiles that get a small element as well
 ON_WALLS = ("fiducial_barrel", "red_barrel", "box_low", "box_middle", "box_high", "hazmat", "start_check")
 """Elements that hang on walls."""
 OTHER_WALLS = ("partition", "partition", "veil_wall")  # Inner walls other than panels
 
 
 def place_obstacles(layout: Layout, draws: RandomDraws, share: float, difficulty: int) -> list[Item]:
-    """Obstacles that take a whole tile each, until they have their share or no further tile can be blocked."""
+    """Obstacles of one tile each, until they fill their share of tiles or no further tile can be blocked."""
     wanted = round(share * len(layout.tiles()))
     items: list[Item] = []
     for tile in draws.shuffled(layout.tiles()):
@@ -54,7 +54,7 @@ def place_obstacles(layout: Layout, draws: RandomDraws, share: float, difficulty
 
 
 def _leaves_no_pocket(layout: Layout, tile: Tile, kind: str, side: Side) -> bool:
-    """Whether the floor beside a diagonal wall is open to a neighbouring tile."""
+    """Whether a diagonal wall cuts no floor of its tile off from all neighbouring tiles."""
     open_sides = {s for _, s in layout.views([tile])}
     if kind == "wall_diag_120":
         halves = ({1, 2}, {0, 3}) if side % 2 else ({0, 1}, {2, 3})
@@ -75,7 +75,7 @@ def scatter_clutter(layout: Layout, draws: RandomDraws, share: float) -> list[It
 
 
 def place_furniture(layout: Layout, draws: RandomDraws, share: float) -> list[Item]:
-    """Furniture that blocks a whole tile, until it has its share or no further tile can be blocked."""
+    """Furniture that blocks whole tiles, until it fills its share of tiles or no further tile can be blocked."""
     wanted = round(share * len(layout.tiles()))
     items: list[Item] = []
     blocked = 0
@@ -88,7 +88,7 @@ def place_furniture(layout: Layout, draws: RandomDraws, share: float) -> list[It
 
 
 def place_bulky(layout: Layout, draws: RandomDraws, share: float) -> list[Item]:
-    """Raised floors over free tiles, and boards and cupboards that take a tile, until they have their share."""
+    """Raised floors over free tiles, and boards and cupboards that block a tile, until they fill their share."""
     wanted = round(share * len(layout.tiles()))
     items: dict[Tile, Item] = {}
     for tile in draws.shuffled(layout.tiles()):
@@ -105,7 +105,7 @@ def place_bulky(layout: Layout, draws: RandomDraws, share: float) -> list[Item]:
 
 
 def _under_a_floor(layout: Layout, draws: RandomDraws, tile: Tile) -> list[Tile]:
-    """A tile and some of its free neighbours to which the robot can drive from there."""
+    """A tile, and some of the free neighbouring tiles to which the robot can drive from it."""
     beside = [layout.next(tile, side) for side in layout.exits(tile)]
     return [tile, *(t for t in beside if layout.is_free(t) and draws.chance(SPREAD))]
 

@@ -5,17 +5,17 @@ from collections.abc import Sequence
 from sarsim.arenas.layout import FLOOR, SIDES, YAW, Item, Layout, Side, Tile, TileGround, opposite, shift
 from sarsim.arenas.random_draws import RandomDraws
 
-DECK_HEIGHTS = (17, 25, 34)  # cm, heights of decks and of the ramps up to them; 25 stands for 25.5
+DECK_HEIGHTS = (17, 25, 34)  # cm, heights of decks and of the ramps up to them; 25 means 25.5
 RIDGE = 17
 FENCED = 0.5  # Share of the sides with a drop to the floor that get a wall
 HOLED = 0.15  # Share of the inner walls with holes, if the arena has any
 TALL = 0.25  # Share of the other walls that are twice as high
-OTHER = 0.25  # Share of the inner walls that are no panels, if the arena has any
-MAX_WAY = 4  # tiles; a longer open way ahead makes no start better
+OTHER = 0.25  # Share of the inner walls that are not panels, if the arena has any such walls
+MAX_WAY = 4  # tiles; more open floor ahead than this does not make a start better
 
 
 def make_maze(layout: Layout, draws: RandomDraws, density: float) -> None:
-    """Make a perfect maze by depth-first search, and keep only a share of its inner walls."""
+    """Make a perfect maze by depth-first search, then keep only a share of its inner walls."""
     layout.walls.update(layout.inner_edges())
     path = [draws.pick(layout.tiles())]
     seen = set(path)
@@ -34,9 +34,9 @@ def make_maze(layout: Layout, draws: RandomDraws, density: float) -> None:
 
 
 def lay_ramps(layout: Layout, draws: RandomDraws, share: float, fields: bool) -> None:
-    """Lay runs of ramps and decks until they have their share of the tiles or nothing fits any more.
+    """Lay runs of ramps and decks until they fill their share of the tiles or nothing more fits.
 
-    ``fields``: also lay fields of several ridges in a row, and one of these first.
+    ``fields``: also lay fields of several ridges in a row, beginning with one of these.
     """
     tries, left = 10 * len(layout.tiles()), round(share * len(layout.tiles()))
     for _ in range(tries if fields else 0):
@@ -68,7 +68,7 @@ def _lay_run(layout: Layout, draws: RandomDraws, kind: str, most: int) -> int:
 
 
 def _draw_run(draws: RandomDraws, kind: str, side: Side) -> list[TileGround]:
-    """The grounds of a run: a ridge, several ridges, ramps and a deck between, or a ramp up to a deck."""
+    """The grounds of a run: a ridge, several ridges, two ramps with a deck between them, or a ramp up to a deck."""
     level = draws.pick(DECK_HEIGHTS)
     up, down = TileGround("ramp", level, side), TileGround("ramp", level, opposite(side))
     decks = [TileGround("deck", level)] * draws.number(1, 2)
@@ -77,7 +77,7 @@ def _draw_run(draws: RandomDraws, kind: str, side: Side) -> list[TileGround]:
 
 
 def _fence(layout: Layout, draws: RandomDraws, tiles: list[Tile]) -> None:
-    """Put walls on sides with a drop: on all between ramps and decks, on some of those to the floor."""
+    """Put walls on sides with a drop: on all of them between ramps and decks, on some of those to the floor."""
     for tile in tiles:
         for side in SIDES:
             falls = not layout.has_wall(tile, side) and not layout.passable(tile, side)
@@ -86,7 +86,7 @@ def _fence(layout: Layout, draws: RandomDraws, tiles: list[Tile]) -> None:
 
 
 def choose_start(layout: Layout, draws: RandomDraws) -> tuple[Tile, Side]:
-    """The floor tile and side with the longest open way ahead; the first tiles of this way are reserved."""
+    """Choose the floor tile and heading with the most open floor ahead; the first two tiles of it are reserved."""
     places = [(t, s) for t in layout.tiles() if layout.ground(t) == FLOOR for s in SIDES]
     tile, side = max(draws.shuffled(places), key=lambda place: len(_way(layout, *place)))
     layout.start = tile
@@ -115,14 +115,14 @@ def ground_items(layout: Layout) -> list[Item]:
         elif ground.kind == "ramp":
             items.append(Item(tile, f"ramp_{ground.level}", YAW[opposite(ground.uphill)]))
         elif ground.kind == "ridge":
-            # Two ramps, whose upper ends are moved from the tile's sides to its centre.
+            # Two ramps, shifted so that their upper ends meet at the tile's centre.
             ends = (opposite(ground.uphill), ground.uphill)
             items += [Item(tile, f"ramp_{RIDGE}", YAW[end], shift(end, 60, 0)) for end in ends]
     return items
 
 
 def wall_items(layout: Layout, draws: RandomDraws, holes: bool, tall: bool, others: Sequence[str] = ()) -> list[Item]:
-    """All walls. ``holes``: some have holes; ``tall``: all panels reach up to the ceiling; some are ``others``."""
+    """All walls. ``holes``: some have holes; ``tall``: all panels reach the ceiling; ``others``: types of some."""
     items = []
     for tile in layout.tiles():
         for side in SIDES:

@@ -1,7 +1,7 @@
-"""Draws furniture of all sizes and colours, in rows along walls: easily confused with walls, ramps and decks.
+"""Draws furniture of many sizes and colours in rows along walls, easily confused with walls, ramps and decks.
 
-A piece consists of boxes in the frame of a tile, in whole cm; its back is at +y. Tables have less headroom below them
-than the robot needs, and only stairs have a top as low as a deck.
+A piece consists of boxes in the frame of a tile, in whole cm, with its back at +y. The headroom under tables is too
+low for the robot, and only stairs have a surface as low as a deck.
 """
 
 from collections.abc import Callable
@@ -12,10 +12,10 @@ from sarsim.arenas.layout import YAW, Layout, Side, Tile, opposite
 from sarsim.arenas.random_draws import RandomDraws
 from sarsim.arenas.random_paint import Colour, random_colour
 
-Box = tuple[int, int, int, int, int, int]  # x, y and z, each from and to, cm
-BACK = 59  # cm, y of the back of a piece: the wall's face is at 59.5
-HALF = 59  # cm, half width of a piece that touches those on the neighbouring tiles except for a slit
-LONGEST_ROW = 4  # tiles that pieces of one kind take side by side
+Box = tuple[int, int, int, int, int, int]  # x0, x1, y0, y1, z0, z1, cm
+BACK = 59  # cm, y of the back of a piece; the face of the wall is at 59.5
+HALF = 59  # cm, half width of a piece that fills its tile up to a narrow gap to the next piece
+LONGEST_ROW = 4  # Maximum number of tiles with the same piece side by side
 
 
 @dataclass(frozen=True)
@@ -23,10 +23,10 @@ class Piece:
     """Furniture on a tile.
 
     Attributes:
-        tile: on which it stands.
-        yaw: degrees that it is turned to the left.
-        boxes: that it consists of.
-        colours: of the boxes, used in turn.
+        tile: the tile on which the piece stands.
+        yaw: angle by which it is turned to the left, degrees.
+        boxes: boxes that make up the piece.
+        colours: colours of the boxes, used in turn.
     """
 
     tile: Tile
@@ -35,7 +35,7 @@ class Piece:
     colours: tuple[Colour, ...]
 
     def add_to(self, builder: ArenaBuilder, x: float, y: float) -> None:
-        """Set it down on the floor, with the centre of its tile at ``x``, ``y``, m."""
+        """Add the piece to an arena, with the centre of its tile at ``x``, ``y``, m."""
         for number, (x0, x1, y0, y1, z0, z1) in enumerate(self.boxes):
             middle = ((x0 + x1) / 200, (y0 + y1) / 200, (z0 + z1) / 200)
             half = ((x1 - x0) / 200, (y1 - y0) / 200, (z1 - z0) / 200)
@@ -44,7 +44,7 @@ class Piece:
 
 
 def furnish(layout: Layout, draws: RandomDraws, share: float) -> list[Piece]:
-    """Pieces that block a whole tile each, until they have their share or no further tile can be blocked."""
+    """Pieces that block a tile each, until they fill their share of tiles or no further tile can be blocked."""
     wanted = round(share * len(layout.tiles()))
     pieces: list[Piece] = []
     for tile in draws.shuffled(layout.tiles()):
@@ -72,7 +72,7 @@ def _row(layout: Layout, draws: RandomDraws, tile: Tile, back: Side) -> list[Til
 
 
 def _cupboard(draws: RandomDraws) -> list[Box]:
-    """Lockers, cupboards, counters: upright boxes, most with one to four doors that stand out a little."""
+    """Lockers, cupboards, counters: upright boxes, most with one to four slightly protruding doors."""
     half, height = draws.pick((HALF, HALF, draws.number(25, HALF))), draws.number(70, 200)
     front, doors = BACK - draws.number(25, 65), draws.number(1, 4)
     width, slit, relief = 2 * half // doors, draws.number(1, 3), draws.number(1, 3)
@@ -104,7 +104,7 @@ def _shelf(draws: RandomDraws) -> list[Box]:
 
 
 def _wall_shelf(draws: RandomDraws) -> list[Box]:
-    """Boards or cupboards that hang on the wall, at any height."""
+    """Boards or cupboards on the wall, at various heights."""
     half, front, low = draws.number(30, HALF), BACK - draws.number(18, 42), draws.number(35, 110)
     if draws.chance(0.4):
         return [(-half, half, front, BACK, low, low + draws.number(30, 80))]
@@ -113,7 +113,7 @@ def _wall_shelf(draws: RandomDraws) -> list[Box]:
 
 
 def _table(draws: RandomDraws) -> list[Box]:
-    """Tables, desks, benches: a top between coffee tables and counters, on legs or panels, with an apron below it."""
+    """Tables, desks, benches: low as coffee tables to high as counters, on legs or panels, some with an apron."""
     half, depth, height = draws.number(35, HALF), draws.number(40, 110), draws.number(40, 95)
     front, leg, top = BACK - depth, draws.number(3, 8), draws.number(2, 5)
     below = min(height - top - draws.number(0, 10), 60)
@@ -143,7 +143,7 @@ def _sofa(draws: RandomDraws) -> list[Box]:
 
 
 def _bed(draws: RandomDraws) -> list[Box]:
-    """Beds and stretchers, with a headboard or none."""
+    """Beds and stretchers, with or without a headboard."""
     front, top, legs = BACK - draws.number(70, 110), draws.number(40, 65), draws.number(0, 25)
     boxes = [(-HALF, HALF, front, BACK, legs, top)]
     if legs:
@@ -153,7 +153,7 @@ def _bed(draws: RandomDraws) -> list[Box]:
 
 
 def _stairs(draws: RandomDraws) -> list[Box]:
-    """Steps that rise to the back, solid or open; the second one is too high for the robot to climb."""
+    """Steps that rise towards the back, solid or open; they are too high for the robot to climb."""
     half, steps, rise = draws.number(35, HALF), draws.number(3, 5), draws.number(14, 22)
     tread, solid = 110 // steps, draws.chance(0.6)
     fronts = [BACK - (steps - step) * tread for step in range(steps)]
@@ -167,4 +167,4 @@ FURNITURE: tuple[Callable[[RandomDraws], list[Box]], ...] = (
     *(_cupboard,) * 5, _shelf, _shelf, _wall_shelf, *(_table,) * 4, _sofa, _bed, _stairs,
 )  # fmt: skip
 FREESTANDING = (_table, _table, _sofa, _bed, _shelf, _cupboard)
-"""Kinds of furniture for tiles without a wall behind."""
+"""Kinds of furniture for tiles without a wall behind them."""

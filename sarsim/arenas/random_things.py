@@ -28,22 +28,22 @@ from sarsim.arenas.things.thing import ALIVE, DEAD, data_of
 from sarsim.arenas.walls import STAND, Walls, facing
 from sarsim.victims.mjcf import about_z
 
-WALL_ROOM = 0.25  # m of flat wall to all sides: half a doll's box, and more than half of the largest sign's diagonal
+WALL_ROOM = 0.25  # m of flat wall on all sides: half a doll's box, and more than half of the largest sign's diagonal
 THING_SPACING = 0.6  # m between things, so that they do not touch
-HIGHEST, LOWEST = 0.25, -0.15  # m above the height at which walls are searched for; higher leaves the camera's view
-DEAD_SHARE = 1 / 3  # of people and dolls
-SIGN_SIDES = (0.10, 0.15, 0.20, 0.25)  # m of hazmat labels: those of UN packages have 0.1 m, placards 0.25 m
-CODE_SIDES = (0.10, 0.14, 0.18)  # m
+HIGHEST, LOWEST = 0.25, -0.15  # m above the height at which walls are searched for; limited by the camera's view
+DEAD_SHARE = 1 / 3  # Share of dead people and dolls
+SIGN_SIDES = (0.10, 0.15, 0.20, 0.25)  # m, sides of hazmat signs: labels on UN packages have 0.1 m, placards 0.25 m
+CODE_SIDES = (0.10, 0.14, 0.18)  # m, sides of QR codes
 FRONT = np.array([(1.0, 0, 0), (0, 0, 1.0), (0, -1.0, 0)])
-"""Axes of what stands with its back to a wall, x to the right and z up, in those of what hangs on the wall."""
+"""Axes of a thing that stands with its back to a wall (x right, z up) in the frame of one that hangs on the wall."""
 LETTERS = "ABCDEFGHJKLMNPQRSTUVWXYZ23456789"
 DOLL_BOX = 0.59  # m from a doll's origin to the back of its box
-BRACKET = 0.11  # m from the wall to the middle of an extinguisher
-TILTED = 0.3  # Share of the signs that do not stand on their corner
+BRACKET = 0.11  # m from the wall to the axis of a fire extinguisher
+TILTED = 0.3  # Share of the signs that hang at a random angle instead of on their corner
 
 
 def hang_things(builder: ArenaBuilder, number: int, rng: np.random.Generator) -> None:
-    """Hang up to ``number`` things of all kinds in turn on walls before drivable ground; let some people be dead."""
+    """Hang up to ``number`` things, of all kinds in turn, on walls next to drivable ground; make some people dead."""
     if not number:
         return
     draws = RandomDraws(rng)
@@ -56,7 +56,7 @@ def hang_things(builder: ArenaBuilder, number: int, rng: np.random.Generator) ->
     hung = 0
 
     def fits(point: NDArray[np.float64], normal: NDArray[np.float64]) -> bool:
-        is_beside_start = np.linalg.norm((point - start)[:2]) < STAND  # where a box would stand in the robot's way
+        is_beside_start = np.linalg.norm((point - start)[:2]) < STAND  # where a box would obstruct the robot
         return not is_beside_start and walls.has_room(point, normal, WALL_ROOM, rises[hung])
 
     for point, normal in islice(walls.spread(rng, THING_SPACING, fits), number):
@@ -74,7 +74,7 @@ def _let_die(builder: ArenaBuilder, draws: RandomDraws) -> None:
 def _hang(
     builder: ArenaBuilder, draws: RandomDraws, turn: int, point: NDArray[np.float64], normal: NDArray[np.float64]
 ) -> None:
-    """Hang the thing whose turn it is at a point (3,) of a wall with a normal (3,)."""
+    """Hang thing number ``turn`` at ``point`` (3,) m of a wall with ``normal`` (3,)."""
     kind, R = TURNS[turn % len(TURNS)], facing(normal)
     if kind == "doll":
         _hang_doll(builder, draws, point + DOLL_BOX * normal, R @ FRONT)
@@ -88,7 +88,7 @@ def _hang(
 
 
 def _hang_doll(builder: ArenaBuilder, draws: RandomDraws, position: NDArray[np.float64], R: Rotation3) -> None:
-    """Hang a box with a doll in it, its origin at (3,) m, its axes ``R`` (3, 3)."""
+    """Hang a box with a doll in it, with origin ``position`` (3,) m and axes ``R`` (3, 3)."""
     state = DEAD if draws.chance(DEAD_SHARE) else ALIVE
     builder.add_element("victim_with_box", position, float(np.degrees(np.arctan2(R[1, 0], R[0, 0]))))
     builder.add_thing(doll(builder.next_victim, state, draws.rng), position, R)
@@ -105,7 +105,7 @@ def _code(name: str, draws: RandomDraws) -> ThingModel:
 
 
 def _tag(name: str, draws: RandomDraws) -> ThingModel:
-    # The lower numbers are those of the tags with which maps are scored.
+    # Lower numbers are reserved for the tags by which maps are scored.
     return april_tag(name, draws.number(MOST_TAGS, len(FAMILY.bytesList) - 1), TAG_SIDE)
 
 

@@ -1,4 +1,4 @@
-"""Draws the victims of a random arena, and finds room for them beside the tiles that the robot drives on."""
+"""Draws the victims of a random arena, and finds room for them next to the tiles on which the robot drives."""
 
 from dataclasses import dataclass
 
@@ -12,14 +12,14 @@ from sarsim.arenas.random_draws import RandomDraws
 from sarsim.victims.victims import PLACEMENTS, SUITABLE, Placement, Posture, VictimModel, make_victim
 
 ROOM = 0.04  # m between a victim and the edges of its tiles
-DRAWS = 10  # Largest number of people drawn until one fits
+DRAWS = 10  # Maximum number of people drawn to find one that fits
 OPEN: tuple[Posture, ...] = ("lying", "prone", "side", "sitting", "sitting", "slumped", "seated")
-"""Postures of the placement "open"; the other placements use all their postures of ``SUITABLE``."""
+"""Postures drawn for the placement "open"; for the other placements, all their postures in ``SUITABLE`` are drawn."""
 
 
 @dataclass(frozen=True, eq=False)
 class PlacedVictim:
-    """A victim, the position of its origin, (3,) m from the corner of tile (0, 0), and its yaw, rad."""
+    """A victim, the position (3,) m of its origin relative to the corner of tile (0, 0), and its yaw, rad."""
 
     model: VictimModel
     position: NDArray[np.float64]
@@ -35,12 +35,12 @@ class _Spot:
 
     @property
     def back(self) -> Tile:
-        """The rearmost of its tiles behind the victim."""
+        """The rearmost tile, behind the victim."""
         return min(self.tiles, key=lambda tile: int(np.dot(tile, NEIGHBOUR_TILES[self.facing])))
 
     @property
     def room(self) -> NDArray[np.float64]:
-        """(2,) m along the direction that the victim faces, and across it."""
+        """(2,) m, sizes along the direction that the victim faces, and across it."""
         count = np.ptp(self.tiles, axis=0) + 1
         return count[[0, 1] if self.facing % 2 == 0 else [1, 0]] * TILE_SIZE
 
@@ -48,7 +48,7 @@ class _Spot:
 def place_victim(layout: Layout, draws: RandomDraws, name: str, hidden: bool) -> PlacedVictim | None:
     """Draw people until one fits on free tiles, and block these tiles; None if none fits.
 
-    ``hidden``: some people are half under rubble, in a box or behind a hole.
+    ``hidden``: some people are half buried in rubble, in a box or behind a hole.
     """
     spots = _spots(layout)
     for _ in range(DRAWS if spots else 0):
@@ -63,7 +63,7 @@ def place_victim(layout: Layout, draws: RandomDraws, name: str, hidden: bool) ->
 
 
 def _spots(layout: Layout) -> list[_Spot]:
-    """Free rectangles of up to two by two tiles."""
+    """Free rectangles of at most two by two tiles, each with all four directions."""
     sizes = [(w, h) for w in (1, 2) for h in (1, 2)]
     rectangles = [[(i + a, j + b) for a in range(w) for b in range(h)] for i, j in layout.tiles() for w, h in sizes]
     inside = set(layout.tiles())
@@ -72,7 +72,7 @@ def _spots(layout: Layout) -> list[_Spot]:
 
 
 def _fits(layout: Layout, victim: VictimModel, spot: _Spot) -> bool:
-    """Whether the victim has room, a wall if it needs one, and in a box or behind a hole open floor in front."""
+    """Whether the victim has room, a wall if needed and, if in a box or behind a hole, open floor in front."""
     # A panel with a hole may fill its tile from wall to wall.
     margin = 0.0 if victim.placement == "hole" else ROOM
     if (victim.footprint[1] - victim.footprint[0] > spot.room - 2 * margin + 1e-6).any():
@@ -87,7 +87,7 @@ def _position(victim: VictimModel, spot: _Spot) -> Place:
     """The victim's origin: at the foot of its wall, or such that its footprint is centred on the tiles."""
     forward, left = np.array(NEIGHBOUR_TILES[spot.facing]), np.array(NEIGHBOUR_TILES[(spot.facing + 1) % 4])
     if victim.needs_wall:
-        # Half the panel's thickness and a millimetre.
+        # 6 mm are half the wall's thickness and a clearance of 1 mm.
         xy = (np.array(spot.back) + 0.5) * TILE_SIZE - (TILE_SIZE / 2 - 0.006) * forward
     else:
         ahead, aside = victim.footprint.mean(axis=0)

@@ -1,4 +1,4 @@
-"""The pose at which the robot is set down in an arena."""
+"""The robot's start pose in an arena."""
 
 from collections.abc import Iterator
 from itertools import islice
@@ -15,30 +15,30 @@ from pipeline.grid_map import Grid
 from pipeline.labels import Label
 from sarsim.ground_truth.true_surface import CELL, FreeGround, Survey
 
-HEADINGS = np.arange(16) * 2 * np.pi / 16  # rad, of the robot at the start
-START_FAR = 3.0  # m; more open ground ahead makes no start better
-CLEAR = 0.6  # m; more free room around makes no start better
-HALF_WIDTH = 0.35  # m of free floor on both sides of the way ahead
-LEVEL_START = 0.02  # m that the floor around the start may rise or fall
-ONE_LEVEL = 0.5  # m; floor higher than this above the lowest belongs to another level
+HEADINGS = np.arange(16) * 2 * np.pi / 16  # rad, headings that are compared
+START_FAR = 3.0  # m; free floor ahead beyond this does not make a start better
+CLEAR = 0.6  # m; clearance beyond this does not make a start better
+HALF_WIDTH = 0.35  # m of free floor required on both sides of the line ahead
+LEVEL_START = 0.02  # m by which the floor around the start may rise or fall
+ONE_LEVEL = 0.5  # m; floor that is more than this above the lowest floor belongs to another level
 OUTSIDE_SHARE = 0.02  # Weight of a cell outside the arena when pieces of ground are compared by size
-MOST_PLACES = 2000  # Largest number of places that are compared
-MOST_GROUNDS = 10  # Largest number of connected grounds that are compared, those with the largest patches of floor
-START_AREA = 0.25  # m², least area for the robot's centre; a tile between four walls has 0.35
+MOST_PLACES = 2000  # Maximum number of positions that are compared
+MOST_GROUNDS = 10  # Maximum number of connected grounds that are compared, those with the largest patches of floor
+START_AREA = 0.25  # m², minimum area for the robot's centre; a tile between four walls has 0.35
 
 
 class Start(NamedTuple):
-    """The pose at which ``base_link`` is set down: x, y, z in m, and yaw in rad."""
+    """The start pose of ``base_link``: x, y, z in m, and yaw in rad."""
 
     position: tuple[float, float, float]
     yaw: float
 
 
 def start_at(model: mujoco.MjModel, data: mujoco.MjData, x: float, y: float, yaw_deg: float) -> Start:
-    """The start at a wanted place, on the lowest ground with headroom there.
+    """The start at a requested position, on the lowest ground with headroom there.
 
     Raises:
-        InputError: the robot cannot stand there.
+        InputError: the robot cannot stand there, or a number is not finite.
     """
     if not np.isfinite((x, y, yaw_deg)).all():
         raise InputError(f"start: x, y and heading must be finite numbers, got {x:g} m, {y:g} m, {yaw_deg:g}°")
@@ -52,9 +52,9 @@ def start_at(model: mujoco.MjModel, data: mujoco.MjData, x: float, y: float, yaw
 
 
 def find_start(model: mujoco.MjModel, data: mujoco.MjData) -> Start:
-    """The best place on the floor of the largest connected piece of drivable ground.
+    """The best start on the floor of the largest connected piece of drivable ground.
 
-    It has room to turn and an open view ahead: the longest strip of free, level floor, and the most clearance.
+    It has an open view ahead and room to turn: it maximises the free, level floor ahead plus twice the clearance.
 
     Raises:
         InputError: there is no free floor.
@@ -71,7 +71,7 @@ def find_start(model: mujoco.MjModel, data: mujoco.MjData) -> Start:
 
 
 def _pieces(ground: FreeGround) -> Iterator[tuple[NDArray[np.bool_], float]]:
-    """(nx, ny) floor cells of each connected piece of ground, and the weighted number of cells of the piece."""
+    """(nx, ny) floor cells of each connected piece of ground, and the piece's weighted number of cells."""
     weight = np.where(_is_inside(ground), 1.0, OUTSIDE_SHARE)
     for piece in range(1, int(ground.pieces.max()) + 1):
         cells = ground.pieces == piece
@@ -81,7 +81,7 @@ def _pieces(ground: FreeGround) -> Iterator[tuple[NDArray[np.bool_], float]]:
 
 
 def _is_inside(ground: FreeGround) -> MaskLayer:
-    """Cells that have an obstacle on all four sides, along the axes."""
+    """Cells that have an obstacle somewhere in all four axis directions."""
     solid = ground.to_obstacle < CELL
     sides = np.zeros(solid.shape, np.int64)
     for axis in (0, 1):
@@ -91,9 +91,9 @@ def _is_inside(ground: FreeGround) -> MaskLayer:
 
 
 def _open_place(ground: FreeGround, floor: NDArray[np.bool_]) -> Start:
-    """The best start on the lowest level of a floor, because robots map more above their start than below.
+    """The best start on the lowest level of a floor, because robots map more above their start than below it.
 
-    If it has too many cells, only some of them are compared.
+    If the floor has too many cells, only some of them are compared.
     """
     floor = floor & (ground.height <= ground.height[floor].min() + ONE_LEVEL)
     inside = floor & _is_inside(ground)
@@ -101,7 +101,7 @@ def _open_place(ground: FreeGround, floor: NDArray[np.bool_]) -> Start:
     clearance = _clearance(ground, float(np.median(ground.height[floor])))
     ahead = np.stack([_free_ahead(ground.grid, clearance, cells, h) for h in HEADINGS], axis=1)
     room = np.minimum(clearance[tuple(cells.T)], CLEAR)
-    # Rounded, so that rounding errors decide nothing.
+    # Rounded so that rounding errors do not break ties.
     score = np.round(ahead + 2 * room[:, None], 3)
     cell, heading = np.unravel_index(score.argmax(), score.shape)
     x, y = ground.grid.centre_of(cells[cell])
@@ -121,13 +121,13 @@ def _thinned(cells: NDArray[np.int64]) -> NDArray[np.int64]:
 
 
 def _clearance(ground: FreeGround, level: float) -> Layer:
-    """Distance in m from each cell to the nearest cell that is not free, level floor."""
+    """Distance from each cell to the nearest cell that is not free, level floor, m."""
     free = (np.abs(ground.height - level) <= LEVEL_START) & (ground.to_obstacle >= CELL)
     return ndimage.distance_transform_edt(free) * CELL
 
 
 def _free_ahead(grid: Grid, clearance: Layer, cells: NDArray[np.int64], heading: float) -> Values:
-    """Free floor in m from cells (N, 2) in a direction, at most ``START_FAR``."""
+    """(N,) m, length of free floor ahead of cells (N, 2) in direction ``heading``, rad, at most ``START_FAR``."""
     distance = np.arange(1, round(START_FAR / CELL) + 1) * CELL
     way = grid.centre_of(cells)[:, None] + distance[:, None] * [np.cos(heading), np.sin(heading)]
     free = grid.at(clearance, way) >= HALF_WIDTH

@@ -1,4 +1,4 @@
-"""An arena's walls as places to hang something on, in front of drivable ground."""
+"""Places on an arena's walls, in front of drivable ground, where something can be hung."""
 
 from collections.abc import Callable, Iterator
 
@@ -12,20 +12,20 @@ from sarsim.ground_truth.true_surface import Survey, TrueSurface
 from sarsim.sensors.camera import geom_labels
 
 SIGHT_HEIGHT = 0.5  # m above the ground at which walls are searched for; the camera is at 0.6 m
-STAND = 0.8  # m in front of a place, where the robot must be able to stand; a lane of 1.2 m is wide enough
-MAX_STEP = 0.05  # m, largest height difference between the ground there and the ground from which the wall was found
+STAND = 0.8  # m in front of the wall at which the robot must be able to stand; a lane of 1.2 m is wide enough
+MAX_STEP = 0.05  # m, maximum height difference between the ground there and the ground from which the wall was found
 PLACES, DIRECTIONS = 2000, 8
-"""Largest number of drivable places from which walls are searched for, and number of directions from each."""
-WALL_REACH = 2.5  # m, largest distance of these walls
+"""Maximum number of drivable positions from which walls are searched for, and number of directions from each."""
+WALL_REACH = 2.5  # m, maximum distance of these walls
 FLAT = 0.001  # m by which a wall may deviate from a plane
-_SEEN = np.array([1, 1, 1, 0, 0, 0], np.uint8)  # the visible groups of geoms
+_SEEN = np.array([1, 1, 1, 0, 0, 0], np.uint8)  # the visible geom groups
 
 
 class Walls:
     """An arena's upright walls as seen from drivable ground."""
 
     def __init__(self, model: mujoco.MjModel, start: Place) -> None:
-        """``start``: on the ground that is driven on."""
+        """``start``: a point on the ground on which the robot drives."""
         self._model, self._data = model, mujoco.MjData(model)
         mujoco.mj_kinematics(model, self._data)
         self._is_wall = geom_labels(model) == Label.WALL
@@ -37,9 +37,10 @@ class Walls:
         spacing: float,
         fits: Callable[[NDArray[np.float64], NDArray[np.float64]], bool],
     ) -> Iterator[tuple[NDArray[np.float64], NDArray[np.float64]]]:
-        """Places on walls where it ``fits``, each as far as possible from those before, ``spacing`` m at least.
+        """Places on walls for which ``fits`` is true, each as far as possible from those before.
 
-        The first is random. Each is a point (3,) at ``SIGHT_HEIGHT``, m, and the wall's normal (3,).
+        Each is a point (3,) m at ``SIGHT_HEIGHT``, and the wall's normal (3,). The first place is random; all are
+        more than ``spacing`` m apart.
         """
         point, normal = self.hits(rng)
         to_others = np.full(len(point), np.inf)
@@ -51,7 +52,7 @@ class Walls:
             to_others[farthest] = 0.0
 
     def hits(self, rng: np.random.Generator) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-        """(N, 3) points on walls at ``SIGHT_HEIGHT``, m, and their normals (N, 3), in random order."""
+        """(N, 3) m, points on walls at ``SIGHT_HEIGHT``, and the normals (N, 3) there, in random order."""
         surface = self._surface
         cells = rng.permutation(np.argwhere(surface.drivable))[:PLACES]
         eyes = np.column_stack([surface.grid.centre_of(cells), surface.height[tuple(cells.T)] + SIGHT_HEIGHT])
@@ -63,9 +64,10 @@ class Walls:
     def has_room(
         self, point: NDArray[np.float64], normal: NDArray[np.float64], half: float, rise: float = 0.0
     ) -> bool:
-        """Whether the wall is flat for ``half`` m about a place, nothing occludes it, and the robot can stand there.
+        """Whether the wall around a place is flat and not occluded, and the robot can stand in front of it.
 
-        ``rise``: m from the point (3,) of :meth:`hits` up to the place.
+        ``point`` (3,) m and ``normal`` (3,) as from :meth:`hits`; the place is ``rise`` m above the point and extends
+        ``half`` m in all directions.
         """
         eye, surface = point + STAND * normal, self._surface
         step = surface.grid.at(surface.height, eye) + SIGHT_HEIGHT - eye[2]
@@ -76,7 +78,7 @@ class Walls:
         return all(self._meets(start, -normal) for start in starts)
 
     def _cast(self, eye: NDArray[np.float64], rays: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
-        """Points where rays (N, 3) of length 1 from a point (3,) hit upright walls, and the normals there."""
+        """Points where rays (N, 3) of length 1 from ``eye`` (3,) m hit upright walls, and the normals there."""
         count = len(rays)
         geom, distance, normal = np.full(count, -1, np.int32), np.full(count, -1.0), np.zeros((count, 3))
         flat = normal.ravel()
@@ -87,7 +89,7 @@ class Walls:
         return eye + rays[met] * distance[met, None], normal[met]
 
     def _meets(self, start: NDArray[np.float64], ray: NDArray[np.float64]) -> bool:
-        """Whether a ray from a point hits a wall perpendicularly at a distance of ``STAND`` m."""
+        """Whether a ray from a point hits a wall perpendicularly at distance ``STAND``."""
         geom, normal = np.full(1, -1, np.int32), np.zeros(3)
         distance = mujoco.mj_ray(self._model, self._data, start, ray, _SEEN, 1, -1, geom, normal)
         is_square = abs(distance - STAND) < FLAT and normal @ ray < -0.9999
@@ -95,10 +97,10 @@ class Walls:
 
 
 def along(normal: NDArray[np.float64]) -> Direction:
-    """Direction to the right for a viewer who faces a wall with this horizontal normal (3,)."""
+    """Direction (3,) to the right for a viewer who faces a wall with this horizontal normal (3,)."""
     return np.array([-normal[1], normal[0], 0.0])
 
 
 def facing(normal: NDArray[np.float64]) -> Rotation3:
-    """Axes of what hangs on a wall with this horizontal normal (3,): right, up, and towards the viewer."""
+    """Axes of a thing that hangs on a wall with this horizontal normal (3,): right, up and towards the viewer."""
     return np.column_stack([along(normal), [0.0, 0.0, 1.0], normal])

@@ -1,1 +1,1 @@
-"""Gazebo's worlds: SDF files read as arenas."""
+"""Gazebo worlds: SDF files that are read as arenas."""

@@ -1,4 +1,4 @@
-"""Arenas from SDF files: Gazebo's worlds and models, through the same builder as all arenas."""
+"""Arenas from SDF files, Gazebo's worlds and models, made with the same builder as all arenas."""
 
 import logging
 from collections import defaultdict
@@ -34,15 +34,15 @@ from sarsim.ground_truth.true_surface import MOST_AREA
 from sarsim.robots.model import robot_model
 from sarsim.vetting.model_files import MOST_GEOMS
 
-MARGIN = 2.0  # m of ground around everything: room to drive around what stands outermost, 0.6 m, and to see it from
-BEYOND = 2.0  # m by which planes, which end nowhere, reach farther still: goals lie before what stands outermost, too
-MOST_THROWN = 0.1  # of a world's bodies that may lie far out
-FAR_OUT = 3.0  # times as far from the middle as the others: what lies there does not belong to the world
-MOST_NAMED = 40  # things that are missing, and as many that are broken, in a warning
-HEADROOM = robot_model().headroom  # m; a surface that is higher over the lowest point of a model is no ground
-TILE = 6.0  # m; what is seen of a larger piece is parted into squares, so that images leave out what they do not show
-MOST_FACETS = 10_000  # of pieces that are as solid as their hulls; of more, each piece has one label: 0.1 ms a facet
-COLLIDES: Attributes = {"group": 3}  # not drawn
+MARGIN = 2.0  # m of ground around everything: enough to drive around the outermost objects (0.6 m) and to view them
+BEYOND = 2.0  # m by which planes, which are infinite, extend past the margin: goals may lie outside the outer objects
+MOST_THROWN = 0.1  # Maximum share of a world's bodies that may be far out
+FAR_OUT = 3.0  # A body this many times as far from the centre as the others does not belong to the world
+MOST_NAMED = 40  # Maximum number of missing items, and of broken ones, that a warning names
+HEADROOM = robot_model().headroom  # m; a surface that is higher above the lowest point of a model is not ground
+TILE = 6.0  # m; visible surfaces are split into cubes of this size, so that rendering can skip those out of view
+MOST_FACETS = 10_000  # With more facets (0.1 ms each), pieces that collide as their hulls have one label each
+COLLIDES: Attributes = {"group": 3}  # collides, but is not drawn
 SEEN: Attributes = {"contype": 0, "conaffinity": 0}
 
 _log = logging.getLogger(__name__)
@@ -50,15 +50,15 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, eq=False)
 class _Body:
-    """A geom to be.
+    """A future geom.
 
     Attributes:
-        solid: that it is, or is a part of.
-        part: corners of a convex part of the solid's piece of a mesh; None for the whole solid.
-        facet: number of the facet of that piece of which it is what is seen; None if it collides.
+        solid: the solid to which it belongs.
+        part: corners of a convex part of the solid's mesh piece; None for the whole solid.
+        facet: number of the facet of that piece that it shows, without colliding; None if it collides.
         is_seen: whether it is drawn.
-        corners: in the world.
-        outline: for its label.
+        corners: corners in the world, m.
+        outline: outline that decides its label.
     """
 
     solid: Solid
@@ -70,11 +70,11 @@ class _Body:
 
 
 def build_sdf(path: Path) -> ArenaBuilder:
-    """The arena of a world, still without a start.
+    """The arena of a world, not yet with a start.
 
     Raises:
-        InputError: the file is missing, broken or too large, one that it refers to may harm, or nothing sound in it
-            has a shape.
+        InputError: the file is missing, broken or too large, refers to a file that may be harmful, or contains no
+            shape that can be read.
     """
     try:
         world = SdfWorld(path)
@@ -102,9 +102,9 @@ def build_sdf(path: Path) -> ArenaBuilder:
 
 
 def _solids(path: Path, world: SdfWorld, apart: set[str]) -> list[Solid]:
-    """The solids of all models but those ``apart``, by their scoped names; InputError if there was nothing to build.
+    """The solids of all models except those with scoped names in ``apart``; InputError if there is nothing to build.
 
-    A world of which all models are missing is an empty floor, as it is in Gazebo.
+    As in Gazebo, a world in which all models are missing is an empty floor.
     """
     reader, solids = SolidReader(world.meshes), list[Solid]()
     for shape in world.shapes(without=lambda model: model.scoped in apart):
@@ -119,7 +119,7 @@ def _solids(path: Path, world: SdfWorld, apart: set[str]) -> list[Solid]:
 
 
 def _left_out(path: Path, world: SdfWorld, thrown: list[str]) -> str:
-    """What a world is without, in words; ``thrown`` lies too far out."""
+    """Describe what was left out of a world; ``thrown``: descriptions of what lies too far out."""
     missing, broken = list(dict.fromkeys(world.missing)), list(dict.fromkeys([*world.lost, *thrown]))
     said = [_named(missing, ", ") + f" (not found in {PLACES})"] if missing else []
     said += [_named([what.removeprefix(f"{path}, ") for what in broken], "; ")] if broken else []
@@ -127,13 +127,13 @@ def _left_out(path: Path, world: SdfWorld, thrown: list[str]) -> str:
 
 
 def _named(things: list[str], between: str) -> str:
-    """The first of the things, and how many more there are."""
+    """The first ``MOST_NAMED`` of the things, and how many more there are."""
     more = [f"and {len(things) - MOST_NAMED} more"] if len(things) > MOST_NAMED else []
     return between.join([*things[:MOST_NAMED], *more])
 
 
 def _places_of(victims: list[SdfModel]) -> NDArray[np.float64]:
-    """(N, 2) m, where victims are."""
+    """(N, 2) m, positions of victims."""
     return np.array([victim.T_world[:2, 3] for victim in victims]).reshape(-1, 2)
 
 
@@ -142,9 +142,10 @@ def _far_out(name: str, place: NDArray[np.float64]) -> str:
 
 
 def _in_window(path: Path, solids: list[Solid], places: NDArray[np.float64]) -> tuple[list[Solid], Window | None]:
-    """As much of a world that is larger than an arena may be as one holds, and where that is; None if it is all.
+    """The solids of a world, and the window of it that fits into an arena; None if all of it fits.
 
-    ``places``: (N, 2) m, where the victims are.
+    Solids are cut at the window, unless only those thrown out of the world are outside it. ``places``: (N, 2) m,
+    positions of the victims.
     """
     around = [_box_around(solid) for solid in solids if solid.kind != "plane"]
     boxes = np.concatenate([np.array(around).reshape(-1, 2, 2), np.stack([places, places], axis=1)])
@@ -152,7 +153,7 @@ def _in_window(path: Path, solids: list[Solid], places: NDArray[np.float64]) -> 
         return solids, None
     middle = boxes.mean(axis=1)
     away = np.linalg.norm(middle - np.median(middle, axis=0), axis=1)
-    near = boxes[away <= FAR_OUT * np.quantile(away, 1 - MOST_THROWN)]  # others were thrown out of the world
+    near = boxes[away <= FAR_OUT * np.quantile(away, 1 - MOST_THROWN)]  # the others were thrown out of the world
     extent = near[:, 1].max(axis=0) - near[:, 0].min(axis=0)
     if np.prod(extent + 2 * MARGIN) <= MOST_AREA:
         return solids, Window(near[:, 0].min(axis=0), near[:, 1].max(axis=0))
@@ -162,7 +163,7 @@ def _in_window(path: Path, solids: list[Solid], places: NDArray[np.float64]) -> 
 
 
 def _box_around(solid: Solid) -> NDArray[np.float64]:
-    """(2, 2) m, the lowest and the highest x and y of a solid."""
+    """(2, 2) m, lowest and highest x, y of a solid."""
     corners = _moved(solid.T_world, solid.corners)[:, :2]
     return np.stack([corners.min(axis=0), corners.max(axis=0)])
 
@@ -172,7 +173,7 @@ def _counted(counts: Mapping[str, int]) -> str:
 
 
 def _as_hulls(solids: list[Solid]) -> set[int]:
-    """The ids of the pieces that become one geom, the most detailed first, so that ``MOST_PIECES`` are enough."""
+    """The ids of the pieces that collide as one geom: the most detailed ones, until ``MOST_PIECES`` suffice."""
     pieces = [solid.piece for solid in solids if solid.piece is not None]
     hulls = {id(piece) for piece in pieces if not piece.parts}
     parts = sum(len(piece.parts) or 1 for piece in pieces)
@@ -186,7 +187,7 @@ def _as_hulls(solids: list[Solid]) -> set[int]:
 
 
 def _bodies(solid: Solid, hulls: set[int], plain: set[int]) -> Iterator[_Body]:
-    """The bodies of a solid; pieces in ``hulls`` collide as one, and those in ``plain`` are also drawn as one."""
+    """The bodies of a solid; a piece in ``hulls`` collides as one body, and one in ``plain`` is also drawn as one."""
     piece, T = solid.piece, solid.T_world
     facets = [] if piece is None or id(piece) in plain else piece.seen
     surface = 0.0 if piece is None else piece.area_up(T[:3, :3])
@@ -213,9 +214,9 @@ def _moved(T: Pose, points: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 def _within_reach(bodies: list[_Body]) -> tuple[list[_Body], list[str]]:
-    """The bodies of a world without the few, if any, that lie so far out that the world could not be built.
+    """Remove the few bodies, if any, that lie so far out that the world could not be built.
 
-    Physics throws small things away. Also says of each of them, in words, where it is.
+    Gazebo's physics may have thrown such bodies away. Also returns a description of each with its position.
     """
     if not bodies:
         return [], []
@@ -237,7 +238,7 @@ def _within_reach(bodies: list[_Body]) -> tuple[list[_Body], list[str]]:
 def _built(path: Path, bodies: list[_Body], places: NDArray[np.float64], is_model: bool) -> ArenaBuilder:
     """The arena of bodies, with room for victims at places (N, 2) m.
 
-    What stands on no ground, or is a model alone that is raised, gets a floor.
+    A floor is added if there is no ground, or if the file holds only models whose ground is raised.
     """
     builder = ArenaBuilder(path.stem)
     low, high = _bounds(bodies, places)
@@ -268,7 +269,7 @@ def _built(path: Path, bodies: list[_Body], places: NDArray[np.float64], is_mode
 
 
 def _label(body: _Body, ground: float, footprint: float, natural: NaturalGround) -> Label:
-    """The label of a body in a world of ``footprint`` m²; a heightmap below it is its ground."""
+    """The label of a body in a world of ``footprint`` m²; a heightmap below the body counts as its ground."""
     if body.solid.tile is not None:
         return label_of_ground(body.outline.slope)
     below = natural.height_at(*body.corners[:, :2].mean(axis=0))
@@ -276,10 +277,10 @@ def _label(body: _Body, ground: float, footprint: float, natural: NaturalGround)
 
 
 def _bounds(bodies: list[_Body], places: NDArray[np.float64]) -> tuple[NDArray[np.float64], NDArray[np.float64]]:
-    """The lowest and the highest (x, y) m of all bodies but planes and of places (N, 2) m, with ``MARGIN`` around.
+    """Lowest and highest (x, y), m, of all bodies except planes and of places (N, 2) m, extended by ``MARGIN``.
 
-    Where there are planes alone they are as large as the file says, as far as an arena may be. Where there is nothing
-    at all, the margin around the origin is left.
+    If there are only planes, they count with the size in the file, up to the maximum area of an arena. If there is
+    nothing at all, the bounds are the margin around the origin.
     """
     around = np.concatenate([places, *(body.corners[:, :2] for body in bodies if body.solid.kind != "plane")])
     if not len(around) and not bodies:
@@ -292,13 +293,13 @@ def _bounds(bodies: list[_Body], places: NDArray[np.float64]) -> tuple[NDArray[n
 
 
 def _ends_of_planes(low: NDArray[np.float64], high: NDArray[np.float64]) -> tuple[NDArray[np.float64], ...]:
-    """The lowest and the highest (x, y) m of planes: ``BEYOND`` the bounds, unless too large an arena came of it."""
+    """Lowest and highest (x, y), m, of planes: ``BEYOND`` the bounds, unless that would make the arena too large."""
     beyond = BEYOND if np.prod(high - low + 2 * BEYOND) <= MOST_AREA else 0.0
     return low - beyond, high + beyond
 
 
 def _geom(builder: ArenaBuilder, body: _Body, low: NDArray[np.float64], high: NDArray[np.float64]) -> Attributes:
-    """The attributes of a body's geom; a level plane reaches from ``low`` to ``high`` (2,) m, where it is of use."""
+    """The MJCF attributes of a body's geom; a level plane extends from ``low`` to ``high`` (2,) m."""
     solid, T = body.solid, body.solid.T_world
     if solid.kind == "plane":
         half = (high - low) / 2
@@ -313,7 +314,7 @@ def _geom(builder: ArenaBuilder, body: _Body, low: NDArray[np.float64], high: ND
 
 
 def _tiles(triangles: NDArray[np.float64]) -> Iterator[NDArray[np.float64]]:
-    """Triangles (N, 3, 3) m, as those of each cube of ``TILE``."""
+    """Split triangles (N, 3, 3) m into those of each cube with side ``TILE``."""
     middle = triangles.mean(axis=1)
     tile = ((middle - middle.min(axis=0)) // TILE).astype(np.int64)
     _, which = np.unique(tile, axis=0, return_inverse=True)

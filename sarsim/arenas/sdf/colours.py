@@ -1,4 +1,4 @@
-"""The colour of a shape: of a visual's material, or by the name of one that comes with Gazebo, or of its texture."""
+"""The colour of a shape, from its texture, a material that comes with Gazebo, a script or the values in the file."""
 
 import re
 from collections.abc import Sequence
@@ -23,7 +23,7 @@ _NAMED: dict[str, Colour] = {
     "Blue": (0, 0, 1), "SkyBlue": (0.13, 0.44, 0.7), "Yellow": (1, 1, 0), "ZincYellow": (0.9725, 0.9529, 0.2078),
     "Orange": (1, 0.51, 0.05), "DarkYellow": (0.7, 0.7, 0), "Purple": (1, 0, 1), "Turquoise": (0, 1, 1),
     "Gold": (0.8, 0.65, 0.12), "Indigo": (0.33, 0, 0.5), "PioneerBody": (1, 0, 0), "Pioneer2Body": (0.68, 0, 0),
-    # The mean of a texture that comes with Gazebo, roughly.
+    # Approximate mean of a texture that comes with Gazebo.
     "Wood": (0.6, 0.42, 0.25), "WoodFloor": (0.55, 0.38, 0.22), "WoodPallet": (0.65, 0.5, 0.33),
     "Bricks": (0.55, 0.33, 0.27), "PaintedWall": (0.8, 0.78, 0.72), "CeilingTiled": (0.85, 0.85, 0.83),
     "WindowFrame": (0.6, 0.6, 0.6), "Grass": (0.3, 0.42, 0.18), "Steps": (0.5, 0.5, 0.5),
@@ -35,10 +35,10 @@ _NAMED: dict[str, Colour] = {
 }  # fmt: skip
 """Diffuse colours of the materials ``Gazebo/NAME`` in Gazebo's media/materials/scripts/gazebo.material."""
 _VARIANTS = ("Transparent", "TransparentOverlay", "Glow", "GlowOutline", "Laser")
-"""Endings of the names of materials that share a colour."""
-MOST_PIXELS = 2**26  # of a texture: 8,192 × 8,192
-SAMPLE = 64  # pixels of a texture's shorter side that are enough for its mean
-MOST_SCRIPTS = 100  # files of materials in a folder that are read
+"""Suffixes of material names that leave the colour unchanged."""
+MOST_PIXELS = 2**26  # Maximum number of pixels of a texture: 8,192 × 8,192
+SAMPLE = 64  # pixels along a texture's shorter side that suffice for its mean
+MOST_SCRIPTS = 100  # Maximum number of material files that are read in a folder
 _BLOCK = re.compile(r"^\s*material\s+\"?([^\s\":{]+)\"?[^{]*(.*?)(?=^\s*material\s|\Z)", re.MULTILINE | re.DOTALL)
 _SETTING = re.compile(r"^\s*(diffuse|ambient|texture)\s+(.+?)\s*$", re.MULTILINE)
 
@@ -53,16 +53,16 @@ class Materials:
         self._scripts: dict[Path, dict[str, str]] = {}
 
     def of_shape(self, shape: "Element", visuals: "Sequence[Element]", base: Path) -> Colour | None:
-        """The colour of a shape of a file in folder ``base``.
+        """The colour of a shape in a file in folder ``base``.
 
-        It is its own, of the visual with the same geometry, or of the first of the link's visuals.
+        It is the shape's own, or else that of a visual with the same geometry, or else of the link's first visual.
         """
         alike = [visual for visual in visuals if _form(visual) == _form(shape)]
         owners = (shape, *alike, *visuals[:1])
         return next((colour for owner in owners if (colour := self._material(owner, base))), None)
 
     def mean(self, uri: str, base: Path) -> Colour | None:
-        """The mean colour of a picture; None if it is missing or none: that stops no world."""
+        """The mean colour of a picture; None if it is missing or unreadable, which does not make a world invalid."""
         try:
             path = self._resources.find(uri.strip(), base, str(base)) if uri.strip() else None
             if path is None or not path.is_file():
@@ -87,7 +87,7 @@ class Materials:
         return _named(name) or self._of_scripts(name, material, base) or written
 
     def _of_scripts(self, name: str, material: "Element", base: Path) -> Colour | None:
-        """The colour of a material of the model's own scripts."""
+        """The colour of a material in the model's own scripts."""
         folders = []
         for uri in material.iterfind("script/uri"):
             try:
@@ -105,12 +105,12 @@ class Materials:
                     if (colour := self.mean(texture.split()[0].strip('"'), place)) is not None:
                         return colour
             plain = [colour for key, value in sorted(settings, reverse=True) if (colour := _written(value))]
-            if plain:  # of a diffuse colour before an ambient one
+            if plain:  # the diffuse colour, else the ambient one
                 return plain[0]
         return None
 
     def _scripts_in(self, folder: Path) -> dict[str, str]:
-        """The texts of the materials in the scripts of a folder, by their names."""
+        """The texts of the materials in a folder's scripts, by name."""
         if folder not in self._scripts:
             texts: dict[str, str] = {}
             for path in sorted(folder.glob("*.material"))[:MOST_SCRIPTS]:
@@ -124,26 +124,26 @@ class Materials:
 
 
 def _named(name: str) -> Colour | None:
-    """The colour of a material of Gazebo, of which it may be a variant."""
+    """The colour of a Gazebo material or of a variant of one; None for other names."""
     plain = name.removeprefix("Gazebo/")
     stems = [plain, *(plain.removesuffix(ending) for ending in _VARIANTS)]
     return next((_NAMED[stem] for stem in stems if stem in _NAMED), None)
 
 
 def _mean(content: bytes) -> Colour | None:
-    """The mean colour of a picture's content."""
+    """The mean colour of the picture in a file's content; None if it is unreadable."""
     try:
         with Image.open(BytesIO(content)) as image:
             return mean_of(image)
-    except Exception:  # of many kinds, on broken pictures
+    except Exception:  # broken pictures raise many kinds of exceptions
         return None
 
 
 def mean_of(image: Image.Image) -> Colour | None:
-    """The mean colour of a picture of width × height pixels, where it is not transparent; None if that is nowhere."""
+    """The mean colour of a picture, weighted by opacity; None if it is all transparent or too large."""
     if image.width * image.height > MOST_PIXELS:
         return None
-    image.draft("RGB", (SAMPLE, SAMPLE))  # of a JPEG, a coarse version is enough
+    image.draft("RGB", (SAMPLE, SAMPLE))  # decodes a JPEG at a coarse scale
     pixels = np.asarray(image.convert("RGBA").reduce(max(1, min(image.size) // SAMPLE)), np.float64) / 255
     weight = pixels[..., 3:]
     if not weight.any():
@@ -153,19 +153,19 @@ def mean_of(image: Image.Image) -> Colour | None:
 
 
 def product(a: Colour, b: Colour) -> Colour:
-    """The colour of a surface of one colour under a texture of another."""
+    """The colour of a surface of one colour with a texture of another."""
     red, green, blue = np.multiply(a, b).tolist()
     return red, green, blue
 
 
 def _form(shape: "Element") -> list[str]:
-    """The texts of a shape's pose and geometry, by which two are compared."""
+    """The texts of a shape's pose and geometry, for comparing shapes."""
     parts = [part for tag in ("pose", "geometry") for part in shape.iterfind(tag)]
     return [f"{e.tag} {' '.join((e.text or '').split())}" for part in parts for e in part.iter()]
 
 
 def _written(text: str | None) -> Colour | None:
-    """The colour that a text gives; None if it gives none: a wrong colour stops no world."""
+    """The colour in a text; None if it is not valid, because a wrong colour does not make a world invalid."""
     try:
         red, green, blue = np.clip([float(word) for word in (text or "").split()[:3]], 0.0, 1.0).tolist()
     except ValueError:

@@ -1,6 +1,7 @@
-"""Few convex parts that are as solid as a surface: prisms between two sides, or plates on its facets.
+"""Replaces a surface by a few convex parts for collisions: prisms between its two sides, or plates on its facets.
 
-The parts stop the robot; images and rays meet the surface itself. So they may deviate from it by ``ROUNDED``.
+Only the robot collides with the parts, while images and rays see the surface itself. The parts may therefore deviate
+from it by ``ROUNDED``.
 """
 
 from collections.abc import Iterable, Iterator
@@ -12,24 +13,24 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import Direction, Places
 
-THICKNESS = 2e-4  # m of a plate
-SLIVER = 1e-4  # m; a triangle whose height is less is a line
-ROUNDED = 1e-3  # m; by so much a part may fill a corner that its surface leaves free
-LEAN = 0.1  # m between an end of a prism's edge and what lies straight below the other end
-UPRIGHT = 0.03  # cosine between a prism's sides' normals and its axis, at most
-CAP = 0.2  # cosine between the normals of its ends and its axis, at least
-NARROW = 1.0  # m; between sides that are open elsewhere, no robot stands in what is narrower: it is solid
+THICKNESS = 2e-4  # m, thickness of a plate
+SLIVER = 1e-4  # m; a triangle with a smaller height counts as a line
+ROUNDED = 1e-3  # m by which a part may fill a concave corner of its surface
+LEAN = 0.1  # m, maximum offset across the axis between the two ends of a prism's side edge
+UPRIGHT = 0.03  # Maximum cosine between the normals of a prism's sides and its axis
+CAP = 0.2  # Minimum cosine between the normals of a prism's ends and its axis
+NARROW = 1.0  # m; an open surface is filled only where it is narrower than this, so that no robot could be inside
 
 
 def prisms(mesh: trimesh.Trimesh) -> list[Places] | None:
-    """The corners (N, 3) m of prisms that fill a mesh; None if it is not one shape drawn out along an axis."""
+    """The corners (N, 3) m of each of the prisms that fill a mesh; None if it is not extruded along an axis."""
     largest = mesh.face_normals[mesh.area_faces.argmax()]
     found = [parts for axis in (*np.eye(3)[::-1], largest) if (parts := _drawn_out(mesh, axis))]
     return min(found, key=len, default=None)
 
 
 def plates(mesh: trimesh.Trimesh, facets: Iterable[NDArray[np.int64]]) -> Iterator[Places]:
-    """The corners (N, 3) m of plates below the facets of a mesh, each an array of its triangles' indices."""
+    """The corners (N, 3) m of each plate below a mesh's facets, which are given as arrays of triangle indices."""
     for faces in facets:
         normal = mesh.face_normals[faces[mesh.area_faces[faces].argmax()]]
         for polygon in _merged(mesh.faces[faces], [mesh.vertices @ _across(normal).T], mesh.vertices @ normal):
@@ -40,10 +41,10 @@ def plates(mesh: trimesh.Trimesh, facets: Iterable[NDArray[np.int64]]) -> Iterat
 
 
 def _drawn_out(mesh: trimesh.Trimesh, axis: Direction) -> list[Places] | None:
-    """The prisms of a mesh along an axis, from end to end; None if it has another shape."""
+    """The prisms of a mesh that is extruded along an axis; None if it has another shape."""
     height, slope = mesh.vertices @ axis, np.abs(mesh.face_normals @ axis)
     is_high = height > (height.min() + height.max()) / 2
-    number = is_high[mesh.faces].sum(axis=1)  # of each triangle's corners
+    number = is_high[mesh.faces].sum(axis=1)  # of each triangle's high corners
     is_side = (number == 1) | (number == 2)
     upper, sides = mesh.faces[number == 3], mesh.faces[is_side]
     if not len(upper) or (slope[is_side] > UPRIGHT).any() or (slope[~is_side] < CAP).any():
@@ -62,7 +63,7 @@ def _drawn_out(mesh: trimesh.Trimesh, axis: Direction) -> list[Places] | None:
 
 
 def _covered(points: NDArray[np.float64], polygons: list[NDArray[np.float64]]) -> NDArray[np.bool_]:
-    """(N,) whether points (N, 2) lie in one of the convex polygons (K, 2), to the left around each."""
+    """(N,) whether points (N, 2) lie in one of the convex polygons (K, 2), given counter-clockwise."""
     is_in = np.zeros(len(points), np.bool_)
     for corners in polygons if len(points) else []:
         along = np.roll(corners, -1, axis=0) - corners
@@ -73,7 +74,7 @@ def _covered(points: NDArray[np.float64], polygons: list[NDArray[np.float64]]) -
 
 
 def _is_closed(ends: NDArray[np.int64], sides: NDArray[np.int64], is_high: NDArray[np.bool_]) -> bool:
-    """Whether sides stand under all edges around the ends (M, 3) of a prism, and under nothing else."""
+    """Whether the sides adjoin all boundary edges of a prism's upper end (M, 3), and no other edges of it."""
     edges, count = np.unique(_edges(ends), axis=0, return_counts=True)
     upper = _edges(sides)
     upper = np.unique(upper[is_high[upper].all(axis=1)], axis=0)
@@ -81,14 +82,14 @@ def _is_closed(ends: NDArray[np.int64], sides: NDArray[np.int64], is_high: NDArr
 
 
 def _edges(triangles: NDArray[np.int64]) -> NDArray[np.int64]:
-    """(3 M, 2) the edges of triangles (M, 3), the lower index first."""
+    """(3 M, 2) edges of triangles (M, 3), each with the lower index first."""
     return np.sort(triangles[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
 
 
 def _below(vertices: Places, sides: NDArray[np.int64], is_high: NDArray[np.bool_], axis: Direction) -> Places:
-    """(N, 3) m, for the upper ends of a prism's edges the lower ends, where one stands within ``LEAN``.
+    """(N, 3) m, for each upper end of a side edge of a prism, the edge's lower end, if its offset is within ``LEAN``.
 
-    For any other vertex it is the point straight below.
+    For any other vertex, it is the point straight below, along the axis.
     """
     height = vertices @ axis
     below = vertices - np.outer(height - height.min(), axis)
@@ -96,20 +97,20 @@ def _below(vertices: Places, sides: NDArray[np.int64], is_high: NDArray[np.bool_
     edges = edges[is_high[edges].sum(axis=1) == 1]
     edges = np.where(is_high[edges[:, :1]], edges, edges[:, ::-1])
     aside = np.linalg.norm(below[edges[:, 0]] - below[edges[:, 1]], axis=1)
-    edges = edges[np.argsort(-aside, kind="stable")]  # the nearest last, which counts
+    edges = edges[np.argsort(-aside, kind="stable")]  # the nearest last, to overwrite the others
     edges = edges[np.sort(-aside) >= -LEAN]
     below[edges[:, 0]] = vertices[edges[:, 1]]
     return below
 
 
 def _across(axis: Direction) -> NDArray[np.float64]:
-    """(2, 3) two directions across an axis, which seen against it turn to the left."""
+    """(2, 3) two directions that form a right-handed basis with the axis."""
     x, y = np.linalg.svd(axis[None])[2][1:]
     return np.stack([x, y]) if np.cross(x, y) @ axis > 0 else np.stack([y, x])
 
 
 def _width(corners: NDArray[np.float64]) -> float:
-    """The least width in m of a convex polygon, (N, 2) m to the left around it."""
+    """The minimum width, m, of a convex polygon (N, 2) m."""
     along = np.roll(corners, -1, axis=0) - corners
     along = along[np.linalg.norm(along, axis=1) > SLIVER]
     normals = np.column_stack([-along[:, 1], along[:, 0]]) / np.linalg.norm(along, axis=1, keepdims=True)
@@ -119,15 +120,15 @@ def _width(corners: NDArray[np.float64]) -> float:
 def _merged(
     triangles: NDArray[np.int64], views: list[NDArray[np.float64]], height: NDArray[np.float64] | None = None
 ) -> list[list[int]]:
-    """Polygons of triangles (M, 3) that are convex in every view, as indices to the left around each in the first.
+    """Merge triangles (M, 3) to polygons that are convex in every view, with indices counter-clockwise in the first.
 
-    Hertel and Mehlhorn: every edge goes, the longest first, beyond which two polygons make a convex one. There are at
-    most four times as many as need be.
+    The method of Hertel and Mehlhorn removes each edge, longest first, if the two polygons next to it form a convex
+    one. The result has at most four times the minimum number of polygons.
 
     Args:
         triangles: indices of vertices.
-        views: (N, 2) m of the vertices.
-        height: (N,) m of the vertices, which differs by at most ``ROUNDED`` within a polygon of several triangles.
+        views: projections of the vertices, each (N, 2) m.
+        height: (N,) m, heights of the vertices; they differ by at most ``ROUNDED`` within a merged polygon.
     """
     xy, height = views[0], np.zeros(len(views[0])) if height is None else height
     a, b, c = xy[triangles].swapaxes(0, 1)
@@ -158,15 +159,15 @@ def _around(polygon: list[int]) -> Iterator[tuple[int, int]]:
 
 
 def _joined(one: list[int], other: list[int], start: int, end: int, places: list[list[list[float]]]) -> list[int]:
-    """Two convex polygons as one without their common edge, which leads from ``start`` to ``end`` in the first.
+    """Merge two convex polygons at their common edge, which goes from ``start`` to ``end`` in the first.
 
-    Empty if that is not convex, seen in any of the ``places``, or if they have no such edge.
+    Empty if the result is not convex in each of the views ``places``, or if there is no such edge.
     """
     first, second = one.index(end), other.index(start)
     if one[first - 1] != start or other[second - 1] != end:
         return []
     joined, turn = one[first:] + one[:first] + (other[second:] + other[:second])[1:-1], len(one) - 1
-    while len(joined) > 3 and joined[-1] == joined[1]:  # there and back, along further common edges
+    while len(joined) > 3 and joined[-1] == joined[1]:  # back and forth along further common edges
         joined, turn = joined[1:-1], turn - 1
     while 0 < turn < len(joined) - 1 and joined[turn - 1] == joined[turn + 1]:
         del joined[turn : turn + 2]
@@ -176,6 +177,6 @@ def _joined(one: list[int], other: list[int], start: int, end: int, places: list
 
 
 def _turns_left(place: list[list[float]], polygon: list[int], k: int) -> bool:
-    """Whether a polygon turns to the left at its corner k, to ``ROUNDED``."""
+    """Whether a polygon turns to the left at its corner ``k``, within a tolerance of ``ROUNDED``."""
     (ax, ay), (x, y), (cx, cy) = (place[polygon[n % len(polygon)]] for n in (k - 1, k, k + 1))
     return (x - ax) * (cy - y) - (y - ay) * (cx - x) >= -ROUNDED * hypot(cx - ax, cy - ay)

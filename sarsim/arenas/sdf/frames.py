@@ -1,4 +1,4 @@
-"""The named frames of a model or a world, each with its pose relative to another one of them."""
+"""The named frames of a model or a world, each with its pose relative to another of these frames."""
 
 from dataclasses import dataclass
 
@@ -10,14 +10,14 @@ from pipeline.errors import InputError
 from pipeline.transforms import inverse
 
 MODEL = "__model__"
-"""The name of a model's own frame inside it."""
+"""The name of a model's own frame, within the model."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Frame:
-    """A frame: its 4×4 pose relative to a named one, and the frames inside it, if it is a model.
+    """A frame: its 4×4 pose relative to another frame and, if it is a model, the frames inside it.
 
-    A pose places the frame ``placed`` of the model, which need not be its own.
+    The pose is that of the model's frame ``placed``, which need not be the model's own frame.
     """
 
     T: Pose
@@ -32,11 +32,11 @@ class Frames:
     """The frames of one scope.
 
     Attributes:
-        root: the scope's own frame.
+        root: name of the scope's own frame.
     """
 
     def __init__(self, where: str, root: str = MODEL):
-        """``where``: for error messages."""
+        """``where``: location for error messages."""
         self.root = root
         self._where = where
         self._frames: dict[str, _Frame] = {}
@@ -47,16 +47,16 @@ class Frames:
         self, name: str, T: Pose, relative_to: str,
         inside: "Frames | None" = None, placed: str = MODEL, merged: bool = False, otherwise: str = "",
     ) -> str:  # fmt: skip
-        """Add a frame, and return its name here: of several with one name, which is invalid, the first keeps it.
+        """Add a frame, and return its name, which is changed if it is already used (the file is then invalid).
 
         Args:
-            name: of the frame.
-            T: its pose.
+            name: name of the frame.
+            T: pose of the frame.
             relative_to: name of the frame in which the pose is given.
             inside: frames of a nested model.
-            placed: name of the frame of that model which the pose places.
-            merged: its frames also belong to this scope.
-            otherwise: name of the frame that counts if there is none that the pose is given in.
+            placed: name of the nested model's frame to which the pose applies.
+            merged: whether the nested model's frames also belong to this scope.
+            otherwise: name of the frame to use if ``relative_to`` does not exist.
         """
         while name in self._frames:
             name += "'"
@@ -64,7 +64,7 @@ class Frames:
         return name
 
     def has(self, name: str) -> bool:
-        """Whether there is a frame of this name, in a nested model, ``model::frame``, too."""
+        """Whether there is a frame of this name, which may be in a nested model, ``model::frame``."""
         outer, _, inner = name.partition("::")
         within = self._frames[outer].inside if outer in self._frames else None
         merged = [frame.inside for frame in self._frames.values() if frame.merged and frame.inside is not None]
@@ -75,16 +75,18 @@ class Frames:
         )
 
     def pose(self, name: str, otherwise: str = "") -> Pose:
-        """Pose in this scope of a frame, or of one in a nested model, ``model::frame``; if so given, of another one.
+        """Pose in this scope of a frame, which may be in a nested model, ``model::frame``.
+
+        If the frame does not exist, it is the pose of the frame ``otherwise``, if given.
 
         Raises:
-            InputError: there is no such frame, or the poses go in a circle.
+            InputError: there is no such frame, or poses depend on each other in a circle.
         """
         if otherwise and not self.has(name):
             name = otherwise
         if name == self.root:
             return np.eye(4)
-        if name in self._frames:  # also where ``::`` is part of the name itself, as old Gazebo wrote it
+        if name in self._frames:  # also if ``::`` is part of the name itself, as old Gazebo wrote it
             return self._pose(name)
         outer, _, inner = name.partition("::")
         if outer not in self._frames:

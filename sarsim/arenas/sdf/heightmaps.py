@@ -1,4 +1,4 @@
-"""Heightmaps: pictures whose brightness is the height of the ground, in tiles that MuJoCo has as height fields."""
+"""Heightmaps: pictures whose brightness is the height of the ground, split into tiles that become height fields."""
 
 from dataclasses import dataclass
 from io import BytesIO
@@ -19,11 +19,11 @@ if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
 
 PICTURES = (".png", ".jpg", ".jpeg", ".bmp", ".pgm")
-"""Files that are read; rasters of real places are not."""
-MOST_PIXELS = 1025**2  # of a heightmap: the largest that Gazebo's documentation speaks of
-TILE = 2.0  # m, side of a tile, each of which gets its own label
-MOST_TILES = 40  # along an axis
-BASE = 1.0  # m that a height field is thick below its lowest point, so that nothing falls through
+"""Supported file types; geographic rasters are not supported."""
+MOST_PIXELS = 1025**2  # Maximum size of a heightmap: the largest in Gazebo's documentation
+TILE = 2.0  # m, approximate side of a tile; each tile has its own label
+MOST_TILES = 40  # Maximum number of tiles along an axis
+BASE = 1.0  # m, thickness of a height field below its lowest point, so that nothing falls through
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,9 +31,9 @@ class GroundTile:
     """A rectangle of a heightmap.
 
     Attributes:
-        T_world: pose of its middle, at height 0 of the map.
-        half: (2,) m, half of its sides.
-        heights: (rows, columns) m; x grows with the column and y with the row.
+        T_world: pose of its centre, at height 0 of the map.
+        half: (2,) m, half sizes along x and y.
+        heights: (rows, columns) m; x increases with the column and y with the row.
     """
 
     T_world: Pose
@@ -42,12 +42,12 @@ class GroundTile:
 
     @property
     def corners(self) -> Places:
-        """The points of the surface in the tile's frame."""
+        """The points of the surface in the tile's frame, m."""
         x, y = (np.linspace(-h, h, n) for h, n in zip(self.half, self.heights.shape[::-1], strict=True))
         return np.stack([*np.meshgrid(x, y), self.heights], axis=-1).reshape(-1, 3)
 
     def height_at(self, x: float, y: float) -> float | None:
-        """z in m of the nearest of its points to a place in the world; None if the place is beside it."""
+        """World z, m, of the surface point nearest to a position in the world; None if outside the tile."""
         along = self.T_world[:3, :3].T @ (np.array([x, y, self.T_world[2, 3]]) - self.T_world[:3, 3])
         column, row = (along[:2] / self.half + 1) / 2 * (np.array(self.heights.shape[::-1]) - 1)
         rows, columns = self.heights.shape
@@ -57,7 +57,7 @@ class GroundTile:
 
     @property
     def slope(self) -> float:
-        """z of the unit normal of the tile's mean plane, in the world."""
+        """z component of the unit normal of the tile's mean plane, in the world."""
         step = 2 * self.half[::-1] / (np.array(self.heights.shape) - 1)
         along_y, along_x = (float(np.diff(self.heights, axis=axis).mean() / step[axis]) for axis in (0, 1))
         normal = self.T_world[:3, :3] @ (-along_x, -along_y, 1.0)
@@ -65,7 +65,7 @@ class GroundTile:
 
 
 class NaturalGround:
-    """The ground that the heightmaps of a world are."""
+    """The ground that a world's heightmaps form."""
 
     def __init__(self, tiles: list[GroundTile]):
         self._tiles = tiles
@@ -74,20 +74,20 @@ class NaturalGround:
         self._high = np.array([c.max(axis=0) for c in corners]).reshape(-1, 2)
 
     def height_at(self, x: float, y: float) -> float | None:
-        """z in m of the highest of its points that are nearest to a place in the world; None if it is not there."""
+        """World z, m, of the highest surface at a position in the world; None if there is no heightmap."""
         around = ((self._low <= (x, y)) & (self._high >= (x, y))).all(axis=1)
         heights = [self._tiles[n].height_at(x, y) for n in np.flatnonzero(around)]
         return max((height for height in heights if height is not None), default=None)
 
 
 def tiles_of(form: "Element", T_world: Pose, base: "Path", resources: Resources, where: str) -> list[GroundTile]:
-    """The tiles of a ``<heightmap>``, in a shape with pose ``T_world`` of a file in folder ``base``.
+    """The tiles of a ``<heightmap>`` in a shape with pose ``T_world``, from a file in folder ``base``.
 
-    As in Gazebo, the brightest pixel is as high as ``<size>`` says, black is 0, the picture's edges are those of the
-    rectangle, its upper one towards +y, and a negative height turns dark and bright round.
+    As in Gazebo, the brightest pixel has the height in ``<size>`` and black has height 0, or the reverse if that
+    height is negative. The picture fills the rectangle in ``<size>``, with its upper edge towards +y.
 
     Raises:
-        InputError: the picture is missing, of another kind or too large, or a number is wrong.
+        InputError: the picture is missing, of an unsupported type or too large, or a number is invalid.
     """
     uri = (form.findtext("uri") or "").strip()
     path = resources.find(uri, base, where)
@@ -106,7 +106,7 @@ def tiles_of(form: "Element", T_world: Pose, base: "Path", resources: Resources,
 
 
 def _grey(content: bytes, path: "Path") -> NDArray[np.float64]:
-    """(rows, columns) brightness of the first channel of a picture of 8 or 16 bits."""
+    """(rows, columns) brightness, from the first channel of a picture of 8 or 16 bits."""
     try:
         with Image.open(BytesIO(content)) as image:
             if not 4 <= image.width * image.height <= MOST_PIXELS or min(image.size) < 2:
@@ -118,7 +118,7 @@ def _grey(content: bytes, path: "Path") -> NDArray[np.float64]:
             pixels = np.asarray(plain, np.float64)
     except InputError:
         raise
-    except Exception as error:  # of many kinds, on broken pictures
+    except Exception as error:  # broken pictures raise many kinds of exceptions
         raise InputError(f"{path}: not a readable image: {' '.join(str(error).split())[:200]}") from error
     return pixels if pixels.ndim == 2 else pixels[..., 0]
 
@@ -137,6 +137,6 @@ def _tiles(heights: NDArray[np.float64], size: NDArray[np.float64], T_world: Pos
 
 
 def _ends(cells: int, length: float) -> NDArray[np.int64]:
-    """The points between the tiles of ``cells`` cells over ``length`` m."""
+    """The indices of the points where the tiles of ``cells`` cells along ``length`` m start and end."""
     count = int(np.clip(round(length / TILE), 1, min(MOST_TILES, cells)))
     return np.linspace(0, cells, count + 1).round().astype(np.int64)

@@ -1,24 +1,25 @@
-"""The label of a convex body by its shape and place, because SDF has no labels.
+"""Labels convex bodies by shape and position, because SDF has no labels.
 
-The ground is the lowest height from which to a step (8 cm) above it level surfaces fill a quarter of the world's
-bounding rectangle, unless as much lies above them within the P3-AT's headroom, as over the underside of a slab;
-planes are endless. Of the faces of a body that do not face down, the largest decides; the body is, by the first rule
-that holds:
+The ground is at the lowest height such that level surfaces between it and a step (8 cm) above fill a quarter of the
+world's bounding rectangle, unless level surfaces higher up, within the P3-AT's headroom, have at least the same area,
+as above the underside of a slab. Planes are infinite. The label of a body depends on the largest of its faces that
+do not face down; the first rule that applies decides:
 
-1. if that face is tilted by at most what the P3-AT climbs (20°),
+1. if that face is tilted by at most the slope that the P3-AT can climb (20°),
    - inclined ramp, if it is wide and tilted by more than 8°;
    - terrain, if it is level and within a step of the ground;
    - straight ramp, if it is level, wide and at most the P3-AT's headroom (0.65 m) above the ground;
-   - terrain too, the floor of a higher level, if it is level, lower than a door and fills a quarter of the rectangle;
-   - ceiling, if it is level and the body's underside is higher than a door (2 m) above the ground;
-2. wall, if the face is within 20° of the vertical, as long as the P3-AT is wide (0.6 m with its clearance), and the
-   body at most a quarter as thick; or if the body is as tall as a door;
+   - terrain, the floor of a higher level, if it is level, lower than a door and fills a quarter of the rectangle;
+   - ceiling, if it is level and the body's underside is above the height of a door (2 m) over the ground;
+2. wall, if the face is within 20° of the vertical and at least as long as the P3-AT is wide (0.6 m with clearance),
+   and the body's thickness is at most a quarter of this length; or if the body is as tall as a door;
 3. clutter.
 
-Of a heightmap each tile of about 2 m has a label of its own: terrain if it is level, at any height, inclined ramp if
-the P3-AT climbs it, else clutter. The ground below another body is then that of the heightmap.
+Each tile of a heightmap (about 2 m) has its own label: terrain if it is level, at any height, inclined ramp if the
+P3-AT can climb it, otherwise clutter. For other bodies above a heightmap, the ground is the heightmap's.
 
-Wide is an area of at least 0.6 m × 0.6 m; to a facet of a larger surface counts what of that surface faces up.
+A face is wide if its area is at least 0.6 m × 0.6 m. For a facet of a larger surface, all of that surface that faces
+up counts.
 """
 
 from dataclasses import dataclass
@@ -35,29 +36,31 @@ from sarsim.ground_truth.true_surface import clearance_of
 from sarsim.robots.skid_steered import robot_model
 
 DOOR = 2.0  # m, height of a door
-SLENDER = 0.25  # thickness over length of a panel, at most
-LARGE = 0.25  # of the world's bounding rectangle: level surfaces that fill it are the ground
+SLENDER = 0.25  # Maximum ratio of thickness to length of a panel
+LARGE = 0.25  # Share of the world's bounding rectangle that level surfaces must fill to be the ground
 _DIRECTIONS = np.array([(np.cos(angle), np.sin(angle)) for angle in np.arange(16) * np.pi / 16])
-"""(16, 2) directions in a plane in which widths are measured: between two of them a width is 0.5 % larger at most."""
+"""(16, 2) directions in a plane along which widths are measured; the true maximum is at most 0.5 % larger."""
 
 
 @cache
 def _pioneer() -> RobotModel:
-    """The P3-AT, whose file is read once for all bodies."""
+    """The P3-AT; its file is read once."""
     return robot_model()
 
 
 @dataclass(frozen=True, eq=False)
 class Outline:
-    """What of a convex body decides its label.
+    """The properties of a convex body that decide its label.
+
+    The main face is the largest of the faces that do not face down.
 
     Attributes:
-        low, high: m, heights of its lowest and its highest point.
-        length: m, its largest width seen along the normal of its largest face, to 1 %.
-        thickness: m, along that normal.
-        slope: z of that unit normal; the largest of the faces that do not face down.
-        area: m² of that face.
-        surface: m² that face up of the surface that the face is part of.
+        low, high: heights of the lowest and highest point, m.
+        length: maximum width as seen along the normal of the main face, to 1 %, m.
+        thickness: extent along that normal, m.
+        slope: z component of that unit normal.
+        area: area of the main face, m².
+        surface: area that faces up of the surface to which the main face belongs, m².
     """
 
     low: float
@@ -70,7 +73,7 @@ class Outline:
 
 
 def outline_of(corners: NDArray[np.float64], surface: float = 0.0) -> Outline:
-    """The outline of the convex hull of ``corners`` (N, 3) m in the world, part of a ``surface`` of so many m²."""
+    """The outline of the convex hull of ``corners`` (N, 3) m in the world; ``surface`` as in :class:`Outline`."""
     low, high = corners[:, 2].min(), corners[:, 2].max()
     try:
         hull = ConvexHull(corners)
@@ -80,7 +83,7 @@ def outline_of(corners: NDArray[np.float64], surface: float = 0.0) -> Outline:
     a, b, c = corners[hull.simplices].swapaxes(0, 1)
     areas = np.bincount(face.ravel(), np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2).round(6)
     areas[normals[:, 2] < -np.sin(_pioneer().max_tilt)] = 0.0
-    largest = np.lexsort((normals[:, 2], areas))[-1]  # of two as large, the one that faces up
+    largest = np.lexsort((normals[:, 2], areas))[-1]  # of equal ones, the one that faces up most
     normal, area = normals[largest], float(areas[largest])
     across = _DIRECTIONS @ np.linalg.svd(normal[None])[2][1:]
     length, thickness = float(np.ptp(corners @ across.T, axis=0).max()), float(np.ptp(corners @ normal))
@@ -88,7 +91,7 @@ def outline_of(corners: NDArray[np.float64], surface: float = 0.0) -> Outline:
 
 
 def flat_outline_of(triangles: NDArray[np.float64], surface: float = 0.0) -> Outline:
-    """The outline of flat triangles (N, 3, 3) m in the world, seen from either side, part of a ``surface`` in m²."""
+    """The outline of coplanar triangles (N, 3, 3) m in the world, facing either way; ``surface`` as in Outline."""
     corners = triangles.reshape(-1, 3)
     sums = np.cross(triangles[:, 1] - triangles[:, 0], triangles[:, 2] - triangles[:, 0]).sum(axis=0) / 2
     area = float(np.linalg.norm(sums))
@@ -100,13 +103,13 @@ def flat_outline_of(triangles: NDArray[np.float64], surface: float = 0.0) -> Out
 
 
 def endless(T_world: Pose) -> Outline:
-    """The outline of a plane, by its 4×4 pose."""
+    """The outline of an infinite plane with a 4×4 pose."""
     height = float(T_world[2, 3])
     return Outline(height, height, np.inf, 0.0, float(T_world[2, 2]), np.inf, np.inf)
 
 
 def outline_of_ground(corners: NDArray[np.float64], slope: float) -> Outline:
-    """The outline of a heightmap's tile, of points (N, 3) m in the world, whose unit normal has ``slope`` for z."""
+    """The outline of a heightmap's tile with points (N, 3) m in the world; ``slope``: z of its unit normal."""
     extent = np.ptp(corners, axis=0)
     area = float(extent[0] * extent[1])
     length = float(extent[:2].max())
@@ -114,7 +117,7 @@ def outline_of_ground(corners: NDArray[np.float64], slope: float) -> Outline:
 
 
 def ground_of(outlines: list[Outline], footprint: float) -> float | None:
-    """Height of the ground, m, of a world in a rectangle of ``footprint`` m²; None if it has none."""
+    """Height of the ground, m, in a world of ``footprint`` m²; None if it has no ground."""
     level = sorted((o.high, o.area) for o in outlines if _is_level(o))
     tops, areas = np.array(level).reshape(-1, 2).T
     robot = _pioneer()
@@ -128,7 +131,7 @@ def ground_of(outlines: list[Outline], footprint: float) -> float | None:
 
 
 def label_of(outline: Outline, ground: float, footprint: float) -> Label:
-    """The label of a body in a rectangle of ``footprint`` m², if the ground is at height ``ground`` m."""
+    """The label of a body in a world of ``footprint`` m² with the ground at height ``ground`` m."""
     robot = _pioneer()
     wide, top = 2 * clearance_of(robot), outline.high - ground
     if outline.slope >= np.cos(robot.max_tilt):
@@ -149,7 +152,7 @@ def label_of(outline: Outline, ground: float, footprint: float) -> Label:
 
 
 def label_of_ground(slope: float) -> Label:
-    """The label of natural ground, a piece of a heightmap whose unit normal has ``slope`` for z, at any height."""
+    """The label of natural ground, a heightmap's tile at any height; ``slope``: z of its unit normal."""
     if slope > np.cos(RAMP_TILT):
         return Label.TERRAIN
     return Label.INCLINED_RAMP if slope >= np.cos(_pioneer().max_tilt) else Label.CLUTTER

@@ -1,4 +1,4 @@
-"""Triangles from mesh files: COLLADA by pycollada, others by trimesh, both in Python: a broken file raises."""
+"""Triangles from mesh files, by pycollada (COLLADA) or trimesh: in pure Python, broken files only raise exceptions."""
 
 import re
 from collections.abc import Callable, Iterator
@@ -19,18 +19,18 @@ from sarsim.arenas.sdf.colours import Colour, Materials, mean_of, product
 from sarsim.arenas.sdf.resources import Resources
 from sarsim.vetting.model_files import RefusedError
 
-MOST_TRIANGLES = 500_000  # of a mesh; finding its connected pieces takes 10 µs each
+MOST_TRIANGLES = 500_000  # Maximum number of triangles of a mesh; finding its connected pieces takes 10 µs for each
 
 
 @dataclass(frozen=True, eq=False)
 class MeshSurface:
-    """Triangles of one name and colour.
+    """Triangles with the same name and colour.
 
     Attributes:
-        name: of the part of the file, by which ``<submesh>`` chooses it.
+        name: name of this part of the file, by which ``<submesh>`` selects it.
         vertices: (N, 3) float64 m.
-        triangles: (M, 3) int64 indices of vertices, counter-clockwise from outside.
-        colour: None if the file gives none.
+        triangles: (M, 3) int64 indices of vertices, counter-clockwise as seen from outside.
+        colour: colour of the triangles; None if the file gives none.
     """
 
     name: str
@@ -44,7 +44,7 @@ class Meshes:
 
     Attributes:
         resources: the world's files.
-        materials: their colours.
+        materials: the colours of the world's materials.
     """
 
     def __init__(self, resources: Resources):
@@ -53,7 +53,7 @@ class Meshes:
         self._read: dict[Path, list[MeshSurface] | str] = {}
 
     def surfaces(self, path: Path) -> list[MeshSurface]:
-        """The surfaces of a mesh file (:func:`read_surfaces`), or the InputError that says what is wrong with it."""
+        """The surfaces of a mesh file (:func:`read_surfaces`); raises the same InputError at every call, if any."""
         if path not in self._read:
             try:
                 self._read[path] = read_surfaces(self.resources, path, self.materials)
@@ -68,10 +68,11 @@ class Meshes:
 
 
 def read_surfaces(resources: Resources, path: Path, materials: Materials) -> list[MeshSurface]:
-    """The surfaces of a mesh file, in m, as Gazebo has them.
+    """The surfaces of a mesh file, in m, as Gazebo interprets it.
 
     Raises:
-        InputError: it is of another kind, cannot be read, or has too many triangles or none.
+        InputError: the file is of an unsupported type or cannot be read, has too many triangles or none, or has a
+            vertex that is not finite.
     """
     reader = _READERS.get(path.suffix.lower())
     if reader is None:
@@ -83,7 +84,7 @@ def read_surfaces(resources: Resources, path: Path, materials: Materials) -> lis
         surfaces = [s for s in reader(content, path, resources, materials) if len(s.triangles)]
     except RefusedError:
         raise
-    except Exception as error:  # of many kinds, on broken files
+    except Exception as error:  # broken files raise many kinds of exceptions
         said = " ".join(str(error).split())[:200] or type(error).__name__
         raise InputError(f"{path}: not a readable mesh: {said}") from error
     count = sum(len(s.triangles) for s in surfaces)
@@ -95,13 +96,13 @@ def read_surfaces(resources: Resources, path: Path, materials: Materials) -> lis
 
 
 class _Beside(trimesh.resolvers.Resolver):
-    """The files that a mesh refers to."""
+    """Gives trimesh the files to which a mesh refers."""
 
     def __init__(self, resources: Resources, path: Path):
         self._resources, self._path = resources, path
 
     def get(self, name: str) -> bytes:
-        """The content of a file; a KeyError, which trimesh takes for a missing one, if it cannot be had."""
+        """The content of a file; KeyError, which trimesh treats as a missing file, if it cannot be read."""
         try:
             path = self._resources.find(name, self._path.parent, str(self._path))
             if path is None or not path.is_file():
@@ -113,19 +114,19 @@ class _Beside(trimesh.resolvers.Resolver):
             raise KeyError(name) from error
 
     def keys(self) -> list[str]:
-        """None: files are looked for by their names."""
+        """An empty list: files can only be requested by name."""
         return []
 
     def namespaced(self, namespace: str) -> "_Beside":
-        """The same, for a folder in that one."""
+        """A resolver for a subfolder."""
         return _Beside(self._resources, self._path.parent / namespace / self._path.name)
 
     def write(self, name: str, data: bytes) -> None:
-        """Nothing is written."""
+        """Do nothing: no file is written."""
 
 
 def _trimesh(content: bytes, path: Path, resources: Resources, materials: Materials) -> Iterator[MeshSurface]:
-    """STL, OBJ and glTF, which have no unit: m. Of a material the colour, or the mean of its texture, is read."""
+    """Read STL, OBJ or glTF, whose coordinates are in m; only the materials of OBJ files are read."""
     kind, is_plain = path.suffix.lower()[1:], path.suffix.lower() != ".obj"
     objects = () if is_plain else {name.decode("utf-8", "replace").strip() for name in _OBJECT.findall(content)}
     options: dict[str, Any] = {"skip_materials": True} if is_plain else {"split_objects": True}
@@ -140,7 +141,7 @@ def _trimesh(content: bytes, path: Path, resources: Resources, materials: Materi
 
 
 def _of_material(material: Any) -> Colour | None:
-    """The colour ``Kd`` of OBJ's material, with the mean of its texture; None if it has neither."""
+    """The colour ``Kd`` of an OBJ material, multiplied by the mean of its texture; None if it has neither."""
     if material is None:
         return None
     red, green, blue = (np.asarray(material.diffuse, np.float64)[:3] / 255).tolist()
@@ -150,9 +151,9 @@ def _of_material(material: Any) -> Colour | None:
 
 
 def _collada(content: bytes, path: Path, resources: Resources, materials: Materials) -> Iterator[MeshSurface]:
-    """COLLADA: the visual scene, with its nodes' transforms and its unit.
+    """Read COLLADA's visual scene, with the transforms of its nodes and its unit.
 
-    ``<up_axis>`` turns nothing: Gazebo does not read it, and its worlds are made to look right there.
+    ``<up_axis>`` is ignored, as in Gazebo, because worlds are made to look right there.
     """
     file = collada.Collada(BytesIO(content), ignore=[collada.common.DaeError])
     unit = file.assetInfo.unitmeter or 1.0
@@ -171,7 +172,7 @@ def _collada(content: bytes, path: Path, resources: Resources, materials: Materi
 
 
 def _diffuse(material: Any, folder: Path, materials: Materials) -> Colour | None:
-    """The diffuse colour of a COLLADA material, or the mean of its texture."""
+    """The diffuse colour of a COLLADA material or the mean of its texture; None if it has neither."""
     value = getattr(getattr(material, "effect", None), "diffuse", None)
     image = getattr(getattr(getattr(value, "sampler", None), "surface", None), "image", None)
     if image is not None:
@@ -183,7 +184,7 @@ def _diffuse(material: Any, folder: Path, materials: Materials) -> Colour | None
 
 
 _OBJECT = re.compile(rb"^o[ \t]+(.+)$", re.MULTILINE)
-"""The line of an OBJ file that names an object, by which ``<submesh>`` chooses it."""
+"""The line of an OBJ file that names an object, by which ``<submesh>`` selects it."""
 _READERS: dict[str, Callable[[bytes, Path, Resources, Materials], Iterator[MeshSurface]]] = {
     ".stl": _trimesh, ".obj": _trimesh, ".dae": _collada, ".glb": _trimesh, ".gltf": _trimesh,
 }  # fmt: skip

@@ -1,4 +1,4 @@
-"""Which SDF file in the folder of a model is the model's."""
+"""Finds the SDF file of a model in the model's folder."""
 
 from pathlib import Path
 
@@ -7,21 +7,21 @@ from sarsim.arenas.sdf.resources import Resources, versions
 from sarsim.vetting.model_files import RefusedError
 
 CONFIGS = ("model.config", "manifest.xml")
-"""Files that list the SDF files of a model, the second one before Gazebo 1.9."""
+"""Files that list the SDF files of a model; the second one was used before Gazebo 1.9."""
 USUAL = "model.sdf"
 NEWEST = (1, 12)
-"""The newest version of SDF that is read."""
+"""The newest SDF version that is read."""
 
 
 def model_file(resources: Resources, path: Path) -> Path:
-    """The SDF file that a path to it, or to the folder of a model, means.
+    """The SDF file for a path, which is either that file or the folder of a model.
 
-    It is the newest of those that the folder's ``model.config`` lists and that can be read, else ``model.sdf``, else
-    the only SDF file there. Where there is none, the newest version's folder counts, as in Gazebo's cache, or the
-    only folder with a model.
+    In a folder, it is the file of the newest supported version that ``model.config`` lists, else ``model.sdf``, else
+    the only SDF file. If there is none, the search continues in the subfolder of the newest version, as in Gazebo's
+    cache, or in the only subfolder with a model.
 
     Raises:
-        InputError: there is none.
+        InputError: there is no such file.
     """
     file = _in_folder(resources, path) if path.is_dir() else path
     if file is None:
@@ -47,14 +47,14 @@ def _is_model(folder: Path) -> bool:
 
 
 def _listed(resources: Resources, folder: Path) -> list[str]:
-    """The SDF files that a folder's ``model.config`` lists, those of the newest versions first."""
+    """The SDF files that a folder's ``model.config`` lists, newest version first."""
     config = next((folder / name for name in CONFIGS if (folder / name).is_file()), None)
     try:
         listed = [] if config is None else list(resources.parse(config).iter("sdf"))
     except RefusedError:
         raise
     except InputError:
-        return []  # of a broken one Gazebo takes the usual file
+        return []  # as in Gazebo, which uses the usual file if the list is broken
     texts = [(_version(sdf.get("version", "")), (sdf.text or "").strip()) for sdf in listed]
     return [text for _, text in sorted([t for t in texts if t[1] and t[0] <= NEWEST], reverse=True)]
 

@@ -1,8 +1,8 @@
-"""Connected pieces of a surface: what of them is seen, and the convex parts that stop the robot.
+"""Connected pieces of a surface: their visible triangles, and the convex parts with which the robot collides.
 
-MuJoCo and the true ground take every geom that collides for its convex hull. A piece that is closed and convex is one
-geom. Of any other the surface is seen as it is, and as solid as few convex parts, prisms between the two sides of a
-wall or thin plates on its facets, so that rooms, doorways and stairs stay open.
+MuJoCo and the true ground treat every colliding geom as its convex hull. A closed, convex piece becomes one geom. Any
+other piece is drawn as it is, but collides as a few convex parts, either prisms between the two sides of a wall or
+thin plates on its facets, so that rooms, doorways and stairs stay open.
 """
 
 from collections.abc import Iterator
@@ -23,7 +23,7 @@ from sarsim.arenas.sdf.meshes import MeshSurface
 
 PRISM = np.array([(0, 2, 1), (3, 4, 5), (0, 1, 4), (0, 4, 3), (1, 2, 5), (1, 5, 4), (2, 0, 3), (2, 3, 5)])
 """(8, 3) triangles of a prism over the triangle 0, 1, 2, counter-clockwise from outside."""
-MOST_PIECES = 2_000  # of a mesh, convex parts of a world, and facets of a piece; a geom takes 2 ms
+MOST_PIECES = 2_000  # Maximum number of pieces of a mesh, convex parts of a world, facets of a piece; 2 ms per geom
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,9 +33,9 @@ class MeshPiece:
     Attributes:
         vertices: (N, 3) m.
         triangles: (M, 3) indices of vertices.
-        parts: (K, 3) m each, the corners of the convex parts that it is built of; empty if these are too many.
-        colour: of the surface.
-        facets: (M,) the number of each triangle's flat facet, if the surface is seen and the parts only collide.
+        parts: corners of its convex parts, each (K, 3) m; empty if there are too many.
+        colour: colour of the surface.
+        facets: (M,) number of each triangle's flat facet, if the surface is drawn and the parts only collide.
     """
 
     vertices: Places
@@ -46,7 +46,7 @@ class MeshPiece:
 
     @cached_property
     def seen(self) -> list[NDArray[np.float64]]:
-        """(K, 3, 3) m each, the triangles of every facet that is seen apart from the parts."""
+        """The triangles of each facet, (K, 3, 3) m, if the surface is drawn and the parts only collide."""
         if self.facets is None:
             return []
         order = np.argsort(self.facets, kind="stable")
@@ -55,12 +55,12 @@ class MeshPiece:
 
     @property
     def parts_per_metre(self) -> float:
-        """Number of parts over the piece's extent, 1/m."""
+        """Number of parts divided by the piece's extent, 1/m."""
         return len(self.parts) / max(float(np.linalg.norm(np.ptp(self.vertices, axis=0))), SLIVER)
 
     @property
     def is_flat(self) -> bool:
-        """Whether the piece fills no space, so that it has no hull."""
+        """Whether the piece has no volume, so that it has no hull."""
         try:
             hull = ConvexHull(self.vertices)
         except QhullError:
@@ -69,12 +69,12 @@ class MeshPiece:
 
     @property
     def slab(self) -> NDArray[np.float64]:
-        """(2 N, 3) m corners of the plate whose one face is the hull of a flat piece."""
+        """(2 N, 3) m, corners of a thin plate on a flat piece."""
         normal = np.linalg.svd(self.vertices - self.vertices.mean(axis=0), full_matrices=False)[2][2]
         return np.concatenate([self.vertices, self.vertices - THICKNESS * normal])
 
     def area_up(self, R: Rotation3) -> float:
-        """m² of the piece, turned by ``R`` (3, 3), that face up, as steep as they may be."""
+        """Projection on the ground, m², of the triangles that face up, if the piece is rotated by ``R`` (3, 3)."""
         a, b, c = self.vertices[self.triangles].swapaxes(0, 1)
         return float(np.maximum(np.cross(b - a, c - a) @ R[2] / 2, 0.0).sum())
 
@@ -106,15 +106,15 @@ def _piece(mesh: trimesh.Trimesh, colour: Colour | None) -> MeshPiece:
 
 
 def two_sided(triangles: NDArray[np.float64]) -> tuple[Places, NDArray[np.int64]]:
-    """Vertices and triangles of a mesh that shows triangles (N, 3, 3) m, each flat, from both sides."""
+    """Vertices and triangles of a mesh that shows triangles (N, 3, 3) m from both sides, with flat shading."""
     vertices = np.concatenate([triangles, triangles[:, ::-1]]).reshape(-1, 3)
     return vertices, np.arange(len(vertices)).reshape(-1, 3)
 
 
 def extruded(outlines: list[NDArray[np.float64]], height: float) -> MeshPiece:
-    """Outlines (N, 2) m extruded from z = 0 to ``height`` m, in convex parts; one within another is a hole.
+    """Extrude outlines (N, 2) m from z = 0 to ``height`` m, in convex parts; an outline inside another is a hole.
 
-    ValueError if they enclose nothing.
+    ValueError if they enclose no area.
     """
     area = shapely.Polygon()
     for outline in outlines:

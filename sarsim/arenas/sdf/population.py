@@ -1,7 +1,6 @@
-"""Where the copies of a ``<population>`` stand, as in Gazebo classic.
+"""Positions of the copies in a ``<population>``, as in Gazebo classic.
 
-Random places come from a generator with the seed ``SEED``, so that a world is the same every time; Gazebo's differ at
-every start.
+Random positions are drawn with the seed ``SEED``, so that a world is always the same; Gazebo's differ at every start.
 """
 
 from typing import TYPE_CHECKING
@@ -20,16 +19,16 @@ if TYPE_CHECKING:
 
 SEED = 0
 SPACING = 0.1  # m between the points that are clustered to spread copies evenly over a box
-MOST_POINTS = 10_000  # of these; of a cylinder there are so many
+MOST_POINTS = 10_000  # Approximate maximum number of these points, and their number in a cylinder
 LINES = {"linear-x": 0, "linear-y": 1, "linear-z": 2}
-"""Distributions along a line, and its axis."""
+"""Distributions along a line, with the index of its axis."""
 
 
 def places_of(population: "Element", where: str) -> Places:
-    """(N, 3) m, the places of a population's copies in the world; none of them is turned.
+    """(N, 3) m, positions of a population's copies in the world; the copies are not rotated.
 
     Raises:
-        InputError: a number is wrong, the distribution or the region is unknown, or there are too many copies.
+        InputError: a number is invalid, the distribution or the region is unknown, or there are too many copies.
     """
     T, kind = pose_of(population, where), (population.findtext("distribution/type") or "random").strip()
     middle, turn = T[:3, 3], T[:3, :3]
@@ -40,7 +39,7 @@ def places_of(population: "Element", where: str) -> Places:
     count, rng = _count(population, "model_count", where), np.random.default_rng(SEED)
     if box is not None and kind in (*LINES, "random", "uniform"):
         size = _positive(box, "size", 3, where)
-        # As in Gazebo, the box is about its place before it is turned, and is turned about its lowest corner.
+        # As in Gazebo, the box is first centred on its position, then rotated about its lowest corner.
         return middle - size / 2 + _in_box(kind, size, count, rng) @ turn.T
     if cylinder is not None and kind in ("random", "uniform"):
         radius, length = _positive(cylinder, "radius", 1, where)[0], _positive(cylinder, "length", 1, where)[0]
@@ -50,9 +49,9 @@ def places_of(population: "Element", where: str) -> Places:
 
 
 def _grid(population: "Element", where: str) -> tuple[Places, NDArray[np.float64]]:
-    """The places of a grid, row by row, from its first one, and that of the first from the grid's middle."""
+    """Positions in a grid relative to the first, row by row, and the first relative to the grid's centre, m."""
     distribution = population.find("distribution")
-    assert distribution is not None  # it says that this is a grid
+    assert distribution is not None  # its <type> is grid
     rows, columns = (_count(distribution, tag, where) for tag in ("rows", "cols"))
     _bounded(rows * columns, where)
     step = child_numbers(distribution, "step", (0.5, 0.5, 0.0), where) * (1, 1, 0)
@@ -61,7 +60,7 @@ def _grid(population: "Element", where: str) -> tuple[Places, NDArray[np.float64
 
 
 def _in_box(kind: str, size: NDArray[np.float64], count: int, rng: np.random.Generator) -> Places:
-    """Places from a box's lowest corner on."""
+    """(N, 3) m, positions relative to a box's lowest corner."""
     if kind == "random":
         return rng.uniform(0, size, (count, 3))
     if kind == "uniform":
@@ -75,13 +74,13 @@ def _in_box(kind: str, size: NDArray[np.float64], count: int, rng: np.random.Gen
 
 
 def _in_cylinder(radius: float, length: float, count: int, rng: np.random.Generator) -> Places:
-    """Random places in a cylinder that stands at 0, denser towards its axis, as in Gazebo."""
+    """(N, 3) m, random positions in a cylinder with its base at 0, denser towards its axis, as in Gazebo."""
     angle, distance = rng.uniform(0, 2 * np.pi, count), rng.uniform(0, radius, count)
     return np.column_stack([distance * np.cos(angle), distance * np.sin(angle), rng.uniform(0, length, count)])
 
 
 def _spread(points: Places, count: int, rng: np.random.Generator) -> Places:
-    """The middles of clusters of points."""
+    """The centres of ``count`` clusters of points."""
     if count >= len(points):
         return points[np.arange(count) % len(points)]
     middles, _ = kmeans2(points, count, minit="points", rng=rng)

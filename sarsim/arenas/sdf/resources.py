@@ -1,4 +1,4 @@
-"""The files that a world refers to: found in the world's folder and in folders of models, read once, bounded."""
+"""The files to which a world refers, found in its folder and in folders of models; read once, with bounded size."""
 
 import os
 import re
@@ -18,27 +18,27 @@ VARIABLES = (
     "GAZEBO_MODEL_PATH", "GZ_SIM_RESOURCE_PATH", "IGN_GAZEBO_RESOURCE_PATH", "GAZEBO_RESOURCE_PATH",
     "GZ_FUEL_CACHE_PATH", "IGN_FUEL_CACHE_PATH",
 )  # fmt: skip
-"""Environment variables of Gazebo, classic and new, that list folders of models."""
+"""Environment variables of classic and new Gazebo that list folders of models."""
 _ONLINE = re.compile(r"https?://(.+)/models/([^/]+)(?:/(?:tip|\d+))?(?:/files)?(/.+?)?/?", re.IGNORECASE)
-"""The address of a model, or of a file of it, in Gazebo's online library."""
+"""The address of a model, or of one of its files, in Gazebo's online library."""
 _PACKAGE = "package.xml"
-"""The file that makes a folder a package of ROS."""
-_DEEPEST = 20  # ends of a path that are looked for
-_PACKAGE_LEVELS = 3  # A package may be so many folders above the world that it holds
-_MOST_PACKAGES = 200  # beside it that are looked into
+"""The file that makes a folder a ROS package."""
+_DEEPEST = 20  # Maximum number of ends of a path that are searched for
+_PACKAGE_LEVELS = 3  # Maximum number of levels from a world's folder up to its package
+_MOST_PACKAGES = 200  # Maximum number of packages next to it that are searched
 _INSIDE = ("models", "media/models", "Media/models")
-"""Folders of a package, or of one that a variable names, in which Gazebo looks, too."""
+"""Subfolders of a package, or of a folder in a variable, that Gazebo also searches."""
 
 
 PLACES = f"the world's folders or those that {' and '.join(VARIABLES[:2])} list"
-"""Where a world's files are looked for, in words."""
+"""A description for messages of where a world's files are searched for."""
 
 
 class MissingError(InputError):
-    """A file or a folder is nowhere.
+    """A file or folder could not be found.
 
     Attributes:
-        uri: by which it was looked for.
+        uri: the URI that was searched for.
     """
 
     def __init__(self, uri: str, where: str):
@@ -47,18 +47,18 @@ class MissingError(InputError):
 
 
 _OUTSIDE = Path("..")
-"""In place of a path: one that is not to be read."""
+"""Stands for a path that must not be read."""
 
 
 def versions(folder: Path) -> list[int]:
-    """The folders of a model's versions in its own, the newest first."""
+    """The versions of a model that have a subfolder in its folder, newest first."""
     return sorted(
         (int(path.name) for path in folder.iterdir() if path.name.isdecimal() and path.is_dir()), reverse=True
     )
 
 
 def _in_any_case(path: Path) -> Path | None:
-    """The file or folder whose path is this one but for upper and lower case; None if there is none."""
+    """The file or folder whose path matches, ignoring case; None if there is none."""
     if path.parent == path:
         return path
     folder = path.parent if path.parent.is_dir() else _in_any_case(path.parent)
@@ -71,16 +71,16 @@ def _in_any_case(path: Path) -> Path | None:
 class Resources:
     """Finds and reads the files of one world.
 
-    A ``model://`` or ``package://`` URI is looked for in the world's folder, in ``models`` there and beside it, in
-    the ROS package that holds the world and those beside it, and in the folders that Gazebo's own environment
-    variables name; then around the file that names it. A path is one inside the folder of that file; if it is not
-    there, as one of another machine, its end is looked for in the folders of models. Names that differ in upper and
-    lower case alone are the same. Nothing outside these folders is read, and nothing is fetched from the net: an
-    online model is looked for by its name.
+    A ``model://`` or ``package://`` URI is searched for in the world's folder, in ``models`` inside and next to it,
+    in the ROS package that contains the world and the packages next to it, and in the folders that Gazebo's
+    environment variables list; then in and above the folder of the file that refers to it. A path is relative to the
+    folder of that file; if nothing is there, for example because the path is from another machine, the ends of the
+    path are searched for in the folders of models. Case is ignored. Nothing outside these folders is read, and
+    nothing is downloaded: an online model is searched for by its name.
     """
 
     def __init__(self, world: Path):
-        """``world``: path of its file."""
+        """``world``: path of the world's file."""
         home = world.resolve().parent
         named = [Path(text) for name in VARIABLES for text in os.environ.get(name, "").split(os.pathsep) if text]
         self._size = 0
@@ -95,7 +95,7 @@ class Resources:
         self._folders = [folder for folder in folders if folder.is_dir()]
 
     def _packages_around(self, home: Path) -> dict[str, Path]:
-        """The package that holds a folder and those beside that one, by their names; nothing if none does."""
+        """The package that contains a folder and the packages next to it, by name; empty if there is none."""
         holding = (folder for folder in (home, *home.parents[:_PACKAGE_LEVELS]) if (folder / _PACKAGE).is_file())
         package = next(holding, None)
         if package is None:
@@ -111,26 +111,26 @@ class Resources:
         return name or folder.name
 
     def find(self, uri: str, base: Path, where: str) -> Path | None:
-        """The file or folder that a URI names in a file of folder ``base``; None if there is none.
+        """The file or folder for a URI in a file in folder ``base``; None if there is none.
 
         Raises:
-            InputError: it is outside the folders of the world and of models.
+            InputError: it is outside the folders of the world and of models, or its name is invalid.
         """
         shown = " ".join(uri.split())[:200]
         try:
             places = list(self._places(uri.replace("\\", "/"), base.resolve()))
             found = [self._existing(folder, name) for folder, name in places]
-        except (OSError, ValueError) as error:  # a name that is too long, or has a zero byte
+        except (OSError, ValueError) as error:  # the name is too long, or has a zero byte
             raise InputError(f"{where}: {shown} is not a valid file name") from error
         existing = next((path for path in found if path not in (None, _OUTSIDE)), None)
         if existing is None and found[:1] == [_OUTSIDE]:
-            # One that is absolute names the files of another machine; one that climbs out means harm.
+            # An absolute path may be from another machine; a relative one that leaves the folders may be harmful.
             kind = InputError if Path(places[0][1]).is_absolute() else RefusedError
             raise kind(f"{where}: refused, {shown} is outside the folders of the world and of models")
         return existing
 
     def _existing(self, folder: Path, name: str) -> Path | None:
-        """What a folder has by a name, in whatever case it is written; ``_OUTSIDE`` if that is not to be read."""
+        """The entry of a folder with a name, ignoring case; ``_OUTSIDE`` if it must not be read, None if none."""
         path = (folder / name).resolve()
         if not self._is_inside(path, folder):
             return _OUTSIDE
@@ -141,7 +141,7 @@ class Resources:
         return any(path.is_relative_to(allowed) for allowed in (folder, *self._folders))
 
     def _places(self, uri: str, base: Path) -> Iterator[tuple[Path, str]]:
-        """Folders, and a path in each, where what a URI names may be."""
+        """The places to search for a URI: folders, each with a path in it."""
         for spelt in dict.fromkeys((uri, unquote(uri))):
             scheme, apart, rest = spelt.partition("://")
             if online := _ONLINE.fullmatch(spelt):
@@ -157,7 +157,7 @@ class Resources:
         yield from ((folder, rest) for folder in self._folders)
         first, _, others = rest.partition("/")
         around = [folder for folder in (base, *base.parents) if self._is_inside(folder, base)]
-        # The folder of a package, or one of models, may be named itself.
+        # The first part may name a package or a folder of models itself.
         named = [folder for folder in (*self._folders, *around) if folder.name == first]
         named += [folder for name, folder in self._packages.items() if name == first]
         yield from ((folder, others) for folder in named)
@@ -166,7 +166,7 @@ class Resources:
             yield base, others
 
     def _downloaded(self, place: str, name: str, file: str) -> Iterator[tuple[Path, str]]:
-        """A model of the online library, or a file of it, as Gazebo keeps it or by its mere name."""
+        """Places of a model of the online library, or of a file of it, as in Gazebo's cache or just by name."""
         server, *_, owner = place.split("/")
         for folder in self._folders:
             for kept in (name, f"{server}/{owner}/models/{name}"):
@@ -176,20 +176,20 @@ class Resources:
                     yield from ((model, str(version) + file) for version in versions(model))
 
     def _ends(self, path: str) -> Iterator[tuple[Path, str]]:
-        """The ends of a path of another machine or folder, a folder and a file at least, in the folders of models."""
+        """The ends of a path from another machine or folder, at least a folder and a file, in the model folders."""
         parts = [part for part in Path(path).parts if part != "/"]
         for start in range(0 if ".." in parts else min(len(parts) - 1, _DEEPEST)):
             yield from ((folder, "/".join(parts[start:])) for folder in self._folders)
 
     def parse(self, path: Path) -> "Element":
-        """The root of an XML file; InputError if it is none, or the world's files are too large together."""
+        """The root of an XML file; InputError if it is not one, or the world's files are too large in total."""
         if path not in self._parsed:
             self._parsed[path] = parse_xml(path, min(MOST_TEXT, MOST_MODEL_BYTES - self._size))
             self._size += path.stat().st_size
         return self._parsed[path]
 
     def read(self, path: Path) -> bytes:
-        """The content of a file; InputError if it cannot be read, or the world's files are too large together."""
+        """The content of a file; InputError if it cannot be read, or the world's files are too large in total."""
         if path not in self._read:
             self._read[path] = read_bytes(path, MOST_MODEL_BYTES - self._size)
             self._size += len(self._read[path])

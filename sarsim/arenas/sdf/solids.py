@@ -1,4 +1,4 @@
-"""The solids of an SDF ``<geometry>``, each as MuJoCo has it."""
+"""The solids of an SDF ``<geometry>``, as MuJoCo represents them."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
@@ -25,10 +25,10 @@ from sarsim.ground_truth.shapes import CUBE, SQUARE, swept
 if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
 
-THINNEST = 1e-4  # m, half size of what the file makes flat: MuJoCo has no flat solids
+THINNEST = 1e-4  # m, minimum half size, for solids that are flat in the file: MuJoCo has no flat solids
 PLATE = 0.005  # m, half thickness of a plane that is not level
-LEVEL = 1e-9  # A plane's normal with 1 − z below this points up
-PLANE = 0.1  # m between the lines of a plane's grid, which MuJoCo asks for
+LEVEL = 1e-9  # A plane is level and faces up if 1 − z of its normal is below this
+PLANE = 0.1  # m between the grid lines of a plane, a size that MuJoCo requires
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,13 +36,13 @@ class Solid:
     """A body in the world.
 
     Attributes:
-        kind: MuJoCo's name of its shape; ``mesh`` for a piece of a mesh.
-        size: m, MuJoCo's sizes of it.
-        T_world: its pose.
-        corners: around it, in its own frame.
-        piece: of a mesh.
-        colour: None if the file gives none.
-        tile: of a heightmap; its height field has the lowest point at 0.
+        kind: MuJoCo's name of its type; ``mesh`` for a piece of a mesh.
+        size: MuJoCo's sizes, m.
+        T_world: pose in the world.
+        corners: points whose convex hull contains it, in its own frame, m.
+        piece: piece of a mesh; None for other types.
+        colour: colour of the solid; None if the file gives none.
+        tile: tile of a heightmap; the lowest point of its height field is at 0.
     """
 
     kind: str
@@ -55,7 +55,7 @@ class Solid:
 
     @property
     def placed(self) -> dict[str, str | NDArray[np.float64]]:
-        """MJCF's attributes of its shape and of its pose in the world."""
+        """MJCF attributes of its type and of its pose in the world."""
         R, position = self.T_world[:3, :3], self.T_world[:3, 3]
         return {"type": self.kind, "pos": position, "quat": Rotation.from_matrix(R).as_quat(scalar_first=True)}
 
@@ -64,12 +64,12 @@ class SolidReader:
     """Makes solids of shapes; each mesh is cut into pieces once."""
 
     def __init__(self, meshes: Meshes):
-        """``meshes``: the world's."""
+        """``meshes``: meshes of the world."""
         self._files = meshes
         self._pieces: dict[object, list[MeshPiece]] = {}
 
     def solids(self, shape: SdfShape) -> Iterator[Solid]:
-        """The solids of a shape; InputError if its numbers make no sense, or a mesh is missing or broken."""
+        """The solids of a shape; InputError if a number is invalid, or a file is missing or broken."""
         for form in shape.geometry:
             if form.tag in _PRIMITIVES:
                 yield _PRIMITIVES[form.tag](form, shape)
@@ -77,7 +77,7 @@ class SolidReader:
                 yield from self._meshes(form, shape)
             elif form.tag == "polyline":
                 yield from self._extruded(shape)
-                return  # several outlines are one body
+                return  # all outlines form one body
             elif form.tag == "heightmap":
                 for tile in tiles_of(form, shape.T_world, shape.base, self._files.resources, shape.where):
                     yield _ground(tile, shape.colour)
@@ -118,7 +118,7 @@ class SolidReader:
 
 
 def _scaled(surfaces: list[MeshSurface], scale: NDArray[np.float64], centred: bool) -> Iterator[MeshSurface]:
-    """Surfaces scaled along the axes, and moved, if so asked, so that the middle of their bounding box is at 0."""
+    """Scale surfaces along the axes; if ``centred``, first move the centre of their bounding box to 0."""
     every = np.concatenate([s.vertices for s in surfaces])
     middle = (every.min(axis=0) + every.max(axis=0)) / 2 if centred else np.zeros(3)
     order = 1 if np.prod(scale) > 0 else -1  # a mirror image turns triangles inside out
@@ -127,7 +127,7 @@ def _scaled(surfaces: list[MeshSurface], scale: NDArray[np.float64], centred: bo
 
 
 def _positive(form: "Element", tags: dict[str, tuple[float, ...]], where: str) -> Values:
-    """Sizes in m of a form, halved where its defaults are; InputError if one is negative."""
+    """Sizes of a form, m, from child elements with defaults; InputError if one is invalid or negative."""
     values = np.concatenate([child_numbers(form, tag, default, where) for tag, default in tags.items()])
     if (values < 0).any():
         raise InputError(f"{where}: <{form.tag}> must not have a negative size")
@@ -140,7 +140,7 @@ def _box(form: "Element", shape: SdfShape) -> Solid:
 
 
 def _round(kind: str, form: "Element", shape: SdfShape) -> Solid:
-    """A cylinder, or a capsule, whose length is that of its cylinder."""
+    """A cylinder or a capsule; the length of a capsule is that of its cylindrical part."""
     sizes = _positive(form, {"radius": (1.0,), "length": (1.0,)}, shape.where) * (1.0, 0.5)
     radius, half = np.maximum(sizes, THINNEST)
     reach = half + radius * (kind == "capsule")
@@ -170,13 +170,13 @@ def _ground(tile: GroundTile, colour: Colour | None) -> Solid:
 
 
 def _plane(form: "Element", shape: SdfShape) -> Solid:
-    """A plane that faces along its normal: it ends nowhere; one that is not level becomes a plate of its size."""
+    """An infinite plane if it is level and faces up, otherwise a plate of the size in the file."""
     normal = child_numbers(form, "normal", (0.0, 0.0, 1.0), shape.where)
     if not normal.any():
         raise InputError(f"{shape.where}: the <normal> of a <plane> must not be zero")
     try:
         half = np.maximum(_positive(form, {"size": (1.0, 1.0)}, shape.where) / 2, THINNEST)
-    except InputError:  # of a size beyond all bounds, for one: it ends nowhere
+    except InputError:  # for example, the size is too large: the plane counts as infinite
         half = np.full(2, ENDLESS)
     z = normal / np.linalg.norm(normal)
     x = np.cross([0.0, 1.0, 0.0], z) if abs(z[1]) < 0.9 else np.cross([0.0, 0.0, 1.0], z)

@@ -1,4 +1,4 @@
-"""The ``<state>`` of a world: where its models and links were when Gazebo saved it."""
+"""The ``<state>`` of a world: the poses of its models and links when Gazebo saved it."""
 
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -13,9 +13,9 @@ class State:
     """The state of a model or a world.
 
     Attributes:
-        element: in which the states of its links and of the models in it stand; None if there is none.
-        prefix: of their names there, which Gazebo before version 7 writes into the state of the outermost model.
-        pose: element with its own pose; None if it has none.
+        element: element that contains the states of its links and nested models; None if there is none.
+        prefix: prefix of their names there: before version 7, Gazebo writes all into the outermost model's state.
+        pose: element that contains its own pose; None if it has none.
     """
 
     element: "Element | None" = None
@@ -23,11 +23,11 @@ class State:
     pose: "Element | None" = None
 
     def of_link(self, name: str) -> "Element | None":
-        """The element with the pose of a link in the world."""
+        """The element with the world pose of a link; None if there is none."""
         return self._named("link", name)
 
     def of_model(self, name: str) -> "State":
-        """The state of a model in this one."""
+        """The state of a model that is nested in this one."""
         own = self._named("model", name)
         return State(self.element, f"{self.prefix}{name}::") if own is None else State(own, "", own)
 
@@ -38,12 +38,12 @@ class State:
 
 
 def world_state(world: "Element") -> State:
-    """The state of a world: as in Gazebo, the first of those that its file holds."""
+    """The state of a world: as in Gazebo, the first in its file."""
     return State(world.find("state"))
 
 
 def children_of(world: "Element") -> "Iterator[Element]":
-    """What is in a world, with what its state inserts, and without the models that its state deletes."""
+    """The children of a world, with those that its state inserts, and without the models that its state deletes."""
     state = world.find("state")
     deleted = set() if state is None else {(e.text or "").strip() for e in state.iterfind("deletions/name")}
     inserted = [] if state is None else list(state.iterfind("insertions/*"))

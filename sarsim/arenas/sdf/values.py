@@ -13,11 +13,11 @@ if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
 
 ROTATIONS = {"euler_rpy": 3, "quat_xyzw": 4}
-"""Formats of a rotation, and how many numbers each has."""
+"""Formats of a rotation, with their numbers of values."""
 
 
 def numbers(text: str | None, count: int, where: str) -> Values:
-    """The first ``count`` numbers of a text; InputError, which says ``where``, if they are no finite numbers."""
+    """The first ``count`` numbers of a text; InputError, with the location ``where``, if they are invalid."""
     try:
         values = np.array((text or "").split()[:count], np.float64)
     except ValueError:
@@ -31,15 +31,15 @@ def numbers(text: str | None, count: int, where: str) -> Values:
 
 
 def child_numbers(parent: "Element", tag: str, default: tuple[float, ...], where: str) -> Values:
-    """The numbers in a child of an element, as many as ``default`` has; ``default`` if there is none."""
+    """The numbers in a child of an element, as many as in ``default``; ``default`` if there is no such child."""
     child = parent.find(tag)
     return np.array(default, np.float64) if child is None else numbers(child.text, len(default), f"{where}, <{tag}>")
 
 
 def pose_of(owner: "Element", where: str) -> Pose:
-    """The ``<pose>`` of an element, relative to whatever it names; the identity if there is none.
+    """The ``<pose>`` of an element, relative to the frame that it names; the identity if there is none.
 
-    x y z in m, then roll, pitch and yaw about the fixed axes, in rad or, if so marked, in degrees:
+    The values are x y z in m, then roll, pitch and yaw about the fixed axes, in rad or, if so marked, in degrees:
     R = Rz(yaw) Ry(pitch) Rx(roll) (http://sdformat.org/tutorials?tut=specify_pose); or a quaternion x y z w.
     """
     pose, where = owner.find("pose"), f"{where}, <pose>"
@@ -59,11 +59,11 @@ def pose_of(owner: "Element", where: str) -> Pose:
 
 
 class Reference(NamedTuple):
-    """In which frame a pose is given.
+    """The frame in which a pose is given.
 
     Attributes:
         relative_to: name of the frame.
-        otherwise: name of the one that counts if there is no such frame; empty if it must be there.
+        otherwise: name of the frame to use if that does not exist; empty if it must exist.
     """
 
     relative_to: str
@@ -73,7 +73,7 @@ class Reference(NamedTuple):
 def reference_of(owner: "Element", default: str) -> Reference:
     """The frame in which the pose of an element is given.
 
-    Before SDF 1.7 it is named by ``frame``, which Gazebo did not read: what names nothing there did no harm.
+    Before SDF 1.7, it is named by ``frame``, which Gazebo ignored, so an unknown name there is not an error.
     """
     pose = owner.find("pose")
     now, before = ("", "") if pose is None else (pose.get("relative_to", ""), pose.get("frame", ""))

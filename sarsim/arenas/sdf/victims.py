@@ -1,7 +1,7 @@
-"""The victims of an SDF world: models whose names, or those of the files that they come from, say that they are.
+"""The victims of an SDF world: models that are marked as victims by their names or by the names of their folders.
 
-A victim with shapes becomes a body of these, all labelled as a victim; one without becomes a person of the library,
-who lies at its place.
+A victim with shapes becomes a body with these shapes, all labelled as victim; one without shapes becomes a person of
+the library, who lies at its position.
 """
 
 import logging
@@ -20,7 +20,7 @@ _log = logging.getLogger(__name__)
 
 
 def victims_of(world: SdfWorld) -> list[SdfModel]:
-    """The outermost models of a world that are victims."""
+    """The models of a world that are victims and not nested in other victims."""
     victims = list[SdfModel]()
     for model in world.models():
         is_inside = any(model.scoped.startswith(f"{victim.scoped}::") for victim in victims)
@@ -30,7 +30,7 @@ def victims_of(world: SdfWorld) -> list[SdfModel]:
 
 
 def _called(model: SdfModel) -> str:
-    """What a model is called, by its world and by the folder that it comes from."""
+    """The name of a model in its world, preceded by the name of the folder from which it is included."""
     return f"{model.uri.rstrip('/').rpartition('/')[2]} {model.name}"
 
 
@@ -57,7 +57,7 @@ def add_victims(builder: ArenaBuilder, path: Path, world: SdfWorld, victims: lis
 
 
 def _solids_of(world: SdfWorld, victims: list[SdfModel]) -> list[list[Solid]]:
-    """The solids of each victim, in one reading of the world; planes have no place in one."""
+    """The solids of each victim, without planes, from one pass over the world."""
     reader, missing = SolidReader(world.meshes), {victim.scoped for victim in victims if victim.missing}
     found: dict[str, list[Solid]] = {victim.scoped: [] for victim in victims}
     for shape in world.shapes(without=lambda model: model.scoped in missing) if len(missing) < len(victims) else ():
@@ -69,14 +69,14 @@ def _solids_of(world: SdfWorld, victims: list[SdfModel]) -> list[list[Solid]]:
 
 
 def _pose(victim: SdfModel) -> WorldPose:
-    """Place and heading; a mesh whose y axis is up, and that is turned about x to stand, keeps its heading."""
+    """Position and heading; a mesh with y up that is turned about x to stand upright keeps its heading."""
     T = victim.T_world
     x, y, z = T[:3, 3].tolist()
     return WorldPose(_called(victim), x, y, z, float(np.arctan2(T[1, 0], T[0, 0])))
 
 
 def _geom(builder: ArenaBuilder, solid: Solid, origin: np.ndarray) -> Attributes:
-    """The attributes of a solid's geom in a body at ``origin`` (3,) m that is not turned."""
+    """The MJCF attributes of a solid's geom in a body at ``origin`` (3,) m that is not rotated."""
     pose, piece = solid.placed | {"pos": solid.T_world[:3, 3] - origin}, solid.piece
     if piece is None:
         return pose | {"size": solid.size}

@@ -1,4 +1,4 @@
-"""The part of a large world that is built: as much as an arena may have, as near the file's origin as can be."""
+"""The part of a large world that is built: as large as an arena may be, and as near as possible to the origin."""
 
 from collections.abc import Iterator
 from contextlib import suppress
@@ -14,7 +14,7 @@ from sarsim.arenas.sdf.meshes import MeshSurface
 from sarsim.arenas.sdf.pieces import pieces_of
 from sarsim.arenas.sdf.solids import Solid
 
-AROUND = 4.0  # m that an arena is longer and wider than what stands in it
+AROUND = 4.0  # m by which an arena is longer and wider than its contents
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,14 +22,14 @@ class Window:
     """A rectangle of a world.
 
     Attributes:
-        low, high: (2,) m, its lowest and its highest x and y.
+        low, high: (2,) m, lowest and highest x, y.
     """
 
     low: NDArray[np.float64]
     high: NDArray[np.float64]
 
     def holds(self, place: NDArray[np.float64]) -> bool:
-        """Whether a place (2,) m lies in it."""
+        """Whether the window contains a position (2,) m."""
         return bool(((self.low <= place) & (place <= self.high)).all())
 
     def __str__(self) -> str:
@@ -38,9 +38,9 @@ class Window:
 
 
 def window_of(boxes: NDArray[np.float64], area: float) -> Window:
-    """The window of at most ``area`` m² in a world, about its origin, or else about what is nearest to that.
+    """The window of a world, centred as far as possible on its origin, or else on the object nearest to that.
 
-    ``boxes``: (N, 2, 2) m, the lowest and the highest x and y of each thing in the world.
+    ``boxes``: (N, 2, 2) m, lowest and highest x, y of each object; ``area``: maximum area of the arena, m².
     """
     low, high = boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)
     room, extent = np.sqrt(area) - AROUND, high - low
@@ -55,7 +55,7 @@ def window_of(boxes: NDArray[np.float64], area: float) -> Window:
 
 
 def solids_within(solids: list[Solid], window: Window) -> Iterator[Solid]:
-    """What of solids lies in a window: boxes and meshes are cut at its edges, of others the middle decides."""
+    """Limit solids to a window: boxes and meshes are cut at its edges; others are kept if their centre is inside."""
     for solid in solids:
         corners = (solid.corners @ solid.T_world[:3, :3].T + solid.T_world[:3, 3])[:, :2]
         low, high = corners.min(axis=0), corners.max(axis=0)
@@ -81,21 +81,21 @@ def _cut(solid: Solid, window: Window) -> Iterator[Solid]:
     if len(triangles) == 0:
         return
     if solid.piece is None or (len(solid.piece.parts) == 1 and not solid.piece.is_flat):
-        with suppress(QhullError):  # of a sliver
-            vertices, triangles = _hull(vertices)  # of a convex solid a convex one is left
+        with suppress(QhullError):  # raised for a sliver
+            vertices, triangles = _hull(vertices)  # a cut convex solid is convex
     for piece in pieces_of(MeshSurface("", vertices, triangles, solid.colour)):
         yield replace(solid, kind="mesh", size=np.zeros(0), corners=piece.vertices, piece=piece)
 
 
 def _surface(solid: Solid) -> tuple[Places, NDArray[np.int64]]:
-    """The triangles of a box or a mesh."""
+    """The surface of a box or a mesh: vertices and triangles."""
     if solid.piece is not None and len(solid.piece.triangles):
         return solid.piece.vertices, solid.piece.triangles
     return _hull(solid.corners)
 
 
 def _hull(points: Places) -> tuple[Places, NDArray[np.int64]]:
-    """The convex hull of points (N, 3) m."""
+    """The convex hull of points (N, 3) m: vertices and triangles."""
     hull = ConvexHull(points)
     mesh = trimesh.Trimesh(points, hull.simplices, process=True)
     mesh.fix_normals()

@@ -1,14 +1,14 @@
 """The shapes of an SDF world, each with its pose in the world.
 
-Poses are resolved as SDF 1.12 says: ``relative_to`` any frame, link, joint or nested model of the same scope,
-``placement_frame``, ``attached_to``, ``<include>`` with its own pose and ``merge``. As in Gazebo 11, the first
-``<state>`` of a world overrides the poses of its models and links; its sizes are those of the file already.
-Everything stands still where it is placed.
+Poses are resolved as in SDF 1.12: ``relative_to`` any frame, link, joint or nested model of the same scope,
+``placement_frame``, ``attached_to``, and ``<include>`` with its own pose and ``merge``. As in Gazebo 11, the first
+``<state>`` of a world overrides the poses of its models and links; its sizes are already those in the file.
+Everything is static.
 
-A link is as its collision shapes are, in the colour of its visual ones; a link without collision shapes that can be
-read is as it is seen. What has no shape (physics, joints) is not read; plugins, sensors, actors, roads and lights are
-left out, and counted. What is missing or broken, or was thrown out of the world, is left out too, and named: Gazebo
-shows the rest.
+A link has the shapes of its collision elements, in the colours of its visuals; if no collision shape can be read, it
+has the shapes of its visuals. Elements without shapes (physics, joints) are not read. Plugins, sensors, actors, roads
+and lights are left out and counted. Items that are missing or broken, or were thrown out of the world, are left out
+and named, because Gazebo shows the rest, too.
 """
 
 from collections import Counter
@@ -38,18 +38,18 @@ if TYPE_CHECKING:
     from xml.etree.ElementTree import Element
 
 LEFT_OUT = ("plugin", "sensor", "actor", "light", "road", "projector")
-"""Elements that a world is loaded without."""
+"""Elements that are left out of a world."""
 ROOTS = ("sdf", "gazebo")
-"""Root elements of a file."""
+"""Root elements of SDF files."""
 WORLD = "world"
 _OLD = (".//origin[@pose]", ".//box[@size]", ".//cylinder[@radius]", ".//sphere[@radius]", ".//mesh[@filename]")
-"""What only files of SDF before 1.3 have."""
+"""Elements that only files before SDF 1.3 have."""
 _SHIPPED = {
     "ground_plane": "<model name='ground_plane'><link name='link'><collision name='collision'><geometry><plane>"
     "<normal>0 0 1</normal><size>100 100</size></plane></geometry></collision></link></model>",
     "sun": "<model name='sun'/>",
 }
-"""Models that come with Gazebo and that nearly every world includes, for worlds whose folder lacks them."""
+"""Models that come with Gazebo and that nearly all worlds include, used if they are not found."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,12 +57,12 @@ class SdfModel:
     """A model in the world.
 
     Attributes:
-        name: that the world gives it: of its ``<include>``, or else of the model itself.
-        scoped: names of the models around it and its own, joined by ``::``; no other model has it.
-        uri: from where it is included; empty if it stands in the file itself.
-        T_world: its pose.
-        missing: it has a mesh, or should have come from elsewhere, and nothing of its shapes can be read.
-        is_empty: neither it nor any model in it has a shape, and none is missing.
+        name: name in the world: that of its ``<include>``, or else the model's own.
+        scoped: unique name: the names of the models that contain it and its own, joined by ``::``.
+        uri: URI from which it is included; empty if it is defined in the file itself.
+        T_world: pose in the world.
+        missing: whether it has shapes, or could not be included, and none of its shapes can be read.
+        is_empty: whether it and all models nested in it have no shapes, although all could be included.
     """
 
     name: str
@@ -74,7 +74,7 @@ class SdfModel:
 
 
 Choice = Callable[[SdfModel], bool]
-"""Chooses models."""
+"""Selects models."""
 
 
 def _none(model: SdfModel) -> bool:
@@ -86,12 +86,12 @@ class SdfShape:
     """A shape in the world.
 
     Attributes:
-        model: the scoped name of the model that has it.
+        model: scoped name of its model.
         geometry: its ``<geometry>``.
-        T_world: its pose.
+        T_world: pose in the world.
         colour: red, green, blue, from 0 to 1; None if the file gives none.
-        base: folder of the file that holds it.
-        where: what to call it in error messages.
+        base: folder of the file that contains it.
+        where: its location for error messages.
     """
 
     model: str
@@ -103,14 +103,14 @@ class SdfShape:
 
 
 _OUTSIDE = SdfModel("", "", "", np.eye(4), missing=False, is_empty=False)
-"""The world itself, as what its models stand in."""
+"""The world itself, as the parent of its models."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Model:
-    """A model, or a world, with its frames, and its links and the models in it by the names of their frames.
+    """A model or a world, with its frames, and its links and nested models by the names of their frames.
 
-    One that is included and cannot be read is empty, and ``lost`` says why.
+    An included model that cannot be read is empty, and ``lost`` says why.
     """
 
     name: str
@@ -128,19 +128,19 @@ class SdfWorld:
     """A world read from its file.
 
     Attributes:
-        left_out: how many elements of each kind of ``LEFT_OUT`` there are.
-        is_model: whether the file holds models alone, which stand on nobody's ground.
-        lost: what is wrong with each thing that is broken, in words.
-        missing: the URIs of what is nowhere, in the order of the file.
+        left_out: number of elements of each kind in ``LEFT_OUT``.
+        is_model: whether the file contains only models, without a world, and therefore without its ground.
+        lost: a message for each broken item.
+        missing: the URIs that could not be found, in file order.
         resources: the world's files.
-        meshes: those among them.
+        meshes: the mesh files among them.
     """
 
     def __init__(self, path: Path):
-        """``path``: of a file with a world, or with models alone.
+        """``path``: path of a file with a world, or with only models.
 
         Raises:
-            InputError: the file is missing or invalid, one that it includes may harm, or there are too many models.
+            InputError: the file is missing or invalid, an included file may be harmful, or there are too many models.
         """
         self.left_out: Counter[str] = Counter()
         self.lost: list[str] = []
@@ -159,13 +159,13 @@ class SdfWorld:
         self._state = world_state(self._world.element)
 
     def models(self) -> Iterator[SdfModel]:
-        """All models, those in others too, in the order of the file."""
+        """All models in file order, including nested ones."""
         for model, placed, _ in self._placed(self._world, _OUTSIDE, self._state, _none):
             if model is not self._world:
                 yield placed
 
     def shapes(self, without: Choice = _none) -> Iterator[SdfShape]:
-        """All shapes, in the order of the file, but those of the models that ``without`` chooses and all in them."""
+        """All shapes in file order, except those of models that ``without`` selects, and of models nested in them."""
         for model, placed, state in self._placed(self._world, _OUTSIDE, self._state, without):
             with self.without():
                 if model.lost is not None:
@@ -174,7 +174,7 @@ class SdfWorld:
 
     @contextmanager
     def without(self) -> Iterator[None]:
-        """Go on without what is missing or broken in the block, and note it."""
+        """Note an error in the block about a missing or broken item, and continue without the item."""
         try:
             yield
         except RefusedError:
@@ -195,7 +195,7 @@ class SdfWorld:
         return root
 
     def _read(self, name: str, element: "Element", path: Path, root: str, files: tuple[Path, ...]) -> _Model:
-        """Read a model or a world; ``files`` are those that include one another down to this one."""
+        """Read a model or a world; ``files`` is the chain of including files, down to the one that contains it."""
         where = f"{path}, <{element.tag}> {name_of(element)}".rstrip()
         model = _Model(name, element, path.parent, where, Frames(where, root))
         self._models += 1
@@ -207,7 +207,7 @@ class SdfWorld:
         return model
 
     def _add(self, model: _Model, child: "Element", path: Path, root: str, files: tuple[Path, ...]) -> None:
-        """Add a child of the element of a model or a world, if it is of a kind that is read."""
+        """Add a child element of a model or a world, if it is of a kind that is read."""
         place, name = f"{model.where}, <{child.tag}> {name_of(child)}".rstrip(), child.get("name", "")
         if child.tag == "link":
             model.links[_framed(model, child, name, place, root)] = child
@@ -225,7 +225,7 @@ class SdfWorld:
     def _populate(
         self, model: _Model, population: "Element", where: str, path: Path, files: tuple[Path, ...]
     ) -> None:
-        """Add the copies of a population's model, each with a number behind its name."""
+        """Add the copies of a population's model, each with a number appended to its name."""
         places = places_of(population, where)
         for n, place in enumerate(places):
             for child in population:
@@ -251,13 +251,13 @@ class SdfWorld:
             absent = _Model(name or _last(uri), nothing, model.base, where, Frames(where), uri=uri, lost=error)
             _nest(model, include, include, absent)
             return
-        if included is not None:  # a file may hold a light alone
+        if included is not None:  # a file may contain only a light
             placed = include if include.find("pose") is not None else included
             nested = self._read(name or included.get("name", ""), included, path, MODEL, (*files, path))
             _nest(model, include, placed, replace(nested, uri=uri))
 
     def _included(self, uri: str, base: Path, where: str, files: tuple[Path, ...]) -> "tuple[Element | None, Path]":
-        """The model that a URI names, and the file that holds it."""
+        """The model for a URI, and the file that contains it; None if that file contains only a light or an actor."""
         path = self.resources.find(uri, base, where) if uri else None
         if path is None:
             shipped = _SHIPPED.get(_last(uri).lower().replace(" ", "_"))
@@ -280,7 +280,7 @@ class SdfWorld:
     def _placed(
         self, model: _Model, outside: SdfModel, state: State, without: Choice
     ) -> Iterator[tuple[_Model, SdfModel, State]]:
-        """A model and all in it, each with its place and its state."""
+        """A model and all models nested in it, each as placed in the world and with its state."""
         yield model, outside, state
         for name, nested in model.nested.items():
             with self.without():
@@ -295,12 +295,12 @@ class SdfWorld:
                     yield from self._placed(nested, placed, own, without)
 
     def _is_missing(self, model: _Model) -> bool:
-        """Whether a model should have a shape and nothing of its shapes can be read."""
+        """Whether a model should have a shape, but none of its shapes can be read."""
         shapes = _shapes_in(model)
         return not model.nested and bool(shapes or model.lost) and not any(self._is_read(s, model) for s in shapes)
 
     def _is_read(self, shape: "Element", model: _Model) -> bool:
-        """Whether a shape has a geometry, and its file, if it has one, can be read."""
+        """Whether a shape has a geometry, and its mesh file, if any, can be read."""
         mesh = shape.find("geometry/mesh")
         if mesh is None:
             return shape.find("geometry/*") is not None
@@ -341,23 +341,23 @@ class SdfWorld:
 
 
 def _shapes_in(model: _Model) -> "list[Element]":
-    """The shapes of the links of a model."""
+    """The shapes of a model's links."""
     return [*model.element.iterfind("link/collision"), *model.element.iterfind("link/visual")]
 
 
 def _is_empty(model: _Model) -> bool:
-    """Whether a model has no shape, nor does any model in it, and none is missing."""
+    """Whether a model and all models nested in it have no shapes, although all could be included."""
     return not (_shapes_in(model) or model.lost) and all(_is_empty(nested) for nested in model.nested.values())
 
 
 def _framed(model: _Model, child: "Element", name: str, where: str, owner: str) -> str:
-    """Add the frame of a link, a joint or a frame, whose pose is relative to ``owner`` by default."""
+    """Add the frame of a link, joint or frame element, whose pose is relative to ``owner`` by default."""
     parent = reference_of(child, owner)
     return model.frames.add(name, pose_of(child, where), parent.relative_to, otherwise=parent.otherwise)
 
 
 def _is_invisible(shape: "Element") -> bool:
-    """Whether a visual shape is wholly transparent."""
+    """Whether a visual shape is fully transparent."""
     try:
         return float(shape.findtext("transparency") or 0.0) >= 1
     except ValueError:
@@ -365,7 +365,7 @@ def _is_invisible(shape: "Element") -> bool:
 
 
 def _nest(model: _Model, owner: "Element", placed: "Element", nested: _Model) -> None:
-    """Add a nested model: ``owner`` says how, and ``placed`` has its pose."""
+    """Add a nested model: ``owner`` has its ``placement_frame`` and ``merge``, and ``placed`` its pose."""
     frame = owner.get("placement_frame") or (owner.findtext("placement_frame") or "").strip()
     frame = frame or nested.element.get("placement_frame") or MODEL
     T, parent = pose_of(placed, nested.where), reference_of(placed, model.frames.root)
@@ -376,5 +376,5 @@ def _nest(model: _Model, owner: "Element", placed: "Element", nested: _Model) ->
 
 
 def _last(uri: str) -> str:
-    """The last part of a URI, which is the name of the model that it means."""
+    """The last part of a URI, which is the name of the model."""
     return " ".join(uri.rstrip("/").rpartition("/")[2].replace("%20", " ").split())[:60]

@@ -1,1 +1,1 @@
-"""Things that a rescue robot looks for besides people: signs, codes, tags, extinguishers, levers."""
+"""Things that a rescue robot looks for besides people: signs, codes, tags, fire extinguishers, door levers."""

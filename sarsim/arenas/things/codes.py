@@ -5,12 +5,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 FAMILY = cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
-MODULES = 8  # along a tag's black square
-QUIET = 4  # modules of white around a code, as ISO/IEC 18004 asks for
+MODULES = 8  # Modules along a side of a tag's black square
+QUIET = 4  # Modules of white margin around a code, required by ISO/IEC 18004
 
 
 def qr_modules(text: str) -> NDArray[np.uint8]:
-    """(N, N) uint8 the modules of a code without its white margin, 0 or 255."""
+    """(N, N) uint8, the modules of a QR code without its white margin, 0 or 255."""
     image = cv2.QRCodeEncoder.create().encode(text).astype(np.uint8)
     dark = np.argwhere(image == 0)
     (top, left), (bottom, right) = dark.min(axis=0), dark.max(axis=0) + 1
@@ -18,12 +18,12 @@ def qr_modules(text: str) -> NDArray[np.uint8]:
 
 
 def qr_picture(text: str, module: int = 8) -> NDArray[np.uint8]:
-    """(H, H) uint8 a code with its quiet zone; a module has ``module`` × ``module`` pixels."""
+    """(H, H) uint8 image of a QR code with its quiet zone; a module has ``module`` × ``module`` pixels."""
     quiet = np.pad(qr_modules(text), QUIET, constant_values=255)
     return quiet.repeat(module, axis=0).repeat(module, axis=1)
 
 
 def tag_picture(tag: int, module: int = 16) -> NDArray[np.uint8]:
-    """(H, H) uint8 image of a tag with a white margin of one module; a module has ``module`` pixels."""
+    """(H, H) uint8 image of a tag with a white margin of one module; a module has ``module`` × ``module`` pixels."""
     black = cv2.aruco.generateImageMarker(FAMILY, tag, MODULES * module)
     return np.pad(black, module, constant_values=255)

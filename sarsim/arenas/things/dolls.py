@@ -1,7 +1,7 @@
-"""Baby dolls, the victims of rescue arenas, half under a blanket.
+"""Baby dolls, the victims of rescue arenas, some half under a blanket.
 
-A doll is in the frame of the arena designer's box, which hangs on a wall at y = 0.59 and is open towards -y: x to the
-right for a viewer, z up, the middle of the box at z = 0.
+The frame of a doll is that of the arena designer's box, which hangs on a wall at y = 0.59 and is open towards -y: x
+is to the right for a viewer, z is up, and z = 0 is the middle of the box.
 """
 
 from collections.abc import Sequence
@@ -14,14 +14,14 @@ from sarsim.arenas.things.models import ColouredGeom, ThingModel
 from sarsim.victims.body import HAIR, SKIN, TOPS
 
 DOLL_BACK = 0.50  # m, y of a doll's trunk
-LIES_AT = -0.09  # m, z of the trunk of a doll that lies
-SITS_AT = -0.05  # m, z of the trunk of one that sits
+LIES_AT = -0.09  # m, z of the trunk of a lying doll
+SITS_AT = -0.05  # m, z of the trunk of a sitting doll
 LIPS, EYE = (0.70, 0.25, 0.25), (0.08, 0.06, 0.06)
 BLANKETS = (*TOPS, (0.85, 0.82, 0.75), (0.60, 0.70, 0.85))
 
 
 def doll(name: str, state: str, rng: np.random.Generator) -> ThingModel:
-    """A doll of random colours that sits, or lies to the left or right."""
+    """A doll in random colours that sits, or lies to the left or right."""
 
     def one_of(colours: Sequence[tuple[float, ...]]) -> tuple[float, ...]:
         return colours[int(rng.integers(len(colours)))]
@@ -37,7 +37,7 @@ def doll(name: str, state: str, rng: np.random.Generator) -> ThingModel:
 
 
 def _body(skin: tuple[float, ...], hair: tuple[float, ...], cloth: tuple[float, ...]) -> list[ColouredGeom]:
-    """The parts of a doll that sits, the middle of its trunk at the origin."""
+    """The parts of a sitting doll, with the centre of its trunk at the origin."""
     parts = [
         ColouredGeom("trunk", "ellipsoid", (0, 0, 0), (0.07, 0.055, 0.085), cloth),
         ColouredGeom("head", "ellipsoid", (0, -0.02, 0.135), (0.062, 0.066, 0.07), skin),
@@ -57,7 +57,7 @@ def _body(skin: tuple[float, ...], hair: tuple[float, ...], cloth: tuple[float, 
 
 
 def _placed(part: ColouredGeom, roll: float, trunk: ArrayLike) -> ColouredGeom:
-    """A part turned about y by ``roll`` rad, and moved to the ``trunk`` (3,) m."""
+    """A part rotated about y by ``roll``, rad, then shifted by the position ``trunk`` (3,) m."""
     cos, sin = np.cos(roll), np.sin(roll)
     R: NDArray[np.float64] = np.array([(cos, 0, sin), (0, 1, 0), (-sin, 0, cos)])
     return part.moved(R, np.asarray(trunk, np.float64))

@@ -1,4 +1,4 @@
-"""The hazmat signs that teams print, drawn: a diamond with colours, a symbol, words, and the number of its class.
+"""Draws hazmat signs like those that teams print: a diamond with colours, a symbol, words and a class number.
 
 Colours, symbols and class numbers are those of the placards of 49 CFR 172.500 and the UN model regulations.
 """
@@ -17,24 +17,24 @@ from sarsim.arenas.things.symbols import Colour, Drawing, Symbol
 BLACK, WHITE = (0, 0, 0), (255, 255, 255)
 RED, ORANGE, YELLOW = (218, 41, 28), (255, 134, 54), (255, 221, 0)
 GREEN, BLUE = (0, 122, 82), (0, 87, 184)
-FINER = 2  # Factor by which drawings are finer than asked for
-BEYOND = 1.5  # Half sides that colours reach; the diamond is cut out of them
-EDGE = 0.92  # Half a diagonal of the inner line over that of the sign
+FINER = 2  # Supersampling factor of drawings
+BEYOND = 1.5  # Half width of the coloured areas, from which the diamond is cut, over half a diagonal of the diamond
+EDGE = 0.92  # Diagonal of the inner line over that of the sign
 
 
 @dataclass(frozen=True)
 class SignStyle:
-    """How a printer made a sign; the default is the plain placard.
+    """How a sign is printed; the default is the plain placard.
 
     Attributes:
-        line: it has the inner line.
-        words: it has words below the symbol.
-        number: it has the number of its class.
-        bold: thickness that is added to letters, as a share of their height.
-        narrow: width of letters over that of the font.
-        size: of the symbol, over that of the placard.
-        tint: factors of red, green and blue, by ink and paper.
-        variant: letter or picture of the signs that have several, 0 to 3.
+        line: whether the sign has the inner line.
+        words: whether it has words below the symbol.
+        number: whether it has its class number.
+        bold: thickness added to letters, as a share of their height.
+        narrow: maximum mean width of letters, as a share of their height.
+        size: size of the symbol relative to that on the placard.
+        tint: factors on red, green and blue, due to ink and paper.
+        variant: which variant of a sign is drawn, if it has several, 0 to 3.
     """
 
     line: bool = True
@@ -48,7 +48,7 @@ class SignStyle:
 
     @classmethod
     def random(cls, rng: np.random.Generator) -> Self:
-        """One of the ways in which teams print."""
+        """A random style of the kind that teams print."""
         return cls(
             line=bool(rng.random() < 0.8),
             words=bool(rng.random() < 0.9),
@@ -63,16 +63,16 @@ class SignStyle:
 
 @dataclass(frozen=True)
 class _Sign:
-    """What is on a sign.
+    """The contents of a sign.
 
     Attributes:
-        top, bottom: colours of the halves above and below ``split``.
-        symbol: draws the symbol.
-        words: lines.
-        number: of the class.
+        top, bottom: colours of the parts above and below ``split``.
+        symbol: function that draws the symbol.
+        words: lines of text.
+        number: class number.
         ink: colour of symbol and words.
         foot: colour of the number.
-        split: y of the edge between the halves.
+        split: y of the edge between the two parts.
     """
 
     top: Colour
@@ -103,13 +103,13 @@ _SIGNS = {
     "radioactive": _Sign(YELLOW, WHITE, Symbol.trefoil, ("RADIOACTIVE",), "7", split=-0.15),
     "spontaneously-combustible": _Sign(WHITE, RED, Symbol.flame, ("SPONTANEOUSLY", "COMBUSTIBLE"), "4"),
 }
-"""By the names that teams report, :data:`pipeline.finds.hazmat_classes.HAZMAT_CLASSES`."""
+"""Signs by the class names that teams report, :data:`pipeline.finds.hazmat_classes.HAZMAT_CLASSES`."""
 
 
 def sign_face(name: str, size: int = 512, style: SignStyle | None = None) -> NDArray[np.uint8]:
-    """The square label of a class, (size, size, 3) uint8 RGB; the diamond's top corner is its top left one."""
+    """(size, size, 3) uint8 RGB, the sign of a class as a square; the diamond's top corner is its top left corner."""
     upright = _drawn(name, round(FINER * size * np.sqrt(2)), style or SignStyle())
-    # The corners of the diamond that stands on its point: top, right, bottom and left become those of the square.
+    # The diamond's top, right, bottom and left corners become the square's corners, clockwise from the top left.
     far, half = len(upright) - 1.0, (len(upright) - 1) / 2
     corners = np.array([(half, 0), (far, half), (half, far), (0, half)], np.float32)
     square = (FINER * size - 1.0) * np.array([(0, 0), (1, 0), (1, 1), (0, 1)], np.float32)
@@ -119,7 +119,7 @@ def sign_face(name: str, size: int = 512, style: SignStyle | None = None) -> NDA
 
 
 def sign_upright(name: str, size: int = 512, style: SignStyle | None = None) -> NDArray[np.uint8]:
-    """A sign that stands on its corner, (size, size, 4) uint8 RGBA, transparent outside."""
+    """(size, size, 4) uint8 RGBA, a sign that stands on its corner, transparent outside the diamond."""
     colours = _drawn(name, FINER * size, style or SignStyle())
     inside = np.zeros(colours.shape[:2], np.uint8)
     far, half = len(colours) - 1, len(colours) // 2
@@ -128,7 +128,7 @@ def sign_upright(name: str, size: int = 512, style: SignStyle | None = None) -> 
 
 
 def _drawn(name: str, size: int, style: SignStyle) -> NDArray[np.uint8]:
-    """(size, size, 3) uint8 RGB, the upright sign, with its colours beyond the diamond's edge."""
+    """(size, size, 3) uint8 RGB, a sign that stands on its corner; its colours extend beyond the diamond's edges."""
     sign = _SIGNS[name]
     drawing = Drawing.blank(size, sign.top)
     drawing.area([(-BEYOND, sign.split), (BEYOND, sign.split), (BEYOND, BEYOND), (-BEYOND, BEYOND)], sign.bottom)
@@ -146,18 +146,18 @@ def _drawn(name: str, size: int, style: SignStyle) -> NDArray[np.uint8]:
 
 
 def _diamond(half: float, centre: tuple[float, float] = (0.0, 0.0)) -> NDArray[np.float64]:
-    """(4, 2) corners of a diamond with half a diagonal ``half``."""
+    """(4, 2) corners of a diamond with half diagonal ``half``."""
     return half * np.array([(0, -1), (1, 0), (0, 1), (-1, 0)], np.float64) + centre
 
 
 def _stripes(drawing: Drawing) -> None:
-    """Seven upright red stripes."""
+    """Seven vertical red stripes."""
     for x in np.arange(-6, 7, 2) / 7.5:
         drawing.area([(x - 0.07, -1), (x + 0.07, -1), (x + 0.07, 1), (x - 0.07, 1)], RED)
 
 
 def _margin(drawing: Drawing, sign: _Sign, style: SignStyle) -> None:
-    """The inner line; and outside it white, where the sign has a white half."""
+    """The inner line, and in some variants a white margin outside it, if the sign has a white part."""
     if WHITE in (sign.top, sign.bottom) and sign.bottom in (WHITE, BLACK) and not style.variant % 2:
         ring = (1 + EDGE) / 2
         drawing.line(_diamond(ring), 1 - EDGE, WHITE, closed=True)
@@ -169,7 +169,7 @@ def _margin(drawing: Drawing, sign: _Sign, style: SignStyle) -> None:
 
 def _symbol(drawing: Drawing, name: str, sign: _Sign, style: SignStyle) -> None:
     if name == "explosive" and style.variant != 3:
-        # Divisions 1.4 to 1.6 have the number in place of the bomb, and a letter for what they may be stored with.
+        # Divisions 1.4 to 1.6 show their number instead of the bomb, and the letter of their compatibility group.
         drawing.words(("1.4", "1.4", "1.5")[style.variant], (0, -0.36), (0.9, 0.42), 2 * style.bold, BLACK)
         drawing.words(("E", "S", "D")[style.variant], (0, 0.4), (0.3, 0.18), style.bold, BLACK)
         return
@@ -180,7 +180,7 @@ def _symbol(drawing: Drawing, name: str, sign: _Sign, style: SignStyle) -> None:
 
 
 def _words(drawing: Drawing, sign: _Sign, style: SignStyle) -> None:
-    """The lines, each as wide as the diamond allows, about the middle."""
+    """The lines of text at the middle of the sign, each at most as wide as the diamond allows."""
     height = 0.26 if len(sign.words) == 1 else 0.2
     for line, text in enumerate(sign.words):
         y = 0.06 + (line - (len(sign.words) - 1) / 2) * height * 1.2 + (0.1 if sign.bottom == BLACK else 0.0)
@@ -192,5 +192,5 @@ def _words(drawing: Drawing, sign: _Sign, style: SignStyle) -> None:
 
 @cache
 def sign_png(name: str, size: int = 512, style: SignStyle | None = None) -> bytes:
-    """The square label as a PNG file's content, drawn once."""
+    """The content of a PNG file with the square sign of :func:`sign_face`; cached."""
     return cv2.imencode(".png", cv2.cvtColor(sign_face(name, size, style), cv2.COLOR_RGB2BGR))[1].tobytes()

@@ -1,7 +1,7 @@
 """Things to find as MJCF: signs, codes, tags, fire extinguishers, door levers.
 
-Flat things and levers hang on a wall, their frame's origin on it: x right and y up for a viewer, z towards the
-viewer. A fire extinguisher stands, z up, its origin in the middle of its foot.
+The frame of a flat thing or a lever has its origin on the wall, x to the right and y up for a viewer, and z towards
+the viewer. The frame of a fire extinguisher has its origin at the centre of its foot, and z up.
 """
 
 from dataclasses import dataclass, field, replace
@@ -20,30 +20,30 @@ from sarsim.arenas.things.hazmat import SignStyle, sign_png
 from sarsim.arenas.things.thing import declare
 from sarsim.victims.mjcf import geom, numbers, quaternion
 
-BACKING = "backing_"  # begins the name of the body of what a thing hangs on or lies under
-THICK = 0.001  # m of paper; a depth camera does not see the step
+BACKING = "backing_"  # Prefix of the name of the body with the objects on which a thing hangs or under which it lies
+THICK = 0.001  # m, thickness of paper; a depth camera cannot resolve it
 PAPER, METAL, RUBBER = (0.93, 0.93, 0.91), (0.62, 0.63, 0.65), (0.06, 0.06, 0.06)
-PAINT = ((0.75, 0.05, 0.04), (0.82, 0.10, 0.07), (0.62, 0.03, 0.05))  # of extinguishers
+PAINT = ((0.75, 0.05, 0.04), (0.82, 0.10, 0.07), (0.62, 0.03, 0.05))  # of fire extinguishers
 LABELS = ((0.92, 0.92, 0.90), (0.93, 0.83, 0.15), (0.85, 0.85, 0.80))
 ACROSS = np.array([np.sqrt(0.5), 0.0, np.sqrt(0.5), 0.0])
-"""Quaternion that lays a capsule or cylinder along x."""
+"""Quaternion that aligns a capsule or cylinder with x."""
 UPRIGHT = np.array([np.sqrt(0.5), np.sqrt(0.5), 0.0, 0.0])
-"""Quaternion that lays a capsule or cylinder along y."""
+"""Quaternion that aligns a capsule or cylinder with y."""
 
 
 @dataclass(frozen=True, eq=False)
 class ThingModel:
-    """A thing to find, before it is set down.
+    """A thing to find, before it is added to an arena.
 
     Attributes:
-        name: of its body, unique in the arena.
-        kind: one of :data:`pipeline.tracks.find.KINDS` but heat.
-        text: class of a sign, what a code says, number of a tag.
-        state: alive or dead, of a victim.
-        geoms: of its body.
+        name: name of its body, unique in the arena.
+        kind: one of :data:`pipeline.tracks.find.KINDS`, except heat.
+        text: class of a sign, text of a QR code, or number of a tag.
+        state: alive or dead, for a victim.
+        geoms: geoms of its body.
         assets: materials and textures.
         files: contents of the pictures to which the textures refer, by name.
-        backing: geoms that belong to it but are not it: paper, a box.
+        backing: geoms that come with the thing but are not part of it, such as paper or a blanket.
     """
 
     name: str
@@ -56,7 +56,7 @@ class ThingModel:
     backing: list[Element] = field(default_factory=list)
 
     def add_to(self, root: Element, position: ArrayLike, R: Rotation3) -> None:
-        """Set it down in a ``<mujoco>`` element: its origin at ``position`` (3,) m, turned by ``R`` (3, 3)."""
+        """Add the thing to a ``<mujoco>`` element, with origin ``position`` (3,) m and orientation ``R`` (3, 3)."""
         declare(root, self.name, self.kind, self.text, self.state)
         pose = {"pos": numbers(np.asarray(position), 6), "quat": numbers(quaternion(R), 6)}
         bodies = []
@@ -74,12 +74,12 @@ class ColouredGeom:
     """A geom in a plain colour.
 
     Attributes:
-        name: of the geom, after that of its body.
-        shape: as in MJCF.
-        place: (3,) m of its middle.
-        size: as in MJCF, m.
+        name: name of the geom, appended to that of its body.
+        shape: type of the geom, as in MJCF.
+        place: (3,) m, position of its centre.
+        size: sizes as in MJCF, m.
         colour: red, green, blue, from 0 to 1.
-        quat: (4,) its orientation.
+        quat: (4,) orientation, as a quaternion (w, x, y, z).
     """
 
     name: str
@@ -90,20 +90,20 @@ class ColouredGeom:
     quat: ArrayLike = (1.0, 0.0, 0.0, 0.0)
 
     def moved(self, R: Rotation3, position: NDArray[np.float64]) -> "ColouredGeom":
-        """The part turned by ``R`` (3, 3) about the origin, and moved by (3,) m."""
+        """The geom rotated by ``R`` (3, 3) about the origin, then shifted by ``position`` (3,) m."""
         quat = np.empty(4)
         mujoco.mju_mulQuat(quat, quaternion(R), np.asarray(self.quat, np.float64))
         return replace(self, place=R @ np.asarray(self.place, np.float64) + position, quat=quat)
 
     def geom(self, body: str, label: Label = Label.CLUTTER) -> Element:
-        """The geom of a ``body``."""
+        """The geom as MJCF, for the body named ``body``."""
         pose = {"pos": numbers(np.asarray(self.place), 5), "quat": numbers(np.asarray(self.quat), 6)}
         look = {"size": numbers(np.asarray(self.size), 5), "rgba": numbers((*self.colour, 1))}
         return geom(f"{body}_{self.name}", label, type=self.shape, **pose, **look)
 
 
 def hazmat_sign(name: str, kind: str, side: float, style: SignStyle, paper: float = 0.0) -> ThingModel:
-    """A sign of a class, ``side`` m, that stands on its corner; on a sheet that is ``paper`` m larger all around."""
+    """A sign of class ``kind`` and side ``side`` m, standing on its corner, on paper with a margin of ``paper`` m."""
     turned = numbers((np.cos(np.pi / 8), 0, 0, -np.sin(np.pi / 8)), 6)  # the picture's top left corner is on top
     content = sign_png(kind, style=style)
     plate, assets, files = _printed(name, content, side / 2, turned)
@@ -126,7 +126,7 @@ def april_tag(name: str, number: int, side: float) -> ThingModel:
 
 
 def door_lever(name: str, length: float, to_left: bool) -> ThingModel:
-    """A lever of a ``length`` in m on a plate with a keyhole."""
+    """A lever of length ``length`` m on a plate with a keyhole."""
     way = -1 if to_left else 1
     parts = [
         ColouredGeom("plate", "box", (0, -0.03, 0.004), (0.022, 0.11, 0.004), METAL),
@@ -140,7 +140,7 @@ def door_lever(name: str, length: float, to_left: bool) -> ThingModel:
 
 
 def fire_extinguisher(name: str, radius: float, height: float, paint: int, label: int) -> ThingModel:
-    """A red bottle of a ``radius`` and a ``height`` in m with label, valve, handle, gauge and hose."""
+    """A red bottle with label, valve, handle, gauge and hose; ``radius`` and ``height`` in m."""
     red, r, h, top = PAINT[paint % len(PAINT)], radius, 0.72 * height, height
     parts = [
         ColouredGeom("foot", "cylinder", (0, 0, 0.01), (r * 1.02, 0.01), RUBBER),
@@ -158,7 +158,7 @@ def fire_extinguisher(name: str, radius: float, height: float, paint: int, label
 
 
 def _hose(radius: float, shoulder: float, top: float) -> list[ColouredGeom]:
-    """A hose from the valve in an arc to the side of the bottle, where it ends in a nozzle."""
+    """A hose that bends from the valve to the side of the bottle, where it ends in a nozzle."""
     side = radius + 0.016
     places = np.array([(-0.02, top - 0.045), (-0.6 * side, top - 0.04), (-side, top - 0.1), (-side, 0.4 * shoulder)])
     hose = []
@@ -171,7 +171,7 @@ def _hose(radius: float, shoulder: float, top: float) -> list[ColouredGeom]:
 
 
 def _box(name: str, half: tuple[float, float], colour: tuple[float, float, float], quat: str) -> Element:
-    """A sheet just behind what hangs before the wall."""
+    """A sheet just behind a thing that hangs on the wall; ``half``: half sizes, m."""
     size = numbers((*half, THICK / 4), 6)
     pose = {"pos": numbers((0, 0, -3 * THICK / 4), 6), "quat": quat, "size": size, "rgba": numbers((*colour, 1))}
     return geom(name, Label.CLUTTER, type="box", contype="0", conaffinity="0", **pose)
@@ -180,7 +180,7 @@ def _box(name: str, half: tuple[float, float], colour: tuple[float, float, float
 def _printed(
     name: str, content: bytes, half: float, quat: str = "1 0 0 0"
 ) -> tuple[Element, list[Element], dict[str, bytes]]:
-    """A square plate, 2 ``half`` m wide, its front at z = 0, with a picture on it; its assets, and its file."""
+    """A square plate, 2 ``half`` m wide, with a picture on its front at z = 0; also returns its assets and file."""
     file = f"{name}.png"
     texture = Element("texture", name=name, type="2d", file=file)
     material = Element("material", name=name, texture=name, texuniform="false", specular="0.02", shininess="0.05")
@@ -192,5 +192,5 @@ def _printed(
 
 
 def _png(picture: NDArray[np.uint8]) -> bytes:
-    """A grey picture (H, W) as the content of a PNG file in colours."""
+    """A grey picture (H, W) as the content of a colour PNG file."""
     return cv2.imencode(".png", cv2.cvtColor(picture, cv2.COLOR_GRAY2BGR))[1].tobytes()

@@ -1,7 +1,7 @@
-"""Symbols of hazmat signs as filled shapes on a drawing.
+"""Symbols of hazmat signs, drawn as filled shapes.
 
-A drawing is a square, x to the right and y downwards, both from -1 to 1; a symbol is drawn about a centre in a frame
-of its own, from -1 to 1 too, that a scale shrinks.
+A drawing is a square with x to the right and y downwards, both from -1 to 1. A symbol has its own coordinates, also
+from -1 to 1, which are scaled and shifted to its centre on the drawing.
 """
 
 from collections.abc import Sequence
@@ -14,7 +14,7 @@ from PIL import Image, ImageDraw, ImageFont
 
 Colour = tuple[int, int, int]
 """Red, green, blue, 0 to 255."""
-LETTER = 160  # pixels, height of the letters of a text before it is scaled to its place
+LETTER = 160  # pixels, font size of a text before it is scaled to its place
 
 FLAME = (
     (-0.22, 0.75), (-0.5, 0.6), (-0.68, 0.32), (-0.69, 0.04), (-0.57, -0.2), (-0.58, -0.44), (-0.44, -0.24),
@@ -46,7 +46,7 @@ CYLINDER = (
 
 @dataclass(frozen=True, eq=False)
 class Drawing:
-    """A picture that is drawn on.
+    """A picture on which shapes are drawn.
 
     Attributes:
         pixels: (N, N, 3) uint8 RGB.
@@ -60,11 +60,11 @@ class Drawing:
         return cls(np.full((size, size, 3), colour, np.uint8))
 
     def area(self, corners: ArrayLike, colour: Colour) -> None:
-        """Fill a polygon of corners (N, 2)."""
+        """Fill a polygon with corners (N, 2)."""
         cv2.fillPoly(self.pixels, [self._places(corners)], colour, cv2.LINE_AA)
 
     def line(self, corners: ArrayLike, width: float, colour: Colour, closed: bool = False) -> None:
-        """Draw a line of a ``width`` through corners (N, 2)."""
+        """Draw a line of the given width through corners (N, 2)."""
         cv2.polylines(self.pixels, [self._places(corners)], closed, colour, self._length(width), cv2.LINE_AA)
 
     def disc(self, centre: ArrayLike, radius: float, colour: Colour) -> None:
@@ -73,12 +73,12 @@ class Drawing:
         cv2.circle(self.pixels, place.tolist(), self._length(radius), colour, cv2.FILLED, cv2.LINE_AA)
 
     def ring(self, centre: ArrayLike, radius: float, width: float, colour: Colour) -> None:
-        """Draw a circle with a line of a ``width``."""
+        """Draw a circle with a line of the given width."""
         (place,) = self._places(np.asarray(centre)[None])
         cv2.circle(self.pixels, place.tolist(), self._length(radius), colour, self._length(width), cv2.LINE_AA)
 
     def words(self, text: str, centre: ArrayLike, room: tuple[float, float], bold: float, colour: Colour) -> None:
-        """Write a text, its capitals as high and at most as wide as the ``room``; ``bold``: share of the height."""
+        """Write a text with the height and at most the width of ``room``; ``bold``: stroke over letter height."""
         letters = _letters(text, bold)
         height = self._length(room[1])
         width = min(round(letters.shape[1] * height / letters.shape[0]), self._length(room[0]))
@@ -91,7 +91,7 @@ class Drawing:
         return max(1, round(length * len(self.pixels) / 2))
 
     def _places(self, points: ArrayLike) -> NDArray[np.int32]:
-        """(N, 2) int32 pixels of points (N, 2)."""
+        """(N, 2) int32 pixel coordinates of points (N, 2)."""
         return np.rint((np.asarray(points, np.float64) + 1) / 2 * len(self.pixels) - 0.5).astype(np.int32)
 
 
@@ -100,11 +100,11 @@ class Symbol:
     """A place for a symbol on a drawing.
 
     Attributes:
-        drawing: that it is drawn on.
-        centre: (2,) of the symbol.
-        scale: half of its size.
-        ink: its colour.
-        ground: the colour below it.
+        drawing: the drawing.
+        centre: (2,) centre of the symbol on the drawing.
+        scale: half size of the symbol on the drawing.
+        ink: colour of the symbol.
+        ground: background colour.
     """
 
     drawing: Drawing
@@ -120,14 +120,14 @@ class Symbol:
         self._area(BASE, self.ink)
 
     def flame_over_circle(self) -> None:
-        """A flame on a ring above a line: what oxidises."""
+        """A flame on a ring above a line: oxidiser."""
         self._area(np.array(FLAME) * 0.62 + [0.0, -0.4], self.ink)
         self.drawing.disc(self._at((0, 0.38)), 0.42 * self.scale, self.ink)
         self.drawing.disc(self._at((0, 0.38)), 0.31 * self.scale, self.ground)
         self._area(BASE, self.ink)
 
     def skull(self) -> None:
-        """A skull on crossed bones, an outline of ink filled with the ground's colour."""
+        """A skull and crossbones, outlined in ink and filled with the background colour."""
         for end in ((0.85, 0.9), (0.85, 0.2)):
             for width, colour in ((0.24, self.ink), (0.14, self.ground)):
                 self._bone(np.array([end, (-end[0], 1.1 - end[1])]), width, colour)
@@ -141,7 +141,7 @@ class Symbol:
             self._line([(x, 0.26), (x, 0.46)], 0.04, self.ink)
 
     def trefoil(self) -> None:
-        """Three blades about a disc: what radiates."""
+        """Three blades around a disc: radiation."""
         for middle in (30, 150, 270):
             angles = np.radians(np.arange(middle - 30, middle + 31, 5))
             rim = np.column_stack([np.cos(angles), -np.sin(angles)])
@@ -149,7 +149,7 @@ class Symbol:
         self.drawing.disc(self._at((0, 0)), 0.2 * self.scale, self.ink)
 
     def biohazard(self) -> None:
-        """Three open crescents on a ring: what infects."""
+        """Three open crescents on a ring: infectious substance."""
         ways = [np.array([np.cos(a), -np.sin(a)]) for a in np.radians((90, 210, 330))]
         for shift, radius, colour in ((0.44, 0.5, self.ink), (0.56, 0.4, self.ground)):
             for way in ways:
@@ -161,7 +161,7 @@ class Symbol:
         self.drawing.disc(self._at((0, 0)), 0.12 * self.scale, self.ground)
 
     def corrosion(self) -> None:
-        """Two test tubes whose drops eat a piece of metal and a hand."""
+        """Two test tubes with drops that corrode a piece of metal and a hand."""
         for x, turn in ((-0.42, 0.3), (0.42, np.pi - 0.3)):
             cos, sin = np.cos(turn), np.sin(turn)
             tube = 0.7 * np.array(TUBE) @ np.array([(cos, sin), (-sin, cos)])
@@ -175,11 +175,11 @@ class Symbol:
             self._line([(x, 0.66), (x + 0.1, 0.8)], 0.03, self.ground)
 
     def gas_cylinder(self) -> None:
-        """A gas bottle that lies aslant."""
+        """A tilted gas cylinder."""
         self._area(np.array(CYLINDER) @ np.array([(0.97, -0.22), (0.22, 0.97)]), self.ink)
 
     def bomb(self) -> None:
-        """A round bomb in pieces: what explodes."""
+        """A bursting round bomb: explosive."""
         self.drawing.disc(self._at((0, 0.35)), 0.42 * self.scale, self.ink)
         for way in np.radians(np.arange(0, 181, 22.5)):
             tip = np.array([np.cos(way), -np.sin(way)])
@@ -203,7 +203,7 @@ class Symbol:
 
 
 def _letters(text: str, bold: float) -> NDArray[np.uint8]:
-    """(H, W) uint8 a text, white on black, cropped to the height of its capitals and to its width."""
+    """(H, W) uint8 image of a text, white on black, cropped to its bounding box."""
     font, stroke = ImageFont.load_default(LETTER), round(bold * LETTER)
     left, top, right, bottom = (round(edge) for edge in font.getbbox(text, stroke_width=stroke))
     image = Image.new("L", (right - left, bottom - top))

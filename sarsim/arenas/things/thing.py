@@ -1,7 +1,7 @@
-"""Where the things to find are, and what they are: a model's bodies with a kind, a text and a state.
+"""The things to find in a model: bodies with a kind, a text and a state.
 
-They stand in the MJCF, ``<custom><text name="BODY" data="kind=hazmat_sign;text=poison;state="/></custom>``, the
-values written as in URLs. A victim without such a text is alive.
+The MJCF states these in ``<custom><text name="BODY" data="kind=hazmat_sign;text=poison;state="/></custom>``, with
+URL-encoded values. A victim without such a text is alive.
 """
 
 from collections.abc import Iterator, Sequence
@@ -18,7 +18,7 @@ from pipeline.transforms import from_rotation
 from sarsim.victims.victims import PREFIX, box_of_geoms, victims_of
 
 ALIVE, DEAD = "alive", "dead"
-MOST_TEXT = 4000  # characters of a text that are read; the largest QR code holds 2,953 bytes
+MOST_TEXT = 4000  # Maximum number of bytes of a text that are read; the largest QR code holds 2,953 bytes
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,14 +26,14 @@ class Thing:
     """A thing to find.
 
     Attributes:
-        name: of its body.
-        kind: one of ``KINDS`` but heat.
-        text: the class of a sign, what a code says, or the number of a tag; else empty.
-        state: of a victim, alive or dead; else empty.
-        T_world_thing: pose of its own frame. Signs, codes, tags: origin in the middle of the front, x right and y
-            up for a viewer, z towards the viewer; a sign's y is towards the top of what is printed. Else z is up.
+        name: name of its body.
+        kind: one of ``KINDS``, except heat.
+        text: class of a sign, text of a QR code, or number of a tag; otherwise empty.
+        state: alive or dead for a victim; otherwise empty.
+        T_world_thing: pose of its frame. Signs, codes, tags: origin at the centre of the front, x right and y up (a
+            sign's towards the top of its print), z towards the viewer. Levers: the same axes. Others: z up.
         box: lowest and highest corner in its own frame, m.
-        geoms: ids of its geoms, which are the instances in a camera's image.
+        geoms: ids of its geoms, which are also the instance ids in camera images.
     """
 
     name: str
@@ -46,22 +46,22 @@ class Thing:
 
     @property
     def centre(self) -> Place:
-        """Middle of the box in the world, m."""
+        """Centre of the box in the world, m."""
         return self.T_world_thing[:3, :3] @ self.box.mean(axis=0) + self.T_world_thing[:3, 3]
 
     @property
     def normal(self) -> Direction:
-        """Direction in the world of its frame's z axis: of flat things, towards the viewer."""
+        """Direction of its z axis in the world; for flat things, it points towards the viewer."""
         return self.T_world_thing[:3, 2]
 
     @property
     def is_warm(self) -> bool:
-        """Whether it is a victim that is alive."""
+        """Whether it is a living victim."""
         return self.kind == VICTIM and self.state == ALIVE
 
 
 def things_of(model: mujoco.MjModel, data: mujoco.MjData) -> list[Thing]:
-    """The things to find in a model, victims first, each kind in the order of its bodies."""
+    """The things to find in a model: first the victims, then the others, both in the order of their bodies."""
     said = dict(_said(model))
     victims = [
         Thing(PREFIX + v.id, VICTIM, *said.get(PREFIX + v.id, ("", "", ALIVE))[1:], v.T_world_victim, v.box, v.geoms)
@@ -71,19 +71,19 @@ def things_of(model: mujoco.MjModel, data: mujoco.MjData) -> list[Thing]:
 
 
 def of_kind(things: Sequence[Thing], kind: str) -> list[Thing]:
-    """The things of a kind; those of kind heat are the warm ones."""
+    """The things of a kind; for the kind heat, those that are warm."""
     return [thing for thing in things if (thing.is_warm if kind == HEAT else thing.kind == kind)]
 
 
 def declare(root: Element, name: str, kind: str, text: str = "", state: str = "") -> None:
-    """Say in a ``<mujoco>`` element what the body ``name`` is."""
+    """State in a ``<mujoco>`` element what the body ``name`` is."""
     custom = root.find("custom")
     custom = SubElement(root, "custom") if custom is None else custom
     SubElement(custom, "text", name=name, data=data_of(kind, text, state))
 
 
 def data_of(kind: str, text: str = "", state: str = "") -> str:
-    """The data of a custom text that says what a body is."""
+    """The data of a custom text that states what a body is."""
     return ";".join(f"{key}={quote(value)}" for key, value in (("kind", kind), ("text", text), ("state", state)))
 
 
@@ -98,7 +98,7 @@ def _others(model: mujoco.MjModel, data: mujoco.MjData, said: dict[str, tuple[st
 
 
 def _said(model: mujoco.MjModel) -> Iterator[tuple[str, tuple[str, str, str]]]:
-    """Body, and kind, text and state of every custom text that has this form."""
+    """The body, and its kind, text and state, from each custom text of this form."""
     for n in range(model.ntext):
         start = int(model.text_adr[n])
         raw = bytes(model.text_data[start : start + min(int(model.text_size[n]) - 1, MOST_TEXT)])

@@ -1,4 +1,4 @@
-"""How warm the surfaces of an arena are."""
+"""Surface temperatures in an arena."""
 
 from collections.abc import Sequence
 
@@ -11,13 +11,13 @@ from sarsim.arenas.things.thing import Thing
 AMBIENT = 20.0  # °C
 SKIN_WARMTH = 34.0  # °C, of a person at rest; a doll with a heat pad is as warm
 CLOTHES_WARMTH = 28.0
-"""°C, surface of clothes of 0.5 clo on a person at rest at 20 °C, by the heat balance of ISO 7730."""
+"""°C, surface of clothes of 0.5 clo on a person at rest at 20 °C, from the heat balance of ISO 7730."""
 CLOTHES = ("top", "bottom", "shoes", "hair")
-"""What the material of a geom of a person ends with if it keeps the warmth in."""
+"""Suffixes of the material names of a person's geoms that are thermally insulated."""
 
 
 def temperatures(model: mujoco.MjModel, things: Sequence[Thing]) -> NDArray[np.float32]:
-    """(ngeom + 1,) float32 °C of the surface of every geom; the last element is for pixels without a geom."""
+    """(ngeom + 1,) float32 °C, surface temperature of each geom; the last element is for pixels without a geom."""
     warm = np.full(model.ngeom + 1, AMBIENT, np.float32)
     for thing in things:
         if thing.is_warm:

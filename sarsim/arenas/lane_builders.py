@@ -105,7 +105,7 @@ def _pitch_roll(builder: ArenaBuilder, end: int) -> None:
 
 
 def _hurdles(builder: ArenaBuilder, end: int) -> None:
-    """A pallet on each square, two of them raised by a second one, and a pipe in front of each step up to these."""
+    """A pallet on each square, a second one on two of them, and a pipe in front of each step up to these."""
     decks = four_floors(builder)
     for column, deck in enumerate(decks):
         for row in (0, 1):

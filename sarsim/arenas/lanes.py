@@ -93,7 +93,7 @@ class Lane:
 
     Attributes:
         step: height of the step that cannot be avoided, m.
-        twist: the only crossings between ramps are steps whose height grows sideways by this, m per m.
+        twist: growth of the step height with lateral distance, where ramps meet only at such steps, m per m.
         slope: slope of the ground that cannot be avoided, degrees.
         passage: width of the narrowest passage, m; infinite if there is none.
         corner: width of the narrowest doorway in a corner, into which the robot must turn, m; infinite if none.

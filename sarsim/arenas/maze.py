@@ -54,7 +54,7 @@ class MazeConfig:
         tarp: height of the dark tarp that covers the maze; that it also closes the entrances is assumed.
         codes, signs: numbers of QR codes and hazmat signs on the panels; assumed.
         code_side, sign_side: sides of the squares of codes and signs; assumed, as elsewhere in the league.
-        eye: height of the centres of codes and signs, visible for a low robot; assumed.
+        eye: height of the centres of codes and signs, visible to a low robot; assumed.
     """
 
     cell: float = 1.22

@@ -86,7 +86,7 @@ def _fence(layout: Layout, draws: RandomDraws, tiles: list[Tile]) -> None:
 
 
 def choose_start(layout: Layout, draws: RandomDraws) -> tuple[Tile, Side]:
-    """Choose the floor tile and heading with the most open floor ahead; the first two tiles of it are reserved."""
+    """Choose the floor tile and side with the longest row of open floor ahead, and reserve its first two tiles."""
     places = [(t, s) for t in layout.tiles() if layout.ground(t) == FLOOR for s in SIDES]
     tile, side = max(draws.shuffled(places), key=lambda place: len(_way(layout, *place)))
     layout.start = tile
@@ -122,7 +122,7 @@ def ground_items(layout: Layout) -> list[Item]:
 
 
 def wall_items(layout: Layout, draws: RandomDraws, holes: bool, tall: bool, others: Sequence[str] = ()) -> list[Item]:
-    """All walls. ``holes``: some have holes; ``tall``: all panels reach the ceiling; ``others``: types of some."""
+    """All walls, some with ``holes``; if ``tall``, all panels reach the ceiling; some inner walls are ``others``."""
     items = []
     for tile in layout.tiles():
         for side in SIDES:

@@ -63,7 +63,7 @@ def place_victim(layout: Layout, draws: RandomDraws, name: str, hidden: bool) ->
 
 
 def _spots(layout: Layout) -> list[_Spot]:
-    """Free rectangles of at most two by two tiles, each with all four directions."""
+    """Free rectangles of at most two by two tiles, each once for every side that a victim may face."""
     sizes = [(w, h) for w in (1, 2) for h in (1, 2)]
     rectangles = [[(i + a, j + b) for a in range(w) for b in range(h)] for i, j in layout.tiles() for w, h in sizes]
     inside = set(layout.tiles())

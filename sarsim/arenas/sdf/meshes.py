@@ -1,4 +1,4 @@
-"""Triangles from mesh files, by pycollada (COLLADA) or trimesh: in pure Python, broken files only raise exceptions."""
+"""Triangles from mesh files, read by pycollada or trimesh: in pure Python, broken files only raise exceptions."""
 
 import re
 from collections.abc import Callable, Iterator

@@ -8,7 +8,7 @@ Everything is static.
 A link has the shapes of its collision elements, in the colours of its visuals; if no collision shape can be read, it
 has the shapes of its visuals. Elements without shapes (physics, joints) are not read. Plugins, sensors, actors, roads
 and lights are left out and counted. Items that are missing or broken, or were thrown out of the world, are left out
-and named, because Gazebo shows the rest, too.
+and named; Gazebo shows the rest, too.
 """
 
 from collections import Counter

@@ -135,7 +135,7 @@ def test_a_dataset_without_scenes_to_learn_from_is_refused(
     with pytest.raises(SystemExit) as raised:
         call(monkeypatch, "dgcnn", "--data", copy, "--out", tmp_path / "w.safetensors")
     assert raised.value.code == 2
-    assert "split train" in capsys.readouterr().err
+    assert "no scene is in the split train" in capsys.readouterr().err
 
 
 def test_tensorboard_reads_the_validations(

@@ -252,7 +252,7 @@ def test_the_trial_leaves_no_trace() -> None:
         ("labels", "json:JSONDecoder", "has no method classify.* pipeline.semantic_map.classifier.Point"),
         ("exploration", "Greedy", "next_viewpoint: must take 1 arguments: TypeError: missing"),
         ("exploration", "Broken", "observe failed: KeyError: 'first\\\\nsecond'"),
-        ("exploration", "Unmade", "failed: TypeError"),
+        ("exploration", "Unmade", "creating an instance failed: TypeError"),
         ("exploration", "Talkative", "Viewpoint or None, not tuple"),
         ("exploration", "Nowhere", "position"),
         ("exploration", "Far", "is off the map"),

@@ -142,9 +142,9 @@ def test_points_that_are_nowhere_are_unlabelled(weights: Path) -> None:
         ({"blocks": '{"colour": 3}'}, "another version"),
         ({"blocks": "[" * 100_000}, "another version"),
         ({"blocks": '{"size": "wide"}'}, "another version"),
-        ({"blocks": '{"voxel_size": 0}'}, "voxel_size .*got 0"),
-        ({"blocks": '{"size": 1e-9}'}, "size .*got 1e-09"),
-        ({"blocks": '{"reach": Infinity}'}, "reach .*got inf"),
+        ({"blocks": '{"voxel_size": 0}'}, "voxel_size must .* got 0$"),
+        ({"blocks": '{"size": 1e-9}'}, "size must .* got 1e-09$"),
+        ({"blocks": '{"reach": Infinity}'}, "reach must .* got inf$"),
     ],
 )
 def test_weights_for_something_else_are_refused(tmp_path: Path, changes: dict, complaint: str) -> None:

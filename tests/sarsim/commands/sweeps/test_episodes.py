@@ -93,8 +93,8 @@ def test_a_class_of_ones_own_explores(run) -> None:
 @pytest.mark.parametrize(
     ("method", "complaint"),
     [
-        ("mine_2d:Wrong", r"^--methods mine_2d:Wrong: .*nan.*node$"),
-        ("mine_2d:Outside", "1000000000.*node$"),
+        ("mine_2d:Wrong", r"^--methods mine_2d:Wrong: returned nan, .*node$"),
+        ("mine_2d:Outside", "returned 1000000000, .*node$"),
         ("mine_2d:Throws", "^--methods mine_2d:Throws failed: ValueError: a line and another$"),
         ("mine_2d:Hangs", "TimeoutError: .* 1 s$"),
         ("missing_2d:Mine", "^--methods missing_2d:Mine: ModuleNotFoundError: No module named 'missing_2d'$"),

@@ -151,8 +151,7 @@ class Traversability:
 
     def has_ramp(self, xy: ArrayLike) -> bool:
         """Whether the robot drives as on a ramp near a position (2,), m."""
-        places = self.grid.centre_of(np.argwhere(self.ramp))
-        return bool((np.linalg.norm(places - np.asarray(xy), axis=1) < self.config.ramp_margin).any())
+        return bool(self.grid.at(self.ramp, xy, outside=False))
 
     def on_ground(self, xy: ArrayLike) -> Places:
         """(N, 3) points on the ground at positions (N, 2), m."""

@@ -64,7 +64,7 @@ def _boxed(builder: ArenaBuilder, kind: str, number: int) -> Iterator[_Placed]:
     signs = kind.removeprefix("victim_with_box").removeprefix("victim_doll").removesuffix("with_box").strip("_1")
     is_warm = not signs or "t" in signs
     yield doll(builder.next_victim, ALIVE if is_warm else DEAD, np.random.default_rng(number)), np.zeros(3), np.eye(3)
-    if signs in ("q", "qr"):
+    if "q" in signs:
         yield qr_code(f"qr_code_{number}", f"victim {number}", BOX_CODE_SIDE), np.array(BOX_CODE_AT), TOWARDS_VIEWER
 
 

@@ -62,7 +62,7 @@ class SweepSettings:
     workers: Given[int] = None
     out: Path = Path("runs/sweep")
     steps: Fixed[int] = 300
-    limit: Fixed[float] = 3600.0
+    limit: Fixed[float] = 14400.0
 
 
 def sweep(settings: SweepSettings) -> None:

@@ -67,6 +67,7 @@ def test_an_extinguisher_stands_on_the_floor(things_in):
         ("victim_doll_heat_with_box", "alive", []),
         ("victim_with_box_s", "dead", []),
         ("victim_with_box_q", "dead", ["victim 1"]),
+        ("victim_with_box_tq", "alive", ["victim 1"]),
         ("victim_doll_qr_with_box", "dead", ["victim 1"]),
         ("victim_1", "dead", []),
     ],

@@ -58,11 +58,12 @@ def check_folder(path: Path, marks: Collection[str] = ()) -> None:
     try:
         names = sorted(file.name for file in path.iterdir() if file.suffix != ".part") if path.exists() else []
     except OSError as error:
-        raise InputError(f"{path}: {error.strerror or error}") from error
+        raise InputError(f"{path}: cannot be used as a folder: {error.strerror or error}") from error
     if names and not set(marks) & set(names):
         if set(RUN_FILES) & set(names):
-            raise InputError(f"{path}: holds an earlier run; choose another folder, or delete this one")
-        raise InputError(f"{path}: not empty, contains {names[0]}{''.join(f' and no {name}' for name in marks)}")
+            raise InputError(f"{path}: contains an earlier run; choose another folder or delete this one")
+        without = f" but no {' or '.join(marks)}" if marks else ""
+        raise InputError(f"{path}: contains {names[0]}{without}; choose a new or empty folder")
 
 
 def make_folder(path: Path, marks: Collection[str] = ()) -> None:
@@ -76,7 +77,7 @@ def make_folder(path: Path, marks: Collection[str] = ()) -> None:
         path.mkdir(parents=True, exist_ok=True)
         TemporaryFile(dir=path).close()
     except OSError as error:
-        raise InputError(f"{path}: {error.strerror or error}") from error
+        raise InputError(f"{path}: cannot be created or written to: {error.strerror or error}") from error
 
 
 def each(*actions: Callable[[], object]) -> None:
@@ -122,11 +123,12 @@ def check_regular(path: Path, most: float = np.inf) -> None:
     try:
         status = path.stat()
     except (OSError, ValueError) as error:
-        raise InputError(f"{path}: {getattr(error, 'strerror', None) or error}") from error
+        raise InputError(f"{path}: cannot be read: {getattr(error, 'strerror', None) or error}") from error
     if not stat.S_ISREG(status.st_mode):
-        raise InputError(f"{path}: not a regular file")
+        kind = "folder" if stat.S_ISDIR(status.st_mode) else "device, pipe or socket"
+        raise InputError(f"{path}: must be a regular file, not a {kind}")
     if status.st_size > most:
-        raise InputError(f"{path}: too large; the limit is {most:.0f} bytes")
+        raise InputError(f"{path}: the file has {status.st_size} bytes; the limit is {most:.0f} bytes")
 
 
 def read_bytes(path: Path, most: float = np.inf) -> bytes:
@@ -135,7 +137,7 @@ def read_bytes(path: Path, most: float = np.inf) -> bytes:
     try:
         return path.read_bytes()
     except OSError as error:
-        raise InputError(f"{path}: {error.strerror or error}") from error
+        raise InputError(f"{path}: cannot be read: {error.strerror or error}") from error
 
 
 def read_text(path: Path, most: float = MOST_TEXT) -> str:
@@ -144,7 +146,7 @@ def read_text(path: Path, most: float = MOST_TEXT) -> str:
         return read_bytes(path, most).decode("utf-8-sig")
     except UnicodeDecodeError as error:
         raise InputError(
-            f"{path}: not UTF-8 text: byte {error.start + 1} is {error.object[error.start]:#04x}"
+            f"{path}: must be UTF-8 text, but byte {error.start + 1} ({error.object[error.start]:#04x}) is invalid"
         ) from error
 
 
@@ -160,17 +162,25 @@ def read_numbers(path: Path, columns: str, finite: bool = True) -> NDArray[np.fl
         InputError: the file is not a regular file or is too large, or a line has the wrong number of columns or a
             non-finite number.
     """
+    lines, count = read_text(path).splitlines(), len(columns.split())
     try:
-        rows = np.array(
-            [words for line in read_text(path).splitlines() if (words := line.partition("#")[0].split())], float
-        )
-    except InputError:
-        raise
+        rows = np.array([words for line in lines if (words := line.partition("#")[0].split())], float)
     except ValueError:
         rows = np.zeros(0)
-    if rows.shape[1:] != (len(columns.split()),) or (finite and not np.isfinite(rows).all()):
-        raise InputError(f"{path}: every line must hold numbers: {columns}")
+    if rows.shape[1:] != (count,) or (finite and not np.isfinite(rows).all()):
+        for number, line in enumerate(lines, 1):
+            if (words := line.partition("#")[0].split()) and not _are_numbers(words, count, finite):
+                wanted = f"{count} {'finite ' if finite else ''}numbers ({columns})"
+                raise InputError(f"{path}: line {number} must contain {wanted}, not {' '.join(words)[:60]!r}")
+        raise InputError(f"{path}: contains no numbers; every line must contain {columns}")
     return rows
+
+
+def _are_numbers(words: list[str], count: int, finite: bool) -> bool:
+    try:
+        return len(words) == count and (bool(np.isfinite(list(map(float, words))).all()) or not finite)
+    except ValueError:
+        return False
 
 
 def load_arrays(path: Path, what: str) -> dict[str, NDArray[Any]]:
@@ -184,7 +194,7 @@ def load_arrays(path: Path, what: str) -> dict[str, NDArray[Any]]:
         with zipfile.ZipFile(path) as packed:
             size = sum(member.file_size for member in packed.infolist())
         if size > MOST_MEMORY:
-            raise InputError(f"{path}: {size / 1e6:.0f} MB when unpacked; the limit is {MOST_MEMORY / 1e6:.0f} MB")
+            raise InputError(f"{path}: unpacks to {size / 1e6:.0f} MB; the limit is {MOST_MEMORY / 1e6:.0f} MB")
         with np.load(path, allow_pickle=False) as file:
             return {name: file[name] for name in file.files}
     except OSError as error:
@@ -192,7 +202,8 @@ def load_arrays(path: Path, what: str) -> dict[str, NDArray[Any]]:
     except InputError:
         raise
     except Exception as error:  # The archive, its compression and NumPy's headers raise many kinds
-        raise InputError(f"{path}: not a readable {what} ({' '.join(str(error).split())})") from error
+        said = " ".join(str(error).split())
+        raise InputError(f"{path}: not a readable {what} ({said}); repeat the run that wrote it") from error
 
 
 def answer_apart(action: Callable[[], str], seconds: int, memory: int) -> str:

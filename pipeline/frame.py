@@ -16,6 +16,7 @@ from pipeline.errors import InputError
 from pipeline.files import silenced
 from pipeline.sensor import XTION, SensorModel
 
+ONE_SIZE = "all images must be the same size, with depth registered to colour"  # For error messages
 SAME_TIME = 0.02
 """Maximum time between a depth image and its colour image, s, as in the TUM benchmark's tool."""
 
@@ -171,7 +172,7 @@ def decoded(content: bytes | NDArray[np.uint8], flags: int) -> NDArray:
     except cv2.error:  # The image is too large
         image = None
     if image is None:
-        raise InputError("cannot be decoded: damaged, too large, or not an image")
+        raise InputError("the image cannot be decoded: it is damaged, too large or in an unknown format")
     return image
 
 

@@ -286,8 +286,12 @@ class Keyframes:
     def moves_to(self, T_map_base: Poses) -> Moves:
         """How far the keyframes would move to given poses; InputError as in :meth:`place`."""
         poses = np.asarray(T_map_base, np.float64)
-        if poses.shape != self.poses.shape or not are_poses(poses):
-            raise InputError(f"a correction must give each of {len(self)} keyframes {POSE}")
+        if poses.shape != self.poses.shape:
+            raise InputError(
+                f"the corrected poses of {len(self)} keyframes must have shape {self.poses.shape}, not {poses.shape}"
+            )
+        if not are_poses(poses):
+            raise InputError(f"the corrected pose of each of the {len(self)} keyframes must be {POSE}")
         return Moves.between(self.poses, poses, self._reach, self._noticeable)
 
 

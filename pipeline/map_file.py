@@ -230,23 +230,25 @@ def _opened(path: Path) -> Iterator[dict[str, list[Row]]]:
     """Yield the checked rows of a file, by kind; errors in the ``with`` block become InputError too."""
     arrays = load_arrays(path, "map of a run")
     if str(arrays.pop("format", "")) != FORMAT:
-        raise InputError(f"{path}: not the map of a run")
-    if arrays.pop("version", np.array(0)).tolist() != VERSION:
-        raise InputError(f"{path}: must have format version {VERSION}; another version of sarsim wrote it")
+        raise InputError(f"{path}: not the map of a run; use the {KEYFRAMES} in a folder of results")
+    if (version := arrays.pop("version", np.array(0)).tolist()) != VERSION:
+        found = f"has format version {version!s:.20}, but this version of sarsim reads only version {VERSION}"
+        raise InputError(f"{path}: {found}; repeat the run that wrote it")
     try:
         sizes: dict[str, int] = {}
         rows = {kind: _rows(arrays, kind, fields, sizes) for kind, fields in LAYOUT.items()}
         _check(rows)
         yield rows
     except (ValueError, IndexError, KeyError, StopIteration, RuntimeError, np.linalg.LinAlgError) as error:
-        raise InputError(f"{path}: damaged map: {' '.join(str(error).split())}") from error
+        said = " ".join(str(error).split())
+        raise InputError(f"{path}: the map is invalid ({said}); repeat the run that wrote it") from error
 
 
 def _rows(arrays: Arrays, kind: str, fields: dict[str, Field], sizes: dict[str, int]) -> list[Row]:
     """The rows of a kind; ValueError if an entry is missing, not finite, or of the wrong type or shape."""
     columns = [list(_values(arrays, f"{kind}.{name}", field, sizes)) for name, field in fields.items()]
     if len({len(column) for column in columns}) != 1:
-        raise ValueError(f"the entries of {kind} have different lengths")
+        raise ValueError(f"the {kind} arrays have different lengths")
     return [dict(zip(fields, values, strict=True)) for values in zip(*columns, strict=True)]
 
 
@@ -257,12 +259,12 @@ def _values(arrays: Arrays, name: str, field: Field, sizes: dict[str, int]) -> I
     of_row = array.shape[1:]
     expected = field.shape[1:] if has_lengths else field.shape
     if array.dtype != np.dtype(field.kind) or len(of_row) != len(expected):
-        raise ValueError(f"{name} is missing or has the wrong type")
+        raise ValueError(f"{name} is missing, or has the wrong type or number of dimensions")
     for n, size in zip(expected, of_row, strict=True):
         if size != (n if isinstance(n, int) else sizes.setdefault(n, size)):
             raise ValueError(f"{name} has the wrong shape {array.shape}")
     if not np.isfinite(array).all():
-        raise ValueError(f"{name} is not finite")
+        raise ValueError(f"{name} contains non-finite numbers")
     if not has_lengths:
         return iter(array if of_row else array.tolist())
     return _parts(name, array, arrays.get(f"{name}.lengths", np.zeros(0)))
@@ -271,7 +273,7 @@ def _values(arrays: Arrays, name: str, field: Field, sizes: dict[str, int]) -> I
 def _parts(name: str, array: NDArray[Any], lengths: NDArray[Any]) -> Iterator[NDArray[Any]]:
     """Split an array into parts of the given lengths; ValueError if these do not add up to its length."""
     if lengths.dtype != np.int64 or lengths.ndim != 1 or (lengths < 0).any() or lengths.sum() != len(array):
-        raise ValueError(f"{name} has {len(array)} entries, which does not match its rows")
+        raise ValueError(f"{name} has {len(array)} entries, which do not match {name}.lengths")
     ends = np.cumsum(lengths).tolist()
     return (array[start:end] for start, end in zip(chain([0], ends), ends, strict=False))
 
@@ -280,27 +282,29 @@ def _check(rows: dict[str, list[Row]]) -> None:
     """Raise ValueError if a row holds an invalid number."""
     keyframes = len(rows["keyframe"])
     poses = [row[name] for row in rows["keyframe"] for name in ("T_base_camera", "T_map_base")]
-    if not keyframes or not are_poses(poses):
-        raise ValueError(f"each of {keyframes} keyframes must have {POSE}")
+    if not keyframes:
+        raise ValueError("it has no keyframes")
+    if not are_poses(poses):
+        raise ValueError(f"the poses of each keyframe and its camera must be {POSE}")
     if len(rows["odometry"]) != 1 or np.linalg.eigvalsh(rows["odometry"][0]["covariance"])[0] <= 0:
-        raise ValueError("it must have one positive definite covariance of odometry")
+        raise ValueError("it must have exactly one odometry covariance, which must be positive definite")
     of_keyframe = [row["keyframe"] for kind in LAYOUT for row in rows[kind] if "keyframe" in row]
     of_keyframe += [k for kind in ("victim", "find") for row in rows[kind] for k in row["tried_from"].tolist()]
     if not all(0 <= k < keyframes for k in of_keyframe):
-        raise ValueError("an entry belongs to a keyframe that does not exist")
+        raise ValueError("an entry refers to a keyframe that does not exist")
     if any((row["camera"][:2] <= 0).any() for row in rows["keyframe"]):
-        raise ValueError("a camera has no positive focal length")
+        raise ValueError("a keyframe's focal lengths are not positive")
     classes = [row["label"] for row in rows["member"]]
     if not np.isin(classes, list(Label)).all() or any(
         (row["classes"] >= len(Label)).any() for row in rows["keyframe"]
     ):
-        raise ValueError("an entry has an unknown class")
+        raise ValueError("a point or segment has an unknown class")
     if any(row["count"] < 1 for row in rows["member"]) or any(
         row["sightings"] < 1 for kind in ("victim", "find") for row in rows[kind]
     ):
         raise ValueError("a segment, victim or find has no sightings")
     if not all(is_find_kind(_text_of(row["kind"])) for row in rows["find"]):
-        raise ValueError("a find has an unknown kind")
+        raise ValueError("a find is of an unknown kind")
 
 
 def _keyframe_rows(mapper: Mapper) -> Iterator[Row]:
@@ -349,7 +353,7 @@ def _seen_of(row: Row) -> Seen:
     if len(row["dropout_hits"]) != len(row["dropouts"]):
         raise ValueError("a keyframe has different numbers of dropouts and dropout hits")
     if row["is_labelled"] and not len(row["classes"]) == len(row["share"]) == len(row["points"]):
-        raise ValueError("a keyframe has different numbers of points and classes")
+        raise ValueError("a keyframe has different numbers of points, classes and shares")
     names = "depth", "T_base_camera", "points", "hits", "above", "dropouts", "dropout_hits", "rays"
     kept = {name: row[name] for name in names}
     shares = ClassShares(row["classes"], row["share"]) if row["is_labelled"] else None

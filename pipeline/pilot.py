@@ -207,4 +207,4 @@ class Pilot:
         try:
             return self.robot.sense()
         except Exception as error:
-            raise LostError(f"the camera delivers no frames: {error or type(error).__name__}") from error
+            raise LostError(f"the camera twice delivered no frame: {error or type(error).__name__}") from error

@@ -125,6 +125,10 @@ class MappingRun(Run):
         self.labelled.append(keyframe.index)
 
 
+DRIVING = {"goals": "driving to the goals", "home": "driving home", "park": "driving to a victim"}
+"""What the progress says of tasks after exploration."""
+
+
 class TimeIsUpError(Exception):
     """The mission's time is up."""
 
@@ -216,18 +220,19 @@ class ExplorerRun(Run, ABC):
         except LostError as error:
             self.lost = str(error)
             self.ended = "lost" if mission.explores else self.ended
-            self._notice("lost", f"the robot is lost and stops: {error}")
+            self._notice("lost", f"the robot is lost and has stopped: {error}")
         finally:
             self._finish(self._time() - begin)
         return not interrupted()
 
     def _progress_of(self, task: str) -> Progress:
         """The run's progress after a step of a task: share of the mission's time, or else of the explored ground."""
-        text, deadline = f"{self.parts.place}: {task}, {self.explored}", self.explorer.mission.deadline
+        doing = DRIVING.get(task, task)
+        text, deadline = f"{self.parts.place}: {doing}, {self.explored}", self.explorer.mission.deadline
         if deadline is None:
             return Progress(f"{text}, step {self.explorer.steps}", self._explored_share())
         past, all_of_it = self._time() - deadline.begin, deadline.end - deadline.begin
-        minutes = f"{past / 60:.1f} of {all_of_it / 60:g} simulated minutes"
+        minutes = f"{past / 60:.1f} of {all_of_it / 60:g} min"
         return Progress(f"{text}, {minutes}", min(past / all_of_it, 1.0), is_timed=True)
 
     def _explored_share(self) -> float | None:
@@ -274,7 +279,7 @@ class ExplorerRun(Run, ABC):
             return explorer.settle() and not was_waiting
         if not explorer.drive(step):
             leg = pilot.newest_leg
-            line = f"leg to {place_name(leg.target)} ended: {leg.outcome.value}"
+            line = f"the drive to {place_name(leg.target)} ended: {leg.outcome.value}"
             if leg.outcome is Outcome.STUCK:
                 self._notice("stuck", line)
             else:
@@ -302,18 +307,17 @@ class ExplorerRun(Run, ABC):
     def _outcome_of(self, step: Step) -> str:
         """The outcome of a step, as a line for the log."""
         if not step.can_drive:
-            return f"{self.explored}; the robot cannot drive away from where it is"
+            return f"{self.explored}; the robot cannot leave its current position"
         if step.viewpoint is None or step.plan is None:
             finished = "exploration finished: no remaining viewpoint is worth the drive"
-            return f"{self.explored}; {finished if step.explores else 'no goal is left to drive to'}"
+            return f"{self.explored}; {finished if step.explores else 'there is no goal left to drive to'}"
         place, nodes = place_name(step.viewpoint.position), ", ".join(map(str, step.plan.nodes))
-        way = f"{step.plan.length:.1f} m {f'via nodes {nodes}' if nodes else 'directly'}"
+        way = f"path of {step.plan.length:.1f} m via nodes {nodes}" if nodes else f"path of {step.plan.length:.1f} m"
         if not step.viewpoint.gain:
-            return f"{self.explored}; next viewpoint {place}, {way}"
+            return f"{self.explored}; next viewpoint {place}; {way}"
         heading = np.degrees(step.viewpoint.heading)
-        return (
-            f"{self.explored}; next viewpoint {place} at {heading:.0f}°, {way}, to see {step.viewpoint.gain:.2f} m²"
-        )
+        gain = f"{step.viewpoint.gain:.2f} m² of new ground"
+        return f"{self.explored}; next viewpoint {place}, heading {heading:.0f}°; {way}; expected to show {gain}"
 
     def _finish(self, sim_time: float) -> None:
         """Write the results of a run that took ``sim_time`` s by the robot's clock."""

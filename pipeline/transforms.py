@@ -9,7 +9,7 @@ from pipeline.arrays import Direction, Points, Pose, Rotation3
 
 Angle = TypeVar("Angle", float, NDArray[np.floating])
 FARTHEST = 8192.0  # m from the origin of a frame; up to here float32 resolves 1 mm
-POSE = f"a rigid 4×4 pose (finite, orthonormal, not mirroring, last row 0 0 0 1) within {FARTHEST:g} m of the origin"
+POSE = f"a rigid 4 × 4 pose matrix (rotation, translation within ±{FARTHEST:g} m, last row 0 0 0 1)"
 
 
 def are_poses(T: ArrayLike) -> bool:

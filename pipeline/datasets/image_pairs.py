@@ -56,7 +56,8 @@ def image_pairs(path: Path, fps: float | None, most_step: float) -> list[Pair]:
     pairs = sorted(pairs, key=lambda pair: pair.time)
     step = float(np.median(np.diff([pair.time for pair in pairs]))) if len(pairs) > 1 else 0.0
     if step > most_step:
-        raise InputError(f"{path}: its images are {step:g} s apart; give times in s, or in ms, µs or ns since 1970")
+        found = f"the median interval between images is {step:g} s, and the limit is {most_step:g} s"
+        raise InputError(f"{path}: {found}; give times in s, or in ms, µs or ns since 1970")
     return pairs
 
 
@@ -93,7 +94,8 @@ def _association_rows(path: Path) -> list[list[str]] | None:
             continue  # It associates something else, such as images with poses
         for number, row in rows:
             if len(row) != 4 or not all(_is_number(row[k]) for k in (0, 2)):
-                raise InputError(f"{file}: line {number} must hold a time and a file, twice: {' '.join(row)[:60]!r}")
+                found = " ".join(row)[:60]
+                raise InputError(f"{file}: line {number} must contain two pairs of time and file, not {found!r}")
         return [row for _, row in rows]
     return None
 
@@ -117,8 +119,8 @@ def _images(path: Path, names: tuple[str, ...]) -> _Images:
     for name in names:
         if files := _files(path / name):
             return _from_names(files)
-    missing = " nor ".join(f"{name}.txt nor images in {name}/" for name in names)
-    raise InputError(f"{path}: not a recording: it has neither {missing}")
+    lists, folders = ", ".join(f"{name}.txt" for name in names), " or ".join(f"{name}/" for name in names)
+    raise InputError(f"{path}: not a recording: it must contain {lists} or images in {folders}")
 
 
 def _from_list(file: Path) -> _Images:
@@ -129,10 +131,10 @@ def _from_list(file: Path) -> _Images:
         if not words:
             continue
         if len(words) < 2 or not _is_number(words[0]):
-            raise InputError(f"{file}: line {number} must hold a time and a file: {line[:60]!r}")
+            raise InputError(f"{file}: line {number} must contain a time and a file, not {line[:60]!r}")
         found.append((float(words[0]), file.parent / words[1]))
     if not found:
-        raise InputError(f"{file}: lists no images")
+        raise InputError(f"{file}: lists no images; each line must contain a time and a file")
     times = in_seconds(np.array([time for time, _ in found]))
     return _Images([name for _, name in found], times if len(found) == 1 or np.ptp(times) else None)
 
@@ -174,15 +176,17 @@ def _by_number(path: Path, depth: _Images, colour: _Images, fps: float | None) -
     keys, others = _keys(depth.files), _keys(colour.files)
     if keys is None or others is None:
         if len(depth.files) != len(colour.files):
-            numbers = f"{len(depth.files)} depth and {len(colour.files)} colour images"
+            pairs = f"{len(depth.files)} depth and {len(colour.files)} colour images"
             raise InputError(
-                f"{path}: its {numbers} have no numbers in their names; list the pairs in associations.txt"
+                f"{path}: {pairs} cannot be paired by the numbers in their names; list them in associations.txt"
             )
         keys = others = [(float(k),) for k in range(len(depth.files))]
     times = depth.times
     if times is None:
         if fps is None:
-            raise InputError(f"{depth.files[0].parent}: its images have no times; give the frame rate with --fps")
+            raise InputError(
+                f"{depth.files[0].parent}: the images have no timestamps; give the frame rate with --fps"
+            )
         times = _places(keys, others) / fps
     by_key = dict(zip(others, colour.files, strict=True))
     found = zip(times.tolist(), keys, depth.files, strict=True)

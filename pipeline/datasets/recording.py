@@ -84,6 +84,6 @@ class Recording:
         """Raise InputError if known poses do not overlap in time with the images, from ``first`` to ``last``, s."""
         for name, poses in (("odometry", self.odometry), ("true poses", self.truth)):
             if poses is not None and (poses.times[0] > last or poses.times[-1] < first):
-                of_poses = f"{poses.times[0]:.2f} to {poses.times[-1]:.2f} s"
-                spans = f"{first:.2f} to {last:.2f} s, the {name} from {of_poses}"
-                raise InputError(f"{self.path}: its clocks differ: the images are from {spans}")
+                of_poses = f"{name} from {poses.times[0]:.2f} to {poses.times[-1]:.2f} s"
+                spans = f"images from {first:.2f} to {last:.2f} s, {of_poses}"
+                raise InputError(f"{self.path}: timestamps do not overlap: {spans}; correct or remove the {name}")

@@ -80,7 +80,8 @@ class Replay:
         given = {"registration": None, "truth": self.recording.truth}.get(poses, self.recording.odometry)
         if given is None and poses != "registration":
             what = "true poses" if poses == "truth" else "odometry"
-            raise InputError(f"{self.recording.path}: --poses {poses} needs {what}, and the recording has none")
+            needed = f"--poses {poses} needs {what}, but the recording has none"
+            raise InputError(f"{self.recording.path}: {needed}; use --poses registration")
         return given
 
     def __iter__(self) -> Iterator[Replayed]:
@@ -159,9 +160,8 @@ class Replay:
                 T_first_frame, up = odometry.pose(frame), vertical(frame, self._numbers)
                 if up is not None:
                     return T_lowest_camera(first, T_first_frame[:3, :3] @ up, self._numbers.vertical)
-        raise InputError(
-            f"{self.recording.path}: neither an accelerometer nor floor and walls show which way is up; give --camera"
-        )
+        unknown = "neither an accelerometer nor a view of floor and walls determines the vertical"
+        raise InputError(f"{self.recording.path}: {unknown}; give the camera's pose with --camera")
 
     def _up(self, frame: Frame, T_base_camera: Pose) -> Direction:
         """The vertical in ``base_link``, from the accelerometer, else from the surfaces, else of a level robot."""
@@ -202,5 +202,5 @@ class Replay:
 def _measured(T_base_camera: Pose) -> str:
     """The note that the camera's pose on the robot was estimated."""
     height, down = T_base_camera[2, 3], np.degrees(np.arcsin(np.clip(-T_base_camera[2, 2], -1, 1)))
-    given = "the camera's pose on the robot is unknown (give it with --camera)"
-    return f"{given}; estimated from the first frame: {height:.2f} m high, tilted down by {down:.0f}°"
+    pose = f"{height:.2f} m high, tilted {'down' if down >= 0 else 'up'} by {abs(down):.0f}°"
+    return f"the recording lacks the camera's pose; using an estimate ({pose}); to set it, use --camera"

@@ -76,7 +76,8 @@ def read_ros_bag(
     for line in filter(None, (*chosen.notes, *beside.notes, camera.note, mount.note)):
         recording.note(line)
     if recording.odometry is None and beside.links.moves:
-        recording.note(f"no odometry: found neither nav_msgs/Odometry nor a transform from odom, only {beside.links}")
+        found = f"neither nav_msgs/Odometry nor transforms from odom, only {beside.links}"
+        recording.note(f"no odometry: the bag contains {found}")
     return recording
 
 
@@ -104,10 +105,10 @@ def _opened(path: Path) -> Iterator[AnyReader]:
     except (InputError, GeneratorExit, KeyboardInterrupt):
         raise
     except FileNotFoundError as error:
-        raise InputError(f"{path}: not a bag: {error}") from error
+        raise InputError(f"{path}: not a ROS bag: {error}") from error
     except Exception as error:
         said = " ".join(str(error).split()) or type(error).__name__
-        raise InputError(f"{path}: truncated, damaged or in an unknown format: {said}") from error
+        raise InputError(f"{path}: the bag is truncated, damaged or in an unknown format: {said}") from error
 
 
 class Topics:
@@ -126,12 +127,15 @@ class Topics:
         self._path, self._named, self.notes = path, named, list[str]()
         self.kinds = {name: info.msgtype or "" for name, info in reader.topics.items() if info.msgcount}
         if unknown := [name for name in named if name not in self.kinds]:
-            raise InputError(f"{path}: no messages on {', '.join(unknown)}")
+            raise InputError(
+                f"{path}: no messages on {' or '.join(unknown)} (--topics); the bag's topics are {self._listed}"
+            )
         images = [name for name, kind in self.kinds.items() if kind in IMAGE_TYPES and name != LABELS]
         depths = [name for name in images if "depth" in name.lower()]
         depth = self._one("depth images", depths)
         if depth is None:
-            raise InputError(f"{path}: no depth images; its topics are {', '.join(sorted(self.kinds)) or 'none'}")
+            needed = "no depth images, which must be on a topic with 'depth' in its name"
+            raise InputError(f"{path}: {needed}; its topics are {self._listed}")
         self.depth = depth
         others = [name for name in images if name not in depths and not INFRARED.search(name)]
         self.colour = self._one("colour images", others)
@@ -139,12 +143,16 @@ class Topics:
         self.imu = self._imu()
         self.transforms = self._transforms()
 
+    @property
+    def _listed(self) -> str:
+        return ", ".join(sorted(self.kinds)) or "none"
+
     def _imu(self) -> str | None:
         imus = self._of("sensor_msgs/msg/Imu")
         if len(imus) == 1 or set(imus) & set(self._named):
-            return self._one("IMUs", imus)
+            return self._one("IMU data", imus)
         if imus:
-            self.notes.append(f"IMU data on {' and '.join(imus)} is ignored; choose a topic with --topics")
+            self.notes.append(f"ignoring IMU data on several topics ({', '.join(imus)}); choose one with --topics")
         return None
 
     def _transforms(self) -> list[str]:
@@ -152,7 +160,9 @@ class Topics:
         robots = [name for name in (self.depth, self.odometry) if name]
         used = [name for name in every if name in self._named] or tf_topics(self.kinds, robots)
         if unused := [name for name in every if name not in used]:
-            self.notes.append(f"transforms on {' and '.join(unused)} are ignored; choose topics with --topics")
+            self.notes.append(
+                f"ignoring transforms on {', '.join(unused)}; to use them, name their topics in --topics"
+            )
         return used
 
     def _of(self, kind: str) -> list[str]:
@@ -163,8 +173,8 @@ class Topics:
         raw = [n for n in names if not any(n != m and n.startswith(f"{m}/") for m in names)]
         found = [n for n in names if n in self._named] or raw
         if len(found) > 1:
-            listed = " and ".join(found)
-            raise InputError(f"{self._path}: several topics have {what}: {listed}; choose with --topics")
+            listed = ", ".join(found)
+            raise InputError(f"{self._path}: several topics have {what}: {listed}; choose one with --topics")
         return found[0] if found else None
 
 
@@ -216,7 +226,7 @@ class _Beside:
             same = [name for name, info in self._infos.items() if info.header.frame_id == header.frame_id]
             name = same[0] if len(same) == 1 or (same and topic == topics.depth) else None
             if name is not None:
-                self.notes.append(f"using {name}, which has the same frame, as the camera_info of {topic}")
+                self.notes.append(f"using {name} as the camera_info of {topic}, because they have the same frame")
         info = None if name is None else self._infos[name]
         if stream := self._stream(topic):
             return ImageSource(topic, info, stream)
@@ -247,7 +257,9 @@ class _Beside:
         """A trajectory of poses with times, s, without those that are not finite; None if none is left."""
         good = [(time, T) for time, T in poses if np.isfinite(T).all()]
         if len(good) < len(poses):
-            self.notes.append(f"{name}: {len(poses) - len(good)} of {len(poses)} poses are not finite")
+            self.notes.append(
+                f"{name}: ignoring {len(poses) - len(good)} of {len(poses)} poses, which are not finite"
+            )
         return Trajectory(np.array([t for t, _ in good]), np.array([T for _, T in good])) if good else None
 
     def up(self, camera: str, at_rest: float) -> Direction | None:
@@ -287,7 +299,7 @@ def _frames(
             if last == -np.inf:
                 recording.check_clocks(time, time + span)
             if time and not seconds(depth.header.stamp):
-                recording.note("depth images have no timestamps (all 0); using the times at which they were recorded")
+                recording.note("a depth image has no timestamp (0); using the time at which it was recorded")
             if time <= last:
                 order = "with the same timestamp as another" if time == last else "that are out of order"
                 recording.leave_out(f"depth images {order}")
@@ -297,8 +309,12 @@ def _frames(
                 recording.leave_out("depth images without a colour image")
                 continue
             last = time
-            metres, rgb = camera.images(depth_of(depth), None if colour is None else colour_of(colour))
-            true = None if label is None else label_of(label)
+            try:
+                raw, shown = depth_of(depth), None if colour is None else colour_of(colour)
+                true = None if label is None else label_of(label)
+            except InputError as error:
+                raise InputError(f"{recording.path}: {error}") from error
+            metres, rgb = camera.images(raw, shown)
             yield Frame(time, rgb, metres, camera.intrinsics, place, np.eye(4), true)
 
 

@@ -14,7 +14,7 @@ from pipeline.datasets.image_pairs import Pair, image_pairs
 from pipeline.datasets.recording import Recording
 from pipeline.errors import InputError
 from pipeline.files import MOST_MEMORY, read_bytes, read_numbers
-from pipeline.frame import Calibration, Frame, Intrinsics, decoded
+from pipeline.frame import ONE_SIZE, Calibration, Frame, Intrinsics, decoded
 from pipeline.localisation.trajectory import Trajectory, in_seconds, read_trajectory
 
 
@@ -74,7 +74,8 @@ def _trajectory(path: Path, recording: Recording | None = None) -> Trajectory | 
         return None
     found = read_trajectory(path, of_camera=True)
     if recording is not None and found.left_out:
-        recording.note(f"{path.name}: {found.left_out} of its lines hold no pose (not finite, or a zero quaternion)")
+        skipped = f"{found.left_out} of {found.left_out + len(found.times)} lines"
+        recording.note(f"{path.name}: ignoring {skipped}, which have non-finite numbers or a zero quaternion")
     return found
 
 
@@ -85,7 +86,8 @@ def _up(path: Path, recording: Recording, at_rest: float) -> Direction | None:
     rows = read_numbers(path, "time ax ay az", finite=False)
     good = rows[np.isfinite(rows).all(axis=1)]
     if len(good) < len(rows):
-        recording.note(f"{path.name}: {len(rows) - len(good)} of its lines are not finite")
+        skipped = f"{len(rows) - len(good)} of {len(rows)} lines"
+        recording.note(f"{path.name}: ignoring {skipped}, which have non-finite numbers")
     if not len(good):
         return None
     times = in_seconds(good[:, 0])
@@ -99,10 +101,10 @@ def _up(path: Path, recording: Recording, at_rest: float) -> Direction | None:
 def _calibration(path: Path) -> Calibration:
     file = path / "calibration.txt"
     if not file.exists():
-        raise InputError(f"{path}: no calibration.txt; give the camera's with --intrinsics fx fy cx cy")
+        raise InputError(f"{path}: no calibration.txt; give the camera's intrinsics with --intrinsics fx fy cx cy")
     rows = read_numbers(file, "fx fy cx cy")
     if len(rows) != 1 or not (rows > 0).all():
-        raise InputError(f"{file}: must be one line, fx fy cx cy, all positive")
+        raise InputError(f"{file}: must contain exactly one line of four positive numbers, fx fy cx cy")
     return Calibration(*rows[0].tolist())
 
 
@@ -119,8 +121,8 @@ def _frames(recording: Recording, pairs: Sequence[Pair], calibration: Calibratio
         rgb = np.ascontiguousarray(_image(colour, cv2.IMREAD_COLOR)[..., ::-1])
         size = size or metres.shape
         if metres.shape != size or rgb.shape[:2] != size:
-            sizes = " and ".join(f"{w} × {h}" for h, w in {size, metres.shape, rgb.shape[:2]})
-            raise InputError(f"{file}: images of two sizes, {sizes}; depth must be registered to colour")
+            sizes = ", ".join(f"{w} × {h}" for h, w in {size, metres.shape, rgb.shape[:2]})
+            raise InputError(f"{file}: {ONE_SIZE}, but their sizes are {sizes}")
         fx, fy, cx, cy = calibration
         intrinsics = Intrinsics(size[1], size[0], fx, fy, cx + 0.5, cy + 0.5)
         yield Frame(time, rgb, metres, intrinsics, np.eye(4), np.eye(4))
@@ -129,7 +131,9 @@ def _frames(recording: Recording, pairs: Sequence[Pair], calibration: Calibratio
 def _depth(file: Path, scale: float) -> Depth:
     image = _image(file, cv2.IMREAD_UNCHANGED)
     if image.ndim != 2 or image.dtype not in (np.uint16, np.float32):
-        raise InputError(f"{file}: not a depth image: {image.dtype} pixels of shape {image.shape}")
+        raise InputError(
+            f"{file}: must be a one-channel uint16 or float32 depth image, not {image.dtype} with shape {image.shape}"
+        )
     return np.asarray(image / np.float32(scale), np.float32)
 
 

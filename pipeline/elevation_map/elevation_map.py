@@ -221,7 +221,9 @@ class ElevationMap:
     def _reserve(self, more: int) -> None:
         """Make room for ``more`` columns; InputError if they would take too much memory."""
         per_column = self._height.itemsize + self._hits.itemsize
-        check_memory(f"the heights of {self._size} cells", (self._size + more) * self.config.levels * per_column)
+        check_memory(
+            f"the heights of {self._size + more} cells", (self._size + more) * self.config.levels * per_column
+        )
         self._height, self._hits = (roomier(values, self._size, more) for values in (self._height, self._hits))
 
     @property

@@ -176,7 +176,10 @@ def reach_of(robot: RobotModel, config: TraversabilityConfig, cell: float) -> fl
     """
     widest = robot.corner_radius + config.costs.comfort
     if not widest <= FARTHEST:
-        raise InputError(f"the robot's corner radius plus comfort must be at most {FARTHEST:g} m, got {widest:g} m")
+        raise InputError(
+            f"the robot's corner radius ({robot.corner_radius:g} m) plus comfort ({config.costs.comfort:g} m) "
+            f"must be at most {FARTHEST:g} m; use a smaller robot or reduce comfort"
+        )
     return widest + 2 * cell
 
 

@@ -158,15 +158,15 @@ class Mission:
         self.goals = self._visited[name] = goals
         yield name
         if not self._is_on_retreat and self.is_out_of_time:
-            goals.refuse("too little time is left before the drive back")
-        goals.refuse("the robot is stuck" if robot.is_held else None)
+            goals.refuse("too little time was left before the drive back")
+        goals.refuse("the robot was stuck" if robot.is_held else None)
 
     def new_outcomes(self) -> Iterator[tuple[str, bool]]:
         """A line for each goal visited or given up since the last call, and whether it was reached."""
         for name, goals in self._visited.items():
             for visit in goals.visits[self._reported.get(name, 0) :]:
                 place = "home" if name == "home" else goal_name(visit.goal)
-                yield visit.obstacle or f"{place} reached", visit.obstacle is None
+                yield visit.obstacle or f"reached {place}", visit.obstacle is None
             self._reported[name] = len(goals.visits)
 
     def report(self) -> dict[str, Any]:

@@ -136,11 +136,11 @@ class UnseenWays:
             return None
         if self.is_far(goal, context):
             away, most = np.linalg.norm(goal - robot), self._numbers.farthest
-            return f"{goal_name(goal)} is {away:.0f} m away; through unseen ground the limit is {most:g} m"
+            return f"{goal_name(goal)} is {away:.1f} m away; paths through unseen ground are limited to {most:g} m"
         is_seen = np.isfinite(ground.grid.at(ground.elevation, goal, outside=np.nan))
         if is_seen or ground.grid.at(ground.to_hazard, goal, outside=np.inf) < ground.robot.half_width:
             return None
-        return f"{goal_name(goal)} cannot be reached: every path is blocked, and the ground there was not seen"
+        return f"{goal_name(goal)} cannot be reached: every path is blocked, and the ground at the goal was not seen"
 
     def may_open(self, goal: Place, context: Context) -> bool:
         """Whether a path leads to a goal if only hazards that were seen can block it."""

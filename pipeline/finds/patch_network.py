@@ -40,7 +40,8 @@ class PatchNetwork(nn.Sequential):
             network.load_state_dict({name: value.float() for name, value in load_file(path).items()})
         except (OSError, SafetensorError, RuntimeError) as error:
             reason = str(error).splitlines()[0]
-            raise InputError(f"{path}: not the weights of a classifier with {classes} classes: {reason}") from error
+            what = f"not the weights of a classifier with {classes} classes"
+            raise InputError(f"{path}: {what} ({reason}); use another file") from error
         return network.eval()
 
     def probabilities(self, patches: NDArray[np.uint8], turns: int = 4) -> NDArray[np.float32]:

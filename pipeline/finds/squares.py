@@ -63,7 +63,8 @@ def _bounded(rgb: NDArray[np.uint8], most: int) -> tuple[Rgb, float]:
         InputError: the image is empty, or of another shape or type.
     """
     if rgb.dtype != np.uint8 or rgb.size == 0 or rgb.ndim not in (2, 3) or rgb.shape[2:] not in ((), (1,), (3,)):
-        raise InputError(f"image: must be uint8 (height, width) or (height, width, 3), not {rgb.dtype} {rgb.shape}")
+        wanted = "non-empty uint8 array with shape (height, width), (height, width, 1) or (height, width, 3)"
+        raise InputError(f"an image must be a {wanted}, not {rgb.dtype} with shape {rgb.shape}")
     image = np.repeat(rgb.reshape(*rgb.shape[:2], 1), 3, axis=2) if rgb.shape[2:] != (3,) else rgb
     scale = min(1.0, (most / (rgb.shape[0] * rgb.shape[1])) ** 0.5)
     if scale == 1.0:

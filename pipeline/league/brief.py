@@ -85,17 +85,18 @@ class MissionBrief:
         """Raises InputError if a name, a number or the list of tasks is invalid."""
         for name in ("team", "country", "name"):
             if not getattr(self, name).strip() or re.search(r"[\x00-\x1f\x7f]", getattr(self, name)):
-                raise InputError(f"mission: {name} {getattr(self, name)!r}: must be one line, not empty")
+                rule = "must not be empty or contain line breaks or other control characters"
+                raise InputError(f"mission: {name} = {getattr(self, name)!r}: {rule}")
         if not 0 < self.minutes < float("inf"):
-            raise InputError(f"mission: minutes {self.minutes:g}: minutes must be positive")
+            raise InputError(f"mission: minutes = {self.minutes:g}: must be positive and finite")
         if len(set(self.tasks)) < max(len(self.tasks), 1):
             raise InputError(
-                f"mission: tasks {', '.join(self.tasks) or 'none'}: give at least one, and each only once"
+                f"mission: tasks = [{', '.join(self.tasks)}]: must contain at least one task, and each only once"
             )
-        for part in (self.rewards, self.penalties):
+        for group, part in (("rewards", self.rewards), ("penalties", self.penalties)):
             for entry in fields(part):
                 if not 0 <= (value := getattr(part, entry.name)) < float("inf"):
-                    raise InputError(f"mission: {entry.name} {value:g}: must be finite and not negative")
+                    raise InputError(f"mission: {group}.{entry.name} = {value:g}: must be non-negative and finite")
 
     @property
     def stem(self) -> str:

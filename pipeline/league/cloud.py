@@ -112,10 +112,10 @@ def read_cloud(path: Path) -> CloudFile:
     head, end, body = read_bytes(path, MOST_MEMORY).partition(b"end_header")
     lines = [line.strip() for line in head.decode(errors="replace").splitlines()]
     if not end or lines[:1] != ["ply"]:
-        read.faults.append("not a PLY file: it must begin with ply and have an end_header")
+        read.faults.append('not a PLY file: the first line must be "ply", and the header must end with "end_header"')
         return read
     if "format ascii 1.0" not in lines:
-        read.faults.append("not an ASCII PLY file: the format must be ascii 1.0")
+        read.faults.append('not an ASCII PLY file: the header must contain the line "format ascii 1.0"')
         return read
     read.comments = [line.removeprefix("comment").strip() for line in lines if line.startswith("comment")]
     count, names = _vertices(read, lines)
@@ -140,13 +140,13 @@ def _wrong_properties(kinds: dict[str, str]) -> Iterator[str]:
     """What is wrong with the properties of a vertex and their types."""
     for name, kind in kinds.items():
         if name in PROPERTIES and ALIASES.get(kind, kind) != PROPERTIES[name]:
-            yield f"property {name} is {kind}; it must be {PROPERTIES[name]}"
+            yield f"property {name} must have the type {PROPERTIES[name]}, not {kind}"
     for name in PLACE:
         if name not in kinds:
             yield f"property float {name} is missing"
     for group in (RGB, NORMAL):
         if 0 < len(set(group) & kinds.keys()) < len(group):
-            yield f"some of {' '.join(group)} are missing"
+            yield f"of the properties {', '.join(group)}, either all or none must be present"
 
 
 def _read_body(read: CloudFile, lines: list[bytes], count: int, names: list[str]) -> None:
@@ -155,13 +155,13 @@ def _read_body(read: CloudFile, lines: list[bytes], count: int, names: list[str]
     try:
         table = np.loadtxt(rows, ndmin=2, comments=None) if any(map(bytes.strip, rows)) else np.zeros((0, len(names)))
     except ValueError as error:
-        read.faults.append(f"vertices must be numbers: {error}")
+        read.faults.append(f"each vertex must be a line of numbers: {error}")
         return
     if table.shape != (count, len(names)):
-        rows_of = f"{len(table)} vertices of {table.shape[1]} numbers"
-        read.faults.append(f"{rows_of}; the header declares {count} of {len(names)}")
+        declared = f"the header declares {count} vertices with {len(names)} numbers each"
+        read.faults.append(f"{declared}, but the file has {len(table)} with {table.shape[1]}")
         return
     if not np.isfinite(table).all():
-        read.faults.append("vertices must be finite")
+        read.faults.append("all numbers of the vertices must be finite")
         return
     read.columns = dict(zip(names, table.T, strict=True))

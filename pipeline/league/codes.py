@@ -59,7 +59,9 @@ def read_codes(path: Path) -> list[ReadCode]:
     try:
         return [_code(row) for row in _rows(json.loads(read_text(path)))]
     except (ValueError, TypeError, KeyError, RecursionError) as error:
-        raise InputError(f"{path}: must be a JSON list of codes as {EXAMPLE}") from error
+        raise InputError(
+            f"{path}: must be a JSON list of QR codes with finite positions, each like {EXAMPLE}"
+        ) from error
 
 
 def _rows(read: object) -> list[dict[str, object]]:

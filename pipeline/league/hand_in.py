@@ -57,7 +57,7 @@ def hand_in(
     try:
         target.mkdir(exist_ok=True)
     except OSError as error:
-        raise InputError(f"{target}: {error.strerror or error}") from error
+        raise InputError(f"{target}: the folder cannot be created: {error.strerror or error}") from error
     way, robot = driven[:, :3, 3], ground.robot
     cameras, T = way + np.array([0.0, 0.0, robot.headroom]), league_frame(driven[0], robot.half_length)
     pois = points_of_interest(finds, T, brief.start)

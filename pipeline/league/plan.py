@@ -115,7 +115,7 @@ def _empty_plan(points: Places, letters: int) -> Plan:
     high += [max(0.0, letters * LENGTHS["title"] + 2 * LENGTHS["scale"] - (high - low)[0]), margin]
     corner = np.rint([low[0] / pixel, high[1] / pixel]) * pixel
     width, height = np.ceil((high - low) / pixel).astype(int).tolist()
-    check_memory(f"a picture of {width} × {height} pixels", 2 * 3 * width * height)
+    check_memory(f"a 2D map of {width} × {height} pixels", 2 * 3 * width * height)
     x = np.floor((corner[0] + (np.arange(width) + 0.5) * pixel) / LENGTHS["checker"])
     y = np.floor((corner[1] - (np.arange(height) + 0.5) * pixel) / LENGTHS["checker"])
     is_dark = ((x[None] + y[:, None]) % 2).astype(np.uint8)

@@ -128,7 +128,9 @@ def read_pois(path: Path) -> PoiFile:
     for number, (name, line) in enumerate(zip(HEADER, lines, strict=False), 1):
         _read_header(read, number, name, line)
     if len(lines) <= len(HEADER):
-        read.faults.append(f"ends after {len(lines)} lines; it must have {len(HEADER)} header lines and the columns")
+        read.faults.append(
+            f"must have {len(HEADER)} header lines and a line of column names; lines in the file: {len(lines)}"
+        )
         return read
     if lines[len(HEADER)] != POI_COLUMNS:
         read.faults.append(f"line {len(HEADER) + 1}: must be {POI_COLUMNS}")
@@ -140,7 +142,8 @@ def read_pois(path: Path) -> PoiFile:
 def _read_header(read: PoiFile, number: int, name: str, line: str) -> None:
     """Read one line of the header."""
     if not re.fullmatch(_TEXT, line):
-        read.faults.append(f"line {number}: must be the {name} in double quotes")
+        wanted = f'"{name}"' if number <= 2 else f"the {name} in double quotes"
+        read.faults.append(f"line {number}: must be {wanted}")
         return
     (value,) = next(csv.reader([line]))
     read.header[name] = value
@@ -149,7 +152,9 @@ def _read_header(read: PoiFile, number: int, name: str, line: str) -> None:
     elif not value.strip():
         read.faults.append(f"line {number}: the {name} is empty")
     elif name in FORMS and not _is_of(value, FORMS[name]):
-        read.faults.append(f"line {number}: {value} is not a {name} such as {DEFAULT_START:{FORMS[name]}}")
+        read.faults.append(
+            f"line {number}: must be a valid {name} such as {DEFAULT_START:{FORMS[name]}}, not {value!r}"
+        )
 
 
 def _is_of(text: str, form: str) -> bool:
@@ -164,20 +169,24 @@ def _read_row(read: PoiFile, number: int, at: int, line: str) -> None:
     """Read the ``number``-th detection, which is in line ``at``."""
     row = _ROW.fullmatch(line)
     if row is None:
-        read.faults.append(f"line {at}: must be {POI_COLUMNS}; type, name and robot in double quotes, x y z in m")
+        read.faults.append(f"line {at}: must be {POI_COLUMNS}, with type, name and robot in double quotes")
         return
     label, time, kind, name, x, y, z, robot, mode = (text.replace('""', '"') for text in row.groups())
     poi = PointOfInterest(time, kind, name, np.array([float(x), float(y), float(z)]), robot, mode)
     wrong = {
-        f"detection {label}: must be {number}; rows are numbered in order": int(label) != number,
-        f"time {time}: must be a time such as {DEFAULT_START:{FORMS['time']}}": not _is_of(time, FORMS["time"]),
-        f"type {kind}: must be one of {', '.join(POI_TYPES)}": kind not in POI_TYPES,
-        "name: must not be empty": not name.strip(),
-        f"mode {mode}: must be one of {', '.join(MODES)}": mode not in MODES,
+        f"detection = {label}: must be {number}, because rows are numbered in order": int(label) != number,
+        f"time = {time}: must be a valid time such as {DEFAULT_START:{FORMS['time']}}": not _is_of(
+            time, FORMS["time"]
+        ),
+        f"type = {kind!r}: must be one of {', '.join(POI_TYPES)}": kind not in POI_TYPES,
+        f"name = {name!r}: must not be empty": not name.strip(),
+        f"mode = {mode!r}: must be {' or '.join(f'{key} ({text})' for key, text in MODES.items())}": mode
+        not in MODES,
     }
     same = next((k for k, other in enumerate(read.pois, 1) if is_same_object(poi, other)), None)
     if same is not None:
-        wrong[f"{kind} {name}: the same object as in an earlier row; each counts once"] = True
+        near = f"with the same type and name less than {LENGTHS['diamond']:g} m away"
+        wrong[f"{kind} {name!r}: repeats an earlier row {near}; list each object once"] = True
     read.faults += [f"line {at}: {text}" for text, is_wrong in wrong.items() if is_wrong]
     if not any(wrong.values()):
         read.pois.append(poi)

@@ -32,10 +32,10 @@ def handed_in_files(folder: Path) -> dict[str, list[Path]]:
     try:
         names = sorted(place.iterdir())
     except OSError as error:
-        raise InputError(f"{place}: {error.strerror or error}") from error
+        raise InputError(f"{place}: the folder cannot be read: {error.strerror or error}") from error
     found = {ending: [path for path in names if path.suffix.lower() == ending] for ending in HANDED_FILES}
     if not any(found.values()):
-        raise InputError(f"{place}: no files to check: no file ends in {', '.join(HANDED_FILES)}")
+        raise InputError(f"{place}: no files to check; their names must end in {', '.join(HANDED_FILES)}")
     return found
 
 
@@ -79,7 +79,7 @@ def _wrong_list_name(path: Path, read: PoiFile) -> Iterator[str]:
     if not NAME.fullmatch(path.stem) or not path.stem.endswith("-pois"):
         yield "must be named RoboCup[Year]-[Team]-[Mission]-[StartTime]-pois.csv"
     elif _letters(path.stem) != _stem(read.header) + _letters(read.header.get("time", ""), "pois"):
-        yield "its name does not match the year, team, mission or start time in its header"
+        yield "the file name must match the year, team, mission and start time in the header"
 
 
 def _wrong_name(path: Path, headers: list[dict[str, str]]) -> Iterator[str]:
@@ -87,7 +87,7 @@ def _wrong_name(path: Path, headers: list[dict[str, str]]) -> Iterator[str]:
     if not NAME.fullmatch(path.stem):
         yield f"must be named RoboCup[Year]-[Team]-[Mission]{path.suffix}"
     elif headers and _letters(path.stem) not in map(_stem, headers):
-        yield "its name does not match the year, team or mission of the list of finds"
+        yield "the file name must match the year, team and mission in the header of the list of finds"
 
 
 def wrong_cloud(read: CloudFile, headers: list[dict[str, str]], config: ValidationConfig) -> list[str]:
@@ -96,13 +96,17 @@ def wrong_cloud(read: CloudFile, headers: list[dict[str, str]], config: Validati
     comments = " ".join(read.comments)
     for name, key in zip(COMMENTS, ("team", "time", "mission"), strict=True):
         values = [header[key] for header in headers if header.get(key)]
-        if len(read.comments) < len(COMMENTS) or (values and not any(value in comments for value in values)):
-            faults.append(f"no comment names the {name}")
+        if len(read.comments) < len(COMMENTS):
+            faults.append(
+                f"must have at least {len(COMMENTS)} comments, one with the {name}; found: {len(read.comments)}"
+            )
+        elif values and not any(value in comments for value in values):
+            faults.append(f"no comment names the {name}, {' or '.join(map(repr, sorted(set(values))))}")
     points = read.points()
     if len(points):
         faults += [*_wrong_place(points, config), *_wrong_extras(read, config.unit)]
     elif not faults:
-        faults.append("no points")
+        faults.append("contains no points")
     return faults
 
 
@@ -110,14 +114,14 @@ def _wrong_place(points: Places, config: ValidationConfig) -> Iterator[str]:
     """Faults of the points, which must be in metres, with the origin on the floor among them."""
     extent = float(np.ptp(points, axis=0).max())
     if not config.smallest <= extent <= config.largest:
-        unit = ", as if in millimetres" if extent > config.largest else ""
-        yield f"its points extend over {extent:.4g} m{unit}; coordinates must be in metres"
+        limits = f"{config.smallest:g} to {config.largest:g} m"
+        yield f"the points extend over {extent:.4g} m instead of {limits}; coordinates must be in metres"
         return
     near = points[np.linalg.norm(points[:, :2], axis=1) < config.around, 2]
     if not len(near):
-        yield f"no point within {config.around:g} m of the origin, which must be at the front of the robot's start"
+        yield f"no point is within {config.around:g} m of the origin, which must be at the front of the robot's start"
     elif abs(floor := float(np.quantile(near, config.lowest_share))) > config.floor:
-        yield f"the floor around the origin is at z = {floor:.2f} m; it must be at 0, and z must point up"
+        yield f"the floor around the origin is at z = {floor:.2f} m; it must be at z = 0, with z pointing up"
 
 
 def _wrong_extras(read: CloudFile, error: float) -> Iterator[str]:
@@ -127,9 +131,9 @@ def _wrong_extras(read: CloudFile, error: float) -> Iterator[str]:
     if ((rgb < 0) | (rgb > np.iinfo(np.uint8).max) | (rgb % 1 > 0)).any():
         yield "colours must be whole numbers from 0 to 255"
     if (abs(np.linalg.norm(normals, axis=1) - 1) > error).any():
-        yield "normals must have length 1"
+        yield f"normals must have a length of 1 ± {error:g}"
     if ((confidence < 0) | (confidence > 1)).any():
-        yield "confidences must be from 0 to 1"
+        yield "confidences must be between 0 and 1"
 
 
 def wrong_plan(path: Path, types: set[str], config: ValidationConfig) -> list[str]:
@@ -138,9 +142,9 @@ def wrong_plan(path: Path, types: set[str], config: ValidationConfig) -> list[st
         with Image.open(path, formats=["TIFF"]) as picture:
             tags, image = dict(picture.tag_v2), np.asarray(picture)  # type: ignore[attr-defined]
     except Exception as error:  # of many types: about the file, its compression or its size
-        return [f"not a readable TIFF ({' '.join(str(error).split())})"]
+        return [f"not a readable TIFF file: {' '.join(str(error).split())}"]
     if image.ndim != 3 or image.shape[2] < 3 or image.dtype != np.uint8:
-        return ["must be an RGB image with 8 bits per channel"]
+        return ["must be an RGB or RGBA image with 8 bits per channel"]
     image = image[..., :3]
     scale = np.atleast_1d(tags.get(GeoTag.PIXEL_SCALE, ()))
     return [*_wrong_scale(image, scale), *_missing_elements(image, types, config.rarest)]
@@ -154,11 +158,11 @@ def _wrong_scale(image: Rgb, scale: Values) -> Iterator[str]:
     height, width = image.shape[:2]
     line = _longest_run(_is_of(image[: height // 2, width // 2 :], "scale"))
     if scale[0] != scale[1]:
-        yield f"pixels of {scale[0]:g} × {scale[1]:g} m; pixels must be square"
+        yield f"pixels must be square, not {scale[0]:g} × {scale[1]:g} m"
     elif not line:
-        yield f"no scale at the top right: draw a line of exactly {LENGTHS['scale']:g} m in {MAP_COLOURS['scale']}"
+        yield f"no scale at the top right: draw a line of {LENGTHS['scale']:g} m in RGB {MAP_COLOURS['scale']}"
     elif abs(line * scale[0] - LENGTHS["scale"]) > scale[0]:
-        yield f"its scale has {line} pixels of {scale[0]:g} m, which is {line * scale[0]:.3f} m instead of 1 m"
+        yield f"the scale must be 1 m long, but its {line} pixels of {scale[0]:g} m are {line * scale[0]:.3f} m long"
 
 
 def _is_of(image: Rgb, element: str) -> PixelMask:
@@ -177,15 +181,15 @@ def _missing_elements(image: Rgb, types: set[str], rarest: float) -> Iterator[st
     """Faults of the elements, which are recognised by their colours."""
     for element in (*ALWAYS, *sorted(types & MAP_COLOURS.keys())):
         if not _is_of(image, element).any():
-            yield f"no {element.replace('_', ' ')}: nothing has the colour {MAP_COLOURS[element]}"
+            yield f"no {element.replace('_', ' ')}: no pixel has the colour RGB {MAP_COLOURS[element]}"
     title = _is_of(image, "file_name")
     if title.any() and not title[: image.shape[0] // 2, : image.shape[1] // 2].any():
-        yield "the file name must be at the top left"
+        yield "the file name must be drawn at the top left"
     is_grey = image.max(axis=-1) == image.min(axis=-1)
     if not (is_grey & (image[..., 0] >= MAP_COLOURS["searched"][0])).any():
-        yield f"no searched area: nothing has a grey from {MAP_COLOURS['searched']} to {MAP_COLOURS['text']}"
+        yield f"no searched area: no pixel has a grey from RGB {MAP_COLOURS['searched']} to {MAP_COLOURS['text']}"
     frame = np.concatenate([image[0], image[-1], image[:, 0], image[:, -1]])
     colours, counts = np.unique(frame, axis=0, return_counts=True)
     greys = np.ptp(colours[counts >= rarest * len(frame)].astype(int), axis=1) <= 2
     if greys.sum() < 2:
-        yield "no checkerboard of two greys along the edges of the image, for unexplored area"
+        yield "no checkerboard: the edges of the image must show unexplored area in two greys"

@@ -44,7 +44,8 @@ class DepthOdometry:
         if cloud is None:
             self._blind = 0 if by_image is not None else self._blind + 1
             if self._blind > most_blind:
-                raise LostError(f"at {frame.time:.2f} s the camera has measured no depth for {most_blind} frames")
+                found = f"{self._blind} frames in a row had too little depth for registration"
+                raise LostError(f"up to {frame.time:.2f} s, {found}")
             self._T = self._T if by_image is None else by_image
             return self._T
         new = np.ones(cloud.size(), np.bool_)
@@ -83,7 +84,7 @@ class DepthOdometry:
         sigmas = np.full(6, config.guess_sigma) * (1 + self._blind)
         best = self._best(frame, cloud, [self._T, self._T @ self._motion], sigmas)
         if best is None or best[1].overlap < config.least_overlap:
-            raise LostError(f"the frame at {frame.time:.2f} s overlaps too little with earlier frames")
+            raise LostError(f"the frame at {frame.time:.2f} s overlaps earlier frames too little to be registered")
         return best[1].T, best[0]
 
     def _best(

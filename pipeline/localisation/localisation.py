@@ -9,7 +9,7 @@ from pipeline.arrays import Covariance, Directions, Indices, Places, Points, Pos
 from pipeline.frame import Frame
 from pipeline.localisation.belief import Belief
 from pipeline.localisation.config import OdometryConfig
-from pipeline.transforms import are_poses
+from pipeline.transforms import POSE, are_poses
 
 
 @dataclass(frozen=True, eq=False)
@@ -149,10 +149,10 @@ class Localisation(Protocol):
 def check_odometry(frame: Frame) -> None:
     """Raise LostError if a frame's odometry, or the pose of its camera on the robot, is not a valid pose."""
     check_pose("odometry", frame.time, frame.T_odom_base)
-    check_pose("camera's place", frame.time, frame.T_base_camera)
+    check_pose("camera pose", frame.time, frame.T_base_camera)
 
 
 def check_pose(what: str, time: float, T: Pose) -> None:
     """Raise LostError, naming ``what`` and the time, s, if a matrix is not a valid pose."""
     if not are_poses(T):
-        raise LostError(f"the {what} at {time:.2f} s is not finite, or too far away")
+        raise LostError(f"the {what} at {time:.2f} s is not {POSE}")

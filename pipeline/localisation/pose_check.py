@@ -116,7 +116,7 @@ class PoseCheck:
         way = sum(np.linalg.norm(T[:3, 3]) for T in moves)
         if way > frame.sensor.nearest or sum(map(angle_of, moves)) > self._config.blind_turn:
             raise LostError(
-                f"at {frame.time:.2f} s the camera has measured no depth for {len(moves) + 1} frames in a row"
+                f"up to {frame.time:.2f} s, the camera measured no depth in {len(moves) + 1} frames in a row"
             )
 
     @property

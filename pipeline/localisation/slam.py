@@ -245,7 +245,7 @@ class Slam(Localisation):
             InputError: the keyframes have no points, because they were not registered.
         """
         if not len(keyframes.points):
-            raise InputError("the map has no registered keyframes, so a robot cannot be localised in it")
+            raise InputError("the map has no registered keyframes; use the map of a run with --localisation slam")
         self.graph.fix(keyframes.poses, keyframes.ups, keyframes.odometry)
         self.motion.learn(keyframes.odometry)
         seen = self.local_map
@@ -261,7 +261,7 @@ class Slam(Localisation):
             # Noise makes every new image different.
             if np.linalg.norm(moved[:3, 3]) > self._config.slam.stopped_way:
                 raise LostError(
-                    f"the camera has stopped: at {frame.time:.2f} s it repeats its last image while the robot moves"
+                    f"the depth image at {frame.time:.2f} s equals the previous one although the robot has moved"
                 )
 
     def _pass_time(self, frame: Frame) -> None:

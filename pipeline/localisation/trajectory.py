@@ -13,7 +13,7 @@ from pipeline.errors import InputError
 from pipeline.files import read_numbers, whole_file
 from pipeline.localisation.config import TrajectoryConfig
 from pipeline.localisation.localisation import Localisation
-from pipeline.transforms import POSE, are_poses, from_rotation, inverse
+from pipeline.transforms import FARTHEST, are_poses, from_rotation, inverse
 
 LEAST_SINCE_1970 = 1e8
 """The smallest plausible time since 1970, s (in 1973); in ms, µs or ns, it exceeds every plausible time in s."""
@@ -128,11 +128,11 @@ def read_trajectory(path: Path, of_camera: bool) -> Trajectory:
     rows = read_numbers(path, "time x y z qx qy qz qw", finite=False)
     good = rows[np.isfinite(rows).all(axis=1) & rows[:, 4:].any(axis=1)]
     if not len(good):
-        raise InputError(f"{path}: not a trajectory: none of its {len(rows)} lines holds a pose")
+        raise InputError(f"{path}: not a trajectory: all lines have non-finite numbers or a zero quaternion")
     poses = np.tile(np.eye(4), (len(good), 1, 1))
     poses[:, :3, :3], poses[:, :3, 3] = Rotation.from_quat(good[:, 4:]).as_matrix(), good[:, 1:4]
     if not are_poses(poses):
-        raise InputError(f"{path}: every line must hold {POSE}")
+        raise InputError(f"{path}: all positions must be within ±{FARTHEST:g} m")
     trajectory = Trajectory(in_seconds(good[:, 0]), poses, of_camera)
     trajectory.left_out = len(rows) - len(good)
     return trajectory

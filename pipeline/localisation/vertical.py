@@ -45,7 +45,8 @@ def T_floor_camera(frame: Frame, config: VerticalConfig = VerticalConfig()) -> P
     shown = depth > 0
     points = rays[shown].astype(np.float64) * depth[shown, None]
     if len(points) < config.least_points:
-        raise InputError(f"the frame at {frame.time:.2f} s shows too little to determine which way is up")
+        needed = f"at least {config.least_points} to find the floor"
+        raise InputError(f"the frame at {frame.time:.2f} s has only {len(points)} depths; it needs {needed}")
     tolerance = config.on_floor * frame.sensor.sigma(points[:, 2])
     best, most = None, config.least_floor * len(points)
     planes = planes_through(points[np.random.default_rng(0).integers(0, len(points), (config.trials, 3))])
@@ -56,7 +57,7 @@ def T_floor_camera(frame: Frame, config: VerticalConfig = VerticalConfig()) -> P
         if -plane[1] > np.cos(config.steepest) and on.sum() > most and is_free_below:
             best, most = on, on.sum()
     if best is None:
-        raise InputError(f"the frame at {frame.time:.2f} s shows no floor from which to determine which way is up")
+        raise InputError(f"the frame at {frame.time:.2f} s shows no floor to determine the vertical from")
     middle = points[best].mean(axis=0)
     up = np.linalg.svd(points[best] - middle, full_matrices=False)[2][2]
     up *= -np.sign(up[1])

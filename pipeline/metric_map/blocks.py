@@ -46,7 +46,8 @@ class BlockArray:
         """
         missing = [key for key in keys if key not in self._blocks]
         if missing and self.nbytes + len(missing) * SIDE**3 > self._max_bytes:
-            raise InputError(f"the metric map would exceed its limit of {self._max_bytes} bytes")
+            limit = f"its limit of {self._max_bytes} bytes"
+            raise InputError(f"the metric map would exceed {limit}; increase metric_map.max_bytes or voxel_size")
         for key in missing:
             self._blocks[key] = np.zeros((SIDE, SIDE, SIDE), np.int8)
 

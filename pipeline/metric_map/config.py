@@ -65,19 +65,19 @@ class MetricMapConfig:
     def __post_init__(self) -> None:
         """Check the ranges."""
         if not 0 < self.max_range <= FARTHEST:
-            raise InputError(f"metric map: max_range must be at most {FARTHEST:.0f} m, got {self.max_range}")
+            raise InputError(f"metric_map.max_range = {self.max_range}: must be above 0 and at most {FARTHEST:.0f} m")
         if not 1e-3 <= self.voxel_size <= self.max_range:
-            span = f"from 0.001 m to max_range, {self.max_range:g} m"
-            raise InputError(f"metric map: voxel_size must be {span}, got {self.voxel_size:g} m")
+            span = f"from 0.001 m to max_range ({self.max_range:g} m)"
+            raise InputError(f"metric_map.voxel_size = {self.voxel_size:g}: must be {span}")
         if not 0 <= self.margin < np.inf:
-            raise InputError(f"metric map: margin must not be negative, got {self.margin}")
+            raise InputError(f"metric_map.margin = {self.margin}: must be non-negative and finite")
         if np.shape(self.offset) != (3,) or not np.isfinite(self.offset).all():
-            raise InputError(f"metric map: offset must be three numbers, got {self.offset}")
+            raise InputError(f"metric_map.offset = {self.offset}: must be three finite numbers")
         if not 0 < self.miss < self.hit <= self.greatest <= np.iinfo(np.int8).max:
-            values = f"{self.miss}, {self.hit} and {self.greatest}"
-            raise InputError(f"metric map: miss, hit and greatest must increase within 1 to 127, got {values}")
+            values = f"miss = {self.miss}, hit = {self.hit}, greatest = {self.greatest}"
+            raise InputError(f"metric_map: {values}: must satisfy 0 < miss < hit <= greatest <= 127")
         if not isinstance(self.max_bytes, int) or self.max_bytes <= 0:
-            raise InputError(f"metric map: max_bytes must be a positive whole number, got {self.max_bytes}")
+            raise InputError(f"metric_map.max_bytes = {self.max_bytes}: must be a positive whole number")
 
     @property
     def least(self) -> int:

@@ -113,7 +113,8 @@ class MetricMap:
         """
         cloud, start = _points(points), np.asarray(origin, np.float64)
         if start.shape != (3,) or not np.abs(start).max() <= FARTHEST:
-            raise InputError(f"the origin of a point cloud must be three numbers of at most {FARTHEST:.0f} m")
+            limits = f"three numbers from -{FARTHEST:.0f} to {FARTHEST:.0f} m"
+            raise InputError(f"the origin of a point cloud must be {limits}, not {start.tolist()}")
         cloud = cloud[(np.abs(cloud) <= FARTHEST).all(axis=1)] - self.corner
         if len(cloud):
             self._fold(self._updater.trace(cloud, start - self.corner))
@@ -236,22 +237,22 @@ class MetricMap:
 def _check_image(depth: Depth, intrinsics: Intrinsics) -> None:
     expected = (intrinsics.height, intrinsics.width)
     if depth.shape != expected or not depth.size:
-        raise InputError(f"a depth image of shape {depth.shape} does not fit intrinsics for {expected}")
+        raise InputError(f"a depth image of shape {depth.shape} is empty or does not fit intrinsics for {expected}")
     if not (0.01 <= intrinsics.fx <= 1e6 and 0.01 <= intrinsics.fy <= 1e6):
-        raise InputError(f"focal lengths must be finite and positive, got {intrinsics.fx}, {intrinsics.fy}")
+        raise InputError(f"focal lengths must be from 0.01 to 1e6 pixels, not {intrinsics.fx} and {intrinsics.fy}")
     if not (abs(intrinsics.cx) <= 1e6 and abs(intrinsics.cy) <= 1e6):
-        raise InputError(f"the principal point must be finite, got {intrinsics.cx}, {intrinsics.cy}")
+        raise InputError(f"the principal point must be within ±1e6 pixels, not {intrinsics.cx}, {intrinsics.cy}")
 
 
 def _rigid(T: Pose) -> Pose:
     """A float64 copy of a pose; InputError if it is not a pose."""
     if np.ndim(T) != 2 or not are_poses(T):
-        raise InputError(f"the pose must be {POSE}")
+        raise InputError(f"the pose of a depth image must be {POSE}")
     return np.array(T, np.float64)
 
 
 def _points(points: ArrayLike) -> NDArray[np.float64]:
     cloud = np.asarray(points, np.float64)
     if cloud.ndim != 2 or cloud.shape[1] != 3:
-        raise InputError(f"points must have shape (N, 3), got {cloud.shape}")
+        raise InputError(f"points must have shape (N, 3), not {cloud.shape}")
     return cloud

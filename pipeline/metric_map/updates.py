@@ -87,7 +87,8 @@ class Updater:
         x, y, z, nx, ny, nz = box_around(points, BLOCK)
         size = nx * ny * nz + 1
         if size > self._max_bytes:
-            raise InputError(f"a scan of {size} voxels exceeds the map's limit of {self._max_bytes} bytes")
+            limit = f"the metric map's limit of {self._max_bytes} bytes"
+            raise InputError(f"a scan of {size} voxels exceeds {limit}; increase metric_map.max_bytes or voxel_size")
         if size > self._memory.size:
             self._memory = np.empty(size, np.uint8)
         flat = self._memory[:size]

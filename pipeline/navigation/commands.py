@@ -57,14 +57,14 @@ class Verdict(Enum):
 class Outcome(Enum):
     """How a leg ended."""
 
-    REACHED = "reached"
-    DONE = "ended early, its purpose fulfilled"
-    STUCK = "stuck"
-    TILTED = "tilted"
-    BLOCKED = "blocked"
+    REACHED = "the target was reached"
+    DONE = "its purpose was fulfilled early"
+    STUCK = "the robot is stuck"
+    TILTED = "the robot tilted too far"
+    BLOCKED = "the path is blocked"
     """An obstacle that the map does not show blocks the path."""
-    MOVED = "carried elsewhere"
-    UNSURE = "pose uncertain, looking around"
+    MOVED = "the robot was carried elsewhere"
+    UNSURE = "the robot is unsure of its pose and looks around"
 
 
 Commands = Generator[Velocity, Verdict, Outcome]

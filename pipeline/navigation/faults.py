@@ -10,9 +10,9 @@ from pipeline.localisation.vertical import T_floor_camera
 from pipeline.navigation.config import FaultConfig
 
 NOTICED = {
-    MotionState.SLIPPING: "the wheels slip",
+    MotionState.SLIPPING: "the wheels are slipping",
     MotionState.HELD: "the wheels spin, but the robot does not move",
-    MotionState.BLIND: "the camera view does not show where the robot is",
+    MotionState.BLIND: "the camera view is not enough to locate the robot",
 }
 
 
@@ -62,5 +62,5 @@ class Faults:
         except InputError:  # No floor is in view
             return
         if abs(seen - height) > self._config.depth_scale * height:
-            text = f"the camera measures the floor {seen:.2f} m below it, but is mounted {height:.2f} m high"
+            text = f"the camera measures its height as {seen:.2f} m, but it is mounted {height:.2f} m above the floor"
             self.note("depth_scale", frame.time, text)

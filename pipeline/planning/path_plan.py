@@ -135,9 +135,9 @@ def obstacle_to(paths: PosePaths, goal: ArrayLike) -> str | None:
     traversability, goal = paths.traversability, np.asarray(goal, np.float64)[:2]
     grid, name = traversability.grid, goal_name(goal)
     if not np.isfinite(goal).all():
-        return f"{name} must be finite"
+        return f"{name} must have finite coordinates"
     if paths.start is None:
-        return f"{name} cannot be reached: the robot cannot drive away from where it is"
+        return f"{name} cannot be reached: the robot cannot leave its current position"
     # The cost is also finite where the robot is, or could escape to, even if it may not stop there otherwise.
     if np.isfinite(paths.cost_to(goal)):
         return None
@@ -145,13 +145,13 @@ def obstacle_to(paths: PosePaths, goal: ArrayLike) -> str | None:
         # Unseen ground this close to a hazard may be the inside of a wall.
         if grid.at(traversability.to_hazard, goal, outside=np.inf) < traversability.robot.half_width:
             return f"{name} is in a wall or just behind one: the ground there was not seen"
-        return f"{name} is off the map: the ground there was not seen"
+        return f"{name} is outside the mapped area: the ground there was not seen"
     # The top of a wall that is two cells thick is level, and thus no hazard itself.
     if grid.at(traversability.to_hazard, goal) <= grid.cell:
         return f"{name} is in a wall, on a step or on ground that is too steep"
     if not grid.at(traversability.traversable, goal):
         return f"{name} is too close to an obstacle or to unknown ground"
-    return f"{name} cannot be reached from ({paths.start[0]:.2f}, {paths.start[1]:.2f}) m"
+    return f"{name} cannot be reached from {place_name(paths.start[:2])}: there is no drivable path"
 
 
 def goal_name(goal: Place) -> str:

@@ -186,7 +186,7 @@ def loops(found: Sequence[Loop], poses: Poses) -> rr.LineStrips3D:
     return rr.LineStrips3D(
         [poses[list(pair), :3, 3] + ABOVE_GROUND for pair in ends],
         colors=LOOP_COLOUR,
-        labels=[f"keyframe {second} recognised keyframe {first}" for first, second in ends],
+        labels=[f"loop closure between keyframes {second} and {first}" for first, second in ends],
         show_labels=False,
     )
 

@@ -164,7 +164,7 @@ class Recorder(Sink):
         except RuntimeError as error:
             # A window that was closed in the meantime takes no more data, but the file is still complete.
             if self.viewer is None:
-                raise InputError(f"{self._path}: could not be completed: {error}") from error
+                raise InputError(f"{self._path}: the recording could not be completed: {error}") from error
         finally:
             self.stream.disconnect()
         _compact(self._path)
@@ -290,7 +290,7 @@ def _new_stream(path: Path, viewer: Viewer | None) -> rr.RecordingStream:
     try:
         stream.set_sinks(rr.FileSink(path), *([viewer.sink] if viewer else []))
     except RuntimeError as error:
-        raise InputError(f"{path}: cannot be written ({error})") from error
+        raise InputError(f"{path}: cannot be written: {error}") from error
     stream.set_log_time_enabled(False)
     stream.set_log_tick_enabled(False)
     stream.send_recording_name(path.absolute().parent.name)

@@ -51,7 +51,7 @@ class Viewer:
             InputError: there is no display for a window, or the viewer does not start.
         """
         if kind == "spawn" and not has_display():
-            raise InputError("the viewer's window needs a display: set DISPLAY or WAYLAND_DISPLAY")
+            raise InputError("the viewer's window needs a display; set DISPLAY or WAYLAND_DISPLAY, or use --view web")
         self._port = _free_port()
         self._address = f"rerun+http://{HOST}:{self._port}/proxy"
         self.page: str | None = None
@@ -59,7 +59,7 @@ class Viewer:
         self._process = self._start(kind, recordings)
         self._await_port(patience)
         if self.page:
-            print(f"live view: {self.page}", flush=True)
+            print(f"Open in a browser: {self.page}", flush=True)
 
     @property
     def was_opened(self) -> bool:
@@ -110,8 +110,12 @@ class Viewer:
                 return
             except OSError:
                 time.sleep(0.05)
+        status = self._process.poll()
         self.close()
-        raise InputError(f"the Rerun viewer did not start (status {self._process.returncode})")
+        what = (
+            f"did not respond within {patience:g} s" if status is None else f"failed to start: exit status {status}"
+        )
+        raise InputError(f"the Rerun viewer {what}")
 
 
 class LocalPage(ThreadingHTTPServer):
@@ -146,7 +150,7 @@ class _Passing(BaseHTTPRequestHandler):
         except HTTPError as error:
             status, headers, content = error.code, error.headers, error.read()
         except OSError:
-            status, headers, content = HTTPStatus.BAD_GATEWAY, Message(), b"the viewer has ended"
+            status, headers, content = HTTPStatus.BAD_GATEWAY, Message(), b"the viewer is no longer running"
         self.send_response(status)
         for name, value in headers.items():
             if name.lower() not in HOP_BY_HOP:

@@ -52,7 +52,7 @@ class Bag(ExitStack):
         try:
             yield
         except WriterError as error:
-            raise InputError(f"{self.path}: already exists") from error
+            raise InputError(f"{self.path}: already exists; choose another folder or delete this one") from error
         except OSError as error:
             raise InputError(f"{self.path}: cannot be written: {error.strerror or error}") from error
 

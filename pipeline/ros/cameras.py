@@ -10,7 +10,7 @@ import numpy as np
 
 from pipeline.arrays import Depth, Pose, Rgb
 from pipeline.errors import InputError
-from pipeline.frame import Calibration, Intrinsics
+from pipeline.frame import ONE_SIZE, Calibration, Intrinsics
 from pipeline.ros.links import FrameTree
 from pipeline.ros.messages import Message, pose_matrix
 from pipeline.ros.pinhole import Pinhole
@@ -133,7 +133,7 @@ class RgbdCamera:
             self._register(depth.frame, colour.frame, links)
         elif depth.frame and colour.frame and not _is_same(links, depth.frame, colour.frame):
             frames = f"depth is in the frame {depth.frame}, colour in {colour.frame}"
-            self.note = f"{frames}, which has no camera_info; assuming that depth is registered to colour"
+            self.note = f"{frames}; without a camera_info for colour, depth is assumed to be registered to colour"
 
     def _register(self, of_depth: str, of_colour: str, links: FrameTree) -> None:
         """Find the transform with which depth must be registered to colour, if it is not registered."""
@@ -144,14 +144,13 @@ class RgbdCamera:
         cameras = f"depth is from {_name(of_depth, self._depth)}, colour from {_name(of_colour, self._colour)}"
         if T is not None:
             self._T_colour_depth, self.frame = T, of_colour
-            place = (
-                "the transforms" if of_depth != of_colour else f"a common origin, as both are in the frame {of_depth}"
-            )
-            self.note = f"{cameras}; registering depth to colour by camera_info and {place}"
+            means = "the transforms" if of_depth != of_colour else "a common origin, because the frames are the same"
+            self.note = f"{cameras}; registering depth to colour with camera_info and {means}"
             return
-        self.note = f"{cameras}; depth is not registered to colour, and no transform connects them"
+        found = f"{cameras}; depth is not registered to colour, and no transform connects them"
         if not self._depth.fits(self._colour):
-            raise InputError(f"{self._path}: {self.note}; record registered depth")
+            raise InputError(f"{self._path}: {found}; record registered depth or the transform")
+        self.note = f"{found}; using the images as they are"
 
     @property
     def intrinsics(self) -> Intrinsics:
@@ -169,8 +168,9 @@ class RgbdCamera:
         if self._T_colour_depth is not None and colour is not None:
             metres = registered(metres, self._depth.intrinsics, self._colour.intrinsics, self._T_colour_depth)
         if metres.shape != rgb.shape[:2]:
-            sizes = " and ".join(f"{width} × {height}" for height, width in (metres.shape, rgb.shape[:2]))
-            raise InputError(f"{self._path}: images of two sizes, {sizes}; depth must be registered to colour")
+            depth_size, colour_size = (f"{width} × {height}" for height, width in (metres.shape, rgb.shape[:2]))
+            found = f"depth has {depth_size} pixels and colour {colour_size}"
+            raise InputError(f"{self._path}: {ONE_SIZE}, but {found}")
         return metres, rgb
 
 

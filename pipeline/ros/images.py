@@ -27,7 +27,8 @@ TO_RGB = {
 CONFIG = struct.Struct("<iff")
 """Header of a depth image of compressed_depth_image_transport: a format and two parameters."""
 PNG, JPEG = b"\x89PNG", b"\xff\xd8"  # First bytes of image files
-LOSSLESS = "16-bit PNG or TIFF, or compressedDepth"
+UNREADABLE = "is damaged, too large or in an unknown format"
+LOSSLESS = "16-bit PNG or TIFF, 32-bit float TIFF, or compressedDepth"
 
 
 def depth_of(message: Message) -> Depth:
@@ -38,15 +39,19 @@ def depth_of(message: Message) -> Depth:
         return _pixels(message, np.dtype(np.uint16), 1) * np.float32(1e-3)
     if message.encoding == "32FC1":
         return np.nan_to_num(_pixels(message, np.dtype(np.float32), 1), nan=0.0, posinf=0.0, neginf=0.0)
-    raise InputError(f"depth images in {message.encoding!r}; use {', '.join((*MILLIMETRES, '32FC1'))}")
+    raise InputError(f"depth images in {message.encoding!r} are not supported; use {', '.join(MILLIMETRES)} or 32FC1")
 
 
 def colour_of(message: Message) -> Rgb:
     """The content of a colour image; InputError if its encoding is unknown, or it is broken."""
     if hasattr(message, "format"):
-        return np.ascontiguousarray(decoded(message.data, cv2.IMREAD_COLOR)[..., ::-1])
+        try:
+            return np.ascontiguousarray(decoded(message.data, cv2.IMREAD_COLOR)[..., ::-1])
+        except InputError as error:
+            raise InputError(f"a colour image in {message.format!r} {UNREADABLE}; use JPEG or PNG") from error
     if message.encoding not in TO_RGB:
-        raise InputError(f"colour images in {message.encoding!r}; use {', '.join(TO_RGB)} or compressed images")
+        accepted = f"{', '.join(TO_RGB)} or compressed images"
+        raise InputError(f"colour images in {message.encoding!r} are not supported; use {accepted}")
     channels, code = TO_RGB[message.encoding]
     pixels = _pixels(message, np.dtype(np.uint8), channels)
     return pixels.copy() if code is None else np.asarray(cv2.cvtColor(pixels, code), np.uint8)
@@ -55,7 +60,7 @@ def colour_of(message: Message) -> Rgb:
 def label_of(message: Message) -> NDArray[np.uint8]:
     """(H, W) labels of an ``8UC1`` or ``mono8`` image; InputError if its encoding is another one, or it is broken."""
     if message.encoding not in ("8UC1", "mono8"):
-        raise InputError(f"label images in {message.encoding!r}; use 8UC1")
+        raise InputError(f"label images in {message.encoding!r} are not supported; use 8UC1 or mono8")
     return _pixels(message, np.dtype(np.uint8), 1).copy()
 
 
@@ -63,9 +68,13 @@ def _pixels(message: Message, kind: np.dtype, channels: int) -> NDArray:
     """(H, W) or (H, W, C) pixels of a raw image, whose rows may be padded and whose bytes may be swapped."""
     height, width, step = message.height, message.width, message.step
     row = width * channels * kind.itemsize
-    if not height or not width or step < row or len(message.data) < height * step:
-        size = f"{len(message.data)} bytes for {width} × {height} pixels in rows of {step} bytes"
-        raise InputError(f"truncated image: {size}")
+    size = f"{width} × {height} pixels in {message.encoding!r}"
+    if not height or not width:
+        raise InputError(f"empty image: {size}; width and height must be positive")
+    if step < row:
+        raise InputError(f"truncated rows: an image of {size} needs {row} bytes a row, not {step}")
+    if len(message.data) < height * step:
+        raise InputError(f"truncated image: {size} need {height * step} bytes, not {len(message.data)}")
     rows = message.data[: height * step].reshape(height, step)[:, :row]
     pixels = np.ascontiguousarray(rows).view(kind.newbyteorder(">" if message.is_bigendian else "<"))
     pixels = pixels.astype(kind, copy=False)
@@ -83,16 +92,17 @@ def _compressed_depth(message: Message) -> Depth:
         _, a, b = CONFIG.unpack(data[: CONFIG.size].tobytes())
         data, is_inverse = data[CONFIG.size :], "32FC1" in message.format
     if data[:2].tobytes() == JPEG:
-        raise InputError(f"depth images in {message.format!r}: JPEG changes depth; use {LOSSLESS}")
+        lossy = "are not supported, because JPEG alters depth"
+        raise InputError(f"depth images in {message.format!r} {lossy}; use {LOSSLESS}")
     try:
         pixels = decoded(data, cv2.IMREAD_UNCHANGED)
     except InputError as error:
-        raise InputError(f"depth images in {message.format!r}: {error}; use {LOSSLESS}") from error
+        raise InputError(f"a depth image in {message.format!r} {UNREADABLE}; use {LOSSLESS}") from error
     if pixels.ndim == 2 and pixels.dtype == np.float32:
         return np.nan_to_num(pixels, nan=0.0, posinf=0.0, neginf=0.0)
     if pixels.ndim != 2 or pixels.dtype != np.uint16:
         kind = f"{pixels.dtype} pixels of shape {pixels.shape}"
-        raise InputError(f"depth images in {message.format!r}: {kind} are not supported; use {LOSSLESS}")
+        raise InputError(f"depth images in {message.format!r} with {kind} are not supported; use {LOSSLESS}")
     if not is_inverse:
         return pixels * np.float32(1e-3)
     with np.errstate(divide="ignore"):

@@ -95,11 +95,11 @@ class FrameTree:
         T = self.between(base, named)
         if T is None:
             wanted = f"no transform connects {expected} to the camera frame {camera or '(unnamed)'}"
-            return CameraMount(None, np.eye(4), f"{wanted}; found: {self}")
+            return CameraMount(None, np.eye(4), f"{wanted} (transforms found: {self})")
         pairs = (base, expected), (named, camera.strip("/"))
         taken = [f"using the frame {found} as {wanted}" for found, wanted in pairs if found != wanted]
         moving = [name for name in self._way(base, named) if name in self._moving]
-        taken += [f"{name} moves on the robot; using its last pose" for name in moving]
+        taken += [f"the frame {name} moves relative to the robot; using its last pose" for name in moving]
         ground = self._ground(base)
         return CameraMount(inverse(ground) @ T, ground, "; ".join(taken))
 

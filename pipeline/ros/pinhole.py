@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.errors import InputError
-from pipeline.frame import Calibration, Intrinsics
+from pipeline.frame import ONE_SIZE, Calibration, Intrinsics
 from pipeline.ros.messages import Message
 
 MODELS = ("plumb_bob", "Brown Conrady", "rational_polynomial", "")  # The second name is RealSense's
@@ -46,11 +46,13 @@ class Pinhole:
         values = calibration or Calibration(K[0, 0], K[1, 1], K[0, 2], K[1, 2])
         if not np.isfinite(values).all() or min(values) <= 0:
             given = " ".join(f"{value:g}" for value in values)
-            raise InputError(f"{path}: invalid camera intrinsics: fx fy cx cy are {given}")
+            raise InputError(f"{path}: camera intrinsics fx fy cx cy must be positive and finite, not {given}")
         self._values = values
         if calibration is None and info is not None and d.any():
             if info.distortion_model not in MODELS:
-                raise InputError(f"{path}: images with {info.distortion_model!r} distortion; rectify them first")
+                raise InputError(
+                    f"{path}: distortion model {info.distortion_model!r} is not supported; rectify the images"
+                )
             self._distortion = K, d
             self._find_maps((1, 1))  # to raise an error as early as possible
 
@@ -78,8 +80,8 @@ class Pinhole:
         self._size = self._size or image.shape[:2]
         if image.shape[:2] != self._size:
             (h, w), (height, width) = image.shape[:2], self._size
-            size = f"{kind} images have {w} × {h} pixels instead of {width} × {height}"
-            raise InputError(f"{self._path}: {size}; all must have one size, and depth must be registered to colour")
+            size = f"a {kind} image has {w} × {h} pixels instead of {width} × {height}"
+            raise InputError(f"{self._path}: {ONE_SIZE}, but {size}")
         if self._distortion is None:
             return image
         if self._maps is None:
@@ -93,7 +95,8 @@ class Pinhole:
         try:
             return cv2.initUndistortRectifyMap(K, d, np.eye(3), K, size[::-1], cv2.CV_32FC1)
         except cv2.error as error:
-            raise InputError(f"{self._path}: {len(d)} distortion coefficients fit no model") from error
+            found = f"camera_info must have 4, 5, 8, 12 or 14 distortion coefficients, not {len(d)}"
+            raise InputError(f"{self._path}: {found}") from error
 
 
 def _matrix_and_distortion(info: Message, is_rectified: bool) -> tuple[NDArray[np.float64], NDArray[np.float64]]:

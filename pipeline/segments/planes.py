@@ -79,8 +79,9 @@ def find_planes(
 
 def _label_image(frame: Frame, labels: Labels) -> NDArray[np.uint8]:
     """(H, W) uint8 label of every pixel with a planar class, 0 elsewhere."""
-    if labels.shape != (np.count_nonzero(frame.returns),):
-        raise InputError(f"planes: {labels.shape} labels for {np.count_nonzero(frame.returns)} returns")
+    wanted = (int(np.count_nonzero(frame.returns)),)
+    if labels.shape != wanted:
+        raise InputError(f"planes: labels must have shape {wanted}, one for each return, not {labels.shape}")
     image = np.zeros(frame.depth.shape, np.uint8)
     image[frame.returns] = np.where(np.isin(labels, PLANAR), labels, Label.UNLABELLED)
     return image

@@ -46,5 +46,8 @@ class TruthClassifier(PointClassifier):
     def classify(self, frame: Frame, points: Points, T_map_camera: Pose) -> Probabilities:
         """One-hot probabilities of ``frame.label`` at the returns; InputError if the frame has no labels."""
         if frame.label is None:
-            raise InputError(f"the frame at {frame.time:.2f} s has no true labels: only a simulator provides them")
+            raise InputError(
+                f"the frame at {frame.time:.2f} s has no true labels, which --labels truth requires; "
+                "choose another source with --labels, such as pointnext"
+            )
         return np.eye(len(Label), dtype=np.float32)[frame.label[frame.returns]]

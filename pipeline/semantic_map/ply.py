@@ -34,7 +34,7 @@ def read_ply(path: Path) -> NDArray[np.void]:
     head, end, body = read_bytes(path, MOST_MEMORY).partition(b"end_header\n")
     count, rest = divmod(len(body), VERTEX.itemsize)
     if rest or head + end != _header(count):
-        raise InputError(f"{path}: truncated, or not a labelled cloud written by sarsim")
+        raise InputError(f"{path}: truncated or not written by sarsim; delete it to continue without labels")
     return np.frombuffer(body, VERTEX)
 
 

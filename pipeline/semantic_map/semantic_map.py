@@ -84,8 +84,8 @@ class SemanticMap:
         """
         if points.shape != (len(points), 3) or probabilities.shape != (len(points), len(Label)):
             raise InputError(
-                f"semantic map: points {points.shape} and probabilities {probabilities.shape} "
-                f"are not (N, 3) and (N, {len(Label)})"
+                f"semantic map: points and probabilities must have shapes (N, 3) and (N, {len(Label)}), "
+                f"not {points.shape} and {probabilities.shape}"
             )
         self._reserve(len(points))
         counts = np.ones(len(points), np.uint32) if hits is None else hits

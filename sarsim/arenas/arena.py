@@ -29,7 +29,7 @@ class RescueArena(composer.Arena):
         """``root``: the MJCF; ``called``: the arena's name in error messages. InputError if it has no start."""
         self._mjcf_root, self._called = root, called
         if root.find("site", "start") is None:
-            raise InputError("the arena has no start: add a site named 'start', or give --start X Y YAW")
+            raise InputError("the arena has no start; add a site named 'start' or use --start X Y YAW")
 
     def naming(self) -> AbstractContextManager[None]:
         """A context that prefixes the message of an InputError with the arena's name."""

@@ -57,8 +57,8 @@ def load_arena(
     path, kind = Path(name), Path(name).suffix.lower()
     if victims.placements and kind not in BUILT_FILES:
         raise InputError(
-            f"--victims {victims.placements}: {name} has its own victims;"
-            f" the flag works only with an arena file of one of these types: {', '.join(BUILT_FILES)}"
+            f"--victims {victims.placements}: not supported for the arena {name}; the flag works only with"
+            f" {', '.join(BUILT_FILES[:-1])} and {BUILT_FILES[-1]} files"
         )
     if name.startswith(LANES_FOLDER) and name in BUILT_IN:
         lane = name.removeprefix(LANES_FOLDER)
@@ -81,7 +81,9 @@ def checked_arena(arena: object, name: str, start: StartPose | None = None) -> R
             begins with ``name``.
     """
     if not isinstance(arena, RescueArena):
-        raise InputError(f"{name}: returned {type(arena).__name__}; it must return a {RescueArena.__name__}")
+        raise InputError(
+            f"{name}: must return a {RescueArena.__name__}, not an object of type {type(arena).__name__}"
+        )
     model, root = resolved_root(arena.mjcf_model, name)
     with naming(name):
         check_model(model)
@@ -96,9 +98,11 @@ def _set_victims(name: str, builder: ArenaBuilder, victims: WorldVictims) -> Sta
         add_person(builder, pose)
     settled = builder.settle_states(victims.state)
     if settled:
+        one = settled == 1
+        who, whose = ("1 victim is", "its name gives") if one else (f"{settled} victims are", "their names give")
         _log.warning(
-            "%s: the names of %d victims do not say whether they are alive; assumed %s (see --victims-state)",
-            name, settled, victims.state,
+            "%s: %s assumed %s because %s no state; to change this, use --victims-state",
+            name, who, victims.state, whose,
         )  # fmt: skip
     return listed.start if listed else None
 
@@ -146,7 +150,7 @@ def _compiled(name: str, xml: str, files: dict[str, bytes]) -> mujoco.MjModel:
     try:
         return mujoco.MjModel.from_xml_string(xml, files)
     except (ValueError, mujoco.FatalError) as error:  # for example, a mesh has no volume
-        raise InputError(f"{name}: MuJoCo cannot build it: {' '.join(str(error).split())[:200]}") from error
+        raise InputError(f"{name}: MuJoCo cannot compile the arena: {' '.join(str(error).split())[:200]}") from error
 
 
 def _at_rest(model: mujoco.MjModel) -> tuple[mujoco.MjModel, mujoco.MjData]:

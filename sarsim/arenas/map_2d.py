@@ -74,13 +74,14 @@ def read_map(path: Path) -> Map2D:
     resolution = _number(path, values, "resolution", 1e-3, FARTHEST)
     origin = values.get("origin")
     if not isinstance(origin, list) or len(origin) != 3:
-        raise InputError(f"{path}: origin must be [x, y, yaw]")
+        raise InputError(f"{path}: origin must be [x, y, yaw] in m and rad, not {origin!r:.40}")
     x, y, yaw = (_checked(path, "origin", value, -FARTHEST, FARTHEST) for value in origin)
     free, occupied = (_number(path, values, name, 0.0, 1.0) for name in ("free_thresh", "occupied_thresh"))
     if free >= occupied:
-        raise InputError(f"{path}: free_thresh {free:g} must be below occupied_thresh {occupied:g}")
+        raise InputError(f"{path}: free_thresh ({free:g}) must be less than occupied_thresh ({occupied:g})")
     if values["mode"] not in MODES:
-        raise InputError(f"{path}: mode {str(values['mode'])[:40]!r} must be one of {', '.join(MODES)}")
+        known = f"{', '.join(MODES[:-1])} or {MODES[-1]}"
+        raise InputError(f"{path}: mode must be {known}, not {str(values['mode'])[:40]!r}")
     pixels = _pixels(path, values)
     share = _occupancy(pixels, str(values["mode"]), _number(path, values, "negate", 0, 1) != 0)
     share = np.flipud(share)
@@ -96,9 +97,13 @@ def build_map(path: Path) -> ArenaBuilder:
     plan = read_map(path)
     boxes = rectangles(plan.occupied)
     if not len(boxes):
-        raise InputError(f"{path}: no pixel is occupied, so the arena would have no walls")
+        raise InputError(
+            f"{path}: no pixel is occupied, so the arena would have no walls; check occupied_thresh and negate"
+        )
     if len(boxes) > MAX_GEOMS:
-        raise InputError(f"{path}: its walls need {len(boxes)} boxes; the limit is {MAX_GEOMS}")
+        raise InputError(
+            f"{path}: the walls need {len(boxes)} boxes, but the limit is {MAX_GEOMS}; use a coarser map"
+        )
     builder, half_yaw = ArenaBuilder(path.stem), plan.origin[2] / 2
     turn = {"quat": (np.cos(half_yaw), 0.0, 0.0, np.sin(half_yaw))}
     middle, half = plan.placed(plan.known)
@@ -137,9 +142,9 @@ def _values(path: Path) -> dict[str, Any]:
     try:
         values = yaml.safe_load(read_text(path, MOST_BYTES))
     except (yaml.YAMLError, RecursionError) as error:
-        raise InputError(f"{path}: not readable YAML: {' '.join(str(error).split())[:200]}") from error
+        raise InputError(f"{path}: cannot be parsed as YAML: {' '.join(str(error).split())[:200]}") from error
     if not isinstance(values, dict) or not {"image", "resolution", "origin"} <= values.keys():
-        raise InputError(f"{path}: not a 2D map: it must have image, resolution and origin")
+        raise InputError(f"{path}: not a 2D map: the keys image, resolution and origin are required")
     return DEFAULTS | values
 
 
@@ -149,7 +154,7 @@ def _number(path: Path, values: Mapping[str, Any], name: str, low: float, high: 
 
 def _checked(path: Path, name: str, value: object, low: float, high: float) -> float:
     if not isinstance(value, int | float) or not low <= value <= high:
-        raise InputError(f"{path}: {name} {str(value)[:40]!r} must be a number from {low:g} to {high:g}")
+        raise InputError(f"{path}: {name} must be a number from {low:g} to {high:g}, not {str(value)[:40]!r}")
     return float(value)
 
 
@@ -158,18 +163,20 @@ def _pixels(path: Path, values: Mapping[str, Any]) -> NDArray[np.float64]:
     file = path.parent / str(values["image"])
     try:
         if not file.resolve().is_relative_to(path.parent.resolve()):
-            raise InputError(f"{path}: its image {file} must be in the same folder or a subfolder")
+            raise InputError(f"{path}: the image {file} must be in the folder of this YAML file or in a subfolder")
         check_regular(file, MOST_MODEL_BYTES)
         with Image.open(file) as image:
             if image.width * image.height > MOST_PIXELS:
-                raise InputError(f"{file}: {image.width} × {image.height} pixels; the limit is {MOST_PIXELS}")
+                raise InputError(
+                    f"{file}: has {image.width} × {image.height} pixels; the limit is {MOST_PIXELS} in all"
+                )
             deep = image.mode.startswith("I")
             plain = image if deep or image.mode in ("L", "LA", "RGB", "RGBA") else image.convert(_mode(image))
             pixels = np.asarray(plain, np.float64)
     except InputError:
         raise
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
-        raise InputError(f"{file}: not a readable image: {' '.join(str(error).split())}") from error
+        raise InputError(f"{file}: cannot be read as an image: {' '.join(str(error).split())}") from error
     return np.atleast_3d(pixels / 257 if deep else pixels)  # 16 bits to 8
 
 

@@ -22,10 +22,12 @@ def check_arena_name(name: str) -> None:
         seed_of(name)
     elif Path(name).suffix.lower() in (*BUILT_FILES, MJCF):
         check_regular(Path(name))
+    elif name.startswith(LANES_FOLDER):
+        raise InputError(f"unknown arena {name!r}: the lanes are {', '.join(LANES)} and {MAZE}")
     else:
         raise InputError(
-            f"unknown arena {name!r}: use one of {', '.join(BUILT_IN)}, {RANDOM}SEED, or the path of a file:"
-            f" {', '.join(BUILT_FILES)}, or MJCF {MJCF}"
+            f"unknown arena {name!r}: use {', '.join(BUILT_IN[:2])}, {LANES_FOLDER}NAME, {RANDOM}SEED or a file"
+            f" with one of these extensions: {', '.join((*BUILT_FILES, MJCF))}"
         )
 
 
@@ -33,5 +35,5 @@ def seed_of(name: str) -> int:
     """The seed in ``random:SEED``; InputError if it is not a valid seed."""
     text = name.removeprefix(RANDOM)
     if not text.isdecimal() or len(text) > MAX_DIGITS:
-        raise InputError(f"unknown arena {name!r}: the seed must be a whole number of at most {MAX_DIGITS} digits")
+        raise InputError(f"arena {name!r}: the seed must be a non-negative integer of at most {MAX_DIGITS} digits")
     return int(text)

@@ -104,7 +104,7 @@ def read_placements(path: Path) -> Placements:
         else:
             poses.append(_pose(f"{path}, line {number}", name or heading, numbers))
     if not poses:
-        raise InputError(f"{path}: no line contains a pose; write lines as NAME x y z roll pitch yaw, in m and rad")
+        raise InputError(f"{path}: contains no poses; write one per line: NAME x y z roll pitch yaw, in m and rad")
     starts = tuple(pose for pose in poses if any(word in pose.name.lower() for word in START_WORDS))
     return Placements(tuple(pose for pose in poses if pose not in starts), starts)
 
@@ -120,9 +120,13 @@ def _pose(where: str, name: str, numbers: list[float]) -> WorldPose:
     if len(numbers) == 7 and numbers[0] == round(numbers[0]):
         numbers = numbers[1:]  # the first one is a line number
     if len(numbers) not in (3, 6):
-        raise InputError(f"{where}: has {len(numbers)} numbers; give x y z, or x y z roll pitch yaw, in m and rad")
+        raise InputError(
+            f"{where}: a pose must have 3 or 6 numbers (x y z, or x y z roll pitch yaw, in m and rad),"
+            f" not {len(numbers)}"
+        )
     if not (np.abs(numbers) <= FARTHEST).all():  # also refuses NaN
-        raise InputError(f"{where}: numbers must be from -{FARTHEST:g} to {FARTHEST:g}")
+        wrong = next(number for number in numbers if not abs(number) <= FARTHEST)
+        raise InputError(f"{where}: numbers must be from -{FARTHEST:g} to {FARTHEST:g}, not {wrong:g}")
     x, y, z = numbers[:3]
     return WorldPose(name, x, y, z, numbers[5] if len(numbers) == 6 else 0.0)
 

@@ -89,12 +89,12 @@ def read_raf(path: Path) -> list[RafElement]:
     """
     root = parse_xml(path, MAX_BYTES)
     if root.tag != "elements":
-        raise InputError(f"{path}: not a .raf file: its root is <{root.tag[:40]}>, not <elements>")
+        raise InputError(f"{path}: the root element of a .raf file must be <elements>, not <{root.tag[:40]}>")
     lines = root.findall("element")
     if not lines:
-        raise InputError(f"{path}: the arena has no elements")
+        raise InputError(f"{path}: contains no <element>; an arena needs at least one")
     if len(lines) > MAX_ELEMENTS:
-        raise InputError(f"{path}: {len(lines)} elements; the limit is {MAX_ELEMENTS}")
+        raise InputError(f"{path}: has {len(lines)} elements; the limit is {MAX_ELEMENTS}")
     elements = [_element(f"{path}, element {n}", line) for n, line in enumerate(lines, 1)]
     _check_extent(path, elements)
     return elements
@@ -110,7 +110,7 @@ def build_raf(path: Path) -> ArenaBuilder:
     unknown = sorted({e.type for e in elements if e.kind is None})
     known = [e for e in elements if e.kind is not None]
     if not known:
-        raise InputError(f"{path}: no element has a known type; unknown types: {_listed(unknown)}")
+        raise InputError(f"{path}: contains only elements of unknown types: {_listed(unknown)}")
     if unknown:
         _log.warning("%s: skipped elements of unknown types: %s", path, _listed(unknown))
     _check_geoms(path, known)
@@ -140,7 +140,7 @@ def _element(where: str, line: "Element") -> RafElement:
     x, y, rotation = (_number(where, line, name) for name in ("x", "y", "rotation"))
     mount_point = _number(where, line, "mount-point", "0")
     if mount_point != int(mount_point) or mount_point < 0:
-        raise InputError(f"{where}: mount-point={line.get('mount-point')!r} must be a whole number, 0 or greater")
+        raise InputError(f"{where}: mount-point must be a non-negative integer, not {line.get('mount-point')!r}")
     return RafElement(
         type=_text(where, line, "type"),
         x=x + _number(where, line, "offset-x", "0"),
@@ -165,7 +165,7 @@ def _number(where: str, line: "Element", name: str, default: str | None = None) 
     except ValueError:
         value = float("nan")
     if not isfinite(value) or abs(value) > 1e6:
-        raise InputError(f"{where}: {name}={text[:40]!r} must be a number from -1000000 to 1000000")
+        raise InputError(f"{where}: {name} must be a number from -1000000 to 1000000, not {text[:40]!r}")
     return value
 
 
@@ -174,8 +174,8 @@ def _check_extent(path: Path, elements: list[RafElement]) -> None:
         tiles = [getattr(e, axis) for e in elements]
         if max(tiles) - min(tiles) > MAX_TILES or max(map(abs, tiles)) > 10 * MAX_TILES:
             raise InputError(
-                f"{path}: its tiles reach from {axis}={min(tiles):g} to {max(tiles):g};"
-                f" they must span at most {MAX_TILES} along {axis} and lie within {10 * MAX_TILES} of {axis}=0"
+                f"{path}: the elements extend from {axis}={min(tiles):g} to {axis}={max(tiles):g};"
+                f" they must span at most {MAX_TILES} tiles and lie within {10 * MAX_TILES} tiles of {axis}=0"
             )
 
 
@@ -183,7 +183,7 @@ def _check_geoms(path: Path, elements: list[RafElement]) -> None:
     library = element_library()
     geoms = sum(len(library.geoms(str(e.kind))) for e in set(elements))
     if geoms > MAX_GEOMS:
-        raise InputError(f"{path}: its elements have {geoms} parts; the limit is {MAX_GEOMS}")
+        raise InputError(f"{path}: the elements consist of {geoms} geoms; the limit is {MAX_GEOMS}")
 
 
 def _positions(elements: list[RafElement]) -> Iterator[tuple[RafElement, NDArray[np.float64]]]:

@@ -61,18 +61,18 @@ def build_random(seed: int, config: RandomArenaConfig | None = None) -> ArenaBui
             hang_things(builder, config.things, np.random.default_rng([seed, attempt, 2]))
             return builder
     raise InputError(
-        f"random arena {seed}: its contents and {config.victims} victims do not fit into"
-        f" {config.columns} × {config.rows} tiles; use more tiles, fewer victims or smaller shares"
+        f"random arena {seed}: its contents (victims: {config.victims}) do not fit into"
+        f" {config.columns} × {config.rows} tiles; use more tiles, or fewer victims, ramps and obstacles"
     )
 
 
 def _check(seed: int, config: RandomArenaConfig) -> None:
     if seed < 0:
-        raise InputError(f"random arena: seed {seed} must not be negative")
+        raise InputError(f"random arena: the seed must be non-negative, not {seed}")
     for name, (low, high) in _BOUNDS.items():
         value = getattr(config, name)
         if value is not None and not low <= value <= high:
-            raise InputError(f"random arena: {name} {value:g} must be from {low} to {high}")
+            raise InputError(f"random arena: {name} must be from {low} to {high}, not {value:g}")
 
 
 def _draw(draws: RandomDraws, config: RandomArenaConfig, difficulty: int) -> _Plan | None:

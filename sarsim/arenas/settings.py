@@ -31,19 +31,19 @@ class RandomArenaConfig:
     """Contents of a random arena.
 
     Attributes:
-        columns: tiles of 1.2 m along x, 3 to 20.
-        rows: tiles along y, 3 to 20.
+        columns: number of 1.2 m tiles along x, 3 to 20.
+        rows: number of 1.2 m tiles along y, 3 to 20.
         wall_density: share of a perfect maze's inner walls that are built; 0 is an empty hall.
-        ramps: share of the tiles that are ramps and decks, from difficulty 1 on.
-        clutter: share of the tiles with an obstacle: a diagonal wall; from difficulty 2 also a barrel or crossing
-            ramps, and blocks or pipes on as many other tiles; at 3 also a step field.
-        furniture: share of the tiles with furniture or rescue elements that block the robot. The same share has an
-            object on a wall, and some inner walls are thick or made of cloth.
+        ramps: share of the tiles with ramps or decks, 0 to 1; no effect at difficulty 0.
+        clutter: share of the tiles with an obstacle, 0 to 1: a diagonal wall; from difficulty 2, also a barrel or
+            crossing ramps, and blocks or pipes on as many other tiles; at difficulty 3, also a step field.
+        furniture: share of the tiles with furniture or rescue elements that block the robot, 0 to 1. As many tiles
+            have an object on a wall. If above 0, some inner walls are thick or made of cloth.
         bulky: share of the tiles with elements that block the view: raised floors, steep boards, cupboards.
         victims: number of victims, 0 to 100.
-        difficulty: 0 flat; 1 decks and ridges of ramps; 2 crossing ramps, clutter, holes in walls and half-hidden
-            victims; 3 continuous ramp fields and step fields. By default the seed modulo 4.
-        ceiling: add a ceiling at 2.4 m; all walls reach it.
+        difficulty: 0 is flat; 1 adds decks and ridges of ramps; 2 adds crossing ramps, clutter, holes in walls and
+            half-hidden victims; 3 adds continuous ramp fields and step fields. By default the seed modulo 4.
+        ceiling: add a ceiling at a height of 2.4 m and extend all walls up to it.
         furnished: share of the tiles with furniture of varied size and colour in rows along walls: lockers, shelves,
             tables, sofas, beds, stairs.
         painted: random colours and patterns on floor, walls, ramps and boards.

@@ -41,13 +41,13 @@ def start_at(model: mujoco.MjModel, data: mujoco.MjData, x: float, y: float, yaw
         InputError: the robot cannot stand there, or a number is not finite.
     """
     if not np.isfinite((x, y, yaw_deg)).all():
-        raise InputError(f"start: x, y and heading must be finite numbers, got {x:g} m, {y:g} m, {yaw_deg:g}°")
+        raise InputError(f"--start {x:g} {y:g} {yaw_deg:g}: all three numbers must be finite")
     survey = Survey(model, data)
     low = np.array([x, y, survey.bodies.low[:, 2].min()])
     height = survey.place(low, reach=np.inf)
     ground = None if height is None else survey.ground_from(np.array([x, y, height]))
     if ground is None or not ground.pieces[tuple(ground.grid.cell_of(low))]:
-        raise InputError(f"no free start: the robot cannot stand at ({x:g}, {y:g}) m")
+        raise InputError(f"the robot cannot stand at the start ({x:g}, {y:g}) m; choose another with --start X Y YAW")
     return Start((x, y, float(height or 0.0)), np.radians(yaw_deg))
 
 
@@ -66,7 +66,9 @@ def find_start(model: mujoco.MjModel, data: mujoco.MjData) -> Start:
             if best is None or size > best[0]:
                 best = (size, ground, floor)
     if best is None:
-        raise InputError("the arena has no free start: no tile of its floor is free")
+        raise InputError(
+            "the robot does not fit on any tile of the arena's floor; choose a start with --start X Y YAW"
+        )
     return _open_place(*best[1:])
 
 

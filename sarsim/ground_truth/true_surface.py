@@ -141,12 +141,14 @@ class Survey:
 
     def surface_from(self, start: NDArray[np.float64]) -> TrueSurface:
         """The surface around a robot at ``start`` (3,) m; InputError if the robot cannot stand there."""
-        ground = self.ground_from(start)
+        ground, (x, y) = self.ground_from(start), np.round(start[:2], 2) + 0.0  # without -0
         if ground is None:
-            raise InputError(f"the arena has no free start: ({start[0]:g}, {start[1]:g}) m must be above free ground")
+            raise InputError(
+                f"there is no free ground at ({x:g}, {y:g}) m; choose another start with --start X Y YAW"
+            )
         piece = ground.pieces[tuple(ground.grid.cell_of(start))]
         if not piece:
-            raise InputError(f"the arena has no free start: the robot cannot stand at ({start[0]:g}, {start[1]:g}) m")
+            raise InputError(f"the robot cannot stand at ({x:g}, {y:g}) m; choose another start with --start X Y YAW")
         return TrueSurface(ground.grid, ground.height, ground.pieces == piece, ground.walls)
 
     def _place(self, start: NDArray[np.float64], reach: float) -> int | None:
@@ -197,7 +199,7 @@ def _grid_around(bodies: ConvexBodies) -> Grid:
     low, high = bodies.low[:, :2].min(axis=0), bodies.high[:, :2].max(axis=0)
     if not np.prod(high - low) <= MOST_AREA:
         raise InputError(
-            f"an arena of {' × '.join(f'{x:.3g}' for x in high - low)} m is too large; the limit is {MOST_AREA:g} m²"
+            f"the arena is too large: {' × '.join(f'{x:.4g}' for x in high - low)} m; the limit is {MOST_AREA:g} m²"
         )
     # Rounding errors must not add a row of cells.
     first = np.floor((low - MARGIN) / CELL + 1e-6).astype(np.int64)

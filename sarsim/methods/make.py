@@ -133,7 +133,7 @@ def own_arena(name: str, seed: int) -> Any:
     """
     where, build = _where("arena", name), _loaded("arena", name, OWN_FUNCTION)
     if not callable(build):
-        raise InputError(f"{where}: must be a function")
+        raise InputError(f"{where}: must name a function, not {answers.kind_of(build)}")
     try:
         return build(seed=seed) if "seed" in inspect.signature(build).parameters else build()
     except Exception as error:
@@ -144,7 +144,7 @@ def own_arena(name: str, seed: int) -> Any:
 def _own(flag: str, name: str, protocol: type, *args: RobotModel) -> Any:
     """An instance of a class with the members of a protocol, whose return values are checked from then on."""
     where = _where(flag, name)
-    kind = load_class(flag, name)
+    kind, remedy = load_class(flag, name), f"implement the interface {protocol.__module__}.{protocol.__name__}"
     method, attributes = _guarded(kind, f"{where}: creating an instance")(*args), inspect.get_annotations(protocol)
     for member, wanted in vars(protocol).items():
         if member.startswith("_") or member in attributes:
@@ -154,12 +154,12 @@ def _own(flag: str, name: str, protocol: type, *args: RobotModel) -> Any:
                 setattr(method, member, wanted.__get__(method))  # The protocol's default
                 continue
             what = "method" if inspect.isfunction(wanted) else "attribute"
-            raise InputError(f"{where}: has no {what} {member}; see {protocol.__module__}.{protocol.__name__}")
+            raise InputError(f"{where}: the class has no {what} {member}; {remedy}")
         if inspect.isfunction(wanted):
             _watch(method, member, len(inspect.signature(wanted).parameters) - 1, where)
     # An attribute with a default may be missing.
     if missing := [name for name in attributes if not (hasattr(protocol, name) or name in dir(method))]:
-        raise InputError(f"{where}: has no attribute {missing[0]}; see {protocol.__module__}.{protocol.__name__}")
+        raise InputError(f"{where}: the class has no attribute {missing[0]}; {remedy}")
     return method
 
 
@@ -167,7 +167,7 @@ def load_class(flag: str, name: str) -> Callable[..., Any]:
     """The class with a given name; InputError if there is none."""
     loaded = _loaded(flag, name, OWN_CLASS)
     if ":" in name and not inspect.isclass(loaded):
-        raise InputError(f"{_where(flag, name)}: must be a class")
+        raise InputError(f"{_where(flag, name)}: must name a class, not {answers.kind_of(loaded)}")
     return loaded
 
 
@@ -181,7 +181,7 @@ def _loaded(flag: str, name: str, form: str) -> Any:
     except InputError:
         raise
     except Exception as error:
-        raise InputError(f"{where}: {answers.one_line(error)}") from error
+        raise InputError(f"{where} cannot be loaded: {answers.one_line(error)}") from error
 
 
 def _watch(method: Any, member: str, count: int, where: str) -> None:
@@ -190,12 +190,14 @@ def _watch(method: Any, member: str, count: int, where: str) -> None:
     try:
         inspect.signature(function).bind(*range(count))
     except (TypeError, ValueError) as error:
-        raise InputError(f"{name}: must take {count} arguments: {answers.one_line(error)}") from error
+        call = {0: "without arguments", 1: "with one argument"}.get(count, f"with {count} arguments")
+        raise InputError(f"{name}: must be callable {call}: {answers.one_line(error)}") from error
     try:
         setattr(method, member, _guarded(function, name, answers.CHECKS.get(member)))
     except AttributeError as error:
         raise InputError(
-            f"{where}: its methods cannot be wrapped to check them: {answers.one_line(error)}"
+            f"{where}: the methods of an instance must be replaceable ({answers.one_line(error)}); "
+            "remove __slots__ and frozen=True from the class"
         ) from error
 
 

@@ -27,8 +27,10 @@ def check_method(kind: str, name: str, flag: str = "") -> None:
     module, colon, _ = name.partition(":")
     if colon:
         top, _, _ = module.partition(".")
+        if not top:
+            raise InputError(f"--{flag or kind} {name}: must name a module before the colon")
         with working_folder():
-            is_there = bool(top) and find_spec(top) is not None
+            is_there = find_spec(top) is not None
         if not is_there:
             raise InputError(f"--{flag or kind} {name}: no module {top!r} on PYTHONPATH or in the working directory")
     elif name not in METHODS[kind]:
@@ -40,7 +42,7 @@ def own_method(kind: str, name: str, form: str = OWN_CLASS, flag: str = "") -> E
     group = f"sarsim.{kind.replace('-', '_')}"
     if not (found := entry_points(group=group, name=name)):
         known = ", ".join([*METHODS[kind], *sorted(entry_points(group=group).names)])
-        raise InputError(f"--{flag or kind} {name}: must be {known}{' or ' if known else ''}{form}")
+        raise InputError(f"--{flag or kind} {name or repr(name)}: must be {known}{' or ' if known else ''}{form}")
     return found
 
 

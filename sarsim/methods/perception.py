@@ -55,6 +55,7 @@ def make_classifier(
     weights = weights or asset("weights", f"{labels}.safetensors")
     if not weights.exists():
         raise InputError(
-            f"--weights {weights}: no such file; make it with sarsim-train {labels}, or use --labels truth"
+            f"--weights {weights}: no such file; train the network with 'sarsim-train {labels}' "
+            "or choose another source of labels with --labels"
         )
     return NetworkClassifier(weights, network=labels, config=config.network)

@@ -35,15 +35,19 @@ def paced_model(robot: str, speed: float | None) -> RobotModel:
 
 def _filled(kind: type[Model], robot: str) -> Model:
     """A ``kind`` whose fields are the ``<numeric>`` elements of the same names."""
+    path = robot_file(robot)
     try:
-        elements = [e for root in parse_mjcf(robot_file(robot)).values() for e in root.iter("numeric")]
+        elements = [e for root in parse_mjcf(path).values() for e in root.iter("numeric")]
         numbers = {e.get("name", ""): [float(number) for number in e.get("data", "").split()] for e in elements}
+    except InputError as error:
+        raise InputError(f"--robot {error}") from error
     except ValueError as error:
-        raise InputError(f"--robot {robot}: {error}") from error
+        raise InputError(f"--robot {robot}: the data of a <numeric> must be numbers: {error}") from error
     least, most = PLAUSIBLE
     values = {field.name: numbers.get(field.name, []) for field in fields(kind)}
     for name, value in values.items():
         if len(value) != 1 or not least <= value[0] <= most:
-            proper = f'<numeric name="{name}"> from {least:g} to {most:g}'
-            raise InputError(f"--robot {robot}: <custom> must have one {proper}, not {value}")
+            proper = f'<numeric name="{name}"> with one number from {least:g} to {most:g}'
+            found = " ".join(f"{number:g}" for number in value) or "none"
+            raise InputError(f"--robot {robot}: <custom> needs {proper}; found {found}")
     return kind(**{name: value for name, (value,) in values.items()})

@@ -13,5 +13,7 @@ def robot_file(robot: str) -> Path:
     """Path of the MJCF of one of ``ROBOTS``; any other ``robot`` is itself a path. InputError if it is missing."""
     path = asset("robots", robot, f"{robot}.xml") if robot in ROBOTS else Path(robot)
     if not path.exists():
-        raise InputError(f"--robot {robot}: no such file; the shipped robots are {', '.join(ROBOTS)}")
+        raise InputError(
+            f"--robot {robot}: no such robot or file; use {', '.join(ROBOTS)} or the path of an MJCF file"
+        )
     return path

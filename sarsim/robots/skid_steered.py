@@ -48,8 +48,8 @@ class SkidSteered(composer.Robot):
             self._mjcf_root = read_mjcf(path)[1]
         except InputError as error:
             raise InputError(f"--robot {error}") from error
-        if missing := [" ".join(part) for part in PARTS if self._mjcf_root.find(*part) is None]:
-            raise InputError(f"--robot {robot}: has no {', '.join(missing)}")
+        if missing := [f"{kind} {name!r}" for kind, name in PARTS if self._mjcf_root.find(kind, name) is None]:
+            raise InputError(f"--robot {robot}: required elements are missing: {', '.join(missing)}")
         self.freedom = _alone(self._mjcf_root, self.base)
         self.model, self.drive = robot_model(robot), drive_model(robot)
 

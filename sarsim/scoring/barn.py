@@ -78,10 +78,13 @@ def read_path(file: Path) -> Places:
         cells = np.load(file, mmap_mode="r", allow_pickle=False)
     except FileNotFoundError as error:
         raise InputError(f"{file}: no such file; each world_N.world needs a path_N.npy next to it") from error
-    except (OSError, ValueError, EOFError, BadZipFile) as error:
-        raise InputError(f"{file}: not a reference path: {' '.join(str(error).split())}") from error
+    except OSError as error:
+        raise InputError(f"{file}: cannot be read: {error.strerror or error}") from error
+    except (ValueError, EOFError, BadZipFile) as error:
+        raise InputError(f"{file}: not a NumPy file of numbers; copy it from the data set again") from error
     if not isinstance(cells, np.ndarray) or cells.ndim != 2 or cells.shape[1] != 2 or cells.dtype.kind not in "iuf":
-        raise InputError(f"{file}: not a reference path: it must be an array of numbers (K, 2), one row per cell")
+        found = f"{cells.dtype} of shape {cells.shape}" if isinstance(cells, np.ndarray) else "an archive"
+        raise InputError(f"{file}: a reference path must be a numeric array of shape (K, 2), not {found}")
     if not np.isfinite(cells).all():
-        raise InputError(f"{file}: not a reference path: all cells must be finite")
+        raise InputError(f"{file}: all values of a reference path must be finite")
     return np.array(cells, np.float64)

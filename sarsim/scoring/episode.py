@@ -41,7 +41,7 @@ class EpisodeScore(Sink):
         trajectory: the estimated trajectory and its errors.
     """
 
-    finishing = "scoring by ground truth"
+    finishing = "scoring against the ground truth"
 
     def __init__(self, robot: SimulatedRobot, explorer: Explorer, T_world_tag: Poses, oracle: bool = False):
         """Score a robot from its current pose on.

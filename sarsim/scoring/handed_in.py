@@ -180,10 +180,14 @@ def score_handed_in(
     files = handed_in_files(folder)
     for ending in (".ply", ".csv"):
         if not files[ending]:
-            raise InputError(f"{folder}: no file ends in {ending}, but scoring needs one")
+            raise InputError(
+                f"{folder}: contains no {ending} file; scoring needs a 3D map (.ply) and a list of finds (.csv)"
+            )
     cloud, pois = read_cloud(files[".ply"][0]), read_pois(files[".csv"][0]).pois
     if not len(cloud.points()):
-        raise InputError(f"{files['.ply'][0]}: no points can be read; run sarsim-validate-mission to see why")
+        raise InputError(
+            f"{files['.ply'][0]}: contains no readable points; to see why, run 'sarsim-validate-mission {folder}'"
+        )
     points = transform_points(arena.T_world_league, cloud.points())
     moved = transform_points(arena.T_world_league, _places(pois)).astype(np.float64)
     shown = covered(points, arena.surface)

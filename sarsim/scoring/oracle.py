@@ -17,7 +17,7 @@ from pipeline.elevation_map.traversability import Traversability, assess
 from pipeline.exploration.config import ExplorationConfig
 from pipeline.grid_map import best_of_blocks
 from pipeline.localisation.keyframe_policy import KeyframePolicy
-from pipeline.planning.pose_paths import PosePaths, bits
+from pipeline.planning.pose_paths import PosePaths, bits, nearest_heading
 from pipeline.robot import RobotModel
 from pipeline.transforms import wrap_angle
 from sarsim.ground_truth.true_surface import TrueSurface
@@ -111,7 +111,9 @@ class Oracle(ViewTours):
             keyframes = _keyframes(drive.stops, drive.backwards, drive.first, drive.last)
             shown[self.sight.views(np.array([*keyframes, self.poses[there]])).indices] = True
             metres = float(np.linalg.norm(np.diff(drive.stops, axis=0), axis=1).sum())
-            self._legs[here, there] = Leg(float(self.seconds(here, [there])[0]), metres, shown)
+            x, y, heading = self.poses[there]
+            seconds = self.config.keyframe_time + self.paths(here).seconds_at([x, y], nearest_heading(heading))
+            self._legs[here, there] = Leg(seconds, metres, shown)
         return self._legs[here, there]
 
     def drive(self, here: int, there: int) -> Drive:
@@ -126,7 +128,7 @@ class Oracle(ViewTours):
         return least_seconds([self.drive(a, b) for a, b in pairwise([0, *self.quickest.order])], self.body)
 
     def figures(self) -> dict[str, float]:
-        """Figures of the tour and the set cover for report.json; none if no tour, or the start alone, sees enough."""
+        """Figures of the tour for report.json; none if no tour, or the start alone, sees enough."""
         tour = self.quickest
         if not 0 < tour.seconds < inf:
             return {}
@@ -134,8 +136,6 @@ class Oracle(ViewTours):
             "oracle_time_s": tour.seconds,
             "oracle_path_m": tour.metres,
             "physical_time_s": self.physical_seconds,
-            "oracle_views": len(self.cover()),
-            "oracle_views_bound": self.bound(),
         }
 
     def ratios(self, metres: float, seconds: float) -> dict[str, float]:

@@ -13,7 +13,7 @@ from scipy import sparse
 
 from pipeline.arrays import Mask, Values
 from pipeline.planning.visiting_order import visiting_order
-from sarsim.scoring.set_cover import cover_bound, greedy_cover
+from sarsim.scoring.set_cover import greedy_cover
 
 
 @dataclass(frozen=True, eq=False)
@@ -89,10 +89,6 @@ class ViewTours(ABC):
     def cover(self) -> list[int]:
         """A small set of viewpoints that see enough."""
         return greedy_cover(self.views, self.wanted, self.at_start)
-
-    def bound(self) -> float:
-        """Lower bound on the number of viewpoints that see enough, by the relaxed set cover."""
-        return cover_bound(self.views, self.wanted, self.at_start)
 
     def by_rate(self) -> list[int]:
         """Viewpoints that see enough; each shows the most new ground per second of the drive to it."""

@@ -30,7 +30,7 @@ class Air:
 
     def __post_init__(self) -> None:
         if not 0 <= self.dust <= 1:
-            raise InputError(f"dust {self.dust:g}: must be from 0 to 1")
+            raise InputError(f"dust must be from 0 to 1, not {self.dust:g}")
 
     @property
     def extinction(self) -> float:

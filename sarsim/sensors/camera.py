@@ -133,5 +133,8 @@ def geom_labels(model: mujoco.MjModel) -> Labels:
     if wrong.size:
         geom = model.geom(wrong[0])
         name = geom.name or geom.id
-        raise InputError(f"geom {name!r} has user={numbers[wrong[0]]:g}, which is not a label (0 to {max(Label):d})")
+        raise InputError(
+            f"geom {name!r} has user={numbers[wrong[0]]:g}, which is not a label;"
+            f" labels are integers from 0 to {max(Label):d}"
+        )
     return numbers.astype(np.uint8)

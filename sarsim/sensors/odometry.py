@@ -45,7 +45,8 @@ class WheelOdometry:
         """
         if not abs(tyre_error) < MOST_TYRE_ERROR:
             raise InputError(
-                f"tyre_error {tyre_error:g}: must be between -{MOST_TYRE_ERROR:g} and {MOST_TYRE_ERROR:g}"
+                f"tyre_error must be greater than -{MOST_TYRE_ERROR:g} and less than {MOST_TYRE_ERROR:g},"
+                f" not {tyre_error:g}"
             )
         self._rng = rng
         self._gyros = InertialTriad(MTI_300_GYRO, rng)

@@ -22,6 +22,7 @@ from sarsim.ground_truth.true_surface import Survey
 from sarsim.sensors.camera import optical_pose
 from sarsim.sensors.odometry import WheelOdometry
 from sarsim.tasks.depth_rays import DepthRays
+from sarsim.tasks.exploration_task import CLOSED, NOT_RESET
 from sarsim.tasks.settings import DriveWeights
 
 PERIODS = 5
@@ -86,9 +87,9 @@ class Drive(gymnasium.Env[Any, Any]):
             render_mode: None, because there is nothing to render.
         """
         if not 0 < seconds < np.inf:
-            raise InputError(f"seconds {seconds:g}: must be positive")
+            raise InputError(f"seconds = {seconds:g}: must be positive and finite")
         if depth is not None and min(depth) < 1:
-            raise InputError(f"depth {depth}: must be at least 1 × 1 pixels")
+            raise InputError(f"depth = {depth}: width and height must be at least 1 pixel each")
         self._arena, self._robot, self._size, self._seconds = arena, robot, depth, seconds
         self._weights = weights if isinstance(weights, DriveWeights) else DriveWeights(**weights)
         self.render_mode, self._is_closed = render_mode, False
@@ -109,7 +110,7 @@ class Drive(gymnasium.Env[Any, Any]):
         """Place the robot at the start, and draw a goal; InputError if the task is closed."""
         super().reset(seed=seed)
         if self._is_closed:
-            raise InputError("the task is closed")
+            raise InputError(CLOSED)
         if self.world is None or self._arena == "random":
             self._load()
         assert self.world is not None
@@ -126,8 +127,10 @@ class Drive(gymnasium.Env[Any, Any]):
 
     def step(self, action: NDArray[np.float32]) -> tuple[dict[str, Any], float, bool, bool, dict[str, Any]]:
         """Apply the command, which the firmware clips to the drive's limits, for 0.1 s."""
-        if self._is_closed or self.world is None:
-            raise InputError("the task is closed, or was not reset")
+        if self._is_closed:
+            raise InputError(CLOSED)
+        if self.world is None:
+            raise InputError(NOT_RESET)
         command = Velocity(*(np.asarray(action, np.float64) * self.world.robot.drive.limits).tolist())
         hits, far, diverged = self._collisions.collisions, self._distance, False
         try:

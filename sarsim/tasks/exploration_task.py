@@ -18,6 +18,8 @@ LOCAL_SIDE = 64
 FARTHEST_COORDINATE = 10_000.0
 """Coordinates in observations are clipped to this, m."""
 ROBOT_COLOUR = (220, 40, 40)
+CLOSED = "the task is closed; create a new one with gymnasium.make"
+NOT_RESET = "the task has not been reset; call reset() before step()"
 
 Action = int | np.integer[Any] | NDArray[np.float32]
 Maps = dict[str, NDArray[Any]]
@@ -46,7 +48,7 @@ class ExplorationTask(gymnasium.Env[Any, Any]):
     def __init__(self, action: Literal["viewpoint", "pose"], render_mode: str | None):
         """``action``: kind of actions; InputError if unknown. ``render_mode``: rgb_array, or None."""
         if action not in ("viewpoint", "pose"):
-            raise InputError(f"action {action!r}: must be viewpoint or pose")
+            raise InputError(f"action = {action!r}: must be 'viewpoint' or 'pose'")
         self.by_pose, self.render_mode, self._is_closed = action == "pose", render_mode, False
         self.action_space = spaces.Box(-1.0, 1.0, (3,), np.float32) if self.by_pose else spaces.Discrete(VIEWPOINTS)
         self.observation_space = observation_space()
@@ -63,7 +65,7 @@ class ExplorationTask(gymnasium.Env[Any, Any]):
     def check_open(self) -> None:
         """Raise InputError if the task was closed."""
         if self._is_closed:
-            raise InputError("the task is closed")
+            raise InputError(CLOSED)
 
 
 def wanted_pose(action: Action) -> tuple[NDArray[np.float64], float]:

@@ -24,6 +24,7 @@ from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 from sarsim.tasks.achievements import Achievements
 from sarsim.tasks.exploration_task import (
     LOCAL_SIDE,
+    NOT_RESET,
     Action,
     ExplorationTask,
     Maps,
@@ -86,7 +87,7 @@ class Explore(ExplorationTask):
         """
         super().__init__(action, render_mode)
         if steps < 1:
-            raise InputError(f"steps {steps}: must be at least 1")
+            raise InputError(f"steps = {steps}: must be at least 1")
         self._arena, self._most_steps = arena, steps
         self._simulation = SimulationConfig(odometry, robot=robot)
         self._perception = PerceptionConfig(labels=labels, detector=DETECTOR if detects else None)
@@ -131,7 +132,7 @@ class Explore(ExplorationTask):
         """Drive to a viewpoint and take a keyframe; see the class."""
         self.check_open()
         if self.explorer is None:
-            raise InputError("the task was not reset")
+            raise InputError(NOT_RESET)
         before = self._achieved.totals
         self._steps += 1
         is_tipped = self._drive(action)

@@ -78,7 +78,8 @@ class Explore2D(ExplorationTask):
         self._name = rules or ("papers" if maps is not None and Path(maps).is_dir() else "camera")
         for name, value, known in (("rules", self._name, RULES), ("split", split, DRAWINGS)):
             if value not in known:
-                raise InputError(f"{name} {value!r}: must be one of {', '.join(known)}")
+                *others, last = map(repr, known)
+                raise InputError(f"{name} = {value!r}: must be {', '.join(others)} or {last}")
         super().__init__(action, render_mode)
         self._rules, self._split = RULES[self._name], split
         self._weights = weights if isinstance(weights, RewardWeights) else RewardWeights(**weights)

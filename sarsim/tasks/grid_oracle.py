@@ -35,7 +35,10 @@ class GridOracle(ViewTours):
             InputError: the sensor does not see all around.
         """
         if rules.field_of_view < 360:
-            raise InputError("the oracle of 2D maps needs a sensor that sees all around")
+            raise InputError(
+                f"the oracle for 2D maps requires a field of view of 360°, not {rules.field_of_view:g}°; "
+                "use the rules 'papers'"
+            )
         self.world = GridWorld(scene, rules)
         self.world.reveal()
         self.wanted = int(scene.free.sum()) - rules.most_unseen if wanted is None else wanted

@@ -52,10 +52,13 @@ def read_dungeon(path: Path) -> GridScene:
         with Image.open(path) as image:
             pixels = np.asarray(image.convert("RGB"))
     except (OSError, ValueError, SyntaxError, Image.DecompressionBombError) as error:
-        raise InputError(f"{path}: not a readable image: {' '.join(str(error).split())}") from error
+        raise InputError(f"{path}: cannot be read as an image: {' '.join(str(error).split())}") from error
     square = np.argwhere((pixels == START_COLOUR).all(axis=2))
     if len(square) <= START_PIXEL:
-        raise InputError(f"{path}: no start: fewer than {START_PIXEL + 1} pixels in {START_COLOUR}")
+        raise InputError(
+            f"{path}: no start: at least {START_PIXEL + 1} pixels must have its colour, "
+            f"RGB {START_COLOUR}, but only {len(square)} do"
+        )
     row, col = square[START_PIXEL].tolist()
     return GridScene(pixels.max(axis=2) > LIGHT, (row, col), 1.0)
 
@@ -64,7 +67,7 @@ def dungeon_files(folder: Path) -> list[Path]:
     """The dungeon maps in a folder and its subfolders, sorted; InputError if there are none."""
     files = sorted(folder.rglob("*.png"))
     if not files:
-        raise InputError(f"{folder}: no .png maps")
+        raise InputError(f"{folder}: contains no .png maps, not even in subfolders")
     return files
 
 
@@ -77,7 +80,7 @@ def read_ros_scene(path: Path) -> GridScene:
     plan = read_map(path)
     cells = np.argwhere(plan.free)
     if not len(cells):
-        raise InputError(f"{path}: no pixel is free")
+        raise InputError(f"{path}: the map has no free pixels, so there is no place for the robot to start")
     x, y, yaw = plan.origin
     turn = np.array([(np.cos(yaw), np.sin(yaw)), (-np.sin(yaw), np.cos(yaw))])
     origin = (turn @ (-x, -y))[::-1] / plan.resolution - 0.5

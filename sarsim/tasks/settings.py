@@ -58,8 +58,8 @@ class ExplorerTrainingConfig:
     """How to train an explorer of 2D maps with PPO; all other settings are Stable-Baselines3's defaults.
 
     Attributes:
-        steps: total number of steps in all worlds.
-        seed: seed of every random number.
+        steps: number of training steps, summed over all worlds.
+        seed: seed of all random numbers.
         worlds: number of worlds explored at the same time.
         horizon: number of steps in each world between two updates; also the batch size.
         epochs: number of passes over these steps.

@@ -31,11 +31,14 @@ class ViewpointNetwork(nn.Module):
         Raises:
             InputError: the file is missing or damaged, or holds the weights of another network.
         """
-        network = cls()
+        network, remedy = cls(), "train an explorer with 'sarsim-train explorer'"
         try:
             network.load_state_dict(load_file(path))
-        except (OSError, SafetensorError, RuntimeError) as error:
-            raise InputError(f"{path}: not the weights of an explorer: {str(error).splitlines()[0]}") from error
+        except RuntimeError as error:
+            raise InputError(f"{path}: the tensors are not the weights of an explorer; {remedy}") from error
+        except (OSError, SafetensorError) as error:
+            said = f"cannot be read ({' '.join(str(error).split())})" if path.exists() else "no such file"
+            raise InputError(f"{path}: {said}; {remedy}") from error
         return network
 
     def forward(self, viewpoints: Tensor) -> tuple[Tensor, Tensor]:

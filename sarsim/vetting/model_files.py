@@ -35,11 +35,13 @@ def parse_xml(path: Path, most: int = MOST_TEXT) -> "Element":
     try:
         return root_of(content)
     except DefusedXmlException as error:
-        raise RefusedError(f"{path}: refused because it declares a document type or entities") from error
+        raise RefusedError(
+            f"{path}: refused because it declares a document type or entities; remove the <!DOCTYPE>"
+        ) from error
     except InputError:
         raise
     except (ElementTree.ParseError, ValueError, LookupError) as error:
-        raise InputError(f"{path}: not readable XML: {' '.join(str(error).split())}") from error
+        raise InputError(f"{path}: cannot be parsed as XML: {' '.join(str(error).split())}") from error
 
 
 def root_of(content: bytes) -> "Element":
@@ -87,8 +89,9 @@ def check_files(path: Path) -> None:
     for file in set(_within(path, names, bases)) | set(roots):
         check_regular(file)
         size = _bounded(size + file.stat().st_size, path)
-    if sum(map(_geoms, roots.values())) > MOST_GEOMS:
-        raise InputError(f"{path}: too many geoms; the limit is {MOST_GEOMS}")
+    count = sum(map(_geoms, roots.values()))
+    if count > MOST_GEOMS:
+        raise InputError(f"{path}: has {count} geoms, including copies; the limit is {MOST_GEOMS}")
 
 
 def _within(path: Path, names: Iterable[str], bases: Iterable[Path]) -> list[Path]:
@@ -98,15 +101,19 @@ def _within(path: Path, names: Iterable[str], bases: Iterable[Path]) -> list[Pat
     try:
         for file in found:
             if not file.resolve().is_relative_to(home):
-                raise InputError(f"{path}: must not refer to {file}, which is outside its folder")
+                raise InputError(
+                    f"{path}: refers to {file}, which is outside its folder; copy the file into that folder"
+                )
         return [file for file in found if file.exists()]
     except OSError as error:  # The name is too long
-        raise InputError(f"{path}: {error.strerror or error}") from error
+        raise InputError(f"{path}: cannot find a file to which it refers: {error.strerror or error}") from error
 
 
 def _bounded(size: int, path: Path) -> int:
     if size > MOST_MODEL_BYTES:
-        raise InputError(f"{path}: its files are too large; the limit is {MOST_MODEL_BYTES} bytes in all")
+        raise InputError(
+            f"{path}: the model's files are too large: at least {size} bytes in all; the limit is {MOST_MODEL_BYTES}"
+        )
     return size
 
 

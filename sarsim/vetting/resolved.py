@@ -57,14 +57,14 @@ def resolved(path: Path, check: Check = _no_check) -> tuple[mujoco.MjModel, mjcf
     Raises:
         InputError: the file is missing, MuJoCo or PyMJCF cannot read it, or ``check`` rejects it.
     """
-    with _one_line("not a readable MJCF file"):
+    with _one_line("cannot be read as MJCF"):
         return _resolved(mujoco.MjSpec.from_file(str(path)), lambda name: Path(name).read_bytes(), path.parent, check)
 
 
 def resolved_root(root: mjcf.RootElement, name: str) -> tuple[mujoco.MjModel, mjcf.RootElement]:
     """As :func:`resolved`, for MJCF created by other code; an InputError begins with ``name``."""
     files = root.get_assets()
-    with _one_line(f"{name}: MuJoCo cannot build it"):
+    with _one_line(f"{name}: MuJoCo cannot compile the arena"):
         spec = mujoco.MjSpec.from_string(root.to_xml_string(precision=EXACT), assets=files)
         return _resolved(spec, files.__getitem__, Path())
 

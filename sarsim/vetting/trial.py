@@ -58,7 +58,10 @@ def vet_mjcf(path: Path) -> None:
     check_files(path)
     said = answer_apart(lambda: _tried(path), SECONDS, TRIAL_MEMORY)
     if said != GOOD:
-        raise InputError(f"{path}: {said or f'reading it takes more than {TRIAL_MEMORY / 1e9:g} GB or {SECONDS} s'}")
+        limits = f"{TRIAL_MEMORY / 1e9:g} GB of memory or {SECONDS} s of processor time"
+        raise InputError(
+            f"{path}: {said or f'loading it takes more than {limits}, or crashes MuJoCo; simplify the model'}"
+        )
 
 
 def _tried(path: Path) -> str:
@@ -68,7 +71,7 @@ def _tried(path: Path) -> str:
         mujoco.mj_step(model, mujoco.MjData(model))
         again = mujoco.MjModel.from_xml_string(root.to_xml_string(precision=EXACT), root.get_assets())
         if not are_alike(model, again):
-            return "not a readable MJCF file: PyMJCF and MuJoCo read it differently"
+            return "cannot be read as MJCF: PyMJCF and MuJoCo read different bodies or geoms from it"
         return GOOD
     except InputError as error:
         return str(error)
@@ -77,7 +80,7 @@ def _tried(path: Path) -> str:
     except Exception as error:
         if "unknown exception" in str(error):
             return ""  # MuJoCo's message when it runs out of memory
-        return f"not a readable MJCF file: {' '.join(str(error).split()) or type(error).__name__}"
+        return f"cannot be read as MJCF: {' '.join(str(error).split()) or type(error).__name__}"
 
 
 def are_alike(one: mujoco.MjModel, other: mujoco.MjModel) -> bool:
@@ -96,17 +99,20 @@ def check_model(model: mujoco.MjModel) -> None:
     for owner in (model.opt, model.stat, model.vis.map, model.vis.quality):
         for name in BOUNDS.keys() & set(dir(owner)):
             _check(name, getattr(owner, name), BOUNDS[name])
-    _check("number of a height field's cells", model.hfield_data.size, (0, MOST_HEIGHTS))
+    if model.hfield_data.size > MOST_HEIGHTS:
+        raise InputError(f"the height fields have {model.hfield_data.size} cells; the limit is {MOST_HEIGHTS}")
     for name in sorted(dir(model), key=lambda name: name.startswith("bvh")):  # Derived ones last
         value = getattr(model, name)
         if name.startswith("nuser_"):
             _check(name, value, (0, MOST_USER))
         elif isinstance(value, np.ndarray) and value.dtype.kind == "f" and not np.isfinite(value).all():
-            raise InputError(f"{name} holds a number that is not finite")
+            raise InputError(f"all values in {name} must be finite")
     for name in PLACES:
-        _check(f"{name} of", np.abs(getattr(model, name)).max(initial=0), (0, FARTHEST))
+        farthest = np.abs(getattr(model, name)).max(initial=0)
+        if farthest > FARTHEST:
+            raise InputError(f"{name} contains a value of magnitude {farthest:g} m; the limit is {FARTHEST:g} m")
 
 
 def _check(name: str, value: float, bounds: tuple[float, float]) -> None:
     if not bounds[0] <= value <= bounds[1]:
-        raise InputError(f"{name} {value:g} is not between {bounds[0]:g} and {bounds[1]:g}")
+        raise InputError(f"{name} must be from {bounds[0]:g} to {bounds[1]:g}, not {value:g}")

@@ -140,7 +140,10 @@ def make_victim(
     """
     choice = [p for p in SUITABLE[placement] if posture in (p, None) and (posture or p not in AGAINST_WALL)]
     if not choice:
-        raise InputError(f"victim {id}: the posture {posture} is impossible in placement {placement!r}")
+        raise InputError(
+            f"victim {id}: posture {posture!r} cannot be used in placement {placement!r}; choose from"
+            f" {', '.join(SUITABLE[placement])}"
+        )
     posture = choice[rng.integers(len(choice))]
     figures = _figures(posture, placement, stature, rng)
     fitting = ((f, b) for f, b in figures if np.all(np.ptp(f.places("bald"), axis=0)[:2] <= room))

@@ -107,5 +107,5 @@ def test_the_time_step_divides_the_control_period():
     assert substeps(0.002) == 10
     assert substeps(0.005) == 4
     assert substeps(CONTROL_TIMESTEP) == 1
-    with pytest.raises(InputError, match="timestep"):
+    with pytest.raises(InputError, match=r"timestep of 0\.003 s must divide .* 0\.02 s"):
         substeps(0.003)

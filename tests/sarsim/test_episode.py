@@ -106,8 +106,8 @@ def test_goals_are_visited_or_refused_with_a_reason_and_the_robot_comes_home(tmp
     for reason in ("(50.00, 0.00) m", "(2.00, 0.40) m is in a"):
         assert any(reason in line for line in task["refused"]), task["refused"]
         assert diary.said(f"WARN the goal {reason}")
-    assert diary.said("INFO the goal (0.80, 0.50) m reached")
-    assert diary.said("INFO home reached")
+    assert diary.said("INFO reached the goal (0.80, 0.50) m")
+    assert diary.said("INFO reached home")
     home = diary.report["home"]
     assert (home["given"], home["reached"], home["refused"], len(home["each"])) == (1, 1, [], 1)
     first = task["each"][0]
@@ -142,7 +142,7 @@ def test_the_robot_stops_before_what_was_put_in_its_way_and_drives_around(tmp_pa
     arena = room((-1.3, 5.0), (-1.4, 1.4), barrel)
     # With true odometry: with its own localisation the robot grazes the barrel in one run out of three.
     diary = Diary(arena, tmp_path, put_in_the_way, steps=1, goals=((3.0, 0.0),), odometry="truth")
-    assert diary.said("ended: blocked")
+    assert diary.said("ended: the path is blocked")
     assert diary.report["goals"]["reached"] == 1
     assert diary.report["navigation"]["collisions"] == 0
     assert diary.report["navigation"]["stuck"] == 0
@@ -163,7 +163,7 @@ CLOSED_ROOM = room((-1.3, 2.5), (-1.3, 1.3), *ENDS, box((6.8, 9.8), (-1.4, -1.3)
 
 def test_a_robot_that_was_lifted_and_is_given_its_place_drives_no_old_plan_and_says_so(tmp_path):
     diary = Diary(CLOSED_ROOM, tmp_path, lift, steps=3, home=True, odometry="truth")
-    assert diary.said("ended: carried elsewhere")
+    assert diary.said("ended: the robot was carried elsewhere")
     assert diary.said("WARN the robot was carried and set down at (8.00, 0.00) m")
     assert diary.said("WARN the goal (0.00, 0.00) m cannot be reached from")
     assert diary.report["navigation"]["kidnapped"] == 1
@@ -175,7 +175,7 @@ def test_a_robot_that_was_lifted_and_is_given_its_place_drives_no_old_plan_and_s
 def test_a_robot_that_was_lifted_to_where_it_has_never_been_stays_and_says_so(tmp_path):
     """Its wheels do not notice the kidnapping, but its camera shows a room that its map does not have."""
     diary = Diary(OTHER_ROOM, tmp_path, lift, steps=8, home=True)
-    assert diary.said("WARN the robot is lost and stops: the camera view does not match the map")
+    assert diary.said("WARN the robot is lost and has stopped: the camera view does not match the map")
     assert "no other place" in diary.report["lost"]
     assert diary.report["localisation"]["relocalised"] == 0
     assert diary.report["navigation"]["collisions"] == 0
@@ -197,7 +197,7 @@ def test_maps_that_lie_wrong_are_corrected_and_the_log_says_so(tmp_path):
 def test_a_robot_shut_in_gives_up_and_says_why(tmp_path):
     """Its camera sees nothing so near, and slipping wheels would look like driving."""
     diary = Diary(room((-0.36, 0.36), (-0.36, 0.36)), tmp_path, goals=((2.0, 0.0),), explore=True, odometry="truth")
-    assert diary.said("WARN the robot is lost and stops: at")
+    assert diary.said("WARN the robot is lost and has stopped: up to")
     navigation = diary.report["navigation"]
     assert 0 < navigation["legs"] - navigation["reached"] <= 5
     assert navigation["recovered"] > 0

@@ -47,12 +47,14 @@ def load_metric_map(path: Path) -> MetricMap:
     """
     entries = load_arrays(path, "metric map")
     if str(entries.pop("format", "")) != FORMAT:
-        raise InputError(f"{path}: not a metric map")
-    if entries.pop("version", np.array(0)).tolist() != VERSION:
-        raise InputError(f"{path}: must have format version {VERSION}; another version of sarsim wrote it")
+        raise InputError(f"{path}: not a metric map; use the metric_map.npz of a run")
+    if (version := entries.pop("version", np.array(0)).tolist()) != VERSION:
+        found = f"has format version {version!s:.20}, but this version of sarsim reads only version {VERSION}"
+        raise InputError(f"{path}: {found}; repeat the run that wrote it")
     lower, log_odds = entries.pop("lower", np.zeros(0)), entries.pop("log_odds", np.zeros(0))
     if lower.shape != (3,) or lower.dtype != np.int64 or log_odds.ndim != 3 or log_odds.dtype != np.int8:
-        raise InputError(f"{path}: the array 'lower' or 'log_odds' is missing, or has the wrong shape or type")
+        wrong = "the array 'lower' or 'log_odds' is missing, or has the wrong shape or type"
+        raise InputError(f"{path}: {wrong}; repeat the run that wrote the file")
     settings: dict[str, Any] = {
         name: tuple(value.tolist()) if value.ndim else value.item()
         for name, value in entries.items()
@@ -61,6 +63,6 @@ def load_metric_map(path: Path) -> MetricMap:
     try:
         result = MetricMap(MetricMapConfig(**settings))
     except TypeError as error:
-        raise InputError(f"{path}: the settings of the metric map are incomplete or invalid") from error
+        raise InputError(f"{path}: settings are missing or unknown; repeat the run that wrote the file") from error
     result.set_log_odds(lower, log_odds)
     return result

@@ -61,7 +61,8 @@ def _add_voxels(tree: OcTree | ColorOcTree, metric_map: MetricMap, centres: Poin
     """Add voxels with their log-odds; return their centres (N, 3) in the octree, m."""
     index = metric_map.voxel_index(centres)
     if np.any((index < -REACH) | (index >= REACH)):
-        raise InputError(f"the map extends beyond the {REACH} voxels from the origin that an OctoMap octree can hold")
+        limit = f"an OctoMap octree reaches only {REACH} voxels"
+        raise InputError(f"the map extends too far from its origin: {limit}; export it to .ply instead")
     tree.setClampingThresMin(CLAMP)
     tree.setClampingThresMax(1 - CLAMP)
     places = (index + 0.5) * metric_map.voxel_size

@@ -65,13 +65,13 @@ class Nav2Robot(RosRobot):
             return []
         ending = f"/{NAVIGATE}{STATUS}"
         others = [topic.removesuffix(STATUS) for topic in self._node.types() if topic.endswith(ending)]
-        there = f"; found {', '.join(others)}: set --topics.odom in the same namespace" if others else ""
-        return [f"no Nav2 action server {self._names()[0]}{there}"]
+        there = f" (found {', '.join(others)}; set --topics.odom to a topic in its namespace)" if others else ""
+        return [f"no Nav2 action server offers {self._names()[0]}{there}"]
 
     def _prepare_commands(self) -> None:
         name = self._served()
         self._action: Action = self._node.action(name, KIND)
-        _log.warning("sending goals to %s in the frame of %s", name, self.topics.odom)
+        _log.warning("sending Nav2 goals to %s, in the frame of %s", name, self.topics.odom)
 
     def _served(self) -> str:
         """The name of the action; empty if no node serves it."""
@@ -162,7 +162,7 @@ class Nav2Navigator(Navigator):
             return Outcome.MOVED
         if (has_arrived := self._body.has_arrived) is not None:
             if not has_arrived:
-                _log.warning("Nav2, goal %s: %s", place_name(place[:2]), self._body.why_ended())
+                _log.warning("Nav2 did not reach the goal %s: %s", place_name(place[:2]), self._body.why_ended())
             return Outcome.REACHED if has_arrived else Outcome.BLOCKED
         return Outcome.STUCK if self._time > latest else None
 

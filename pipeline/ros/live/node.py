@@ -39,7 +39,7 @@ class RosNode:
             InputError: the name is invalid, rclpy is not installed, or the network already has a node of this name.
         """
         if not re.fullmatch("[A-Za-z_][A-Za-z0-9_]*", name):
-            raise InputError(f"--name {name}: a node name may contain only letters, digits and _")
+            raise InputError(f"--name {name!r}: must consist of letters, digits and _, and not start with a digit")
         if not network:
             os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
         rclpy = _rclpy()
@@ -61,7 +61,7 @@ class RosNode:
             stack.callback(thread.join)
             stack.callback(self._closing.set)
             if self.wait(lambda: self._node.get_node_names().count(name) > 1, config.discovery):
-                raise InputError(f"the network already has a node {name!r}; choose another --name")
+                raise InputError(f"a node named {name!r} is already on the network; choose another --name")
             self._stack = stack.pop_all()
 
     def _listen(self) -> None:
@@ -109,7 +109,8 @@ class RosNode:
         qos, name = import_module("rclpy.qos"), name or self.types()[topic][0]
         kind = interface(name)
         if kind is None:
-            raise InputError(f"{topic}: its type {name} is not installed")
+            package = name.partition("/")[0]
+            raise InputError(f"{topic}: message type {name} is not installed; install the ROS package {package}")
         is_offered = bool(self.senders(topic))
         profile = qos.QoSProfile(
             depth=self._config.odometry_queue,
@@ -129,7 +130,7 @@ class RosNode:
         found = interface(kind)
         if found is None:
             package = kind.partition("/")[0]
-            raise InputError(f"{name}: its type {kind} is not installed; install the ROS package {package}")
+            raise InputError(f"{name}: action type {kind} is not installed; install the ROS package {package}")
         client = import_module("rclpy.action").ActionClient(self._node, found, name)
         self._clients.callback(client.destroy)
         return Action(client, found)
@@ -164,5 +165,5 @@ def _rclpy() -> Any:
     try:
         return import_module("rclpy")
     except ImportError as error:
-        remedy = "source ROS 2's setup script, or run pip install 'sarsim[ros]' (Python 3.11 to 3.13)"
+        remedy = "source ROS 2's setup script or, with Python 3.11 to 3.13, run: pip install 'sarsim[ros]'"
         raise InputError(f"rclpy cannot be imported ({error}); {remedy}") from error

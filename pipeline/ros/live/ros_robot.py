@@ -90,7 +90,7 @@ class RosRobot:
             _log.warning("waiting for the robot: %s", ", ".join(missing()))
             if not node.wait(lambda: not missing(), wait):
                 others = "" if all(map(node.senders, needed)) else self._others(needed)
-                raise InputError(f"no robot after {self._patience + wait:g} s: {', '.join(missing())}{others}")
+                raise InputError(f"no robot found within {self._patience + wait:g} s: {', '.join(missing())}{others}")
         for topic in needed:
             if len(senders := node.senders(topic)) > 1:
                 raise InputError(f"{topic}: several nodes publish it ({', '.join(senders)}); stop all but one")
@@ -128,7 +128,7 @@ class RosRobot:
             takers[of_colour] = senses.take_colour_info
         self._may_fall_silent = set(takers)
         if not node.senders(topics.imu) and (imus := self._sent(IMU)):
-            _log.warning("nothing publishes %s; to use %s, set --topics.imu", topics.imu, " and ".join(imus))
+            _log.warning("nothing publishes %s; to use %s instead, set --topics.imu", topics.imu, " or ".join(imus))
         for topic, take in {topics.imu: senses.take_imu, **takers}.items():
             with suppress(InputError):  # the packages of PyPI have no type for transforms
                 if node.senders(topic):
@@ -138,7 +138,7 @@ class RosRobot:
     def _others(self, needed: Sequence[str]) -> str:
         """For an error message, the topics that may have been meant by those that nothing publishes."""
         there = [topic for topic in self._sent(*IMAGE_TYPES, INFO_TYPE, ODOMETRY) if topic not in needed]
-        return f"; published instead: {', '.join(there)}; choose with --topics" if there else ""
+        return f"; published instead: {', '.join(there)}; choose with the --topics flags" if there else ""
 
     def _sent(self, *kinds: str) -> list[str]:
         """The topics on which messages of given types are sent."""
@@ -159,7 +159,7 @@ class RosRobot:
         self._node.wait(lambda: links.mount(frame).T_base_camera is not None, self._patience)
         T, self._senses.T_driven_base, note = links.mount(frame)
         if T is None:
-            raise InputError(f"{note}; give its pose on the robot with --camera x y z roll pitch yaw")
+            raise InputError(f"{note}; give the camera's pose with --camera x y z roll pitch yaw")
         if note:
             _log.warning("%s", note)
         return T
@@ -236,8 +236,8 @@ class RosRobot:
             self._unheeded += elapsed
         if self._unheeded > 2 * self._patience:
             self.stop()
-            why = f"the robot ignores commands: it has not moved for {2 * self._patience:g} s"
-            raise InputError(f"{self.topics.cmd_vel}: {why}")
+            why = f"the robot has not moved for {2 * self._patience:g} s despite commands"
+            raise InputError(f"{self.topics.cmd_vel}: {why}; check that its motors are enabled")
 
     def _wait(self, until: Callable[[], bool]) -> None:
         """Wait for messages; if they do not come, stop the robot and raise InputError."""
@@ -253,7 +253,7 @@ class RosRobot:
         if silent := [topic for topic, heard in self._heard.items() if heard < last and topic not in once]:
             return f"{', '.join(silent)}: no messages for {self._patience:g} s"
         if abs(senses.image_time - senses.time) > self._patience / 2:
-            times = f"images are at {senses.image_time:.2f} s, odometry at {senses.time:.2f} s"
-            return f"the robot's clocks differ: {times}"
+            times = f"images at {senses.image_time:.2f} s, odometry at {senses.time:.2f} s"
+            return f"the newest timestamps differ by over {self._patience / 2:g} s: {times}; check the clocks"
         missing = f"no newer odometry, or no depth image within {SAME_TIME:g} s of a colour image"
-        return f"the robot's timestamps are inconsistent: for {self._patience:g} s {missing}"
+        return f"check the robot's timestamps: for {self._patience:g} s there was {missing}"

@@ -8,12 +8,13 @@ class TopicNames:
     """Names of a robot's topics.
 
     Attributes:
-        depth: depth images, 16UC1 (mm) or 32FC1 (m), raw or compressedDepth, registered to colour.
-        color: colour images, raw or compressed.
-        camera_info: intrinsics of the depth images.
-        odom: odometry.
-        imu: gyro and accelerometer; without them, tilt comes from the odometry alone.
-        cmd_vel: velocity commands, Twist or TwistStamped, whichever the robot subscribes to.
+        depth: topic of the depth images: 16UC1 (mm) or 32FC1 (m), raw or compressedDepth. Those not registered to
+            colour need transforms and a camera_info of the colour images.
+        color: topic of the colour images, raw or compressed.
+        camera_info: topic of the intrinsics of the depth images.
+        odom: topic of the odometry.
+        imu: topic of the gyro and accelerometer. Without it, tilt comes from the odometry alone.
+        cmd_vel: topic for velocity commands, Twist or TwistStamped, whichever the robot subscribes to.
     """
 
     depth: str = "/camera/depth/image_raw"

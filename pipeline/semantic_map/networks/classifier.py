@@ -92,7 +92,9 @@ def segment(
     blocks = [block for shift in shifts for block in cut(points, camera, config, shift, network.fewest, rng)]
     for block, logits in zip(blocks, network.of_blocks(b.points for b in blocks), strict=True):
         if not np.isfinite(logits).all():
-            raise InputError("the network's outputs are not finite: its weights are damaged")
+            raise InputError(
+                "the network's outputs are not finite; use other --weights or, in training, lower --learning-rate"
+            )
         result[block.index] += softmax(logits, axis=1) / grids
     return result
 
@@ -105,22 +107,33 @@ def load_classifier(path: Path, only: str | None = None) -> tuple[PointNetwork, 
             are missing or too far from the defaults.
     """
     network, metadata = load_weights(path, only)
-    if metadata.get("labels") != _CLASS_NAMES or network.classes != len(CLASSES):
-        named = metadata.get("labels", f"{network.classes} unnamed classes")
-        raise InputError(f"{path}: a network for {named}, not for {_CLASS_NAMES}; train one with sarsim-train")
+    remedy = f"; train a network with 'sarsim-train {network.NAME}'"
+    if (named := metadata.get("labels", f"{network.classes} unnamed classes")) != _CLASS_NAMES:
+        raise InputError(f"{path}: the network predicts {named}, but must predict {_CLASS_NAMES}{remedy}")
+    if network.classes != len(CLASSES):
+        raise InputError(
+            f"{path}: the network has {network.classes} outputs, but must have {len(CLASSES)}, "
+            f"one for each of {_CLASS_NAMES}{remedy}"
+        )
     if network.channels not in (CHANNELS, COLOURED):
-        raise InputError(f"{path}: expects {network.channels} channels per point; must be {CHANNELS} or {COLOURED}")
+        raise InputError(
+            f"{path}: the network has {network.channels} input channels per point, "
+            f"but must have {CHANNELS}, or {COLOURED} with colours{remedy}"
+        )
     try:
         blocks = BlockConfig(**json.loads(metadata["blocks"]))
         for name, usual in asdict(BlockConfig()).items():
             least, most = usual / MOST_FACTOR, usual * MOST_FACTOR
             if not least <= getattr(blocks, name) <= most:
-                raise InputError(f"{path}: {name} must be from {least:g} to {most:g}, got {getattr(blocks, name)}")
+                raise InputError(
+                    f"{path}: block setting {name} = {getattr(blocks, name)}: must be from {least:g} to {most:g}"
+                    f"{remedy}"
+                )
         return network, replace(blocks, points=int(blocks.points))
     except InputError:
         raise
     except (KeyError, TypeError, ValueError, RecursionError) as error:
-        raise InputError(f"{path}: written by another version: the block settings are missing or damaged") from error
+        raise InputError(f"{path}: the block settings in the metadata are missing or invalid{remedy}") from error
 
 
 def save_classifier(path: Path, network: PointNetwork, blocks: BlockConfig, training: dict[str, object]) -> None:

@@ -35,7 +35,9 @@ class LabelledCloud:
             InputError: the frame has no labels.
         """
         if frame.label is None:
-            raise InputError(f"the frame at {frame.time:.2f} s has no true labels to learn from")
+            raise InputError(
+                f"the frame at {frame.time:.2f} s has no true labels to learn from; use scenes made by sarsim-dataset"
+            )
         classes = CLASS_OF_LABEL[frame.label[frame.returns]]
         has_class = classes >= 0
         cloud = VoxelCloud.of(frame.points(T_map_camera)[has_class], voxel_size)

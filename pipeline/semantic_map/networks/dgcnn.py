@@ -70,13 +70,25 @@ class Dgcnn(PointNetwork):
         """A network that fits published weights, with the metadata's k; ValueError if they are not a DGCNN's."""
         k = whole(metadata.get("k", str(NEAREST_POINTS)))
         if not 1 <= k <= MOST_NEIGHBOURS:
-            raise ValueError(f"k = {metadata['k']:.20}: must be from 1 to {MOST_NEIGHBOURS} neighbours")
-        first, last = (tuple(tensors[n].shape) if n in tensors else () for n in ("conv1.0.weight", "conv9.weight"))
+            text = metadata["k"]
+            raise ValueError(
+                f"k = {text!r:.20}: the number of neighbours must be a whole number from 1 to {MOST_NEIGHBOURS}"
+            )
+        names = "conv1.0.weight", "conv9.weight"
+        if missing := [name for name in names if name not in tensors]:
+            raise ValueError(f"not a DGCNN for segmentation: the tensor {missing[0]} is missing")
+        first, last = (tuple(tensors[name].shape) for name in names)
         # Shapes need limits: a tensor with a 0 in its shape takes no bytes in a file, whatever its other sizes.
         if len(first) != 4 or not 2 * GRAPH_CHANNELS <= first[1] <= 2 * MOST_CHANNELS or first[0] != EDGE_FEATURES:
-            raise ValueError(f"not a DGCNN for segmentation: conv1.0.weight is {first}")
+            raise ValueError(
+                f"not a DGCNN for segmentation: {names[0]} has shape {first}, but must have "
+                f"({EDGE_FEATURES}, C, 1, 1) with C even and from {2 * GRAPH_CHANNELS} to {2 * MOST_CHANNELS}"
+            )
         if len(last) != 3 or not 1 <= last[0] <= MOST_CHANNELS:
-            raise ValueError(f"not a DGCNN for segmentation: conv9.weight is {last}")
+            raise ValueError(
+                f"not a DGCNN for segmentation: {names[1]} has shape {last}, but must have "
+                f"(C, {GLOBAL // 4}, 1) with C from 1 to {MOST_CHANNELS}"
+            )
         return cls(first[1] // 2, last[0], k)
 
     def about(self) -> dict[str, str]:

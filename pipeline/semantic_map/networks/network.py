@@ -44,11 +44,12 @@ class PointNetwork(nn.Module, ABC):
     @classmethod
     def for_weights(cls, tensors: Mapping[str, Tensor], metadata: Mapping[str, str]) -> Self:
         """A network of the size given by a file's ``tensors`` or ``metadata``; ValueError if that is out of range."""
-        sizes = [metadata.get(name, "") for name in ("channels", "classes")]
-        channels, classes = map(whole, sizes)
-        if not (3 < channels <= MOST_CHANNELS and 1 <= classes <= MOST_CHANNELS):
-            raise ValueError(f"{sizes[0]!r:.20} channels and {sizes[1]!r:.20} classes do not fit a {cls.NAME}")
-        return cls(channels, classes)
+        for name, least in (("channels", 4), ("classes", 1)):
+            if not least <= whole(metadata.get(name, "")) <= MOST_CHANNELS:
+                found = f"not {metadata[name]!r:.20}" if name in metadata else "but is missing"
+                limits = f"from {least} to {MOST_CHANNELS}"
+                raise ValueError(f"the number of {name} of {cls.NAME} must be a whole number {limits}, {found}")
+        return cls(whole(metadata["channels"]), whole(metadata["classes"]))
 
     def about(self) -> dict[str, str]:
         """The metadata that :meth:`for_weights` needs in addition to the weights."""
@@ -97,7 +98,7 @@ class BlockClassifier(Protocol):
 def check_block(network: PointNetwork, points: NDArray[np.float32]) -> None:
     """Raise InputError if (N, C) points are too few, have a wrong number of channels, or are not finite."""
     if points.ndim != 2 or points.shape[1] != network.channels or len(points) < network.fewest:
-        wanted = f"(at least {network.fewest}, {network.channels})"
-        raise InputError(f"{network.NAME}: a block must have the shape {wanted}, not {points.shape}")
+        wanted = f"(N, {network.channels}) with N at least {network.fewest}"
+        raise InputError(f"{network.NAME}: a block must have shape {wanted}, not {points.shape}")
     if not np.isfinite(points).all():
-        raise InputError(f"{network.NAME}: the points of a block must be finite")
+        raise InputError(f"{network.NAME}: a block must not contain NaN or infinite values")

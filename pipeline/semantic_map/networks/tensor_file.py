@@ -22,14 +22,17 @@ def read_tensors(path: Path) -> tuple[dict[str, Tensor], dict[str, str]]:
         with path.open("rb") as start:
             magic = start.read(2)
         if magic in (b"PK", b"\x80\x02", b"\x80\x03", b"\x80\x04", b"\x80\x05"):
-            raise InputError(f"{path}: a pickle, which could run code; convert it to safetensors")
+            raise InputError(f"{path}: a pickle file can run code and is not accepted; convert it to safetensors")
         with safe_open(path, framework="pt") as file:
             names = file.keys()
             return {name: file.get_tensor(name) for name in names}, file.metadata() or {}
     except OSError as error:
         raise InputError(f"{path}: {error.strerror or error}") from error
     except SafetensorError as error:
-        raise InputError(f"{path}: not a complete safetensors file: {' '.join(str(error).split())}") from error
+        said = " ".join(str(error).split())
+        raise InputError(
+            f"{path}: not a complete safetensors file ({said}); replace it with an intact one"
+        ) from error
 
 
 @torch.no_grad()
@@ -40,19 +43,19 @@ def copy_tensors(tensors: Mapping[str, Tensor], wanted: Mapping[str, Tensor], pa
         InputError: names or shapes differ, or a tensor holds impossible numbers; the message names ``path``.
     """
     _refuse(sorted(wanted.keys() - tensors.keys()), "missing", path)
-    _refuse(sorted(tensors.keys() - wanted.keys()), "unknown", path)
+    _refuse(sorted(tensors.keys() - wanted.keys()), "unexpected", path)
     for name, tensor in tensors.items():
         if tensor.shape != wanted[name].shape:
-            shapes = f"{tuple(tensor.shape)} instead of {tuple(wanted[name].shape)}"
-            raise InputError(f"{path}: weights of another network: {name} is {shapes}")
+            shapes = f"has shape {tuple(tensor.shape)}, but must have {tuple(wanted[name].shape)}"
+            raise InputError(f"{path}: the weights do not fit the network ({name} {shapes}); use another file")
         if tensor.is_complex() or not tensor.double().isfinite().all():
-            raise InputError(f"{path}: {name} must hold finite real numbers")
-        if name.endswith("running_var") and tensor.double().min() < 0:
-            raise InputError(f"{path}: {name} holds negative variances")
+            raise InputError(f"{path}: {name} contains complex, NaN or infinite values; use another file")
+        if name.endswith("running_var") and (least := float(tensor.double().min())) < 0:
+            raise InputError(f"{path}: {name} contains the variance {least:g}; variances must be non-negative")
         wanted[name].copy_(tensor)
 
 
 def _refuse(names: list[str], what: str, path: Path) -> None:
     if names:
-        others = f" and {len(names) - 1} more" if names[1:] else ""
-        raise InputError(f"{path}: weights of another network: {names[0]}{others} {what}")
+        tensors = f"tensors: {names[0]} and {len(names) - 1} more" if names[1:] else f"tensor: {names[0]}"
+        raise InputError(f"{path}: the weights do not fit the network ({what} {tensors}); use another file")

@@ -55,9 +55,11 @@ class PointLearner(Learner[Batch, PointNetwork]):
             InputError: there are no labelled points for training or for validation.
         """
         training = [cloud for cloud in training if len(cloud.points)]
-        for purpose, clouds in (("train", training), ("validate", validation)):
+        for purpose, clouds in (("training", training), ("validation", validation)):
             if not any(len(cloud.points) for cloud in clouds):
-                raise InputError(f"no labelled points to {purpose} with")
+                raise InputError(
+                    f"the {purpose} scenes contain no labelled points; choose other datasets with --data"
+                )
         torch.manual_seed(config.seed)
         self._validation, self._blocks, self._seed = validation, blocks or BlockConfig(), config.seed
         channels = 3 + training[0].points.shape[1]

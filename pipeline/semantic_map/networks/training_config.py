@@ -55,16 +55,18 @@ class Optimization:
 
 @dataclass(frozen=True, kw_only=True)
 class TrainingConfig:
-    """Settings of a training.
+    """Settings of a training run.
 
     Attributes:
-        steps: number of batches; more batches fit the training data better but take longer.
-        batch: samples per batch and worker; larger batches need more memory and give steadier steps.
-        learning_rate: peak learning rate of AdamW; lower it if the loss jumps, raise it if it hardly falls.
-        seed: seed of the initial weights, batches and augmentation; compare seeds to see how much is chance.
-        minutes: processor time, min, after which training ends, validation excluded; the learning rate then follows
-            the time. Use it to compare networks whose steps differ in duration.
-        validate_every: steps between validations; weights are written only after a validation.
+        steps: number of training steps, each on one batch; more steps fit the training data better but take longer.
+        batch: samples per batch and worker; larger batches need more memory and give less noisy gradients.
+        learning_rate: peak learning rate of AdamW; lower it if the loss jumps, raise it if the loss hardly falls.
+        seed: seed of the initial weights, batches and augmentation; results with several seeds show how much depends
+            on chance.
+        minutes: limit of processor time in minutes, excluding validation. Training ends after this time or after
+            --steps, whichever comes first, and the learning rate falls accordingly. Use it to compare networks whose
+            steps differ in duration. By default no limit.
+        validate_every: number of steps between validations; weights are written only after a validation.
         optimization: how it follows the gradients.
     """
 
@@ -79,11 +81,14 @@ class TrainingConfig:
     def __post_init__(self) -> None:
         """Raise InputError for settings out of range."""
         if self.minutes is not None and not 0 < self.minutes < float("inf"):
-            raise InputError(f"--minutes {self.minutes:g}: must be positive")
-        if min(self.steps, self.batch, self.validate_every) < 1:
-            raise InputError("--steps, --batch and --validate-every must be at least 1")
-        if not 0 < self.learning_rate < float("inf") or self.seed < 0:
-            raise InputError("--learning-rate must be positive, and --seed must not be negative")
+            raise InputError(f"--minutes {self.minutes:g}: must be positive and finite")
+        for flag, count in (("steps", self.steps), ("batch", self.batch), ("validate-every", self.validate_every)):
+            if count < 1:
+                raise InputError(f"--{flag} {count}: must be at least 1")
+        if not 0 < self.learning_rate < float("inf"):
+            raise InputError(f"--learning-rate {self.learning_rate:g}: must be positive and finite")
+        if self.seed < 0:
+            raise InputError(f"--seed {self.seed}: must be non-negative")
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -119,4 +124,4 @@ class PointTrainingConfig(TrainingConfig):
         """Raise InputError for settings out of range."""
         super().__post_init__()
         if self.batch < 2:
-            raise InputError(f"--batch {self.batch}: must be at least 2, for batch norm over blocks")
+            raise InputError(f"--batch {self.batch}: must be at least 2, because batch norm needs several blocks")

@@ -195,7 +195,7 @@ class TrainingLoop(Generic[Batch, Network]):
                 torch.save(state, file)
 
     def _resume(self) -> None:
-        remedy = "delete it, or choose another --out"
+        remedy = "delete this file or choose another --out"
         try:
             state = torch.load(self._checkpoint, map_location=self.worker.device, weights_only=True)
             is_same = state["settings"] == self._settings
@@ -206,9 +206,9 @@ class TrainingLoop(Generic[Batch, Network]):
             self.step, self.spent = int(state["step"]), float(state["spent"])
             self.rows, self._losses = state["rows"], state["losses"]
         except (OSError, RuntimeError, LookupError, TypeError, ValueError, EOFError, pickle.UnpicklingError) as error:
-            raise InputError(f"{self._checkpoint}: not a checkpoint of this program; {remedy}") from error
+            raise InputError(f"{self._checkpoint}: cannot be read as a training checkpoint; {remedy}") from error
         if not is_same:
-            raise InputError(f"{self._checkpoint} belongs to a training with other settings or data; {remedy}")
+            raise InputError(f"{self._checkpoint}: written by a training run with other settings or data; {remedy}")
 
 
 def _optimizer(network: nn.Module, config: TrainingConfig) -> torch.optim.Optimizer:

@@ -31,7 +31,9 @@ def load_weights(path: Path, network: str | None = None) -> tuple[PointNetwork, 
     tensors, metadata = read_tensors(path)
     name = metadata.get("network", Dgcnn.NAME)
     if name not in ((network,) if network else NETWORKS):
-        raise InputError(f"{path}: weights of {name:.40}, not of {network or ' or '.join(NETWORKS)}")
+        *others, last = [network] if network else NETWORKS
+        wanted = f"{', '.join(others)} or {last}" if others else last
+        raise InputError(f"{path}: contains the weights of {name!r:.40}, but must contain those of {wanted}")
     try:
         result = NETWORKS[name].for_weights(tensors, metadata)
     except ValueError as error:
@@ -45,7 +47,9 @@ def save_weights(path: Path, network: PointNetwork, metadata: dict[str, str] | N
     tensors = {name: t.detach().cpu().half().contiguous() for name, t in network.published().items()}
     for name, tensor in tensors.items():
         if not tensor.isfinite().all():
-            raise InputError(f"{path}: {name} is too large for half precision; lower the learning rate")
+            raise InputError(
+                f"{path}: {name} has values that are NaN or too large for half precision; lower the learning rate"
+            )
     content = save(tensors, {"network": network.NAME} | network.about() | (metadata or {}))
     with whole_file(path) as file:
         file.write_bytes(content)  # safetensors' own save_file creates files that only their owner may read

@@ -33,7 +33,7 @@ class CanvasSampler:
         shown = np.array([len(images.people(index)) > 0 for index in range(len(images))], bool)
         self._shown, self._empty = np.flatnonzero(shown), np.flatnonzero(~shown)
         if len(self._shown) == 0:
-            raise InputError("the training images show no people")
+            raise InputError("no training image shows a person; choose datasets that contain victims with --data")
 
     def batch(self, number: int) -> list[TrainingImage]:
         """Batch ``number`` of the training."""

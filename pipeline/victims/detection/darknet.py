@@ -25,8 +25,8 @@ from pipeline.victims.detection.boxes import Boxes
 from pipeline.victims.detection.input_image import Letterbox
 from pipeline.victims.detection.weights import check_hash, header_size
 
-PERSON = {1: (0, "people"), 20: (14, "Pascal VOC's"), 80: (0, "COCO's")}
-"""For networks without class names, by number of classes: index of ``person``, and whose classes are assumed."""
+PERSON = {1: (0, "people"), 20: (14, "Pascal VOC"), 80: (0, "COCO")}
+"""For networks without class names, by number of classes: index of ``person``, and the source of the classes."""
 KIND_OF = {kind: kind for kind in KINDS} | dict.fromkeys(("person", "doll"), VICTIM)
 """Kind of each known class by name, with underscores for spaces; other classes are ignored."""
 WHOLE = re.compile(
@@ -56,7 +56,7 @@ HEADS = {"yolo": {"thresh": "0.0001", "nms_threshold": "0"}, "region": {"thresh"
 """Sections that decode boxes, with settings that make OpenCV return nearly all of them."""
 SECONDS, MEMORY = 60, 3_000_000_000
 """Limits for reading a network: processor time, s, and memory, bytes; MEMORY also limits its layers' outputs."""
-CRASHED = f"OpenCV crashes, or needs more than {SECONDS} s or {MEMORY / 1e9:g} GB"
+CRASHED = f"OpenCV crashed on this network, or needed more than {SECONDS} s or {MEMORY / 1e9:g} GB to read it"
 
 
 class DarknetNetwork:
@@ -94,9 +94,9 @@ class DarknetNetwork:
             network = cls(sections, content, kinds)
             rows = network._rows(np.full((*network._size[::-1], 3), 128, np.uint8))
         except cv2.error as error:
-            raise InputError(f"{cfg}: OpenCV cannot run it: {' '.join(error.err.split())}") from error
+            raise InputError(f"{cfg}: OpenCV cannot run this network: {' '.join(error.err.split())}") from error
         if not np.isfinite(rows).all():
-            raise InputError(f"{weights}: the network's outputs with these weights are not finite")
+            raise InputError(f"{weights}: the network's outputs with these weights are not finite; use other weights")
         return network
 
     @classmethod
@@ -106,11 +106,19 @@ class DarknetNetwork:
             network = cls(sections, weights, {})
             _, _, shapes = network._net.getLayersShapes([1, 3, *network._size[::-1]])
         except cv2.error as error:
-            return f"OpenCV cannot run it: {' '.join(error.err.split())}"
+            return f"OpenCV cannot run this network: {' '.join(error.err.split())}"
         if size != (needed := network._weights_size()):
-            return f"weights too {'short' if size < needed else 'long'}: {size} bytes instead of {needed}"
+            extent = "short" if size < needed else "long"
+            return (
+                f"the weights are too {extent} for the network: {size} bytes after the header, but it needs {needed}"
+            )
         outputs = sum(4 * prod(map(int, shape)) for layer in shapes for shape in layer)
-        return GOOD if outputs <= MEMORY else f"too large: {outputs / 1e9:.2g} GB; the limit is {MEMORY / 1e9:g} GB"
+        if outputs <= MEMORY:
+            return GOOD
+        return (
+            f"the network is too large: its layers take {outputs / 1e9:.2g} GB, more than {MEMORY / 1e9:g} GB; "
+            "reduce width and height in the .cfg"
+        )
 
     def find(self, image: Rgb, least: float) -> Boxes:
         """Boxes with a confidence of at least ``least``, pixels, several per object, and (N, classes) confidences."""
@@ -159,16 +167,22 @@ class Section:
         only = IGNORED.get(self.kind, {}) | {"stride_x": stride, "stride_y": stride}
         for key, value in self.settings.items():
             if WHOLE.fullmatch(key) and not re.fullmatch(r"\d{1,9}", value):
-                raise self.error(f"{key}={value:.80}: must be a whole number")
+                raise self.error(f"{key}={value:.80}: must be a non-negative whole number of at most 9 digits")
             number = r"-?\d{1,9}" if PLACES.fullmatch(key) else r"\d*\.?\d+" if DECIMAL.fullmatch(key) else ""
+            wanted = "whole numbers of at most 9 digits" if PLACES.fullmatch(key) else "non-negative decimal numbers"
             if number and not re.fullmatch(f"{number}( *, *{number})*,?", value):
-                raise self.error(f"{key}={value:.80}: must be numbers")
+                raise self.error(f"{key}={value:.80}: must be {wanted}, separated by commas")
             if value != only.get(key, value):
-                raise self.error(f"{key}={value:.80}: only {only[key]} is supported")
+                raise self.error(f"{key}={value:.80}: must be {only[key]}, the only value supported here")
         if self.kind == "yolo":
             count = self.settings.get("anchors", "").strip(", ").count(",") // 2 + 1
+            limits = (
+                "0, as there is only one anchor"
+                if count == 1
+                else f"from 0 to {count - 1}, as there are {count} anchors"
+            )
             if any(not 0 <= int(word) < count for word in self.settings.get("mask", "0").strip(", ").split(",")):
-                raise self.error(f"mask={self.settings['mask']:.80}: there are only {count} anchors")
+                raise self.error(f"mask={self.settings['mask']:.80}: must be {limits}")
 
     def error(self, message: str) -> InputError:
         """An error that names this section."""
@@ -189,10 +203,12 @@ def read_sections(path: Path) -> list[Section]:
             sections.append(Section(line[1:-1].strip() if sections else "net", f"{path}:{number}"))
         elif equals and sections:
             sections[-1].settings[key.strip()] = value.strip()
+        elif equals:
+            raise InputError(f"{path}:{number}: {line!r:.40} must come after a section header such as [net]")
         elif line:
-            raise InputError(f"{path}:{number}: must be [section] or key=value: {line:.40}")
+            raise InputError(f"{path}:{number}: {line!r:.40} must be [section] or key=value")
     if not sections or not {"width", "height"} <= sections[0].settings.keys():
-        raise InputError(f"{path}: a Darknet .cfg must begin with [net], width and height")
+        raise InputError(f"{path}: a Darknet .cfg must begin with a section [net] that sets width and height")
     for section in sections:
         section.check()
     return sections
@@ -201,21 +217,26 @@ def read_sections(path: Path) -> list[Section]:
 def _kinds(cfg: Path, sections: Sequence[Section], names: Sequence[str]) -> dict[str, list[int]]:
     """Indices of the network's classes, by kind of object."""
     counts = {section.settings.get("classes", "20") for section in sections if section.kind in HEADS}
-    if len(counts) != 1:
-        raise InputError(f"{cfg}: not a YOLO network: no [yolo] or [region] section, or different numbers of classes")
+    if not counts:
+        raise InputError(f"{cfg}: not a YOLO network: it has no [yolo] or [region] section")
+    if len(counts) > 1:
+        raise InputError(
+            f"{cfg}: classes must be the same in all [yolo] and [region] sections, not {' and '.join(sorted(counts))}"
+        )
     if (channels := sections[0].settings.get("channels", "3")) != "3":
-        raise InputError(f"{cfg}: a network for {channels} channels, not for colour images")
+        raise InputError(f"{cfg}: [net] channels={channels}: must be 3, because images are in colour")
     count, words = int(counts.pop()), ["_".join(word.split()).casefold() for word in names if word.strip()]
     if not words and count in PERSON:
         number, whose = PERSON[count]
         if count > 1:
-            print(f"{cfg}: no .names file for its {count} classes; assuming {whose}", file=sys.stderr)
+            print(f"{cfg}: no .names file next to it; assuming the {count} classes of {whose}", file=sys.stderr)
         return {VICTIM: [number]}
     if words and len(words) != count:
-        raise InputError(f"{cfg}: {count} classes, but {len(words)} names")
+        raise InputError(f"{cfg}: the network has {count} classes, but its .names file has {len(words)} names")
     kinds = [KIND_OF.get(word) for word in words]
     if not any(kinds):
         raise InputError(
-            f"{cfg}: none of its {count} classes is known; its .names file must contain one of {', '.join(KIND_OF)}"
+            f"{cfg}: none of the network's {count} classes is known; "
+            f"its .names file must contain at least one of {', '.join(KIND_OF)}"
         )
     return {kind: [i for i, other in enumerate(kinds) if other == kind] for kind in KINDS if kind in kinds}

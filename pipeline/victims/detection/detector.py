@@ -36,7 +36,7 @@ class VictimDetector:
     def __init__(self, network: BoxNetwork, config: DetectorConfig = DetectorConfig()) -> None:
         """Detect with a network; InputError for a minimum confidence that is not between 0 and 1."""
         if not 0 < config.confidence < 1:
-            raise InputError(f"detector: confidence {config.confidence}: must be between 0 and 1")
+            raise InputError(f"detector: confidence = {config.confidence:g}: must be greater than 0 and less than 1")
         self._network, self._config = network, config
 
     @classmethod
@@ -54,7 +54,9 @@ class VictimDetector:
             case [".cfg", ending] if ending != ".safetensors":
                 return cls(DarknetNetwork.load(*files), config)
         names = " ".join(map(str, files))
-        raise InputError(f"--detector {names}: must be Darknet's FILE.cfg and FILE.weights, or one FILE.safetensors")
+        raise InputError(
+            f"--detector {names}: must be one .safetensors file, or a Darknet .cfg file and its .weights file"
+        )
 
     def detect(self, rgb: Rgb) -> list[Detection]:
         """Objects in an image of any size, the most confident first.
@@ -79,8 +81,8 @@ class VictimDetector:
 def check_image(rgb: Rgb) -> None:
     """Raise InputError unless an image is (H, W, 3), uint8 and not empty."""
     if rgb.size == 0:
-        raise InputError(f"image: empty, of shape {rgb.shape}")
+        raise InputError(f"an image must have at least one pixel, but its shape is {rgb.shape}")
     if rgb.ndim != 3 or rgb.shape[2] != 3:
-        raise InputError(f"image: shape {rgb.shape} must be (height, width, 3)")
+        raise InputError(f"an image must have shape (height, width, 3), not {rgb.shape}")
     if rgb.dtype != np.uint8:
-        raise InputError(f"image: must be uint8, not {rgb.dtype}")
+        raise InputError(f"an image must have dtype uint8, not {rgb.dtype}")

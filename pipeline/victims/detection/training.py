@@ -62,7 +62,7 @@ class YoloLearner(Learner[list[TrainingImage], YoloSmall]):
                 another network's, or a side of the input is not a multiple of the coarsest cell.
         """
         if not any(len(validation.people(index)) for index in range(len(validation))):
-            raise InputError("the validation images show no people")
+            raise InputError("no validation image shows a person; choose datasets that contain victims with --data")
         torch.manual_seed(config.seed)
         self._sampler = CanvasSampler(training, config)
         self._validation, self._config, self._device = validation, config, device
@@ -101,7 +101,7 @@ def scaled_anchors(size: Size) -> Anchors:
     """The anchors for an input of another size; InputError unless its sides are multiples of STRIDE."""
     width, height = size
     if min(size) < 1 or width % STRIDE or height % STRIDE:
-        raise InputError(f"--width {width} --height {height}: must be multiples of {STRIDE}")
+        raise InputError(f"--width {width} --height {height}: both must be positive multiples of {STRIDE}")
     across, down = width / USUAL[0], height / USUAL[1]
     return tuple((round(w * across, 1), round(h * down, 1)) for w, h in YoloSmall.ANCHORS)
 

@@ -38,9 +38,9 @@ class YoloTrainingConfig(TrainingConfig):
     """Settings of a training.
 
     Attributes:
-        width: input width of the network, pixels, a multiple of its stride of 32; larger ones find smaller people and
-            take longer.
-        height: input height of the network, pixels, a multiple of its stride.
+        width: width of the network's input in pixels, a multiple of 32; with larger inputs, the network finds smaller
+            people but is slower.
+        height: height of the network's input in pixels, a multiple of 32.
         prior: objectness before training (Lin et al., RetinaNet, arXiv:1708.02002, section 3.3); average precision
             counts no detection of less.
         augmentation: how canvases differ from the images.

@@ -69,7 +69,10 @@ def read_weights(path: Path, network: Yolo) -> None:
     content = read_bytes(path)
     start = header_size(content, path)
     if len(content) != (needed := start + NUMBER.itemsize * sum(counts)):
-        raise InputError(f"{path}: {len(content)} bytes; YOLOv3-small for people has {needed}")
+        raise InputError(
+            f"{path}: the file has {len(content)} bytes, but weights of YOLOv3-small for people take {needed}; "
+            "use another file"
+        )
     numbers = torch.from_numpy(np.frombuffer(content, NUMBER, offset=start).astype(np.float32))
     parts = zip(wanted.items(), numbers.split(counts), strict=True)
     copy_tensors({name: part.view(tensor.shape) for (name, tensor), part in parts}, wanted, path)
@@ -94,7 +97,8 @@ def check_hash(path: Path) -> None:
         wanted, found = (read_text(beside).split() or [""])[0], sha256(read_bytes(path)).hexdigest()
         if wanted.lower() != found:
             raise InputError(
-                f"{path}: damaged or changed: its SHA-256 is {found}, and {beside.name} has {wanted:.80}"
+                f"{path}: the SHA-256 is {found}, which is not the one in {beside.name}; "
+                f"replace the weights, or delete {beside.name} if you changed them"
             )
 
 
@@ -107,9 +111,13 @@ def _tensors(layer: Convolution) -> Iterator[tuple[str, Tensor]]:
 def header_size(content: bytes, path: Path) -> int:
     """Size of the header of a Darknet file, bytes; InputError if it has none."""
     try:
-        major, minor, revision = struct.unpack_from("<iii", content)
+        major, minor, _ = struct.unpack_from("<iii", content)
     except struct.error as error:
-        raise InputError(f"{path}: {len(content)} bytes, too short for Darknet weights") from error
+        raise InputError(
+            f"{path}: not a Darknet weights file: {len(content)} bytes are too few for the header; use another file"
+        ) from error
     if not all(0 <= part < 1000 for part in (major, minor)):  # as in Darknet's parser.c
-        raise InputError(f"{path}: not Darknet weights: version {major}.{minor}.{revision}")
+        raise InputError(
+            f"{path}: not a Darknet weights file: its version is {major}.{minor}; both numbers must be from 0 to 999"
+        )
     return 20 if 10 * major + minor >= 2 else 16

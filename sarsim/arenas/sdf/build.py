@@ -93,11 +93,11 @@ def build_sdf(path: Path) -> ArenaBuilder:
     builder = _built(path, bodies, _places_of(victims), world.is_model)
     add_victims(builder, path, world, victims)
     if said := _left_out(path, world, thrown):
-        _log.warning("%s: loaded without %s%s", path, said, "" if bodies else "; only an empty floor is left")
+        _log.warning("%s: loaded without %s%s", path, said, "" if bodies else "; only an empty floor remains")
     if world.left_out:
         _log.warning("%s: loaded without unsupported elements: %s", path, _counted(world.left_out))
     if hulls:
-        _log.warning("%s: %d detailed mesh pieces collide as their convex hulls", path, len(hulls))
+        _log.warning("%s: collisions use the convex hulls of %s", path, _counted({"detailed mesh piece": len(hulls)}))
     return builder
 
 
@@ -111,10 +111,11 @@ def _solids(path: Path, world: SdfWorld, apart: set[str]) -> list[Solid]:
         with world.without():
             solids += reader.solids(shape)
         if len(solids) > MOST_GEOMS:
-            raise InputError(f"{path}: too many shapes; the limit is {MOST_GEOMS}")
+            raise InputError(f"{path}: has more shapes than the limit of {MOST_GEOMS}; remove some models")
     if not (solids or apart or world.missing):
         said = _left_out(path, world, [])
-        raise InputError(f"{path}: contains no shape" + (f" that can be read; left out {said}" if said else ""))
+        found = f"readable shapes; left out {said}" if said else "shapes; add at least one <collision> or <visual>"
+        raise InputError(f"{path}: contains no {found}")
     return solids
 
 
@@ -138,7 +139,7 @@ def _places_of(victims: list[SdfModel]) -> NDArray[np.float64]:
 
 
 def _far_out(name: str, place: NDArray[np.float64]) -> str:
-    return f"{name} at ({', '.join(f'{x:.0f}' for x in place)}) m"
+    return f"{name} at ({', '.join(f'{x:.0f}' for x in place)}) m (outside the area that is built)"
 
 
 def _in_window(path: Path, solids: list[Solid], places: NDArray[np.float64]) -> tuple[list[Solid], Window | None]:
@@ -158,7 +159,7 @@ def _in_window(path: Path, solids: list[Solid], places: NDArray[np.float64]) -> 
     if np.prod(extent + 2 * MARGIN) <= MOST_AREA:
         return solids, Window(near[:, 0].min(axis=0), near[:, 1].max(axis=0))
     window = window_of(near, MOST_AREA)
-    _log.warning("%s: %.0f × %.0f m is too large for an arena, so only %s is built", path, *extent, window)
+    _log.warning("%s: the world (%.0f × %.0f m) is too large for an arena; building only %s", path, *extent, window)
     return list(solids_within(solids, window)), window
 
 
@@ -231,7 +232,7 @@ def _within_reach(bodies: list[_Body]) -> tuple[list[_Body], list[str]]:
     away[solid] = np.linalg.norm(places[solid] - np.median(places[solid], axis=0), axis=1)
     typical = np.quantile(away[solid], 1 - MOST_THROWN)
     is_thrown = away > FAR_OUT * typical
-    thrown = [_far_out("something", place) for place in places[is_thrown]]
+    thrown = [_far_out("an object", place) for place in places[is_thrown]]
     return [body for body, far in zip(bodies, is_thrown, strict=True) if not far], thrown
 
 

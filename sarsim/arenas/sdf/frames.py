@@ -105,7 +105,7 @@ class Frames:
 
     def _pose(self, name: str) -> NDArray[np.float64]:
         if name in self._open:
-            raise InputError(f"{self._where}: the poses of {', '.join(self._open)[:200]} depend on each other")
+            raise InputError(f"{self._where}: the poses of these frames form a cycle: {', '.join(self._open)[:200]}")
         if name not in self._poses:
             frame = self._frames[name]
             self._open.append(name)

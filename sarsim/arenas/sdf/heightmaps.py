@@ -94,10 +94,12 @@ def tiles_of(form: "Element", T_world: Pose, base: "Path", resources: Resources,
     if path is None or path.is_dir():
         raise MissingError(uri, where)
     if path.suffix.lower() not in PICTURES:
-        raise InputError(f"{where}: {path}: unsupported heightmap format; must be one of {', '.join(PICTURES)}")
+        known = f"{', '.join(PICTURES[:-1])} or {PICTURES[-1]}"
+        raise InputError(f"{where}: the format of the heightmap {path} is not supported; use {known}")
     size = child_numbers(form, "size", (1.0, 1.0, 1.0), where)
     if not (size[:2] > 0).all():
-        raise InputError(f"{where}: the x and y of the <size> of a <heightmap> must be above 0")
+        x, y = size[:2]
+        raise InputError(f"{where}: the x and y <size> of a <heightmap> must be above 0, not {x:g} and {y:g}")
     grey = _grey(resources.read(path), path)
     grey = grey.max() - grey if size[2] < 0 else grey
     heights = grey * (abs(size[2]) / max(float(grey.max()), 1.0))
@@ -111,7 +113,7 @@ def _grey(content: bytes, path: "Path") -> NDArray[np.float64]:
         with Image.open(BytesIO(content)) as image:
             if not 4 <= image.width * image.height <= MOST_PIXELS or min(image.size) < 2:
                 raise InputError(
-                    f"{path}: {image.width} × {image.height} pixels; must be at least 2 × 2,"
+                    f"{path}: the heightmap has {image.width} × {image.height} pixels; it must have at least 2 × 2"
                     f" and at most {MOST_PIXELS} in all"
                 )
             plain = image.convert("RGB") if image.mode == "P" else image
@@ -119,7 +121,7 @@ def _grey(content: bytes, path: "Path") -> NDArray[np.float64]:
     except InputError:
         raise
     except Exception as error:  # broken pictures raise many kinds of exceptions
-        raise InputError(f"{path}: not a readable image: {' '.join(str(error).split())[:200]}") from error
+        raise InputError(f"{path}: cannot be read as an image: {' '.join(str(error).split())[:200]}") from error
     return pixels if pixels.ndim == 2 else pixels[..., 0]
 
 

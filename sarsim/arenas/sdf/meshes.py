@@ -76,7 +76,8 @@ def read_surfaces(resources: Resources, path: Path, materials: Materials) -> lis
     """
     reader = _READERS.get(path.suffix.lower())
     if reader is None:
-        raise InputError(f"{path}: unsupported mesh format; must be one of {', '.join(_READERS)}")
+        *most, last = _READERS
+        raise InputError(f"{path}: this mesh format is not supported; use {', '.join(most)} or {last}")
     content = resources.read(path)
     if reader is _collada:
         content = ElementTree.tostring(resources.parse(path))  # without entities
@@ -86,12 +87,12 @@ def read_surfaces(resources: Resources, path: Path, materials: Materials) -> lis
         raise
     except Exception as error:  # broken files raise many kinds of exceptions
         said = " ".join(str(error).split())[:200] or type(error).__name__
-        raise InputError(f"{path}: not a readable mesh: {said}") from error
+        raise InputError(f"{path}: cannot be read as a mesh: {said}") from error
     count = sum(len(s.triangles) for s in surfaces)
     if not 0 < count <= MOST_TRIANGLES:
-        raise InputError(f"{path}: {count} triangles; must be from 1 to {MOST_TRIANGLES}")
+        raise InputError(f"{path}: the mesh has {count} triangles; it must have from 1 to {MOST_TRIANGLES}")
     if not all(np.isfinite(s.vertices).all() for s in surfaces):
-        raise InputError(f"{path}: all vertices must be finite")
+        raise InputError(f"{path}: the coordinates of all vertices must be finite")
     return surfaces
 
 

@@ -25,7 +25,7 @@ def model_file(resources: Resources, path: Path) -> Path:
     """
     file = _in_folder(resources, path) if path.is_dir() else path
     if file is None:
-        raise InputError(f"{path / USUAL}: the model's file is missing")
+        raise InputError(f"{path / USUAL}: no such file; add it, or a {CONFIGS[0]} that names another SDF file")
     return file
 
 

@@ -45,7 +45,10 @@ def places_of(population: "Element", where: str) -> Places:
         radius, length = _positive(cylinder, "radius", 1, where)[0], _positive(cylinder, "length", 1, where)[0]
         points = _in_cylinder(radius, length, count if kind == "random" else MOST_POINTS, rng)
         return middle + (points if kind == "random" else _spread(points, count, rng)) @ turn.T
-    raise InputError(f"{where}: must have a <box> or a <cylinder>, and a <distribution> <type> that suits it")
+    raise InputError(
+        f"{where}: no <box> or <cylinder> suits the distribution type {kind[:40]!r}: a <box> takes random, uniform,"
+        " linear-x, linear-y or linear-z; a <cylinder> takes random or uniform; grid needs neither"
+    )
 
 
 def _grid(population: "Element", where: str) -> tuple[Places, NDArray[np.float64]]:
@@ -94,12 +97,12 @@ def _count(owner: "Element", tag: str, where: str) -> int:
 
 def _bounded(count: int, where: str) -> int:
     if not 0 < count <= MOST_GEOMS:
-        raise InputError(f"{where}: {count} copies; must be from 1 to {MOST_GEOMS}")
+        raise InputError(f"{where}: the number of copies must be from 1 to {MOST_GEOMS}, not {count}")
     return count
 
 
 def _positive(form: "Element", tag: str, count: int, where: str) -> NDArray[np.float64]:
     values = child_numbers(form, tag, (1.0,) * count, where)
     if (values <= 0).any():
-        raise InputError(f"{where}, <{form.tag}>: <{tag}> must be above 0")
+        raise InputError(f"{where}, <{form.tag}>: <{tag}> must be above 0, not {values.min():g}")
     return values

@@ -30,7 +30,7 @@ _INSIDE = ("models", "media/models", "Media/models")
 """Subfolders of a package, or of a folder in a variable, that Gazebo also searches."""
 
 
-PLACES = f"the world's folders or those that {' and '.join(VARIABLES[:2])} list"
+PLACES = f"the world's folders or the folders listed in {' and '.join(VARIABLES[:2])}"
 """A description for messages of where a world's files are searched for."""
 
 
@@ -121,12 +121,15 @@ class Resources:
             places = list(self._places(uri.replace("\\", "/"), base.resolve()))
             found = [self._existing(folder, name) for folder, name in places]
         except (OSError, ValueError) as error:  # the name is too long, or has a zero byte
-            raise InputError(f"{where}: {shown} is not a valid file name") from error
+            reason = getattr(error, "strerror", None) or error
+            raise InputError(f"{where}: {shown} is not a valid file name: {reason}") from error
         existing = next((path for path in found if path not in (None, _OUTSIDE)), None)
         if existing is None and found[:1] == [_OUTSIDE]:
             # An absolute path may be from another machine; a relative one that leaves the folders may be harmful.
             kind = InputError if Path(places[0][1]).is_absolute() else RefusedError
-            raise kind(f"{where}: refused, {shown} is outside the folders of the world and of models")
+            raise kind(
+                f"{where}: refused because {shown} is outside the folders of the world and its models; copy it there"
+            )
         return existing
 
     def _existing(self, folder: Path, name: str) -> Path | None:

@@ -82,7 +82,7 @@ class SolidReader:
                 for tile in tiles_of(form, shape.T_world, shape.base, self._files.resources, shape.where):
                     yield _ground(tile, shape.colour)
             elif form.tag not in (*LEFT_OUT, "empty"):
-                raise InputError(f"{shape.where}: unknown geometry <{form.tag[:40]}>")
+                raise InputError(f"{shape.where}: the geometry <{form.tag[:40]}> is not supported")
 
     def _meshes(self, form: "Element", shape: SdfShape) -> Iterator[Solid]:
         scale = child_numbers(form, "scale", (1.0, 1.0, 1.0), shape.where)
@@ -98,7 +98,9 @@ class SolidReader:
                 raise InputError(f"{shape.where}: {path} has no submesh {submesh[:60]!r}")
             scaled = list(_scaled(surfaces, scale, centred))
             if max(float(np.abs(s.vertices).max()) for s in scaled) > FARTHEST:
-                raise InputError(f"{shape.where}: {path} reaches farther than {FARTHEST:g} m from its origin")
+                raise InputError(
+                    f"{shape.where}: {path} extends more than {FARTHEST:g} m from its origin; check <scale>"
+                )
             self._pieces[key] = [piece for surface in scaled for piece in pieces_of(surface)]
         for piece in self._pieces[key]:
             yield Solid("mesh", np.zeros(0), shape.T_world, piece.vertices, piece, shape.colour or piece.colour)
@@ -106,10 +108,11 @@ class SolidReader:
     def _extruded(self, shape: SdfShape) -> Iterator[Solid]:
         outlines, height = [], 1.0
         for form in shape.geometry.findall("polyline"):
-            outlines.append(np.array([numbers(p.text, 2, shape.where) for p in form.findall("point")]))
+            outlines.append(np.array([numbers(p.text, 2, f"{shape.where}, <point>") for p in form.findall("point")]))
             height = float(child_numbers(form, "height", (1.0,), shape.where)[0])
         if min(map(len, outlines)) < 3 or height <= 0:
-            raise InputError(f"{shape.where}: a <polyline> needs at least three points and a height above 0")
+            found = f"(found {min(map(len, outlines))}) and a <height> above 0 (found {height:g})"
+            raise InputError(f"{shape.where}: a <polyline> must have at least 3 points {found}")
         try:
             piece = extruded(outlines, height)
         except ValueError as error:
@@ -130,7 +133,7 @@ def _positive(form: "Element", tags: dict[str, tuple[float, ...]], where: str) -
     """Sizes of a form, m, from child elements with defaults; InputError if one is invalid or negative."""
     values = np.concatenate([child_numbers(form, tag, default, where) for tag, default in tags.items()])
     if (values < 0).any():
-        raise InputError(f"{where}: <{form.tag}> must not have a negative size")
+        raise InputError(f"{where}: the sizes of <{form.tag}> must be non-negative, not {values.min():g}")
     return values
 
 
@@ -173,7 +176,7 @@ def _plane(form: "Element", shape: SdfShape) -> Solid:
     """An infinite plane if it is level and faces up, otherwise a plate of the size in the file."""
     normal = child_numbers(form, "normal", (0.0, 0.0, 1.0), shape.where)
     if not normal.any():
-        raise InputError(f"{shape.where}: the <normal> of a <plane> must not be zero")
+        raise InputError(f"{shape.where}: the <normal> of a <plane> must not be the zero vector")
     try:
         half = np.maximum(_positive(form, {"size": (1.0, 1.0)}, shape.where) / 2, THINNEST)
     except InputError:  # for example, the size is too large: the plane counts as infinite

@@ -24,8 +24,8 @@ def numbers(text: str | None, count: int, where: str) -> Values:
         values = np.zeros(0)
     if values.shape != (count,) or not (np.abs(values) <= FARTHEST).all():
         raise InputError(
-            f"{where}: {' '.join((text or '').split())[:60]!r} must be"
-            f" {count} number{'s' * (count > 1)} from -{FARTHEST:g} to {FARTHEST:g}"
+            f"{where}: must be {count} number{'s' * (count > 1)} from -{FARTHEST:g} to {FARTHEST:g},"
+            f" not {' '.join((text or '').split())[:60]!r}"
         )
     return values
 
@@ -47,14 +47,14 @@ def pose_of(owner: "Element", where: str) -> Pose:
         return np.eye(4)
     style = pose.get("rotation_format", "euler_rpy")
     if style not in ROTATIONS:
-        raise InputError(f"{where}: rotation_format {style[:40]!r} must be one of {', '.join(ROTATIONS)}")
+        raise InputError(f"{where}: rotation_format must be {' or '.join(ROTATIONS)}, not {style[:40]!r}")
     values = numbers(pose.text, 3 + ROTATIONS[style], where)
     if style == "euler_rpy":
         turn = Rotation.from_euler("xyz", values[3:], degrees=pose.get("degrees") in ("true", "1"))
     elif values[3:].any():
         turn = Rotation.from_quat(values[3:])
     else:
-        raise InputError(f"{where}: the quaternion must not be zero")
+        raise InputError(f"{where}: the quaternion must not be 0 0 0 0")
     return from_rotation(turn.as_matrix(), values[:3])
 
 

@@ -187,9 +187,13 @@ class SdfWorld:
     def _root(self, path: Path) -> "Element":
         root = self.resources.parse(path)
         if root.tag not in ROOTS:
-            raise InputError(f"{path}: not an SDF file: its root is <{root.tag.rpartition('}')[2][:40]}>, not <sdf>")
+            tag = root.tag.rpartition("}")[2][:40]
+            raise InputError(f"{path}: the root element of an SDF file must be <sdf>, not <{tag}>")
         if any(root.find(old) is not None for old in _OLD):
-            raise InputError(f"{path}: SDF before version 1.3, with poses and sizes as attributes, is not supported")
+            raise InputError(
+                f"{path}: SDF versions before 1.3, with poses and sizes as attributes, are not supported;"
+                " convert the file to version 1.3 or later"
+            )
         of_states = {element for state in root.iter("state") for element in state.iter()}
         self.left_out.update(e.tag for e in root.iter() if e.tag in LEFT_OUT and e not in of_states)
         return root
@@ -200,7 +204,7 @@ class SdfWorld:
         model = _Model(name, element, path.parent, where, Frames(where, root))
         self._models += 1
         if self._models > MOST_GEOMS:
-            raise RefusedError(f"{path}: too many models; the limit is {MOST_GEOMS}")
+            raise RefusedError(f"{path}: has more models than the limit of {MOST_GEOMS}")
         for child in children_of(element):
             with self.without():
                 self._add(model, child, path, root, files)
@@ -335,7 +339,8 @@ class SdfWorld:
                 geometry = shape.find("geometry")
                 assert geometry is not None
                 if not (np.abs(T[:3, 3]) <= FARTHEST).all():
-                    raise InputError(f"{place}: must lie within {FARTHEST:g} m of the origin")
+                    x, y, z = T[:3, 3]
+                    raise InputError(f"{place}: ({x:g}, {y:g}, {z:g}) m is more than {FARTHEST:g} m from the origin")
                 colour = self.meshes.materials.of_shape(shape, visuals, model.base)
                 yield SdfShape(placed.scoped, geometry, T, colour, model.base, place)
 

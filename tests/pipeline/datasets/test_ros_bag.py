@@ -142,9 +142,9 @@ def changed(topic: str, **values: Any) -> Change:
     [
         (without(DEPTH), r"depth images.* /camera/color/camera_info"),
         (without(INFO, COLOUR_INFO), r"camera_info.*--intrinsics"),
-        (changed(INFO, k=np.zeros(9)), r"fx fy cx cy are 0 0 0 0"),
-        (changed(INFO, d=np.ones(3)), r"3 distortion"),
-        (changed(INFO, d=np.ones(7)), r"7 distortion"),
+        (changed(INFO, k=np.zeros(9)), r"fx fy cx cy must be positive and finite, not 0 0 0 0"),
+        (changed(INFO, d=np.ones(3)), r"distortion coefficients, not 3"),
+        (changed(INFO, d=np.ones(7)), r"distortion coefficients, not 7"),
         (changed(INFO, d=np.ones(4), distortion_model="equidistant"), r"'equidistant'"),
     ],
 )
@@ -171,7 +171,7 @@ def jpeg_depth(form: str) -> Change:
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        (changed(DEPTH, encoding="8UC1"), r"'8UC1'.* 16UC1, mono16, 32FC1"),
+        (changed(DEPTH, encoding="8UC1"), r"'8UC1'.* 16UC1, mono16 or 32FC1"),
         (changed(COLOUR, encoding="nv12"), r"'nv12'"),
         (jpeg_depth("16UC1; jpeg compressed "), r"'16UC1; jpeg compressed '.* PNG"),
         (jpeg_depth("16UC1; compressedDepth jpeg"), r"compressedDepth jpeg.* PNG"),
@@ -212,7 +212,7 @@ def test_other_clocks_are_noticed(tmp_path: Path) -> None:
         yield topic, time, message
 
     path = write_bag(tmp_path / "room", change=later)
-    with pytest.raises(InputError, match=r"clocks.* 0\.00 .* odometry from 1000000000"):
+    with pytest.raises(InputError, match=r"do not overlap.* 0\.00 .* odometry from 1000000000"):
         next(read_ros_bag(path).frames())
 
 
@@ -316,7 +316,7 @@ def test_images_without_stamps_count_as_taken_when_they_were_recorded(tmp_path: 
     recording = read_ros_bag(write_bag(tmp_path / "room", change=unstamped))
     assert_whole(recording)
     (note,) = recording.notes
-    assert "stamps" in note
+    assert "no timestamp (0)" in note
     assert recording.left_out == {}
 
 
@@ -333,7 +333,7 @@ def test_poses_that_are_none_are_left_out_and_said(tmp_path: Path) -> None:
     np.testing.assert_allclose(recording.odometry.poses, [ODOMETRY[0], *ODOMETRY[2:NUMBER]], atol=1e-12)
     np.testing.assert_allclose(recording.up, [0, 0, 1], atol=1e-12)
     (note,) = recording.notes
-    assert "odometry: 1 of 4" in note
+    assert "odometry: ignoring 1 of 4" in note
 
 
 def test_the_topics_of_realsenses_viewer_are_read(tmp_path: Path) -> None:
@@ -445,7 +445,7 @@ def test_topics_of_a_kind_must_be_named(tmp_path: Path) -> None:
             yield "/odometry/filtered", time, message
 
     path = write_bag(tmp_path / "room", change=twice)
-    with pytest.raises(InputError, match=r"/odom and /odometry/filtered.*--topics"):
+    with pytest.raises(InputError, match=r"/odom, /odometry/filtered.*--topics"):
         read_ros_bag(path)
     assert read_ros_bag(path, ["/odom"]).odometry is not None
     with pytest.raises(InputError, match="/elsewhere"):

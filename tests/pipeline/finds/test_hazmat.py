@@ -64,7 +64,7 @@ def test_a_wall_and_coloured_squares_are_no_signs(reader: HazmatReader) -> None:
 
 def test_a_grey_image_is_searched_and_an_empty_one_refused(reader: HazmatReader) -> None:
     assert isinstance(reader.read(squares_of(wall_with()[..., 0])), list)
-    with pytest.raises(InputError, match="image: "):
+    with pytest.raises(InputError, match="an image must be a non-empty uint8 array"):
         reader.read(squares_of(np.zeros((0, 10, 3), np.uint8)))
 
 

@@ -29,5 +29,5 @@ def test_a_block_and_a_code_are_neither(reader: ShapeReader) -> None:
 
 
 def test_weights_of_something_else_are_refused() -> None:
-    with pytest.raises(InputError, match=r"hazmat\.safetensors: .*2 classes: [^\n]*$"):
+    with pytest.raises(InputError, match=r"hazmat\.safetensors: .*2 classes \([^\n]*$"):
         ShapeReader.load(asset("weights", "hazmat.safetensors"))

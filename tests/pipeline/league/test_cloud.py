@@ -52,12 +52,12 @@ PLY = "ply\nformat ascii 1.0\nelement vertex 2\nproperty float x\nproperty float
     [
         ("solid", "PLY"),
         (PLY.replace("ascii", "binary_little_endian"), "ASCII"),
-        (PLY.replace("float y", "double y") + "0 0 0\n1 1 1\n", "property y is double"),
+        (PLY.replace("float y", "double y") + "0 0 0\n1 1 1\n", "property y must have the type float, not double"),
         (PLY.replace("float z", "float w") + "0 0 0\n1 1 1\n", "float z"),
         (PLY.replace("vertex 2", "face 2") + "0 0 0\n", "element vertex"),
         (PLY.replace("vertex 2", "vertex x 2") + "0 0 0\n", "element vertex"),
-        (PLY + "0 0 0\n", "1 vertices"),
-        (PLY + "0 0 0\n0 a 0\n", "vertices"),
+        (PLY + "0 0 0\n", "2 vertices with 3 numbers each, but the file has 1 with 3"),
+        (PLY + "0 0 0\n0 a 0\n", "vertex must be a line of numbers"),
         (PLY + "0 0 0\n0 nan 0\n", "finite"),
     ],
 )

@@ -57,5 +57,5 @@ def test_it_says_so_when_it_is_lost() -> None:
     black = replace(blind(first), rgb=np.zeros_like(first.rgb))
     for _ in range(30):
         odometry.pose(black)
-    with pytest.raises(LostError, match="30 frames"):
+    with pytest.raises(LostError, match="31 frames"):
         odometry.pose(black)

@@ -75,8 +75,8 @@ def test_what_stands_between_the_robot_and_a_goal_is_said():
     reasons = {
         (1.0, 1.8): "in a wall",
         (0.85, 1.8): "too close",
-        (50.0, 0.0): "off the map",
-        (1.8, 1.8): "cannot be reached from (-2.00, -2.00) m",
+        (50.0, 0.0): "outside the mapped area",
+        (1.8, 1.8): "cannot be reached from (-2.00, -2.00) m: there is no drivable path",
         (np.nan, 0.0): "(nan, 0.00)",
     }
     for goal, reason in reasons.items():
@@ -87,7 +87,7 @@ def test_what_stands_between_the_robot_and_a_goal_is_said():
         assert plan_path(topology, paths, goal) is None
     assert obstacle_to(paths, (0.0, 0.0)) is None
     lost = PosePaths(traversability, (30.0, 30.0))
-    assert "the robot cannot drive away" in str(obstacle_to(lost, (0.0, 0.0)))
+    assert "the robot cannot leave its current position" in str(obstacle_to(lost, (0.0, 0.0)))
     assert plan_path(topology, lost, (0.0, 0.0)) is None
 
 

@@ -327,7 +327,7 @@ def test_loops_join_their_keyframes(corrected):
     row = rows["/world/localisation/loops"][-1]
     ends = np.array(row["LineStrips3D:strips"][0])
     np.testing.assert_allclose(ends[:, :2], explorer.mapper.keyframes.poses[[0, 1], :2, 3], atol=1e-6)
-    assert row["LineStrips3D:labels"] == ["keyframe 1 recognised keyframe 0"]
+    assert row["LineStrips3D:labels"] == ["loop closure between keyframes 1 and 0"]
     assert np.ravel(components(rows["/metrics/localisation/loops"], "Scalars:scalars")).tolist() == [0, 0, 1, 1]
 
 

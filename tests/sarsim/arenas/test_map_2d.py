@@ -106,17 +106,17 @@ def test_16_bits_are_read_as_8(tmp_path):
 @pytest.mark.parametrize(
     ("text", "said"),
     [
-        ("image: none.pgm\norigin: [0, 0, 0]", r"none\.pgm: No such file"),
-        ("image: ../map.pgm\norigin: [0, 0, 0]", r"its image .*map\.pgm"),
-        ("image: map.yaml\norigin: [0, 0, 0]", "not a readable image"),
-        ("origin: [0, 0]", r"origin must be \[x, y, yaw\]"),
-        ("origin: [0, .nan, 0]", "origin 'nan'"),
-        ("origin: [0, 0, 0]\nresolution: 0", "resolution '0'.* 0.001"),
-        ("origin: [0, 0, 0]\nfree_thresh: 0.7", "free_thresh 0.7 .* 0.65"),
-        ("origin: [0, 0, 0]\noccupied_thresh: 65", "occupied_thresh '65'.* 0 to 1"),
-        ("origin: [0, 0, 0]\nmode: fuzzy", "mode 'fuzzy' .*trinary, scale, raw"),
-        ("origin: [0", "not readable YAML"),
-        ("- a", "not readable YAML"),
+        ("image: none.pgm\norigin: [0, 0, 0]", r"none\.pgm: cannot be read: No such file"),
+        ("image: ../map.pgm\norigin: [0, 0, 0]", r"the image .*map\.pgm must be in the folder"),
+        ("image: map.yaml\norigin: [0, 0, 0]", "cannot be read as an image: "),
+        ("origin: [0, 0]", r"origin must be \[x, y, yaw\] .*, not \[0, 0\]"),
+        ("origin: [0, .nan, 0]", "origin must be a number .*, not 'nan'"),
+        ("origin: [0, 0, 0]\nresolution: 0", "resolution must be .* 0.001 .*, not '0'"),
+        ("origin: [0, 0, 0]\nfree_thresh: 0.7", r"free_thresh \(0\.7\) must be .* \(0\.65\)"),
+        ("origin: [0, 0, 0]\noccupied_thresh: 65", "occupied_thresh must be .* 0 to 1, not '65'"),
+        ("origin: [0, 0, 0]\nmode: fuzzy", "mode must be trinary, scale or raw, not 'fuzzy'"),
+        ("origin: [0", "cannot be parsed as YAML: "),
+        ("- a", "cannot be parsed as YAML: "),
     ],
 )
 def test_wrong_maps_are_one_line(tmp_path, text, said):

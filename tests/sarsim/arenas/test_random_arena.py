@@ -178,10 +178,10 @@ def test_one_wall_alone_bears_something():
 @pytest.mark.parametrize(
     ("change", "message"),
     [
-        ({"columns": 2}, "columns 2"),
-        ({"wall_density": 1.5}, "wall_density 1.5"),
-        ({"furniture": -0.1}, "furniture -0.1"),
-        ({"difficulty": 4}, "difficulty 4"),
+        ({"columns": 2}, "columns must be from 3 to 20, not 2"),
+        ({"wall_density": 1.5}, "wall_density must be from 0 to 1, not 1.5"),
+        ({"furniture": -0.1}, "furniture must be from 0 to 1, not -0.1"),
+        ({"difficulty": 4}, "difficulty must be from 0 to 3, not 4"),
         ({"columns": 3, "rows": 3, "victims": 40}, "do not fit"),
     ],
 )

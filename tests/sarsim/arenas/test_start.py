@@ -74,11 +74,11 @@ def test_a_wished_start_stands_on_the_ground_that_is_there():
 @pytest.mark.parametrize(
     ("xy", "said"),
     [
-        ((np.nan, 0.0), "finite"),
-        ((0.0, np.inf), "finite"),
-        ((0.0, 0.6), "no free start"),
-        ((0.0, 0.45), "no free start"),
-        ((50.0, 0.0), "no free start"),
+        ((np.nan, 0.0), "--start nan 0 0: .* finite"),
+        ((0.0, np.inf), "--start 0 inf 0: .* finite"),
+        ((0.0, 0.6), r"cannot stand at the start \(0, 0\.6\) m; .*--start"),
+        ((0.0, 0.45), r"cannot stand at the start \(0, 0\.45\) m; .*--start"),
+        ((50.0, 0.0), r"cannot stand at the start \(50, 0\) m; .*--start"),
     ],
 )
 def test_a_wish_that_cannot_be_is_refused(xy, said):

@@ -88,12 +88,12 @@ def test_the_pictures_of_signs_and_codes_are_written_beside_the_arena(tmp_path):
 @pytest.mark.parametrize(
     ("name", "text", "said"),
     [
-        ("bad.raf", "<elements><element", "bad.raf: not readable XML"),
-        ("bad.yaml", "image: none.pgm\nresolution: 1\norigin: [0, 0, 0]", "none.pgm: No such file"),
+        ("bad.raf", "<elements><element", "bad.raf: cannot be parsed as XML: "),
+        ("bad.yaml", "image: none.pgm\nresolution: 1\norigin: [0, 0, 0]", "none.pgm: cannot be read: No such file"),
         ("bomb.raf", '<!DOCTYPE a [<!ENTITY b "c">]><elements>&b;</elements>', "bomb.raf: refused"),
         ("unknown.raf", RAF.replace("small_", "x").replace("half_", "y"), "xwall, yramp"),
         ("bomb.xml", '<!DOCTYPE a [<!ENTITY b "c">]><mujoco>&b;</mujoco>', "bomb.xml: refused"),
-        ("bad.xml", "<mujoco><worldbody><geom/></worldbody></mujoco>", "bad.xml: not a readable MJCF file"),
+        ("bad.xml", "<mujoco><worldbody><geom/></worldbody></mujoco>", "bad.xml: cannot be read as MJCF: "),
     ],
 )
 def test_a_bad_arena_is_refused_and_nothing_written(name, text, said, tmp_path, capsys):

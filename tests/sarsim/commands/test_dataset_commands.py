@@ -72,7 +72,7 @@ def test_every_export_is_a_subcommand(
     args = ["export_dataset.py", name, "--data", str(tmp_path / "data"), "--out", str(tmp_path / "out")]
     monkeypatch.setattr(sys, "argv", args)
     export_dataset.main()
-    assert f"2 scenes in {tmp_path / 'out'}" in capsys.readouterr().out
+    assert f"Exported 2 scenes to {tmp_path / 'out'}" in capsys.readouterr().out
     assert list((tmp_path / "out").rglob("*"))
 
 

@@ -213,7 +213,7 @@ def test_without_the_cameras_place_the_page_says_what_it_cannot_tell(
     ("words", "message"),
     [
         (["nowhere"], "error: nowhere: no such file or folder"),
-        (["."], "neither depth.txt nor images in depth/"),
+        (["."], "it must contain depth.txt or images in depth/"),
         ([".", "--intrinsics", "1", "1", "0", "1"], "--intrinsics 1.0 1.0 0.0 1.0: must be positive"),
         ([".", "--fps", "0"], "--fps 0.0: must be positive"),
         ([".", "--poses", "guess"], "--poses"),

@@ -122,7 +122,7 @@ def test_a_pickle_for_weights_is_refused(tmp_path, small, monkeypatch, capsys):
     weights = tmp_path / "w.safetensors"
     weights.write_bytes(pickle.dumps({"conv1.0.weight": 1}))
     flags = ["--arena", str(small), "--labels", "dgcnn", "--weights", str(weights), "--out", str(tmp_path / "out")]
-    assert_refused(flags, "a pickle, which could run code", monkeypatch, capsys)
+    assert_refused(flags, "a pickle file can run code", monkeypatch, capsys)
 
 
 def ended_in_step(number: int, ending: signal.Signals, monkeypatch) -> None:
@@ -221,11 +221,11 @@ BAD_LABEL = IN_A_WALL.replace('user="1"', 'user="11"').replace("0.5 0.5 0.5", "0
     ("arena", "message"),
     [
         (None, "No such file"),
-        ("<mujoco><worldbody>", "not readable XML"),
+        ("<mujoco><worldbody>", "cannot be parsed as XML: "),
         ("<robot/>", "--start"),
         (BOMB, "declares a document type"),
-        (NO_FLOOR, "no free start"),
-        (IN_A_WALL, "no free start"),
+        (NO_FLOOR, "no free ground at (0, 0) m; choose another start"),
+        (IN_A_WALL, " m; choose another start with --start X Y YAW"),
         (BAD_LABEL, "user=11"),
     ],
 )
@@ -244,7 +244,7 @@ def test_a_bad_arena_is_one_line_and_status_2(arena, message, tmp_path, monkeypa
         (["--goals", "1", "2", "nan", "0"], "--goals 1 2 nan 0:"),
         (["--goals", "1", "2", "3"], "--goals"),
         (["--labels", "dgcnn", "--weights", "none.st"], "none.st"),
-        (["--labels", "dgcnn", "--weights", str(WEIGHTS)], "weights of pointnext, not of dgcnn"),
+        (["--labels", "dgcnn", "--weights", str(WEIGHTS)], "weights of 'pointnext', but must contain those of dgcnn"),
         (["--detector", "none.cfg", "none.weights"], "none.cfg"),
         (["--detector", "one.cfg"], "--detector"),
         (["--steps", "0"], "--steps 0"),

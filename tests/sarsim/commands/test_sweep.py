@@ -77,7 +77,13 @@ def test_methods_are_there_before_anything_runs(settings: SweepSettings) -> None
 
 
 def test_a_sweep_of_nothing_is_refused(settings: SweepSettings) -> None:
-    with pytest.raises(InputError, match="--seeds"):
+    with pytest.raises(InputError, match="--seeds: give at least one"):
         sweep(replace(settings, seeds=()))
+    with pytest.raises(InputError, match="--seeds 0 -1: must not be negative"):
+        sweep(replace(settings, seeds=(0, -1)))
+    with pytest.raises(InputError, match="limit 0: must be positive"):
+        sweep(replace(settings, limit=0.0))
+    with pytest.raises(InputError, match="steps 0: must be at least 1"):
+        sweep(replace(settings, steps=0))
     with pytest.raises(InputError, match="--workers 0"):
         sweep(replace(settings, workers=0))

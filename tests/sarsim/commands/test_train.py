@@ -39,7 +39,7 @@ def test_the_command_leaves_weights_that_the_robot_can_use_and_prints_what_they_
     call(monkeypatch, "pointnext", "--data", dataset, dataset, "--out", out, "--steps", 2, "--batch", 2)
     printed = capsys.readouterr()
     assert str(out) in printed.out
-    assert f"--data {dataset} {dataset}: no point of " in printed.err.replace("\n", " ")
+    assert f"--data {dataset} {dataset}: the train split has no points labelled " in printed.err.replace("\n", " ")
     assert "ceiling" in printed.err
     assert NetworkClassifier(out, network="pointnext")
     with safe_open(out, "np") as file:
@@ -135,7 +135,7 @@ def test_a_dataset_without_scenes_to_learn_from_is_refused(
     with pytest.raises(SystemExit) as raised:
         call(monkeypatch, "dgcnn", "--data", copy, "--out", tmp_path / "w.safetensors")
     assert raised.value.code == 2
-    assert "no scene is in the split train" in capsys.readouterr().err
+    assert "the train split has no scenes; generate at least 5 scenes" in capsys.readouterr().err
 
 
 def test_tensorboard_reads_the_validations(

@@ -71,7 +71,7 @@ def test_a_training_can_begin_with_weights(
         (["--data", "DATA", "--out", "w.pt"], "end in .weights"),
         (["--data", "DATA", "--out", "nowhere/w.weights"], "nowhere"),
         (["--data", "DATA", "--out", "w.weights", "--init", "no.weights"], "no.weights"),
-        (["--data", "DATA", "--out", "w.weights", "--init", __file__], "not Darknet weights"),
+        (["--data", "DATA", "--out", "w.weights", "--init", __file__], "not a Darknet weights file"),
         (["--data", "DATA", "--out", "w.weights", "--width", "100"], "multiples of 32"),
     ],
 )

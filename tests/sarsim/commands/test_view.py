@@ -36,7 +36,7 @@ def test_a_file_or_its_folder_names_the_recording(episode):
 def test_a_foreign_file_is_refused(tmp_path, content):
     path = tmp_path / "episode.rrd"
     path.write_bytes(content)
-    with pytest.raises(InputError, match="not a Rerun recording"):
+    with pytest.raises(InputError, match=r"not a Rerun recording; give an \.rrd file"):
         find_recording(path)
 
 

@@ -101,7 +101,7 @@ def test_leftovers_are_removed(tmp_path: Path) -> None:
 
 def test_another_recipe_needs_another_folder(tmp_path: Path) -> None:
     toys(tmp_path / "data")
-    with pytest.raises(InputError, match=r"frames 3, not 5"):
+    with pytest.raises(InputError, match=r"frames = 3, not 5"):
         toys(tmp_path / "data", recipe=replace(RECIPE, frames=5))
 
 
@@ -119,9 +119,9 @@ def test_a_folder_with_something_else_in_it_is_left_alone(tmp_path: Path) -> Non
     [
         ("{", "JSON"),
         ("[]", "not the dataset.json of a dataset"),
-        ('{"format": "sarsim-dataset", "version": 9}', "format version 9; this program reads version 1"),
+        ('{"format": "sarsim-dataset", "version": 9}', "format version 9; .* reads only version 1"),
         ("[" * 100_000, "JSON"),
-        ('{"format": "sarsim-dataset", "version": 1}', "damaged: 'scenes'"),
+        ('{"format": "sarsim-dataset", "version": 1}', "damaged: the key 'scenes' is missing"),
         ('{"format": "sarsim-dataset", "version": 1, "scenes": [], "recipe": []}', "damaged: "),
     ],
 )
@@ -136,7 +136,7 @@ def test_a_manifest_that_is_none(tmp_path: Path, text: str, message: str) -> Non
     [
         ("split", "/tmp", "the split of scene 1 is '/tmp'"),
         ("file", "/dev/zero", "'/dev/zero'"),
-        ("index", "../1", r"'\.\./1'"),
+        ("index", "../1", r"index .*'\.\./1'"),
         ("index", 1e300, r"1e\+300"),
         ("frames", "3", "frames of scene 1 .*'3'"),
         ("points", {"wall": "many"}, "points of scene 1"),

@@ -109,7 +109,7 @@ def test_what_has_no_share_is_never_drawn() -> None:
         (lambda: Recipe(lighting=(0, 0, 0)), r"--lighting 0 0 0:"),
         (lambda: Recipe(clear=float("nan")), "--clear nan: .*0 to 1"),
         (lambda: Recipe(dust=(0.5, 0.1)), "--dust 0.5 0.1:"),
-        (lambda: Recipe(dust=(0, 3)), "dust 3: must be from 0 to 1"),
+        (lambda: Recipe(dust=(0, 3)), "dust must be from 0 to 1, not 3"),
     ],
 )
 def test_what_cannot_be_made_is_an_input_error(make, message: str) -> None:

@@ -105,5 +105,5 @@ def test_a_steep_slope_is_not_drivable():
 
 @pytest.mark.parametrize("start", [(5.0, 0, 0), (1.0, 0, 0), (0.85, 0, 0)])
 def test_a_start_off_the_floor_or_in_or_at_a_wall_is_refused(start):
-    with pytest.raises(InputError, match="free start"):
+    with pytest.raises(InputError, match=rf"at \({start[0]:g}, 0\) m; .* start with --start"):
         survey('<geom type="box" pos="1 0 0.6" size="0.1 2 0.6" user="1"/>', start=start)

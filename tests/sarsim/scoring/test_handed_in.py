@@ -112,7 +112,7 @@ def test_files_that_cannot_be_scored_are_refused(folder, arena, tmp_path):
     with pytest.raises(InputError, match=r"lab\.ply"):
         score_handed_in(tmp_path, arena, BRIEF)
     (tmp_path / BRIEF.cloud_name).unlink()
-    with pytest.raises(InputError, match=r"no file ends in \.ply"):
+    with pytest.raises(InputError, match=r"contains no \.ply file"):
         score_handed_in(tmp_path, arena, BRIEF)
 
 

@@ -118,5 +118,5 @@ def test_the_lamp_loses_twice_and_shines_back() -> None:
 
 @pytest.mark.parametrize("dust", [-0.1, 1.1, float("nan"), float("inf")])
 def test_dust_that_cannot_be_is_refused(dust: float) -> None:
-    with pytest.raises(InputError, match="must be from 0 to 1"):
+    with pytest.raises(InputError, match="dust must be from 0 to 1, not "):
         Air(dust)

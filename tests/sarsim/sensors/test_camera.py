@@ -186,5 +186,5 @@ def test_a_number_that_is_no_label_is_named(user: str) -> None:
     model, _ = load(
         f'<mujoco><worldbody><geom name="odd" type="sphere" size="1" user="{user}"/></worldbody></mujoco>'
     )
-    with pytest.raises(InputError, match=f"'odd' has user={user}"):
+    with pytest.raises(InputError, match=f"'odd' has user={user}, .* from 0 to 7"):
         geom_labels(model)

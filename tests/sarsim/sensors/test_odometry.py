@@ -205,5 +205,5 @@ def test_a_wheel_larger_than_the_robot_knows_measures_ways_too_long(error: float
 
 @pytest.mark.parametrize("error", [0.2, -1.0, np.nan])
 def test_another_wheel_is_no_error(error: float) -> None:
-    with pytest.raises(InputError, match="tyre_error"):
+    with pytest.raises(InputError, match=rf"tyre_error must be .* -0\.2 .* 0\.2, not {error:g}"):
         WheelOdometry(NoNoise(), RADIUS, error)

@@ -17,5 +17,5 @@ def test_a_tour_is_feasible_not_below_its_bound_and_no_longer_than_an_explorers_
 
 
 def test_a_camera_has_no_oracle_on_2d_maps() -> None:
-    with pytest.raises(InputError, match="sees all around"):
+    with pytest.raises(InputError, match="360°, not 58°"):
         GridOracle(hall(), CAMERA)

@@ -62,7 +62,7 @@ def test_the_content_is_what_stands_there(tmp_path):
     ],
 )
 def test_what_is_broken_for_all_stays_refused(content, tmp_path):
-    with pytest.raises(InputError, match=r"a\.xml: not readable XML"):
+    with pytest.raises(InputError, match=r"a\.xml: cannot be parsed as XML: "):
         read(tmp_path, content)
 
 

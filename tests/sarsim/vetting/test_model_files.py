@@ -64,7 +64,7 @@ def test_copies_of_copies_are_counted_before_they_are_made(tmp_path):
         return tmp_path / "a.xml"
 
     check_files(arena(70))
-    with pytest.raises(InputError, match="too many geoms"):
+    with pytest.raises(InputError, match="6400 geoms, including copies; the limit is 6000"):
         check_files(arena(80))
 
 

@@ -43,7 +43,7 @@ class FastDgcnn:
             InputError: k is too large.
         """
         if network.k > MOST_NEIGHBOURS:
-            raise InputError(f"DGCNN with k = {network.k}: the limit is {MOST_NEIGHBOURS} neighbours")
+            raise InputError(f"DGCNN with k = {network.k} neighbours: k must be at most {MOST_NEIGHBOURS}")
         self._network, self.k = network, network.k
         self.classes, self.fewest = network.classes, network.fewest
         self._threads = Threads(threads or torch.get_num_threads())

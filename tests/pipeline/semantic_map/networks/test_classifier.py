@@ -136,15 +136,15 @@ def test_points_that_are_nowhere_are_unlabelled(weights: Path) -> None:
 @pytest.mark.parametrize(
     ("changes", "complaint"),
     [
-        ({"labels": "wall,terrain"}, "wall,terrain, not"),
+        ({"labels": "wall,terrain"}, "wall,terrain, but must predict"),
         ({"labels": None}, "6 unnamed classes"),
-        ({"blocks": None}, "another version"),
-        ({"blocks": '{"colour": 3}'}, "another version"),
-        ({"blocks": "[" * 100_000}, "another version"),
-        ({"blocks": '{"size": "wide"}'}, "another version"),
-        ({"blocks": '{"voxel_size": 0}'}, "voxel_size must .* got 0$"),
-        ({"blocks": '{"size": 1e-9}'}, "size must .* got 1e-09$"),
-        ({"blocks": '{"reach": Infinity}'}, "reach must .* got inf$"),
+        ({"blocks": None}, "block settings .* missing or invalid"),
+        ({"blocks": '{"colour": 3}'}, "block settings .* missing or invalid"),
+        ({"blocks": "[" * 100_000}, "block settings .* missing or invalid"),
+        ({"blocks": '{"size": "wide"}'}, "block settings .* missing or invalid"),
+        ({"blocks": '{"voxel_size": 0}'}, "voxel_size = 0: must be from .* to .*; train"),
+        ({"blocks": '{"size": 1e-9}'}, "size = 1e-09: must be from .* to .*; train"),
+        ({"blocks": '{"reach": Infinity}'}, "reach = inf: must be from .* to .*; train"),
     ],
 )
 def test_weights_for_something_else_are_refused(tmp_path: Path, changes: dict, complaint: str) -> None:
@@ -176,5 +176,5 @@ def test_a_network_of_nine_channels_sees_colours(tmp_path: Path) -> None:
 
 def test_eight_channels_are_refused(tmp_path: Path) -> None:
     save_classifier(tmp_path / "w.safetensors", network(channels=8), BLOCKS, {})
-    with pytest.raises(InputError, match="8 channels"):
+    with pytest.raises(InputError, match="8 input channels per point, but must have 6, or 9"):
         NetworkClassifier(tmp_path / "w.safetensors")

@@ -242,21 +242,24 @@ def test_weights_of_another_network_are_refused(name, tmp_path: Path) -> None:
     path = tmp_path / "w.safetensors"
     save_weights(path, made(name))
     (other, *_) = (n for n in OURS if n != name)
-    with pytest.raises(InputError, match=f"{name}, .*{other}"):
+    with pytest.raises(InputError, match=f"'{name}', .*{other}"):
         load_weights(path, other)
     save_weights(path, made(name), {"network": other})
-    with pytest.raises(InputError, match=r"weights of another network|not a DGCNN|do not fit a"):
+    with pytest.raises(InputError, match=r"weights do not fit the network|not a DGCNN|the number of channels of"):
         load_weights(path)
 
 
 @pytest.mark.parametrize(
     ("metadata", "complaint"),
     [
-        ({"network": "transformer"}, "weights of transformer, not of pointnet or"),
-        ({"channels": "9"}, r"weights of another network: .* instead of"),
-        ({"classes": "13"}, r"weights of another network: .* instead of"),
-        *(({"channels": text}, "channels and .* classes") for text in ("", "0", "65", "9" * 99)),
-        ({"classes": "0"}, "classes"),
+        ({"network": "transformer"}, "weights of 'transformer', but must contain those of pointnet, .* or "),
+        ({"channels": "9"}, "weights do not fit the network .*has shape .* but must have"),
+        ({"classes": "13"}, "weights do not fit the network .*has shape .* but must have"),
+        *(
+            ({"channels": text}, "number of channels of pointnext must be .* from 4 to 64, not")
+            for text in ("", "0", "65", "9" * 99)
+        ),
+        ({"classes": "0"}, "number of classes of pointnext must be .* from 1 to 64, not '0'"),
     ],
 )
 def test_metadata_that_does_not_fit_is_refused(metadata: dict, complaint: str, tmp_path: Path) -> None:
@@ -266,7 +269,11 @@ def test_metadata_that_does_not_fit_is_refused(metadata: dict, complaint: str, t
 
 
 @pytest.mark.parametrize(
-    ("changes", "complaint"), [({"channels": 7}, "7 channels"), ({"classes": 4}, "w.safetensors.*wall,terrain")]
+    ("changes", "complaint"),
+    [
+        ({"channels": 7}, "7 input channels"),
+        ({"classes": 4}, "w.safetensors.* 4 outputs, but must have 6.*wall,terrain"),
+    ],
 )
 def test_other_channels_and_classes_are_refused(changes: dict, complaint: str, tmp_path: Path) -> None:
     labels = "wall,terrain,inclined_ramp,straight_ramp,ceiling,clutter"

@@ -50,18 +50,18 @@ def test_batch_norms_registered_twice_are_read_once(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("changes", "complaint"),
     [
-        ({"conv1.0.weight": None}, "not a DGCNN"),
-        ({"conv9.weight": None}, "not a DGCNN"),
+        ({"conv1.0.weight": None}, r"not a DGCNN.*conv1\.0\.weight is missing"),
+        ({"conv9.weight": None}, r"not a DGCNN.*conv9\.weight is missing"),
         ({"conv1.0.weight": torch.zeros(3)}, "not a DGCNN"),
         ({"conv1.0.weight": torch.zeros(0, 2_000_000_000, 1, 1)}, "not a DGCNN"),
         ({"conv9.weight": torch.zeros(2_000_000_000, 0, 1)}, "not a DGCNN"),
         ({"conv9.weight": torch.zeros(0, 256, 1)}, "not a DGCNN"),
         ({"bn2.running_var": torch.full((64,), -1.0)}, "bn2.running_var"),
         ({"bn2.weight": torch.ones(64, dtype=torch.complex64)}, "bn2.weight"),
-        ({"conv4.0.weight": None}, "conv4.0.weight missing"),
-        ({"bn3.bias": None, "bn3.weight": None}, "bn3.bias and 1 more missing"),
-        ({"conv10.weight": torch.zeros(1)}, "conv10.weight unknown"),
-        ({"conv6.0.weight": torch.zeros(512, 192, 1)}, r"conv6.0.weight is \(512, 192, 1\)"),
+        ({"conv4.0.weight": None}, r"missing tensor: conv4\.0\.weight\)"),
+        ({"bn3.bias": None, "bn3.weight": None}, r"missing tensors: bn3\.bias and 1 more\)"),
+        ({"conv10.weight": torch.zeros(1)}, r"unexpected tensor: conv10\.weight\)"),
+        ({"conv6.0.weight": torch.zeros(512, 192, 1)}, r"conv6.0.weight has shape \(512, 192, 1\), but must have \("),
         ({"conv1.0.weight": torch.zeros(64, 13, 1, 1)}, r"\(64, 13, 1, 1\)"),
         ({"bn2.weight": torch.full((64,), torch.nan)}, "bn2.weight"),
     ],
@@ -96,7 +96,7 @@ def test_a_missing_file_is_named(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("metadata", "complaint"),
     [
-        ({"network": "yolo"}, "weights of yolo"),
+        ({"network": "yolo"}, "weights of 'yolo', but must contain those of pointnet, "),
         *(({"k": k}, "k = .* 1 to 64") for k in ("x", "", "0", "-1", "65", "1e3", "9" * 9)),
     ],
 )

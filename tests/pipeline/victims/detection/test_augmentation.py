@@ -97,7 +97,7 @@ def test_images_without_anyone_are_refused() -> None:
         def __getitem__(self, index: int) -> TrainingImage:
             return super().__getitem__(2)
 
-    with pytest.raises(InputError, match="no people"):
+    with pytest.raises(InputError, match="no training image shows a person"):
         sampler(Empty(3), 2)
 
 

@@ -106,7 +106,7 @@ def test_published_networks_find_what_their_makers_found(name: str) -> None:
         ("mask=0", "mask=", "mask="),
         ("anchors=4,6", "anchors=a,6", "anchors=a,6"),
         ("num=1", "num=2", "OpenCV"),
-        ("channels=3", "channels=4", "4 channels"),
+        ("channels=3", "channels=4", "channels=4: must be 3"),
         ("[net]", "stuff", r"n\.cfg:2: .*stuff"),
         ("width=16", "", "width"),
         ("activation=linear", "activation=linear\n[route]\nlayers=9", "OpenCV"),

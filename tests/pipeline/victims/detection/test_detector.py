@@ -34,7 +34,7 @@ def test_nothing_is_found_in_the_dark(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("image", "message"),
     [
-        (np.zeros((0, 0, 3), np.uint8), "empty"),
+        (np.zeros((0, 0, 3), np.uint8), r"at least one pixel.*\(0, 0, 3\)"),
         (np.zeros((8, 16), np.uint8), r"\(8, 16"),
         (np.zeros((8, 16, 1), np.uint8), r"\(8, 16"),
         (np.zeros((8, 16, 3), np.float32), "uint8, not float32"),
@@ -95,5 +95,5 @@ def test_only_files_that_belong_together_make_a_detector(names: tuple[str, ...])
 
 
 def test_a_confidence_is_between_0_and_1(tmp_path: Path) -> None:
-    with pytest.raises(InputError, match="between 0 and 1"):
+    with pytest.raises(InputError, match="confidence = 1: must be greater than 0 and less than 1"):
         VictimDetector.load(*darknet_files(tmp_path), config=DetectorConfig(confidence=1.0))

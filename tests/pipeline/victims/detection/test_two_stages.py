@@ -124,6 +124,6 @@ def test_other_weights_are_refused(tmp_path: Path) -> None:
     path.write_bytes(SHIPPED.read_bytes()[:5000])
     with pytest.raises(InputError, match=r"v\.safetensors"):
         TwoStages.load(path, CONFIG)
-    with pytest.raises(InputError, match=r"v\.safetensors.*another network"):
+    with pytest.raises(InputError, match=r"v\.safetensors.*the weights do not fit the network"):
         path.write_bytes((SHIPPED.parent / "hazmat.safetensors").read_bytes())
         TwoStages.load(path, CONFIG)

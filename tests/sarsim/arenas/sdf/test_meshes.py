@@ -145,12 +145,12 @@ def test_a_flat_piece_that_is_too_detailed_is_a_plate(tmp_path, monkeypatch):
     ("name", "content", "said"),
     [
         ("a.stl", b"nonsense", "0 triangles"),
-        ("a.obj", b"v 0 0 0\nf 1 2 3\n", "not a readable mesh|triangles"),
+        ("a.obj", b"v 0 0 0\nf 1 2 3\n", "cannot be read as a mesh: |triangles"),
         ("a.obj", b"v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "all vertices must be finite"),
-        ("a.obj", b"", "not a readable mesh|0 triangles"),
-        ("a.dae", b"<COLLADA/>", "not a readable mesh"),
+        ("a.obj", b"", "cannot be read as a mesh: |0 triangles"),
+        ("a.dae", b"<COLLADA/>", "cannot be read as a mesh: "),
         ("a.dae", b"<!DOCTYPE a [<!ENTITY b 'c'>]><COLLADA>&b;</COLLADA>", "declares a document type or entities"),
-        ("a.fbx", b"", "format; .*.stl, .obj, .dae"),
+        ("a.fbx", b"", "format is not supported; use .stl, .obj, .dae, .glb or .gltf"),
     ],
 )
 def test_a_broken_mesh_is_one_line(tmp_path, name, content, said):

@@ -128,7 +128,7 @@ def test_a_broken_result_is_reported(tmp_path: Path, text: str) -> None:
     job = SweepJob("m", "a", 0)
     (tmp_path / "episodes").mkdir()
     (tmp_path / job.file).write_text(text)
-    with pytest.raises(InputError, match="episode's result"):
+    with pytest.raises(InputError, match=r"not a valid episode result .*; delete it"):
         result_of(job, tmp_path)
     (tmp_path / job.file).write_text(json.dumps(WHOLE))
     assert result_of(job, tmp_path).processor_s == 1

@@ -7,9 +7,9 @@ SUBJECT ?= camera
 help: ## show this list
 	@sed -n 's/^\([a-z]*\):.*## /  make \1\t/p' Makefile
 
-setup: .venv/installed ## install what an episode needs: the system packages that are missing, and .venv
+setup: .venv/installed ## install what an episode needs: missing system packages, and Python packages in .venv
 
-develop: .venv/installed-dev ## install what tests, style checks and benchmarks need, too
+develop: .venv/installed-dev ## also install what tests, style checks and benchmarks need
 
 .venv/installed: pyproject.toml setup.py requirements.txt scripts/setup.sh
 	@scripts/setup.sh
@@ -19,7 +19,7 @@ develop: .venv/installed-dev ## install what tests, style checks and benchmarks 
 	@scripts/setup.sh dev
 	@touch $@
 
-ros: develop ## add ROS 2 to .venv, where no installation of it is sourced; make test then tests with it too
+ros: develop ## add ROS 2 to .venv if no other installation is sourced; 'make test' then also runs the ROS tests
 	$(PYTHON) -m pip --disable-pip-version-check --quiet install --constraint requirements.txt --no-build-isolation \
 	    --editable '.[ros]' ros-test-msgs==2.3.0
 
@@ -28,10 +28,10 @@ episode: setup ## explore the NIST 6 x 4 m arena; leaves a recording and a repor
 
 # Each core begins with tests that stand together, which share fixtures, and takes over others' when it is done.
 # Bytecode is kept, even where Python is told to write none, for the many processes that tests start.
-test: develop ## run every test, on every core
+test: develop ## run all tests on all cores
 	PYTHONDONTWRITEBYTECODE= $(PYTHON) -m pytest -n logical --dist worksteal
 
-endurance: develop ## check 200 random arenas, try 2,000 broken files and robots, kill a dataset generator, run all pages
+endurance: develop ## check 200 random arenas, try 2,000 broken files and robots, kill a dataset generator, run all examples in the docs
 	SEEDS=200 KILLS=10 SARSIM_MUTATIONS=2000 SARSIM_DOCUMENTS=1 $(PYTHON) -m pytest \
 	    tests/sarsim/arenas/test_random_arena.py tests/sarsim/dataset/test_disturbed.py tests/test_foreign_files.py \
 	    tests/test_documents_run.py
@@ -41,21 +41,21 @@ lint: develop ## check style and types
 	$(PYTHON) -m ruff format --check
 	$(PYTHON) -m mypy
 
-benchmark: develop ## measure against peers: make benchmark SUBJECT=camera
+benchmark: develop ## compare with other software, such as make benchmark SUBJECT=camera
 	$(PYTHON) scripts/benchmark.py $(SUBJECT)
 
-results: develop ## measure all pages of results and write them, or one: make results PAGE=metric-map FLAGS="--frames 8" AGAIN=1
+results: develop ## measure and write all pages of results, or one: make results PAGE=metric-map FLAGS="--frames 8" AGAIN=1
 	$(PYTHON) scripts/results.py $(PAGE) $(if $(FLAGS),--flags="$(FLAGS)") $(if $(AGAIN),--again)
 
-leaderboard: develop ## compare all explorers on the frozen 2D maps, and write the page of the leaderboard
+leaderboard: develop ## compare all explorers on the frozen 2D maps, and write the leaderboard page
 	$(PYTHON) scripts/sweep.py --arenas grid:test --seeds 0 1 2 --out runs/leaderboard
 	mkdir -p docs/results/leaderboard && cp runs/leaderboard/entries/*.json docs/results/leaderboard
 	$(PYTHON) scripts/results.py --write
 
-claims: develop ## run the claims of README's section Reproduce, and report which hold
+claims: develop ## check the claims in the section Reproduce of README, and report which hold
 	$(PYTHON) scripts/claims.py
 
-docs: develop .venv/docs-installed ## build the documentation's site in build/site
+docs: develop .venv/docs-installed ## build the documentation site in build/site
 	NO_MKDOCS_2_WARNING=1 $(PYTHON) -m mkdocs build --strict --quiet
 	@echo "to read it: $(PYTHON) -m http.server --bind 127.0.0.1 --directory build/site"
 
@@ -70,6 +70,6 @@ dist: setup ## build the wheel and the sdist in dist/
 	$(PYTHON) -m pip --quiet wheel --no-deps --no-build-isolation --wheel-dir dist dist/*.tar.gz
 	@ls -sh dist
 
-clean: ## remove all that was built, .venv too; runs/ stays
+clean: ## remove everything that was built, including .venv, but keep runs/
 	rm -rf .venv build dist *.egg-info .hypothesis .mypy_cache .pytest_cache .ruff_cache
 	find . -name __pycache__ -prune -exec rm -rf {} +

@@ -49,7 +49,9 @@ class RescueEnvironment(dm_env.Environment):
             _set_free(arena, self.robot)
             self.physics = mjcf.Physics.from_mjcf_model(arena.mjcf_model)
         except (ValueError, mujoco.FatalError) as error:
-            raise InputError(f"the arena and the robot cannot be combined: {' '.join(str(error).split())}") from error
+            raise InputError(
+                f"the arena and the robot cannot be combined in one MuJoCo model: {' '.join(str(error).split())}"
+            ) from error
         self._substeps = substeps(self.physics.timestep())
         self._sensed = np.zeros(self.physics.model.nsensordata)
         self._inertial_data = self.robot.inertial_data(self.physics)
@@ -84,7 +86,7 @@ class RescueEnvironment(dm_env.Environment):
         self._advance(model, data)
         if data.warning.number.tolist() != warned:
             names = [mujoco.mjtWarning(int(n)).name for n in np.flatnonzero(data.warning.number != warned)]
-            raise PhysicsError(f"the simulation became unstable: {', '.join(names)}")
+            raise PhysicsError(f"the simulation became unstable; MuJoCo warned: {', '.join(names)}")
 
     def _advance(self, model: mujoco.MjModel, data: mujoco.MjData) -> None:
         for substep in range(self._substeps):
@@ -164,5 +166,8 @@ def substeps(timestep: float) -> int:
     """Number of time steps of ``timestep`` s in ``CONTROL_TIMESTEP``; InputError if it is not an integer."""
     number = round(CONTROL_TIMESTEP / timestep)
     if not np.isclose(number * timestep, CONTROL_TIMESTEP):
-        raise InputError(f"the timestep of {timestep:g} s must divide {CONTROL_TIMESTEP:g} s into equal steps")
+        raise InputError(
+            f"the robot's timestep of {timestep:g} s must divide the control period of {CONTROL_TIMESTEP:g} s evenly;"
+            " change it in the <option> of the MJCF file"
+        )
     return number

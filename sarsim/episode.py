@@ -123,7 +123,7 @@ class Episode(ExplorerRun):
     @property
     def explored(self) -> str:
         """The true explored share, as text."""
-        return f"{self._explored_share():.0%} of all drivable ground seen"
+        return f"{self._explored_share():.0%} of the drivable ground seen"
 
     def _explored_share(self) -> float:
         return self.score.coverage.fraction

@@ -13,15 +13,15 @@ from typing import Any
 from pipeline.errors import InputError
 
 _REMEDIES = {
-    "egl": "run sudo apt-get install libegl1 libgl1-mesa-dri, or set MUJOCO_GL=osmesa",
-    "osmesa": "run sudo apt-get install libosmesa6, or set MUJOCO_GL=egl",
-    "glfw": "set MUJOCO_GL=egl, which needs no display, or set DISPLAY",
+    "egl": "run 'sudo apt-get install libegl1 libgl1-mesa-dri' or set MUJOCO_GL=osmesa",
+    "osmesa": "run 'sudo apt-get install libosmesa6' or set MUJOCO_GL=egl",
+    "glfw": "set MUJOCO_GL=egl, which needs no display, or set DISPLAY to a running X server",
 }
 """For each platform that MuJoCo supports on Linux, what to do if it cannot start."""
 _MISSING = {
-    "egl": "no EGL driver can render here",
-    "osmesa": "the library libOSMesa is missing",
-    "glfw": "it cannot open a display",
+    "egl": "EGL cannot render on this machine",
+    "osmesa": "OSMesa cannot render on this machine",
+    "glfw": "GLFW cannot open a display",
 }
 _VARIABLES = ("PYOPENGL_PLATFORM", "MUJOCO_EGL_DEVICE_ID")
 """Other environment variables that choose a platform or device."""
@@ -51,7 +51,7 @@ def offscreen_context(width: int, height: int) -> Any:
     name = os.environ["MUJOCO_GL"]
     platform = name.strip().lower()
     if platform not in _REMEDIES:
-        raise InputError(f"MUJOCO_GL={name}: cannot render; it must be egl (needs no display), osmesa or glfw")
+        raise InputError(f"MUJOCO_GL={name}: must be egl, osmesa or glfw; egl needs no display")
     try:
         with warnings.catch_warnings(action="ignore"):  # GLFW's errors
             context = import_module(f"mujoco.{platform}").GLContext(width, height)
@@ -73,14 +73,15 @@ def check_display() -> None:
     with warnings.catch_warnings(action="ignore"):
         if not import_module("glfw").init():
             variables = " ".join(f"{name}={os.environ[name]}" for name in _DISPLAYS if name in os.environ)
-            raise InputError(f"{variables or 'no display'}: MuJoCo's viewer cannot open a window; set {_DISPLAYS[0]}")
+            remedy = f"set {_DISPLAYS[0]} to a running X server, such as :0"
+            raise InputError(f"{variables or 'no display'}: MuJoCo's viewer cannot open a window; {remedy}")
 
 
 def _reason(error: Exception, platform: str) -> str:
     """What is wrong and what to do, in one line; the errors themselves only name OpenGL functions."""
     for variable in _VARIABLES:
         if variable in str(error):
-            return f"{variable}={os.environ.get(variable)} cannot be used here; unset it"
+            return f"{variable}={os.environ.get(variable)} cannot be used on this machine; unset it"
     return f"{_MISSING[platform]}; {_REMEDIES[platform]}"
 
 

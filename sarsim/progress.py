@@ -58,7 +58,7 @@ class PlainBars(Bars):
         of = f" of {task.total:g}" if task.total else ""
         counted = f": {task.completed:g}{of}" if "is_timed" not in task.fields else ""
         left = f", {left_of(task)}" if left_of(task) else ""
-        print(f"{task.description}{counted}, {task.elapsed or 0:.0f} s{left}", file=sys.stderr, flush=True)
+        print(f"{task.description}{counted}, {task.elapsed or 0:.0f} s elapsed{left}", file=sys.stderr, flush=True)
 
 
 class _Left(ProgressColumn):

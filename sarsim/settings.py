@@ -113,7 +113,7 @@ class SinkConfig:
     """Settings of everything that leaves the files of a run.
 
     Attributes:
-        sink: your own class that watches the run and writes into its folder.
+        sink: your own class that observes the run.
         io: all numbers of recordings, result files and ROS; set them in a ``--config`` file.
     """
 
@@ -131,7 +131,7 @@ class SimulatorConfig:
         robot: pioneer3at, jackal, or the path of an MJCF file with the same structure.
         start: start pose: x and y in m, yaw in degrees. By default the arena's own start.
         seed: seed of every random number.
-        lighting: light in the arena; in the dark the robot switches on its lamp.
+        lighting: light in the arena; if it is dark, the robot switches on its lamp.
     """
 
     arena: str = "nist_6x4"
@@ -147,10 +147,10 @@ class PerceptionConfig:
 
     Attributes:
         labels: source of the labels: a network, rules on height and slope, the simulator's truth, or MODULE:CLASS.
-        weights: weights of the network. By default the shipped ones.
-        detector: victim detector: Darknet's .cfg and .weights, or a .safetensors file; None for none.
+        weights: network weights file. By default the shipped one.
+        detector: victim detector: Darknet's .cfg and .weights, or a .safetensors file; None turns it off.
         detector_class: your own victim detector, MODULE:CLASS.
-        reader: class that finds objects in images.
+        reader: your own class that finds objects.
         pipeline: all numbers of the robot's software; set them in a ``--config`` file.
     """
 
@@ -167,16 +167,16 @@ class MissionConfig:
     """Settings of everything that drives a robot by its own maps.
 
     Attributes:
-        steps: maximum number of exploration steps. By default 160; with --goals, no limit.
+        steps: maximum number of exploration steps. By default 160; with --goals and --explore, no limit.
         map: folder of an earlier episode in this arena; the robot continues with its map.
-        goals: goals to drive to without exploring first: x y x y …, m in the map frame, in any order.
-        explore: explore before the goals.
+        goals: goals to drive to, in any order: x y x y …, m in the map frame.
+        explore: explore before visiting goals.
         home: return to the start at the end.
         speed: top speed, m/s. By default the robot's own.
         view: live view: in a new window (spawn), in the browser (web), or none.
-        mission: explore, or a mission that hands in files: league, virtual or a YAML file.
+        mission: explore, or a mission with files to hand in: league, virtual or a YAML file.
         minutes: time limit of a mission in simulated minutes; it replaces --steps. By default the mission's own.
-        exploration: method that chooses the viewpoints, or your own MODULE:CLASS.
+        exploration: method that chooses viewpoints, or your own MODULE:CLASS.
     """
 
     steps: Given[int] = None
@@ -192,12 +192,12 @@ class MissionConfig:
 
     def __post_init__(self) -> None:
         """Raise InputError for settings out of range."""
-        if self.minutes is not None and (self.mission == EXPLORE or not 0 < self.minutes < float("inf")):
-            raise InputError(
-                f"--minutes {self.minutes:g}: must be positive, and requires a --mission other than explore"
-            )
+        if self.minutes is not None and self.mission == EXPLORE:
+            raise InputError(f"--minutes {self.minutes:g}: requires a --mission other than {EXPLORE}")
+        if self.minutes is not None and not 0 < self.minutes < float("inf"):
+            raise InputError(f"--minutes {self.minutes:g}: must be positive and finite")
         if self.speed is not None and not 0 < self.speed < float("inf"):
-            raise InputError(f"--speed {self.speed:g}: must be positive")
+            raise InputError(f"--speed {self.speed:g}: must be positive and finite")
         if self.steps is not None and self.steps < 1:
             raise InputError(f"--steps {self.steps}: must be at least 1")
         if not all(map(isfinite, chain.from_iterable(self.goals))):
@@ -216,23 +216,23 @@ class EpisodeConfig(SinkConfig, PerceptionConfig, MissionConfig, SimulatorConfig
     """Settings of an episode.
 
     Attributes:
-        resume: folder of an interrupted episode, which is repeated, then continued; its network outputs are reused.
-        odometry: dead reckoning from wheels and gyro, which drifts; or the true pose, for comparison.
-        localisation: slam corrects the odometry with depth images; or your own MODULE:CLASS.
+        resume: folder of an interrupted episode to repeat from its stored network outputs and continue.
+        odometry: dead reckoning from wheels and gyro (wheel), or the true pose (truth).
+        localisation: correct odometry with depth images (slam) or not (odometry), or MODULE:CLASS.
         planner: path planner on the topological map, or your own MODULE:CLASS.
-        sensor: the Xtion camera, or an ideal one: same range, no noise.
+        sensor: the Xtion camera (xtion), or one with the same range but no noise (ideal).
         dust: density of dust in the air, 0 to 1; it degrades depth and fades colours.
         tyre_error: relative error of the wheel radius that the odometry assumes.
         fiducials: number of AprilTags on the walls, used to score the map.
-        oracle: compare with the best known tour of the arena; can take minutes.
+        oracle: compare the drive with the best known tour of the arena; this can take minutes.
         voxel_size: voxel size of the metric map, m. By default 0.1.
         graph: graph for planning: a minimum spanning tree (mst), or one with loops (roadmap).
         bag: new folder for a ROS 2 bag with the robot's sensor data, commands and maps.
         bag_images: images in the bag: depth in whole mm (16UC1) or in m (32FC1); colour raw or as JPEG.
         tum: new folder for the drive in the TUM RGB-D layout.
-        out: new folder for the results. By default runs/<arena>-<seed>, with -2, -3 … appended if it exists.
-        victims: victims and starts of a published world.
-        victims_state: state if their names do not say.
+        out: new folder for the results. By default runs/<arena>-<seed>, with -2, -3 … if it exists.
+        victims: list of victims and starts in a published world.
+        victims_state: state if the names do not give it.
         random: contents of a random arena.
     """
 
@@ -319,14 +319,14 @@ class MapRecording(SinkConfig, PerceptionConfig):
         out: new folder for the results: the same files as an episode writes.
         poses: source of the poses: recorded odometry corrected by registration (slam), registration alone, or the
             recorded odometry or true poses uncorrected. By default slam if odometry was recorded, else registration.
-        robot: robot that must be able to drive on the ground: pioneer3at, jackal, or the path of an MJCF file.
+        robot: robot that determines which ground is traversable: pioneer3at, jackal, or the path of an MJCF file.
         camera: pose of the camera on the robot: x y z in m, roll pitch yaw in degrees; a positive pitch looks down.
             By default as recorded; if it was not, estimated from the accelerometer or from floor and walls.
         intrinsics: fx fy cx cy of the camera in pixels; pixel centres are at whole numbers. By default as recorded.
         depth_scale: depth units per metre in a folder's images. By default 5000.
         fps: frames per second of a folder whose images have no timestamps.
         topics: topics to use if a bag has several of the same kind, including transforms.
-        mission: explore, or a mission that hands in files: league, virtual or a YAML file.
+        mission: explore, or a mission with files to hand in: league, virtual or a YAML file.
     """
 
     path: Annotated[Path, tyro.conf.Positional]
@@ -373,7 +373,7 @@ class RosExploration(SinkConfig, PerceptionConfig, MissionConfig):
 
     Attributes:
         out: new folder for the results: the same files as an episode writes.
-        robot: robot that must be able to drive on the ground: pioneer3at, jackal, or the path of an MJCF file.
+        robot: robot that determines which ground is traversable: pioneer3at, jackal, or the path of an MJCF file.
         camera: pose of the camera on the robot: x y z in m, roll pitch yaw in degrees; a positive pitch looks down.
             By default from the robot's transforms.
         topics: names of the robot's topics.

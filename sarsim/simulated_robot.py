@@ -136,7 +136,7 @@ class SimulatedRobot:
             x, y = self.T_world_start[:2, 3]
             with self.arena.naming():
                 raise InputError(
-                    f"the arena has no free start: the robot cannot stand at ({x:g}, {y:g}) m"
+                    f"the robot cannot stand at its start, ({x:g}, {y:g}) m; choose a free place with --start X Y YAW"
                 ) from error
 
     @property

@@ -49,10 +49,10 @@ SLACK = 0.1
 """Dead zone: a stick counts as released up to this share of its full deflection."""
 
 KEYS = """\
-up, down      faster forwards, faster backwards
-left, right   turn more to the left, more to the right
+up, down      drive faster forwards, faster backwards
+left, right   turn faster to the left, faster to the right
 space         stop
-Close the window to end."""
+Close the window to end the drive."""
 
 
 @dataclass
@@ -89,10 +89,10 @@ class Gamepad:
         try:
             self._file = os.open(path, os.O_RDONLY | os.O_NONBLOCK)
         except OSError as error:
-            raise InputError(f"--gamepad {path}: {error.strerror}") from error
+            raise InputError(f"--gamepad {path}: cannot be opened: {error.strerror}") from error
         if not stat.S_ISCHR(os.fstat(self._file).st_mode):
             os.close(self._file)
-            raise InputError(f"--gamepad {path}: not a device; Linux calls gamepads /dev/input/js0, js1 …")
+            raise InputError(f"--gamepad {path}: must be a joystick device, such as /dev/input/js0")
         self._rest = b""
 
     def steer(self, throttle: Throttle) -> None:

@@ -14,7 +14,9 @@ from typing import TYPE_CHECKING, Any
 try:
     from rich.console import Console
 except ModuleNotFoundError as error:
-    raise SystemExit(f"error: {error.name} is not installed; run make develop, then . .venv/bin/activate") from None
+    raise SystemExit(
+        f"error: {error.name} is not installed; run: make develop && source .venv/bin/activate"
+    ) from None
 from rich.table import Table
 
 from pipeline.files import whole_file

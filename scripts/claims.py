@@ -9,7 +9,9 @@ from typing import Any
 try:
     from sarsim.commands.cli import run
 except ModuleNotFoundError as error:
-    raise SystemExit(f"error: {error.name} is not installed; run make develop, then . .venv/bin/activate") from None
+    raise SystemExit(
+        f"error: {error.name} is not installed; run: make develop && source .venv/bin/activate"
+    ) from None
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1]))  # scripts/ is not installed
 from scripts.results import ROOT, expected, measured, number, plan

@@ -12,7 +12,7 @@ FILE = Path(__file__).resolve().parents[1] / "sarsim" / "kernels.json"
 try:
     from sarsim.commands.cli import run
 except ModuleNotFoundError as error:
-    raise SystemExit(f"error: {error.name} is not installed; run make setup, then . .venv/bin/activate") from None
+    raise SystemExit(f"error: {error.name} is not installed; run: make setup && source .venv/bin/activate") from None
 
 
 def list_kernels() -> None:

@@ -17,7 +17,7 @@ ROW = re.compile(rf", {DATE}, ([0-9a-f]{{7,40}}\+?) \|$", re.MULTILINE)
 def main() -> None:
     """Entry point: print the notes, or print all faults to stderr and exit with status 1."""
     parser = ArgumentParser(description=__doc__)
-    parser.add_argument("tag", help="as v0.1.0")
+    parser.add_argument("tag", help="tag to be released, such as v0.1.0")
     tag = parser.parse_args().tag
     version = tomllib.loads(text("pyproject.toml"))["project"]["version"]
     heading, notes = changes(text("CHANGELOG.md"), version)
@@ -45,7 +45,9 @@ def changes(changelog: str, version: str) -> tuple[str, str]:
 def faults_of_tag(tag: str, version: str) -> list[str]:
     """What is wrong with a tag."""
     return (
-        [] if tag == f"v{version}" else [f"tag {tag}: pyproject.toml has version {version}, so it must be v{version}"]
+        []
+        if tag == f"v{version}"
+        else [f"tag {tag}: pyproject.toml has version {version}, so the tag must be v{version}"]
     )
 
 
@@ -53,9 +55,9 @@ def faults_of_dates(heading: str, citation: str, version: str) -> list[str]:
     """What is wrong with the dates of a version: CHANGELOG and CITATION must have the same one."""
     date = re.search(DATE, heading)
     if not date:
-        return [f"CHANGELOG.md: the heading of {version} needs the release date, as in '## {version}, 2026-11-27'"]
+        return [f"CHANGELOG.md: must have a heading with the release date, such as '## {version}, 2026-11-27'"]
     wanted = f"version: {version}", f"date-released: {date[0]}"
-    return [f"CITATION.cff: needs the line '{line}'" for line in wanted if line not in citation.splitlines()]
+    return [f"CITATION.cff: must contain the line '{line}'" for line in wanted if line not in citation.splitlines()]
 
 
 def faults_of_results(readme: str) -> list[str]:
@@ -65,11 +67,13 @@ def faults_of_results(readme: str) -> list[str]:
     rows = list(table)[2:]  # without the header and the line below it
     commits = [found[1] if (found := ROW.search(row)) else "none" for row in rows]
     if not rows:
-        return ["README.md: has no results table"]
+        return ["README.md: has no results table; run 'make results'"]
     if len({commit[:7] for commit in commits}) == 1 and ROW.search(rows[0]) and not commits[0].endswith("+"):
         return []
-    of = ", ".join(f"{commits.count(commit)} of {commit}" for commit in dict.fromkeys(commits))
-    return [f"README.md: its {len(rows)} results must come from one commit, but are: {of}; run make results"]
+    sources = ", ".join(f"{commit} ({commits.count(commit)})" for commit in dict.fromkeys(commits))
+    return [
+        f"README.md: all results must come from one commit without changes (+), not {sources}; run 'make results'"
+    ]
 
 
 if __name__ == "__main__":

@@ -18,7 +18,9 @@ from typing import Annotated, Any
 try:
     import tyro
 except ModuleNotFoundError as error:
-    raise SystemExit(f"error: {error.name} is not installed; run make develop, then . .venv/bin/activate") from None
+    raise SystemExit(
+        f"error: {error.name} is not installed; run: make develop && source .venv/bin/activate"
+    ) from None
 import yaml
 
 from pipeline.errors import InputError
@@ -55,7 +57,7 @@ class Results:
         pages: names in docs/results/pages.yaml. By default all.
         again: measure again even if figures for this state of the code exist.
         write: measure nothing; write the pages from the figures that exist.
-        flags: additional flags for the benchmark, such as --flags="--frames 8"; the page names them.
+        flags: additional flags for the benchmark, such as --flags="--frames 8"; the page lists them.
     """
 
     pages: Annotated[tuple[str, ...], tyro.conf.Positional] = ()
@@ -68,7 +70,7 @@ def results(settings: Results) -> None:
     """Measure each page without figures for this state of the code, and write all pages and README's table."""
     known = plan()["pages"]
     if unknown := set(settings.pages) - known.keys():
-        raise InputError(f"{', '.join(sorted(unknown))}: not a results page; must be one of {', '.join(known)}")
+        raise InputError(f"{', '.join(sorted(unknown))}: no such results page; use {', '.join(known)}")
     for name in () if settings.write else settings.pages or known:
         renew(name, known[name], settings)
         write_pages()
@@ -85,7 +87,7 @@ def renew(name: str, page: Mapping[str, Any], settings: Results) -> None:
     """Measure a page unless it has figures for this state of the code."""
     commit, old = state_of_code(), record_of(name)
     if old and old["commit"] == commit and not commit.endswith("+") and not settings.again:
-        print(f"{name}: already measured on {commit}")
+        print(f"{name}: already measured at commit {commit}")
         return
     print(f"{name}: takes about {duration(page, old)}", flush=True)
     command = " ".join([page["command"].format(commit=commit), settings.flags]).strip()
@@ -115,7 +117,7 @@ def measured(command: str, folder: Path, environment: Mapping[str, str] = {}) ->
     script, *flags = shlex.split(command)
     program = [sys.executable, str(ROOT / "scripts" / script), *flags, *output]
     if status := subprocess.call(program, cwd=ROOT, env=os.environ | environment):
-        raise InputError(f"{command}: ended with status {status}")
+        raise InputError(f"the command '{command}' failed with exit status {status}")
     after = resource.getrusage(resource.RUSAGE_CHILDREN)
     content = json.loads((folder / ("figures.json" if benchmark else "report.json")).read_text())
     return {

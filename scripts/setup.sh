@@ -13,7 +13,7 @@ main() {
     case "${1:-}" in
     "") install_episode ;;
     dev) install_development ;;
-    *) fail "$1: scripts/setup.sh takes no argument, or dev" ;;
+    *) fail "unknown argument '$1'; usage: scripts/setup.sh [dev]" ;;
     esac
 }
 
@@ -21,7 +21,7 @@ install_episode() {
     say "an episode needs $(count requirements.txt) Python packages in .venv: about 1.2 GB to download, 3.6 GB on disk"
     install_libraries
     make_venv
-    say "installing them takes some minutes"
+    say "installing the Python packages takes a few minutes"
     install_python_packages
     pip install --no-deps --no-build-isolation --editable .
     compile_imports
@@ -44,7 +44,7 @@ install_libraries() {
         # shellcheck disable=SC2046 # one word a package
         install_packages $(missing $LIBRARIES)
     else
-        say "not Debian or Ubuntu; this machine needs what they call $LIBRARIES"
+        say "dpkg-query is missing; install your system's equivalents of these Debian packages: $LIBRARIES"
     fi
 }
 
@@ -61,7 +61,7 @@ install_packages() {
     [ $# -gt 0 ] || return 0
     if [ "$(id -u)" -eq 0 ]; then as_root=; else as_root=sudo; fi
     for tool in apt-get $as_root; do
-        command -v "$tool" >/dev/null || fail "there is no $tool to install $*"
+        command -v "$tool" >/dev/null || fail "$tool is missing; install $* yourself, then repeat the command"
     done
     say "installing $* with apt-get"
     $as_root apt-get -qq -o DPkg::Lock::Timeout=300 update
@@ -83,7 +83,7 @@ usable_python() {
         install_packages "$package" >&2
         find_python && return
     done
-    fail "no Python from 3.11 to 3.14 that can make a virtual environment"
+    fail "found no Python 3.11 to 3.14 with the modules venv and ensurepip; install one, then repeat the command"
 }
 
 find_python() {

@@ -3,7 +3,7 @@
 try:
     from sarsim.commands.teleop import main
 except ModuleNotFoundError as error:
-    raise SystemExit(f"error: {error.name} is not installed; run make setup, then . .venv/bin/activate") from None
+    raise SystemExit(f"error: {error.name} is not installed; run: make setup && source .venv/bin/activate") from None
 
 if __name__ == "__main__":
     main()

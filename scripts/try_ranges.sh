@@ -1,14 +1,14 @@
 #!/bin/sh
 # Try the ranges of pyproject.toml: make a virtual environment of the lowest or the newest versions that they allow, and run tests
 # in it. With TORCH=VERSION in the environment that torch is taken, such as one of which there is a build for CPUs.
-#   scripts/try_ranges.sh lowest|newest PYTHON FOLDER [WORDS FOR PYTEST …]
+#   scripts/try_ranges.sh lowest|newest PYTHON FOLDER [PYTEST ARGUMENTS …]
 set -eu
 
 case "${1:-}" in
 lowest) resolution=lowest-direct ;;
 newest) resolution=highest ;;
 *)
-    echo "usage: scripts/try_ranges.sh lowest|newest PYTHON FOLDER [WORDS FOR PYTEST …]" >&2
+    echo "usage: scripts/try_ranges.sh lowest|newest PYTHON FOLDER [PYTEST ARGUMENTS …]" >&2
     exit 2
     ;;
 esac

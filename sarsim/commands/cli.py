@@ -83,8 +83,10 @@ def common(args: Sequence[str] | None = None) -> list[str]:
     flags.add_argument("--log-level", choices=("debug", "info", "warning", "error"), default="warning")
     words = list(sys.argv[1:] if args is None else args)
     for flag, value in pairwise(["", *words]):
-        if not value or re.fullmatch("--[^=]*=", value):
-            raise InputError(f"{flag} {value!r}: must not be empty".strip())
+        if re.fullmatch("--[^=]*=", value):
+            raise InputError(f"{value}: the value must not be empty")
+        if not value:
+            raise InputError(f"{flag if flag.startswith('-') else 'argument'} '': must not be empty")
     try:
         given, rest = flags.parse_known_args(words)
     except argparse.ArgumentError as error:
@@ -176,14 +178,14 @@ def call_with(function: Callable[..., Any], given: Mapping[str, Any], name: str)
     values = {key: value for key, value in given.items() if value is not None}
     known = inspect.signature(function).parameters
     if unknown := [f"--{key.replace('_', '-')}" for key in values if key not in known]:
-        raise InputError(f"{', '.join(unknown)}: not a setting of {name}")
+        raise InputError(f"{', '.join(unknown)}: not supported by {name}")
     return function(**values)
 
 
 def check_folder_of(flag: str, path: Path) -> None:
     """Raises InputError if the parent folder of the file ``path`` does not exist."""
     if not path.absolute().parent.is_dir():
-        raise InputError(f"--{flag} {path}: the folder {path.absolute().parent} does not exist")
+        raise InputError(f"--{flag} {path}: the folder {path.absolute().parent} does not exist; create it first")
 
 
 def guarded(action: Callable[[], object]) -> None:

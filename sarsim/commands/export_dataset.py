@@ -25,7 +25,7 @@ class ExportDataset:
             masks; mcap: ROS 2 bags.
         data: folder of the dataset.
         out: new folder for the export; it appears once the export is complete.
-        voxel: s3dis: keep one point per cube with this side, m; larger cubes make smaller files. By default 0.02.
+        voxel: s3dis: side of the cubes that keep one point each, m; larger cubes make smaller files. By default 0.02.
         points: blocks: points per block, as the network expects them. By default 4096.
         colours: blocks: nine channels with r g b, as in S3DIS, instead of six.
         min_area: yolo, coco: minimum number of visible pixels for an object to get a box. By default 100.
@@ -51,7 +51,7 @@ def export_dataset(settings: Annotated[ExportDataset, tyro.conf.arg(name="")]) -
     with progress() as bars:
         for _ in bars.track(export.run(), total=total, description="scenes"):
             pass
-    Console().print(f"{total} scenes in {export.out}", soft_wrap=True)
+    Console().print(f"Exported {total} scene{'s' * (total != 1)} to {export.out}", soft_wrap=True)
 
 
 def main() -> None:

@@ -36,14 +36,15 @@ def export_map(
             .svg, .dxf: the same ground as a GeoTIFF, a PNG with a world file, or outlines.
         heights: for .pgm, show a slice of the occupancy grid from the lower to the upper height, m, instead of the
             ground. A slice ignores ramps; 0.25 0.65 shows obstacles on level ground.
-        robot: robot that must be able to drive on the ground: pioneer3at, jackal, or the path of an MJCF file.
+        robot: robot that determines which ground is traversable: pioneer3at, jackal, or the path of an MJCF file.
     """
-    if out.suffix not in (".bt", ".ot", ".ply", *PLAN_ENDINGS):
-        raise InputError(f"--out {out}: the file name must end in .bt, .ot, .ply, {', '.join(PLAN_ENDINGS)}")
-    if heights is not None and not (out.suffix == ".pgm" and heights[0] < heights[1]):
-        raise InputError(
-            f"--heights {heights[0]:g} {heights[1]:g}: requires --out FILE.pgm, and the lower height first"
-        )
+    *endings, last = ".bt", ".ot", ".ply", *PLAN_ENDINGS
+    if out.suffix not in (*endings, last):
+        raise InputError(f"--out {out}: the file name must end in {', '.join(endings)} or {last}")
+    if heights is not None and out.suffix != ".pgm":
+        raise InputError(f"--heights {heights[0]:g} {heights[1]:g}: requires an --out file that ends in .pgm")
+    if heights is not None and not heights[0] < heights[1]:
+        raise InputError(f"--heights {heights[0]:g} {heights[1]:g}: the first height must be below the second")
     path = path / "metric_map.npz" if path.is_dir() else path
     is_of_ground = out.suffix in PLAN_ENDINGS and heights is None
     files = _export_ground(path, out, robot) if is_of_ground else _export_voxels(path, out, heights)
@@ -62,7 +63,7 @@ def _export_voxels(path: Path, out: Path, heights: tuple[float, float] | None) -
     semantic_map = path.with_name("semantic_map.ply")
     if out.suffix in (".bt", ".ot"):
         x, y, z = metric_map.corner
-        print(f"{out}: OctoMap's coordinates start at 0; add {x:g} {y:g} {z:g} m to get map coordinates")
+        print(f"{out}: OctoMap coordinates start at 0 0 0; add {x:g} {y:g} {z:g} m to get map coordinates")
     match out.suffix:
         case ".bt":
             write_bt(out, metric_map)
@@ -86,7 +87,7 @@ def _export_ground(path: Path, out: Path, robot: Robot) -> list[Path]:
         instead = (
             "; --heights 0.25 0.65 exports a slice of the occupancy grid instead" if out.suffix == ".pgm" else ""
         )
-        raise InputError(f"{keyframes}: no such file{instead}")
+        raise InputError(f"{keyframes}: no such file, but it is needed for the ground{instead}")
     elevation_map, poses = load_elevation_map(keyframes, robot_model(robot))
     ground, places = assess_map(elevation_map), poses[:, :2, 3]
     if out.suffix == ".pgm":
@@ -108,7 +109,10 @@ def _labels(metric_map: "MetricMap", path: Path) -> "NDArray[np.uint8] | None":
     vertices = read_ply(path)
     points, labels = np.stack([vertices[axis] for axis in "xyz"], axis=1), vertices["label"]
     if not np.isfinite(points).all() or labels.max(initial=0) >= len(Label):
-        raise InputError(f"{path}: not a semantic map: points must be finite and labels from 0 to {len(Label) - 1}")
+        raise InputError(
+            f"{path}: not a semantic map: points must be finite and labels between 0 and {len(Label) - 1};"
+            " remove the file to export the map without classes"
+        )
     return voxel_labels(metric_map, points, labels)
 
 

@@ -47,7 +47,7 @@ class GenerateHarder(HarderDatasetConfig, GenerateDataset):
 def generate_dataset(settings: GenerateDataset) -> None:
     """Generate a dataset, or the missing part of one, and print its folder."""
     if settings.harder and not isinstance(settings, GenerateHarder):
-        raise InputError("harder: cannot be set in a --config file; use the flag --harder")
+        raise InputError("--config: a file must not set harder; give --harder as a flag")
     check("scenes", settings.scenes, 1)
     if settings.workers is not None:
         check("workers", settings.workers, 1)
@@ -71,7 +71,8 @@ def generate_dataset(settings: GenerateDataset) -> None:
             recipe, settings.scenes, settings.out, engine, lambda made: bars.update(bar, completed=made)
         )
     save_settings(replace(settings, harder=False), settings.out / "config.yaml")
-    text = f"{len(manifest.scenes)} scenes in {settings.out}; to look at them, open {settings.out / 'index.html'}"
+    count = f"{len(manifest.scenes)} scene{'s' * (len(manifest.scenes) != 1)}"
+    text = f"{count} in {settings.out}; for an overview, open {settings.out / 'index.html'}"
     Console().print(text, soft_wrap=True)
 
 

@@ -49,17 +49,17 @@ def open_recording(config: MapRecording) -> "Recording":
     if not path.exists():
         raise InputError(f"{path}: no such file or folder")
     if calibration and min(calibration) <= 0:
-        raise InputError(f"--intrinsics {' '.join(map(str, calibration))}: must be positive")
+        raise InputError(f"--intrinsics {' '.join(map(str, calibration))}: all four values must be positive")
     if path.suffix == ".h5" or (path.is_file() and path.open("rb").read(len(HDF5)) == HDF5):
         return read_scene(path)
     if not path.is_dir() or (not holds_images(path) and holds_bag(path)):
         return read_ros_bag(path, config.topics, calibration, config=config.io.datasets)
     for flag, value in (("depth-scale", config.depth_scale), ("fps", config.fps)):
         if value is not None and not 0 < value < 1e6:
-            raise InputError(f"--{flag} {value}: must be positive")
+            raise InputError(f"--{flag} {value}: must be above 0 and below 1,000,000")
     recording = read_tum_folder(path, calibration, config.depth_scale, config.fps, config=config.io.datasets)
     if holds_bag(path):
-        recording.note("the folder also holds a ROS bag, which is ignored; to map it, give its own path")
+        recording.note("the folder also contains a ROS bag, which is ignored; to map the bag, give its path")
     return recording
 
 

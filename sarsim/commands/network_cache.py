@@ -35,7 +35,7 @@ class OutputCache:
         try:
             folder.mkdir(exist_ok=True)
         except OSError as error:
-            raise InputError(f"{folder}: {error.strerror or error}") from error
+            raise InputError(f"{folder}: the folder cannot be created: {error.strerror or error}") from error
 
     def get(
         self, inputs: Sequence[ArrayLike], kind: DTypeLike, shape: tuple[int, int], run: Callable[[], NDArray]

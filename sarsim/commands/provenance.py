@@ -30,7 +30,8 @@ def _git(*words: str) -> str:
     try:
         return subprocess.run(["git", *words], cwd=ROOT, check=True, capture_output=True, text=True).stdout.strip()
     except (OSError, subprocess.CalledProcessError) as error:
-        raise InputError(f"{ROOT}: results can be measured only in a git checkout: {error}") from error
+        said = " ".join(str(getattr(error, "stderr", None) or error).split())
+        raise InputError(f"{ROOT}: results can be measured only in a git checkout: {said}") from error
 
 
 def machine() -> dict[str, Any]:

@@ -108,7 +108,9 @@ class RecordedDrive(MappingRun):
         with suppress(OSError):  # the folder holds earlier results
             self.parts.folder.rmdir()
         if not self.error:
-            self.error = f"{self.recording.path}: no usable frame: {self._left_out() or 'it is empty'}"
+            skipped = self._left_out()
+            found = f"no usable frames; skipped {skipped}" if skipped else "no frames"
+            self.error = f"{self.recording.path}: contains {found}"
 
     def _left_out(self) -> str:
         return ", ".join(f"{count} {reason}" for reason, count in self.recording.left_out.items())

@@ -19,8 +19,10 @@ if TYPE_CHECKING:
 
 def run_episode(config: EpisodeConfig) -> None:
     """Explore an arena, and write a recording, a report and maps. To repeat it, pass its config.yaml to --config."""
-    if config.resume and (config.out or (config.map and config.map.resolve() == config.resume.resolve())):
-        raise InputError(f"--resume {config.resume}: cannot be combined with --out, or with --map of the same folder")
+    if config.resume and config.out:
+        raise InputError(f"--resume {config.resume}: cannot be combined with --out; the results go to that folder")
+    if config.resume and config.map and config.map.resolve() == config.resume.resolve():
+        raise InputError(f"--resume {config.resume}: --map must not name the same folder")
     brief = wanted_mission(config.mission, config.minutes, config.home)
     check_folder(config.folder, config.continues)
     from sarsim.episode import Episode  # imported here, because it takes seconds
@@ -35,7 +37,7 @@ def run_episode(config: EpisodeConfig) -> None:
     if not ended_by:
         shutil.rmtree(cache.folder)
     if config.resume:
-        print(f"Repeated from the start with {cache.hits} stored network outputs")
+        print(f"Repeated the episode from the start, reusing {cache.hits} stored network outputs")
     show_results(episode.report, config.folder, is_verbose())
     end_by(ended_by)
     if (viewer := episode.recorder.viewer) and viewer.was_opened:

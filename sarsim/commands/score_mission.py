@@ -49,8 +49,9 @@ def score_mission(
     from sarsim.robots.model import robot_model
     from sarsim.scoring.handed_in import score_handed_in, true_arena
 
-    if min(resets, contacts) < 0:
-        raise InputError(f"--resets {resets} --contacts {contacts}: must not be negative")
+    for flag, count in (("resets", resets), ("contacts", contacts)):
+        if count < 0:
+            raise InputError(f"--{flag} {count}: must not be negative")
     brief, body = load_mission(mission), robot_model(robot)
     world = make_arena(arena, start, victims=WorldVictims(victims, victims_state))
     physics = mjcf.Physics.from_mjcf_model(world.mjcf_model)

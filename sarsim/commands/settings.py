@@ -108,7 +108,7 @@ def config_file(args: Sequence[str]) -> tuple[str, Path] | None:
     found = finder.parse_known_args(args)[0]
     if found.config and found.resume:
         raise InputError(
-            f"--config {found.config}: cannot be combined with --resume, which reads the settings in its folder"
+            f"--config {found.config}: cannot be combined with --resume, which uses that episode's settings"
         )
     if found.resume is None:
         return found.config and ("config", found.config)
@@ -157,12 +157,12 @@ def load_settings(kind: type[Settings], path: Path, args: Sequence[str] = (), fl
     where = f"--{flag} {path}"
     content = _yaml(path, where)
     if isinstance(content, dict) and (places := sorted(content.keys() & set(RESULTS))):
-        raise InputError(f"{where}: a file cannot set where results go; give --{places[0]} as a flag")
+        raise InputError(f"{where}: a file must not set where results go; give --{places[0]} as a flag")
     for key in list(content) if isinstance(content, dict) else []:
         name = str(key).replace("_", "-")
         if name in METHODS and names_code(name, content[key]):
             if not any(word.split("=")[0].replace("_", "-") == f"--{name}" for word in args):
-                raise InputError(f"{where}: a file cannot choose code to run; give --{name} as a flag")
+                raise InputError(f"{where}: a file must not choose code to run; give --{name} as a flag")
             del content[key]
     return _settings(kind, content, where)
 
@@ -173,13 +173,15 @@ def _yaml(path: Path, where: str) -> Any:
         text, depth = read_text(path, MOST_SETTINGS), 0
         for event in yaml.parse(text):
             depth += isinstance(event, yaml.CollectionStartEvent) - isinstance(event, yaml.CollectionEndEvent)
-            if isinstance(event, yaml.AliasEvent) or depth > DEEPEST:
-                raise InputError(f"{path}: aliases (*name) and deep nesting are not allowed")
+            if isinstance(event, yaml.AliasEvent):
+                raise InputError(f"{path}: aliases are not allowed; write out the value of *{event.anchor}")
+            if depth > DEEPEST:
+                raise InputError(f"{path}: settings must not be nested more than {DEEPEST} levels deep")
         return yaml.safe_load(text)
     except InputError as error:
         raise InputError(f"{where.partition(' ')[0]} {error}") from error
     except (yaml.YAMLError, ValueError, RecursionError) as error:
-        raise InputError(f"{where}: not readable YAML: {' '.join(str(error).split())}") from error
+        raise InputError(f"{where}: not valid YAML: {' '.join(str(error).split())}") from error
 
 
 def save_settings(settings: Any, path: Path) -> None:
@@ -195,11 +197,13 @@ def save_settings(settings: Any, path: Path) -> None:
 def _settings(kind: Any, content: Any, where: str) -> Any:
     """An instance of a dataclass from a mapping; ``where`` begins the error messages."""
     if not isinstance(content, dict):
-        raise InputError(f"{where}: must contain settings with their values, such as 'steps: 20'")
+        found = "but is empty" if content is None else f"not {content!r:.60}"
+        raise InputError(f"{where}: must contain settings with their values, such as 'steps: 20', {found}")
     given = {str(key).replace("-", "_"): value for key, value in content.items()}
     hints = get_type_hints(kind)
     if unknown := [key for key in given if key not in hints]:
-        raise InputError(f"{where}: unknown setting {', '.join(unknown)}")
+        meant = "".join(f"; perhaps you meant {near}" for near in get_close_matches(unknown[0], hints, n=1))
+        raise InputError(f"{where}: unknown setting {', '.join(unknown)}{meant}")
     values = {name: _value(hints[name], value, f"{where}: {name.replace('_', '-')}") for name, value in given.items()}
     required = [f.name for f in fields(kind) if f.default is MISSING and f.default_factory is MISSING]
     return kind(**dict.fromkeys(required, tyro.MISSING) | values)
@@ -212,12 +216,12 @@ def _value(hint: Any, value: Any, where: str) -> Any:
     if hint in SCALARS and type(value) in SCALARS[hint]:
         return hint(value)
     if isinstance(value, dict):
-        raise InputError(f"{where}: must be a value, not a group of settings")
+        raise InputError(f"{where}: must be a single value, not a group of settings")
     one = make_dataclass("One", [("value", hint)])
     try:
         return parse(lambda: tyro.cli(one, args=["--value", *words(value)])).value
     except InputError:
-        raise InputError(f"{where}: {value!r} is not a valid value; see --help") from None
+        raise InputError(f"{where}: {value!r} is not a valid value; see --help for the accepted ones") from None
 
 
 def _plain(settings: Any) -> dict[str, Any]:

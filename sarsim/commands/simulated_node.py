@@ -45,11 +45,10 @@ class SimulatedNode:
 
     def __init__(self, config: RosRobotConfig, node: RosNode):
         """Raises InputError if the arena or the folder for results is not available."""
-        if not 0 < config.camera_rate <= 25 or config.seed < 0:
-            raise InputError(
-                f"--camera-rate {config.camera_rate:g} --seed {config.seed}: the rate must be above 0 and "
-                "at most 25, and the seed must not be negative"
-            )
+        if not 0 < config.camera_rate <= 25:
+            raise InputError(f"--camera-rate {config.camera_rate:g}: must be above 0 and at most 25")
+        if config.seed < 0:
+            raise InputError(f"--seed {config.seed}: must not be negative")
         self.config, self._node = config, node
         arena = make_arena(config.arena, config.start, seed=config.seed)
         self.robot = SimulatedRobot(

@@ -67,8 +67,14 @@ class SweepSettings:
 
 def sweep(settings: SweepSettings) -> None:
     """Run exploration methods on the same arenas and seeds, and compare them. Finished episodes are not repeated."""
-    if not settings.seeds or min(settings.seeds) < 0 or settings.limit <= 0 or settings.steps < 1:
-        raise InputError("--seeds: give at least one seed, none of them negative; limit and steps must be positive")
+    if not settings.seeds:
+        raise InputError("--seeds: give at least one seed")
+    if min(settings.seeds) < 0:
+        raise InputError(f"--seeds {' '.join(map(str, settings.seeds))}: must not be negative")
+    if settings.limit <= 0:
+        raise InputError(f"limit {settings.limit:g}: must be positive")
+    if settings.steps < 1:
+        raise InputError(f"steps {settings.steps}: must be at least 1")
     if settings.workers is not None and settings.workers < 1:
         raise InputError(f"--workers {settings.workers}: must be at least 1")
     check_sweep(settings.methods, settings.arenas)
@@ -118,12 +124,14 @@ def begin(settings: SweepSettings) -> str:
     try:
         earlier = dict(json.loads(read_text(file)))
     except (ValueError, TypeError) as error:
-        raise InputError(f"{file}: not the {MANIFEST} of a sweep: {error}") from error
+        raise InputError(
+            f"{file}: not the {MANIFEST} of a sweep: {error}; choose another folder for --out"
+        ) from error
     for key, value in current.items():
         if earlier.get(key) != value:
             raise InputError(
-                f"--out {settings.out}: holds results with {key} {earlier.get(key)}, but this sweep has {value};"
-                " choose another folder"
+                f"--out {settings.out}: contains results with {key} = {earlier.get(key) or 'unknown'}, but this sweep"
+                f" has {key} = {value or 'unknown'}; choose another folder"
             )
     return current["code"]
 

@@ -17,14 +17,14 @@ from pipeline.rescue_report.figures import figures
 SKIPPED = ("config", "timing_ms")
 VIEW = "sarsim-view"
 ENDINGS = {
-    "nothing_left": "nothing is left to see",
-    "not_worth_it": "no remaining viewpoint is worth the drive",
-    "held": "something held the robot",
-    "shut_in": "the robot was shut in",
+    "nothing_left": "nothing was left to explore",
+    "not_worth_it": "no remaining viewpoint was worth the drive",
+    "held": "the robot could not move",
+    "shut_in": "the robot was enclosed by obstacles",
     "lost": "the robot lost track of its position",
     "interrupted": "interrupted",
-    "time": "the time is up",
-    "steps": "the step limit is reached",
+    "time": "the time limit was reached",
+    "steps": "the step limit was reached",
 }
 """Texts for why exploration ended, by the value of ``exploration.ended``."""
 
@@ -78,7 +78,7 @@ def _legs(report: Mapping[str, Any]) -> str:
         parts += ["the robot tipped over"] if driven["tipped"] else []
     if goals:
         parts += [f"{goals['reached']} of {goals['given']} goals reached"]
-    return ", ".join(parts + ([_counted(len(faults), "fault") + " noticed"] if faults else []))
+    return ", ".join(parts + ([_counted(len(faults), "fault") + " detected"] if faults else []))
 
 
 def _pose(localisation: Mapping[str, Any]) -> str:
@@ -92,7 +92,7 @@ def _labels(semantic_map: Mapping[str, Any]) -> str:
         return ""
     miou = semantic_map.get("miou_four")
     mean = f"; mean IoU of wall, terrain and ramps {miou:.3f}" if miou is not None else ""
-    return f"{_percent(semantic_map['accuracy'])} of {semantic_map['points']:,} points right{mean}"
+    return f"{_percent(semantic_map['accuracy'])} of {semantic_map['points']:,} points correct{mean}"
 
 
 def _people(victims: Mapping[str, Any]) -> str:

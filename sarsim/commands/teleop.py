@@ -30,7 +30,7 @@ def teleop(config: TeleopConfig) -> None:
         drive_by_keyboard(driven, lambda: hold.signal is not None, pad)
         if mapped:
             mapped.save()
-            print(f"{len(mapped.mapper.keyframes)} keyframes in {config.out}", flush=True)
+            print(f"Mapped {len(mapped.mapper.keyframes)} keyframes; results in {config.out}", flush=True)
     if hold.signal is not None:
         raise KeyboardInterrupt(hold.signal)
 

@@ -1,6 +1,7 @@
 """Train one of the robot's networks: ``train.py NETWORK --data DIR --out FILE``.
 
-To use several GPUs, or one process per CPU core (not yolo): ``torchrun --nproc-per-node N scripts/train.py ...``.
+To train a point network on several GPUs, or with one process per CPU core:
+``torchrun --nproc-per-node N scripts/train.py ...``.
 """
 
 from dataclasses import dataclass, field, fields
@@ -48,7 +49,7 @@ class TrainingFiles:
     """Files that a training run reads and writes.
 
     Attributes:
-        data: folders of datasets. Training uses the scenes of the split train, validation those of val.
+        data: folders of datasets. Training uses the scenes of the train split, validation those of the val split.
         out: file for the weights (.safetensors; for yolo .weights, with .cfg and .json next to it). A checkpoint, a
             table (.csv) and the settings (.yaml) are written next to it. To continue after an interruption, run the
             same command again.
@@ -198,7 +199,7 @@ def train_explorer(settings: TrainExplorer) -> None:
     try:
         from sarsim.tasks import ppo
     except ModuleNotFoundError as error:
-        raise InputError(f"explorer: the package {error.name} is missing: pip install 'sarsim[rl]'") from error
+        raise InputError(f"explorer: {error.name} is not installed; run: pip install 'sarsim[rl]'") from error
     from safetensors.torch import save_file
 
     with progress() as bars:
@@ -224,8 +225,10 @@ def train_shapes(settings: TrainShapes) -> None:
     network = PatchNetwork.load(settings.init, len(SHAPED), has_relief=True) if settings.init else None
     learner = ShapeLearner(known, usual, config, worker.device, network)
     _train(TrainingLoop(learner, config, settings.out, worker), settings, "accuracy")
-    for kind, counts in zip((*SHAPED, "neither"), learner.confusion(learner.network), strict=True):
-        Console().print(f"{kind}: classified as {', as '.join(SHAPED)} or as neither: {counts}", soft_wrap=True)
+    classes = *SHAPED, "neither"
+    for kind, counts in zip(classes, learner.confusion(learner.network), strict=True):
+        classified = ", ".join(f"as {name}: {count}" for name, count in zip(classes, counts, strict=True))
+        Console().print(f"{kind} classified {classified}", soft_wrap=True)
 
 
 def _config(kind: type[Config], settings: Any) -> Config:
@@ -252,8 +255,8 @@ def _scenes(data: Path) -> int:
     scenes = [data / entry.file for entry in Dataset(data).entries]
     if missing := [path for path in scenes if not path.is_file()]:
         raise InputError(
-            f"{missing[0]}: no such file ({len(missing)} of {len(scenes)} scenes are missing);"
-            " to generate them again, run sarsim-dataset with the same flags"
+            f"{missing[0]}: no such file (scenes missing: {len(missing)} of {len(scenes)});"
+            " to generate them again, run sarsim-dataset with the original flags"
         )
     return len(scenes)
 
@@ -275,11 +278,15 @@ def _clouds(
                 clouds[entry.split].append(LabelledCloud.of(scene.frame(index), pose, voxel_size, colours))
     folders = " ".join(map(str, settings.data))
     if absent := [split for split in ("train", "val") if not clouds[split]]:
-        raise InputError(f"--data {folders}: no scene is in the split {absent[0]}; generate at least 5 scenes")
+        raise InputError(f"--data {folders}: the {absent[0]} split has no scenes; generate at least 5 scenes")
     seen = sum(cloud.counts.sum(axis=0, dtype=int) for cloud in clouds["train"])
     missing = [label.name.lower() for label, count in zip(CLASSES, seen, strict=True) if not count]
     if missing and worker.leads:
-        warning = f"--data {folders}: no point of {', '.join(missing)}, so the network cannot learn such labels"
+        learned = "this label" if len(missing) == 1 else "these labels"
+        warning = (
+            f"--data {folders}: the train split has no points labelled {' or '.join(missing)},"
+            f" so the network cannot learn {learned}"
+        )
         Console(stderr=True).print(warning, soft_wrap=True)
     return clouds
 
@@ -302,7 +309,7 @@ def _train(training: "TrainingLoop[Any, Any]", settings: Any, score: str, tensor
 
         training.run(report)
     if leads:
-        Console().print(f"Validated: {score} {training.score:.4f}. Weights in {training.out}", soft_wrap=True)
+        Console().print(f"Validation: {score} {training.score:.4f}. Weights in {training.out}", soft_wrap=True)
 
 
 def _events(folder: Path) -> "Callable[[TrainingLoop[Any, Any]], None]":
@@ -310,7 +317,9 @@ def _events(folder: Path) -> "Callable[[TrainingLoop[Any, Any]], None]":
     try:
         from torch.utils.tensorboard import SummaryWriter
     except ImportError as error:
-        raise InputError(f"--tensorboard {folder}: TensorBoard is not installed: pip install tensorboard") from error
+        raise InputError(
+            f"--tensorboard {folder}: TensorBoard is not installed; run: pip install tensorboard"
+        ) from error
     writer, written = SummaryWriter(folder), 0
 
     def write(now: "TrainingLoop[Any, Any]") -> None:

@@ -48,7 +48,7 @@ def find_recording(path: Path) -> Path:
     with recording.open("rb") as file:
         magic = file.read(len(MAGIC))
     if magic != MAGIC:
-        raise InputError(f"{recording}: not a Rerun recording")
+        raise InputError(f"{recording}: not a Rerun recording; give an .rrd file or the folder of an episode")
     return recording
 
 

@@ -74,7 +74,9 @@ class EndlessDrive:
             failures = 0 if len(found) > before else failures + 1
             if failures > MAX_FAILURES:
                 x, y = self._at[:2]
-                raise InputError(f"the robot can neither turn nor drive at ({x:.2f}, {y:.2f}) m")
+                raise InputError(
+                    f"the robot can neither turn nor drive at ({x:.2f}, {y:.2f}) m; use an arena with more room"
+                )
         return found[:count]
 
     def _follow(self, leg: NDArray[np.float64], found: list[Pose]) -> None:

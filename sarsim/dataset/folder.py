@@ -33,6 +33,9 @@ class Dataset:
             path = self.folder / entry.file
             # Check before HDF5 opens the file, because its library hangs on some damaged files.
             if entry.sha256 and path.is_file() and sha256_of(path) != entry.sha256:
-                raise InputError(f"{path}: changed or damaged: its checksum differs from the one in {FILE}")
+                raise InputError(
+                    f"{path}: its checksum differs from the one in {FILE};"
+                    " to generate the scene again, run sarsim-dataset with the original flags"
+                )
             with Scene(path) as scene:
                 yield entry, scene

@@ -99,7 +99,8 @@ def open_file(path: Path) -> h5py.File:
     """
     check_regular(path)
     if (said := answer_apart(lambda: _looked_through(path), SECONDS, MEMORY)) != GOOD:
-        raise InputError(f"{path}: {said or 'damaged: HDF5 takes too much time or memory to read it'}")
+        limits = f"{SECONDS} s or {MEMORY / 1e9:g} GB"
+        raise InputError(f"{path}: {said or f'damaged: HDF5 crashed or needed more than {limits} to read it'}")
     try:
         return h5py.File(path, "r")
     except OSError as error:
@@ -128,4 +129,4 @@ def _check_chunks(name: str, part: h5py.Dataset | h5py.Group) -> None:
 
         part.id.chunk_iter(see)
         if longest > most:
-            raise ValueError(f"{name} has a chunk of {longest} bytes; at most {most:.0f} are possible")
+            raise ValueError(f"{name} has a chunk of {longest} bytes; the limit is {most:.0f} bytes")

@@ -2,7 +2,7 @@
 
 import hashlib
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, fields
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any, Self
@@ -18,6 +18,7 @@ DATASET_FORMAT = "sarsim-dataset"
 DATASET_VERSION = 1
 SPLITS = ("train", "val", "test")
 MOST_SCENES = 10**9
+_REMEDY = "generate the dataset again in another folder"
 _HELD_OUT = {4: "val", 9: "test"}
 """Split by the last digit of a scene's index, so that scenes keep their split when a dataset grows."""
 
@@ -77,19 +78,21 @@ class Manifest:
         except InputError:
             raise
         except (ValueError, RecursionError) as error:
-            raise InputError(f"{path}: damaged: not valid JSON") from error
+            raise InputError(f"{path}: not valid JSON: {error}; {_REMEDY}") from error
         if not isinstance(content, dict) or content.get("format") != DATASET_FORMAT:
-            raise InputError(f"{path}: not the {FILE} of a dataset")
+            raise InputError(f"{path}: not the {FILE} of a dataset: its format must be {DATASET_FORMAT!r}")
         if content.get("version") != DATASET_VERSION:
             raise InputError(
-                f"{path}: format version {content.get('version')}; this program reads version {DATASET_VERSION}"
+                f"{path}: has format version {content.get('version')}; this version of sarsim reads only version"
+                f" {DATASET_VERSION}"
             )
         try:
             entries = [_entry(row) for row in content["scenes"]]
             recipe = dict(**content["recipe"])
             return cls(recipe, {entry.index: entry for entry in entries}, str(content["generator"]))
         except (KeyError, TypeError, ValueError) as error:
-            raise InputError(f"{path}: damaged: {error}") from error
+            said = f"the key {error} is missing" if isinstance(error, KeyError) else str(error)
+            raise InputError(f"{path}: damaged: {said}; {_REMEDY}") from error
 
     def write(self, folder: Path) -> None:
         """Write or replace the manifest in a dataset's folder; InputError if it cannot be written."""
@@ -111,31 +114,40 @@ class Manifest:
         """Raise InputError if the scenes of the other manifest would differ."""
         if self.generator != other.generator:
             raise InputError(
-                f"{folder}: was made by {self.generator}, but you are running {other.generator};"
+                f"{folder}: contains a dataset made by {self.generator}, but you are running {other.generator};"
                 " choose another folder"
             )
         for name in other.recipe:
             if self.recipe.get(name) != other.recipe[name]:
                 raise InputError(
-                    f"{folder}: holds a dataset with {name} {_short(self.recipe.get(name))}, not"
+                    f"{folder}: contains a dataset with {name} = {_short(self.recipe.get(name))}, not"
                     f" {_short(other.recipe[name])}; choose another folder"
                 )
 
 
 def _entry(row: dict[str, Any]) -> SceneEntry:
     """A scene in the file; ValueError if a field is invalid, because exports build paths from the fields."""
+    keys = [f.name for f in fields(SceneEntry)]
+    if not isinstance(row, dict) or row.keys() != {*keys}:
+        raise ValueError(f"each scene must have exactly the keys {', '.join(keys)}")
     entry = SceneEntry(**row)
-    if not (type(entry.index) is int and 0 <= entry.index < MOST_SCENES and entry.file == scene_path(entry.index)):
-        raise ValueError(f"the file {entry.file!r:.80} does not have the number of its scene, {entry.index!r:.40}")
+    if not (type(entry.index) is int and 0 <= entry.index < MOST_SCENES):
+        raise ValueError(
+            f"the index of a scene must be an integer from 0 to {MOST_SCENES - 1}, not {entry.index!r:.40}"
+        )
+    if entry.file != scene_path(entry.index):
+        raise ValueError(f"the file of scene {entry.index} must be {scene_path(entry.index)}, not {entry.file!r:.80}")
     if entry.split not in SPLITS:
         raise ValueError(
             f"the split of scene {entry.index} is {entry.split!r:.80}; it must be one of {', '.join(SPLITS)}"
         )
     for name, kind in (("sha256", str), ("arena", str), ("lighting", str), ("frames", int), ("points", dict)):
         if not isinstance(getattr(entry, name), kind):
-            raise ValueError(f"{name} of scene {entry.index} has the wrong type: {getattr(entry, name)!r:.80}")
+            raise ValueError(
+                f"{name} of scene {entry.index} must be of type {kind.__name__}, not {getattr(entry, name)!r:.80}"
+            )
     if not all(isinstance(count, int) for count in entry.points.values()):
-        raise ValueError(f"points of scene {entry.index} must be whole numbers")
+        raise ValueError(f"points of scene {entry.index} must be integers")
     return entry
 
 

@@ -206,17 +206,22 @@ class Scene(ExitStack):
         except InputError:
             raise
         except (KeyError, ValueError, TypeError, OSError, RuntimeError, RecursionError) as error:
-            raise InputError(f"{self.path}: damaged: {' '.join(str(error).split())}") from error
+            raise self._damaged(" ".join(str(error).strip('"').split())) from error
+
+    def _damaged(self, what: str) -> InputError:
+        return InputError(f"{self.path}: damaged: {what}; generate the scene again")
 
     def _read_head(self) -> None:
         file = self._file
         if file.attrs.get("format") != SCENE_FORMAT:
-            raise InputError(f"{self.path}: not a scene of a dataset")
+            raise InputError(f"{self.path}: not a dataset scene: its attribute 'format' must be {SCENE_FORMAT!r}")
         if (version := file.attrs.get("version")) != SCENE_VERSION:
-            raise InputError(f"{self.path}: format version {version}; this program reads version {SCENE_VERSION}")
+            raise InputError(
+                f"{self.path}: has format version {version}, but this sarsim reads only version {SCENE_VERSION}"
+            )
         self.settings: dict[str, Any] = json.loads(file.attrs["settings"])
         if not isinstance(self.settings, dict) or not isinstance(self.settings.get("dust", 0.0), float | int):
-            raise ValueError("its settings are not those of a scene")
+            raise ValueError("its settings must be a JSON object in which dust, if given, is a number")
         sizes = self._check_layout()
         fx, fy, cx, cy = map(float, file["intrinsics"][:])
         self.intrinsics = Intrinsics(sizes["W"], sizes["H"], fx, fy, cx, cy)
@@ -232,37 +237,46 @@ class Scene(ExitStack):
         for name, (kind, *shape) in _LAYOUT.items():
             part = self._file[name]
             if part.file.filename != self._file.filename or part.external or part.is_virtual:
-                raise ValueError(f"{name} refers to another file")
+                raise ValueError(f"{name} must not refer to another file")
             if part.ndim != len(shape) or any(
                 n != (want if isinstance(want, int) else sizes.setdefault(want, n))
                 for want, n in zip(shape, part.shape, strict=True)
             ):
-                raise ValueError(f"{name} has the wrong shape: {part.shape}")
+                wanted = ", ".join(str(sizes.get(str(size), size)) for size in shape)
+                raise ValueError(f"{name} must have shape ({wanted}), not {part.shape}")
             if part.dtype.kind != "S" if kind == "S" else part.dtype != np.dtype(kind):
-                raise ValueError(f"{name} has the wrong type: {part.dtype}")
-            if part.nbytes > MOST_BYTES * (sizes["M"] if name in _IMAGES else 1):
-                raise ValueError(f"{name} is too large: {part.shape}")
+                wanted = "fixed-length strings" if kind == "S" else f"type {np.dtype(kind)}"
+                raise ValueError(f"{name} must have {wanted}, not {part.dtype}")
+            if part.nbytes > (most := MOST_BYTES * (sizes["M"] if name in _IMAGES else 1)):
+                raise ValueError(f"{name} has {part.nbytes} bytes; the limit is {most} bytes")
         if sizes["M"] > MOST_FRAMES:
-            raise ValueError(f"{sizes['M']} frames; the limit is {MOST_FRAMES}")
+            raise ValueError(f"the scene has {sizes['M']} frames; the limit is {MOST_FRAMES}")
         return sizes
 
     def _check_numbers(self) -> None:
         """Raise ValueError if a number is out of range."""
         k, content = self.intrinsics, self.content
         if not np.isfinite([k.fx, k.fy, k.cx, k.cy]).all() or min(k.fx, k.fy) <= 0:
-            raise ValueError("the intrinsics must be finite, with positive focal lengths")
+            raise ValueError(
+                f"intrinsics must be finite with positive focal lengths, not {k.fx:g} {k.fy:g} {k.cx:g} {k.cy:g}"
+            )
         for name in ("pose_true", "pose_odom", "T_base_camera"):
             if not are_poses(getattr(self, name)):
-                raise ValueError(f"{name} holds an invalid pose")
+                raise ValueError(f"{name} contains a matrix that is not a rigid transform")
         if not (np.isfinite(self.time).all() and (np.diff(self.time) > 0).all()):
-            raise ValueError("the times of the frames must increase")
+            raise ValueError("the frame times must be finite and strictly increasing")
         if (content.geom_label >= len(Label)).any():
-            raise ValueError("a geom has an unknown label")
-        if ((content.geom_victim < -1) | (content.geom_victim >= len(content.victim_id))).any():
-            raise ValueError("a geom belongs to a victim that does not exist")
+            raise ValueError(f"geoms/label contains {content.geom_label.max()}; labels must be below {len(Label)}")
+        count, victims = len(content.victim_id), content.geom_victim
+        if (wrong := victims[(victims < -1) | (victims >= count)]).size:
+            raise ValueError(
+                f"geoms/victim contains {wrong[0]}, which is neither -1 nor an index of the {count} victims"
+            )
         boxes = self.victim_pixels[self.victim_area > 0]
         if (boxes[:, :2] < 0).any() or (boxes[:, 2:] <= boxes[:, :2]).any() or (boxes > MOST_BYTES).any():
-            raise ValueError("victims/pixels holds an invalid box")
+            raise ValueError(
+                f"boxes in victims/pixels must have 0 ≤ u0 < u1 and 0 ≤ v0 < v1, and be below {MOST_BYTES}"
+            )
 
     def __len__(self) -> int:
         return len(self.time)
@@ -309,8 +323,9 @@ class Scene(ExitStack):
         """An image of integers; InputError unless they are from ``least`` to ``end`` - 1."""
         image = self._image(name, index)
         if image.size and not least <= image.min() <= image.max() < end:
-            raise InputError(
-                f"{self.path}: damaged: {name} of frame {index} holds values from {image.min()} to {image.max()}"
+            raise self._damaged(
+                f"{name} of frame {index} has values from {image.min()} to {image.max()};"
+                f" they must be between {least} and {end - 1}"
             )
         return image
 
@@ -318,7 +333,7 @@ class Scene(ExitStack):
         try:
             return self._file[name][index]
         except (OSError, RuntimeError) as error:
-            raise InputError(f"{self.path}: damaged: {name} of frame {index} cannot be read") from error
+            raise self._damaged(f"{name} of frame {index} cannot be read") from error
 
 
 def read_scene(path: Path) -> Recording:

@@ -122,13 +122,16 @@ class DatasetConfig:
         for name, low in (("seed", 0), ("frames", 1), ("width", MIN_SIZE), ("height", MIN_SIZE)):
             check(name, getattr(self, name), low)
         if not self.arenas:
-            raise InputError("--arenas: give at least one")
+            raise InputError("--arenas: give at least one arena")
         if not (min(self.lighting) >= 0 and 0 < sum(self.lighting) < float("inf")):
             raise InputError(
-                f"--lighting {' '.join(f'{x:g}' for x in self.lighting)}: shares must not be negative or all 0"
+                f"--lighting {' '.join(f'{x:g}' for x in self.lighting)}: shares must be finite and"
+                " non-negative, and not all 0"
             )
         if not all(0.01 <= value <= 10 for value in self.keyframes):
-            raise InputError(f"--keyframes {self.keyframes[0]:g} {self.keyframes[1]:g}: each must be from 0.01 to 10")
+            raise InputError(
+                f"--keyframes {self.keyframes[0]:g} {self.keyframes[1]:g}: each value must be between 0.01 and 10"
+            )
         if self.frames_per_second is not None:
             check("frames-per-second", self.frames_per_second, 0.5, 60)
         if self.dust is not None:
@@ -150,13 +153,13 @@ class HarderDatasetConfig(DatasetConfig):
 def check_order(flag: str, bounds: tuple[float, float]) -> None:
     """Raises InputError if bounds are not in order."""
     if not bounds[0] <= bounds[1]:
-        raise InputError(f"--{flag} {bounds[0]} {bounds[1]}: give the lower value first")
+        raise InputError(f"--{flag} {bounds[0]} {bounds[1]}: the lower value must come first")
 
 
 def check(flag: str, value: float, low: float, high: float = math.inf) -> None:
     """Raises InputError if a flag's value is not between two bounds."""
     if not low <= value <= high:
-        limits = f"must be at least {low:g}" if high == math.inf else f"must be from {low:g} to {high:g}"
+        limits = f"must be at least {low:g}" if high == math.inf else f"must be between {low:g} and {high:g}"
         raise InputError(f"--{flag} {value:g}: {limits}")
 
 

@@ -46,7 +46,10 @@ class ShapePatches:
         ]
         self.kinds = np.array([kind for _, kind in made], np.int64)
         if missing := set(range(len(SHAPED) + 1)) - set(self.kinds.tolist()):
-            raise InputError(f"{folders[0]}: no frame shows any {(*SHAPED, 'other protrusion')[missing.pop()]}")
+            kind = (*SHAPED, "other protrusion")[missing.pop()]
+            raise InputError(
+                f"{' '.join(map(str, folders))}: no frame shows an object of the kind {kind}; add more datasets"
+            )
         self.images = np.stack([image for image, _ in made])
 
 

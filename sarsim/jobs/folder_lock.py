@@ -48,7 +48,9 @@ def locked(folder: Path) -> Iterator[FolderLock]:
     try:
         while not lock_descriptor(descriptor, blocking=False):
             if time.monotonic() > deadline:
-                raise InputError(f"{folder}: another command is using this folder")
+                raise InputError(
+                    f"{folder}: another command is using this folder; wait until it ends, or choose another folder"
+                )
             time.sleep(PAUSE)
         yield FolderLock(folder, descriptor)
     finally:

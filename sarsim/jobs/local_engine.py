@@ -41,9 +41,10 @@ class LocalEngine:
                         continue
                     status = worker.end()
                     if attempt == ATTEMPTS:
-                        yield job, failed(f"{attempt} worker processes died, the last one with exit status {status}")
+                        died = f"{attempt} worker processes died, the last one with exit status {status}"
+                        yield job, failed(f"{died}; if memory is short, reduce --workers")
                     else:
-                        _log.warning("job %s: its worker process died; trying again", job)
+                        _log.warning("the worker process of job %s died; trying again", job)
                         todo.appendleft((job, attempt + 1))
         finally:
             for worker in workers:

@@ -31,7 +31,7 @@ class RayEngine:
         try:
             import ray
         except ImportError as error:
-            raise InputError("--engine ray: Ray is not installed: pip install 'sarsim[ray]'") from error
+            raise InputError("--engine ray: Ray is not installed; run: pip install 'sarsim[ray]'") from error
         self._ray: Any = ray
         own = {"num_cpus": workers, "include_dashboard": False, "_node_ip_address": "127.0.0.1"}
         os.environ.setdefault("RAY_USAGE_STATS_ENABLED", "0")
@@ -39,7 +39,9 @@ class RayEngine:
             options = own if address is None else {"address": address}
             ray.init(log_to_driver=False, runtime_env={"env_vars": ONE_THREAD}, **options)
         except ConnectionError as error:
-            raise InputError(f"RAY_ADDRESS {address}: no Ray cluster at this address") from error
+            raise InputError(
+                f"RAY_ADDRESS={address}: found no Ray cluster; correct the address, or unset it to use this machine"
+            ) from error
 
     def run(self, work: Work[Job, Result], jobs: Iterable[Job], lock: FolderLock) -> Outcomes[Job, Result]:
         """See :class:`sarsim.jobs.engine.Engine`. Only this process writes into the folder."""

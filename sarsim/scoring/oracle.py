@@ -132,11 +132,7 @@ class Oracle(ViewTours):
         tour = self.quickest
         if not 0 < tour.seconds < inf:
             return {}
-        return {
-            "oracle_time_s": tour.seconds,
-            "oracle_path_m": tour.metres,
-            "physical_time_s": self.physical_seconds,
-        }
+        return {"oracle_time_s": tour.seconds, "oracle_path_m": tour.metres, "physical_time_s": self.physical_seconds}
 
     def ratios(self, metres: float, seconds: float) -> dict[str, float]:
         """Path length, m, and time, s, after which a robot had seen enough, as ratios to those of the tour."""

@@ -45,7 +45,7 @@ def measure(settings: BarnSettings) -> Result:
     jobs = [job for name in worlds for job in jobs_of(settings, name)]
     results = run_jobs(jobs, settings.runs, settings.workers, run_job)
     if failed := [job.name for job, result in zip(jobs, results, strict=True) if result is None]:
-        raise InputError(f"{', '.join(failed)} failed: see the log in {settings.runs}")
+        raise InputError(f"{', '.join(failed)} failed; see the .log files in {settings.runs}")
     runs = [result["run"] for result in results if result]
     by_world = {name: runs[n * settings.seeds : (n + 1) * settings.seeds] for n, name in enumerate(worlds)}
     found = figures(by_world, worlds)
@@ -62,7 +62,7 @@ def worlds_in(folder: Path) -> dict[str, float]:
         int(m[1]) for file in folder.glob("world_*.world") if (m := re.fullmatch(r"world_(\d+)", file.stem))
     )
     if not numbers:
-        raise InputError(f"--worlds {folder}: contains no world_N.world")
+        raise InputError(f"--worlds {folder}: contains no file such as world_0.world")
     return {f"world_{n}": optimal_seconds(read_path(folder / f"path_{n}.npy")) for n in numbers}
 
 

@@ -80,8 +80,10 @@ class Job:
             if content["settings"] == self.settings:
                 return content
         except (OSError, ValueError, KeyError, TypeError) as error:
-            raise InputError(f"{file}: not an episode's result: {error}") from error
-        raise InputError(f"{file}: holds a result with other settings; choose another folder with --runs")
+            raise InputError(
+                f"{file}: not a valid episode result ({error!r}); delete it to run the episode again"
+            ) from error
+        raise InputError(f"{file}: contains a result with other settings; choose another folder with --runs")
 
 
 def world_name(arena: str) -> str:
@@ -103,7 +105,7 @@ def configs(
     make_classifier(base.labels, base.weights)
     rafs = sorted(raf.glob("*.raf")) if raf else []
     if raf and not rafs:
-        raise InputError(f"--raf {raf}: contains no .raf file")
+        raise InputError(f"--raf {raf}: contains no .raf files")
     # A random arena's difficulty is its seed modulo 4.
     seeds = islice((seed for seed in count() if seed % 4 != 3), drives.random)
     arenas = [("esogu_52x15", "esogu_52x15", seed) for seed in range(drives.esogu)]
@@ -129,7 +131,7 @@ def run_jobs(
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise InputError(f"--runs {folder}: {error.strerror or error}") from error
+        raise InputError(f"--runs {folder}: cannot be created: {error.strerror or error}") from error
     with locked(folder) as lock, progress() as bars:
         waiting = [job for job in jobs if job.result(folder) is None]
         bar = bars.add_task("episodes", total=len(waiting))

@@ -39,7 +39,7 @@ def measure(settings: ExplorationSettings) -> Result:
     at_least(1, settings, "workers")
     jobs, runs = jobs_of(settings), settings.runs
     if not jobs:
-        raise InputError("no arena to explore; give --nist, --esogu, --random or --raf")
+        raise InputError("no arenas to explore; set --nist, --esogu or --random above 0, or give --raf")
     results = run_jobs(jobs, runs, settings.workers)
     found: dict[tuple[str, Strategy], list[dict[str, Any] | None]] = defaultdict(list)
     for job, result in zip(jobs, results, strict=True):

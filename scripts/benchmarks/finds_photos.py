@@ -119,4 +119,6 @@ def _truth(folder: Path) -> dict[str, Any]:
         truth = json.loads(read_text(file))
         return {"boards": dict(truth["boards"]), "people": dict(truth["people"])}
     except (ValueError, KeyError, TypeError) as error:
-        raise InputError(f"{file}: not a truth.json of a folder of photos: {error!r}") from error
+        raise InputError(
+            f"{file}: must contain a JSON object with the objects 'boards' and 'people' ({error!r})"
+        ) from error

@@ -43,7 +43,7 @@ def measure(settings: GoalsSettings) -> Result:
         raise InputError(f"--robot {settings.robot}: no goal can be reached in random arenas; use a smaller robot")
     results = run_jobs(jobs, settings.runs, settings.workers, run_job)
     if failed := [job.name for job, result in zip(jobs, results, strict=True) if result is None]:
-        raise InputError(f"{', '.join(failed)} failed: see the log in {settings.runs}")
+        raise InputError(f"{', '.join(failed)} failed; see the .log files in {settings.runs}")
     runs: dict[str, list[Run]] = {}
     for job, result in zip(jobs, results, strict=True):
         if result:

@@ -48,7 +48,8 @@ def measure(settings: LocalisationSettings) -> Result:
     at_least(0, settings, "nist", "esogu", "random", "kidnappings")
     at_least(1, settings, "frames", "workers")
     if missing := [name for name in NEEDED if find_spec(name) is None]:
-        raise InputError(f"{' and '.join(missing)} not installed: pip install -e '.[dev]'")
+        are = "is" if len(missing) == 1 else "are"
+        raise InputError(f"{' and '.join(missing)} {are} not installed; run: pip install -e '.[dev]'")
     base = EpisodeConfig(labels="truth", detector=None, odometry="truth", lighting=settings.lighting)
     jobs = [
         DriveJob(group, "ours", replace(config, seed=seed), settings.frames)
@@ -58,7 +59,9 @@ def measure(settings: LocalisationSettings) -> Result:
     jobs = list(dict.fromkeys(jobs))  # Several episodes in one arena yield the same jobs if seeds are given
     kidnappings, runs, workers = settings.kidnappings, settings.runs, settings.workers
     if not jobs and not kidnappings:
-        raise InputError("no arena to drive in; give --nist, --esogu, --random or --raf")
+        raise InputError(
+            "no arenas to drive in; set --nist, --esogu, --random or --kidnappings above 0, or give --raf"
+        )
     drives = dict(zip(jobs, run_jobs(jobs, runs, workers, record_job), strict=True))
     recorded = [job for job, drive in drives.items() if drive and "frames" in drive]
     replayed = _replay(recorded, runs, workers, settings.baselines)

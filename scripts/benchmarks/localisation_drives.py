@@ -127,7 +127,10 @@ class DriveReader(ExitStack):
             self._intrinsics = Intrinsics(*file["depth"].shape[:0:-1], *map(float, file["intrinsics"]))
         except (KeyError, ValueError, OSError, RuntimeError) as error:
             self.close()
-            raise InputError(f"{path}: not a recorded drive: {' '.join(str(error).split())}") from error
+            raise InputError(
+                f"{path}: not a recorded drive ({' '.join(str(error).split())});"
+                f" delete it and {path.stem}.json to record the drive again"
+            ) from error
 
     def __len__(self) -> int:
         return len(self.time)

@@ -72,7 +72,7 @@ def carry(episode: Episode, rng: np.random.Generator) -> None:
     far = np.linalg.norm(places - robot.trajectory[-1].T_world_base[:2, 3], axis=1) > CARRIED
     if not far.any():
         raise InputError(
-            f"{episode.config.arena}: the mapped area has no free place far enough away to carry the robot to"
+            f"{episode.config.arena}: the mapped area has no free place more than {CARRIED:g} m from the robot"
         )
     n, yaw = rng.choice(np.flatnonzero(far)), rng.uniform(-np.pi, np.pi)
     place = np.append(places[n], surface.height[tuple(cells[n])] + 0.01)

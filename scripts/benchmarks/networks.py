@@ -44,7 +44,9 @@ def measure(settings: NetworksSettings) -> Result:
     at_least(1, settings, "rounds", "timed_frames")
     at_least(0, settings, "frames", "raf_frames", "random")
     if not settings.weights.is_dir():
-        raise InputError(f"--weights {settings.weights}: must be a folder of weights named after their networks")
+        raise InputError(
+            f"--weights {settings.weights}: must be a folder with weights files such as dgcnn.safetensors"
+        )
     paths = {name: settings.weights / f"{name}.safetensors" for name in NETWORKS}
     files = {name: path for name, path in paths.items() if path.is_file()}
     timed = list(drive_through("nist_6x4", settings.timed_frames, settings.seed))

@@ -208,7 +208,7 @@ class LocalisationSettings(DrivesSettings):
         frames: maximum number of frames of a drive.
         seeds: seeds of the drives in each arena. By default one drive, with the number of the
             episode or of the random arena as its seed.
-        kidnappings: number of times that the robot is carried elsewhere, in nist_6x4 and random:1.
+        kidnappings: number of times that the robot is carried elsewhere in each of nist_6x4 and random:1.
     """
 
     esogu: int = 1

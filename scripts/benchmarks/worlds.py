@@ -48,7 +48,7 @@ def measure(settings: WorldsSettings) -> Result:
     jobs = [job_of(settings, world) for world in worlds_in(settings.worlds)]
     results = run_jobs(jobs, settings.runs, settings.workers, run_job, settings.minutes)
     if failed := [job.name for job, result in zip(jobs, results, strict=True) if result is None]:
-        raise InputError(f"{', '.join(failed)} failed: see the log in {settings.runs}")
+        raise InputError(f"{', '.join(failed)} failed; see the .log files in {settings.runs}")
     runs = {world_name(job.config.arena): run for job, run in zip(jobs, results, strict=True) if run}
     found = {f"{name}.{key}": value for name, run in runs.items() for key, value in figures(run).items()}
     return Result(found, runs, table(runs))
@@ -64,7 +64,7 @@ def worlds_in(folder: Path) -> list[Path]:
     text = "".join(world.read_text(errors="replace") for world in worlds)
     models = [model for model in sorted(folder.rglob("model.sdf")) if f"model://{model.parent.name}" not in text]
     if not (worlds or models):
-        raise InputError(f"--worlds {folder}: contains no .world file and no model.sdf")
+        raise InputError(f"--worlds {folder}: must contain at least one .world file or model.sdf")
     return worlds + models
 
 

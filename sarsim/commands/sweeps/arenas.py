@@ -26,9 +26,11 @@ def arenas_of(names: Sequence[str]) -> list[str]:
         InputError: there are no arenas, a folder has no maps, or 2D maps are mixed with MuJoCo arenas.
     """
     found = list(dict.fromkeys(arena for name in names for arena in _expanded(name)))
+    if not found:
+        raise InputError("--arenas: give at least one arena")
     if len({name.startswith(GRID) for name in found}) != 1:
         raise InputError(
-            f"--arenas {' '.join(names)}: give at least one, and do not mix 2D maps ({GRID}…) with MuJoCo arenas"
+            f"--arenas {' '.join(names)}: 2D maps ({GRID}…) and MuJoCo arenas cannot be mixed; run two sweeps"
         )
     return found
 
@@ -80,5 +82,7 @@ def checked(name: str) -> str:
     for split in DRAWINGS:
         for tier in frozen(split).values():
             if tier.get(name, found) != found:
-                raise InputError(f"{name}: differs from the frozen arena, so its results cannot be compared")
+                raise InputError(
+                    f"{name}: its checksum differs from that in {split}.yaml, so its results cannot be compared"
+                )
     return found

@@ -226,4 +226,6 @@ def result_of(job: SweepJob, folder: Path) -> EpisodeResult | None:
         curve = ExploredCurve(*np.array([content["curve"][name] for name in CURVE_DIGITS], np.float64))
         return EpisodeResult(dict(content["row"]), curve, float(content["processor_s"]))
     except (ValueError, KeyError, TypeError) as error:
-        raise InputError(f"{file}: not an episode's result: {one_line(error)}") from error
+        raise InputError(
+            f"{file}: not a valid episode result ({one_line(error)}); delete it to run the episode again"
+        ) from error

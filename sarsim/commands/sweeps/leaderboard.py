@@ -112,10 +112,11 @@ def read_entry(file: Path) -> Entry:
         entry = Entry(**content)
         pairs = {(row["arena"], row["seed"]) for row in rows}
         if len(pairs) != len(rows) or len(rows) != len({a for a, _ in pairs}) * len(entry.seeds) or not rows:
-            raise ValueError("it must have one row per arena and seed")
+            raise ValueError("it must have exactly one row for each arena and seed")
         entry.values("exploration.t99_s", np.inf)
     except (ValueError, KeyError, TypeError, AttributeError, IndexError) as error:
-        raise InputError(f"{file}: not a leaderboard entry: {' '.join(str(error).split())}") from error
+        said = f"the key {error} is missing" if isinstance(error, KeyError) else " ".join(str(error).split())
+        raise InputError(f"{file}: not a valid leaderboard entry ({said}); delete it and repeat its sweep") from error
     return entry
 
 

@@ -29,4 +29,4 @@ def _check_map(name: str) -> None:
     split, _, number = rest.partition(":")
     if not ((split in SPLITS and (number.isdecimal() or split == rest)) or Path(rest).exists()):
         known = ", ".join(f"{GRID}{split}" for split in SPLITS)
-        raise InputError(f"--arenas {name}: must be one of {known}, {GRID}{SPLITS[0]}:NUMBER or {GRID}FOLDER")
+        raise InputError(f"--arenas {name}: no such 2D maps; use {known}, {GRID}{SPLITS[0]}:NUMBER or {GRID}FOLDER")

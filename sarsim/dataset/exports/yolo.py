@@ -37,7 +37,7 @@ class Yolo(ImageExport):
         present = {entry.split for entry in dataset.entries}
         if "val" not in present and self._hold_out(folder, dataset):
             _log.warning(
-                "fewer than five scenes, so the split val has none; it gets the last fifth of each scene's frames"
+                "the val split has no scenes, so the last fifth of each train scene's frames was moved to it"
             )
             present.add("val")
         lines = [f"{split}: images/{split}" for split in SPLITS if split in present]

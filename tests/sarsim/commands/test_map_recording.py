@@ -214,8 +214,8 @@ def test_without_the_cameras_place_the_page_says_what_it_cannot_tell(
     [
         (["nowhere"], "error: nowhere: no such file or folder"),
         (["."], "it must contain depth.txt or images in depth/"),
-        ([".", "--intrinsics", "1", "1", "0", "1"], "--intrinsics 1.0 1.0 0.0 1.0: must be positive"),
-        ([".", "--fps", "0"], "--fps 0.0: must be positive"),
+        ([".", "--intrinsics", "1", "1", "0", "1"], "--intrinsics 1.0 1.0 0.0 1.0: all four values must be positive"),
+        ([".", "--fps", "0"], "--fps 0.0: must be above 0 and below 1,000,000"),
         ([".", "--poses", "guess"], "--poses"),
     ],
 )

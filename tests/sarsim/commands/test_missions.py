@@ -37,7 +37,7 @@ def test_a_mission_is_a_file(tmp_path):
         ("minutes: 0", "minutes"),
         ("minutes: soon", "minutes"),
         ("tasks: [dance]", "tasks"),
-        ("[", "not readable YAML"),
+        ("[", "not valid YAML"),
     ],
 )
 def test_a_wrong_file_is_refused_in_a_line(tmp_path, capsys, text, fault):

@@ -167,7 +167,7 @@ def test_an_episode_with_networks_that_was_stopped_goes_on_bit_for_bit(tmp_path,
     assert str(stopped) in capsys.readouterr().out
     assert_refused([*map(str, flags), "--out", str(whole)], f"{whole}: ", monkeypatch, capsys)
     run_command(monkeypatch, "--resume", stopped)
-    assert f"with {kept} " in capsys.readouterr().out
+    assert f"reusing {kept} stored network outputs" in capsys.readouterr().out
     assert not (stopped / "network_outputs").exists() and not (whole / "network_outputs").exists()
     for name in ("keyframes.npz", "metric_map.npz", "topology.json", "trajectory_true.tum"):
         assert (stopped / name).read_bytes() == (whole / name).read_bytes(), name
@@ -251,7 +251,7 @@ def test_a_bad_arena_is_one_line_and_status_2(arena, message, tmp_path, monkeypa
         (["--speed", "nan"], "--speed nan"),
         (["--fiducials", "99"], "--fiducials 99"),
         (["--out", "/dev/null/x"], "/dev/null/x"),
-        (["--out", str(WEIGHTS.parent)], "weights: not empty"),
+        (["--out", str(WEIGHTS.parent)], "weights: contains arenas.yaml; choose a new or empty folder"),
         (["--out", ""], "--out '':"),
         (["--map", "nowhere"], "--map nowhere"),
         (["--robot", "none.xml"], "none.xml"),

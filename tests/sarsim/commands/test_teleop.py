@@ -24,9 +24,9 @@ NO_DISPLAY = {key: value for key, value in os.environ.items() if key not in ("DI
     [
         ((), "DISPLAY"),
         (("--arena", "atlantis"), "unknown arena 'atlantis'"),
-        (("--arena", "random:x"), "whole number"),
+        (("--arena", "random:x"), "the seed must be a non-negative integer"),
         (("--gamepad", "/dev/input/js99"), "No such file"),
-        (("--gamepad", __file__), "not a device"),
+        (("--gamepad", __file__), "must be a joystick device"),
     ],
 )
 def test_what_cannot_work_ends_with_one_line_and_status_2(flags, reason, monkeypatch, capsys):

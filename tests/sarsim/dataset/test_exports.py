@@ -278,7 +278,7 @@ def test_yolo_without_a_scene_to_validate_with_splits_by_frames(
     data: Path, tmp_path: Path, caplog: pytest.LogCaptureFixture
 ) -> None:
     folder = exported(Yolo(data, tmp_path / "yolo"))
-    assert "split val" in caplog.text
+    assert "the val split has no scenes" in caplog.text
     about = yaml.safe_load((folder / "data.yaml").read_text())
     # Rules of ultralytics' check_det_dataset: train, val and names; paths from the file's own folder.
     assert {"train", "val", "names"} <= set(about) and about["names"] == {0: "victim"}

@@ -85,7 +85,7 @@ def test_lanes_that_no_pioneer_can_drive_are_not_tried():
     [
         (LanesSettings(lanes=("moat",)), "--lanes moat: .*avoid_holes"),
         (LanesSettings(repetitions=0), "--repetitions 0:"),
-        (LanesSettings(robot="none.xml", lanes=("door",)), "--robot none.xml: no such file"),
+        (LanesSettings(robot="none.xml", lanes=("door",)), "--robot none.xml: no such robot or file"),
     ],
 )
 def test_bad_settings_are_refused(settings, message):

@@ -37,9 +37,15 @@ def test_names_stand_for_splits_folders_and_arenas(tmp_path: Path) -> None:
     assert arenas_of([f"grid:{tmp_path}", "grid:val:3"]) == [f"grid:{tmp_path}/b.png", "grid:val:3"]
 
 
-@pytest.mark.parametrize("names", [[], ["nist_6x4", "grid:test"]])
-def test_either_maps_or_arenas(names: list[str]) -> None:
-    with pytest.raises(InputError, match=r"--arenas .*2D maps"):
+@pytest.mark.parametrize(
+    ("names", "message"),
+    [
+        ([], "--arenas: give at least one arena"),
+        (["nist_6x4", "grid:test"], "--arenas nist_6x4 grid:test: 2D maps .* cannot be mixed"),
+    ],
+)
+def test_either_maps_or_arenas(names: list[str], message: str) -> None:
+    with pytest.raises(InputError, match=message):
         arenas_of(names)
 
 

@@ -97,7 +97,10 @@ def test_a_class_of_ones_own_explores(run) -> None:
         ("mine_2d:Outside", "returned 1000000000, .*node$"),
         ("mine_2d:Throws", "^--methods mine_2d:Throws failed: ValueError: a line and another$"),
         ("mine_2d:Hangs", "TimeoutError: .* 1 s$"),
-        ("missing_2d:Mine", "^--methods missing_2d:Mine: ModuleNotFoundError: No module named 'missing_2d'$"),
+        (
+            "missing_2d:Mine",
+            "^--methods missing_2d:Mine cannot be loaded: ModuleNotFoundError: No module named 'missing_2d'$",
+        ),
         ("nearest", "^--methods nearest: .*next_best_view, .* or MODULE:CLASS$"),
     ],
 )

@@ -230,7 +230,7 @@ def _opened(path: Path) -> Iterator[dict[str, list[Row]]]:
     """Yield the checked rows of a file, by kind; errors in the ``with`` block become InputError too."""
     arrays = load_arrays(path, "map of a run")
     if str(arrays.pop("format", "")) != FORMAT:
-        raise InputError(f"{path}: not the map of a run; use the {KEYFRAMES} in a folder of results")
+        raise InputError(f"{path}: not a map saved by a run; use {KEYFRAMES} from a run's results folder")
     if (version := arrays.pop("version", np.array(0)).tolist()) != VERSION:
         found = f"has format version {version!s:.20}, but this version of sarsim reads only version {VERSION}"
         raise InputError(f"{path}: {found}; repeat the run that wrote it")

@@ -95,7 +95,7 @@ def _association_rows(path: Path) -> list[list[str]] | None:
         for number, row in rows:
             if len(row) != 4 or not all(_is_number(row[k]) for k in (0, 2)):
                 found = " ".join(row)[:60]
-                raise InputError(f"{file}: line {number} must contain two pairs of time and file, not {found!r}")
+                raise InputError(f"{file}: line {number} must have the form TIME FILE TIME FILE, not {found!r}")
         return [row for _, row in rows]
     return None
 

@@ -27,7 +27,7 @@ TO_RGB = {
 CONFIG = struct.Struct("<iff")
 """Header of a depth image of compressed_depth_image_transport: a format and two parameters."""
 PNG, JPEG = b"\x89PNG", b"\xff\xd8"  # First bytes of image files
-UNREADABLE = "is damaged, too large or in an unknown format"
+UNREADABLE = "is damaged, too large or not supported"
 LOSSLESS = "16-bit PNG or TIFF, 32-bit float TIFF, or compressedDepth"
 
 
@@ -48,7 +48,9 @@ def colour_of(message: Message) -> Rgb:
         try:
             return np.ascontiguousarray(decoded(message.data, cv2.IMREAD_COLOR)[..., ::-1])
         except InputError as error:
-            raise InputError(f"a colour image in {message.format!r} {UNREADABLE}; use JPEG or PNG") from error
+            raise InputError(
+                f"a colour image with format {message.format!r} {UNREADABLE}; use intact JPEG or PNG images"
+            ) from error
     if message.encoding not in TO_RGB:
         accepted = f"{', '.join(TO_RGB)} or compressed images"
         raise InputError(f"colour images in {message.encoding!r} are not supported; use {accepted}")
@@ -97,7 +99,7 @@ def _compressed_depth(message: Message) -> Depth:
     try:
         pixels = decoded(data, cv2.IMREAD_UNCHANGED)
     except InputError as error:
-        raise InputError(f"a depth image in {message.format!r} {UNREADABLE}; use {LOSSLESS}") from error
+        raise InputError(f"a depth image with format {message.format!r} {UNREADABLE}; use {LOSSLESS}") from error
     if pixels.ndim == 2 and pixels.dtype == np.float32:
         return np.nan_to_num(pixels, nan=0.0, posinf=0.0, neginf=0.0)
     if pixels.ndim != 2 or pixels.dtype != np.uint16:

@@ -67,7 +67,7 @@ def run_one_of(commands: Mapping[str, tuple[Callable[[Any], object], type]], des
     def run() -> None:
         if name and not name.startswith("-"):
             meant = "".join(f"; perhaps you meant {near}" for near in get_close_matches(name, commands, n=1))
-            raise InputError(f"{name}: must be one of {', '.join(commands)}{meant}")
+            raise InputError(f"unknown subcommand {name!r}: must be one of {', '.join(commands)}{meant}")
         words = common()
         parse(lambda: tyro.extras.subcommand_cli_from_dict(kinds, args=words, description=about))
 

@@ -37,7 +37,7 @@ class GridOracle(ViewTours):
         if rules.field_of_view < 360:
             raise InputError(
                 f"the oracle for 2D maps requires a field of view of 360°, not {rules.field_of_view:g}°; "
-                "use the rules 'papers'"
+                "use rules='papers'"
             )
         self.world = GridWorld(scene, rules)
         self.world.reveal()

@@ -77,7 +77,7 @@ def test_a_file_that_cannot_be_written_leaves_nothing(tmp_path: Path, toys: Path
 @pytest.mark.parametrize(
     ("flags", "complaint"),
     [
-        (["coffee"], "coffee: must be one of barn, camera, "),
+        (["coffee"], "unknown subcommand 'coffee': must be one of barn, camera, "),
         (["camra"], "; perhaps you meant camera"),
         (["camera", "--raf", "folder"], "--raf"),
         (["dataset", "--nist", "3"], "--nist"),

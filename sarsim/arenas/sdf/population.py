@@ -46,8 +46,8 @@ def places_of(population: "Element", where: str) -> Places:
         points = _in_cylinder(radius, length, count if kind == "random" else MOST_POINTS, rng)
         return middle + (points if kind == "random" else _spread(points, count, rng)) @ turn.T
     raise InputError(
-        f"{where}: no <box> or <cylinder> suits the distribution type {kind[:40]!r}: a <box> takes random, uniform,"
-        " linear-x, linear-y or linear-z; a <cylinder> takes random or uniform; grid needs neither"
+        f"{where}: the distribution type {kind[:40]!r} is unknown or lacks its region: random and uniform need a"
+        " <box> or a <cylinder>; linear-x, linear-y and linear-z need a <box>; grid needs neither"
     )
 
 

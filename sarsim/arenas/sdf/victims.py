@@ -53,7 +53,7 @@ def add_victims(builder: ArenaBuilder, path: Path, world: SdfWorld, victims: lis
             add_person(builder, _pose(victim))
     if unseen:
         names = ", ".join(victim.name for victim in unseen)
-        _log.warning("%s: replaced each victim without a readable shape by a lying person: %s", path, names)
+        _log.warning("%s: replaced each victim without a readable shape with a person lying down: %s", path, names)
 
 
 def _solids_of(world: SdfWorld, victims: list[SdfModel]) -> list[list[Solid]]:

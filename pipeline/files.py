@@ -206,6 +206,26 @@ def load_arrays(path: Path, what: str) -> dict[str, NDArray[Any]]:
         raise InputError(f"{path}: not a readable {what} ({said}); repeat the run that wrote it") from error
 
 
+def load_results(path: Path, what: str, name: str, form: str, version: int) -> dict[str, NDArray[Any]]:
+    """The arrays in a ``.npz`` file of a run, by name, of any shape and unit, without those that name its format.
+
+    Args:
+        path: the file.
+        what, name: kind of file, and its name in a results folder, for errors.
+        form, version: values that the arrays ``format`` and ``version`` must have.
+
+    Raises:
+        InputError: the file is missing or damaged, or has another format or version.
+    """
+    arrays = load_arrays(path, what)
+    if str(arrays.pop("format", "")) != form:
+        raise InputError(f"{path}: not a {what}; use {name} from a run's results folder")
+    if (found := arrays.pop("version", np.array(0)).tolist()) != version:
+        wrong = f"has format version {found!s:.20}, but this version of sarsim reads only version {version}"
+        raise InputError(f"{path}: {wrong}; repeat the run that wrote it")
+    return arrays
+
+
 def answer_apart(action: Callable[[], str], seconds: int, memory: int) -> str:
     """Run an action in a separate process, so that a library that hangs or crashes does no harm.
 

@@ -16,7 +16,7 @@ from pipeline.elevation_map.config import ElevationConfig
 from pipeline.elevation_map.elevation_map import ElevationMap
 from pipeline.elevation_map.ground_evidence import Assumed, Driven, GroundEvidence
 from pipeline.errors import InputError
-from pipeline.files import each, load_arrays, whole_file
+from pipeline.files import each, load_results, whole_file
 from pipeline.frame import Intrinsics
 from pipeline.geometry.planes import Moments
 from pipeline.keyframes import Keyframes, Places, Seen
@@ -228,12 +228,7 @@ def load_elevation_map(
 @contextmanager
 def _opened(path: Path) -> Iterator[dict[str, list[Row]]]:
     """Yield the checked rows of a file, by kind; errors in the ``with`` block become InputError too."""
-    arrays = load_arrays(path, "map of a run")
-    if str(arrays.pop("format", "")) != FORMAT:
-        raise InputError(f"{path}: not a map saved by a run; use {KEYFRAMES} from a run's results folder")
-    if (version := arrays.pop("version", np.array(0)).tolist()) != VERSION:
-        found = f"has format version {version!s:.20}, but this version of sarsim reads only version {VERSION}"
-        raise InputError(f"{path}: {found}; repeat the run that wrote it")
+    arrays = load_results(path, "map saved by a run", KEYFRAMES, FORMAT, VERSION)
     try:
         sizes: dict[str, int] = {}
         rows = {kind: _rows(arrays, kind, fields, sizes) for kind, fields in LAYOUT.items()}

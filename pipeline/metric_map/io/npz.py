@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.errors import InputError
-from pipeline.files import load_arrays, whole_file
+from pipeline.files import load_results, whole_file
 from pipeline.metric_map.config import MetricMapConfig
 from pipeline.metric_map.metric_map import MetricMap
 
@@ -45,12 +45,7 @@ def load_metric_map(path: Path) -> MetricMap:
     Raises:
         InputError: the file is missing or damaged, is no metric map, or has another format version.
     """
-    entries = load_arrays(path, "metric map")
-    if str(entries.pop("format", "")) != FORMAT:
-        raise InputError(f"{path}: not a metric map; use the metric_map.npz of a run")
-    if (version := entries.pop("version", np.array(0)).tolist()) != VERSION:
-        found = f"has format version {version!s:.20}, but this version of sarsim reads only version {VERSION}"
-        raise InputError(f"{path}: {found}; repeat the run that wrote it")
+    entries = load_results(path, "metric map", "metric_map.npz", FORMAT, VERSION)
     lower, log_odds = entries.pop("lower", np.zeros(0)), entries.pop("log_odds", np.zeros(0))
     if lower.shape != (3,) or lower.dtype != np.int64 or log_odds.ndim != 3 or log_odds.dtype != np.int8:
         wrong = "the array 'lower' or 'log_odds' is missing, or has the wrong shape or type"

@@ -94,7 +94,7 @@ class TrainingLoop(Generic[Batch, Network]):
         """
         self.learner, self.config, self.out, self.worker = learner, config, out, worker
         self._about = about or {}
-        self._shared = worker.share(learner.network)
+        self._shared: nn.Module = learner.network
         self._optimizer = _optimizer(learner.network, config)
         self._parts: dict[str, Any] = {"network": learner.network, "optimizer": self._optimizer}
         self.result = learner.network
@@ -123,6 +123,7 @@ class TrainingLoop(Generic[Batch, Network]):
         """Train to the end. ``report`` is called after every step; if it raises, a checkpoint is written first."""
         if self.progress >= 1 and self.worker.leads and not self.out.exists():
             self._write_weights()
+        self._shared = self.worker.share(self.learner.network)
         with ThreadPoolExecutor(1) as pool, torch_threads(self.learner.THREADS or torch.get_num_threads()):
             coming = pool.submit(self._draw, self.step)
             try:
@@ -139,6 +140,9 @@ class TrainingLoop(Generic[Batch, Network]):
                         self._save()
                     report(self)
             finally:
+                # As the last user of the group of processes, the wrapper would wait for the group's threads with
+                # the GIL held, while these need it to release their last tensors.
+                self._shared = self.learner.network
                 if self.progress < 1:
                     self._save()
 

@@ -152,8 +152,8 @@ class Seen:
     def put(self, elevation_map: ElevationMap, T_map_base: Pose) -> None:
         """Add the returns, dropouts, rays and the robot's own footprint for a given pose of the robot."""
         points, dropouts, rays = (_placed(p, T_map_base) for p in (self.points, self.dropouts, self.rays))
-        camera = (T_map_base @ self.T_base_camera)[:3, 3]
-        elevation_map.update(points, self.hits, dropouts, self.dropout_hits, rays, camera, self.above)
+        camera, height = (T_map_base @ self.T_base_camera)[:3, 3], float(T_map_base[2, 3])
+        elevation_map.update(points, self.hits, dropouts, self.dropout_hits, rays, camera, self.above, height)
         elevation_map.add_track(np.array([[*T_map_base[:2, 3], yaw_of(T_map_base)]]))
 
 

@@ -218,7 +218,6 @@ def load_elevation_map(
         InputError: as in :func:`load_keyframes`.
     """
     elevation_map, keyframes = ElevationMap(robot, config), read_keyframes(path, robot, config)
-    elevation_map.begin_at(keyframes.start_height)
     with elevation_map.made_anew(keyframes.boxes()):
         for k, evidence in keyframes.ground:
             evidence.put(elevation_map, keyframes.poses[k])

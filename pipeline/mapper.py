@@ -129,6 +129,7 @@ class Mapper:
         self.keyframes = Keyframes(robot, reach, cell, config.keyframes.noticeable)
         self.knows_camera = True
         self._set_down: NDArray[np.float64] | None = None
+        self._start_height = 0.0
         self._newest_at_drive = 0
         self._T_odom_keyframe: Pose | None = None
         self._seed = seed
@@ -158,7 +159,7 @@ class Mapper:
     def restore(self) -> None:
         """Build every map from an earlier episode's keyframes, segments and victims, which the caller has put in."""
         self.keyframes.loaded = self._newest_at_drive = len(self.keyframes)
-        self.elevation_map.begin_at(self.keyframes.start_height)
+        self._start_height = self.keyframes.start_height
         self._make_anew(np.ones(len(self.keyframes), np.bool_), self.keyframes.boxes())
 
     def take(
@@ -236,10 +237,10 @@ class Mapper:
     def _assume_ground(self, T_map_base: Pose) -> None:
         """Assume level ground around and ahead of a robot that was just set down, until that ground is seen.
 
-        As long as the robot stays there, keyframes add this ground to the elevation map. Heights are relative to it.
+        As long as the robot stays there, keyframes add this ground to the elevation map. Heights for classifiers are
+        relative to it.
         """
-        self.elevation_map.begin_at(float(T_map_base[2, 3]))
-        self._set_down = T_map_base
+        self._set_down, self._start_height = T_map_base, float(T_map_base[2, 3])
 
     def _map(self, localised: Localised, labelled: bool) -> Keyframe:
         frame, T_map_base = localised.frame, localised.T_map_base
@@ -275,7 +276,7 @@ class Mapper:
 
     def _classified(self, frame: Frame, in_map: Points, T_map_camera: Pose) -> Probabilities:
         """Class probabilities of points; classifiers get heights relative to where the robot was set down."""
-        height = np.array([0.0, 0.0, self.elevation_map.start_height])
+        height = np.array([0.0, 0.0, self._start_height])
         T = T_map_camera.copy()
         T[:3, 3] -= height
         return self.classifier.classify(frame, in_map - height.astype(np.float32), T)

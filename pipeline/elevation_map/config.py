@@ -115,7 +115,8 @@ class ElevationConfig:
 
     Attributes:
         cell: side of a cell, m.
-        lowest: lowest height that is mapped, m above the robot's start (usually negative).
+        lowest: lowest height that is mapped, m above the robot when it first sees a cell (usually negative). It is
+            relative to the robot because estimated heights drift over long drives, and slopes lead far up or down.
         bin: height of the bins of a column, m. The returns in a bin are averaged; one bin is centred on z = 0.
         levels: number of bins of a column.
         fewest: minimum number of returns in a bin, or of dropouts in a cell; fewer are noise.
@@ -130,9 +131,9 @@ class ElevationConfig:
     """
 
     cell: float = 0.05
-    lowest: float = -0.575
+    lowest: float = -1.575
     bin: float = 0.05
-    levels: int = 53
+    levels: int = 73
     fewest: int = 3
     noise: float = 0.1
     ray_height: float = 0.3
@@ -141,8 +142,3 @@ class ElevationConfig:
     dropouts: DropoutConfig = DropoutConfig()
     overhangs: OverhangConfig = OverhangConfig()
     traversability: TraversabilityConfig = TraversabilityConfig()
-
-    @property
-    def highest(self) -> float:
-        """Greatest height that is mapped, m above the robot's start."""
-        return self.lowest + self.levels * self.bin

@@ -17,12 +17,11 @@ class Columns(NamedTuple):
     """The bins of a column, and how its ground is found.
 
     Attributes:
-        lowest, bin: lower edge of the lowest bin, m in ``map``, and height of each bin, m.
+        bin: height of each bin, m.
         headroom: free height above the ground, m.
         fewest, noise: see :class:`pipeline.elevation_map.config.ElevationConfig`.
     """
 
-    lowest: float
     bin: float
     headroom: float
     fewest: int
@@ -34,11 +33,13 @@ class Bins(NamedTuple):
 
     Attributes:
         row: (nx, ny) int32, row of the cell's column.
+        lowest: (M,) float64 m in ``map``, lower edge of the column's lowest bin; NaN while it has no returns.
         height: (M, levels) float32 m, mean of the returns in each bin.
         hits: (M, levels) uint16, number of returns in each bin.
     """
 
     row: NDArray[np.int32]
+    lowest: NDArray[np.float64]
     height: NDArray[np.float32]
     hits: NDArray[np.uint16]
 
@@ -50,25 +51,29 @@ def cell_at(x, y, origin, cell):
 
 
 @njit(cache=True, nogil=True)
-def accumulate(points, counts, origin, cell, within, columns, bins, number, returns):
+def accumulate(points, counts, origin, cell, within, columns, bins, number, lowest, returns):
     """Add points (N, 3), m, to the bins; return their cells, (K, 2) int64, and the new number of columns.
 
     Each point is the mean of ``counts`` (N,) returns. ``returns`` (nx, ny), initially 0, counts the returns by cell.
-    ``number`` is the old number of columns; there is room for N more. As in the other functions that take ``within``
-    (nx, ny), only cells in this mask change.
+    ``number`` is the old number of columns; there is room for N more. Columns without returns begin at ``lowest``, m.
+    As in the other functions that take ``within`` (nx, ny), only cells in this mask change.
     """
     (nx, ny), nz = returns.shape, bins.height.shape[1]
     cells, size = np.empty((len(points), 2), np.int64), 0
     for n in range(points.shape[0]):
         z = points[n, 2]
         i, j = cell_at(points[n, 0], points[n, 1], origin, cell)
-        k = int(np.floor((z - columns.lowest) / columns.bin))
-        if not (0 <= i < nx and 0 <= j < ny and 0 <= k < nz and within[i, j]):
+        if not (0 <= i < nx and 0 <= j < ny and within[i, j]):
             continue
         row = bins.row[i, j]
+        bottom = lowest if row == NO_COLUMN or np.isnan(bins.lowest[row]) else bins.lowest[row]
+        k = int(np.floor((z - bottom) / columns.bin))
+        if not 0 <= k < nz:
+            continue
         if row == NO_COLUMN:
             row = bins.row[i, j] = number
             number += 1
+        bins.lowest[row] = bottom
         count, height, hits = np.int64(counts[n]), bins.height[row], bins.hits[row]
         total = min(hits[k] + count, MOST_HITS)
         hits[k] = total

@@ -51,24 +51,18 @@ class ElevationMap:
     Attributes:
         robot: its ``max_gap`` is the widest gap that is filled, its ``headroom`` the free height above the ground.
         config: settings of the map.
-        start_height: height above which the mapped range is measured, m in ``map``; 0 until :meth:`begin_at` sets it.
         layers: all layers; changes of ``measured``, ``elevation``, ``dropout`` and ``driven`` are tracked.
     """
 
     def __init__(self, robot: RobotModel, config: ElevationConfig = ElevationConfig()):
         self.robot, self.config = robot, config
-        self.start_height = 0.0
-        self._columns = kernels.Columns(config.lowest, config.bin, robot.headroom, config.fewest, config.noise)
+        self._columns = kernels.Columns(config.bin, robot.headroom, config.fewest, config.noise)
         self.layers = GridMap(config.cell, _DERIVED | _EVIDENCE | _ROWS | _SCRATCH)
+        self._lowest = np.zeros(0)
         self._height, self._hits = (np.zeros((0, config.levels), dtype) for dtype in (np.float32, np.uint16))
         self._size = 0  # number of columns
         self._making: MaskLayer | None = None
         self._everywhere = np.zeros((0, 0), np.bool_)
-
-    def begin_at(self, height: float) -> None:
-        """Measure the mapped range from ``height``, m in ``map``, at which the robot was set down."""
-        self.start_height = self.config.bin * round(height / self.config.bin)
-        self._columns = self._columns._replace(lowest=self.config.lowest + self.start_height)
 
     @property
     def grid(self) -> Grid:
@@ -158,6 +152,7 @@ class ElevationMap:
         rays: Points = NOTHING,
         camera: Place | None = None,
         above: NDArray[np.uint8] | None = None,
+        height: float = 0.0,
     ) -> None:
         """Add what a keyframe shows.
 
@@ -169,6 +164,7 @@ class ElevationMap:
             rays: points on rays that passed over ground without returns, see :func:`elevation_kernels.lowest_rays`.
             camera: position of the camera; without it, dropouts are neither marked nor cleared.
             above: (N,) what was seen in the space above each point, see :func:`find_overhangs`.
+            height: of the robot, m in ``map``; the range of heights that is mapped in new cells is relative to it.
         """
         if not len(points):
             return
@@ -177,7 +173,9 @@ class ElevationMap:
         returns, missing = layers["returns"], layers["dropouts"]
         self._reserve(len(points))
         judged = within, self._columns, self._bins
-        shown, self._size = kernels.accumulate(points, _counts(points, hits), *cell, *judged, self._size, returns)
+        lowest = self.config.bin * round(height / self.config.bin) + self.config.lowest
+        seen = points, _counts(points, hits)
+        shown, self._size = kernels.accumulate(*seen, *cell, *judged, self._size, lowest, returns)
         if above is not None:
             kernels.lower_to_lowest(points, above == ROOFED, *cell, within, layers["roofed"])
             kernels.lower_to_lowest(points, above == OPEN, *cell, within, layers["open"])
@@ -205,7 +203,7 @@ class ElevationMap:
             self.layers[name][within] = layer.fill
         rows = self.layers["row"][within]
         rows = rows[rows != kernels.NO_COLUMN]
-        self._height[rows], self._hits[rows] = 0, 0
+        self._lowest[rows], self._height[rows], self._hits[rows] = np.nan, 0, 0
         self._making = within
         try:
             yield meets
@@ -220,15 +218,14 @@ class ElevationMap:
 
     def _reserve(self, more: int) -> None:
         """Make room for ``more`` columns; InputError if they would take too much memory."""
-        per_column = self._height.itemsize + self._hits.itemsize
-        check_memory(
-            f"the heights of {self._size + more} cells", (self._size + more) * self.config.levels * per_column
-        )
-        self._height, self._hits = (roomier(values, self._size, more) for values in (self._height, self._hits))
+        per_bin = self._height.itemsize + self._hits.itemsize
+        check_memory(f"the heights of {self._size + more} cells", (self._size + more) * self.config.levels * per_bin)
+        columns = self._lowest, self._height, self._hits
+        self._lowest, self._height, self._hits = (roomier(values, self._size, more) for values in columns)
 
     @property
     def _bins(self) -> kernels.Bins:
-        return kernels.Bins(self.layers["row"], self._height, self._hits)
+        return kernels.Bins(self.layers["row"], self._lowest, self._height, self._hits)
 
     @property
     def _within(self) -> MaskLayer:

@@ -116,7 +116,7 @@ class Driven:
         The robot can stand where it has been, until an obstacle is found there.
         """
         track, obstacles, touched = (moved(T_map_base, p) for p in (self.track, self.obstacles, self.touched))
-        elevation_map.update(obstacles)
+        elevation_map.update(obstacles, height=float(T_map_base[2, 3]))
         elevation_map.forget_track(np.concatenate([obstacles, touched]))
         elevation_map.add_track(np.column_stack([track[:, :2], self.yaws + yaw_of(T_map_base)]))
         if len(touched):

@@ -55,6 +55,17 @@ def test_it_grows_in_every_direction_without_losing_anything():
     assert elevation_map.grid.at(elevation_map.measured, [0.525, 0.525], np.nan) == 0
 
 
+@pytest.mark.parametrize("height", [-5.0, 7.0])
+def test_the_ground_is_mapped_where_a_slope_has_led_the_robot(height):
+    elevation_map = surface_of(ground_points(flat, (0, 1), (0, 1)))
+    there = np.array([3.0, 0.0, height], np.float32)
+    elevation_map.update(column(0.0) + there, height=height)
+    assert elevation_map.grid.at(elevation_map.measured, there[:2] + 0.025) == pytest.approx(height, abs=1e-6)
+    with elevation_map.made_anew(np.array([[there - 1, there + 1]])):
+        elevation_map.update(column(0.1) + there, height=height + 0.1)
+    assert elevation_map.grid.at(elevation_map.measured, there[:2] + 0.025) == pytest.approx(height + 0.1, abs=1e-6)
+
+
 def test_no_points_change_nothing():
     elevation_map = ElevationMap(PIONEER)
     elevation_map.update(np.zeros((0, 3), np.float32))

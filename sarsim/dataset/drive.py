@@ -18,7 +18,7 @@ from sarsim.ground_truth.true_surface import TrueSurface
 from sarsim.robots.model import robot_model
 from sarsim.robots.pose import Pose
 from sarsim.sensors.inertial import GRAVITY
-from sarsim.sensors.odometry import WheelOdometry
+from sarsim.sensors.odometry import WheelOdometry, acceleration_of
 
 SPEED, TURN_RATE = 0.2, 0.6
 """Speed (m/s) and turn rate (rad/s) of the drive."""
@@ -151,23 +151,24 @@ class DeadReckoning:
         """``rng``: for the odometry's errors; ``period``: time between poses, s."""
         self._odometry = WheelOdometry(rng, WHEEL_RADIUS)
         self._period = period
-        self._angle = 0.0
+        self._angle = self._speed = 0.0
         self._last: NDArray[np.float64] | None = None
         self._T_world_odom = np.eye(4)
 
     def update(self, T_world_base: NDArray[np.float64]) -> NDArray[np.float64]:
         """The dead-reckoned 4×4 pose in the world after a move to ``T_world_base``; the first pose is exact."""
-        R, gyro = T_world_base[:3, :3], np.zeros(3)
+        R, gyro, speed = T_world_base[:3, :3], np.zeros(3), 0.0
         if self._last is None:
             x, y, z = T_world_base[:3, 3]
             self._T_world_odom = from_yaw(x, y, z, yaw_of(T_world_base))
         else:
             move = inverse(self._last) @ T_world_base
             self._angle += move[0, 3] / WHEEL_RADIUS
-            gyro = Rotation.from_matrix(move[:3, :3]).as_rotvec() / self._period
-        self._last = T_world_base
+            gyro, speed = Rotation.from_matrix(move[:3, :3]).as_rotvec() / self._period, move[0, 3] / self._period
+        accelerometer = R[2] * GRAVITY + acceleration_of(self._speed, speed, gyro, self._period)
+        self._last, self._speed = T_world_base, speed
         wheels = np.array([self._angle, self._angle])
-        return self._T_world_odom @ self._odometry.update(wheels, gyro, R[2] * GRAVITY, self._period)
+        return self._T_world_odom @ self._odometry.update(wheels, gyro, accelerometer, self._period)
 
 
 def _roads(surface: TrueSurface) -> Traversability:

@@ -86,19 +86,14 @@ class WheelOdometry:
             self._R = level(accelerometer / np.linalg.norm(accelerometer))
         else:
             rolled = (ticks - self._ticks) * (2 * np.pi / TICKS) * self._radius
-            gravity = accelerometer - self._acceleration(float(rolled.mean()) / dt, gyro, dt)
+            speed = float(rolled.mean()) / dt
+            # Setting off at 0.3 m/s² would otherwise look like a tilt of 1.8°.
+            gravity = accelerometer - acceleration_of(self._speed, speed, gyro, dt)
             turn = gyro + self._levelling(self._R, gravity)
             self._advance(self._R, self._distance(rolled), turn * dt)
+            self._speed = speed
         self._ticks = ticks
         return self.T_odom_base
-
-    def _acceleration(self, speed: float, gyro: NDArray[np.float64], dt: float) -> NDArray[np.float64]:
-        """(3,) m/s² in ``base_link`` of the drive itself, as wheels and gyros measure it.
-
-        Setting off at 0.3 m/s² would otherwise look like a tilt of 1.8°.
-        """
-        change, self._speed = speed - self._speed, speed
-        return np.array([change / dt, speed * gyro[2], -speed * gyro[1]])
 
     def _advance(self, R: Rotation3, distance: float, rotation: NDArray[np.float64]) -> None:
         """Move along the mean direction of the period, by the midpoint rule."""
@@ -121,6 +116,17 @@ class WheelOdometry:
             return np.zeros(3)
         (x, y, z), (a, b, c) = (accelerometer / norm).tolist(), R[2].tolist()
         return np.array([y * c - z * b, z * a - x * c, x * b - y * a]) / LEVELLING_TIME
+
+
+def acceleration_of(before: float, speed: float, gyro: NDArray[np.float64], dt: float) -> NDArray[np.float64]:
+    """(3,) m/s² in ``base_link``, acceleration of wheels that roll without slipping sideways.
+
+    Args:
+        before, speed: speed of the wheels, m/s, ``dt`` s ago and now.
+        gyro: (3,) rad/s in ``base_link``.
+        dt: s between the two speeds.
+    """
+    return np.array([(speed - before) / dt, speed * gyro[2], -speed * gyro[1]])
 
 
 def _rotation(rotvec: NDArray[np.float64]) -> Rotation3:

@@ -108,7 +108,7 @@ def test_perfect_dead_reckoning_finds_back(nist: Nist) -> None:
         T = from_yaw(2 * np.sin(angle), 2 - 2 * np.cos(angle), 0.0, angle)
         believed = reckoning.update(T)
     np.testing.assert_allclose(believed, T, atol=0.05)
-    np.testing.assert_allclose(believed[:3, :3], T[:3, :3], atol=1e-9)
+    np.testing.assert_allclose(believed[:3, :3], T[:3, :3], atol=1e-7)  # the encoders count whole ticks
 
 
 def test_a_longer_drive_begins_like_a_shorter_one(nist: Nist) -> None:

@@ -52,7 +52,7 @@ class EpisodeRecorder(Recorder):
         self._true_track = DrawnTrajectory(config.grain)
         arena = self._arena_meshes()
         vertices = np.concatenate([mesh.vertices for mesh in arena.values()])
-        layout = blueprint(vertices.min(axis=0), vertices.max(axis=0), is_live=viewer is not None)
+        layout = blueprint(vertices.min(axis=0), vertices.max(axis=0))
         super().__init__(path, viewer, layout, config=config)
         for label, mesh in arena.items():
             self.stream.log(f"world/arena/{label.name.lower()}", _mesh3d(mesh), static=True)

@@ -1,5 +1,8 @@
 """The layout with which the viewer opens a recording: the map, the camera, the metrics, the log and the legend."""
 
+from copy import copy
+from typing import Literal
+
 import numpy as np
 import rerun as rr
 import rerun.blueprint as rrb
@@ -22,12 +25,10 @@ _MAPS = "metric_map", "semantic_map", "segments"
 _CORRECTED = *_MAPS, "traversability", "topological_map", "victims"
 
 
-def blueprint(
-    low: ArrayLike = (-3, -3, 0), high: ArrayLike = (3, 3, 1), tab: int = 0, *, is_live: bool = False
-) -> rrb.Blueprint:
+def blueprint(low: ArrayLike = (-3, -3, 0), high: ArrayLike = (3, 3, 1), tab: int = 0) -> rrb.Blueprint:
     """The layout, with the eye above the box from ``low`` to ``high``, (3,) m in ``map``, on its negative y side.
 
-    ``is_live``: whether the viewer follows the run; otherwise it plays the recording from the start.
+    The viewer plays the recording from the start.
     """
     maps = rrb.Tabs(
         _scene("Semantic map", low, high, hidden=["metric_map", "segments", "localisation"]),
@@ -48,10 +49,21 @@ def blueprint(
             rrb.Horizontal(_plots(), log, legend, column_shares=[2, 3, 3]),  # log lines are cut off, not wrapped
             row_shares=[3, 1],
         ),
-        rrb.TimePanel(state="collapsed", timeline="sim_time", play_state="following" if is_live else "playing"),
+        _time_panel("playing"),
         rrb.BlueprintPanel(state="collapsed"),
         rrb.SelectionPanel(state="collapsed"),
     )
+
+
+def following(layout: rrb.Blueprint) -> rrb.Blueprint:
+    """The same layout for a viewer that follows the run."""
+    live = copy(layout)
+    live.time_panel = _time_panel("following")
+    return live
+
+
+def _time_panel(play_state: Literal["playing", "following"]) -> rrb.TimePanel:
+    return rrb.TimePanel(state="collapsed", timeline="sim_time", play_state=play_state)
 
 
 def _scene(name: str, low: ArrayLike, high: ArrayLike, hidden: list[str]) -> rrb.Spatial3DView:

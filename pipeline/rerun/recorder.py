@@ -15,7 +15,7 @@ from pipeline.keyframes import Moves
 from pipeline.localisation.localisation import Localisation
 from pipeline.mapper import Keyframe, Mapper
 from pipeline.rerun import drawings, find_drawings, victim_drawings
-from pipeline.rerun.blueprint import blueprint
+from pipeline.rerun.blueprint import blueprint, following
 from pipeline.rerun.config import RerunConfig
 from pipeline.rerun.legend import legend
 from pipeline.rerun.trajectory import CorrectedTrajectory
@@ -25,6 +25,7 @@ from pipeline.sink import Result, Sink, Step
 from pipeline.transforms import tilt_of
 from pipeline.victims.victim_map import Victims
 
+APPLICATION = "sarsim"  # Rerun keeps one layout for each application
 Level = Literal["INFO", "WARN", "ERROR"]
 
 
@@ -69,7 +70,11 @@ class Recorder(Sink):
         self._logged_size: dict[str, int] = {}
         self._shifts = np.zeros(0)  # Maximum offset of each keyframe's view from what is drawn, m
         self._mapper: Mapper | None = None
-        self.stream.send_blueprint(layout or blueprint(is_live=viewer is not None))
+        layout = layout or blueprint()
+        self.stream.send_blueprint(layout)
+        if viewer:
+            self.stream.flush()  # The viewer uses the layout that it receives last
+            viewer.show(following(layout), APPLICATION)
         self.stream.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, drawings.annotations(), static=True)
         self.stream.log("legend", rr.Image(legend()), static=True)
         self.stream.log("metrics/localisation/correction_m", rr.SeriesPoints(marker_sizes=3), static=True)
@@ -286,7 +291,7 @@ def _compact(path: Path) -> None:
 
 
 def _new_stream(path: Path, viewer: Viewer | None) -> rr.RecordingStream:
-    stream = rr.RecordingStream("sarsim")
+    stream = rr.RecordingStream(APPLICATION)
     try:
         stream.set_sinks(rr.FileSink(path), *([viewer.sink] if viewer else []))
     except RuntimeError as error:

@@ -19,6 +19,7 @@ from urllib.parse import quote
 from urllib.request import Request, urlopen
 
 import rerun as rr
+import rerun.blueprint as rrb
 
 from pipeline.errors import InputError
 from pipeline.processes import end_with_parent
@@ -70,6 +71,10 @@ class Viewer:
     def sink(self) -> rr.GrpcSink:
         """The sink that streams a recording to the viewer."""
         return rr.GrpcSink(self._address)
+
+    def show(self, layout: rrb.Blueprint, application: str) -> None:
+        """Arrange the recordings of an application; no file stores this layout."""
+        layout.connect_grpc(application, url=self._address)
 
     def wait(self) -> None:
         """Block until the window is closed or Ctrl-C is pressed, which ends the viewer."""

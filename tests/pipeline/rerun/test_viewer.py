@@ -10,6 +10,8 @@ from urllib.parse import parse_qs, urlsplit
 import numpy as np
 import pytest
 import rerun as rr
+from rerun.blueprint.components import PlayState
+from rerun.chunk import RrdReader
 
 from pipeline.errors import InputError
 from pipeline.rerun.recorder import Recorder
@@ -18,6 +20,9 @@ from tests.recordings import read
 
 ELSEWHERE = "127.0.0.2"
 """Another address of this machine: a server on every interface answers here, one on 127.0.0.1 does not."""
+
+
+PLAY_STATE = "TimePanelBlueprint:play_state"
 
 
 @pytest.fixture(scope="module")
@@ -115,3 +120,13 @@ def test_a_window_needs_a_display(monkeypatch):
     monkeypatch.delenv("WAYLAND_DISPLAY", raising=False)
     with pytest.raises(InputError, match="DISPLAY"):
         Viewer("spawn")
+
+
+def test_a_recording_that_was_watched_live_still_opens_at_its_start(page, tmp_path):
+    path = tmp_path / "episode.rrd"
+    recorder = Recorder(path, page)
+    recorder.close()
+    reader = RrdReader(path)
+    chunks = [chunk.to_record_batch().to_pylist() for chunk in reader.stream(store=reader.blueprints()[0])]
+    states = [row[PLAY_STATE] for rows in chunks for row in rows if PLAY_STATE in row]
+    assert states == [[PlayState.Playing.value]]

@@ -12,7 +12,7 @@ class RerunConfig:
         growth: relative change in size above which a cloud is logged again; all are logged at the end.
         motion_period: minimum time between two logged poses of the moving robot, s.
         photo: side of a person's or find's photo, caption included, pixels.
-        patience: maximum time that the viewer may take at the end to receive the remaining data, s.
+        patience: maximum time that the viewer may take at the start and at the end to receive the data, s.
     """
 
     grain: float = 0.04

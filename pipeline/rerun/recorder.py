@@ -73,7 +73,7 @@ class Recorder(Sink):
         layout = layout or blueprint()
         self.stream.send_blueprint(layout)
         if viewer:
-            self.stream.flush()  # The viewer uses the layout that it receives last
+            self._flush()  # The viewer uses the layout that it receives last
             viewer.show(following(layout), APPLICATION)
         self.stream.log("world", rr.ViewCoordinates.RIGHT_HAND_Z_UP, drawings.annotations(), static=True)
         self.stream.log("legend", rr.Image(legend()), static=True)
@@ -165,14 +165,18 @@ class Recorder(Sink):
             self._log_maps(self._mapper)
             self._log_robot_pose()
         try:
+            self._flush()
+        finally:
+            self.stream.disconnect()
+        _compact(self._path)
+
+    def _flush(self) -> None:
+        try:
             self.stream.flush(timeout_sec=self._config.patience)
         except RuntimeError as error:
             # A window that was closed in the meantime takes no more data, but the file is still complete.
             if self.viewer is None:
                 raise InputError(f"{self._path}: the recording could not be completed: {error}") from error
-        finally:
-            self.stream.disconnect()
-        _compact(self._path)
 
     def _set_time(self, time: float, *, on_a_step: bool = True) -> None:
         """Set the time of the next data; on the timeline ``step``, the robot stays at its keyframe between steps."""

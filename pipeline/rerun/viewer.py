@@ -73,7 +73,7 @@ class Viewer:
         return rr.GrpcSink(self._address)
 
     def show(self, layout: rrb.Blueprint, application: str) -> None:
-        """Arrange the recordings of an application; no file stores this layout."""
+        """Show an application's recordings with this layout, which is not stored in their files."""
         layout.connect_grpc(application, url=self._address)
 
     def wait(self) -> None:

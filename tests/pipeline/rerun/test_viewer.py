@@ -21,7 +21,6 @@ from tests.recordings import read
 ELSEWHERE = "127.0.0.2"
 """Another address of this machine: a server on every interface answers here, one on 127.0.0.1 does not."""
 
-
 PLAY_STATE = "TimePanelBlueprint:play_state"
 
 

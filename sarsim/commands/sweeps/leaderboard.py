@@ -143,7 +143,9 @@ def boards(entries: Iterable[Entry]) -> Iterator[Board]:
             for n, e in ((n, group[n]) for n in order)
         ]
         named = arenas if len(arenas) <= 3 else (arenas[0], "…", arenas[-1])
-        title = f"{' '.join(named)}: {count} arenas, seeds {' '.join(map(str, seeds))}"
+        size = f"{count} {'arena' if count == 1 else 'arenas'}"
+        repeats = f"{'seed' if len(seeds) == 1 else 'seeds'} {' '.join(map(str, seeds))}"
+        title = f"{' '.join(named)}: {size}, {repeats}"
         yield Board(title, ("method", *estimates, "failed", "commit, processor"), tuple(rows))
 
 

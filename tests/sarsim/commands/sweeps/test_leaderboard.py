@@ -105,6 +105,12 @@ def test_the_fastest_comes_first_and_other_arenas_have_a_table_of_their_own() ->
     assert pair.rows[0][-2:] == ("0", "abc, P")
 
 
+def test_a_title_counts_one_arena_and_one_seed() -> None:
+    single = replace(FAST, seeds=(0,), rows=FAST.rows[:1])
+    (table,) = boards([single])
+    assert table.title == "grid:toys: 1 arena, seed 0"
+
+
 @pytest.mark.parametrize(
     "change", [{"rows": {}}, {"seeds": [0]}, {"rows": {"arena": ["a"], "seed": [0, 1]}}, {"x": 1}]
 )

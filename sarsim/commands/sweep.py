@@ -35,6 +35,8 @@ if TYPE_CHECKING:
 MANIFEST = "sweep.json"
 """File that records the version, code and steps with which a folder's episodes were run."""
 ENTRIES, PAGE = "entries", "sweep.html"
+SUMMARY = ("method", "T_99, s", "explored, mean over time", "people found", "failed")
+"""Columns of a leaderboard's table that are printed, because all of them would not fit; the page has them all."""
 FAILED = 1  # Exit status if every episode failed
 
 
@@ -190,16 +192,17 @@ def entry(settings: SweepSettings, method: str, results: Sequence["EpisodeResult
 
 
 def show(settings: SweepSettings, entries: Sequence["Entry"], failed: dict["SweepJob", str]) -> None:
-    """Print the tables, and a line on stderr for each error with which a method's episodes failed."""
+    """Print the tables' main columns, and a line on stderr for each error with which a method's episodes failed."""
     from sarsim.commands.sweeps.leaderboard import boards
 
     for (method, error), count in Counter((job.method, text) for job, text in failed.items()).items():
         print(f"{method}: {count} of its episodes failed: {error}", file=sys.stderr)
     for board in boards(entries):
-        columns = [Column(head, overflow="fold") for head in board.heads[:-1]]
+        shown = [n for n, head in enumerate(board.heads) if head in SUMMARY]
+        columns = [Column(board.heads[n], overflow="fold", no_wrap=n == 0) for n in shown]
         table = Table(*columns, title=board.title, caption="interquartile means, with 95 % confidence intervals")
         for row in board.rows:
-            table.add_row(*row[:-1])
+            table.add_row(*(row[n] for n in shown))
         Console().print(table)
     places = [settings.out / name for name in (PAGE, "episodes.parquet", ENTRIES)]
     Console().print("Page: {}; episodes: {}; leaderboard entries: {}".format(*places), soft_wrap=True)

@@ -8,8 +8,8 @@ import pyarrow.parquet as pq
 import pytest
 
 from pipeline.errors import InputError
-from sarsim.commands.sweep import SweepSettings, sweep
-from sarsim.commands.sweeps.leaderboard import read_entry
+from sarsim.commands.sweep import SUMMARY, SweepSettings, sweep
+from sarsim.commands.sweeps.leaderboard import TABLE_COLUMNS, read_entry
 from tests.sarsim.dataset.small import InProcess
 
 THROWS = "class Throws:\n    def __call__(self, world, sights, rng):\n        raise ValueError('no')\n"
@@ -67,6 +67,10 @@ def test_a_sweep_in_which_every_episode_failed_ends_with_a_status_that_says_so(
         sweep(replace(settings, methods=("mine_too:Throws",)))
     assert ended.value.code == 1
     assert "2 of its episodes failed" in capsys.readouterr().err
+
+
+def test_printed_columns_are_columns_of_the_tables() -> None:
+    assert set(SUMMARY) <= {"method", *TABLE_COLUMNS, "failed"}
 
 
 def test_methods_are_there_before_anything_runs(settings: SweepSettings) -> None:

@@ -74,7 +74,7 @@ def _legs(report: Mapping[str, Any]) -> str:
     parts = []
     if driven:
         parts += [f"{driven['reached']} of {driven['legs']} reached", f"{driven['distance_m']:.1f} m driven"]
-        parts += [_counted(driven["collisions"], "contact") + " with walls or clutter"]
+        parts += [_counted(driven["collisions"], "contact") + " with walls, clutter or people"]
         parts += ["the robot tipped over"] if driven["tipped"] else []
     if goals:
         parts += [f"{goals['reached']} of {goals['given']} goals reached"]

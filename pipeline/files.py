@@ -24,7 +24,7 @@ GOOD = "good"  # The answer of a separate process that has found no fault
 
 
 @contextmanager
-def whole_file(path: Path) -> Iterator[Path]:
+def atomic_write(path: Path) -> Iterator[Path]:
     """Yield a temporary path next to ``path``; its file replaces ``path`` if the block ends without an error.
 
     Raises:
@@ -80,7 +80,7 @@ def make_folder(path: Path, marks: Collection[str] = ()) -> None:
         raise InputError(f"{path}: cannot be created or written to: {error.strerror or error}") from error
 
 
-def each(*actions: Callable[[], object]) -> None:
+def run_all(*actions: Callable[[], object]) -> None:
     """Run every action even if others fail; then raise the first failure, since the others may follow from it."""
     failures: list[Exception] = []
     for action in actions:
@@ -226,7 +226,7 @@ def load_results(path: Path, what: str, name: str, form: str, version: int) -> d
     return arrays
 
 
-def answer_apart(action: Callable[[], str], seconds: int, memory: int) -> str:
+def run_isolated(action: Callable[[], str], seconds: int, memory: int) -> str:
     """Run an action in a separate process, so that a library that hangs or crashes does no harm.
 
     Args:

@@ -16,7 +16,7 @@ from pipeline.elevation_map.config import ElevationConfig
 from pipeline.elevation_map.elevation_map import ElevationMap
 from pipeline.elevation_map.ground_evidence import Assumed, Driven, GroundEvidence
 from pipeline.errors import InputError
-from pipeline.files import each, load_results, whole_file
+from pipeline.files import atomic_write, load_results, run_all
 from pipeline.frame import Intrinsics
 from pipeline.geometry.planes import Moments
 from pipeline.keyframes import Keyframes, Places, Seen
@@ -134,7 +134,7 @@ LAYOUT: dict[str, dict[str, Field]] = {
 
 def save_maps(mapper: Mapper, folder: Path) -> None:
     """Write all maps into a folder, each independently; InputError, at the end, if one could not be written."""
-    each(
+    run_all(
         lambda: save_keyframes(mapper, folder / KEYFRAMES),
         lambda: save_metric_map(mapper.metric_map, folder / "metric_map.npz"),
         lambda: mapper.semantic_map.save(folder / "semantic_map.ply"),
@@ -164,7 +164,7 @@ def save_keyframes(mapper: Mapper, path: Path) -> None:
     for kind, fields in LAYOUT.items():
         for name, field in fields.items():
             arrays |= _columns(f"{kind}.{name}", field, [row[name] for row in rows[kind]])
-    with whole_file(path) as partial, zipfile.ZipFile(partial, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as file:
+    with atomic_write(path) as partial, zipfile.ZipFile(partial, "w", zipfile.ZIP_DEFLATED, compresslevel=1) as file:
         for name, array in arrays.items():
             with file.open(f"{name}.npy", "w", force_zip64=True) as entry:
                 np.lib.format.write_array(entry, array, allow_pickle=False)

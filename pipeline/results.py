@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.files import each, whole_file
+from pipeline.files import atomic_write, run_all
 from pipeline.league.brief import MissionBrief
 from pipeline.league.config import LeagueConfig
 from pipeline.league.hand_in import hand_in
@@ -28,7 +28,7 @@ class MapFiles(Sink):
     def finish(self, result: Result) -> None:
         """Write them, each by itself; InputError if one cannot be written."""
         if result.steps:
-            each(partial(save_maps, result.mapper, result.folder), partial(result.trajectory.save, result.folder))
+            run_all(partial(save_maps, result.mapper, result.folder), partial(result.trajectory.save, result.folder))
 
 
 class HandIn(Sink):
@@ -88,7 +88,7 @@ def _plain(value: Any) -> Any:
 
 def write_report(report: dict[str, Any], folder: Path) -> None:
     """Write report.json; InputError if it cannot be written."""
-    with whole_file(folder / "report.json") as path:
+    with atomic_write(folder / "report.json") as path:
         path.write_text(json.dumps(report, indent=1, default=float, allow_nan=False) + "\n")
 
 

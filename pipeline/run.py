@@ -16,7 +16,7 @@ from pipeline.exploration.deadline import Deadline
 from pipeline.exploration.inspection import Inspection
 from pipeline.exploration.viewpoint import Viewpoint
 from pipeline.explorer import Explorer
-from pipeline.files import each, uninterrupted
+from pipeline.files import run_all, uninterrupted
 from pipeline.league.brief import MissionBrief
 from pipeline.localisation.localisation import LostError
 from pipeline.localisation.trajectory import EstimatedTrajectory
@@ -100,7 +100,7 @@ class Run:
             (getattr(sink, "finishing", Sink.finishing), partial(sink.finish, result)) for sink in self.parts.sinks
         ]
         with uninterrupted():
-            each(*(partial(self._show_phase, *phase) for phase in phases))
+            run_all(*(partial(self._show_phase, *phase) for phase in phases))
 
     def _show_phase(self, name: str, action: Callable[[], object]) -> None:
         self._watch(Progress(f"{self.parts.place}: {name}"))

@@ -10,7 +10,7 @@ from functools import partial
 from pipeline.arrays import Pose
 from pipeline.errors import InputError
 from pipeline.explorer import Explorer
-from pipeline.files import check_folder, each
+from pipeline.files import check_folder, run_all
 from pipeline.league.brief import MissionBrief
 from pipeline.mapper import Mapper
 from pipeline.progress import Progress
@@ -150,4 +150,4 @@ class Episode(ExplorerRun):
         return self.robot.time
 
     def _finish(self, sim_time: float) -> None:
-        each(lambda: super(Episode, self)._finish(sim_time), self.robot.close)
+        run_all(lambda: super(Episode, self)._finish(sim_time), self.robot.close)

@@ -17,7 +17,7 @@ import mujoco.viewer
 import numpy as np
 
 from pipeline.errors import InputError
-from pipeline.files import each
+from pipeline.files import run_all
 from pipeline.mapper import Keyframe
 from pipeline.robot import Velocity
 from pipeline.run import MappingRun
@@ -235,7 +235,7 @@ class MappedDrive(MappingRun):
     def save(self) -> None:
         """End the recording, and write the maps, the report and the page; InputError if any write fails."""
         steps, sim_time = len(self.mapper.keyframes), self._robot.time - self._begin
-        each(lambda: self.finish(self._trajectory, steps, sim_time, {}), self._robot.close)
+        run_all(lambda: self.finish(self._trajectory, steps, sim_time, {}), self._robot.close)
 
 
 def _follow(camera: mujoco.MjvCamera, body: int) -> None:

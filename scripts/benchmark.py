@@ -19,7 +19,7 @@ except ModuleNotFoundError as error:
     ) from None
 from rich.table import Table
 
-from pipeline.files import whole_file
+from pipeline.files import atomic_write
 from sarsim.commands.cli import check_folder_of
 from sarsim.commands.provenance import instructions, machine, processor
 from sarsim.commands.settings import run_one_of, save_settings
@@ -101,10 +101,10 @@ def write(file: Path, content: Mapping[str, Any], pictures: Iterable[Path]) -> N
     Raises:
         InputError: a file cannot be written.
     """
-    with whole_file(file) as part:
+    with atomic_write(file) as part:
         part.write_text(json.dumps(content, indent=2, default=str) + "\n")
     for picture in pictures:
-        with whole_file(file.with_name(f"{file.stem}-{picture.name}")) as part:
+        with atomic_write(file.with_name(f"{file.stem}-{picture.name}")) as part:
             shutil.copyfile(picture, part)
 
 

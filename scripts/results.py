@@ -24,7 +24,7 @@ except ModuleNotFoundError as error:
 import yaml
 
 from pipeline.errors import InputError
-from pipeline.files import whole_file
+from pipeline.files import atomic_write
 from pipeline.rescue_report.figures import figures as flat
 from sarsim.commands.provenance import machine, state_of_code
 from sarsim.commands.settings import run_with_settings
@@ -95,7 +95,7 @@ def renew(name: str, page: Mapping[str, Any], settings: Results) -> None:
     for variant, environment in page.get("environments", {}).items():
         again = measured(command, ROOT / "runs" / "results" / f"{name}-{variant}", environment)
         record["figures"] |= {f"{variant}.{figure}": value for figure, value in again["figures"].items()}
-    with whole_file(FOLDER / f"{name}.json") as part:
+    with atomic_write(FOLDER / f"{name}.json") as part:
         part.write_text(json.dumps(record, indent=1, sort_keys=True) + "\n")
     print(f"{name}: took {record['processor_s']} s of processor time", flush=True)
 
@@ -145,7 +145,7 @@ def record_of(name: str) -> Record | None:
 def write_pages() -> None:
     """Write every page of results and README's table from the figures that exist."""
     for file, text in texts().items():
-        with whole_file(file) as part:
+        with atomic_write(file) as part:
             part.write_text(text)
 
 

@@ -27,7 +27,7 @@ from pipeline.datasets.replay import Replay, localisation_of
 from pipeline.datasets.tum_folder import read_tum_folder
 from pipeline.errors import InputError
 from pipeline.explorer import Explorer
-from pipeline.files import each, load_arrays
+from pipeline.files import load_arrays, run_all
 from pipeline.frame import Frame
 from pipeline.localisation.localisation import LostError
 from pipeline.localisation.slam import Slam
@@ -439,4 +439,4 @@ def explored(robot: AmissRobot, folder: Path) -> None:
         pass
     finally:
         if explorer.steps:
-            each(explorer.settle, lambda: save_maps(explorer.mapper, folder))
+            run_all(explorer.settle, lambda: save_maps(explorer.mapper, folder))

@@ -11,7 +11,7 @@ from scipy.spatial import cKDTree
 from scipy.special import expit
 
 from pipeline.arrays import Directions, Places, Points, Pose, Values
-from pipeline.files import MOST_MEMORY, read_bytes, whole_file
+from pipeline.files import MOST_MEMORY, atomic_write, read_bytes
 from pipeline.league.brief import MissionBrief
 from pipeline.metric_map.metric_map import LOG_ODDS, MetricMap
 from pipeline.transforms import inverse, transform_points
@@ -83,7 +83,7 @@ def write_cloud(
     ]
     table = np.column_stack([moved, colours, normals, confidence])
     form = " ".join(["%.3f"] * len(PLACE) + ["%d"] * len(RGB) + ["%.2f"] * (len(NORMAL) + 1))
-    with whole_file(path) as partial:
+    with atomic_write(path) as partial:
         np.savetxt(partial, table, form, header="\n".join(lines), comments="", encoding="utf-8")
 
 

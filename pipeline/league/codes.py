@@ -9,7 +9,7 @@ import numpy as np
 
 from pipeline.arrays import Place, Pose
 from pipeline.errors import InputError
-from pipeline.files import read_text, whole_file
+from pipeline.files import atomic_write, read_text
 from pipeline.tracks.find import Find
 from pipeline.transforms import inverse, transform_points
 
@@ -50,7 +50,7 @@ def write_codes(path: Path, codes: Iterable[ReadCode]) -> None:
         {"text": code.text, "position": code.position.round(3).tolist(), "autonomous": code.is_autonomous}
         for code in codes
     ]
-    with whole_file(path) as partial:
+    with atomic_write(path) as partial:
         partial.write_text(json.dumps(rows, indent=1) + "\n", encoding="utf-8")
 
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pipeline.arrays import Points, Pose, Poses
 from pipeline.elevation_map.traversability import Traversability
 from pipeline.errors import InputError
-from pipeline.files import each
+from pipeline.files import run_all
 from pipeline.labels import COLOURS, Label
 from pipeline.league.brief import HANDED_IN, MissionBrief
 from pipeline.league.cloud import write_cloud
@@ -65,7 +65,7 @@ def hand_in(
     neighbours = config.normal_neighbours
     if codes := codes_among(finds, T):
         files.append(target / brief.codes_name)
-    each(
+    run_all(
         lambda: write_pois(listed, brief, pois),
         lambda: write_cloud(cloud, brief, *_surface(semantic_map, metric_map), cameras, metric_map, T, neighbours),
         lambda: write_plan(plan, searched_ground(ground, metric_map, way[:, :2]), T, way, pois),

@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.arrays import Place, Pose
-from pipeline.files import read_text, whole_file
+from pipeline.files import atomic_write, read_text
 from pipeline.league.brief import DEFAULT_START, MissionBrief
 from pipeline.league.rules import LENGTHS
 from pipeline.tracks.find import Find
@@ -110,7 +110,7 @@ def write_pois(path: Path, brief: MissionBrief, pois: Sequence[PointOfInterest])
         f"{','.join(f'{x:.2f}' for x in poi.position)},{_quoted(poi.robot)},{poi.mode}"
         for number, poi in enumerate(pois, 1)
     ]
-    with whole_file(path) as partial:
+    with atomic_write(path) as partial:
         partial.write_text("\n".join([*map(_quoted, (*HEADER[:2], *own)), POI_COLUMNS, *rows, ""]), encoding="utf-8")
 
 

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation, Slerp
 
 from pipeline.arrays import Pose, Poses, Values
 from pipeline.errors import InputError
-from pipeline.files import read_numbers, whole_file
+from pipeline.files import atomic_write, read_numbers
 from pipeline.localisation.config import TrajectoryConfig
 from pipeline.localisation.localisation import Localisation
 from pipeline.transforms import FARTHEST, are_poses, from_rotation, inverse
@@ -113,7 +113,7 @@ def write_tum(path: Path, times: Sequence[float], poses: Sequence[Pose]) -> None
     for time, T in zip(times, poses, strict=True):
         numbers = [*T[:3, 3], *Rotation.from_matrix(T[:3, :3]).as_quat()]
         lines.append(f"{time:.3f} " + " ".join(f"{n:.6f}" for n in numbers))
-    with whole_file(path) as partial:
+    with atomic_write(path) as partial:
         partial.write_text("\n".join(lines) + "\n")
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.files import whole_file
+from pipeline.files import atomic_write
 from pipeline.frame import jpeg
 from pipeline.rescue_report.people import Row, photo_name, plain
 from pipeline.rescue_report.situation import Situation
@@ -41,9 +41,9 @@ def _named(situation: Situation) -> Iterator[tuple[Find, str]]:
 
 def write_finds(folder: Path, situation: Situation) -> None:
     """Write finds.json and the photos of all finds except people; InputError if a file cannot be written."""
-    with whole_file(folder / "finds.json") as path:
+    with atomic_write(folder / "finds.json") as path:
         path.write_text(json.dumps(finds_data(situation), indent=1, allow_nan=False) + "\n")
     for find, name in _named(situation):
         if find.kind != "victim":
-            with whole_file(folder / name) as path:
+            with atomic_write(folder / name) as path:
                 path.write_bytes(jpeg(find.photo))

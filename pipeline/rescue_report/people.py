@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.files import whole_file
+from pipeline.files import atomic_write
 from pipeline.frame import jpeg
 from pipeline.rescue_report.situation import Person, Situation
 
@@ -62,14 +62,14 @@ def plain(numbers: Any) -> Any:
 def write_people(folder: Path, situation: Situation) -> None:
     """Write the data and the photos into a folder; InputError if a file cannot be written."""
     data = people_data(situation)
-    with whole_file(folder / JSON) as path:
+    with atomic_write(folder / JSON) as path:
         path.write_text(json.dumps(data, indent=1, allow_nan=False) + "\n")
-    with whole_file(folder / CSV) as path, path.open("w", newline="") as file:
+    with atomic_write(folder / CSV) as path, path.open("w", newline="") as file:
         table = csv.DictWriter(file, COLUMNS)
         table.writeheader()
         table.writerows(_row(person) for person in data["people"])
     for person in situation.everyone:
-        with whole_file(folder / photo_name(person)) as path:
+        with atomic_write(folder / photo_name(person)) as path:
             path.write_bytes(jpeg(person.victim.photo))
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.exploration.viewpoint import Viewpoint
-from pipeline.files import whole_file
+from pipeline.files import atomic_write
 from pipeline.mapper import Keyframe, Mapper
 from pipeline.rerun.recorder import Recorder
 from pipeline.rescue_report.config import RescueReportConfig
@@ -76,5 +76,5 @@ class RescuePage(Sink):
 
 def write_page(path: Path, situation: Situation, report: Mapping[str, Any]) -> None:
     """Write the page from a situation and report.json's figures; InputError if it cannot be written."""
-    with whole_file(path) as partial:
+    with atomic_write(path) as partial:
         partial.write_text(page(situation, report, datetime.now().astimezone()), encoding="utf-8")

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import Labels, Points
 from pipeline.errors import InputError
-from pipeline.files import MOST_MEMORY, read_bytes, whole_file
+from pipeline.files import MOST_MEMORY, atomic_write, read_bytes
 
 _TYPES = {"x": "float", "y": "float", "z": "float"} | dict.fromkeys(("red", "green", "blue", "label"), "uchar")
 VERTEX = np.dtype([(name, {"float": "<f4", "uchar": "u1"}[kind]) for name, kind in _TYPES.items()])
@@ -21,7 +21,7 @@ def write_ply(path: Path, points: Points, colours: NDArray[np.uint8], labels: La
     vertices = np.empty(len(points), VERTEX)
     for name, column in zip(_TYPES, (*points.T, *colours.T, labels), strict=True):
         vertices[name] = column
-    with whole_file(path) as partial:
+    with atomic_write(path) as partial:
         partial.write_bytes(_header(len(points)) + vertices.tobytes())
 
 

@@ -11,7 +11,7 @@ import numpy as np
 from pipeline.arrays import Mask, MaskLayer, Place, Poses
 from pipeline.arrays import Places as Points
 from pipeline.elevation_map.traversability import Traversability
-from pipeline.files import whole_file
+from pipeline.files import atomic_write
 from pipeline.keyframes import Places
 from pipeline.labels import Label
 from pipeline.planning.pose_paths import PosePaths
@@ -118,7 +118,7 @@ class TopologicalMap:
             }
             for a, b, e in self.graph.edges(data=True)
         ]
-        with whole_file(path) as partial:
+        with atomic_write(path) as partial:
             partial.write_text(json.dumps({"nodes": nodes, "edges": edges}, indent=1) + "\n")
 
     def _reachable(self, paths: PosePaths) -> MaskLayer:

@@ -6,7 +6,7 @@ from pathlib import Path
 from tyro.conf import Fixed
 
 from pipeline.errors import InputError
-from pipeline.files import whole_file
+from pipeline.files import atomic_write
 from sarsim.arenas.settings import RandomArenaConfig, StartPose
 from sarsim.commands.cli import check_folder_of
 from sarsim.commands.settings import run_with_settings
@@ -40,7 +40,7 @@ def export_arena(settings: ExportArena) -> None:
     check_folder_of("out", settings.out)
     arena = make_arena(settings.arena, settings.start, settings.random)
     for name, content in (arena.mjcf_model.get_assets() | {settings.out.name: arena.to_xml().encode()}).items():
-        with whole_file(settings.out.with_name(name)) as part:
+        with atomic_write(settings.out.with_name(name)) as part:
             part.write_bytes(content)
     print(f"python -m mujoco.viewer --mjcf={settings.out}")
 

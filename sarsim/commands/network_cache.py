@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike, DTypeLike, NDArray
 
 from pipeline.arrays import Pose, Rgb
 from pipeline.errors import InputError
-from pipeline.files import whole_file
+from pipeline.files import atomic_write
 from pipeline.frame import Frame
 from pipeline.labels import Label
 from pipeline.semantic_map.classifier import PointClassifier
@@ -57,7 +57,7 @@ class OutputCache:
                 self.hits += 1
                 return kept
         output = np.asarray(run(), kind).reshape(shape)
-        with whole_file(path) as partial:
+        with atomic_write(path) as partial:
             partial.write_bytes(zlib.compress(output.tobytes(), 1))
         return output
 

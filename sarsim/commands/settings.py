@@ -13,7 +13,7 @@ import tyro
 import yaml
 
 from pipeline.errors import InputError
-from pipeline.files import read_text, whole_file
+from pipeline.files import atomic_write, read_text
 from pipeline.league.brief import MissionBrief, Task
 from sarsim.assets import asset
 from sarsim.commands.cli import COMMON, common, guarded, parse
@@ -190,7 +190,7 @@ def save_settings(settings: Any, path: Path) -> None:
     Raises:
         InputError: the file cannot be written.
     """
-    with whole_file(path) as file:
+    with atomic_write(path) as file:
         file.write_text(yaml.safe_dump(_plain(settings), sort_keys=False, default_flow_style=False))
 
 

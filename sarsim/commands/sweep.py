@@ -17,7 +17,7 @@ from rich.table import Column, Table
 from tyro.conf import Fixed
 
 from pipeline.errors import InputError
-from pipeline.files import make_folder, read_text, whole_file
+from pipeline.files import atomic_write, make_folder, read_text
 from sarsim.commands.cli import progress
 from sarsim.commands.provenance import processor, state_of_code
 from sarsim.commands.settings import run_with_settings, save_settings
@@ -120,7 +120,7 @@ def begin(settings: SweepSettings) -> str:
     file, current = settings.out / MANIFEST, {"version": importlib.metadata.version("sarsim"), "code": code()}
     current |= {"steps": str(settings.steps)}
     if not file.exists():
-        with whole_file(file) as part:
+        with atomic_write(file) as part:
             part.write_text(json.dumps(current) + "\n")
         return current["code"]
     try:

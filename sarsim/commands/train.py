@@ -15,7 +15,7 @@ from rich.console import Console
 from tyro.conf import Fixed
 
 from pipeline.errors import InputError
-from pipeline.files import whole_file
+from pipeline.files import atomic_write
 from pipeline.semantic_map.networks.training_config import (
     BlockAugmentation,
     Optimization,
@@ -205,7 +205,7 @@ def train_explorer(settings: TrainExplorer) -> None:
     with progress() as bars:
         bar = bars.add_task("steps", total=settings.steps // settings.worlds)
         network = ppo.train_explorer(settings, lambda: bars.advance(bar))
-    with whole_file(settings.out) as part:
+    with atomic_write(settings.out) as part:
         save_file(network.state_dict(), part)
     Console().print(f"Weights in {settings.out}", soft_wrap=True)
 

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from pipeline.files import whole_file
+from pipeline.files import atomic_write
 from pipeline.labels import Label
 from sarsim.dataset.manifest import FILE, Manifest, sha256_of
 
@@ -98,7 +98,7 @@ def _write(
         "distribution": list(files),
         "recordSet": list(records),
     }
-    with whole_file(folder / CROISSANT) as path:
+    with atomic_write(folder / CROISSANT) as path:
         path.write_text(json.dumps(content, indent=1) + "\n")
 
 

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.errors import InputError
-from pipeline.files import GOOD, answer_apart, check_regular
+from pipeline.files import GOOD, check_regular, run_isolated
 
 FAST = {"compression": "gzip", "compression_opts": 1}
 """Options for fast compression. HDF5's other fast filter, LZF, does not give the same bytes for the same data."""
@@ -98,7 +98,7 @@ def open_file(path: Path) -> h5py.File:
             fill all memory when they are decompressed.
     """
     check_regular(path)
-    if (said := answer_apart(lambda: _looked_through(path), SECONDS, MEMORY)) != GOOD:
+    if (said := run_isolated(lambda: _looked_through(path), SECONDS, MEMORY)) != GOOD:
         limits = f"{SECONDS} s or {MEMORY / 1e9:g} GB"
         raise InputError(f"{path}: {said or f'damaged: HDF5 crashed or needed more than {limits} to read it'}")
     try:

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any, Self
 
 from pipeline.errors import InputError
-from pipeline.files import read_text, whole_file
+from pipeline.files import atomic_write, read_text
 from pipeline.labels import COLOURS, Label
 from sarsim.dataset.recipe import Recipe
 
@@ -107,7 +107,7 @@ class Manifest:
             ],
             "scenes": [asdict(self.scenes[index]) for index in sorted(self.scenes)],
         }
-        with whole_file(folder / FILE) as partial:
+        with atomic_write(folder / FILE) as partial:
             partial.write_text(json.dumps(content, indent=1) + "\n")
 
     def check_same(self, other: "Manifest", folder: Path) -> None:

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from safetensors.torch import save_file
 from torch import Tensor, nn
 
-from pipeline.files import whole_file
+from pipeline.files import atomic_write
 from pipeline.finds.patch_network import PatchNetwork, to_input
 from pipeline.semantic_map.networks.training_loop import Learner
 from sarsim.dataset.settings import PatchTrainingConfig
@@ -63,5 +63,5 @@ class PatchLearner(Learner[Patches, PatchNetwork]):
         """Write the weights in half precision; InputError if they cannot be written."""
         state = self.finished(network).state_dict().items()
         halves: dict[str, Tensor] = {name: value.half().contiguous() for name, value in state}
-        with whole_file(out) as part:
+        with atomic_write(out) as part:
             save_file(halves, part)

@@ -13,7 +13,7 @@ from dm_control.mujoco import wrapper
 from numpy.typing import NDArray
 
 from pipeline.errors import InputError
-from pipeline.files import whole_file
+from pipeline.files import atomic_write
 from pipeline.labels import Label
 from pipeline.transforms import from_rotation
 from sarsim.arenas.load import load_arena
@@ -45,7 +45,7 @@ def make_scene(recipe: Recipe, index: int, folder: Path) -> SceneEntry:
     """
     path = folder / scene_path(index)
     path.parent.mkdir(exist_ok=True)
-    with whole_file(path) as partial:
+    with atomic_write(path) as partial:
         scene, points = render_scene(recipe, index, partial)
         digest = sha256_of(partial)
     return SceneEntry(

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import Rgb
-from pipeline.files import whole_file
+from pipeline.files import atomic_write
 from pipeline.labels import COLOURS, Label
 from pipeline.rescue_report.rendering import environment, jpeg
 from pipeline.sensor import XTION
@@ -42,7 +42,7 @@ def write_summary(folder: Path) -> None:
             far=XTION.farthest,
         )
     )
-    with whole_file(folder / FILE) as partial:
+    with atomic_write(folder / FILE) as partial:
         partial.write_text(html)
 
 

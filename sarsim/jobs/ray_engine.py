@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from pipeline.errors import InputError
-from pipeline.files import whole_file
+from pipeline.files import atomic_write
 from sarsim.jobs.engine import ATTEMPTS, Job, Outcomes, Result, Work, done, failed
 from sarsim.jobs.folder_lock import FolderLock
 from sarsim.jobs.processes import ONE_THREAD
@@ -70,7 +70,7 @@ class RayEngine:
             return failed(f"a Ray worker failed: {' '.join(str(error).split())}")
         for name, content in files.items():
             (folder / name).parent.mkdir(parents=True, exist_ok=True)
-            with whole_file(folder / name) as part:
+            with atomic_write(folder / name) as part:
                 part.write_bytes(content)
         outcome.set_result(result)
         return outcome

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
 from pipeline.arrays import Values
-from pipeline.files import each
+from pipeline.files import run_all
 from pipeline.localisation.localisation import Loop
 from pipeline.localisation.trajectory import EstimatedTrajectory, write_tum
 from pipeline.transforms import tilt_of, wrap_angle, yaw_of
@@ -39,7 +39,7 @@ class TrajectoryScore(EstimatedTrajectory[Pose]):
             super().save(folder)
             return
         write_true = partial(write_true_tum, folder / "trajectory_true.tum", self._odometry)
-        each(lambda: super(TrajectoryScore, self).save(folder), write_true)
+        run_all(lambda: super(TrajectoryScore, self).save(folder), write_true)
 
     def report(self) -> dict[str, float]:
         """Errors without alignment, because ``map`` and the world frame coincide at the start.

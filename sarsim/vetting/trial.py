@@ -7,7 +7,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from pipeline.errors import InputError
-from pipeline.files import GOOD, answer_apart
+from pipeline.files import GOOD, run_isolated
 from sarsim.assets import asset
 from sarsim.vetting.model_files import check_files
 from sarsim.vetting.resolved import EXACT, resolved
@@ -56,7 +56,7 @@ def vet_mjcf(path: Path) -> None:
             out of range, or needs too much memory or time.
     """
     check_files(path)
-    said = answer_apart(lambda: _tried(path), SECONDS, TRIAL_MEMORY)
+    said = run_isolated(lambda: _tried(path), SECONDS, TRIAL_MEMORY)
     if said != GOOD:
         limits = f"{TRIAL_MEMORY / 1e9:g} GB of memory or {SECONDS} s of processor time"
         raise InputError(

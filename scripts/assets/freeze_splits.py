@@ -9,7 +9,7 @@ from itertools import count, islice
 import yaml
 
 from pipeline.errors import InputError
-from pipeline.files import whole_file
+from pipeline.files import atomic_write
 from sarsim.assets import asset
 from sarsim.commands.cli import tracked
 from sarsim.commands.sweeps.arenas import ARENAS, GRID, MAPS, checksum
@@ -35,7 +35,7 @@ def main() -> None:
         mujoco = [*BUILT[split], *islice(drawn(first), ARENAS - len(BUILT[split]))]
         maps = [f"{GRID}{split}:{number}" for number in range(MAPS)]
         content = {"mujoco": {n: checksum(n) for n in mujoco}, "grid": {n: checksum(n) for n in maps}}
-        with whole_file(asset("splits", f"{split}.yaml")) as part:
+        with atomic_write(asset("splits", f"{split}.yaml")) as part:
             part.write_text(yaml.safe_dump(content, sort_keys=False))
 
 

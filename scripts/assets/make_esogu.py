@@ -7,7 +7,7 @@ from xml.etree.ElementTree import Comment, Element, SubElement, indent, tostring
 
 import numpy as np
 
-from pipeline.files import whole_file
+from pipeline.files import atomic_write
 from sarsim.arenas.elements import ArenaBuilder
 from sarsim.assets import asset
 from sarsim.commands.cli import run
@@ -60,7 +60,7 @@ SURFACE_COLOURS = {
 def make_esogu(folder: Path = TARGET.parent) -> None:
     """Write the arena, and beside it the victims that it includes."""
     for name, text in (TARGET.name, laboratory_floor().to_xml()), (VICTIMS, people_on_the_floor()):
-        with whole_file(folder / name) as path:
+        with atomic_write(folder / name) as path:
             path.write_text(text)
 
 

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from pipeline.files import whole_file
+from pipeline.files import atomic_write
 from sarsim.assets import asset
 from sarsim.commands.cli import run
 from sarsim.victims.people import UNIT, bone_motions, skinned
@@ -68,7 +68,7 @@ def make_victims(seed: int = 0, out: Path = LIBRARY) -> None:
             postures += ["lying" if recipe == "straight" else recipe] * len(found)
             builds += [build] * len(found)
     people |= {"poses": np.array(poses, np.float32), "postures": np.array(postures), "builds": np.array(builds)}
-    with whole_file(out) as path, path.open("wb") as file:
+    with atomic_write(out) as path, path.open("wb") as file:
         np.savez_compressed(file, allow_pickle=False, **people)
     print(f"{out}: {out.stat().st_size / 1e3:.0f} kB")
     write_arena_victims(asset("arenas", "nist_6x4_victims.xml"))
@@ -135,7 +135,7 @@ def write_arena_victims(out: Path) -> None:
     sitting = make_victim("sitting", np.random.default_rng(2), "sitting", stature=1.45, room=(0.66, 0.67))
     sitting.add_to(root, (2.995 - sitting.footprint[1, 1], -2, 0), np.pi / 2)
     indent(root)
-    with whole_file(out) as path:
+    with atomic_write(out) as path:
         ElementTree(root).write(path)
 
 

@@ -22,7 +22,7 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import Rgb
 from pipeline.errors import InputError
-from pipeline.files import whole_file
+from pipeline.files import atomic_write
 from pipeline.navigation.commands import Outcome
 from pipeline.robot import Motion
 from pipeline.sink import Sink
@@ -199,7 +199,7 @@ def leave(job: Job, folder: Path, make: Callable[[], dict[str, Any] | None]) -> 
         try:
             if (made := make()) is not None:
                 content = {"settings": job.settings} | made
-                with whole_file(folder / f"{job.name}.json") as file:
+                with atomic_write(folder / f"{job.name}.json") as file:
                     file.write_text(json.dumps(content, indent=1, default=float, allow_nan=False) + "\n")
         except Exception:
             traceback.print_exc()

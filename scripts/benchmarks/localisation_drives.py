@@ -18,7 +18,7 @@ from scipy.spatial.transform import Rotation
 from pipeline.arrays import Pose
 from pipeline.errors import InputError
 from pipeline.explorer import Explorer
-from pipeline.files import whole_file
+from pipeline.files import atomic_write
 from pipeline.frame import Frame, Intrinsics
 from pipeline.grid_map import Grid
 from pipeline.localisation.odometry import OdometryLocalisation
@@ -175,7 +175,7 @@ def _record(job: DriveJob, path: Path) -> int:
     robot = SimulatedRobot(load_arena(config.arena), simulation, config.seed)
     survey = Survey(robot.physics.model.ptr, robot.physics.data.ptr, robot.base_body, robot.model)
     surface = survey.surface_from(robot.trajectory[-1].T_world_base[:3, 3])
-    with whole_file(path) as partial, DriveWriter(partial, job.settings, surface) as writer:
+    with atomic_write(path) as partial, DriveWriter(partial, job.settings, surface) as writer:
         recorder = _Recorder(robot, writer)
         mapper = make_mapper(TRUE_LABELS, robot.model, config.seed, OdometryLocalisation())
         explorer = Explorer(robot, mapper)

@@ -7,20 +7,20 @@ import pytest
 
 from pipeline.errors import InputError
 from pipeline.files import (
+    atomic_write,
     check_folder,
     check_regular,
-    each,
     load_arrays,
     make_folder,
     read_numbers,
     read_text,
-    whole_file,
+    run_all,
 )
 
 
 def test_the_file_appears_when_it_is_whole(tmp_path):
     path = tmp_path / "a.txt"
-    with whole_file(path) as partial:
+    with atomic_write(path) as partial:
         partial.write_text("new")
         assert not path.exists()
     assert path.read_text() == "new"
@@ -30,7 +30,7 @@ def test_the_file_appears_when_it_is_whole(tmp_path):
 def test_an_error_leaves_the_old_file_and_no_rest(tmp_path):
     path = tmp_path / "a.txt"
     path.write_text("old")
-    with pytest.raises(KeyboardInterrupt), whole_file(path) as partial:
+    with pytest.raises(KeyboardInterrupt), atomic_write(path) as partial:
         partial.write_text("half")
         raise KeyboardInterrupt
     assert path.read_text() == "old"
@@ -38,7 +38,7 @@ def test_an_error_leaves_the_old_file_and_no_rest(tmp_path):
 
 
 def test_a_place_that_cannot_be_written_is_named():
-    with pytest.raises(InputError, match=r"/dev/full/a\.txt"), whole_file(Path("/dev/full/a.txt")) as partial:
+    with pytest.raises(InputError, match=r"/dev/full/a\.txt"), atomic_write(Path("/dev/full/a.txt")) as partial:
         partial.write_text("x")
 
 
@@ -74,7 +74,7 @@ def test_each_runs_what_remains_after_a_failure_and_then_raises_the_first() -> N
         raise InputError(text)
 
     with pytest.raises(InputError, match="first"):
-        each(lambda: done.append("a"), lambda: fail("first"), lambda: done.append("b"), lambda: fail("second"))
+        run_all(lambda: done.append("a"), lambda: fail("first"), lambda: done.append("b"), lambda: fail("second"))
     assert done == ["a", "b"]
 
 

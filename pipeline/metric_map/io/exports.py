@@ -7,7 +7,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.arrays import Labels, Place
-from pipeline.files import whole_file
+from pipeline.files import atomic_write
 from pipeline.labels import COLOURS
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.semantic_map.ply import write_ply
@@ -85,11 +85,11 @@ def write_map_server(
     image = np.ascontiguousarray(np.swapaxes(cells, 0, 1)[::-1])
     if image.ndim == 3:
         image = image[..., [0, 0, 0, 1]]
-    with whole_file(path) as partial:
+    with atomic_write(path) as partial:
         partial.write_bytes(cv2.imencode(path.suffix, image)[1].tobytes())
     free, occupied = thresholds
     description = path.with_suffix(".yaml")
-    with whole_file(description) as partial:
+    with atomic_write(description) as partial:
         partial.write_text(
             f"image: {path.name}\nmode: {mode}\nresolution: {cell}\norigin: [{origin[0]:.6g}, {origin[1]:.6g}, 0.0]\n"
             f"negate: 0\noccupied_thresh: {occupied}\nfree_thresh: {free}\n"

@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.errors import InputError
-from pipeline.files import load_results, whole_file
+from pipeline.files import atomic_write, load_results
 from pipeline.metric_map.config import MetricMapConfig
 from pipeline.metric_map.metric_map import MetricMap
 
@@ -35,7 +35,7 @@ def save_metric_map(metric_map: MetricMap, path: Path) -> None:
         "log_odds": metric_map.log_odds(lower, upper),
     }
     entries |= {name: getattr(metric_map.config, name) for name in SETTINGS}
-    with whole_file(path) as partial, partial.open("wb") as file:
+    with atomic_write(path) as partial, partial.open("wb") as file:
         np.savez_compressed(file, allow_pickle=False, **entries)
 
 

@@ -14,7 +14,7 @@ from scipy.spatial import KDTree
 
 from pipeline.arrays import Labels, Points
 from pipeline.errors import InputError
-from pipeline.files import whole_file
+from pipeline.files import atomic_write
 from pipeline.labels import COLOURS, Label
 from pipeline.metric_map.metric_map import LOG_ODDS, MetricMap
 
@@ -74,7 +74,7 @@ def _add_voxels(tree: OcTree | ColorOcTree, metric_map: MetricMap, centres: Poin
 
 def _write(path: Path, metric_map: MetricMap, content: bytes) -> None:
     corner = " ".join(repr(value) for value in metric_map.corner.tolist())
-    with whole_file(path) as partial:
+    with atomic_write(path) as partial:
         partial.write_bytes(content.replace(b"\n#\n", f"\n# corner {corner}\n".encode(), 1))
 
 

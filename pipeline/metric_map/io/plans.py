@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from PIL import Image, TiffImagePlugin, TiffTags
 
 from pipeline.arrays import MaskLayer, Place, Places
-from pipeline.files import whole_file
+from pipeline.files import atomic_write
 from pipeline.metric_map.io.exports import PGM_FREE, PGM_OCCUPIED, PGM_UNKNOWN
 
 Greys = NDArray[np.uint8]
@@ -66,17 +66,17 @@ def write_geotiff(path: Path, image: Greys, pixel: float, corner: Place, unknown
         *([] if unknown is None else [(GeoTag.NO_DATA, TiffTags.ASCII, str(unknown))]),
     ):
         tags.tagtype[tag], tags[tag] = kind, value
-    with whole_file(path) as partial:
+    with atomic_write(path) as partial:
         Image.fromarray(image).save(partial, "TIFF", tiffinfo=tags, compression="tiff_adobe_deflate")
 
 
 def save_world_png(path: Path, cells: Greys, cell: float, origin: Place) -> list[Path]:
     """Write cells as PNG, and their size and position as world file (.pgw); arguments as in :func:`save_geotiff`."""
     x, y = origin[0] + cell / 2, origin[1] + (cells.shape[1] - 0.5) * cell
-    with whole_file(path) as partial:
+    with atomic_write(path) as partial:
         partial.write_bytes(cv2.imencode(".png", _image(cells))[1].tobytes())
     place = path.with_suffix(".pgw")
-    with whole_file(place) as partial:
+    with atomic_write(place) as partial:
         partial.write_text("".join(f"{value:.9g}\n" for value in (cell, 0, 0, -cell, x, y)))
     return [path, place]
 
@@ -90,7 +90,7 @@ def save_svg(path: Path, cells: Greys, cell: float, origin: Place) -> list[Path]
         edges = _outlines(cells == grey, cell, origin)
         drawn = "".join("M" + "L".join(f"{x:.6g} {y:.6g}" for x, y in edge) + "z" for edge in edges)
         parts.append(f'<path id="{name}" fill="{colour}" d="{drawn}"/>\n')
-    with whole_file(path) as partial:
+    with atomic_write(path) as partial:
         partial.write_text(
             f'<svg xmlns="http://www.w3.org/2000/svg" width="{100 * width:.6g}" height="{100 * height:.6g}"'
             f' viewBox="{x:.6g} {-y - height:.6g} {width:.6g} {height:.6g}">\n'
@@ -111,7 +111,7 @@ def save_dxf(path: Path, cells: Greys, cell: float, origin: Place) -> list[Path]
             for x, y in edge:
                 pairs += [(0, "VERTEX"), (8, name), (10, f"{x:.6g}"), (20, f"{y:.6g}"), (30, 0.0)]
             pairs += [(0, "SEQEND"), (8, name)]
-    with whole_file(path) as partial:
+    with atomic_write(path) as partial:
         partial.write_text("".join(f"{code}\n{value}\n" for code, value in [*pairs, (0, "ENDSEC"), (0, "EOF")]))
     return [path]
 

@@ -17,7 +17,7 @@ import torch
 from torch import Tensor, nn
 
 from pipeline.errors import InputError
-from pipeline.files import whole_file
+from pipeline.files import atomic_write
 from pipeline.semantic_map.networks.parallel import TrainingWorker
 from pipeline.semantic_map.networks.threads import torch_threads
 from pipeline.semantic_map.networks.training_config import TrainingConfig
@@ -181,7 +181,7 @@ class TrainingLoop(Generic[Batch, Network]):
             self.rows.append([self.step, float(np.mean(self._losses)), *scores])
             self._losses = []
             self._write_weights()
-            with whole_file(self.out.with_suffix(".csv")) as file, file.open("w", newline="") as stream:
+            with atomic_write(self.out.with_suffix(".csv")) as file, file.open("w", newline="") as stream:
                 csv.writer(stream).writerows([("step", "loss", *self.learner.SCORES), *self.rows])
             self._save()
         self.worker.wait()
@@ -195,7 +195,7 @@ class TrainingLoop(Generic[Batch, Network]):
             state = {"step": self.step, "spent": self.spent, "rows": self.rows, "losses": self._losses}
             state |= {name: part.state_dict() for name, part in self._parts.items()}
             state |= {"settings": self._settings, "random": self.worker.random_state()}
-            with whole_file(self._checkpoint) as file:
+            with atomic_write(self._checkpoint) as file:
                 torch.save(state, file)
 
     def _resume(self) -> None:

@@ -5,7 +5,7 @@ from pathlib import Path
 from safetensors.torch import save
 
 from pipeline.errors import InputError
-from pipeline.files import whole_file
+from pipeline.files import atomic_write
 from pipeline.semantic_map.networks.dgcnn import Dgcnn
 from pipeline.semantic_map.networks.network import PointNetwork
 from pipeline.semantic_map.networks.pointcnn import PointCnn
@@ -51,5 +51,5 @@ def save_weights(path: Path, network: PointNetwork, metadata: dict[str, str] | N
                 f"{path}: {name} has values that are NaN or too large for half precision; lower the learning rate"
             )
     content = save(tensors, {"network": network.NAME} | network.about() | (metadata or {}))
-    with whole_file(path) as file:
+    with atomic_write(path) as file:
         file.write_bytes(content)  # safetensors' own save_file creates files that only their owner may read

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import Rgb
 from pipeline.errors import InputError
-from pipeline.files import GOOD, answer_apart, read_bytes, read_text
+from pipeline.files import GOOD, read_bytes, read_text, run_isolated
 from pipeline.tracks.find import KINDS, VICTIM
 from pipeline.victims.detection.boxes import Boxes
 from pipeline.victims.detection.input_image import Letterbox
@@ -88,7 +88,7 @@ class DarknetNetwork:
         check_hash(weights)
         content = read_bytes(weights)
         size = len(content) - header_size(content, weights)
-        if (said := answer_apart(lambda: cls._tried(sections, content, size), SECONDS, MEMORY)) != GOOD:
+        if (said := run_isolated(lambda: cls._tried(sections, content, size), SECONDS, MEMORY)) != GOOD:
             raise InputError(f"{cfg}, {weights}: {said or CRASHED}")
         try:
             network = cls(sections, content, kinds)

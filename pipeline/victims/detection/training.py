@@ -12,7 +12,7 @@ from torch import Tensor, nn
 
 from pipeline.arrays import Rgb
 from pipeline.errors import InputError
-from pipeline.files import read_text, whole_file
+from pipeline.files import atomic_write, read_text
 from pipeline.semantic_map.networks.training_loop import Learner
 from pipeline.tracks.find import VICTIM
 from pipeline.victims.config import DetectorConfig
@@ -93,7 +93,7 @@ class YoloLearner(Learner[list[TrainingImage], YoloSmall]):
         """Write the weights, the ``.cfg`` and the card."""
         write_weights(out, network, about["step"] * self._config.batch)
         for ending, text in ((".cfg", self._text), (".json", json.dumps(about, indent=1) + "\n")):
-            with whole_file(out.with_suffix(ending)) as file:
+            with atomic_write(out.with_suffix(ending)) as file:
                 file.write_text(text)
 
 

@@ -20,7 +20,7 @@ import torch
 from torch import Tensor
 
 from pipeline.errors import InputError
-from pipeline.files import read_bytes, read_text, whole_file
+from pipeline.files import atomic_write, read_bytes, read_text
 from pipeline.semantic_map.networks.tensor_file import copy_tensors, read_tensors
 from pipeline.victims.detection.yolo import Convolution, Yolo, YoloSmall, YoloTiny
 
@@ -86,7 +86,7 @@ def write_weights(path: Path, network: Yolo, seen: int = 0) -> None:
     """
     tensors = (tensor for layer in network.convolutions for _, tensor in _tensors(layer))
     header = np.array(WRITTEN_VERSION, "<i4").tobytes() + np.array(seen, "<i8").tobytes()
-    with whole_file(path) as partial:
+    with atomic_write(path) as partial:
         partial.write_bytes(header + b"".join(t.detach().cpu().numpy().astype(NUMBER).tobytes() for t in tensors))
 
 

@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.errors import InputError
-from pipeline.files import read_text, whole_file
+from pipeline.files import atomic_write, read_text
 from pipeline.rescue_report.figures import figures as flat
 from sarsim.commands.sweeps.arenas import checked, grid_scene
 from sarsim.commands.sweeps.names import GRID
@@ -111,7 +111,7 @@ def run_episode(steps: int, limit: float, job: SweepJob, folder: Path) -> None:
     kept = {"row": job.row | figures, "curve": written(curve), "processor_s": time.process_time() - start}
     path = folder / job.file
     path.parent.mkdir(exist_ok=True)
-    with whole_file(path) as part:
+    with atomic_write(path) as part:
         part.write_text(json.dumps(kept) + "\n")
 
 

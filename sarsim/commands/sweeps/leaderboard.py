@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from pipeline.errors import InputError
-from pipeline.files import read_text, whole_file
+from pipeline.files import atomic_write, read_text
 from sarsim.commands.sweeps.episodes import ORACLE, Row
 from sarsim.commands.sweeps.statistics import Estimate, estimate
 from sarsim.scoring.progress import mean_up_to
@@ -97,7 +97,7 @@ def write_entry(entry: Entry, folder: Path) -> Path:
     content = asdict(entry)
     keys = list(dict.fromkeys(key for row in entry.rows for key in row))
     content["rows"] = {key: [row.get(key) for row in entry.rows] for key in keys}
-    with whole_file(path := folder / f"{name[:120]}.json") as part:
+    with atomic_write(path := folder / f"{name[:120]}.json") as part:
         part.write_text(json.dumps(content, indent=None) + "\n")
     return path
 

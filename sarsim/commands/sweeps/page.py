@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from numpy.typing import NDArray
 
 from pipeline.arrays import Values
-from pipeline.files import whole_file
+from pipeline.files import atomic_write
 from pipeline.rescue_report.rendering import environment
 from sarsim.commands.sweeps.leaderboard import ENDS, Entry, boards
 from sarsim.commands.sweeps.statistics import estimate
@@ -45,7 +45,7 @@ def write_page(entries: Sequence[Entry], curves: Curves, path: Path) -> None:
     strokes = dict(zip(curves, _strokes(), strict=False))
     page = environment("sarsim.commands.sweeps").get_template("sweep.html")
     html = page.render(plots=drawing(entries, curves, strokes), strokes=strokes, boards=list(boards(entries)))
-    with whole_file(path) as part:
+    with atomic_write(path) as part:
         part.write_text(html)
 
 

@@ -6,7 +6,7 @@ from pathlib import Path
 import pyarrow as pa
 import pyarrow.parquet as pq
 
-from pipeline.files import whole_file
+from pipeline.files import atomic_write
 from sarsim.commands.sweeps.episodes import Row
 
 KEYS = ("method", "arena", "seed", "checksum", "failed")
@@ -21,7 +21,7 @@ def write_parquet(rows: Sequence[Row], path: Path) -> None:
     known = {key for row in rows for key in row}
     keys = [*KEYS, *sorted(known.difference(KEYS))]
     table = pa.table({key: _column([row.get(key) for row in rows]) for key in keys})
-    with whole_file(path) as part:
+    with atomic_write(path) as part:
         pq.write_table(table, part)
 
 

@@ -12,7 +12,7 @@ from hypothesis import example, given
 from hypothesis.extra.numpy import array_shapes, arrays
 
 from pipeline.errors import InputError
-from pipeline.files import whole_file
+from pipeline.files import atomic_write
 from sarsim.dataset import hdf5
 from sarsim.dataset.hdf5 import FAST
 from sarsim.dataset.scene_file import Scene, SceneWriter
@@ -241,7 +241,7 @@ def test_a_full_disk_is_reported_and_leaves_nothing(tmp_path: Path, monkeypatch:
     monkeypatch.setattr(hdf5, "FileSink", FullDisk)
     with (
         pytest.raises(InputError, match=r"scene\.h5: .*No space left on device"),
-        whole_file(tmp_path / "scene.h5") as partial,
+        atomic_write(tmp_path / "scene.h5") as partial,
     ):
         write_scene(partial)
     assert list(tmp_path.iterdir()) == []

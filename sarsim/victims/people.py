@@ -1,6 +1,6 @@
 """The library of bodies, and of the postures in which they came to rest: ``assets/victims/people.npz``.
 
-``scripts/assets/make_victims.py`` makes it: body surfaces around dm_control's CMU humanoid, dropped as a ragdoll.
+The surfaces of the bodies lie around the bones of dm_control's CMU humanoid, which was dropped as a ragdoll.
 """
 
 from collections.abc import Iterator

@@ -1,1 +1,0 @@
-"""The parts of the library of victims: body surfaces, and the poses in which ragdolls come to rest."""

@@ -292,7 +292,7 @@ def inside(inner: Box, outer: Box) -> Box:
     return i, j
 
 
-def roomier(values: NDArray, size: int, more: int) -> NDArray:
+def ensure_capacity(values: NDArray, size: int, more: int) -> NDArray:
     """The array if it has room for ``more`` rows after the first ``size``, else a copy of 2ⁿ rows, padded with 0."""
     if size + more <= len(values):
         return values

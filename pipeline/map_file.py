@@ -218,7 +218,7 @@ def load_elevation_map(
         InputError: as in :func:`load_keyframes`.
     """
     elevation_map, keyframes = ElevationMap(robot, config), read_keyframes(path, robot, config)
-    with elevation_map.made_anew(keyframes.boxes()):
+    with elevation_map.rebuilding(keyframes.boxes()):
         for k, evidence in keyframes.ground:
             evidence.put(elevation_map, keyframes.poses[k])
     return elevation_map, keyframes.poses

@@ -24,7 +24,7 @@ from pipeline.keyframes import Keyframes, Moves, Seen, nearest
 from pipeline.localisation.belief import Belief
 from pipeline.localisation.localisation import Localisation, Localised
 from pipeline.localisation.slam import Slam
-from pipeline.metric_map.isolated_returns import without_isolated_returns
+from pipeline.metric_map.isolated_returns import remove_isolated_returns
 from pipeline.metric_map.metric_map import MetricMap
 from pipeline.planning.pose_paths import PosePaths
 from pipeline.robot import RobotModel
@@ -201,7 +201,7 @@ class Mapper:
 
     def clean(self, frame: Frame) -> Frame:
         """A copy of the frame without isolated returns."""
-        return without_isolated_returns(frame, self.metric_map.config.isolated_returns)
+        return remove_isolated_returns(frame, self.metric_map.config.isolated_returns)
 
     def offer(self, localised: Localised, labelled: bool | None = None, set_down: bool = False) -> Keyframe | None:
         """Make the newest frame a keyframe as :meth:`add` does; None if it repeats one."""
@@ -364,7 +364,7 @@ class Mapper:
 
     def _make_metric_map(self, boxes: NDArray[np.float64]) -> None:
         keyframes = self.keyframes
-        with self.stopwatch("correction_metric_map"), self.metric_map.made_anew(boxes) as meets:
+        with self.stopwatch("correction_metric_map"), self.metric_map.rebuilding(boxes) as meets:
             for k in np.flatnonzero(meets(keyframes.boxes())):
                 keyframes.seen[k].put_depth(self.metric_map, keyframes.poses[k])
 
@@ -372,13 +372,13 @@ class Mapper:
         keyframes = self.keyframes
         if not any(keyframes.seen[k].shares for k in np.flatnonzero(moving)):
             return
-        with self.stopwatch("correction_semantic_map"), self.semantic_map.made_anew(boxes) as meets:
+        with self.stopwatch("correction_semantic_map"), self.semantic_map.rebuilding(boxes) as meets:
             for k in np.flatnonzero(meets(keyframes.boxes())):
                 keyframes.seen[k].put_classes(self.semantic_map, keyframes.poses[k], int(k))
 
     def _make_elevation_map(self, boxes: NDArray[np.float64]) -> None:
         keyframes = self.keyframes
-        with self.elevation_map.made_anew(boxes) as meets:
+        with self.elevation_map.rebuilding(boxes) as meets:
             is_met = meets(keyframes.boxes())
             for k, evidence in keyframes.ground:
                 if is_met[k]:

@@ -16,7 +16,7 @@ from pipeline.elevation_map import elevation_kernels as kernels
 from pipeline.elevation_map import pose_kernels
 from pipeline.elevation_map.config import ElevationConfig
 from pipeline.elevation_map.overhangs_kernels import OPEN, ROOFED
-from pipeline.grid_map import Box, Grid, GridMap, Layer, box_around, check_memory, inside, roomier
+from pipeline.grid_map import Box, Grid, GridMap, Layer, box_around, check_memory, ensure_capacity, inside
 from pipeline.robot import RobotModel
 from pipeline.sensor import XTION
 
@@ -61,7 +61,7 @@ class ElevationMap:
         self._lowest = np.zeros(0)
         self._height, self._hits = (np.zeros((0, config.levels), dtype) for dtype in (np.float32, np.uint16))
         self._size = 0  # number of columns
-        self._making: MaskLayer | None = None
+        self._rebuilding: MaskLayer | None = None
         self._everywhere = np.zeros((0, 0), np.bool_)
 
     @property
@@ -132,7 +132,7 @@ class ElevationMap:
         cells = self.grid.cell_of(places)
         poses = pose_kernels.bits_of(cells, track[:, 2])
         kernels.sweep(cells, poses, self._disc, self._within, self.layers["been"], self.layers["swept"])
-        if self._making is None:
+        if self._rebuilding is None:
             self._renew(tuple((cells[:, None] + self._disc).reshape(-1, 2).T))
 
     @cached_property
@@ -189,7 +189,7 @@ class ElevationMap:
         self._renew(tuple(np.concatenate([cells, passed]).T))
 
     @contextmanager
-    def made_anew(self, boxes: Boxes) -> Iterator[Callable[[Boxes], Mask]]:
+    def rebuilding(self, boxes: Boxes) -> Iterator[Callable[[Boxes], Mask]]:
         """Forget everything within boxes in ``map``; the body of the ``with`` statement adds the evidence again.
 
         Only cells within the boxes change, at any height.
@@ -204,16 +204,16 @@ class ElevationMap:
         rows = self.layers["row"][within]
         rows = rows[rows != kernels.NO_COLUMN]
         self._lowest[rows], self._height[rows], self._hits[rows] = np.nan, 0, 0
-        self._making = within
+        self._rebuilding = within
         try:
             yield meets
         finally:
-            self._making = None
+            self._rebuilding = None
         self._renew(np.nonzero(within))
 
     def cover(self, points: NDArray[np.floating]) -> None:
         """Grow the grid to contain points (N, 2 or 3), m; InputError if it would take too much memory."""
-        if self._making is None:
+        if self._rebuilding is None:
             self.layers.cover(points)
 
     def _reserve(self, more: int) -> None:
@@ -221,7 +221,7 @@ class ElevationMap:
         per_bin = self._height.itemsize + self._hits.itemsize
         check_memory(f"the heights of {self._size + more} cells", (self._size + more) * self.config.levels * per_bin)
         columns = self._lowest, self._height, self._hits
-        self._lowest, self._height, self._hits = (roomier(values, self._size, more) for values in columns)
+        self._lowest, self._height, self._hits = (ensure_capacity(values, self._size, more) for values in columns)
 
     @property
     def _bins(self) -> kernels.Bins:
@@ -230,15 +230,15 @@ class ElevationMap:
     @property
     def _within(self) -> MaskLayer:
         """The cells that may change."""
-        if self._making is not None:
-            return self._making
+        if self._rebuilding is not None:
+            return self._rebuilding
         if self._everywhere.shape != self.grid.shape:
             self._everywhere = np.ones(self.grid.shape, np.bool_)
         return self._everywhere
 
     def _renew(self, where: tuple[NDArray, ...]) -> None:
         """Update the derived layers in and around cells whose evidence changed; ``where`` indexes a layer."""
-        if self._making is not None or not len(where[0]):
+        if self._rebuilding is not None or not len(where[0]):
             return
         layers, gap = self.layers, round(self.robot.max_gap / self.grid.cell) + 1
         changed = np.zeros(self.grid.shape, np.bool_)

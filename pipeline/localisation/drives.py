@@ -35,7 +35,7 @@ class Drives(NamedTuple):
         shapes = (4, 4), (3,), (3, 5), (3, 5), (6, 5), (6, 6)
         return cls(np.zeros(0, np.int64), *(np.zeros((0, *shape)) for shape in shapes))
 
-    def and_to(self, keyframe: int, motion: MeasuredMotion, config: OdometryConfig) -> "Drives":
+    def appended(self, keyframe: int, motion: MeasuredMotion, config: OdometryConfig) -> "Drives":
         """These motions, followed by the motion to a keyframe from the one before it."""
         whitening = np.linalg.inv(np.linalg.cholesky(motion.noise(config)))
         last = keyframe, motion.T, motion.turn, motion.moves, motion.turns, motion.jacobian, whitening

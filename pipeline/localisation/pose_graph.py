@@ -92,7 +92,7 @@ class PoseGraph:
 
     def drive(self, motion: MeasuredMotion) -> None:
         """Add the odometry's motion from the previous keyframe to the newest one."""
-        self.drives = self.drives.and_to(len(self) - 1, motion, self._config.odometry)
+        self.drives = self.drives.appended(len(self) - 1, motion, self._config.odometry)
 
     def link(self, i: int, j: int, covariance: Covariance) -> None:
         """Store the variances of keyframe j's pose relative to keyframe i; of several, the smallest count."""

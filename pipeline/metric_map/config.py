@@ -41,7 +41,8 @@ class MetricMapConfig:
             offset, z = 0 and all multiples of half a voxel along each axis lie inside a layer.
         hit: amount that an end point adds to a voxel's value; a single return proves a surface.
         miss: amount that a crossing ray subtracts; many rays cross a voxel with a surface in only one corner.
-        greatest: maximum value of a voxel; a surface that vanished is erased after ``greatest`` / ``miss`` frames.
+        max_log_odds: maximum value of a voxel; a surface that vanished is erased after ``max_log_odds`` / ``miss``
+            frames.
         narrow: depth up to which rays are traced, voxels, because the field of view is so narrow there that it can
             pass between the corners of voxels.
         max_bytes: maximum memory of the voxels, bytes.
@@ -57,7 +58,7 @@ class MetricMapConfig:
     offset: tuple[float, float, float] = (-0.25, -0.25, -0.4)
     hit: int = 10
     miss: int = 1
-    greatest: int = 40
+    max_log_odds: int = 40
     narrow: float = 6.0
     max_bytes: int = MOST_MEMORY
     isolated_returns: IsolatedReturnsConfig = IsolatedReturnsConfig()
@@ -73,13 +74,13 @@ class MetricMapConfig:
             raise InputError(f"metric_map.margin = {self.margin}: must be non-negative and finite")
         if np.shape(self.offset) != (3,) or not np.isfinite(self.offset).all():
             raise InputError(f"metric_map.offset = {self.offset}: must be three finite numbers")
-        if not 0 < self.miss < self.hit <= self.greatest <= np.iinfo(np.int8).max:
-            values = f"miss = {self.miss}, hit = {self.hit}, greatest = {self.greatest}"
-            raise InputError(f"metric_map: {values}: must satisfy 0 < miss < hit <= greatest <= 127")
+        if not 0 < self.miss < self.hit <= self.max_log_odds <= np.iinfo(np.int8).max:
+            values = f"miss = {self.miss}, hit = {self.hit}, max_log_odds = {self.max_log_odds}"
+            raise InputError(f"metric_map: {values}: must satisfy 0 < miss < hit <= max_log_odds <= 127")
         if not isinstance(self.max_bytes, int) or self.max_bytes <= 0:
             raise InputError(f"metric_map.max_bytes = {self.max_bytes}: must be a positive whole number")
 
     @property
-    def least(self) -> int:
+    def min_log_odds(self) -> int:
         """Minimum value of a voxel; a single hit outweighs it."""
         return self.miss - self.hit

@@ -32,27 +32,27 @@ def any_mark(words):
 
 
 @njit(cache=True, nogil=True)
-def fold(words, log_odds, hit, miss, least, greatest):
+def fold(words, log_odds, hit, miss, min_log_odds, max_log_odds):
     """Add a scan's marks to the log-odds of the same voxels.
 
     Args:
         words: (nx, ny, nz / WORD) uint64, each with WORD marks along z: 0 unseen, 1 free, 2 hit.
         log_odds: (nx, ny, nz) int8, changed in place.
         hit, miss: amounts that an end point adds and that a crossing ray subtracts.
-        least, greatest: limits of the log-odds.
+        min_log_odds, max_log_odds: limits of the log-odds.
     """
     for i in range(words.shape[0]):
         for j in range(words.shape[1]):
             for k in range(words.shape[2]):
                 word = words[i, j, k]
                 if word != 0:
-                    _fold_word(word, log_odds[i, j, k * WORD : (k + 1) * WORD], hit, miss, least, greatest)
+                    _fold_word(word, log_odds[i, j, k * WORD : (k + 1) * WORD], hit, miss, min_log_odds, max_log_odds)
 
 
 @njit(cache=True)
-def _fold_word(word, log_odds, hit, miss, least, greatest):
+def _fold_word(word, log_odds, hit, miss, min_log_odds, max_log_odds):
     for n in range(WORD):
         mark = (word >> np.uint64(8 * n)) & np.uint64(0xFF)
         if mark != 0:
             gain = hit if mark == 2 else -miss
-            log_odds[n] = min(max(log_odds[n] + gain, least), greatest)
+            log_odds[n] = min(max(log_odds[n] + gain, min_log_odds), max_log_odds)

@@ -9,8 +9,8 @@ from pipeline.metric_map import isolated_returns_kernels as kernels
 from pipeline.metric_map.config import IsolatedReturnsConfig
 
 
-def without_isolated_returns(frame: Frame, config: IsolatedReturnsConfig) -> Frame:
+def remove_isolated_returns(frame: Frame, config: IsolatedReturnsConfig) -> Frame:
     """The frame without the returns that have too few neighbours of similar depth in the image."""
     same_surface = np.float32(frame.sensor.same_surface)
-    depth = kernels.without_isolated_returns(frame.depth, config.reach, same_surface, config.fewest_alike)
+    depth = kernels.remove_isolated_returns(frame.depth, config.reach, same_surface, config.fewest_alike)
     return replace(frame, depth=depth)

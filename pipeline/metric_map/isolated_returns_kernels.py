@@ -5,7 +5,7 @@ from numba import njit
 
 
 @njit(cache=True)
-def without_isolated_returns(depth, reach, tolerance, least):
+def remove_isolated_returns(depth, reach, tolerance, least):
     """A copy of ``depth`` (H, W), m, with 0 where fewer than ``least`` neighbours have a similar depth.
 
     Neighbours are at most ``reach`` rows and columns away; similar depths differ by at most the share ``tolerance``.

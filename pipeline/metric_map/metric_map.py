@@ -39,7 +39,7 @@ class MetricMap:
         self.config, self.voxel_size, self.max_range = config, config.voxel_size, config.max_range
         self.corner: Place = np.array(config.offset) * config.voxel_size
         self._log_odds = BlockArray(config.max_bytes)
-        self._making: tuple[Grid, MaskLayer] | None = None
+        self._rebuilding: tuple[Grid, MaskLayer] | None = None
         self._updater = Updater(config)
 
     @property
@@ -48,7 +48,7 @@ class MetricMap:
         return self._log_odds.nbytes
 
     @contextmanager
-    def made_anew(self, boxes: Boxes) -> Iterator[Callable[[Boxes], Mask]]:
+    def rebuilding(self, boxes: Boxes) -> Iterator[Callable[[Boxes], Mask]]:
         """Empty the columns that boxes in ``map`` touch; the body of the ``with`` statement must fill them again.
 
         It must add all scans that touch these columns. Meanwhile, other columns do not change.
@@ -58,18 +58,18 @@ class MetricMap:
         """
         columns = Grid.around(boxes - self.corner, COLUMN * self.voxel_size)
         within, meets = columns.touched(boxes - self.corner)
-        self._making = columns, within
+        self._rebuilding = columns, within
         for first, block in self._log_odds.items():
-            block[self._are_made(first, block.shape)] = 0
+            block[self._are_rebuilt(first, block.shape)] = 0
         try:
             yield lambda others: meets(others - self.corner)
         finally:
-            self._making = None
+            self._rebuilding = None
 
-    def _are_made(self, lower: NDArray[np.int64], shape: tuple[int, ...]) -> MaskLayer:
+    def _are_rebuilt(self, lower: NDArray[np.int64], shape: tuple[int, ...]) -> MaskLayer:
         """(nx, ny) which voxels of a box, given by its first index and shape, are in columns being rebuilt."""
-        assert self._making is not None
-        columns, within = self._making
+        assert self._rebuilding is not None
+        columns, within = self._rebuilding
         axes = zip(lower[:2], shape[:2], columns.low, columns.shape, strict=True)
         # The columns at the edge of their grid are never rebuilt, so voxels beyond it may be clipped to them.
         i, j = (((v + np.arange(n)) // COLUMN - low).clip(0, size - 1) for v, n, low, size in axes)
@@ -154,7 +154,7 @@ class MetricMap:
         Raises:
             InputError: the map is full.
         """
-        self._log_odds.write(lower, np.clip(values, self.config.least, self.config.greatest))
+        self._log_odds.write(lower, np.clip(values, self.config.min_log_odds, self.config.max_log_odds))
 
     def state_at(self, points: ArrayLike) -> NDArray[np.float32]:
         """(N,) float32 states (0 occupied, 0.5 unknown, 1 free) at points (N, 3) in ``map``, m."""
@@ -220,8 +220,8 @@ class MetricMap:
         return np.concatenate([np.zeros((0, 3), np.float32), *centres])
 
     def _fold(self, scan: Scan) -> None:
-        if self._making is not None:
-            scan.marks[~self._are_made(scan.lower, scan.marks.shape)] = 0
+        if self._rebuilding is not None:
+            scan.marks[~self._are_rebuilt(scan.lower, scan.marks.shape)] = 0
         words = scan.marks.view(np.uint64)  # Eight marks each
         marked = []
         for key, (i, j, k), in_block in parts(scan.lower, scan.marks.shape):
@@ -229,9 +229,9 @@ class MetricMap:
             if key in self._log_odds or any_mark(part):
                 marked.append((key, part, in_block))
         self._log_odds.reserve(key for key, _, _ in marked)
-        config = self.config
+        c = self.config
         for key, part, in_block in marked:
-            fold(part, self._log_odds[key][in_block], config.hit, config.miss, config.least, config.greatest)
+            fold(part, self._log_odds[key][in_block], c.hit, c.miss, c.min_log_odds, c.max_log_odds)
 
 
 def _check_image(depth: Depth, intrinsics: Intrinsics) -> None:

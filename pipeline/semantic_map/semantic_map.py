@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from pipeline.arrays import Boxes, Indices, Labels, Mask, Points, Probabilities
 from pipeline.errors import InputError
 from pipeline.geometry.voxel_hash_kernels import EMPTY, insert_all
-from pipeline.grid_map import Grid, roomier
+from pipeline.grid_map import Grid, ensure_capacity
 from pipeline.labels import COLOURS, Label
 from pipeline.semantic_map.config import SemanticMapConfig
 from pipeline.semantic_map.ply import write_ply
@@ -100,7 +100,7 @@ class SemanticMap:
         self._free, self._known_order = self._free[:left], None
 
     @contextmanager
-    def made_anew(self, boxes: Boxes) -> Iterator[Callable[[Boxes], Mask]]:
+    def rebuilding(self, boxes: Boxes) -> Iterator[Callable[[Boxes], Mask]]:
         """Empty the columns that boxes in ``map`` touch; the body of the ``with`` statement must fill them again.
 
         It must add all frames that touch these columns, in their order. Other columns do not change.
@@ -129,11 +129,11 @@ class SemanticMap:
 
     def _reserve(self, more: int) -> None:
         """Make room for ``more`` blocks and voxels; doubling keeps the amortised cost of growth constant."""
-        self._rows, self._born = (roomier(values, self._size, more) for values in (self._rows, self._born))
+        self._rows, self._born = (ensure_capacity(values, self._size, more) for values in (self._rows, self._born))
         if self._blocks + more <= len(self._block_keys):
             return
-        self._block_keys = roomier(self._block_keys, self._blocks, more)
-        self._voxels = roomier(self._voxels, self._blocks, more)
+        self._block_keys = ensure_capacity(self._block_keys, self._blocks, more)
+        self._voxels = ensure_capacity(self._voxels, self._blocks, more)
         # Twice as many slots as blocks: linear probing is fast as long as half of the slots are empty.
         size = 2 * len(self._block_keys)
         self._slots, self._block_of_slot = np.full(size, EMPTY, np.int64), np.empty(size, np.int32)

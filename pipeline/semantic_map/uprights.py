@@ -23,7 +23,7 @@ RAMPS = Label.INCLINED_RAMP, Label.STRAIGHT_RAMP
 
 
 @dataclass(frozen=True, eq=False)
-class SeenFromAbove:
+class TopDownProjection:
     """Points in the cells of a grid, seen from above.
 
     Attributes:
@@ -81,12 +81,14 @@ def with_whole_uprights(
     """
     if not len(points):
         return labels
-    fine, coarse = (SeenFromAbove.of(points, edge) for edge in (config.voxel, cell))
+    fine, coarse = (TopDownProjection.of(points, edge) for edge in (config.voxel, cell))
     of_walls = with_whole_walls(fine, labels, robot.width / 2, robot.max_gap, config.uprights)
     return with_sides_of_ramps(coarse, of_walls, robot.headroom, config.uprights)
 
 
-def with_whole_walls(plan: SeenFromAbove, labels: Labels, width: float, gap: float, config: UprightsConfig) -> Labels:
+def with_whole_walls(
+    plan: TopDownProjection, labels: Labels, width: float, gap: float, config: UprightsConfig
+) -> Labels:
     """Labels in which all walls are flat and at least ``width`` m wide; other walls become clutter.
 
     The direction of a wall is found from the points close to a cell or, if the wall has gaps of up to ``gap`` m
@@ -106,7 +108,7 @@ def with_whole_walls(plan: SeenFromAbove, labels: Labels, width: float, gap: flo
     return result
 
 
-def with_sides_of_ramps(plan: SeenFromAbove, labels: Labels, headroom: float, config: UprightsConfig) -> Labels:
+def with_sides_of_ramps(plan: TopDownProjection, labels: Labels, headroom: float, config: UprightsConfig) -> Labels:
     """Labels in which the sides of a ramp or deck have the label of its top, the nearest broad surface.
 
     Surfaces at least ``headroom`` m high are not sides: the robot can drive under a deck of that height.

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import Direction, Place, Rotation3
 from pipeline.labels import Label
-from sarsim.ground_truth.true_surface import Survey, TrueSurface
+from sarsim.ground_truth.true_surface import GroundTruthSurface, Survey
 from sarsim.sensors.camera import geom_labels
 
 SIGHT_HEIGHT = 0.5  # m above the ground at which walls are searched for; the camera is at 0.6 m
@@ -29,7 +29,7 @@ class Walls:
         self._model, self._data = model, mujoco.MjData(model)
         mujoco.mj_kinematics(model, self._data)
         self._is_wall = geom_labels(model) == Label.WALL
-        self._surface: TrueSurface = Survey(model, self._data).surface_from(start)
+        self._surface: GroundTruthSurface = Survey(model, self._data).surface_from(start)
 
     def spread(
         self,

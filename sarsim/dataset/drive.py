@@ -14,7 +14,7 @@ from pipeline.planning.pose_paths import PosePaths, simplify
 from pipeline.transforms import from_rotation, from_yaw, inverse, wrap_angle, yaw_of
 from sarsim.dataset.settings import KEYFRAME_WAY
 from sarsim.dataset.wheel_contact import WheelContact
-from sarsim.ground_truth.true_surface import TrueSurface
+from sarsim.ground_truth.true_surface import GroundTruthSurface
 from sarsim.robots.model import robot_model
 from sarsim.robots.pose import Pose
 from sarsim.sensors.inertial import GRAVITY
@@ -39,7 +39,7 @@ class EndlessDrive:
 
     def __init__(
         self,
-        surface: TrueSurface,
+        surface: GroundTruthSurface,
         wheel_contact: WheelContact,
         T_world_start: NDArray[np.float64],
         rng: np.random.Generator,
@@ -171,7 +171,7 @@ class DeadReckoning:
         return self._T_world_odom @ self._odometry.update(wheels, gyro, accelerometer, self._period)
 
 
-def _roads(surface: TrueSurface) -> Traversability:
+def _roads(surface: GroundTruthSurface) -> Traversability:
     """The true ground in the representation of the robot's planner, which takes ramps head-on."""
     nowhere = np.zeros(surface.grid.shape, np.bool_)
     elevation, driven = surface.height.astype(np.float32), nowhere.astype(np.uint16)

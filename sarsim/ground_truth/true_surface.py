@@ -26,7 +26,7 @@ START_REACH = 0.3  # m; a start at most this far above or below the ground count
 
 
 @dataclass(frozen=True, eq=False)
-class TrueSurface:
+class GroundTruthSurface:
     """The true ground on a grid of 5 cm cells; layers are (nx, ny).
 
     Attributes:
@@ -139,7 +139,7 @@ class Survey:
         walls = self._to_obstacle(height, self.bodies.label == Label.WALL) < CELL / 2 - 1e-6
         return FreeGround(self.grid, height, self._label(height), pieces, to_obstacle, walls)
 
-    def surface_from(self, start: NDArray[np.float64]) -> TrueSurface:
+    def surface_from(self, start: NDArray[np.float64]) -> GroundTruthSurface:
         """The surface around a robot at ``start`` (3,) m; InputError if the robot cannot stand there."""
         ground, (x, y) = self.ground_from(start), np.round(start[:2], 2) + 0.0  # without -0
         if ground is None:
@@ -149,7 +149,7 @@ class Survey:
         piece = ground.pieces[tuple(ground.grid.cell_of(start))]
         if not piece:
             raise InputError(f"the robot cannot stand at ({x:g}, {y:g}) m; choose another start with --start X Y YAW")
-        return TrueSurface(ground.grid, ground.height, ground.pieces == piece, ground.walls)
+        return GroundTruthSurface(ground.grid, ground.height, ground.pieces == piece, ground.walls)
 
     def _place(self, start: NDArray[np.float64], reach: float) -> int | None:
         """Index of the top with headroom that is nearest to a point (3,), if one is within ``reach`` m."""

@@ -3,7 +3,7 @@
 import numpy as np
 from numpy.typing import NDArray
 
-from sarsim.ground_truth.true_surface import Survey, TrueSurface
+from sarsim.ground_truth.true_surface import GroundTruthSurface, Survey
 from sarsim.scoring.coverage_kernels import see
 from sarsim.simulated_robot import SimulatedRobot
 
@@ -22,7 +22,7 @@ class Coverage:
         """Survey the ground that the robot can reach from its current pose."""
         with robot.arena.naming():
             survey = Survey(robot.physics.model.ptr, robot.physics.data.ptr, robot.base_body, robot.model)
-            self.surface: TrueSurface = survey.surface_from(robot.trajectory[-1].T_world_base[:3, 3])
+            self.surface: GroundTruthSurface = survey.surface_from(robot.trajectory[-1].T_world_base[:3, 3])
         self.seen = np.zeros(self.surface.grid.shape, np.bool_)
 
     def see(self, points: NDArray[np.float32]) -> None:

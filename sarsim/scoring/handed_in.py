@@ -22,7 +22,7 @@ from pipeline.robot import RobotModel
 from pipeline.transforms import transform_points
 from sarsim.arenas.things.thing import of_kind, things_of
 from sarsim.ground_truth.meshes import true_scene
-from sarsim.ground_truth.true_surface import Survey, TrueSurface, clearance_of
+from sarsim.ground_truth.true_surface import GroundTruthSurface, Survey, clearance_of
 from sarsim.scoring.coverage import SEEN_HEIGHT
 from sarsim.scoring.coverage_kernels import see
 from sarsim.scoring.fiducial_tubes import Tubes, is_well_placed, mapped_tubes, nearest_code, tubes_of
@@ -77,7 +77,7 @@ class TrueArena:
         tubes: the small league's fiducials and codes.
     """
 
-    surface: TrueSurface
+    surface: GroundTruthSurface
     finds: list[TrueFind]
     scene: Any
     T_world_league: Pose
@@ -139,7 +139,7 @@ def _step(
     return np.asarray(step)
 
 
-def covered(points: NDArray[np.floating], surface: TrueSurface) -> MaskLayer:
+def covered(points: NDArray[np.floating], surface: GroundTruthSurface) -> MaskLayer:
     """The cells of the true ground that points (N, 3), m in the world, cover."""
     seen = np.zeros(surface.grid.shape, np.bool_)
     see(np.asarray(points, np.float64), surface.grid.origin, surface.grid.cell, surface.height, SEEN_HEIGHT, seen)

@@ -8,7 +8,7 @@ import numpy as np
 from pipeline.elevation_map.traversability import Traversability
 from pipeline.navigation.commands import Outcome
 from pipeline.navigation.navigator import Navigator
-from sarsim.ground_truth.true_surface import TrueSurface
+from sarsim.ground_truth.true_surface import GroundTruthSurface
 from sarsim.scoring.oracle import true_traversability
 from sarsim.scoring.pace import time_figures
 from sarsim.scoring.trajectory import driven, motion_figures
@@ -18,7 +18,7 @@ from sarsim.simulated_robot import SimulatedRobot
 class NavigationScore:
     """Scores how a robot drives, no matter what controls it."""
 
-    def __init__(self, robot: SimulatedRobot, surface: TrueSurface):
+    def __init__(self, robot: SimulatedRobot, surface: GroundTruthSurface):
         """Start scoring at the robot's current pose; ``surface``: the true ground."""
         self._robot, self._surface, self._first = robot, surface, len(robot.trajectory) - 1
 

@@ -20,7 +20,7 @@ from pipeline.localisation.keyframe_policy import KeyframePolicy
 from pipeline.planning.pose_paths import PosePaths, bits, nearest_heading
 from pipeline.robot import RobotModel
 from pipeline.transforms import wrap_angle
-from sarsim.ground_truth.true_surface import TrueSurface
+from sarsim.ground_truth.true_surface import GroundTruthSurface
 from sarsim.robots.skid_steer import DriveModel
 from sarsim.scoring.physical import Drive, least_seconds
 from sarsim.scoring.set_cover import cells_shown
@@ -33,7 +33,7 @@ SEARCHES = 32
 """Searches for paths that are kept. One takes up to 70 MB on 52 × 15 m."""
 
 
-def true_traversability(surface: TrueSurface, robot: RobotModel) -> Traversability:
+def true_traversability(surface: GroundTruthSurface, robot: RobotModel) -> Traversability:
     """The whole arena as the robot's planner would know it; everything but connected ground is a wall."""
     top = np.nanmax(surface.height) + robot.headroom
     elevation = np.where(np.isnan(surface.height) | surface.walls, top, surface.height).astype(np.float32)

@@ -5,7 +5,7 @@ from numpy.typing import NDArray
 from scipy import ndimage
 
 from pipeline.arrays import MaskLayer, Places
-from sarsim.ground_truth.true_surface import CELL, TrueSurface
+from sarsim.ground_truth.true_surface import CELL, GroundTruthSurface
 from sarsim.scoring.portals_kernels import edge_cells
 
 DOORWAY = 0.9  # m, width of the leagues' doors
@@ -14,7 +14,7 @@ EIGHT = np.ones((3, 3), np.bool_)
 RING = ((0, 1), (1, 1), (1, 0), (1, -1), (0, -1), (-1, -1), (-1, 0), (-1, 1))  # Steps to the neighbours, as a ring
 
 
-def portals(surface: TrueSurface, clearance: float) -> Places:
+def portals(surface: GroundTruthSurface, clearance: float) -> Places:
     """The doorways and junctions of the ground between the walls; other obstacles are ignored.
 
     Args:
@@ -26,7 +26,7 @@ def portals(surface: TrueSurface, clearance: float) -> Places:
     return surface.grid.centre_of(np.array(cells).reshape(-1, 2))
 
 
-def _between_walls(surface: TrueSurface, clearance: float) -> MaskLayer:
+def _between_walls(surface: GroundTruthSurface, clearance: float) -> MaskLayer:
     """The cells farther than ``clearance`` m from walls and connected to drivable ones, even across obstacles."""
     near = surface.grid.distance_to(surface.walls) <= clearance
     free = ndimage.binary_fill_holes(near | np.isfinite(surface.height)) & ~near

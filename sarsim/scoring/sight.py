@@ -9,7 +9,7 @@ from scipy import sparse
 from pipeline.arrays import Pose, Poses
 from pipeline.elevation_map.traversability import Traversability
 from pipeline.frame import Frame
-from sarsim.ground_truth.true_surface import TrueSurface
+from sarsim.ground_truth.true_surface import GroundTruthSurface
 from sarsim.scoring.coverage import SEEN_HEIGHT
 
 
@@ -20,7 +20,7 @@ class Sight:
         cells: (N, 2) indices of the drivable cells, sorted.
     """
 
-    def __init__(self, surface: TrueSurface, ground: Traversability, scene: Any, frame: Frame):
+    def __init__(self, surface: GroundTruthSurface, ground: Traversability, scene: Any, frame: Frame):
         """Look at the drivable ground of a surface.
 
         Args:

@@ -10,14 +10,14 @@ from numpy.typing import NDArray
 from pipeline.arrays import MaskLayer
 from pipeline.topological_map.sight_kernels import count_in
 from pipeline.topological_map.topological_map import TopologicalMap
-from sarsim.ground_truth.true_surface import CELL, TrueSurface
+from sarsim.ground_truth.true_surface import CELL, GroundTruthSurface
 from sarsim.scoring.topology_kernels import cells_in_sight, line_is_free
 
 SIGHT = 2.0  # m, maximum distance at which a node covers a cell that it sees
 MIN_GAIN = 0.01  # m², minimum gain of a node of the greedy cover
 
 
-def score_topology(topology: TopologicalMap, truth: TrueSurface) -> dict[str, Any]:
+def score_topology(topology: TopologicalMap, truth: GroundTruthSurface) -> dict[str, Any]:
     """Size, soundness and coverage of a topological map, and its size relative to a greedy cover."""
     positions = np.array([node.position[:2] for node in topology.nodes.values()]).reshape(-1, 2)
     ways = [topology.way(a, b)[:, :2] for a, b in topology.graph.edges]
@@ -37,7 +37,7 @@ def score_topology(topology: TopologicalMap, truth: TrueSurface) -> dict[str, An
     }
 
 
-def _seen_from(positions: NDArray[np.float64], truth: TrueSurface) -> MaskLayer:
+def _seen_from(positions: NDArray[np.float64], truth: GroundTruthSurface) -> MaskLayer:
     """The drivable cells that nodes at positions (P, 2), m, see."""
     seen = np.zeros(truth.grid.shape, np.bool_)
     for window, corner in zip(*_views(positions, truth.drivable, truth), strict=True):
@@ -46,14 +46,14 @@ def _seen_from(positions: NDArray[np.float64], truth: TrueSurface) -> MaskLayer:
 
 
 def _views(
-    places: NDArray[np.float64], target: NDArray[np.bool_], truth: TrueSurface
+    places: NDArray[np.float64], target: NDArray[np.bool_], truth: GroundTruthSurface
 ) -> tuple[NDArray[np.bool_], NDArray[np.int64]]:
     """The cells of a target (nx, ny) seen from places (K, 2), m, as returned by :func:`cells_in_sight`."""
     grid = truth.grid
     return cells_in_sight(places, target, grid.origin, grid.cell, SIGHT, ~truth.walls)
 
 
-def _greedy_cover(truth: TrueSurface, area: NDArray[np.bool_]) -> int:
+def _greedy_cover(truth: GroundTruthSurface, area: NDArray[np.bool_]) -> int:
     """Number of nodes of a greedy cover of an area (nx, ny), chosen from every fourth drivable cell along x and y."""
     cells = np.argwhere(truth.drivable)
     fourth = cells[(cells % 4 == 0).all(axis=1)]

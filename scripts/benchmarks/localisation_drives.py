@@ -29,7 +29,7 @@ from sarsim.arenas.load import load_arena
 from sarsim.composition import TRUE_LABELS, make_mapper
 from sarsim.dataset.hdf5 import FAST, NewFile, open_file, write_noisy
 from sarsim.dataset.scene_file import PER_METRE
-from sarsim.ground_truth.true_surface import Survey, TrueSurface
+from sarsim.ground_truth.true_surface import GroundTruthSurface, Survey
 from sarsim.simulated_robot import SimulatedRobot, SimulationConfig
 from scripts.benchmarks.episodes import Job, leave
 
@@ -61,7 +61,7 @@ class DriveJob(Job):
 class DriveWriter(ExitStack):
     """Writes a drive to a file, frame by frame."""
 
-    def __init__(self, path: Path, settings: dict[str, Any], surface: TrueSurface):
+    def __init__(self, path: Path, settings: dict[str, Any], surface: GroundTruthSurface):
         """Create the file; OSError, here or later, if it cannot be written."""
         super().__init__()
         self._new = self.enter_context(NewFile(path))
@@ -123,7 +123,7 @@ class DriveReader(ExitStack):
             self.T_odom_base, self._T_base_camera = file["T_odom_base"][:], file["T_base_camera"][:]
             height, drivable, walls = (file[f"ground/{name}"][:] for name in _GROUND)
             grid = Grid(file.attrs["low"], float(file.attrs["cell"]), height.shape)
-            self.surface = TrueSurface(grid, height, drivable, walls)
+            self.surface = GroundTruthSurface(grid, height, drivable, walls)
             self._intrinsics = Intrinsics(*file["depth"].shape[:0:-1], *map(float, file["intrinsics"]))
         except (KeyError, ValueError, OSError, RuntimeError) as error:
             self.close()

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import Rgb
 from pipeline.localisation.trajectory import write_tum
-from sarsim.ground_truth.true_surface import TrueSurface
+from sarsim.ground_truth.true_surface import GroundTruthSurface
 from scripts.benchmarks.episodes import Job, leave
 from scripts.benchmarks.localisation_drives import DriveReader, drive_file
 from scripts.benchmarks.localisation_methods import METHODS, Method, is_blind
@@ -81,7 +81,7 @@ def follow(
     return {n: np.array(p) for n, p in poses.items()}, {n: np.array(s) for n, s in seconds.items()}
 
 
-def picture_of(surface: TrueSurface, ways: Mapping[str, NDArray[np.float64]], text: str) -> Rgb:
+def picture_of(surface: GroundTruthSurface, ways: Mapping[str, NDArray[np.float64]], text: str) -> Rgb:
     """Top view of the trajectories, with x to the right and y up.
 
     Args:

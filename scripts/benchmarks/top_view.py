@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 
 from pipeline.arrays import MaskLayer, Place, Places, Rgb
 from pipeline.grid_map import Grid
-from sarsim.ground_truth.true_surface import TrueSurface
+from sarsim.ground_truth.true_surface import GroundTruthSurface
 
 PICTURE_LENGTH = 900  # Maximum pixels of the arena's longer side
 MOST_PIXELS = 8  # Maximum pixels per side of a cell
@@ -22,7 +22,12 @@ CONTACT, FAILED = (220, 0, 0), (160, 0, 200)
 
 
 def top_view(
-    surface: TrueSurface, seen: MaskLayer, way: Places, contacts: Sequence[Place], failed: Sequence[Place], text: str
+    surface: GroundTruthSurface,
+    seen: MaskLayer,
+    way: Places,
+    contacts: Sequence[Place],
+    failed: Sequence[Place],
+    text: str,
 ) -> Rgb:
     """Top view of a run, with x to the right and y up.
 
@@ -48,14 +53,14 @@ def top_view(
     return np.vstack([picture, caption(text, picture.shape[1])])
 
 
-def ground_picture(surface: TrueSurface, seen: NDArray[np.bool_]) -> tuple[NDArray[np.uint8], int]:
+def ground_picture(surface: GroundTruthSurface, seen: NDArray[np.bool_]) -> tuple[NDArray[np.uint8], int]:
     """(H, W, 3) uint8 RGB picture of the ground, given its (nx, ny) ``seen`` cells, and pixels per side of a cell."""
     scale = int(np.clip(PICTURE_LENGTH // max(surface.grid.shape), 1, MOST_PIXELS))
     cells = _cells(surface, seen).transpose(1, 0, 2)[::-1]
     return np.ascontiguousarray(cells.repeat(scale, axis=0).repeat(scale, axis=1)), scale
 
 
-def _cells(surface: TrueSurface, seen: NDArray[np.bool_]) -> NDArray[np.uint8]:
+def _cells(surface: GroundTruthSurface, seen: NDArray[np.bool_]) -> NDArray[np.uint8]:
     """(nx, ny, 3) uint8 RGB colour of every cell."""
     cells = np.empty((*surface.grid.shape, 3), np.uint8)
     cells[:] = NOWHERE

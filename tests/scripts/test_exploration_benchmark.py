@@ -8,7 +8,7 @@ import pytest
 
 from pipeline.errors import InputError
 from pipeline.grid_map import Grid
-from sarsim.ground_truth.true_surface import TrueSurface
+from sarsim.ground_truth.true_surface import GroundTruthSurface
 from sarsim.settings import EpisodeConfig
 from scripts.benchmarks import episodes, exploration
 from scripts.benchmarks.episodes import GROUPS, Job, run_job, run_jobs
@@ -207,7 +207,7 @@ def test_the_picture_shows_what_is_where():
     seen[5:20] = True
     walls = np.zeros_like(drivable)
     walls[0] = True
-    surface = TrueSurface(Grid(np.array([-20, 0]), 0.05, (40, 20)), np.zeros((40, 20)), drivable, walls)
+    surface = GroundTruthSurface(Grid(np.array([-20, 0]), 0.05, (40, 20)), np.zeros((40, 20)), drivable, walls)
     way = np.array([(-0.5, 0.5), (-0.4, 0.5)])
     picture = top_view(surface, seen, way, [np.array([0.5, 0.6])], [], "text")
     assert picture.shape == (20 * MOST_PIXELS + BAND, 40 * MOST_PIXELS, 3)

@@ -12,8 +12,10 @@ from pipeline.metric_map.metric_map import MetricMap
 
 FORMAT = "sarsim metric map"
 VERSION = 1
-SETTINGS = ("voxel_size", "max_range", "offset", "hit", "miss", "least", "greatest", "margin", "max_bytes")
-"""Names of the settings that are stored."""
+SETTINGS = ("voxel_size", "max_range", "offset", "hit", "miss", "margin", "max_bytes")
+"""Names of the settings that are stored under their own names."""
+LIMITS = {"least": "min_log_odds", "greatest": "max_log_odds"}
+"""Names in the file, and of the settings, of the limits of log-odds."""
 
 
 def save_metric_map(metric_map: MetricMap, path: Path) -> None:
@@ -21,8 +23,8 @@ def save_metric_map(metric_map: MetricMap, path: Path) -> None:
 
     Entries: ``format`` (str) and ``version`` (int); ``lower`` (3,) int64, the index of the first voxel;
     ``log_odds`` (nx, ny, nz) int8; ``voxel_size``, ``max_range``, ``margin`` (float, m), ``offset`` (3,) voxels,
-    ``hit``, ``miss``, ``greatest`` and ``max_bytes`` (int) as in the map's configuration; and ``least`` (int), which
-    follows from these.
+    ``hit``, ``miss`` and ``max_bytes`` (int) as in the map's configuration, where ``greatest`` (int) is
+    ``max_log_odds``; and ``least`` (int), which follows from these.
 
     Raises:
         InputError: the file cannot be written.
@@ -35,6 +37,7 @@ def save_metric_map(metric_map: MetricMap, path: Path) -> None:
         "log_odds": metric_map.log_odds(lower, upper),
     }
     entries |= {name: getattr(metric_map.config, name) for name in SETTINGS}
+    entries |= {name: getattr(metric_map.config, limit) for name, limit in LIMITS.items()}
     with atomic_write(path) as partial, partial.open("wb") as file:
         np.savez_compressed(file, allow_pickle=False, **entries)
 
@@ -51,7 +54,7 @@ def load_metric_map(path: Path) -> MetricMap:
         wrong = "the array 'lower' or 'log_odds' is missing, or has the wrong shape or type"
         raise InputError(f"{path}: {wrong}; repeat the run that wrote the file")
     settings: dict[str, Any] = {
-        name: tuple(value.tolist()) if value.ndim else value.item()
+        LIMITS.get(name, name): tuple(value.tolist()) if value.ndim else value.item()
         for name, value in entries.items()
         if name != "least"
     }

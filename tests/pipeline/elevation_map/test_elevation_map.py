@@ -61,7 +61,7 @@ def test_the_ground_is_mapped_where_a_slope_has_led_the_robot(height):
     there = np.array([3.0, 0.0, height], np.float32)
     elevation_map.update(column(0.0) + there, height=height)
     assert elevation_map.grid.at(elevation_map.measured, there[:2] + 0.025) == pytest.approx(height, abs=1e-6)
-    with elevation_map.made_anew(np.array([[there - 1, there + 1]])):
+    with elevation_map.rebuilding(np.array([[there - 1, there + 1]])):
         elevation_map.update(column(0.1) + there, height=height + 0.1)
     assert elevation_map.grid.at(elevation_map.measured, there[:2] + 0.025) == pytest.approx(height + 0.1, abs=1e-6)
 
@@ -204,10 +204,10 @@ def test_where_the_robot_has_been_no_panel_stands():
         assert world.grid.at(world.elevation, (0.025, 0.0), outside=np.nan) == 0.0
 
 
-def test_only_what_lies_within_boxes_is_made_anew():
+def test_only_what_lies_within_boxes_is_rebuilt():
     ground = ground_points(flat, (-1, 1), (-1, 1))
     elevation_map, box = surface_of(ground), np.array([[(0.0, -0.5), (0.5, 0.5)]])
-    with elevation_map.made_anew(box) as meets:
+    with elevation_map.rebuilding(box) as meets:
         others = np.array([[(-1.0, -1.0), (-0.06, 1.0)], [(0.4, 0.4), (9.0, 9.0)], [(8.0, 8.0), (9.0, 9.0)]])
         assert meets(others).tolist() == [False, True, False]
         elevation_map.update(ground + np.float32([0, 0, 0.2]))

@@ -133,13 +133,13 @@ def test_returns_besides_the_image_are_end_points_up_to_its_range():
     assert (denser.state_at(far) != OCCUPIED).all()
 
 
-def test_only_the_columns_that_a_box_touches_are_made_anew():
+def test_only_the_columns_that_a_box_touches_are_rebuilt():
     metric_map = MetricMap()
     places = np.array([(0.5, 0.5, 0.5), (2.5, 0.5, 0.5)])
     for place in places:
         metric_map.integrate_points(place[None], place - (0.0, 0.0, 1.0))
     box = np.array([[(0.0, 0.0, 0.0), (1.0, 1.0, 1.0)]])
-    with metric_map.made_anew(box) as meets:
+    with metric_map.rebuilding(box) as meets:
         assert meets(np.stack([places - 0.1, places + 0.1], axis=1)).tolist() == [True, False]
         for _ in range(3):
             metric_map.integrate_points(places[1:], places[1] - (0.0, 0.0, 1.0))  # elsewhere nothing changes

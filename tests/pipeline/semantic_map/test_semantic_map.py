@@ -117,7 +117,7 @@ def test_shapes_that_do_not_fit_are_refused() -> None:
             SemanticMap().update(points.astype(np.float32), probabilities.astype(np.float32))
 
 
-def test_columns_made_anew_are_as_if_their_frames_had_been_there_from_the_start() -> None:
+def test_columns_rebuilt_are_as_if_their_frames_had_been_there_from_the_start() -> None:
     rng = np.random.default_rng(0)
     frames = [cloud(*rng.uniform((x, -0.2, 0), (x + 0.8, 0.2, 1), (400, 3))) for x in (-1.0, -0.8, 0.0, 5.0)]
     there = [frame + np.float32([0.3 * (k == 1), 0, 0]) for k, frame in enumerate(frames)]
@@ -127,7 +127,7 @@ def test_columns_made_anew_are_as_if_their_frames_had_been_there_from_the_start(
     for k, (frame, now) in enumerate(zip(frames, there, strict=True)):
         semantic_map.update(frame, labels, keyframe=k)
         expected.update(now, labels, keyframe=k)
-    with semantic_map.made_anew(boxes) as meets:
+    with semantic_map.rebuilding(boxes) as meets:
         are_met = meets(np.array([(now.min(axis=0), now.max(axis=0)) for now in there]))
         for k in np.flatnonzero(are_met):
             semantic_map.update(there[k], labels, keyframe=k)

@@ -9,7 +9,12 @@ from pipeline.labels import Label
 from pipeline.robot import RobotModel
 from pipeline.semantic_map.config import SemanticMapConfig, UprightsConfig
 from pipeline.semantic_map.semantic_map import SemanticMap
-from pipeline.semantic_map.uprights import SeenFromAbove, with_sides_of_ramps, with_whole_uprights, with_whole_walls
+from pipeline.semantic_map.uprights import (
+    TopDownProjection,
+    with_sides_of_ramps,
+    with_whole_uprights,
+    with_whole_walls,
+)
 from pipeline.semantic_map.uprights_kernels import directions, on_long_runs
 from sarsim.robots.skid_steered import robot_model
 
@@ -38,13 +43,13 @@ def labelled(*parts: tuple[np.ndarray, Label]) -> tuple[np.ndarray, np.ndarray, 
 
 def of_walls(*parts: tuple[np.ndarray, Label]) -> list[set[int]]:
     points, labels, part = labelled(*parts)
-    result = with_whole_walls(SeenFromAbove.of(points, VOXEL), labels, WIDTH, GAP, UprightsConfig())
+    result = with_whole_walls(TopDownProjection.of(points, VOXEL), labels, WIDTH, GAP, UprightsConfig())
     return [set(result[part == n].tolist()) for n in range(len(parts))]
 
 
 def of_sides(*parts: tuple[np.ndarray, Label]) -> list[set[int]]:
     points, labels, part = labelled(*parts)
-    result = with_sides_of_ramps(SeenFromAbove.of(points, CELL), labels, HEADROOM, UprightsConfig())
+    result = with_sides_of_ramps(TopDownProjection.of(points, CELL), labels, HEADROOM, UprightsConfig())
     return [set(result[part == n].tolist()) for n in range(len(parts))]
 
 

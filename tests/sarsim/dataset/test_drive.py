@@ -12,7 +12,7 @@ from sarsim.dataset.drive import PERIOD, SPEED, DeadReckoning, EndlessDrive
 from sarsim.dataset.settings import KEYFRAME_WAY
 from sarsim.dataset.wheel_contact import WheelContact
 from sarsim.ground_truth.columns import convex_bodies
-from sarsim.ground_truth.true_surface import Survey, TrueSurface
+from sarsim.ground_truth.true_surface import GroundTruthSurface, Survey
 from sarsim.robots.pose import Pose
 from tests.sarsim.sensors.no_noise import NoNoise
 
@@ -28,7 +28,7 @@ class Nist:
         data = mujoco.MjData(model)
         mujoco.mj_kinematics(model, data)
         self.start = arena.T_world_start
-        self.surface: TrueSurface = Survey(model, data).surface_from(self.start[:3, 3])
+        self.surface: GroundTruthSurface = Survey(model, data).surface_from(self.start[:3, 3])
         self.wheel_contact = WheelContact(convex_bodies(model, data, None), self.surface.grid)
 
     def poses(self, seed: int, count: int = COUNT) -> list[Pose]:

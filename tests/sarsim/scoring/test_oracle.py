@@ -8,7 +8,7 @@ import open3d as o3d
 
 from pipeline.frame import Frame, Intrinsics
 from pipeline.grid_map import Grid
-from sarsim.ground_truth.true_surface import CELL, TrueSurface
+from sarsim.ground_truth.true_surface import CELL, GroundTruthSurface
 from sarsim.robots.model import drive_model, robot_model
 from sarsim.scoring.oracle import Oracle, true_traversability
 from sarsim.scoring.sight import Sight
@@ -40,7 +40,9 @@ def oracle_in(length, width, start, wall=None, share=1.0):
         size = np.subtract(high, low)
         box = o3d.t.geometry.TriangleMesh.create_box(*size.tolist()).translate(np.array(low, np.float64))
         scene.add_triangles(box.vertex.positions.to(o3d.core.float32), box.triangle.indices.to(o3d.core.uint32))
-    surface = TrueSurface(grid, np.where(floor, 0.0, np.nan), floor & (to_wall > 0.3), np.zeros(grid.shape, np.bool_))
+    surface = GroundTruthSurface(
+        grid, np.where(floor, 0.0, np.nan), floor & (to_wall > 0.3), np.zeros(grid.shape, np.bool_)
+    )
     frame = Frame(0, np.zeros((0, 0, 3), np.uint8), np.zeros((0, 0), np.float32), LENS, T_BASE_CAMERA, np.eye(4))
     ground = true_traversability(surface, robot_model())
     return Oracle(ground, Sight(surface, ground, scene, frame), np.array(start), share, drive_model())

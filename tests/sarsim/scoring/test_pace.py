@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from pipeline.grid_map import Grid
 from pipeline.transforms import from_yaw
-from sarsim.ground_truth.true_surface import CELL, TrueSurface
+from sarsim.ground_truth.true_surface import CELL, GroundTruthSurface
 from sarsim.robots.pose import Pose
 from sarsim.robots.skid_steered import robot_model
 from sarsim.scoring.oracle import true_traversability
@@ -26,7 +26,7 @@ def ground(width: float = 4.0, slope: float = 0.0):
     x, y = np.moveaxis(grid.centre_of(np.moveaxis(np.indices(grid.shape), 0, -1)), -1, 0)
     floor = (np.abs(x) < 4) & (np.abs(y) < width / 2)
     height = np.where(floor, slope * np.clip(x - 1, 0, None), np.nan)
-    return true_traversability(TrueSurface(grid, height, floor, np.zeros(grid.shape, np.bool_)), ROBOT)
+    return true_traversability(GroundTruthSurface(grid, height, floor, np.zeros(grid.shape, np.bool_)), ROBOT)
 
 
 def drive(*legs: tuple[float, float, float], start: Sequence[float] = (0.0, 0.0, 0.0)) -> list[Pose]:

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from pipeline.grid_map import Grid
-from sarsim.ground_truth.true_surface import TrueSurface
+from sarsim.ground_truth.true_surface import GroundTruthSurface
 from sarsim.scoring.portals import portals
 
 CLEARANCE = 0.3
@@ -12,7 +12,7 @@ def surface_of(drivable):
     """Ground whose walls leave the robot's middle some cells."""
     grid = Grid(np.zeros(2, np.int64), 0.05, drivable.shape)
     walls = grid.distance_to(drivable) > CLEARANCE
-    return TrueSurface(grid, np.where(walls, np.nan, 0.0), drivable, walls)
+    return GroundTruthSurface(grid, np.where(walls, np.nan, 0.0), drivable, walls)
 
 
 def test_a_door_between_two_rooms_is_a_portal():

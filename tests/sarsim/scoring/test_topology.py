@@ -8,7 +8,7 @@ from pipeline.grid_map import Grid
 from pipeline.labels import Label
 from pipeline.topological_map.node_set import Node
 from pipeline.topological_map.sight_kernels import count_in
-from sarsim.ground_truth.true_surface import TrueSurface
+from sarsim.ground_truth.true_surface import GroundTruthSurface
 from sarsim.scoring.topology import MIN_GAIN, SIGHT, score_topology
 from sarsim.scoring.topology_kernels import cells_in_sight, way_length
 
@@ -19,7 +19,7 @@ def two_rooms():
     grid = Grid(np.zeros(2, np.int64), 0.05, (80, 40))
     walls = np.zeros(grid.shape, np.bool_)
     walls[40, :28] = True
-    return TrueSurface(grid, np.zeros(grid.shape), ~walls, walls)
+    return GroundTruthSurface(grid, np.zeros(grid.shape), ~walls, walls)
 
 
 def topology_of(positions, edges):
@@ -71,7 +71,7 @@ def test_an_edge_with_bends_is_followed_around_the_wall(two_rooms):
 def test_ground_too_small_for_the_coarse_grid_is_covered_by_one_node():
     drivable = np.zeros((10, 10), np.bool_)
     drivable[5:8, 5:7] = True
-    surface = TrueSurface(
+    surface = GroundTruthSurface(
         Grid(np.zeros(2, np.int64), 0.05, drivable.shape), np.zeros(drivable.shape), drivable, ~drivable
     )
     assert score_topology(topology_of([(0.3, 0.3)], []), surface)["nodes_vs_greedy"] == 1
@@ -84,7 +84,7 @@ def test_the_greedy_cover_chooses_among_all_places():
     walls = np.zeros(grid.shape, np.bool_)
     for i, j in rng.integers(0, 110, (25, 2)):
         walls[i, j : j + 30] = True
-    truth = TrueSurface(grid, np.zeros(grid.shape), ~walls, walls)
+    truth = GroundTruthSurface(grid, np.zeros(grid.shape), ~walls, walls)
     positions = rng.uniform((0.5, 0.5), (4, 4), (12, 2))
     area = np.zeros(grid.shape, np.bool_)
     for window, corner in zip(*cells_in_sight(positions, ~walls, grid.origin, grid.cell, SIGHT, ~walls), strict=True):

@@ -9,7 +9,7 @@ from pipeline.errors import InputError
 from pipeline.frame import Frame, Intrinsics
 from pipeline.grid_map import Grid
 from pipeline.transforms import from_rotation, from_yaw, inverse
-from sarsim.ground_truth.true_surface import TrueSurface
+from sarsim.ground_truth.true_surface import GroundTruthSurface
 from sarsim.settings import EpisodeConfig
 from scripts.benchmarks import localisation
 from scripts.benchmarks.localisation_drives import DriveJob, DriveWriter, drive_file
@@ -36,7 +36,7 @@ def ray_cast(T_world_base):
 def drive_to(path, settings, n=12, odometry_scale=1.05):
     """Write a drive along an arc, whose odometry is too long."""
     cells = np.ones((80, 60), bool)
-    surface = TrueSurface(Grid(np.array([-20, -30]), 0.05, cells.shape), np.zeros(cells.shape), cells, ~cells)
+    surface = GroundTruthSurface(Grid(np.array([-20, -30]), 0.05, cells.shape), np.zeros(cells.shape), cells, ~cells)
     true, odometry = [from_yaw(0, 0, 0, 0)], [from_yaw(0, 0, 0, 0)]
     for _ in range(n - 1):
         true.append(true[-1] @ from_yaw(0.1, 0, 0, 0.03))

@@ -7,12 +7,12 @@ from pipeline.errors import InputError
 from pipeline.frame import Frame, Intrinsics
 from pipeline.grid_map import Grid
 from pipeline.transforms import from_yaw, inverse
-from sarsim.ground_truth.true_surface import TrueSurface
+from sarsim.ground_truth.true_surface import GroundTruthSurface
 from sarsim.settings import EpisodeConfig
 from scripts.benchmarks.localisation_drives import SPACING, TURN, DriveJob, DriveReader, DriveWriter, record_job
 from tests.sarsim.rooms import room
 
-SURFACE = TrueSurface(
+SURFACE = GroundTruthSurface(
     Grid(np.array([-3, 2]), 0.05, (4, 3)), np.zeros((4, 3)), np.ones((4, 3), bool), np.eye(4, 3) > 0
 )
 JOB = DriveJob("nist_6x4", "ours", EpisodeConfig(labels="truth", detector=None), 5)

@@ -30,7 +30,7 @@ from pipeline.planning.pose_paths import PosePaths
 from pipeline.robot import RobotModel
 from pipeline.segments.planes import PlanePatch, find_planes
 from pipeline.segments.segments import Segments
-from pipeline.semantic_map.classifier import PointClassifier
+from pipeline.semantic_map.classifier import PointClassifier, check_probabilities
 from pipeline.semantic_map.finds import with_finds
 from pipeline.semantic_map.semantic_map import SemanticMap
 from pipeline.semantic_map.uprights import with_whole_uprights
@@ -279,7 +279,9 @@ class Mapper:
         height = np.array([0.0, 0.0, self._start_height])
         T = T_map_camera.copy()
         T[:3, 3] -= height
-        return self.classifier.classify(frame, in_map - height.astype(np.float32), T)
+        probabilities = self.classifier.classify(frame, in_map - height.astype(np.float32), T)
+        check_probabilities(probabilities, len(in_map), self.classifier)
+        return probabilities
 
     def add_drive(
         self, track: NDArray[np.float64], obstacles: NDArray[np.float32], touched: Sequence[NDArray[np.float64]]

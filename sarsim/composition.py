@@ -16,7 +16,7 @@ from pipeline.results import result_sinks
 from pipeline.robot import RobotModel
 from pipeline.run import RunParts
 from pipeline.sink import Sink
-from sarsim.methods.make import own_sink
+from sarsim.methods.make import make_own
 from sarsim.methods.perception import make_perception, make_readers
 from sarsim.settings import PerceptionConfig, SinkConfig
 
@@ -82,7 +82,7 @@ def compose(
     Raises:
         InputError: one of the user's sinks, the viewer or the folder is not available.
     """
-    own = [own_sink(name) for name in settings.sink]
+    own = [make_own("sink", name, Sink) for name in settings.sink]
     viewer = Viewer(view) if view != "none" else None
     make_folder(folder, continues)
     recording = recorder(folder / "episode.rrd", viewer, config=settings.io.rerun)

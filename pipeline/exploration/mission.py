@@ -116,7 +116,8 @@ class Mission:
 
     def is_shown(self, elevation_map: ElevationMap) -> bool:
         """Whether the drive to the last viewpoint has already shown what the robot set out for."""
-        return self._sender.is_shown(elevation_map)
+        has_answer = hasattr(self._sender, "is_shown")  # A user's own strategy may lack it
+        return has_answer and self._sender.is_shown(elevation_map)
 
     def _has_time(self, viewpoint: Viewpoint, context: Context) -> bool:
         """Whether the clock allows the drive, which then begins. On the retreat, the clock is no longer asked."""
@@ -129,7 +130,8 @@ class Mission:
 
     def left(self, context: Context) -> list[Viewpoint]:
         """Viewpoints that would show more unseen ground but are not worth the drive."""
-        return self.exploration.leftovers(context)
+        has_answer = hasattr(self.exploration, "leftovers")  # A user's own strategy may lack it
+        return self.exploration.leftovers(context) if has_answer else []
 
     def tasks(
         self, goals: Sequence[ArrayLike], home: bool, robot: RobotState, explores: bool = True

@@ -9,7 +9,7 @@ import torch
 from pipeline.finds.readers import FindReader
 from pipeline.frame import Frame
 from pipeline.tracks.find import Reading
-from pipeline.victims.detection.detection import Detection, Detector
+from pipeline.victims.detection.detection import Detection, Detector, check_detections
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +52,7 @@ class BackgroundReader:
 
 def _read(frame: Frame, keyframe: int, detector: Detector | None, readers: FindReader | None) -> ReadFrame:
     detections = [] if detector is None else detector.detect(frame.rgb)
+    check_detections(detections, detector)
     readings = [] if readers is None else readers.read(frame, detections)
     return ReadFrame(frame, keyframe, detections, readings)
 

@@ -16,12 +16,8 @@ CLASSES = (Label.WALL, Label.TERRAIN, Label.INCLINED_RAMP, Label.STRAIGHT_RAMP, 
 class PointClassifier(Protocol):
     """Computes the class probabilities of every point of a frame.
 
-    Attributes:
-        is_certain: whether its labels are certain, so that the map does not revise them; False for a classifier
-            without the attribute.
+    The map does not revise the labels of a classifier that has an attribute ``is_certain`` which is True.
     """
-
-    is_certain: bool = False
 
     def classify(self, frame: Frame, points: Points, T_map_camera: Pose) -> Probabilities:
         """Classify the returns of a frame.
@@ -36,6 +32,21 @@ class PointClassifier(Protocol):
             Probabilities that sum to 1 for each point.
         """
         ...
+
+
+def check_probabilities(probabilities: object, points: int, classifier: object) -> None:
+    """Check that a classifier has returned a class distribution (points, 8), which the map can add up.
+
+    Raises:
+        InputError: it has returned something else.
+    """
+    shape = points, len(Label)
+    is_array = isinstance(probabilities, np.ndarray) and probabilities.shape == shape
+    if not is_array or not np.isfinite(np.sum(probabilities)):
+        found = f"{type(probabilities).__name__} of shape {np.shape(probabilities)}"
+        raise InputError(
+            f"{type(classifier).__name__}.classify: must return finite probabilities of shape {shape}, not {found}"
+        )
 
 
 class TruthClassifier(PointClassifier):

@@ -1,9 +1,12 @@
 """The arena that ``--arena`` names, which may be a user-defined function."""
 
+import inspect
+
+from pipeline.errors import InputError
 from sarsim.arenas.arena import RescueArena
 from sarsim.arenas.load import checked_arena, load_arena
 from sarsim.arenas.settings import RandomArenaConfig, StartPose, WorldVictims
-from sarsim.methods.make import own_arena
+from sarsim.methods.names import OWN_FUNCTION, load_own
 from sarsim.settings import is_own_arena
 
 
@@ -24,8 +27,12 @@ def make_arena(
         victims: settings of the victims in a published world.
 
     Raises:
-        InputError: as in :func:`~sarsim.arenas.load.load_arena`, or the function fails or does not return an arena.
+        InputError: as in :func:`~sarsim.arenas.load.load_arena`, or the function does not exist or return an arena.
     """
     if is_own_arena(name):
-        return checked_arena(own_arena(name, seed), f"--arena {name}", start)
+        build = load_own("arena", name, OWN_FUNCTION)
+        if not callable(build):
+            raise InputError(f"--arena {name}: must name a function, not a {type(build).__name__}")
+        built = build(seed=seed) if "seed" in inspect.signature(build).parameters else build()
+        return checked_arena(built, f"--arena {name}", start)
     return load_arena(name, start, random, victims)

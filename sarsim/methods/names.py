@@ -1,11 +1,17 @@
-"""Names of methods, checked without loading any, so that a wrong name is rejected at once."""
+"""Names of methods: checked without loading any, so that a wrong name is rejected at once, and loaded.
+
+A name of the user's own is MODULE:CLASS (for an arena, MODULE:FUNCTION), looked up on PYTHONPATH and in the working
+directory, or an entry point that an installed package registers in the group ``sarsim.<flag>``.
+"""
 
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
+from importlib import import_module
 from importlib.metadata import EntryPoints, entry_points
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 from pipeline.errors import InputError
 from sarsim.settings import METHODS
@@ -44,6 +50,28 @@ def own_method(kind: str, name: str, form: str = OWN_CLASS, flag: str = "") -> E
         known = ", ".join([*METHODS[kind], *sorted(entry_points(group=group).names)])
         raise InputError(f"--{flag or kind} {name or repr(name)}: must be {known}{' or ' if known else ''}{form}")
     return found
+
+
+def load_own(kind: str, name: str, form: str) -> Any:
+    """The object that a name of the user's own stands for; an error in its module keeps its traceback.
+
+    Raises:
+        InputError: there is no such module, or it does not define the object.
+    """
+    module, colon, attribute = name.partition(":")
+    with working_folder():
+        if not colon:
+            return next(iter(own_method(kind, name, form))).load()
+        try:
+            return getattr(import_module(module), attribute)
+        except ModuleNotFoundError as error:
+            if not f"{module}.".startswith(f"{error.name}."):
+                raise
+            raise InputError(f"--{kind} {name}: {error}") from None
+        except AttributeError as error:
+            if error.name != attribute:
+                raise
+            raise InputError(f"--{kind} {name}: {error}") from None
 
 
 @contextmanager

@@ -11,7 +11,7 @@ from pipeline.semantic_map.rules import RuleClassifier
 from pipeline.victims.detection.detection import Detector
 from pipeline.victims.detection.detector import VictimDetector
 from sarsim.assets import asset
-from sarsim.methods.make import own_classifier, own_detector, own_reader
+from sarsim.methods.make import make_own
 from sarsim.settings import POINT_NETWORKS, Labels, PerceptionConfig
 
 
@@ -19,14 +19,15 @@ def make_perception(config: PerceptionConfig) -> tuple[PointClassifier, Detector
     """The classifier of a command and its victim detector, if any; InputError if they cannot be used."""
     classifier = make_classifier(config.labels, config.weights, config.pipeline.semantic_map)
     if config.detector_class:
-        return classifier, own_detector(config.detector_class)
+        return classifier, make_own("detector-class", config.detector_class, Detector)
     numbers = config.pipeline.victims.detector
     return classifier, VictimDetector.load(*config.detector, config=numbers) if config.detector else None
 
 
 def make_readers(config: PerceptionConfig) -> FindReader | None:
     """The readers of all finds except people, user-defined ones last; InputError if they cannot be used."""
-    own, shipped = [own_reader(name) for name in config.reader], shipped_readers(config)
+    own = [make_own("reader", name, FindReader) for name in config.reader]
+    shipped = shipped_readers(config)
     return SeveralReaders([*([shipped] if shipped else []), *own]) if own else shipped
 
 
@@ -51,7 +52,8 @@ def make_classifier(
     if labels == "rules":
         return RuleClassifier(config=config.rules)
     if labels not in POINT_NETWORKS:
-        return own_classifier(labels)
+        classifier: PointClassifier = make_own("labels", labels, PointClassifier)
+        return classifier
     weights = weights or asset("weights", f"{labels}.safetensors")
     if not weights.exists():
         raise InputError(

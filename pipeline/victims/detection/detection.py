@@ -3,8 +3,11 @@
 from dataclasses import dataclass
 from typing import Protocol
 
+import numpy as np
+
 from pipeline.arrays import Rgb
-from pipeline.tracks.find import VICTIM
+from pipeline.errors import InputError
+from pipeline.tracks.find import KINDS, VICTIM
 
 
 @dataclass(frozen=True)
@@ -28,3 +31,19 @@ class Detector(Protocol):
     def detect(self, rgb: Rgb) -> list[Detection]:
         """Objects in an image, of the detector's kinds, the most confident first."""
         ...
+
+
+def check_detections(detections: object, detector: object) -> None:
+    """Check that a detector has returned detections of known kinds, with boxes of four finite numbers in pixels.
+
+    Raises:
+        InputError: it has returned something else.
+    """
+    where = f"{type(detector).__name__}.detect"
+    if not isinstance(detections, list) or not all(isinstance(found, Detection) for found in detections):
+        raise InputError(f"{where}: must return a list of Detection objects, not {detections!r:.60}")
+    for found in detections:
+        if np.shape(found.box) != (4,) or not np.isfinite([*found.box, found.confidence]).all():
+            raise InputError(f"{where}: the box (x0, y0, x1, y1) and the confidence must be finite, not {found}")
+        if found.kind not in KINDS:
+            raise InputError(f"{where}: the kind must be one of {', '.join(KINDS)}, not {found.kind!r}")

@@ -19,13 +19,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from pipeline.errors import InputError
+from pipeline.errors import InputError, one_line
 from pipeline.files import atomic_write, read_text
 from pipeline.rescue_report.figures import figures as flat
 from sarsim.commands.sweeps.arenas import checked, grid_scene
 from sarsim.commands.sweeps.names import GRID
-from sarsim.methods.answers import one_line
-from sarsim.methods.make import load_class
+from sarsim.methods.names import OWN_CLASS, load_own
 from sarsim.scoring.progress import ExploredCurve, progress_figures
 from sarsim.settings import EpisodeConfig
 from sarsim.tasks.grid_explorers import EXPLORERS, Explorer2D, Sights, explore
@@ -170,7 +169,7 @@ def check_methods(names: Iterable[str], arena: str) -> None:
         if arena.startswith(GRID) and name != ORACLE:
             grid_explorer(name)
         elif ":" in name:
-            load_class("methods", name)
+            load_own("methods", name, OWN_CLASS)
 
 
 def grid_explorer(name: str) -> Explorer2D:
@@ -181,7 +180,7 @@ def grid_explorer(name: str) -> Explorer2D:
     """
     if ":" not in name and name not in EXPLORERS:
         raise InputError(f"--methods {name}: must be one of {', '.join(EXPLORERS)} or MODULE:CLASS")
-    explorer: Explorer2D = EXPLORERS[name] if name in EXPLORERS else load_class("methods", name)()
+    explorer: Explorer2D = EXPLORERS[name] if name in EXPLORERS else load_own("methods", name, OWN_CLASS)()
 
     def guarded(world: GridWorld, sights: Sights, rng: np.random.Generator) -> int:
         try:

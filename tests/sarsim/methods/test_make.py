@@ -2,6 +2,7 @@
 
 import re
 import sys
+from dataclasses import dataclass
 from importlib.metadata import EntryPoint, EntryPoints
 from pathlib import Path
 
@@ -11,21 +12,22 @@ from dm_control import mjcf
 
 from pipeline.errors import InputError
 from pipeline.exploration.baselines import NearestFrontier, RandomWalk
+from pipeline.exploration.mission import Mission
 from pipeline.exploration.viewpoint import Context, Viewpoint
+from pipeline.finds.readers import FindReader
 from pipeline.localisation.config import LocalisationConfig
-from pipeline.localisation.localisation import Localised, LostError
 from pipeline.localisation.odometry import OdometryLocalisation
 from pipeline.localisation.slam import Slam
 from pipeline.planning.path_plan import TOPOLOGICAL
 from pipeline.robot import RobotModel
+from pipeline.semantic_map.classifier import PointClassifier, check_probabilities
 from pipeline.sink import Sink
-from pipeline.tracks.find import Reading
 from pipeline.transforms import from_yaw
+from pipeline.victims.detection.detection import Detection, Detector, check_detections
 from sarsim import settings
 from sarsim.arenas.arena import RescueArena
 from sarsim.methods import make, names
 from sarsim.methods.arena import make_arena
-from sarsim.methods.level_ground import level_context
 from tests.pipeline.robot_model import PIONEER
 
 PAGE = Path(__file__).parents[3] / "docs" / "extend.md"
@@ -33,10 +35,10 @@ MAKE = {
     "exploration": lambda name: make.make_exploration(name, PIONEER),
     "planner": lambda name: make.make_planner(name, PIONEER),
     "localisation": lambda name: make.make_localisation(name, PIONEER, LocalisationConfig()),
-    "labels": make.own_classifier,
-    "detector-class": make.own_detector,
-    "reader": make.own_reader,
-    "sink": make.own_sink,
+    "labels": lambda name: make.make_own("labels", name, PointClassifier),
+    "detector-class": lambda name: make.make_own("detector-class", name, Detector),
+    "reader": lambda name: make.make_own("reader", name, FindReader),
+    "sink": lambda name: make.make_own("sink", name, Sink),
     "arena": lambda name: make_arena(name, seed=2),
 }
 
@@ -45,7 +47,8 @@ MAKE = {
 def workplace(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """An empty working folder, whose modules are forgotten afterwards."""
     monkeypatch.chdir(tmp_path)
-    monkeypatch.delitem(sys.modules, "page", raising=False)
+    for name in ("page", "broken"):
+        monkeypatch.delitem(sys.modules, name, raising=False)
     return tmp_path
 
 
@@ -55,106 +58,25 @@ def page(workplace: Path) -> None:
     (workplace / "page.py").write_text("\n".join(blocks))
 
 
+@dataclass(frozen=True, slots=True)
 class Silent:
-    """A strategy with exactly the protocol's methods."""
+    """A strategy with exactly the methods that the interface demands, and to whose instances nothing can be added."""
 
-    answer: object = None
-
-    def __init__(self, robot: RobotModel):
-        self.robot = robot
+    robot: RobotModel
 
     def observe(self, context: Context) -> None:
         pass
 
-    def next_viewpoint(self, context: Context) -> object:
-        return self.answer
+    def next_viewpoint(self, context: Context) -> None:
+        pass
 
     def commit(self, viewpoint: Viewpoint, context: Context) -> None:
         pass
 
 
-class Greedy(Silent):
-    def next_viewpoint(self, context: Context, more: int) -> None:  # type: ignore[override]
-        pass
-
-
 class Broken(Silent):
-    def observe(self, context: Context) -> None:
-        raise KeyError("first\nsecond")
-
-
-class Unmade(Silent):
-    def __init__(self) -> None:
-        pass
-
-
-class Talkative(Silent):
-    answer = (1.0, 2.0)
-
-
-class Nowhere(Silent):
-    answer = Viewpoint(np.array([np.nan, 0]), 0.0, True, 0.0)
-
-
-class Far(Silent):
-    answer = Viewpoint(np.array([90.0, 0]), 0.0, True, 0.0)
-
-
-class Labels:
-    def __init__(self, shape: tuple[int, ...] = (3, 8), value: float = 0.125):
-        self.answer = np.full(shape, value, np.float32)
-
-    def classify(self, frame: object, points: np.ndarray, T_map_camera: object) -> object:
-        return self.answer
-
-
-class Improbable(Labels):
-    def classify(self, frame: object, points: np.ndarray, T_map_camera: object) -> object:
-        return np.ones((len(points), 8), np.float32)
-
-
-class Boxes:
-    answer: object = "none"
-
-    def detect(self, rgb: np.ndarray) -> object:
-        return self.answer
-
-
-class Readings:
-    kind, corners, confidence = "red_square", np.array([[1, 1], [9, 1], [9, 9]], np.float32), 0.5
-
-    def read(self, frame: object, detections: object) -> object:
-        return [Reading(self.kind, "", self.corners, self.confidence)]
-
-
-class Person(Readings):
-    kind = "victim"
-
-
-class Shouted(Readings):
-    kind = "Red!"
-
-
-class Outside(Readings):
-    corners = np.array([[1, 1], [9000, 1], [9, 9]], np.float32)
-
-
-class Flattened(Readings):
-    corners = np.array([[1, 1], [5, 1], [9, 1]], np.float32)
-
-
-class Sure(Readings):
-    confidence = 2.0
-
-
-class Deaf:
-    def finish(self, result: object) -> None:
-        pass
-
-
-class Loud(Sink):
-    def on_keyframe(self, keyframe: object) -> None:
-        raise ValueError("no\nkeyframe")
+    def __init__(self, robot: RobotModel):
+        raise KeyError("of the researcher's own")
 
 
 def no_arena() -> str:
@@ -162,7 +84,7 @@ def no_arena() -> str:
 
 
 def broken_arena(seed: int) -> None:
-    raise ValueError(f"no arena\n{seed}")
+    raise ValueError(f"no arena {seed}")
 
 
 def unbuilt_arena() -> RescueArena:
@@ -174,27 +96,6 @@ def unbuilt_arena() -> RescueArena:
 
 def shut_arena() -> RescueArena:
     return RescueArena(mjcf.RootElement())
-
-
-class Adrift(OdometryLocalisation):
-    def __init__(self, robot: RobotModel):
-        super().__init__()
-
-    def localise(self, frame: object) -> Localised:  # type: ignore[override]
-        return Localised(frame, np.zeros((4, 4)))  # type: ignore[arg-type]
-
-
-class Lost(Adrift):
-    def localise(self, frame: object) -> Localised:  # type: ignore[override]
-        raise LostError("no pose")
-
-
-class Wayless:
-    def __init__(self, robot: RobotModel):
-        pass
-
-    def plan(self, topology: object, paths: object, goal: object, heading: float | None = None) -> object:
-        return [goal]
 
 
 @pytest.mark.usefixtures("page")
@@ -210,7 +111,7 @@ class Wayless:
         ("sink", "Poses"),
     ],
 )
-def test_the_examples_of_the_page_pass_the_trial(flag: str, name: str) -> None:
+def test_the_examples_of_the_page_are_accepted(flag: str, name: str) -> None:
     path = list(sys.path)
     assert type(MAKE[flag](f"page:{name}")).__name__ == name
     assert sys.path == path
@@ -226,19 +127,11 @@ def test_shipped_methods_have_names() -> None:
     assert type(make.make_localisation("odometry", PIONEER, LocalisationConfig())) is OdometryLocalisation
 
 
-def test_what_the_protocol_has_a_default_for_may_be_missing() -> None:
+def test_what_a_strategy_need_not_have_may_be_missing() -> None:
     strategy = make.make_exploration(f"{__name__}:Silent", PIONEER)
-    assert strategy is not None and strategy.leftovers(level_context(PIONEER)) == []
-
-
-@pytest.mark.usefixtures("page")
-def test_the_trial_leaves_no_trace() -> None:
-    strategy, context, named = make.make_exploration("page:Ahead", PIONEER), level_context(PIONEER), []
-    assert strategy is not None
-    for _ in range(3):
-        strategy.observe(context)
-        named.append(strategy.next_viewpoint(context) is not None)
-    assert named == [True, True, False]
+    assert type(strategy) is Silent
+    mission = Mission(strategy)
+    assert mission.left(None) == [] and not mission.is_shown(None)  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize(
@@ -249,55 +142,59 @@ def test_the_trial_leaves_no_trace() -> None:
         ("labels", "no_such_module:Mine", "No module named 'no_such_module'"),
         ("labels", "json:Mine", "has no attribute 'Mine'"),
         ("labels", "json:dumps", "class"),
-        ("labels", "json:JSONDecoder", "has no method classify.* pipeline.semantic_map.classifier.Point"),
-        ("exploration", "Greedy", "next_viewpoint: must be callable with one argument: TypeError: missing"),
-        ("exploration", "Broken", "observe failed: KeyError: 'first\\\\nsecond'"),
-        ("exploration", "Unmade", "creating an instance failed: TypeError"),
-        ("exploration", "Talkative", "Viewpoint or None, not a tuple"),
-        ("exploration", "Nowhere", "position"),
-        ("exploration", "Far", "is outside the mapped area"),
-        ("labels", "Labels", "probabilities"),
-        ("labels", "Improbable", "sum to 1"),
-        ("detector-class", "Boxes", "list of Detection objects, not a str"),
-        ("localisation", "Silent", "has no method localise|has no attribute"),
-        ("localisation", "Adrift", "T_map_base must be a rigid"),
-        ("planner", "Wayless", "PathPlan or None, not a list"),
-        ("reader", "Boxes", "has no method read"),
-        ("reader", "Person", "'victim'"),
-        ("reader", "Shouted", "'Red!'"),
-        ("reader", "Outside", "corners .* must lie inside the image"),
-        ("reader", "Flattened", "corners .* must differ in both x and y"),
-        ("reader", "Sure", "confidence .* from 0 to 1, not 2.0"),
-        ("sink", "Deaf", "has no method on_"),
+        ("labels", "json:JSONDecoder", "has no classify; .* pipeline.semantic_map.classifier.PointClassifier"),
+        ("localisation", f"{__name__}:Silent", "has no T_map_odom, add, .*set_down; "),
+        ("reader", "json:JSONDecoder", "has no read"),
+        ("sink", "json:JSONDecoder", "has no finish, finishing, on_"),
         ("arena", f"{__name__}:no_arena", "str"),
-        ("arena", f"{__name__}:broken_arena", "no arena 2"),
         ("arena", f"{__name__}:unbuilt_arena", "MuJoCo"),
-        ("arena", f"{__name__}:shut_arena", "'start'"),
         ("arena", f"{__name__}:PAGE", "function"),
         ("arena", "no_such_module:hall", "no_such_module"),
     ],
 )
 def test_what_is_no_method_is_refused_in_one_line(flag: str, name: str, said: str) -> None:
-    name = name if ":" in name or name[0].islower() else f"{__name__}:{name}"
     with pytest.raises(InputError, match=said) as refused:
         MAKE[flag](name)
     assert re.match(f"--{flag} {name}\\b", str(refused.value))
     assert "\n" not in str(refused.value)
 
 
-def test_a_method_is_watched_after_the_trial() -> None:
-    strategy = make.make_exploration(f"{__name__}:Silent", PIONEER)
-    assert isinstance(strategy, Silent)
-    strategy.answer = Viewpoint(np.array([np.inf, 0]), 0.0, True, 0.0)
-    with pytest.raises(InputError, match="position"):
-        strategy.next_viewpoint(level_context(PIONEER))
+def test_an_error_in_code_of_ones_own_is_ones_own(workplace: Path) -> None:
+    (workplace / "broken.py").write_text("import no_such_module\n")
+    with pytest.raises(ModuleNotFoundError, match="no_such_module"):
+        MAKE["labels"]("broken:Mine")
+    with pytest.raises(KeyError, match="of the researcher's own"):
+        MAKE["exploration"](f"{__name__}:Broken")
+    with pytest.raises(ValueError, match=r"^no arena 2$"):
+        MAKE["arena"](f"{__name__}:broken_arena")
+    with pytest.raises(InputError, match="'start'"):
+        MAKE["arena"](f"{__name__}:shut_arena")
 
 
-def test_a_sink_is_watched_and_what_it_does_not_override_is_ignored() -> None:
-    sink = make.own_sink(f"{__name__}:Loud")
-    sink.on_motion(None)  # type: ignore[arg-type]
-    with pytest.raises(InputError, match=f"^--sink {__name__}:Loud: on_keyframe .*no keyframe$"):
-        sink.on_keyframe(None)  # type: ignore[arg-type]
+@pytest.mark.parametrize(
+    "answer", [None, [[0.125] * 8] * 3, np.ones((3, 7)), np.ones((4, 8)), np.full((3, 8), np.nan)]
+)
+def test_probabilities_that_would_spoil_the_map_are_refused(answer: object) -> None:
+    check_probabilities(np.full((3, 8), 0.125), 3, object())
+    with pytest.raises(InputError, match=r"^object.classify: .*\(3, 8\)"):
+        check_probabilities(answer, 3, object())
+
+
+@pytest.mark.parametrize(
+    "answer",
+    [
+        "none",
+        [(0, 0, 1, 1)],
+        [Detection((0, 0, 1), 0.5)],  # type: ignore[arg-type]
+        [Detection((0, 0, 1, np.nan), 0.5)],
+        [Detection((0, 0, 1, 1), np.inf)],
+        [Detection((0, 0, 1, 1), 0.5, "cat")],
+    ],
+)
+def test_detections_that_would_spoil_the_map_are_refused(answer: object) -> None:
+    check_detections([Detection((0, 0, 1, 1), 0.5)], object())
+    with pytest.raises(InputError, match=r"^object.detect: "):
+        check_detections(answer, object())
 
 
 @pytest.mark.usefixtures("page")
@@ -309,18 +206,9 @@ def test_the_robot_is_set_down_where_it_is_asked_for_in_an_arena_of_ones_own() -
         make_arena("page:hall", (50.0, 0.0, 0.0), seed=1)
 
 
-def test_a_localisation_may_say_that_it_is_lost() -> None:
-    with pytest.raises(LostError, match="no pose"):
-        make.make_localisation(f"{__name__}:Lost", PIONEER, LocalisationConfig())
-
-
 def test_classes_come_from_installed_packages(monkeypatch: pytest.MonkeyPatch) -> None:
-    entry = EntryPoint("silent", f"{__name__}:Silent", "sarsim.exploration")
-
-    def installed(**wanted: str) -> EntryPoints:
-        return EntryPoints([entry]).select(**wanted)
-
-    monkeypatch.setattr(names, "entry_points", installed)
+    entries = EntryPoints([EntryPoint("silent", f"{__name__}:Silent", "sarsim.exploration")])
+    monkeypatch.setattr(names, "entry_points", entries.select)
     assert isinstance(make.make_exploration("silent", PIONEER), Silent)
     with pytest.raises(InputError, match="random_walk, silent or MODULE:CLASS"):
         make.make_exploration("loud", PIONEER)

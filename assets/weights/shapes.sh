@@ -3,6 +3,7 @@
 # trainings, the first of commit 667b9c47, when squares were moved less, whose weights' mean it is, calibrated as the trainings are. "usual" are arenas as the robot is measured in:
 # they say how frequent things are among what stands out, and are what the trainings are validated on.
 set -e
+git checkout a7ebd164  # the last commit with the training program
 
 dataset() { # NAME SCENES FRAMES SEED THINGS FLAGS
   echo "random: {things: $5}" > data/$1.yaml

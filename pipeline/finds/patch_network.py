@@ -47,17 +47,17 @@ class PatchNetwork(nn.Sequential):
     def probabilities(self, patches: NDArray[np.uint8], turns: int = 4) -> NDArray[np.float32]:
         """(N, classes + 1) of (N, side, side, channels) patches, averaged over ``turns`` rotations by 90°."""
         with torch.inference_mode():
-            images = to_input(patches)
+            images = _to_input(patches)
             turned = [self(torch.rot90(images, k, (2, 3))).softmax(1) for k in range(turns)]
             return np.asarray(torch.stack(turned).mean(0).numpy())
 
 
-def to_input(patches: NDArray[np.uint8], device: torch.device | None = None) -> Tensor:
-    """(N, channels, H, W) float32 from (N, H, W, channels) uint8 patches, on a device; by default on the CPU.
+def _to_input(patches: NDArray[np.uint8]) -> Tensor:
+    """(N, channels, H, W) float32 from (N, H, W, channels) uint8 patches.
 
     Each patch's colours are standardised to zero mean and about unit variance; a relief is scaled to 0 to 1.
     """
-    images = torch.from_numpy(np.ascontiguousarray(patches)).to(device).permute(0, 3, 1, 2).float()
+    images = torch.from_numpy(np.ascontiguousarray(patches)).permute(0, 3, 1, 2).float()
     colours, relief = images[:, :3], images[:, 3:]
     mean = colours.mean((1, 2, 3), keepdim=True)
     # Several times as fast as PyTorch's std; the squares are small enough for float32.

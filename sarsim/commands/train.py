@@ -1,4 +1,4 @@
-"""Train one of the robot's networks: ``train.py NETWORK --data DIR --out FILE``.
+"""Train a network that labels points: ``train.py NETWORK --data DIR --out FILE``.
 
 To train a point network on several GPUs, or with one process per CPU core:
 ``torchrun --nproc-per-node N scripts/train.py ...``.
@@ -10,7 +10,6 @@ from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
-import numpy as np
 from rich.console import Console
 from tyro.conf import Fixed
 
@@ -22,11 +21,8 @@ from pipeline.semantic_map.networks.training_config import (
     PointTrainingConfig,
     TrainingConfig,
 )
-from pipeline.victims.detection.training_config import CanvasAugmentation, YoloOptimization, YoloTrainingConfig
-from sarsim.assets import asset
 from sarsim.commands.cli import Interruptible, check_folder_of, progress
 from sarsim.commands.settings import run_one_of, save_settings
-from sarsim.dataset.settings import HazmatTrainingConfig, ShapeTrainingConfig
 from sarsim.flags import Given
 from sarsim.settings import POINT_NETWORKS
 from sarsim.tasks.settings import ExplorerTrainingConfig
@@ -50,7 +46,7 @@ class TrainingFiles:
 
     Attributes:
         data: folders of datasets. Training uses the scenes of the train split, validation those of the val split.
-        out: file for the weights (.safetensors; for yolo .weights, with .cfg and .json next to it). A checkpoint, a
+        out: file for the weights (.safetensors). A checkpoint, a
             table (.csv) and the settings (.yaml) are written next to it. To continue after an interruption, run the
             same command again.
         stride: use only every n-th frame of each scene; neighbouring frames look alike.
@@ -79,30 +75,6 @@ class TrainPoints(PointTrainingConfig, TrainingFiles):
 
 
 @dataclass(frozen=True, kw_only=True)
-class TrainYolo(YoloTrainingConfig, TrainingFiles):
-    """Train the victim detector on datasets made by sarsim-dataset."""
-
-    prior: Fixed[float] = YoloTrainingConfig.prior
-    augmentation: Fixed[CanvasAugmentation] = field(default_factory=CanvasAugmentation)
-    optimization: Fixed[YoloOptimization] = field(default_factory=YoloOptimization)
-
-
-@dataclass(frozen=True, kw_only=True)
-class TrainHazmat(HazmatTrainingConfig):
-    """Train the classifier of hazmat signs on signs drawn over images of datasets and photos.
-
-    Attributes:
-        data: folders of datasets and files of photos, all without hazmat signs.
-        out: file for the weights (.safetensors); a checkpoint, a table and the settings are written next to it.
-        init: file of initial weights. By default they are random.
-    """
-
-    data: tuple[Path, ...]
-    out: Path
-    init: Given[Path] = None
-
-
-@dataclass(frozen=True, kw_only=True)
 class TrainExplorer(ExplorerTrainingConfig):
     """Train an explorer of 2D maps with PPO; needs Stable-Baselines3.
 
@@ -111,24 +83,6 @@ class TrainExplorer(ExplorerTrainingConfig):
     """
 
     out: Path
-
-
-@dataclass(frozen=True, kw_only=True)
-class TrainShapes(ShapeTrainingConfig):
-    """Train the classifier of fire extinguishers and door levers on the protruding objects of datasets.
-
-    Attributes:
-        data: folders of datasets for training.
-        out: file for the weights (.safetensors); a checkpoint, a table and the settings are written next to it.
-        init: file of initial weights. By default they are random.
-        usual: folders of datasets for validation, with objects as frequent as in an episode. By default those of
-            --data.
-    """
-
-    data: tuple[Path, ...]
-    out: Path
-    init: Given[Path] = None
-    usual: Fixed[tuple[Path, ...]] = ()
 
 
 def train_points(settings: TrainPoints, network: str) -> None:
@@ -159,40 +113,6 @@ def train_points(settings: TrainPoints, network: str) -> None:
         worker.leave()
 
 
-def train_yolo(settings: TrainYolo) -> None:
-    """Train the victim detector, and print the path of its weights."""
-    _check(settings, ".weights")
-    from pipeline.semantic_map.networks.parallel import TrainingWorker
-    from pipeline.semantic_map.networks.training_loop import TrainingLoop
-    from pipeline.victims.detection.training import YoloLearner
-    from sarsim.dataset.victim_images import VictimImages
-
-    config, worker = _config(YoloTrainingConfig, settings), TrainingWorker.alone()
-    splits = (VictimImages(settings.data, split, settings.stride) for split in ("train", "val"))
-    with next(splits) as training, next(splits) as validation:
-        about = {"data": list(map(str, settings.data)), "images": [len(training), len(validation)]}
-        about |= {"stride": settings.stride, "init": str(settings.init) if settings.init else None}
-        cfg = asset("weights", "yolov3-small.cfg")
-        learner = YoloLearner(training, validation, config, cfg, settings.init, worker.device)
-        _train(TrainingLoop(learner, config, settings.out, worker, about), settings, "AP50", settings.tensorboard)
-
-
-def train_hazmat(settings: TrainHazmat) -> None:
-    """Train the classifier of hazmat signs, and print its accuracy and the path of its weights."""
-    _check_out(settings.out, ".safetensors")
-    from pipeline.finds.hazmat import SIGN_SIDE
-    from pipeline.finds.hazmat_classes import HAZMAT_CLASSES
-    from pipeline.finds.patch_network import PatchNetwork
-    from pipeline.semantic_map.networks.parallel import TrainingWorker
-    from pipeline.semantic_map.networks.training_loop import TrainingLoop
-    from sarsim.dataset.hazmat_training import HazmatLearner, pictures
-
-    config, worker = _config(HazmatTrainingConfig, settings), TrainingWorker.alone()
-    network = PatchNetwork.load(settings.init, len(HAZMAT_CLASSES), side=SIGN_SIDE) if settings.init else None
-    learner = HazmatLearner(list(pictures(settings.data)), config, worker.device, network)
-    _train(TrainingLoop(learner, config, settings.out, worker), settings, "accuracy")
-
-
 def train_explorer(settings: TrainExplorer) -> None:
     """Train an explorer of 2D maps, and print the path of its weights."""
     _check_out(settings.out, ".safetensors")
@@ -210,33 +130,12 @@ def train_explorer(settings: TrainExplorer) -> None:
     Console().print(f"Weights in {settings.out}", soft_wrap=True)
 
 
-def train_shapes(settings: TrainShapes) -> None:
-    """Train the classifier of extinguishers and levers, and print how many it recognises and its weights' path."""
-    _check_out(settings.out, ".safetensors")
-    from pipeline.finds.patch_network import PatchNetwork
-    from pipeline.semantic_map.networks.parallel import TrainingWorker
-    from pipeline.semantic_map.networks.training_loop import TrainingLoop
-    from pipeline.tracks.find import SHAPED
-    from sarsim.dataset.shape_training import ShapeLearner, ShapePatches
-
-    config, worker = _config(ShapeTrainingConfig, settings), TrainingWorker.alone()
-    rng = np.random.default_rng(settings.seed)
-    known, usual = ShapePatches(settings.data, rng, config), ShapePatches(settings.usual or settings.data, rng)
-    network = PatchNetwork.load(settings.init, len(SHAPED), has_relief=True) if settings.init else None
-    learner = ShapeLearner(known, usual, config, worker.device, network)
-    _train(TrainingLoop(learner, config, settings.out, worker), settings, "accuracy")
-    classes = *SHAPED, "neither"
-    for kind, counts in zip(classes, learner.confusion(learner.network), strict=True):
-        classified = ", ".join(f"as {name}: {count}" for name, count in zip(classes, counts, strict=True))
-        Console().print(f"{kind} classified {classified}", soft_wrap=True)
-
-
 def _config(kind: type[Config], settings: Any) -> Config:
     """The settings of the training itself, without its files."""
     return kind(**{f.name: getattr(settings, f.name) for f in fields(kind)})
 
 
-def _check(settings: TrainPoints | TrainYolo, ending: str) -> None:
+def _check(settings: TrainPoints, ending: str) -> None:
     if settings.stride < 1:
         raise InputError(f"--stride {settings.stride}: must be at least 1")
     _check_out(settings.out, ending)
@@ -336,8 +235,5 @@ def _events(folder: Path) -> "Callable[[TrainingLoop[Any, Any]], None]":
 def main() -> None:
     """Entry point."""
     networks: dict[str, Any] = {name: (partial(train_points, network=name), TrainPoints) for name in POINT_NETWORKS}
-    networks["yolo"] = (train_yolo, TrainYolo)
-    networks["hazmat"] = (train_hazmat, TrainHazmat)
     networks["explorer"] = (train_explorer, TrainExplorer)
-    networks["shapes"] = (train_shapes, TrainShapes)
     run_one_of(networks, str(__doc__))

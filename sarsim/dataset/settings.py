@@ -7,7 +7,6 @@ import numpy as np
 from tyro.conf import Fixed
 
 from pipeline.errors import InputError
-from pipeline.semantic_map.networks.training_config import Optimization, Schedule, TrainingConfig
 from sarsim.arenas.settings import SHARES, RandomArenaConfig
 from sarsim.flags import Given
 
@@ -161,100 +160,3 @@ def check(flag: str, value: float, low: float, high: float = math.inf) -> None:
     if not low <= value <= high:
         limits = f"must be at least {low:g}" if high == math.inf else f"must be between {low:g} and {high:g}"
         raise InputError(f"--{flag} {value:g}: {limits}")
-
-
-@dataclass(frozen=True, kw_only=True)
-class OneCycle(Schedule):
-    """One cycle (Smith and Topin, arXiv:1708.07120), with the numbers of PyTorch's OneCycleLR; curves are cosines.
-
-    Attributes:
-        rise: share of the training in which the learning rate rises and β₁ falls.
-        first: learning rate of the first step, as a share of the highest.
-        last: learning rate of the last step, as a share of the highest.
-        most_momentum: β₁ of the first and the last step.
-        least_momentum: β₁ at the highest learning rate.
-    """
-
-    rise: float = 0.3
-    first: float = 1 / 25
-    last: float = 1 / 25 / 1e4
-    most_momentum: float = 0.95
-    least_momentum: float = 0.85
-
-    def rate(self, progress: float, steps: int) -> float:
-        """See :class:`Schedule`."""
-        return self._along(progress * steps, steps, self.first, 1, self.last)
-
-    def momentum(self, progress: float, steps: int) -> float:
-        """See :class:`Schedule`."""
-        return self._along(progress * steps, steps, self.most_momentum, self.least_momentum, self.most_momentum)
-
-    def _along(self, step: float, steps: int, first: float, middle: float, last: float) -> float:
-        """The value of a step, the first of which is 1, on a way from ``first`` by ``middle`` to ``last``."""
-        top = self.rise * steps
-        if step <= top:
-            start, end, part = first, middle, (step - 1) / (top - 1)
-        else:
-            start, end, part = middle, last, (step - top) / (steps - top)
-        return end + (start - end) / 2 * (1 + math.cos(math.pi * part))
-
-
-@dataclass(frozen=True, kw_only=True)
-class PatchOptimization(Optimization):
-    """How a training follows the gradients, in one cycle."""
-
-    schedule: OneCycle = OneCycle()
-
-
-@dataclass(frozen=True, kw_only=True)
-class PatchTrainingConfig(TrainingConfig):
-    """How to train a classifier of small square pictures.
-
-    Attributes:
-        label_smoothing: share of each label that is spread over all classes.
-    """
-
-    batch: int = 96
-    learning_rate: Fixed[float] = 3e-3
-    minutes: Fixed[float | None] = None
-    validate_every: Fixed[int] = 1000
-    optimization: Fixed[PatchOptimization] = PatchOptimization()
-    label_smoothing: Fixed[float] = 0.02
-
-
-@dataclass(frozen=True, kw_only=True)
-class ShapeTrainingConfig(PatchTrainingConfig):
-    """How to train the classifier of fire extinguishers and door levers.
-
-    Attributes:
-        copies: number of patches of each object, each cut from a different square.
-        off: standard deviation of the offset of a square's centre, as a share of its side.
-        larger: standard deviation of the logarithm of a square's size.
-    """
-
-    copies: Fixed[int] = 8
-    off: Fixed[float] = 0.1
-    larger: Fixed[float] = 0.3
-
-
-@dataclass(frozen=True, kw_only=True)
-class HazmatTrainingConfig(PatchTrainingConfig):
-    """How to train the classifier of hazmat signs.
-
-    Attributes:
-        labels: number of labels of each class that each process draws.
-        bank: number of stored patches; each step uses some of them, turned by a random quarter.
-        uses: average number of times that a patch is used before a new one replaces it.
-        processes: number of processes that draw patches.
-        chunk: number of patches that a process draws at once.
-        validated: number of patches on which the accuracy is measured.
-    """
-
-    steps: int = 8000
-    batch: int = 512
-    labels: Fixed[int] = 60
-    bank: Fixed[int] = 20_000
-    uses: Fixed[int] = 8
-    processes: Fixed[int] = 16
-    chunk: Fixed[int] = 64
-    validated: Fixed[int] = 2000

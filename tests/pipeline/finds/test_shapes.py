@@ -15,7 +15,7 @@ def reader() -> ShapeReader:
 
 
 def test_both_are_recognised_and_found_where_they_are(reader: ShapeReader) -> None:
-    frame, _ = wall_of(*THINGS)
+    frame = wall_of(*THINGS)
     found = {reading.kind: reading for reading in reader.read(frame)}
     assert found.keys() == {"fire_extinguisher", "door_lever"}
     scale = frame.intrinsics.fx / 2.05  # pixels per m
@@ -25,7 +25,7 @@ def test_both_are_recognised_and_found_where_they_are(reader: ShapeReader) -> No
 
 
 def test_a_block_and_a_code_are_neither(reader: ShapeReader) -> None:
-    assert reader.read(wall_of("code")[0]) == []
+    assert reader.read(wall_of("code")) == []
 
 
 def test_weights_of_something_else_are_refused() -> None:

@@ -22,8 +22,8 @@ THINGS: dict[str, tuple[Callable[[], ThingModel], tuple[float, float, float], ND
 }
 
 
-def wall_of(*names: str) -> tuple[Frame, list[str]]:
-    """What the camera sees of these things and a block, with the depth sensor's errors; the names of the geoms."""
+def wall_of(*names: str) -> Frame:
+    """What the camera sees of these things and a block, with the depth sensor's errors."""
     builder = ArenaBuilder("things")
     builder.add_element("small_wall", (0, 0, 0), 0)
     builder.add_floor((-2, -2), (2, 2))
@@ -40,5 +40,4 @@ def wall_of(*names: str) -> tuple[Frame, list[str]]:
     mujoco.mj_forward(model, data)
     with Renderer(model, 640, 480) as renderer:
         image = RgbdCamera(renderer, "camera").capture(data)
-    frame = Conditions().sense(image, np.random.default_rng(0)).frame(0.0, np.eye(4))
-    return frame, [model.geom(geom).name for geom in range(model.ngeom)]
+    return Conditions().sense(image, np.random.default_rng(0)).frame(0.0, np.eye(4))
